@@ -44,12 +44,12 @@ def train(
         machine: Clutch material, or the preset of a machine of your own, instead of those that the scenario draws.
     """
     with terminal(errors=True).status("loading"):
-        from pter_agents.settings import SMOKE, Arguments, load_settings
+        from pter_agents.settings import SMOKE, TrainingArguments, load_settings
         from pter_gym.scenarios._fixed_machine import find_fixed_machine
 
         settings = load_settings(algo, config, **(SMOKE if smoke else {}))
-        episodes = SMOKE_EPISODES if smoke else Arguments.validation_episodes
-        arguments = Arguments(
+        episodes = SMOKE_EPISODES if smoke else TrainingArguments.validation_episodes
+        arguments = TrainingArguments(
             algorithm=algo,
             scenario=scenario,
             pace=pace,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pter_agents.runs import RunFolder, policy_of
-from pter_agents.settings import NO_BASE, Arguments, load_settings
+from pter_agents.settings import NO_BASE, TrainingArguments, load_settings
 from pter_gym import __version__
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.terminal import make_folder
@@ -64,7 +64,7 @@ def read_run(path: FilePath) -> TrainedPolicy:
     return policy_of(interface, state, arguments.algorithm, about)
 
 
-def about_run(arguments: Arguments, steps: int, scores: Mapping[str, Any]) -> dict[str, Any]:
+def about_run(arguments: TrainingArguments, steps: int, scores: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a card says about the training."""
     settings, usual = asdict(arguments.settings), asdict(load_settings(arguments.algorithm))
     changed = {name: value for name, value in settings.items() if value != usual[name]}

@@ -1,6 +1,6 @@
 """The worlds of a training as pure JAX functions, for training in one compiled call.
 
-Differences between trainings are in ``Shared`` and not in the code, so one compilation serves them all.
+Differences between trainings are in ``SharedConstants`` and not in the code, so one compilation serves them all.
 """
 
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ from pter_gym.tasks.path_following._context import CONTEXT
 CONTEXT_AT, ENERGY_MAX = int(ROW.context_at), int(CONTEXT.task.energy_max)
 
 
-class Scaled(NamedTuple):
+class ScaledAction(NamedTuple):
     """Indices of the entries that are seen, (K,), and the centres and scales of their inputs."""
 
     entries: jax.Array
@@ -28,7 +28,7 @@ class Scaled(NamedTuple):
     scale: jax.Array
 
 
-class Shared(NamedTuple):
+class SharedConstants(NamedTuple):
     """What the worlds of a training share.
 
     Attributes
@@ -52,14 +52,14 @@ class Shared(NamedTuple):
     params: EnvParams
     obs_scales: jax.Array
     constants: jax.Array
-    present: Scaled
-    truth: Scaled
+    present: ScaledAction
+    truth: ScaledAction
     law: tuple[jax.Array, jax.Array]
     blank: jax.Array
     shares: jax.Array
 
 
-class State(NamedTuple):
+class WorldsState(NamedTuple):
     """The changing state; the first axis is always the worlds.
 
     Attributes
@@ -114,7 +114,7 @@ class JaxWorlds:
         places, centers, scales = zip(
             *((names.index(each.name), each.center, each.scale) for each in interface.inputs), strict=True
         )
-        self.shared = Shared(
+        self.shared = SharedConstants(
             self._env.default_params,
             jnp.asarray(self._layout.scales, jnp.float32),
             jnp.asarray(env.batch.device_arrays()["constants"], jnp.float32),
@@ -125,11 +125,11 @@ class JaxWorlds:
             jnp.asarray(1.0 / np.array(interface.averages), jnp.float32),
         )
 
-    def reset(self, shared: Shared, seeds: jax.Array) -> State:
+    def reset(self, shared: SharedConstants, seeds: jax.Array) -> WorldsState:
         """Return new worlds from the two halves of each world's seed, uint32 (N, 2)."""
         obs, env = jax.vmap(self._env.reset_to_seed, (0, None))(seeds, shared.params)
         count, inputs = len(obs), len(shared.present.entries)
-        state = State(
+        state = WorldsState(
             env,
             jnp.zeros((count, int(self._ages[-1]) + 1, inputs)),
             jnp.zeros((count, len(shared.shares), inputs)),
@@ -139,7 +139,7 @@ class JaxWorlds:
         )
         return self._see(shared, state, obs, jnp.ones(count, bool))
 
-    def step(self, shared: Shared, state: State, outputs: jax.Array) -> tuple[State, Step]:
+    def step(self, shared: SharedConstants, state: WorldsState, outputs: jax.Array) -> tuple[WorldsState, Step]:
         """Advance all worlds by one decision, the network's outputs (N, 4)."""
         step = jax.vmap(self._env.step, (None, 0, 0, None))
         given = to_volts(outputs, state.base, self._interface)
@@ -148,16 +148,16 @@ class JaxWorlds:
         after = self._see(shared, state, obs, terminated | truncated)
         return after, Step(rewards, terminated, truncated, told["final_observation"])
 
-    def inputs(self, state: State) -> jax.Array:
+    def inputs(self, state: WorldsState) -> jax.Array:
         """Return the networks' current inputs, (N, size): the policy's first, then those of the value network alone."""
         seen = jnp.concatenate([state.rows[:, self._ages], state.means], axis=1)
         return jnp.concatenate([seen.reshape(len(seen), -1), state.known], axis=1)
 
-    def last_inputs(self, shared: Shared, before: State, obs: jax.Array) -> jax.Array:
+    def last_inputs(self, shared: SharedConstants, before: WorldsState, obs: jax.Array) -> jax.Array:
         """Return the networks' inputs for a last observation, from the state one step earlier."""
         return self.inputs(self._see(shared, before, obs, jnp.zeros(len(obs), bool)))
 
-    def _see(self, shared: Shared, state: State, obs: jax.Array, fresh: jax.Array) -> State:
+    def _see(self, shared: SharedConstants, state: WorldsState, obs: jax.Array, fresh: jax.Array) -> WorldsState:
         """Add an observation to the past; in a new world, the past equals this observation."""
         here = fresh[:, None]
         base, memory = jnp.full((len(obs), 4), 0.5 * self._interface.voltage_max), state.memory
@@ -172,7 +172,7 @@ class JaxWorlds:
             rows=jnp.where(each, present, rows), means=jnp.where(each, present, means), memory=memory, base=base
         )
 
-    def _truth(self, shared: Shared, world: jax.Array) -> jax.Array:
+    def _truth(self, shared: SharedConstants, world: jax.Array) -> jax.Array:
         """Return the entries of ``Batch.truth``, scaled."""
         rows = world.shape[1] // 2
         entries = shared.truth.entries
@@ -184,9 +184,11 @@ class JaxWorlds:
         return _scale(jnp.where(entries < rows, state, context), shared.truth)
 
 
-def _scaled(entries: Any, center: Any, scale: Any) -> Scaled:
-    return Scaled(jnp.asarray(entries, jnp.int32), jnp.asarray(center, jnp.float32), jnp.asarray(scale, jnp.float32))
+def _scaled(entries: Any, center: Any, scale: Any) -> ScaledAction:
+    return ScaledAction(
+        jnp.asarray(entries, jnp.int32), jnp.asarray(center, jnp.float32), jnp.asarray(scale, jnp.float32)
+    )
 
 
-def _scale(values: jax.Array, to: Scaled) -> jax.Array:
+def _scale(values: jax.Array, to: ScaledAction) -> jax.Array:
     return jnp.clip((values - to.center) / to.scale, -INPUT_LIMIT, INPUT_LIMIT)

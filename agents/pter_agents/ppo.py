@@ -28,8 +28,7 @@ from jax import numpy as jnp
 from jax.sharding import NamedSharding
 from jax.sharding import PartitionSpec as Spec
 
-from pter_agents.jax_worlds import JaxWorlds, Shared
-from pter_agents.jax_worlds import State as WorldsState
+from pter_agents.jax_worlds import JaxWorlds, SharedConstants, WorldsState
 from pter_agents.runs import policy_of
 from pter_agents.settings import PARTS, Settings
 from pter_agents.worlds import Training
@@ -106,7 +105,7 @@ class Carry(NamedTuple):
     returns: jax.Array
 
 
-class Rollout(NamedTuple):
+class RolloutBuffer(NamedTuple):
     """Data of each step and world, (T, N, …); ``finals`` are values of last states, 0 where one was terminated."""
 
     inputs: jax.Array
@@ -118,7 +117,7 @@ class Rollout(NamedTuple):
     finished: jax.Array
 
 
-class Log(NamedTuple):
+class UpdateLog(NamedTuple):
     """The mean loss, and the number and total return of episodes that ended."""
 
     loss: jax.Array
@@ -168,11 +167,17 @@ def optimiser(max_gradient: float) -> optax.GradientTransformation:
 
 
 def collect(
-    s: Settings, worlds: JaxWorlds, shared: Shared, weights: Weights, carry: Carry, drawn: jax.Array, deviation: Any
-) -> tuple[Carry, Rollout]:
+    s: Settings,
+    worlds: JaxWorlds,
+    shared: SharedConstants,
+    weights: Weights,
+    carry: Carry,
+    drawn: jax.Array,
+    deviation: Any,
+) -> tuple[Carry, RolloutBuffer]:
     """Follow the policy with noise, ε being ``drawn`` (T, N, 4), and return the carried state and the rollout."""
 
-    def act(carry: Carry, drawn: jax.Array) -> tuple[Carry, Rollout]:
+    def act(carry: Carry, drawn: jax.Array) -> tuple[Carry, RolloutBuffer]:
         inputs = worlds.inputs(carry.worlds)
         means = weights.act(inputs)
         noise = s.persistence * carry.noise + deviation * drawn
@@ -187,14 +192,14 @@ def collect(
         carry = Carry(after, jnp.where(ends[:, None], 0.0, noise), jnp.where(ends, 0.0, returns))
         finals = jnp.where(ends & ~step.terminated, final_values, 0.0)
         finished = jnp.where(ends, returns, 0.0)
-        return carry, Rollout(
+        return carry, RolloutBuffer(
             inputs, means + deviation * drawn, drawn, s.reward_scale * step.rewards, ends, finals, finished
         )
 
     return lax.scan(act, carry, drawn)
 
 
-def samples_of(s: Settings, worlds: JaxWorlds, weights: Weights, carry: Carry, rows: Rollout) -> Samples:
+def samples_of(s: Settings, worlds: JaxWorlds, weights: Weights, carry: Carry, rows: RolloutBuffer) -> Samples:
     """Return the samples of a rollout, with advantages normalised to mean 0 and standard deviation 1 over all parts."""
     values = jnp.concatenate([weights.value_of(rows.inputs), weights.value_of(worlds.inputs(carry.worlds))[None]])
     advantages = estimate(rows.rewards, values, rows.ends, rows.finals, s.discount, s.trace)
@@ -348,19 +353,19 @@ class PPO:
         shares = np.array(orders).reshape(PARTS, -1, s.minibatch // PARTS)
         return jax.device_put((np.array(drawn), shares), self._split)
 
-    def _reset(self, shared: Shared, seeds: jax.Array) -> Carry:
+    def _reset(self, shared: SharedConstants, seeds: jax.Array) -> Carry:
         worlds = self._worlds.reset(shared, seeds)
         return Carry(worlds, jnp.zeros((len(seeds), 4)), jnp.zeros(len(seeds)))
 
     def _learn(
         self,
-        shared: Shared,
+        shared: SharedConstants,
         learned: Learned,
         drawn: jax.Array,
         orders: jax.Array,
         deviation: jax.Array,
         rate: jax.Array,
-    ) -> tuple[Learned, Log]:
+    ) -> tuple[Learned, UpdateLog]:
         """Collect and learn in one part."""
         s = self._settings
         carry, rows = collect(s, self._worlds, shared, learned.weights, learned.carry, drawn[0], deviation)
@@ -372,7 +377,7 @@ class PPO:
             return (weights, adam), loss
 
         (weights, adam), losses = lax.scan(update, learned[:2], orders[0])
-        log = Log(losses.mean(), *lax.psum((rows.ends.sum(), rows.finished.sum()), PART))
+        log = UpdateLog(losses.mean(), *lax.psum((rows.ends.sum(), rows.finished.sum()), PART))
         return Learned(weights, adam, carry), log
 
 

@@ -16,7 +16,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
-from pter_agents.settings import Arguments, arguments_from
+from pter_agents.settings import TrainingArguments, arguments_from
 from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic, write_text_atomic
 from pter_gym._internal.locks import locked
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
@@ -58,14 +58,14 @@ class RunFolder:
         """Lock the folder, or raise a ParameterError if another process trains in it."""
         return locked(self.path / LOCK, busy=f"out: another process trains in {str(self.path)!r}")
 
-    def begin(self, arguments: Arguments, interface: Interface) -> None:
+    def begin(self, arguments: TrainingArguments, interface: Interface) -> None:
         """Write what is trained, or raise a ParameterError if the folder already holds a run."""
         if (self.path / RUN).exists():
             raise ParameterError(f"out holds a run already, {self.path}: give --resume, or another folder")
         content = {**arguments.as_json(), "interface": interface_codec().to_plain(interface)}
         write_text_atomic(self.path / RUN, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
-    def read(self) -> tuple[Arguments, Interface]:
+    def read(self) -> tuple[TrainingArguments, Interface]:
         """Return what is trained.
 
         Raises

@@ -196,7 +196,7 @@ def _read_table(file: Path) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments:
+class TrainingArguments:
     """The arguments of a training run.
 
     Attributes
@@ -255,8 +255,8 @@ class Arguments:
         return {**asdict(self), "machine": CODEC.to_plain(self.machine)}
 
 
-def arguments_from(content: Mapping[str, Any]) -> Arguments:
+def arguments_from(content: Mapping[str, Any]) -> TrainingArguments:
     """Return arguments from plain data, as made by ``Arguments.as_json``."""
     values = dict(content)
     settings = settings_from(values.pop("settings"))
-    return Arguments(settings=settings, machine=CODEC.from_plain(values.pop("machine", None)), **values)
+    return TrainingArguments(settings=settings, machine=CODEC.from_plain(values.pop("machine", None)), **values)

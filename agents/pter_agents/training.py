@@ -8,7 +8,7 @@ from typing import Any
 
 from pter_agents.ppo import PPO
 from pter_agents.runs import RunFolder
-from pter_agents.settings import Arguments
+from pter_agents.settings import TrainingArguments
 from pter_agents.validation import Validation
 from pter_agents.worlds import make_training
 from pter_gym._internal.files import FilePath, remove_leftovers
@@ -27,7 +27,7 @@ Scores = Mapping[str, Mapping[str, float]]
 
 
 def train(
-    arguments: Arguments,
+    arguments: TrainingArguments,
     out: FilePath,
     *,
     resume: bool = False,
@@ -82,7 +82,7 @@ def train(
 
 
 def _learn(
-    arguments: Arguments,
+    arguments: TrainingArguments,
     model: PPO,
     folder: RunFolder,
     on_progress: Callable[[int], None],
@@ -131,7 +131,7 @@ def _stopped(model: PPO, folder: RunFolder, error: Exception) -> str:
     return f"training stopped after {model.steps} steps: {error}{newest}"
 
 
-def check_same(known: Arguments, given: Arguments) -> None:
+def check_same(known: TrainingArguments, given: TrainingArguments) -> None:
     """Raise a ParameterError if a run is resumed with different arguments, but for the steps."""
     pairs: list[tuple[Any, Any]] = [(replace(known, steps=given.steps), given), (known.settings, given.settings)]
     for before, after in pairs:

@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from pter_agents.settings import ALL, NO_BASE, Arguments, Settings
+from pter_agents.settings import ALL, NO_BASE, Settings, TrainingArguments
 from pter_gym.benchmark import PACES, find_policy
 from pter_gym.benchmark.tuned import FALLBACK
 from pter_gym.controllers import PaceSchedule
@@ -122,7 +122,7 @@ class Training:
         return self.interface.size + len(self.truth.entries)
 
 
-def make_training(arguments: Arguments) -> Training:
+def make_training(arguments: TrainingArguments) -> Training:
     """Return the worlds of a training; centers and scales of the inputs are those of a short run without a network."""
     s, nominal = arguments.settings, arguments.nominal
     overrides = {"reward": s.reward(), "starts": STARTS[s.starts], "truncation_error": s.truncation}

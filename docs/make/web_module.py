@@ -25,7 +25,7 @@ import numba
 
 from pter_gym._compiled.digests import SOURCES
 from pter_gym._internal.files import write_bytes_atomic, write_text_atomic
-from pter_gym.tools.web.kernels import KERNELS, Kernel
+from pter_gym.tools.web.kernels import KERNELS, ModuleKernel
 from pter_gym.tools.web.tables import MODULE, STATIC, TABLES, tables
 
 FUNCTIONS = Path(__file__).with_name("functions.zig")
@@ -78,7 +78,7 @@ def as_text(module: bytes) -> str:
 
 def digest(content: dict[str, Any]) -> str:
     """Return a hash of the tables and of what the files mean that the kernels are made of; comments do not count."""
-    kernels = Path(cast(str, sys.modules[Kernel.__module__].__file__))
+    kernels = Path(cast(str, sys.modules[ModuleKernel.__module__].__file__))
     found = hashlib.sha256(json.dumps(content).encode())
     for source in (*SOURCES, kernels, Path(__file__)):
         found.update(meaning_of(source).encode())
@@ -142,7 +142,7 @@ def object_code() -> bytes:
     return machine.emit_object(whole)
 
 
-def retargeted(kernel: Kernel) -> str:
+def retargeted(kernel: ModuleKernel) -> str:
     """Return the LLVM code of a kernel for WebAssembly, with a function of the kernel's own name to call it by."""
     compiled: Any = numba.njit(kernel.value(*kernel.arguments), **OPTIONS)(kernel.function)
     (signature,) = compiled.signatures
@@ -159,7 +159,7 @@ def retargeted(kernel: Kernel) -> str:
     return code + entrance(kernel, name)
 
 
-def entrance(kernel: Kernel, name: str) -> str:
+def entrance(kernel: ModuleKernel, name: str) -> str:
     """Return the function by which a page calls a kernel: its arguments and its value, as they are."""
     kinds = [KINDS.get(argument, "ptr") for argument in kernel.arguments]
     given = "".join(f", {kind} %{number}" for number, kind in enumerate(kinds))

@@ -123,14 +123,14 @@ def capacities(slip: PerClutch, threshold: float, torques: Torques) -> PerClutch
 
 @device
 def changes(before: float, after: float, threshold: float, breakaway: float, dynamic: float) -> bool:
-    """Tell whether a slip velocity passes zero from outside the stick band, or leaves one in which more can be held."""
+    """Return whether a slip velocity passes zero from outside the stick band, or leaves one that can hold more."""
     leaves = (abs(after) >= threshold) & (breakaway > dynamic)
     return leaves if abs(before) < threshold else before * after <= 0.0
 
 
 @device
 def any_changes(before: PerClutch, after: PerClutch, threshold: float, torques: Torques) -> bool:
-    """Tell whether any clutch changes between sticking and slipping."""
+    """Return whether any clutch changes between sticking and slipping."""
     ts = torques.breakaway
     tk = torques.dynamic
     return (

@@ -21,18 +21,18 @@ if TYPE_CHECKING:
     from pter_gym.benchmark.results import ResultsFolder
     from pter_gym.benchmark.runs import ScenarioRun, run_scenario
     from pter_gym.benchmark.scores import Score, score, score_episodes
-    from pter_gym.benchmark.verification import Verdict, verify
+    from pter_gym.benchmark.verification import Comparison, verify
 
 __all__ = [
     "PACES",
     "Assessment",
+    "Comparison",
     "Examination",
     "Leaderboard",
     "PerSeed",
     "ResultsFolder",
     "ScenarioRun",
     "Score",
-    "Verdict",
     "examine",
     "find_policy",
     "from_actions",

@@ -40,7 +40,7 @@ FULL = 200
 """Fewest episodes for a rank that is not provisional."""
 
 
-class Column(NamedTuple):
+class BoardColumn(NamedTuple):
     """A score in the table: its title as ``rich`` prints it, its factor from SI, format, and if with interval."""
 
     score: str
@@ -51,13 +51,13 @@ class Column(NamedTuple):
 
 
 COLUMNS = (
-    Column("path_error_m", "path error\n\\[mm]", with_interval=True),
-    Column("worst_path_error_m", "worst\n1/20\n\\[mm]"),
-    Column("later_path_error_m", "after\n1/10\n\\[mm]"),
-    Column("rms_error_m", "rms\n\n\\[mm]"),
-    Column("completed", "completed\n\n\\[%]", 100.0, ".3g"),
-    Column("mean_pace_error", "mean\npace\n\\[±%]", 100.0, ".3g"),
-    Column("segment_pace_error", "segm.\npace\n\\[±%]", 100.0, ".3g"),
+    BoardColumn("path_error_m", "path error\n\\[mm]", with_interval=True),
+    BoardColumn("worst_path_error_m", "worst\n1/20\n\\[mm]"),
+    BoardColumn("later_path_error_m", "after\n1/10\n\\[mm]"),
+    BoardColumn("rms_error_m", "rms\n\n\\[mm]"),
+    BoardColumn("completed", "completed\n\n\\[%]", 100.0, ".3g"),
+    BoardColumn("mean_pace_error", "mean\npace\n\\[±%]", 100.0, ".3g"),
+    BoardColumn("segment_pace_error", "segm.\npace\n\\[±%]", 100.0, ".3g"),
 )
 """The columns of the table after rank and policy."""
 
@@ -313,7 +313,7 @@ def _percent(rate: Interval) -> str:
     return "…".join(f"{100 * (end or 0.0):.3g}" for end in rate[1:])
 
 
-def _cell(standing: Standing, column: Column) -> str:
+def _cell(standing: Standing, column: BoardColumn) -> str:
     """Return a score as the table shows it; path errors mean nothing if the policy never arrives."""
     if column.score.endswith("_error_m") and standing.scores["completed"].value == 0.0:
         return "–"

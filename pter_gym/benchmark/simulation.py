@@ -21,7 +21,7 @@ AnyPolicy = Controller | Callable[[Observations], Any]
 Columns = slice | list[int]
 
 
-class Rollout:
+class BatchRollout:
     """New episodes in a batch, one in each of its N worlds, advanced by a policy.
 
     Attributes
@@ -83,7 +83,7 @@ def run(
     *,
     columns: Columns = slice(None),
     stride: int | None = None,
-) -> Rollout:
+) -> BatchRollout:
     """Run new episodes in N worlds until each has ended or reached its limit.
 
     Parameters
@@ -97,7 +97,7 @@ def run(
     stride
         For a compiled law, control steps between checks for ended episodes; by default, it runs to the largest limit.
     """
-    episodes = Rollout(batch, bind(policy, BASELINE, batch.layout), seeds, columns)
+    episodes = BatchRollout(batch, bind(policy, BASELINE, batch.layout), seeds, columns)
     last = max(limits)
     while episodes.steps < last and not (episodes.ended | (np.array(limits) <= episodes.steps)).all():
         episodes.advance(stride or last)
@@ -138,7 +138,7 @@ def record_episode(
     The policy is bound to the machine ``nominal``, and gets force sensors only if it asks for them.
     """
     acting = bind(policy, nominal, observation_layout(machine, sensors_of(policy)))
-    episode = Rollout(Batch(machine, task, 1, sensors="force"), acting, [seed])
+    episode = BatchRollout(Batch(machine, task, 1, sensors="force"), acting, [seed])
     while episode.steps < max_steps and not episode.ended.all():
         episode.step()
     telemetry: Any = episode.telemetry[:, 0]

@@ -15,7 +15,7 @@ from pter_gym.errors import ParameterError, PterError
 SAME = "same"
 
 
-class Verdict(NamedTuple):
+class Comparison(NamedTuple):
     """The name of a file, and ``same``, which score differs, or why the run cannot be repeated."""
 
     file: str
@@ -31,7 +31,7 @@ def verify(
     results: ResultsFolder | FilePath,
     policies: Policies = (),
     on_progress: Callable[[str], None] = lambda _: None,
-) -> tuple[Verdict, ...]:
+) -> tuple[Comparison, ...]:
     """Repeat the runs in a folder, or raise a ParameterError if it has none; return a verdict for each file.
 
     Policies that are not given, as for ``run_scenario``, are looked up as ``find_policy`` does, but no code is
@@ -40,14 +40,14 @@ def verify(
     results = results if isinstance(results, ResultsFolder) else ResultsFolder(results)
     if not results.files():
         raise ParameterError(f"results must be a folder with files in runs, {str(results.path)!r} has none")
-    verdicts: list[Verdict] = []
+    verdicts: list[Comparison] = []
     for path in results.files():
         on_progress(path.name)
         try:
             finding = _repeat(read_run(path), policies)
         except PterError as error:
             finding = f"cannot be repeated: {error}"
-        verdicts.append(Verdict(path.name, finding))
+        verdicts.append(Comparison(path.name, finding))
     return tuple(verdicts)
 
 

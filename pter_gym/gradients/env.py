@@ -32,7 +32,7 @@ from pter_gym.paths._projection import foot_on, project, segment_at
 from pter_gym.tasks.path_following._observation import BOUND
 
 
-class EnvState(NamedTuple):
+class DifferentiableEnvState(NamedTuple):
     """A world, and the numbers by which its derivatives pass from step to step.
 
     Attributes
@@ -80,7 +80,7 @@ class DifferentiableEnv(jax_env.JaxEnv):
     def reset_to_seed(self, seed: Any, params: Any = None) -> tuple[jax.Array, Any]:
         """Return what ``JaxEnv.reset_to_seed`` does, and the world's numbers."""
         obs, (world, episode) = super().reset_to_seed(seed, params)
-        return obs, EnvState(world, episode, floats_of(world))
+        return obs, DifferentiableEnvState(world, episode, floats_of(world))
 
     def step(self, key: Any, state: Any, action: Any, params: Any = None) -> Any:
         """Advance a world as ``JaxEnv.step`` does.
@@ -93,7 +93,7 @@ class DifferentiableEnv(jax_env.JaxEnv):
         kind = jnp.result_type(action)
         if not jnp.issubdtype(kind, jnp.floating):
             raise ParameterError(f"action must be floating-point numbers, which have derivatives, got {kind}")
-        if not isinstance(state, EnvState):
+        if not isinstance(state, DifferentiableEnvState):
             raise ParameterError(f"state must be from reset or step of this environment, got {type(state).__name__}")
         door_state: Any = state
         return super().step(key, door_state, action, params)
@@ -265,7 +265,7 @@ def _advancing(advance: Any, config: Config, frame_skip: int, episode_end: Episo
     def run(numbers: Any, action: Any, state: Any, shared: Any) -> Any:
         del numbers
         (world, episode), *rest = advance(state, action, shared)
-        return EnvState(world, episode, floats_of(world)), *rest
+        return DifferentiableEnvState(world, episode, floats_of(world)), *rest
 
     def keep(numbers: Any, action: Any, state: Any, shared: Any) -> Any:
         found = run(numbers, action, state, shared)

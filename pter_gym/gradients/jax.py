@@ -87,7 +87,7 @@ def first_order(function: Any) -> Any:
     return once
 
 
-class Motion(NamedTuple):
+class JaxMotion(NamedTuple):
     """The attributes of ``Rollout``, at N + 1 control instants, as JAX arrays."""
 
     theta: jax.Array
@@ -99,7 +99,7 @@ class Motion(NamedTuple):
     tip_velocity: jax.Array
 
 
-def make_rollout(machine: Machine | str | None = None, period: float = 0.01) -> Callable[..., Motion]:
+def make_rollout(machine: Machine | str | None = None, period: float = 0.01) -> Callable[..., JaxMotion]:
     """Return ``pter_gym.gradients.rollout`` of a machine as a JAX function, for ``grad``, ``jit`` and ``vmap``.
 
     Parameters
@@ -114,7 +114,7 @@ def make_rollout(machine: Machine | str | None = None, period: float = 0.01) -> 
     Callable
         ``rollout(state, volts, hand_force, hand_target=(0.0, 0.0), numbers=None)`` takes a ``State`` or a dict of its
         fields, and what ``rollout`` takes; voltages out of range are clipped. ``numbers`` replaces numbers of the
-        machine by their places, such as ``{"clutch.time_constant": 0.1}``. It returns a ``Motion``.
+        machine by their places, such as ``{"clutch.time_constant": 0.1}``. It returns a ``JaxMotion``.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def make_rollout(machine: Machine | str | None = None, period: float = 0.01) -> 
         hand_force: Any,
         hand_target: Any = (0.0, 0.0),
         numbers: dict[str, Any] | None = None,
-    ) -> Motion:
+    ) -> JaxMotion:
         given = vars(state) if isinstance(state, State) else state
         at = {name: _floats(f"state.{name}", given[name], (end - begin,)) for name, (begin, end) in STATE.items()}
         volts = jnp.clip(_floats("volts", volts, (len(volts), 4)), 0.0, held.clutch.voltage_max)
@@ -159,9 +159,9 @@ def make_rollout(machine: Machine | str | None = None, period: float = 0.01) -> 
     return rollout
 
 
-def _motion(states: jax.Array, lengths: jax.Array) -> Motion:
+def _motion(states: jax.Array, lengths: jax.Array) -> JaxMotion:
     position, velocity = tip_motion(states, lengths, jnp)
-    return Motion(
+    return JaxMotion(
         **{name: states[:, begin:end] for name, (begin, end) in STATE.items()},
         tip_position=position,
         tip_velocity=velocity,

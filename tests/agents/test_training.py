@@ -8,7 +8,7 @@ import pytest
 
 from pter_agents.exporting import export
 from pter_agents.runs import RunFolder
-from pter_agents.settings import SMOKE, Arguments, load_settings
+from pter_agents.settings import SMOKE, TrainingArguments, load_settings
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.policies import read_policy
@@ -16,9 +16,9 @@ from pter_gym.policies import read_policy
 pytestmark = pytest.mark.agents
 
 
-def arguments(steps: int, algorithm: str = "residual", **changes: object) -> Arguments:
+def arguments(steps: int, algorithm: str = "residual", **changes: object) -> TrainingArguments:
     settings = load_settings(algorithm, **SMOKE, **changes)
-    return Arguments(
+    return TrainingArguments(
         algorithm=algorithm,
         scenario="standard",
         pace="medium",

@@ -49,7 +49,7 @@ REFERENCE_EPISODES = 100
 """Episodes whose mean return is a reference score."""
 
 
-class Episode(NamedTuple):
+class RecordedEpisode(NamedTuple):
     """An episode of T control steps.
 
     ``seed`` is that of its reset. ``observations`` are float32 (T + 1, entries), ``actions`` float32 (T, 4) and
@@ -125,7 +125,7 @@ def environment_of(scenario: str, seed: int = 0) -> tuple[str, dict[str, Any]]:
 
 def record_episodes(
     scenario: str, level: str, steps: int, *, seed: int = 0, on_steps: Callable[[int], object] = lambda _: None
-) -> list[Episode]:
+) -> list[RecordedEpisode]:
     """Return complete episodes on training draws, with at least ``steps`` control steps in total.
 
     Parameters
@@ -146,7 +146,7 @@ def record_episodes(
     """
     steps, seed = whole_number("steps", steps), whole_number("seed", seed, at_least=0)
     actors = actors_of(scenario, level)
-    found: list[Episode] = []
+    found: list[RecordedEpisode] = []
     for place, actor in enumerate(actors):
         episodes = _episodes(scenario, actor, seed, len(found), seed * len(actors) + place)
         share = steps * (place + 1) // len(actors) - steps * place // len(actors)
@@ -157,7 +157,7 @@ def record_episodes(
     return found
 
 
-def _episodes(scenario: str, actor: Actor, seed: int, first: int, noise_seed: int) -> Iterator[Episode]:
+def _episodes(scenario: str, actor: Actor, seed: int, first: int, noise_seed: int) -> Iterator[RecordedEpisode]:
     """Yield the episodes of a seed in their order from the first on, without end.
 
     A world begins the next episode as soon as its own has ended.
@@ -168,7 +168,7 @@ def _episodes(scenario: str, actor: Actor, seed: int, first: int, noise_seed: in
     following = seed * EPISODES_OF_A_SEED + first
     seeds: list[int] = list(range(following, following + WORLDS))
     rows: list[list[Any]] = [[] for _ in seeds]
-    ended: dict[int, Episode] = {}
+    ended: dict[int, RecordedEpisode] = {}
     obs = envs.reset(seed=seeds)[0]
     while True:
         actions = act(obs)
@@ -183,7 +183,7 @@ def _episodes(scenario: str, actor: Actor, seed: int, first: int, noise_seed: in
             seen, *columns, distances = (np.array(column) for column in zip(*rows[world], strict=True))
             seen = np.concatenate([seen, after[world : world + 1]])
             arrived, distance = bool(infos["is_success"][world]), float(distances.mean())
-            ended[seeds[world]] = Episode(seeds[world], seen, *columns, arrived=arrived, distance=distance)
+            ended[seeds[world]] = RecordedEpisode(seeds[world], seen, *columns, arrived=arrived, distance=distance)
             seeds[world], rows[world] = max(seeds) + 1, []
         begun = [new if is_over else None for new, is_over in zip(seeds, over.tolist(), strict=True)]
         obs = envs.reset(seed=begun, options={"reset_mask": over})[0]

@@ -15,7 +15,7 @@ from pter_gym.errors import StorageError, needs_extra
 from pter_gym.tools.datasets.recording import (
     LEVELS,
     REFERENCE_EPISODES,
-    Episode,
+    RecordedEpisode,
     actors_of,
     environment_of,
     reference_score,
@@ -32,7 +32,7 @@ def load_minari() -> Any:
 
 
 def write_dataset(
-    scenario: str, level: str, episodes: Sequence[Episode], folder: FilePath | None, *, seed: int, command: str
+    scenario: str, level: str, episodes: Sequence[RecordedEpisode], folder: FilePath | None, *, seed: int, command: str
 ) -> Path:
     """Write the data set ``pter/SCENARIO/LEVEL-v0``, replacing an earlier one, and return its folder.
 
@@ -77,7 +77,7 @@ def write_dataset(
         "summary": summary_of(episodes),
     }
     work = target.with_name(f".{target.name}").absolute()  # Minari loses its files where a path is relative
-    fields = Episode._fields[:-2]  # Minari's, without what only the summary needs
+    fields = RecordedEpisode._fields[:-2]  # Minari's, without what only the summary needs
     try:
         shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
         (work / "new").mkdir(parents=True)
@@ -95,7 +95,7 @@ def write_dataset(
     return target
 
 
-def summary_of(episodes: Sequence[Episode]) -> dict[str, Any]:
+def summary_of(episodes: Sequence[RecordedEpisode]) -> dict[str, Any]:
     """Return counts and scores of episodes; a score is a mean and the ends of its 95 % interval."""
     return {
         "steps": sum(len(episode.rewards) for episode in episodes),

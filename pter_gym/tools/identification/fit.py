@@ -21,7 +21,7 @@ from scipy import optimize, stats
 
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.parameters import Shape
-from pter_gym.tools.identification.shooting import Inputs, differentiate, predict
+from pter_gym.tools.identification.shooting import LogInputs, differentiate, predict
 from pter_gym.tools.identification.windows import Windows
 
 Array = NDArray[np.float64]
@@ -199,7 +199,7 @@ class Fit:
         weights = np.sqrt(self.weights) * self._told(np.mean(here.residual**2, axis=1)) / self.windows.noise
         return weights[:, None] * here.residual, weights[:, None, None] * here.jacobian[:, :, self.free]
 
-    def predicted(self, p: Array, inputs: Inputs | None = None) -> Array:
+    def predicted(self, p: Array, inputs: LogInputs | None = None) -> Array:
         """Return the predicted angles [rad], shape (windows, 2·length); what is not finite becomes large."""
         w = self.windows
         angles = predict(self.shape.machine(p), inputs or w.inputs, float(p[at.DELAY]), self.starts, w.length)
@@ -230,7 +230,7 @@ class Fit:
         along: Array = _LINEAR.solve(normal, across @ values)
         return values - by_start @ along, along
 
-    def _near(self, p: Array, inputs: Inputs | None = None) -> Array:
+    def _near(self, p: Array, inputs: LogInputs | None = None) -> Array:
         """Return the residuals [rad] at other coordinates or inputs, with the derivatives by the start of here."""
         here = self._at(self.p)
         off = self.predicted(p, inputs) - self.windows.measured.reshape(here.residual.shape)
@@ -289,7 +289,7 @@ class Fit:
         """Return the mean square [rad²] by which noise of the forces moves each window's angles, shape (windows,)."""
         return np.mean([self.moved(inputs) for inputs in self.windows.shaken], axis=0)
 
-    def moved(self, inputs: Inputs) -> Array:
+    def moved(self, inputs: LogInputs) -> Array:
         """Return the mean square change [rad²] of each window's angles with other inputs, shape (windows,)."""
         return np.mean((self._near(self.p, inputs) - self._at(self.p).residual) ** 2, axis=1)
 

@@ -57,7 +57,7 @@ lanes = 0
 
 
 @dataclass(frozen=True)
-class Inputs:
+class LogInputs:
     """What drives the model, for each substep.
 
     Attributes
@@ -91,14 +91,14 @@ class Inputs:
         return np.maximum(np.diff(passed, axis=0) / self.step, 0.0), -np.diff(rate, axis=0) / self.step
 
 
-def make_inputs(interval: float, volts: Array, force: Array, longest: float = MAX_SUBSTEP) -> Inputs:
+def make_inputs(interval: float, volts: Array, force: Array, longest: float = MAX_SUBSTEP) -> LogInputs:
     """Return the model's inputs from rows of voltages [V], each held until the next, and of forces [N]."""
     substeps = int(np.ceil(interval / longest - 1e-9))
     step = interval / substeps
     charge = np.concatenate([np.zeros((1, 4)), np.cumsum(interval * volts[:-1], axis=0)])
     times = interval * np.arange(len(force), dtype=np.float64)
     middles = step * (np.arange(substeps * (len(force) - 1), dtype=np.float64) + 0.5)
-    return Inputs(
+    return LogInputs(
         step=step,
         substeps=substeps,
         charge=charge,
@@ -106,7 +106,7 @@ def make_inputs(interval: float, volts: Array, force: Array, longest: float = MA
     )
 
 
-def predict(machine: Machine, inputs: Inputs, delay: float, starts: Array, length: int) -> Array:
+def predict(machine: Machine, inputs: LogInputs, delay: float, starts: Array, length: int) -> Array:
     """Return the angles [rad] that the simulator predicts, shape (windows, length, 2).
 
     Parameters
@@ -127,7 +127,7 @@ def predict(machine: Machine, inputs: Inputs, delay: float, starts: Array, lengt
     return _run(machine, inputs, body, np.empty((BODY_WIDTH, 0)), volts, by_delay, starts, length)[0]
 
 
-def differentiate(shape: Shape, p: Array, inputs: Inputs, starts: Array, length: int) -> tuple[Array, Array, Array]:
+def differentiate(shape: Shape, p: Array, inputs: LogInputs, starts: Array, length: int) -> tuple[Array, Array, Array]:
     """Return what ``predict`` does at coordinates, and its exact derivatives by them and by the starts.
 
     Parameters
@@ -158,7 +158,7 @@ def differentiate(shape: Shape, p: Array, inputs: Inputs, starts: Array, length:
     return angles, by[..., np.argsort(ORDER)], by[..., START_LANE:]
 
 
-def _body(machine: Machine, inputs: Inputs, volts: Array) -> Array:
+def _body(machine: Machine, inputs: LogInputs, volts: Array) -> Array:
     """Return a machine whose clutches have settled at voltages, as kernels take it."""
     settled = initial_state(machine, (0.0, 0.0), volts=np.minimum(volts, machine.clutch.voltage_max))
     return body_of(replace(machine, substep=inputs.step), settled)
@@ -166,7 +166,7 @@ def _body(machine: Machine, inputs: Inputs, volts: Array) -> Array:
 
 def _run(
     machine: Machine,
-    inputs: Inputs,
+    inputs: LogInputs,
     body: Array,
     tangents: Array,
     volts: Array,

@@ -10,7 +10,7 @@ from scipy import ndimage, signal
 
 from pter_gym.params import Machine
 from pter_gym.tools.identification.log import Log, angle_step
-from pter_gym.tools.identification.shooting import MAX_SUBSTEP, Inputs, make_inputs
+from pter_gym.tools.identification.shooting import MAX_SUBSTEP, LogInputs, make_inputs
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -122,9 +122,9 @@ class Windows:
     used: Flags
     broke_away: Flags
     gaps: int
-    inputs: Inputs
+    inputs: LogInputs
     noise: float
-    shaken: tuple[Inputs, ...]
+    shaken: tuple[LogInputs, ...]
 
 
 def smooth(log: Log) -> Smoothed:

@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 # --- the search space ---
 
 
-class Free(NamedTuple):
+class FreeParameter(NamedTuple):
     """One searched number: its range and the reason for it."""
 
     name: str
@@ -51,28 +51,36 @@ class Free(NamedTuple):
 MIN_RATIO = 1.12
 """Least T_s/T_k of clutches that stick and slip."""
 
-SPACE: tuple[Free, ...] = (
-    Free("length_a", "m", 0.3, 0.66, "PTER's links were of the order of half a metre"),
-    Free("length_b", "m", 0.3, 0.66, "PTER's links were of the order of half a metre"),
-    Free("inertia_a", "kg·m²", 0.25, 2.0, "aluminium links, with clutch rotors and gears", True),
-    Free("inertia_b", "kg·m²", 0.25, 2.0, "aluminium links, with clutch rotors and gears", True),
-    Free("coupling", "1", -0.6, 0.6, "relative to √(M11·M22): the mass matrix stays well conditioned"),
-    Free("small_voltage", "V", 4.0, 8.0, "where breakaway is 63.5 in·lbf: a small voltage, not below the tests"),
-    Free("knee", "V", 8.0, 22.0, "the linear segment holds the small voltages"),
-    Free("top_torque", "N·m", 15.0, 70.0, "dynamic torque at 24 V of clutches of this kind"),
-    Free("breakaway_ratio", "1", MIN_RATIO, 1.5, "T_s/T_k: Fig. 9 shows a clear jump"),
-    Free("delrin_jump", "1", 0.65, 1.6, "T_s/T_k − 1 over the present clutches': Fig. 9 shows similar jumps"),
-    Free("delrin_scale", "1", 0.5, 0.95, "experimental Delrin has less friction than the present clutches"),
-    Free("mu_dynamic", "1", 0.37, 0.45, "of the present clutches: above Delrin's 0.35, at most the published μs"),
-    Free("path_height", "1", 0.0, 0.8, "between the inner and the outer limit of reach, |sin(θA − θB)| ≥ 0.4"),
-    Free("path_length", "m", 0.4, 1.2, "across the workspace of such an arm"),
-    Free("path_offset", "1", -1.0, 1.0, "of the path's centre, within the reach"),
-    Free("push", "N", 20.0, 90.0, "what an arm does with ease"),
-    Free("disturbance", "1", 0.2, 1.0, "of what leaves the whole hand force below 98 N"),
-    Free("stiffness", "N/m", 100.0, 3000.0, "from soft guidance to a stiff wall", True),
-    Free("damping_ratio", "1", 0.3, 8.0, "of spring and normal damper on the tip's mass, at most m/10 ms", True),
-    Free("damping_tangential", "N·s/m", 10.0, 400.0, "at most m/10 ms: half of what a sampled damper may have", True),
-    Free("slip_threshold", "rad/s", 0.001, 0.1, "what a controller can tell from rest", True),
+SPACE: tuple[FreeParameter, ...] = (
+    FreeParameter("length_a", "m", 0.3, 0.66, "PTER's links were of the order of half a metre"),
+    FreeParameter("length_b", "m", 0.3, 0.66, "PTER's links were of the order of half a metre"),
+    FreeParameter("inertia_a", "kg·m²", 0.25, 2.0, "aluminium links, with clutch rotors and gears", True),
+    FreeParameter("inertia_b", "kg·m²", 0.25, 2.0, "aluminium links, with clutch rotors and gears", True),
+    FreeParameter("coupling", "1", -0.6, 0.6, "relative to √(M11·M22): the mass matrix stays well conditioned"),
+    FreeParameter(
+        "small_voltage", "V", 4.0, 8.0, "where breakaway is 63.5 in·lbf: a small voltage, not below the tests"
+    ),
+    FreeParameter("knee", "V", 8.0, 22.0, "the linear segment holds the small voltages"),
+    FreeParameter("top_torque", "N·m", 15.0, 70.0, "dynamic torque at 24 V of clutches of this kind"),
+    FreeParameter("breakaway_ratio", "1", MIN_RATIO, 1.5, "T_s/T_k: Fig. 9 shows a clear jump"),
+    FreeParameter("delrin_jump", "1", 0.65, 1.6, "T_s/T_k − 1 over the present clutches': Fig. 9 shows similar jumps"),
+    FreeParameter("delrin_scale", "1", 0.5, 0.95, "experimental Delrin has less friction than the present clutches"),
+    FreeParameter(
+        "mu_dynamic", "1", 0.37, 0.45, "of the present clutches: above Delrin's 0.35, at most the published μs"
+    ),
+    FreeParameter("path_height", "1", 0.0, 0.8, "between the inner and the outer limit of reach, |sin(θA − θB)| ≥ 0.4"),
+    FreeParameter("path_length", "m", 0.4, 1.2, "across the workspace of such an arm"),
+    FreeParameter("path_offset", "1", -1.0, 1.0, "of the path's centre, within the reach"),
+    FreeParameter("push", "N", 20.0, 90.0, "what an arm does with ease"),
+    FreeParameter("disturbance", "1", 0.2, 1.0, "of what leaves the whole hand force below 98 N"),
+    FreeParameter("stiffness", "N/m", 100.0, 3000.0, "from soft guidance to a stiff wall", True),
+    FreeParameter(
+        "damping_ratio", "1", 0.3, 8.0, "of spring and normal damper on the tip's mass, at most m/10 ms", True
+    ),
+    FreeParameter(
+        "damping_tangential", "N·s/m", 10.0, 400.0, "at most m/10 ms: half of what a sampled damper may have", True
+    ),
+    FreeParameter("slip_threshold", "rad/s", 0.001, 0.1, "what a controller can tell from rest", True),
 )
 """The search space."""
 

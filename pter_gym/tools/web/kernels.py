@@ -46,7 +46,7 @@ MAX_ARCS = 10
 """Most arcs between two points of a smooth curve: a pair, each of which turns less than 2π and is cut into five."""
 
 
-class Kernel(NamedTuple):
+class ModuleKernel(NamedTuple):
     """A kernel, the types of its arguments and that of its value."""
 
     function: Any
@@ -151,10 +151,10 @@ def decay(time: float, time_constant: float) -> float:
 ONE_WORLD = (NUMBERS, WORDS, SINGLES, COUNT, NUMBERS, NUMBERS, NUMBERS)
 
 KERNELS = (
-    Kernel(reset, ONE_WORLD),
-    Kernel(step, (*ONE_WORLD, NUMBERS, COUNT)),
-    Kernel(act, (SINGLES, COUNT, NUMBERS, NUMBERS, COUNT, NUMBERS, NUMBERS, COUNT)),
-    Kernel(locate, (NUMBERS, COUNT, COUNT, NUMBER, NUMBERS)),
-    Kernel(join, (NUMBERS, COUNT, NUMBERS)),
-    Kernel(decay, (NUMBER, NUMBER), NUMBER),
+    ModuleKernel(reset, ONE_WORLD),
+    ModuleKernel(step, (*ONE_WORLD, NUMBERS, COUNT)),
+    ModuleKernel(act, (SINGLES, COUNT, NUMBERS, NUMBERS, COUNT, NUMBERS, NUMBERS, COUNT)),
+    ModuleKernel(locate, (NUMBERS, COUNT, COUNT, NUMBER, NUMBERS)),
+    ModuleKernel(join, (NUMBERS, COUNT, NUMBERS)),
+    ModuleKernel(decay, (NUMBER, NUMBER), NUMBER),
 )

@@ -11,7 +11,7 @@ import pytest
 from documents import DATA, blocks_of, run_program
 from pter_gym._commands.main import main
 from pter_gym.errors import StorageError
-from pter_gym.tools.datasets.recording import REFERENCE_EPISODES, Episode, record_episodes
+from pter_gym.tools.datasets.recording import REFERENCE_EPISODES, RecordedEpisode, record_episodes
 from pter_gym.tools.datasets.writing import write_dataset
 
 minari = pytest.importorskip("minari")
@@ -34,7 +34,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def episodes() -> list[Episode]:
+def episodes() -> list[RecordedEpisode]:
     """What the command records."""
     return record_episodes("standard", "random", 400, seed=2)
 
@@ -45,7 +45,7 @@ def dataset(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     return minari.load_dataset(NAME)
 
 
-def test_minari_reads_what_was_recorded(dataset: Any, episodes: list[Episode]) -> None:
+def test_minari_reads_what_was_recorded(dataset: Any, episodes: list[RecordedEpisode]) -> None:
     assert list(minari.list_local_datasets()) == [NAME]
     assert dataset.total_episodes == len(episodes)
     assert dataset.total_steps == sum(len(each.rewards) for each in episodes)
@@ -99,7 +99,7 @@ def test_the_page_loads_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_a_full_disk_leaves_the_data_of_before(
-    folder: Path, episodes: list[Episode], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, episodes: list[RecordedEpisode], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     (tmp_path / "pter" / "standard" / ".random-v0" / "new").mkdir(parents=True)  # of a process that was killed

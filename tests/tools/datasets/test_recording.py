@@ -19,7 +19,7 @@ from pter_gym.tools.datasets.recording import (
     EPISODES_OF_A_SEED,
     LEVELS,
     STAGES,
-    Episode,
+    RecordedEpisode,
     actors_of,
     environment_of,
     record_episodes,
@@ -38,11 +38,11 @@ def few_worlds() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module", params=LEVELS)
-def found(request: pytest.FixtureRequest) -> tuple[str, list[Episode]]:
+def found(request: pytest.FixtureRequest) -> tuple[str, list[RecordedEpisode]]:
     return request.param, record_episodes("hands", request.param, STEPS, seed=3)
 
 
-def test_episodes_are_whole_and_enough(found: tuple[str, list[Episode]]) -> None:
+def test_episodes_are_whole_and_enough(found: tuple[str, list[RecordedEpisode]]) -> None:
     level, episodes = found
     first = 3 * EPISODES_OF_A_SEED
     assert [each.seed for each in episodes] == list(range(first, first + len(episodes)))
@@ -56,7 +56,7 @@ def test_episodes_are_whole_and_enough(found: tuple[str, list[Episode]]) -> None
         assert np.abs(each.actions).max() <= 1.0
 
 
-def test_the_actions_give_the_same_bits_in_an_environment_of_ones_own(found: tuple[str, list[Episode]]) -> None:
+def test_the_actions_give_the_same_bits_in_an_environment_of_ones_own(found: tuple[str, list[RecordedEpisode]]) -> None:
     name, arguments = environment_of("hands", 3)
     env = gymnasium.make(name, **arguments)
     for each in (found[1][0], found[1][-1]):

@@ -22,7 +22,7 @@ from pter_gym.tools.identification import (
     write_log,
 )
 from pter_gym.tools.identification.parameters import COORDINATES, DELAY, STEPS, Shape
-from pter_gym.tools.identification.shooting import Inputs, differentiate, make_inputs, predict
+from pter_gym.tools.identification.shooting import LogInputs, differentiate, make_inputs, predict
 from pter_gym.tools.identification.windows import lagged
 
 EXACT = Recorder(angle_resolution=0.0, angle_noise=1e-6, force_noise=0.0, delay=0.006)
@@ -71,7 +71,7 @@ def test_the_lag_is_that_of_the_clutches():
     assert np.allclose(behind[50:, 0], 5.0 * (1.0 - np.exp(-np.arange(50) * 0.1)))
 
 
-def crossing(clutches: str, lag: str) -> tuple[Shape, np.ndarray, Inputs, np.ndarray]:
+def crossing(clutches: str, lag: str) -> tuple[Shape, np.ndarray, LogInputs, np.ndarray]:
     """A shape, coordinates, inputs and starts of windows in which clutches slip, stick and break away."""
     rng = np.random.default_rng(3)
     start = BASELINE if clutches == "paper" else find_machine(clutches)

@@ -4,7 +4,7 @@ import { Simulator, SpringHand } from "./pter.js";
 import { score } from "./score.js";
 
 const SEED = 1;
-const MOST_STEPS = 6000;
+const MAX_STEPS = 6000;
 
 /** Voltages that a person sets. */
 class Sliders {
@@ -51,7 +51,7 @@ export class Workshop {
       machine: material,
       timeConstant: lag / 1000,
       friction,
-      maxSteps: hand === "pointer" ? MOST_STEPS : this.timeLimit(settings, push),
+      maxSteps: hand === "pointer" ? MAX_STEPS : this.timeLimit(settings, push),
     });
     const own = { ...settings };
     return new Trial(env, await this.controller(own), own, push);
@@ -61,7 +61,7 @@ export class Workshop {
   timeLimit({ path, pace }, push) {
     const length = this.tables.paths[path]?.length ?? 1;
     const most = Math.ceil((3 * length) / (this.tables.paces[pace] * this.tables.control_period));
-    return Math.min(MOST_STEPS, Math.max(300, most, push ? push.along.length - 1 : 0));
+    return Math.min(MAX_STEPS, Math.max(300, most, push ? push.along.length - 1 : 0));
   }
 
   async #weightsOf(name) {
