@@ -14,7 +14,6 @@ and writes by name::
 import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import chain
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from numba import types
@@ -116,7 +115,7 @@ def _field(name: str, entries: tuple[Entry, ...], machine: Any) -> Field:
 def flat(value: Any) -> tuple[Any, ...]:
     """Return the numbers of a record in their order; of a number, itself alone."""
     record: Any = value
-    return tuple(chain.from_iterable(map(flat, record))) if isinstance(value, tuple) else (value,)
+    return tuple(number for part in record for number in flat(part)) if isinstance(value, tuple) else (value,)
 
 
 def load(w: Any, at: R, i: Any) -> R:

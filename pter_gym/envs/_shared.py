@@ -71,7 +71,7 @@ class Worlds:
         """
         modes = self.metadata["render_modes"]
         if render_mode is not None and render_mode not in modes:
-            raise ParameterError(f"render_mode must be one of {', '.join(modes)} or None, got {render_mode!r}")
+            raise ParameterError(f"render_mode must be {', '.join(modes)} or None, got {render_mode!r}")
         given: dict[str, Any] = {name: _from_plain(value) for name, value in arguments.items()}
         if "scenario" in given or isinstance(given.get("randomisation"), str):
             from pter_gym.envs import scenario  # imports what a fixed task doesn't need

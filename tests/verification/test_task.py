@@ -34,7 +34,7 @@ from pter_gym.tasks.path_following import (
     observation_layout,
     reason_of,
 )
-from pter_gym.tasks.path_following._context import context_of, told_of
+from pter_gym.tasks.path_following._context import context_of
 from pter_gym.tasks.path_following._observation import observation
 from pter_gym.tasks.path_following._rules import (
     ALLOWANCE,
@@ -335,8 +335,8 @@ def test_what_is_told_of_machine_and_task():
     machine = replace(BASELINE, clutch=twice, clutch_scale=(0.5, 1.0, 1.5, 3.0))
     arm = HumanArm(impedance=Hand(mass=1.0, damping=4.0, stiffness=10.0))
     task = PathFollowing(hand=arm, friction_drift=0.02, path=Arc(radius=2.0))
-    told = told_of(task, machine, 11.0)
-    assert told == pytest.approx((0.07, 1.5 * 2.0, 1.5 * 3.0, 0.02, 1.0, 4.0, 10.0, 11.0))
+    told = context_of(task, machine, (5, 6), (7, 8)).told
+    assert told == pytest.approx((0.07, 1.5 * 2.0, 1.5 * 3.0, 0.02, 1.0, 4.0, 10.0, 0.0))
     context = context_of(task, machine, (5, 6), (7, 8))
     assert context.task.path == (5, 6, task.path.length)
     assert context.task.pace_decay == pytest.approx(1.0 - math.exp(-0.1))
@@ -488,6 +488,6 @@ def test_an_episode_may_begin_as_fast_as_the_integrator_can_hold():
 def test_a_torque_curve_is_told_at_the_largest_voltage():
     straight = TorqueCurve(slope=1.0, knee=100.0, curvature=0.0)
     machine = replace(BASELINE, clutch=Clutch(breakaway=straight, dynamic=straight, voltage_max=6.0))
-    told = told_of(PathFollowing(), machine, 0.0)
+    told = context_of(PathFollowing(), machine, (0, 0), (0, 0)).told
     scale = sum(machine.clutch_scale) / 4.0
     assert told.breakaway_factor == pytest.approx(scale * 6.0 / BASELINE.clutch.breakaway.torque(6.0))
