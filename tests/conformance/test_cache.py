@@ -101,4 +101,4 @@ def test_the_shape_of_an_input_is_no_reason_to_compile_again() -> None:
     open_loop.simulate(BASELINE, state, np.zeros(4), np.zeros(2), duration=steps * BASELINE.substep)
     open_loop.simulate(BASELINE, state, np.zeros((steps, 4)), np.zeros(2))
     open_loop.simulate(BASELINE, state, np.zeros(4), np.zeros((steps, 2)), np.zeros((steps, 2)))
-    assert len(open_loop._kernel(papers=True).signatures) == 1
+    assert len(open_loop._kernel(paper_clutches=True).signatures) == 1

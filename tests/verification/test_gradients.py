@@ -15,7 +15,7 @@ from pter_gym._physics.arm import Load
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import ClutchMode
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of
-from pter_gym._physics.step import papers
+from pter_gym._physics.step import paper_clutches
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.gradients._adjoint import (
     FIRST,
@@ -37,7 +37,7 @@ EACH = 10_000
 """Problems in each mode."""
 
 SUBSTEP = BASELINE.substep
-STAGES = kick_stages(papers)
+STAGES = kick_stages(paper_clutches)
 
 
 def random_problem(rng: np.random.Generator) -> np.ndarray:
