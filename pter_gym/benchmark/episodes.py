@@ -11,16 +11,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pter_gym import hands, params, paths
 from pter_gym._internal.checks import whole_number
-from pter_gym._internal.codec import Codec, dataclasses_in
 from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic
 from pter_gym._internal.reading import MAX_JSON_SIZE, inflate, parse_json, read_bytes, reading
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import Machine
 from pter_gym.scenarios import find_pace, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds
-from pter_gym.tasks import path_following
+from pter_gym.tasks._stored import codec
 from pter_gym.tasks.path_following import PathFollowing
 
 FOLDER = Path(__file__).parents[1] / "episodes"
@@ -30,9 +28,6 @@ ENDING = ".json.gz"
 
 MAX_SEED = 2**64 - 1
 """Largest seed of fresh episodes."""
-
-CODEC = Codec(dataclasses_in(params, hands, paths, path_following))
-"""Knows the parts of machines and tasks."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +105,7 @@ def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDE
     parts: dict[str, int] = {}
 
     def number(part: object) -> int:
-        return parts.setdefault(json.dumps(CODEC.to_plain(part), sort_keys=True, ensure_ascii=False), len(parts))
+        return parts.setdefault(json.dumps(codec().to_plain(part), sort_keys=True, ensure_ascii=False), len(parts))
 
     draws = zip(episodes.machines, episodes.tasks, episodes.seeds, episodes.strata, strict=True)
     entries = [
@@ -136,7 +131,7 @@ def _draw(scenario: str, seed: int, pace: str) -> Episodes:
 @lru_cache(16)
 def _decode(data: bytes) -> Episodes:
     content: dict[str, Any] = parse_json(inflate(data, MAX_JSON_SIZE))
-    parts: list[Any] = [CODEC.from_plain(part) for part in content["parts"]]
+    parts: list[Any] = [codec().from_plain(part) for part in content["parts"]]
     entries: Sequence[dict[str, Any]] = content["episodes"]
     return Episodes(
         content["scenario"],

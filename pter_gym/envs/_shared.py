@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import is_dataclass, replace
-from functools import cache
 from typing import TYPE_CHECKING, Any, TypedDict, cast
 
 import numpy as np
@@ -16,6 +15,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine, find_machine
 from pter_gym.paths import Path, find_path
 from pter_gym.scenarios import find_pace
+from pter_gym.tasks._stored import codec
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, RewardWeights, Sensors, Starts, find_starts
 from pter_gym.tasks.path_following._observation import BOUND
 from pter_gym.tasks.path_following._specification import largest_error_max
@@ -202,22 +202,12 @@ def _several(value: object) -> bool:
     return isinstance(value, Sequence) and not isinstance(value, str)
 
 
-@cache
-def _codec() -> Any:
-    """Return what turns dataclasses among the arguments into plain data and back."""
-    from pter_gym import hands, params, paths
-    from pter_gym._internal.codec import Codec, dataclasses_in
-    from pter_gym.tasks import path_following
-
-    return Codec(dataclasses_in(params, hands, paths, path_following))
-
-
 def _to_plain(value: Any) -> Any:
     """Return dataclasses of this package as plain data, and anything else as it is."""
     if _several(value):
         return [_to_plain(each) for each in value]
     try:
-        return _codec().to_plain(value) if is_dataclass(value) else value
+        return codec().to_plain(value) if is_dataclass(value) else value
     except ParameterError:  # a user's own class
         return value
 
@@ -227,4 +217,4 @@ def _from_plain(value: Any) -> Any:
     if isinstance(value, list):
         return [_from_plain(each) for each in cast("list[Any]", value)]
     stored = isinstance(cast("object", value), dict) and "type" in value
-    return _codec().from_plain(value) if stored else value
+    return codec().from_plain(value) if stored else value

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from pter_gym import params
 from pter_gym._internal.codec import dataclasses_in
-from pter_gym.benchmark.episodes import CODEC
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
 from pter_gym.hands import MultiSineHand
@@ -26,12 +25,13 @@ from pter_gym.params import (
     Machine,
     TorqueCurve,
 )
+from pter_gym.tasks._stored import codec
 from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.tasks.path_following import _specification as specification
 
 
 def through_json(value: object) -> Any:
-    return CODEC.from_plain(json.loads(json.dumps(CODEC.to_plain(value), allow_nan=False)))
+    return codec().from_plain(json.loads(json.dumps(codec().to_plain(value), allow_nan=False)))
 
 
 @pytest.mark.parametrize("value", [*MACHINES.values(), PathFollowing(), MultiSineHand(random_phases=True)])
@@ -66,11 +66,11 @@ Imposter.__name__ = "Machine"
 @pytest.mark.parametrize("value", [Imposter(), Impedance(), [1.0], {"a": 1}, Machine, (1.0, math.nan), -math.inf])
 def test_what_is_unknown_or_not_finite_is_not_stored(value: object) -> None:
     with pytest.raises(ParameterError, match="stored"):
-        CODEC.to_plain(value)
+        codec().to_plain(value)
 
 
 def test_unknown_and_missing_names_and_bad_values_are_refused_and_defaults_are_taken() -> None:
-    plain: Any = CODEC.to_plain(BASELINE)
+    plain: Any = codec().to_plain(BASELINE)
     for bad, named in (
         ({**plain, "type": "Machin"}, "Machine"),
         ({**plain, "substeps": 1}, "substeps"),
@@ -83,7 +83,7 @@ def test_unknown_and_missing_names_and_bad_values_are_refused_and_defaults_are_t
         (object(), "object"),
     ):
         with pytest.raises(ParameterError, match=named):
-            CODEC.from_plain(bad)
-    task: Any = CODEC.to_plain(PathFollowing(arrival=0.1, pace=0.3))
+            codec().from_plain(bad)
+    task: Any = codec().to_plain(PathFollowing(arrival=0.1, pace=0.3))
     del task["arrival"]
-    assert CODEC.from_plain(task) == PathFollowing(pace=0.3)
+    assert codec().from_plain(task) == PathFollowing(pace=0.3)

@@ -1,4 +1,4 @@
-"""Sizes of pictures [px]. Environments check them without loading any drawing code."""
+"""Sizes of pictures [px]."""
 
 from pter_gym._internal.checks import whole_number
 from pter_gym.errors import ParameterError

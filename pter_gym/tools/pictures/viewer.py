@@ -140,15 +140,7 @@ class WorldsViewer:
 
 
 class Window:
-    """A window on the screen that shows pictures of a size [px] at a limited rate [1/s].
-
-    Raises
-    ------
-    DependencyError
-        If pygame is not installed.
-    ParameterError
-        If there is no display.
-    """
+    """A window on the screen that shows pictures of a size [px] at a limited rate [1/s]; see ``open_display``."""
 
     def __init__(self, size: tuple[int, int], rate: float, title: str = "PTER") -> None:
         self._pygame = open_display()
