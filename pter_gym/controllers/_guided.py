@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 from pter_gym._compiled.layout import Layout
 from pter_gym.controllers._base import Policy
 from pter_gym.controllers._gains import Gains, gains_array
-from pter_gym.controllers._laws import IMPEDANCE, SINGLE_DOF, VELOCITY_RATIO, built_in, guide_declared
+from pter_gym.controllers._laws import IMPEDANCE, SINGLE_DOF, VELOCITY_RATIO, built_in, built_in_declared
 from pter_gym.errors import ParameterError
 from pter_gym.params import (
     Machine,
@@ -229,5 +229,5 @@ def bind_rows(first: Guided, rows: list[tuple[float, Gains]], machine: Machine, 
     feeds_back = any(gains.feedback != 0.0 for _, gains in rows)
     if feeds_back and ("torque_1" not in layout.names or layout.index("torque_1") != OBS.torque.x1):
         raise ParameterError('torque feedback needs torque sensors: sensors="torque" or sensors="force"')
-    law = built_in if machine.has_paper_clutches else guide_declared
+    law = built_in if machine.has_paper_clutches else built_in_declared
     return Policy(gains_array(first.kind, machine, volts, rows), layout, law)

@@ -209,14 +209,6 @@ def network(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 
 @device
-def network_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-    """Return the voltages of a trained network, which may correct a guiding law for other clutches."""
-    law = gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])]
-    base = guide_declared(obs, scales, law, memory) if len(law) > 0 else middle(gains)
-    return decide(obs, scales, gains, memory, base)
-
-
-@device
 def middle(gains: Any) -> PerClutch:
     """Return the voltages [V] that a network without a base controller corrects: the middle of the range."""
     half = 0.5 * gains[HEADER.voltage_max]
@@ -233,3 +225,12 @@ def built_in(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     if gains[0] == RANDOM:
         return random_volts(gains, memory)
     return PerClutch(gains[1], gains[2], gains[3], gains[4])
+
+
+@device
+def built_in_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    """Return the voltages of the guiding law or the trained network that the first gain names, for other clutches."""
+    corrects = gains[0] == NETWORK
+    law = gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])] if corrects else gains
+    base = guide_declared(obs, scales, law, memory) if len(law) > 0 else middle(gains)
+    return decide(obs, scales, gains, memory, base) if corrects else base

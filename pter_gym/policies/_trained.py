@@ -12,7 +12,7 @@ from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import flat
 from pter_gym._engine.law import Memory, empty_memory
 from pter_gym.controllers import Policy
-from pter_gym.controllers._laws import built_in, network_declared
+from pter_gym.controllers._laws import built_in, built_in_declared
 from pter_gym.controllers._network import LAW_WIDTH, NETWORK, Network, memory_width, source_of
 from pter_gym.errors import DataError, unknown_name
 from pter_gym.params import Machine, find_machine, require
@@ -92,7 +92,7 @@ class TrainedPolicy:
             if each.name not in names:
                 raise unknown_name("inputs", each.name, names)
         base = np.zeros(0) if interface.base is None else interface.base.bind(machine, layout).gains
-        law = built_in if machine.has_paper_clutches else network_declared
+        law = built_in if machine.has_paper_clutches else built_in_declared
         return NetworkPolicy(*self._gains(base, layout), layout, interface.frame_skip, law)
 
     def _gains(self, base: NDArray[np.float64], layout: Layout) -> tuple[NDArray[np.float64], Network]:

@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 from numba import types
 from numba.np import numpy_support
 
-from pter_gym._compiled.records import store, width, write
+from pter_gym._compiled.records import store, write
 from pter_gym._engine.episode import record_reset, record_step, start_episode
-from pter_gym._engine.law import Memory
 from pter_gym._engine.step import (
     conclude_step,
     given_volts,
@@ -27,7 +26,7 @@ from pter_gym._engine.step import (
 )
 from pter_gym._engine.world import CONFIG, REFUSE, ROW, ROWS
 from pter_gym._physics.clutch import lag_left
-from pter_gym.controllers._laws import IMPEDANCE, built_in, guide_declared
+from pter_gym.controllers._laws import IMPEDANCE, built_in, built_in_declared
 from pter_gym.paths._arcs import SEGMENT, ArcSegment, biarc, end_of, heading_through, mirrored, parts_of
 from pter_gym.paths._projection import SEGMENT_WIDTH, point_at
 from pter_gym.tasks.path_following._telemetry import COLUMNS
@@ -40,7 +39,6 @@ WORDS: Any = types.CPointer(types.uint64)
 COUNT: Any = types.int32
 NUMBER: Any = types.float64
 
-MEMORY_WIDTH = width(Memory)
 
 MAX_ARCS = 10
 """Most arcs between two points of a smooth curve: a pair, each of which turns less than 2π and is cut into five."""
@@ -93,16 +91,18 @@ def step(
     return 0
 
 
-def act(seen: Any, entries: int, scales: Any, gains: Any, count: int, memory: Any, volts: Any, declared: int) -> int:
-    """Write the voltages of a built-in law, which keeps what it must in ``memory``.
+def act(
+    seen: Any, entries: int, scales: Any, gains: Any, count: int, memory: Any, kept: int, volts: Any, declared: int
+) -> int:
+    """Write the voltages of a built-in law, a trained network among them, which keeps ``kept`` numbers in ``memory``.
 
     ``declared`` says that it is told of other clutches than the paper's.
     """
     out = carray(volts, 4)
-    obs, kept = carray(seen, entries), carray(memory, MEMORY_WIDTH)
+    obs, past = carray(seen, entries), carray(memory, kept)
     scale, gain = carray(scales, entries), carray(gains, count)
     guides = (declared != 0) & (gain[0] >= IMPEDANCE)
-    wanted = guide_declared(obs, scale, gain, kept) if guides else built_in(obs, scale, gain, kept)
+    wanted = built_in_declared(obs, scale, gain, past) if guides else built_in(obs, scale, gain, past)
     out[0], out[1], out[2], out[3] = wanted.x1, wanted.x2, wanted.x3, wanted.x4
     return 0
 
@@ -153,7 +153,7 @@ ONE_WORLD = (NUMBERS, WORDS, SINGLES, COUNT, NUMBERS, NUMBERS, NUMBERS)
 KERNELS = (
     ModuleKernel(reset, ONE_WORLD),
     ModuleKernel(step, (*ONE_WORLD, NUMBERS, COUNT)),
-    ModuleKernel(act, (SINGLES, COUNT, NUMBERS, NUMBERS, COUNT, NUMBERS, NUMBERS, COUNT)),
+    ModuleKernel(act, (SINGLES, COUNT, NUMBERS, NUMBERS, COUNT, NUMBERS, COUNT, NUMBERS, COUNT)),
     ModuleKernel(locate, (NUMBERS, COUNT, COUNT, NUMBER, NUMBERS)),
     ModuleKernel(join, (NUMBERS, COUNT, NUMBERS)),
     ModuleKernel(decay, (NUMBER, NUMBER), NUMBER),

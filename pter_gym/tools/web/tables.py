@@ -5,7 +5,6 @@ of values. What a page chooses from (machines, hands, paths, laws, networks) are
 """
 
 from dataclasses import asdict
-from itertools import pairwise
 from types import MappingProxyType
 from typing import Any, cast
 
@@ -174,23 +173,13 @@ def gains(controller: Any, nominal: Machine, layout: Layout) -> list[float]:
 
 
 def network(name: str, nominal: Machine, layout: Layout) -> dict[str, Any]:
-    """Return all but the weights of a trained policy: what its card says that acts, and its base's gains."""
+    """Return all but the weights of a trained policy: its gains before them, and what it keeps of a world."""
     policy = read_policy(name)
-    interface, sizes = policy.interface, policy.sizes
+    bound = policy.bind(nominal, layout)
+    weights = sum(weight.size + bias.size for weight, bias in policy.layers)
     return {
-        "observation": layout.names,
-        "inputs": [asdict(entry) for entry in interface.inputs],
-        "reach": interface.reach,
-        "history": interface.history,
-        "averages": interface.averages,
-        "normalised": interface.normalised,
-        "frame_skip": interface.frame_skip,
-        "base": None if interface.base is None else gains(interface.base, nominal, layout),
-        "voltage_max": interface.voltage_max,
-        "squashed": False,
-        "shapes": {
-            f"layer_{k}.{part}": shape
-            for k, (before, after) in enumerate(pairwise(sizes))
-            for part, shape in (("weight", [after, before]), ("bias", [after]))
-        },
+        "frame_skip": policy.interface.frame_skip,
+        "gains": bound.gains[:-weights].tolist(),
+        "layers": [f"layer_{k}" for k in range(len(policy.layers))],
+        "memory": bound.empty_memory(1).shape[1],
     }

@@ -20,7 +20,7 @@ for (const run of JSON.parse(readFileSync(`${runs}/runs.json`))) {
   for (let index = 0; index < run.worlds; index++) {
     const world = new World(tables, await simulator.kernels(), { ...run, constants });
     const gains = run.gains[index];
-    const law = gains && new Law(tables, await simulator.kernels(), gains, run.scales);
+    const law = gains && new Law(tables, await simulator.kernels(), gains, { scales: run.scales });
     const ends = world.state.end;
     const stored = world.numbers.subarray(0, run.rows);
     const begin = performance.now();

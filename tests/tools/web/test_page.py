@@ -272,9 +272,7 @@ def test_the_learned_policy_rides_on_the_same_push(play: Any) -> None:
     row = play.run("document.querySelector('#board tbody tr:not([aria-current])').innerText")
     task, limit = task_of("sine", push, "medium"), play.run("page.workshop.timeLimit(page.settings, page.push)")
     ridden = record_episode(find_policy("residual", scenario="paths"), BASELINE, task, 1, limit)
-    # the page adds up the network's sums in another order, and stick-slip amplifies the last bits
-    error = float(row.split("\n\t")[1].split(" mm")[0]) / 1000
-    assert 0.5 < error / score(ridden.telemetry, task).path_error_m < 2.0
+    assert f"{1000 * score(ridden.telemetry, task).path_error_m:.1f} mm" in row
     assert play.saved("save-board", "scores.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -83,8 +83,7 @@ export class Simulator {
   /** Make a trained policy by its name in `tables.policies` and the bytes of its `.safetensors`. */
   async policy(name, weights) {
     const card = find(this.tables.policies, "policy", name);
-    const base = card.base && new Law(this.tables, await this.kernels(), card.base);
-    return new Network(this.tables, card, readTensors(weights), base);
+    return new Network(this.tables, await this.kernels(), card, readTensors(weights));
   }
 
   /** Make a path of a stroke, [x, y] of its points [m]; one that a machine cannot follow raises a ParameterError. */

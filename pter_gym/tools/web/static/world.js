@@ -104,12 +104,13 @@ export class World {
 
 /** A control law of the package: `act(observation)` returns voltages; `reset()` begins a new episode. */
 export class Law {
-  constructor(tables, kernels, gains, scales = tables.observation.map((field) => field.scale)) {
+  constructor(tables, kernels, gains, { memory, scales } = {}) {
+    scales ??= tables.observation.map((field) => field.scale);
     [this.observation, this.scales, this.gains, this.memory, this.wanted] = placed(kernels, [
       [Float32Array, scales.length],
       [Float64Array, scales],
       [Float64Array, gains],
-      [Float64Array, tables.widths.memory],
+      [Float64Array, memory ?? tables.widths.memory],
       [Float64Array, 4],
     ]);
     this.kernels = kernels;
@@ -130,6 +131,7 @@ export class Law {
       this.gains.byteOffset,
       this.gains.length,
       this.memory.byteOffset,
+      this.memory.length,
       this.wanted.byteOffset,
       this.declared,
     );
