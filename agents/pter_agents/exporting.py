@@ -90,6 +90,7 @@ def about_run(arguments: TrainingArguments, steps: int, scores: Mapping[str, Any
 def model_card(name: str, policy: TrainedPolicy) -> str:
     """Return the model card in Markdown, with metadata for the Hub."""
     about, interface = policy.about, policy.interface
+    *hidden, outputs = policy.sizes[1:]
     what = f"corrects the controller `{about['corrects']}`" if about.get("corrects") else "sets the clutch voltages"
     meaning = f"of ±1 is ±{interface.reach:g} V, limited to 0…{interface.voltage_max:g} V"
     if interface.normalised:
@@ -110,7 +111,7 @@ def model_card(name: str, policy: TrainedPolicy) -> str:
         f"- Command: `{about.get('command')}` ({about.get('steps')} decisions)",
         *(f"- In the file: `{key} = {json.dumps(value)}`" for key, value in about.get("config", {}).items()),
         f"- Versions: {', '.join(f'{key} {number}' for key, number in about.get('versions', {}).items())}",
-        f"- Network: {policy.sizes[0]} inputs, tanh layers of {', '.join(map(str, policy.sizes[1:-1]))}, 4 outputs",
+        f"- Network: {policy.sizes[0]} inputs, tanh layers of {', '.join(map(str, hidden))}, {outputs} outputs",
         f"- An output {meaning}",
         f"- Inputs: {', '.join(each.name for each in interface.inputs)}",
         "",

@@ -140,7 +140,7 @@ class JaxWorlds:
         return self._see(shared, state, obs, jnp.ones(count, bool))
 
     def step(self, shared: SharedConstants, state: WorldsState, outputs: jax.Array) -> tuple[WorldsState, Step]:
-        """Advance all worlds by one decision, the network's outputs (N, 4)."""
+        """Advance all worlds by one decision, the network's outputs (N, clutches)."""
         step = jax.vmap(self._env.step, (None, 0, 0, None))
         given = to_volts(outputs, state.base, self._interface)
         obs, env, rewards, terminated, truncated, told = step(None, state.env, given, shared.params)

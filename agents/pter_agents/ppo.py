@@ -79,7 +79,7 @@ class Weights(NamedTuple):
     value: Layers
 
     def act(self, inputs: jax.Array) -> jax.Array:
-        """Return the mean actions, (…, 4); the policy sees the first inputs."""
+        """Return the mean actions, (…, clutches); the policy sees the first inputs."""
         return _apply(self.policy, inputs[..., : len(self.policy[0][0])])
 
     def value_of(self, inputs: jax.Array) -> jax.Array:
@@ -175,7 +175,7 @@ def collect(
     drawn: jax.Array,
     deviation: Any,
 ) -> tuple[Carry, RolloutBuffer]:
-    """Follow the policy with noise, ε being ``drawn`` (T, N, 4), and return the carried state and the rollout."""
+    """Follow the policy with noise ε, ``drawn`` (T, N, clutches); return the carried state and the rollout."""
 
     def act(carry: Carry, drawn: jax.Array) -> tuple[Carry, RolloutBuffer]:
         inputs = worlds.inputs(carry.worlds)
@@ -263,6 +263,7 @@ class PPO:
                 f"anything, or set JAX_NUM_CPU_DEVICES={PARTS}"
             )
         self._settings, self._training, self._total, self._seed = settings, training, total, seed
+        self._actions = len(training.interface.clutches)
         self.steps = 0
         self.rollout = settings.worlds * settings.steps
         mesh = jax.make_mesh((PARTS,), (PART,), axis_types=(jax.sharding.AxisType.Auto,))
@@ -284,7 +285,7 @@ class PPO:
         keys = jax.random.split(jax.random.key(seed))
         weights = jax.device_put(
             Weights(
-                layers(keys[0], (training.interface.size, *settings.hidden, 4), last=0.01),
+                layers(keys[0], (training.interface.size, *settings.hidden, self._actions), last=0.01),
                 layers(keys[1], (training.size, *settings.value_hidden, 1), last=1.0),
             ),
             self._whole,
@@ -348,14 +349,14 @@ class PPO:
         s = self._settings
         mine = s.worlds // PARTS
         rngs = [np.random.default_rng((self._seed, self.steps, part)) for part in range(PARTS)]
-        drawn = [rng.standard_normal((s.steps, mine, 4), np.float32) for rng in rngs]
+        drawn = [rng.standard_normal((s.steps, mine, self._actions), np.float32) for rng in rngs]
         orders = [[rng.permutation(s.steps * mine).astype(np.int32) for _ in range(s.epochs)] for rng in rngs]
         shares = np.array(orders).reshape(PARTS, -1, s.minibatch // PARTS)
         return jax.device_put((np.array(drawn), shares), self._split)
 
     def _reset(self, shared: SharedConstants, seeds: jax.Array) -> Carry:
         worlds = self._worlds.reset(shared, seeds)
-        return Carry(worlds, jnp.zeros((len(seeds), 4)), jnp.zeros(len(seeds)))
+        return Carry(worlds, jnp.zeros((len(seeds), self._actions)), jnp.zeros(len(seeds)))
 
     def _learn(
         self,

@@ -185,7 +185,7 @@ def _sample(env: PathFollowingVectorEnv, interface: Interface, base: Any, seed: 
         volts = base.act(obs).astype(np.float64) if residual else middle_volts(len(obs), interface)
         seen.append(quantities(obs * layout.scales, volts, layout, residual=residual))
         true.append(env.batch.truth())
-        outputs = DEVIATION * rng.standard_normal((len(obs), 4))
+        outputs = DEVIATION * rng.standard_normal((len(obs), len(interface.clutches)))
         obs = env.step(to_volts(outputs, volts, interface).astype(np.float32))[0]
     env.close()
     center, scale, varies = _moments(seen)

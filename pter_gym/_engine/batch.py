@@ -15,7 +15,7 @@ from pter_gym._engine.world import CONFIG, FLAGS, NEXT_STEP, REFUSE, ROW, SAME_S
 from pter_gym._engine.worlds import WorldArrays, listed
 from pter_gym._internal.checks import whole_number
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
-from pter_gym.params import Machine
+from pter_gym.params import SLOTS, Machine
 from pter_gym.tasks.path_following._context import OBSERVED_CONTEXT
 from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Sensors, observation_layout
 from pter_gym.tasks.path_following._specification import PathFollowing, held_machine, substeps
@@ -93,6 +93,8 @@ class Batch(WorldArrays):
         The distinct pairs of machine and task; ``context`` holds their numbers.
     layout
         Layout of the observations.
+    num_actions
+        Entries of an action: one for each clutch.
     action_low, action_high
         Bounds of an action in its unit.
 
@@ -130,7 +132,9 @@ class Batch(WorldArrays):
         self.frame_skip = whole_number("frame_skip", frame_skip)
         self._config = np.array([*flat(self._shared(observe_context, limit)), *self.layout.scales])
         super().__init__(all_machines, all_tasks, drawing)
-        self._actions = np.empty((self.num_worlds, 4))
+        self.num_actions = len(self.machine.clutches)
+        self._slots = np.full((self.num_worlds, SLOTS), self.action_low)  # an empty slot has no voltage
+        self._actions = self._slots[:, : self.num_actions]
         self._declared = not self.machine.has_paper_clutches
         self._records = int(telemetry)
         self._final_obs = np.empty((0, len(self.layout)), np.float32)
@@ -189,7 +193,8 @@ class Batch(WorldArrays):
         Parameters
         ----------
         actions
-            Clutch voltages in the action unit, shape (N, 4). Up to four float32 ulp beyond a bound are clipped.
+            Clutch voltages in the action unit, shape (N, num_actions). Up to four float32 ulp beyond a bound are
+            clipped.
         ended
             What to do with a world whose episode has ended, from ``pter_gym._engine.world``: ``REFUSE`` to step,
             ``SKIP`` it (its rows are zero, and NaN in the telemetry), reset it in the ``NEXT_STEP``, ignoring that
@@ -226,7 +231,7 @@ class Batch(WorldArrays):
         Parameters
         ----------
         action
-            Shape (4,).
+            Shape (num_actions,).
 
         Returns
         -------
@@ -235,7 +240,7 @@ class Batch(WorldArrays):
         reward, terminated, truncated, success
             As Python has them.
         """
-        self._actions[...] = checked_actions(action, (4,))
+        self._actions[...] = checked_actions(action, (self.num_actions,))
         obs = np.empty(self._shape, np.float32)
         telemetry = np.empty((1, 1, COLUMNS))
         rewards, flags = self._alone
@@ -321,7 +326,7 @@ class Batch(WorldArrays):
 
     def _advance(self, outputs: Outputs, ended: int) -> None:
         """Run a step with the given actions, or raise what ``step`` raises."""
-        world = self._run(no_law, self._actions, outputs, self._config, ended, 1)
+        world = self._run(no_law, self._slots, outputs, self._config, ended, 1)
         if world < 0:
             return
         if self._row(world)[ROW.alive] == 0.0:

@@ -12,9 +12,10 @@ from pter_gym._engine.step import (
     clipped,
     locate,
     observe,
+    passive_force,
     plan_hand,
     plans,
-    take_reading,
+    take_first_readings,
     tip_acceleration,
     was_alive,
     write_observation,
@@ -29,15 +30,16 @@ from pter_gym._engine.world import (
     SAME_STEP,
     STORED_ROWS,
     Arrays,
+    Target,
 )
 from pter_gym._physics.arm import PerLink, UnitVector, Vector, kinetic_energy, moving, tip_position, tip_velocity
-from pter_gym._physics.clutch import PerClutch, scaled, steady_torques
+from pter_gym._physics.clutch import PerClutch, product, scaled, steady_torques
 from pter_gym._physics.friction import mode_of, slip_velocities
 from pter_gym.hands._model import SINES, unit_vector
 from pter_gym.paths._projection import Foot, point_at, project, segment_at, segment_of
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
 from pter_gym.tasks.path_following._rules import PathVector, motion_at, singular, strayed, to_world
-from pter_gym.tasks.path_following._specification import MAX_DELAY, MAX_START_SPEED_ACROSS, MAX_START_SPEED_ALONG
+from pter_gym.tasks.path_following._specification import MAX_START_SPEED_ACROSS, MAX_START_SPEED_ALONG
 from pter_gym.tasks.path_following._telemetry import COLUMN
 
 _RESET_STREAM, _START_STREAM = np.uint64(0x5245534554), np.uint64(0x5354415254)
@@ -47,6 +49,8 @@ _ONE = np.uint64(1)
 
 COVERED = 0.92
 """Episodes that begin moving do so within this share of the path."""
+
+WHOLE, NO_VOLTS = PerClutch(1.0, 1.0, 1.0, 1.0), PerClutch(0.0, 0.0, 0.0, 0.0)
 
 RELEASED = 0.2
 """Share of the clutches that are released where an episode begins with settled ones."""
@@ -105,6 +109,7 @@ def start_episode(w: Any, i: int, seed: np.uint64, episode: np.uint64, config: A
         spread(u0, w[ROW.task.start_offset, i]),
     )
     w[ROW.pace_ratio, i] = 1.0
+    settle(w, i, NO_VOLTS)
     if w[ROW.task.starts.moving, i] + w[ROW.task.starts.gripped, i] > 0.0:
         explore(w, i, seed, episode, constants)
     w[ROW.alive, i] = 1.0
@@ -112,8 +117,7 @@ def start_episode(w: Any, i: int, seed: np.uint64, episode: np.uint64, config: A
     if plans(w, i):
         plan_hand(w, i, constants, config[CONFIG.substep] * config[CONFIG.substeps], config[CONFIG.substeps])
     if w[ROW.task.sensing.is_ideal, i] == 0.0:
-        for _ in range(1 + MAX_DELAY):
-            take_reading(w, i, seed, episode)
+        take_first_readings(w, i, seed, episode, config[CONFIG.substep] * config[CONFIG.substeps])
 
 
 @device
@@ -179,18 +183,16 @@ def set_going(w: Any, i: int, foot: Foot, speed: PathVector) -> None:
 def grip(w: Any, i: int, shares: PerClutch) -> None:
     """Let the clutches have settled at shares of the largest voltage."""
     most = w[ROW.machine.voltage_max, i]
-    volts = clipped(product(shares, most), most)
+    settle(w, i, clipped(product(shares, most), most))
+
+
+@device
+def settle(w: Any, i: int, volts: PerClutch) -> None:
+    """Let the clutches have settled at voltages [V]."""
     machine = load(w, ROW.machine, i)
     store(w, ROW.command, i, volts)
     store(w, ROW.lagged_volts, i, volts)
-    store(w, ROW.torques, i, scaled(steady_torques(machine.breakaway, machine.dynamic, volts), machine.scale, 1.0))
-
-
-@entrywise
-@device
-def product(x: float, y: float) -> float:
-    """Return x·y."""
-    return x * y
+    store(w, ROW.torques, i, scaled(steady_torques(machine.breakaway, machine.dynamic, volts), machine.scale, WHOLE))
 
 
 @entrywise
@@ -265,12 +267,8 @@ def total_force(w: Any, i: int) -> Vector:
     q = load(w, ROW.motion, i)
     force = load(w, ROW.force, i)
     to = load(w, ROW.target.position, i)
-    x, y = tip_position(arm, q)
-    v_x, v_y = tip_velocity(arm, q)
-    return Vector(
-        force.x + arm.stiffness * (to.x - x) - arm.damping * v_x,
-        force.y + arm.stiffness * (to.y - y) - arm.damping * v_y,
-    )
+    pull = passive_force(arm, q, Target(to, Vector(0.0, 0.0)))  # the target's velocity is in ``force``
+    return Vector(force.x + pull.x, force.y + pull.y)
 
 
 # --- how a step ends ---

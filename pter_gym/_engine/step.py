@@ -25,9 +25,19 @@ from pter_gym._engine.world import (
     Reading,
     Target,
 )
-from pter_gym._physics.arm import Load, Motion, PerLink, Vector, kinetic_energy, tip_position, tip_velocity
-from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.friction import between
+from pter_gym._physics.arm import (
+    Linkage,
+    Load,
+    Motion,
+    PerLink,
+    Vector,
+    directed,
+    kinetic_energy,
+    tip_position,
+    tip_velocity,
+)
+from pter_gym._physics.clutch import PerClutch, faded, heated, product
+from pter_gym._physics.friction import between, slip_velocities
 from pter_gym._physics.step import Energy, arrangement_from, control_step_on, count_nonzero, paper_clutches, torques_at
 from pter_gym.hands._model import advance_sines, intent_speed, renew_sines, sum_of_sines, unit_vector
 from pter_gym.paths._projection import point_at, project
@@ -193,10 +203,20 @@ def push_tip(w: Any, i: int, guides: bool) -> None:
     """
     force = to_world(active_force(w, i, guides), load(w, ROW.foot.heading, i))
     if guides:
-        damping = w[ROW.machine.arm.damping, i]
-        pull = load(w, ROW.target.velocity, i)
-        force = Vector(force.x + damping * pull.x, force.y + damping * pull.y)
+        arm, to = load(w, ROW.machine.arm, i), load(w, ROW.target.velocity, i)
+        pull = directed(arm.damping, arm.damping_by, to.x, to.y)
+        force = Vector(force.x + pull.x, force.y + pull.y)
     store(w, ROW.force, i, force)
+
+
+@device
+def passive_force(arm: Linkage, q: Motion, target: Target) -> Vector:
+    """Return the force of the hand's spring and damper on the tip [N]."""
+    x, y = tip_position(arm, q)
+    v_x, v_y = tip_velocity(arm, q)
+    spring = directed(arm.stiffness, arm.stiffness_by, target.position.x - x, target.position.y - y)
+    damper = directed(arm.damping, arm.damping_by, target.velocity.x - v_x, target.velocity.y - v_y)
+    return Vector(spring.x + damper.x, spring.y + damper.y)
 
 
 @device
@@ -204,16 +224,7 @@ def hand_force(w: Any, i: int) -> PathVector:
     """Return the force of the hand on the tip along and across the path at a control instant [N]."""
     arm = load(w, ROW.machine.arm, i)
     q = load(w, ROW.motion, i)
-    target = load(w, ROW.target, i)
-    x, y = tip_position(arm, q)
-    v_x, v_y = tip_velocity(arm, q)
-    pull = to_path(
-        Vector(
-            arm.stiffness * (target.position.x - x) + arm.damping * (target.velocity.x - v_x),
-            arm.stiffness * (target.position.y - y) + arm.damping * (target.velocity.y - v_y),
-        ),
-        load(w, ROW.foot.heading, i),
-    )
+    pull = to_path(passive_force(arm, q, load(w, ROW.target, i)), load(w, ROW.foot.heading, i))
     active = active_force(w, i, True)
     return PathVector(active.along + pull.along, active.across + pull.across)
 
@@ -223,8 +234,9 @@ def hand_force(w: Any, i: int) -> PathVector:
 
 @device
 def drift_torques(w: Any, i: int, period: float) -> None:
-    """Find what the friction's drift has made of the clutch torques by the present control step."""
-    w[ROW.drift, i] = between(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
+    """Find what the friction's drift and the clutches' heat have made of their torques by the present control step."""
+    drift = between(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
+    store(w, ROW.strength, i, faded(load(w, ROW.heat, i), w[ROW.machine.fade, i], drift))
 
 
 @device
@@ -360,8 +372,32 @@ def noisy(value: float, deviation: float, draw: float) -> float:
     return value + deviation * draw
 
 
+@entrywise
+@device
+def coasted(theta: float, omega: float, time: float) -> float:
+    """Return an angle a time ago at the present angular velocity."""
+    return theta - omega * time
+
+
+@entrywise
+@device
+def measured_velocity(theta: float, before: float, omega: float, period: float, differs: bool) -> float:
+    """Return what a velocity sensor reads, or the difference of two angle readings over a control period."""
+    return (theta - before) / period if differs else omega
+
+
 @outlined
-def take_reading(w: Any, i: int, seed: np.uint64, episode: np.uint64) -> None:
+def take_first_readings(w: Any, i: int, seed: np.uint64, episode: np.uint64, period: float) -> None:
+    """Read the sensors where an episode begins, as if the arm had coasted there."""
+    q, resolution = load(w, ROW.motion, i), w[ROW.task.sensing.angle_resolution, i]
+    before = coasted(PerLink(q.theta_a, q.theta_b), PerLink(q.omega_a, q.omega_b), period)
+    for _ in range(1 + MAX_DELAY):
+        store(w, ROW.readings.now.theta, i, quantised(before, resolution))
+        take_reading(w, i, seed, episode, period)
+
+
+@outlined
+def take_reading(w: Any, i: int, seed: np.uint64, episode: np.uint64, period: float) -> None:
     """Read the sensors of a world, and keep the readings before."""
     for age in range(MAX_DELAY, 0, -1):
         store(w, ROW.readings[age], i, load(w, ROW.readings[age - 1], i))
@@ -370,9 +406,12 @@ def take_reading(w: Any, i: int, seed: np.uint64, episode: np.uint64) -> None:
     q = load(w, ROW.motion, i)
     g0, g1, g2, g3 = gaussians(seed, episode, 2 * step)
     n0, n1, n2, n3 = gaussians(seed, episode, 2 * step + 1)
+    theta = quantised(PerLink(q.theta_a, q.theta_b), sensing.angle_resolution)
+    before, differs = load(w, ROW.readings.one_ago.theta, i), sensing.encoder_velocity != 0.0
+    omega = measured_velocity(theta, before, PerLink(q.omega_a, q.omega_b), period, differs)
     reading = Reading(
-        theta=quantised(PerLink(q.theta_a, q.theta_b), sensing.angle_resolution),
-        omega=noisy(PerLink(q.omega_a, q.omega_b), sensing.velocity_noise, PerLink(g0, g1)),
+        theta=theta,
+        omega=noisy(omega, sensing.velocity_noise, PerLink(g0, g1)),
         torque=noisy(load(w, ROW.torque, i), sensing.torque_noise, PerClutch(n0, n1, n2, n3)),
         force=noisy(hand_force(w, i), sensing.force_noise, PathVector(g2, g3)),
     )
@@ -456,27 +495,35 @@ def _mover(arrangement_at: Any) -> Any:
     control_step = control_step_on(ROW, load_on, arrangement_at, move_hands)
 
     @device
+    def heat_clutches(w: Any, i: int, period: float) -> None:
+        """Add what the clutches dissipate, by their torques and slip velocities at the end of a control step."""
+        q, heat, cooling = load(w, ROW.motion, i), load(w, ROW.heat, i), w[ROW.machine.cooling, i]
+        slip = slip_velocities(q.omega_a, q.omega_b, arrangement_at(w, i))
+        store(w, ROW.heat, i, heated(heat, product(load(w, ROW.torque, i), slip), period, cooling))
+
+    @device
     def sense_torques(w: Any, i: int) -> None:
         """Find the torques [N·m] that the clutches generate now."""
-        q = load(w, ROW.motion, i)
-        arm = load(w, ROW.machine.arm, i)
-        threshold = w[ROW.machine.slip_threshold, i]
-        torques = load(w, ROW.torques, i)
-        store(w, ROW.torque, i, torques_at(q, arm, load_on(w, i), torques, threshold, arrangement_at(w, i)))
+        q, machine, torques = load(w, ROW.motion, i), load(w, ROW.machine, i), load(w, ROW.torques, i)
+        store(w, ROW.torque, i, torques_at(q, machine, load_on(w, i), torques, arrangement_at(w, i)))
 
     @device
     def move(w: Any, lanes: int, config: Any, guides: bool) -> None:
         """Move the worlds in the first ``lanes`` columns, which have taken their commands, through a control step.
 
-        ``guides`` says that hands may have more than a push and sines.
+        ``guides`` says that hands may have more than a push and sines, and that clutches may fade.
         """
         h, count = config[CONFIG.substep], int(config[CONFIG.substeps])
         for i in range(lanes):
             drift_torques(w, i, h * count)
-        control_step(w, lanes, h, count, count_nonzero(w, ROW.machine.voltage_decay, lanes) > 0, guides)
+        control_step(w, lanes, h, count, count_nonzero(w, ROW.machine.voltage_decay.rise, lanes) > 0, guides)
         for i in range(lanes):
             sense_torques(w, i)
             store(w, ROW.sines, i, renew_sines(load(w, ROW.sines, i)))
+        if guides:
+            for i in range(lanes):
+                if w[ROW.machine.fade, i] > 0.0:
+                    heat_clutches(w, i, h * count)
 
     return move
 
@@ -514,6 +561,6 @@ def conclude_step(
     if with_extras:
         for i in range(lanes):
             if w[ROW.task.sensing.is_ideal, i] == 0.0:
-                take_reading(w, i, words[first + i, 0], words[first + i, 1])
+                take_reading(w, i, words[first + i, 0], words[first + i, 1], period)
                 observe_reading(w, i, constants)
     scale_entries(w, 0, width, config)

@@ -71,11 +71,12 @@ class World(NamedTuple):
     context_at: Annotated[float, Entry("1", "where its context begins in the constants")]
     draws_from: Annotated[float, Entry("1", "where the contexts that it draws from begin")]
     draws: Annotated[float, Entry("1", "number of contexts that it draws from")]
-    # what is stored too where hands plan or sensors are not ideal
+    # what is stored too where hands plan, sensors are not ideal or clutches fade
     drive: Drive
     target: Target
     intent: Annotated[float, Entry("m", "arc length of the intended point")]
     readings: Readings
+    heat: Annotated[PerClutch, Entry("J", "heat")]
     # constants, read from where all worlds share them
     machine: Model
     hand: HandModel
@@ -84,7 +85,7 @@ class World(NamedTuple):
     last_command: Annotated[PerClutch, Entry("V", "command before the last")]
     start_velocity: Annotated[Vector, Entry("m/s", "the tip's velocity at the start of the step")]
     energy: Energy
-    drift: Annotated[float, Entry("1", "torque of all clutches, relative to that at the start of the episode")]
+    strength: Annotated[PerClutch, Entry("1", "torque, relative to that at the start of the episode")]
     steady: Torques
     impact: Impact
     omega: Annotated[PerLink, Entry("rad/s", "angular velocity after friction")]
@@ -117,7 +118,7 @@ STORED_ROWS = int(ROW.machine.arm.length_a)
 CONSTANT_ROWS = int(ROW.last_command.x1) - STORED_ROWS
 """Rows of a world's constants."""
 
-COMMAND_ROWS = int(ROW.drift - ROW.last_command.x1)
+COMMAND_ROWS = int(ROW.strength.x1 - ROW.last_command.x1)
 """Rows behind the constants that a world's command sets."""
 
 FLAG = rows(Flags)

@@ -78,6 +78,8 @@ def check_shared(pairs: Sequence[Pair]) -> None:
             raise ParameterError("machines of one batch must share substep and clutch.voltage_max")
         if machine.has_paper_clutches != first.has_paper_clutches:
             raise ParameterError("Machine.clutches of one batch must all be the paper's, or none")
+        if len(machine.clutches) != len(first.clutches):
+            raise ParameterError("Machine.clutches of one batch must be equally many: an action has an entry for each")
         if task.control_period != goal.control_period:
             raise ParameterError("tasks of one batch must share control_period")
         check_machine(task, machine)
@@ -116,10 +118,11 @@ class WorldArrays:
         self.pairs, numbers = distinct(machines, tasks)
         checked = checked_constants.__wrapped__ if drawing is None else checked_constants
         self._constants: Any = checked(tuple(self.pairs))
+        extras = any(t.hand.plans or t.sensing != IDEAL_SENSING or m.clutch.fade > 0.0 for m, t in self.pairs)
         self._worlds: Any = empty_blocks(
             float(CONTEXT_WIDTH) * numbers if drawing is None else np.zeros(drawing),
             1 if drawing is None else len(self.pairs),
-            STORED_ROWS if any(t.hand.plans or t.sensing != IDEAL_SENSING for _, t in self.pairs) else BASIC_ROWS,
+            STORED_ROWS if extras else BASIC_ROWS,
         )
         self._words = np.zeros((self.num_worlds, 2), np.uint64)
         self._seeded = np.zeros(self.num_worlds, np.bool_)

@@ -25,6 +25,17 @@ class UnitVector(NamedTuple):
     sin: Annotated[float, Entry("1", "sine of {}")]
 
 
+class Deviator(NamedTuple):
+    """The part of a symmetric matrix in the plane that depends on direction: [[stretch, shear], [shear, −stretch]]."""
+
+    stretch: Annotated[float, Entry("", "half of the {} along x less that along y")]
+    shear: Annotated[float, Entry("", "{} along x against motion along y")]
+
+
+ISOTROPIC = Deviator(0.0, 0.0)
+"""The same in all directions."""
+
+
 class PerLink(NamedTuple):
     """One number for each of the two links."""
 
@@ -40,13 +51,15 @@ class Linkage(NamedTuple):
     m11: Annotated[float, Entry("kg·m²", "inertia about axis A, with the hand's mass")]
     m22: Annotated[float, Entry("kg·m²", "inertia about axis B, with the hand's mass")]
     coupling: Annotated[float, Entry("kg·m²", "M12 over cos(θA − θB) in the mass matrix, with the hand's mass")]
-    damping: Annotated[float, Entry("N·s/m", "the hand's damping")]
-    stiffness: Annotated[float, Entry("N/m", "the hand's stiffness")]
+    damping: Annotated[float, Entry("N·s/m", "the hand's damping, the mean over all directions")]
+    stiffness: Annotated[float, Entry("N/m", "the hand's stiffness, the mean over all directions")]
     implicit: Annotated[float, Entry("1", "share of the hand's damping by the velocity after a kick, not before it")]
     dry_a: Annotated[float, Entry("N·m", "dry friction of axis A against the base")] = 0.0
     dry_b: Annotated[float, Entry("N·m", "dry friction of axis B against the base")] = 0.0
     viscous_a: Annotated[float, Entry("N·m·s", "viscous friction of axis A against the base")] = 0.0
     viscous_b: Annotated[float, Entry("N·m·s", "viscous friction of axis B against the base")] = 0.0
+    damping_by: Annotated[Deviator, Entry("N·s/m", "the hand's damping", name="damping")] = ISOTROPIC
+    stiffness_by: Annotated[Deviator, Entry("N/m", "the hand's stiffness", name="stiffness")] = ISOTROPIC
 
 
 class Motion(NamedTuple):
@@ -116,13 +129,33 @@ def joint_torque(arm: Linkage, q: Motion, force_x: float, force_y: float) -> tup
 
 
 @device
-def damper_torque(arm: Linkage, q: Motion) -> tuple[float, float]:
-    """Return b·JᵀJ·ω [N·m], the torque against each link of the hand's damper."""
-    cross = arm.length_a * arm.length_b * cos_difference(q)
+def directed(mean: float, by: Deviator, x: float, y: float) -> Vector:
+    """Return a vector (x, y) times a symmetric matrix, from its mean over all directions and its deviator."""
+    return Vector(mean * x + (by.stretch * x + by.shear * y), mean * y + (by.shear * x - by.stretch * y))
+
+
+@device
+def damper_matrix(arm: Linkage, q: Motion) -> tuple[float, float, float]:
+    """Return JᵀBJ [N·m·s], the entries (1, 1), (1, 2), (2, 2) of the hand's damping B at the links.
+
+    A deviator's share is −l_i·l_j·(stretch·cos(θ_i + θ_j) + shear·sin(θ_i + θ_j)).
+    """
+    by, length_a, length_b = arm.damping_by, arm.length_a, arm.length_b
+    cos_aa, sin_aa = q.cos_a * q.cos_a - q.sin_a * q.sin_a, 2.0 * q.sin_a * q.cos_a
+    cos_ab, sin_ab = q.cos_a * q.cos_b - q.sin_a * q.sin_b, q.sin_a * q.cos_b + q.cos_a * q.sin_b
+    cos_bb, sin_bb = q.cos_b * q.cos_b - q.sin_b * q.sin_b, 2.0 * q.sin_b * q.cos_b
     return (
-        arm.damping * (arm.length_a * arm.length_a * q.omega_a + cross * q.omega_b),
-        arm.damping * (cross * q.omega_a + arm.length_b * arm.length_b * q.omega_b),
+        (arm.damping - (by.stretch * cos_aa + by.shear * sin_aa)) * length_a * length_a,
+        (arm.damping * cos_difference(q) - (by.stretch * cos_ab + by.shear * sin_ab)) * length_a * length_b,
+        (arm.damping - (by.stretch * cos_bb + by.shear * sin_bb)) * length_b * length_b,
     )
+
+
+@device
+def damper_torque(arm: Linkage, q: Motion) -> tuple[float, float]:
+    """Return JᵀBJ·ω [N·m], the torque against each link of the hand's damper."""
+    b11, b12, b22 = damper_matrix(arm, q)
+    return b11 * q.omega_a + b12 * q.omega_b, b12 * q.omega_a + b22 * q.omega_b
 
 
 @device

@@ -4,7 +4,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from pter_gym._compiled.compiler import device
-from pter_gym._compiled.records import Entry
+from pter_gym._compiled.records import Entry, entrywise
 
 
 class PerClutch(NamedTuple):
@@ -24,11 +24,30 @@ class Torques(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """Torque over voltage: ``slope·v + curvature·max(v − knee, 0)²`` [N·m/V, V, N·m/V²]."""
+    """Torque over voltage: ``off_state + slope·v + curvature·max(v − knee, 0)²``."""
 
     slope: Annotated[float, Entry("N·m/V", "slope of the linear segment of the {}")]
     knee: Annotated[float, Entry("V", "voltage at which the quadratic segment of the {} begins")]
     curvature: Annotated[float, Entry("N·m/V²", "curvature of the quadratic segment of the {}")]
+    off_state: Annotated[float, Entry("N·m", "{} without voltage")] = 0.0
+
+
+class Sliding(NamedTuple):
+    """How the torque of a slipping clutch depends on its slip velocity."""
+
+    stribeck: Annotated[float, Entry("rad²/s²", "square of the Stribeck velocity, 0 for none")]
+    viscous: Annotated[PerClutch, Entry("N·m·s", "viscous friction", name="viscous")]
+
+
+NO_SLOPE = Sliding(0.0, PerClutch(0.0, 0.0, 0.0, 0.0))
+"""The paper's clutches: a slipping one exerts its dynamic torque."""
+
+
+class Decay(NamedTuple):
+    """What half a substep leaves of a first-order lag, 0 where there is none."""
+
+    rise: Annotated[float, Entry("1", "part of the {}'s lag that half a substep leaves as it rises, 0 for no lag")]
+    fall: Annotated[float, Entry("1", "part of the {}'s lag that half a substep leaves as it falls, 0 for no lag")]
 
 
 @device
@@ -36,7 +55,7 @@ def curve_torque(curve: Curve, volts: float) -> float:
     """Return the steady torque [N·m] at a voltage [V]: a linear segment, then a quadratic one, C1 at the knee."""
     beyond = volts - curve.knee
     beyond = beyond if beyond > 0.0 else 0.0
-    return curve.slope * volts + curve.curvature * beyond * beyond
+    return curve.slope * volts + curve.curvature * beyond * beyond + curve.off_state
 
 
 @device
@@ -57,12 +76,12 @@ def steady_torques(breakaway: Curve, dynamic: Curve, volts: PerClutch) -> Torque
 
 
 @device
-def scaled(torques: Torques, scale: PerClutch, factor: float) -> Torques:
-    """Return torque limits [N·m] times a factor for each clutch and one for all."""
-    s1 = scale.x1 * factor
-    s2 = scale.x2 * factor
-    s3 = scale.x3 * factor
-    s4 = scale.x4 * factor
+def scaled(torques: Torques, scale: PerClutch, strength: PerClutch) -> Torques:
+    """Return torque limits [N·m] times two factors for each clutch."""
+    s1 = scale.x1 * strength.x1
+    s2 = scale.x2 * strength.x2
+    s3 = scale.x3 * strength.x3
+    s4 = scale.x4 * strength.x4
     ts = torques.breakaway
     tk = torques.dynamic
     return Torques(
@@ -78,20 +97,54 @@ def lag_left(time: float, time_constant: float) -> float:
 
 
 @device
-def relax(value: PerClutch, target: PerClutch, decay: float) -> PerClutch:
-    """Advance a first-order lag exactly, by a time of which ``decay`` is what it leaves of a lag, 0 for none."""
+def whole_decay(half: Decay) -> Decay:
+    """Return what a whole substep leaves of a lag."""
+    return Decay(half.rise * half.rise, half.fall * half.fall)
+
+
+@device
+def relax_one(value: float, target: float, decay: Decay) -> float:
+    """Advance a first-order lag exactly, by a time that leaves ``decay`` of it."""
+    ahead = value - target
+    return target + ahead * (decay.fall if ahead > 0.0 else decay.rise)
+
+
+@device
+def relax(value: PerClutch, target: PerClutch, decay: Decay) -> PerClutch:
+    """Advance the first-order lags of the four clutches exactly, as ``relax_one``."""
     return PerClutch(
-        target.x1 + (value.x1 - target.x1) * decay,
-        target.x2 + (value.x2 - target.x2) * decay,
-        target.x3 + (value.x3 - target.x3) * decay,
-        target.x4 + (value.x4 - target.x4) * decay,
+        relax_one(value.x1, target.x1, decay),
+        relax_one(value.x2, target.x2, decay),
+        relax_one(value.x3, target.x3, decay),
+        relax_one(value.x4, target.x4, decay),
     )
 
 
 @device
-def relax_torques(value: Torques, target: Torques, decay: float) -> Torques:
+def relax_torques(value: Torques, target: Torques, decay: Decay) -> Torques:
     """Advance the lag of the normal force, to which both torque limits are proportional, as ``relax``."""
     return Torques(relax(value.breakaway, target.breakaway, decay), relax(value.dynamic, target.dynamic, decay))
+
+
+@entrywise
+@device
+def product(x: float, y: float) -> float:
+    """Return x·y."""
+    return x * y
+
+
+@entrywise
+@device
+def heated(heat: float, power: float, time: float, cooling: float) -> float:
+    """Return the heat [J] of a clutch that dissipates a power [W] for a time [s] and cools with a time constant."""
+    return (heat + abs(power) * time) * math.exp(-time / cooling)
+
+
+@entrywise
+@device
+def faded(heat: float, fade: float, strength: float) -> float:
+    """Return a clutch's torque, relative to that of one with no heat [J] and a strength of 1, for a fade [1/J]."""
+    return strength / (1.0 + fade * heat)
 
 
 @device
@@ -104,20 +157,29 @@ def holding(breakaway: float, dynamic: float) -> float:
 
 
 @device
-def capacity(slip: float, threshold: float, breakaway: float, dynamic: float) -> float:
-    """Return the torque limit [N·m] for the next substep by Karnopp's rule (paper Eq. 2)."""
-    held = holding(breakaway, dynamic)
-    return held if abs(slip) < threshold else dynamic
+def sliding(slip: float, breakaway: float, dynamic: float, stribeck: float, viscous: float) -> float:
+    """Return the torque [N·m] of a clutch that slips: from breakaway to dynamic torque as it speeds up, and viscous."""
+    return dynamic + (breakaway - dynamic) * (stribeck / (stribeck + slip * slip)) + viscous * abs(slip)
 
 
 @device
-def capacities(slip: PerClutch, threshold: float, torques: Torques) -> PerClutch:
+def capacity(
+    slip: float, threshold: float, breakaway: float, dynamic: float, stribeck: float = 0.0, viscous: float = 0.0
+) -> float:
+    """Return the torque limit [N·m] for the next substep by Karnopp's rule (paper Eq. 2)."""
+    held = holding(breakaway, dynamic)
+    return held if abs(slip) < threshold else sliding(slip, breakaway, dynamic, stribeck, viscous)
+
+
+@device
+def capacities(slip: PerClutch, threshold: float, torques: Torques, by: Sliding = NO_SLOPE) -> PerClutch:
     """Return the torque limits [N·m] of the four clutches for the next substep (paper Eq. 2)."""
+    ts, tk = torques.breakaway, torques.dynamic
     return PerClutch(
-        capacity(slip.x1, threshold, torques.breakaway.x1, torques.dynamic.x1),
-        capacity(slip.x2, threshold, torques.breakaway.x2, torques.dynamic.x2),
-        capacity(slip.x3, threshold, torques.breakaway.x3, torques.dynamic.x3),
-        capacity(slip.x4, threshold, torques.breakaway.x4, torques.dynamic.x4),
+        capacity(slip.x1, threshold, ts.x1, tk.x1, by.stribeck, by.viscous.x1),
+        capacity(slip.x2, threshold, ts.x2, tk.x2, by.stribeck, by.viscous.x2),
+        capacity(slip.x3, threshold, ts.x3, tk.x3, by.stribeck, by.viscous.x3),
+        capacity(slip.x4, threshold, ts.x4, tk.x4, by.stribeck, by.viscous.x4),
     )
 
 
@@ -154,7 +216,7 @@ def share_before(before: float, slid: float, threshold: float) -> float:
     threshold
         The stick band δω [rad/s].
     """
-    edge = 1.000000001 * threshold  # not a rounding error short of it
+    edge = 1.01 * threshold  # not short of it by rounding, nor by how far the motion is from a straight line
     if abs(before) >= threshold:
         return before / (before - slid) if before * slid < 0.0 else 1.0
     return ((edge if slid > 0.0 else -edge) - before) / (slid - before) if abs(slid) > edge else 1.0

@@ -46,9 +46,10 @@ which the series of ``rotated`` is made. The spring of a hand counts as the mean
 of its force: what it has at a control instant, and half of what the arm's way in a control step adds.
 
 The rest is rounding. A 2×2 system loses as many digits as its condition has, so ``MAX_CONDITION`` leaves twelve
-of sixteen; the hand's damping, as if all of it were implicit, and the viscous friction of the axes are part of it. The
-latter takes energy only, and so does dry friction. All other numbers are limited in ``pter_gym.params`` to
-``MIN_POSITIVE`` and ``MAX_NUMBER``, of whose products no number of a substep has more than twenty factors.
+of sixteen; the hand's damping in the direction of most, as if all of it were implicit, and the viscous friction of the
+axes are part of it. The latter takes energy only, and so do dry friction and the clutches, however their torques depend
+on speed. All other numbers are limited in ``pter_gym.params`` to ``MIN_POSITIVE`` and ``MAX_NUMBER``, of whose products
+no number of a substep has more than twenty factors.
 """
 
 import math
@@ -82,7 +83,7 @@ def smallest_inertia(arm: Linkage) -> float:
 def condition(arm: Linkage, h: float) -> float:
     """Return an upper bound of the condition of the effective mass matrix, infinite where rounding leaves nothing."""
     smallest = smallest_inertia(arm)
-    largest = arm.m11 + arm.m22 + h * arm.damping * (arm.length_a**2 + arm.length_b**2)
+    largest = arm.m11 + arm.m22 + h * _most_damping(arm)
     largest += h * (arm.viscous_a + arm.viscous_b)
     return largest / smallest if smallest > 0.0 else math.inf
 
@@ -91,7 +92,7 @@ def largest_motion(arm: Linkage, h: float, period: float) -> float:
     """Return U² [J]: twice the kinetic energy below which an arm stays within a control step."""
     smallest, coupling = smallest_inertia(arm), abs(arm.coupling)
     turning = smallest * (MAX_TURN / h) ** 2
-    taken = h * arm.damping * (arm.length_a**2 + arm.length_b**2) / smallest
+    taken = h * _most_damping(arm) / smallest
     left = 1.0 - 0.5 * (1.0 - arm.implicit) * taken
     a = 8.6 * coupling**2 / (left * smallest) + 0.56 * coupling
     explicit = h * a * _lengthened(h, period) / _INTEGRATORS  # as below, 0 for no coupling, or one whose square is 0
@@ -120,6 +121,11 @@ def largest_travel(arm: Linkage, h: float, period: float) -> float:
     """Return how far the tip may move in a control step of a period [m]."""
     speed = _ROUNDING_UP * math.sqrt(largest_motion(arm, h, period) / smallest_inertia(arm))
     return period * speed * math.hypot(arm.length_a, arm.length_b)
+
+
+def _most_damping(arm: Linkage) -> float:
+    """Return bℓ² [N·m·s], the trace of JᵀBJ with the hand's damping b in the direction of most."""
+    return (arm.damping + math.hypot(*arm.damping_by)) * (arm.length_a**2 + arm.length_b**2)
 
 
 def _pull(arm: Linkage, force: float) -> float:

@@ -3,12 +3,14 @@
 from typing import Annotated, NamedTuple
 
 from pter_gym._compiled.records import Entry
-from pter_gym._physics.arm import Linkage
+from pter_gym._physics.arm import Deviator, Linkage
 from pter_gym._physics.arrangement import Arrangement, OptionalArrangement
-from pter_gym._physics.clutch import Curve, PerClutch, lag_left
-from pter_gym.params import SLOTS, Machine
+from pter_gym._physics.clutch import Curve, Decay, PerClutch, Sliding, lag_left
+from pter_gym.params import SLOTS, Hand, Machine
 from pter_gym.params import TorqueCurve as CurveParameters
 from pter_gym.params._machine import BRAKE_A, BRAKE_B, tip_mass
+
+NO_LAG = Decay(0.0, 0.0)
 
 
 class Model(NamedTuple):
@@ -17,8 +19,11 @@ class Model(NamedTuple):
     arm: Linkage
     breakaway: Annotated[Curve, Entry("", "breakaway torque")]
     dynamic: Annotated[Curve, Entry("", "dynamic torque")]
-    voltage_decay: Annotated[float, Entry("1", "part of the voltage's lag that half a substep leaves, 0 for no lag")]
-    torque_decay: Annotated[float, Entry("1", "part of the torque's lag that half a substep leaves, 0 for no lag")]
+    sliding: Sliding
+    voltage_decay: Annotated[Decay, Entry("1", "{} voltage", name="voltage_decay")]
+    torque_decay: Annotated[Decay, Entry("1", "{} torque", name="torque_decay")]
+    fade: Annotated[float, Entry("1/J", "torque lost with the heat of a clutch")]
+    cooling: Annotated[float, Entry("s", "time constant with which a clutch cools")]
     voltage_max: Annotated[float, Entry("V", "largest voltage")]
     slip_threshold: Annotated[float, Entry("rad/s", "stick band δω")]
     scale: Annotated[PerClutch, Entry("1", "torque, relative to that of the curves")]
@@ -29,7 +34,8 @@ def model_of(machine: Machine) -> Model:
     arm = machine.arm
     hand = machine.hand
     clutch = machine.clutch
-    decay = lag_left(0.5 * machine.substep, clutch.time_constant)
+    half = 0.5 * machine.substep
+    decay = Decay(lag_left(half, clutch.time_constant), lag_left(half, clutch.time_constant * clutch.fall_ratio))
     lags_voltage = clutch.lag == "voltage"
     return Model(
         arm=Linkage(
@@ -45,15 +51,28 @@ def model_of(machine: Machine) -> Model:
             dry_b=arm.dry_b,
             viscous_a=arm.viscous_a,
             viscous_b=arm.viscous_b,
+            damping_by=deviator_of(hand.damping, hand.damping_anisotropy),
+            stiffness_by=deviator_of(hand.stiffness, hand.stiffness_anisotropy),
         ),
         breakaway=curve_of(clutch.breakaway),
         dynamic=curve_of(clutch.dynamic),
-        voltage_decay=decay if lags_voltage else 0.0,
-        torque_decay=0.0 if lags_voltage else decay,
+        sliding=Sliding(
+            clutch.stribeck * clutch.stribeck, PerClutch(*(clutch.viscous * scale for scale in machine.slot_scale))
+        ),
+        voltage_decay=decay if lags_voltage else NO_LAG,
+        torque_decay=NO_LAG if lags_voltage else decay,
+        fade=clutch.fade,
+        cooling=clutch.cooling,
         voltage_max=clutch.voltage_max,
         slip_threshold=machine.slip_threshold,
         scale=PerClutch(*machine.slot_scale),
     )
+
+
+def deviator_of(mean: float, anisotropy: tuple[float, ...]) -> Deviator:
+    """Return the deviator of a matrix, from its mean over all directions and its anisotropy."""
+    stretch, shear = anisotropy
+    return Deviator(mean * stretch, mean * shear)
 
 
 def arrangement_of(machine: Machine) -> Arrangement:
@@ -78,10 +97,16 @@ def implicit_share(machine: Machine) -> float:
     Half of it, for second order, or more where a substep takes so much of the motion that its sign would alternate:
     the share before a kick takes at most all of it.
     """
-    taken = machine.substep * machine.hand.damping
+    taken = machine.substep * max_damping(machine.hand)
     return 1.0 - min(0.5, tip_mass(machine.arm) / taken) if taken > 0.0 else 0.5
+
+
+def max_damping(hand: Hand) -> float:
+    """Return an upper bound of a hand's damping in any direction [N·s/m]."""
+    stretch, shear = hand.damping_anisotropy
+    return hand.damping * (1.0 + abs(stretch) + abs(shear))
 
 
 def curve_of(curve: CurveParameters) -> Curve:
     """Return a torque curve as the kernels see it."""
-    return Curve(curve.slope, curve.knee, curve.curvature)
+    return Curve(curve.slope, curve.knee, curve.curvature, curve.off_state)

@@ -1,16 +1,16 @@
 """Open-loop trajectories, for people who want the physics without the environment."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym._compiled.compiler import compile_kernel, device, inlined
+from pter_gym._compiled.compiler import compile_kernel, device, inlined, outlined
 from pter_gym._compiled.records import load, rows, store, width, write
 from pter_gym._physics.arm import Load, Motion, PerLink, Vector, kinetic_energy, tip_position, tip_velocity
-from pter_gym._physics.clutch import PerClutch, Torques
+from pter_gym._physics.clutch import PerClutch, Torques, faded, heated, product
 from pter_gym._physics.friction import mode_of, slip_velocities, without_dry
 from pter_gym._physics.model import arrangement_of, model_of
 from pter_gym._physics.step import Body, Energy, arrangement_from, control_step_on, kick_torques, paper_clutches
@@ -53,6 +53,8 @@ class State:
         Present torque limits of the four clutches [N·m], shape (4,).
     lagged_volts
         Lagged clutch voltages [V], shape (4,); they differ from the command with ``lag="voltage"`` only.
+    heat
+        Heat of the clutches [J], shape (4,); it changes with a ``fade`` only.
     """
 
     theta: Array
@@ -60,6 +62,7 @@ class State:
     torque_breakaway: Array
     torque_dynamic: Array
     lagged_volts: Array
+    heat: Array = field(default_factory=lambda: np.zeros(4))
 
 
 @dataclass(frozen=True)
@@ -222,13 +225,15 @@ def body_of(machine: Machine, state: State) -> Array:
     omega_a, omega_b = _vector("state.omega", state.omega, 2)
     units = np.cos(theta_a), np.sin(theta_a), np.cos(theta_b), np.sin(theta_b)
     store(body, BODY.motion, 0, Motion(theta_a, theta_b, omega_a, omega_b, *units))
-    names = ("torque_breakaway", "torque_dynamic", "lagged_volts")
-    breakaway, dynamic, lagged = (PerClutch(*_vector(f"state.{name}", getattr(state, name), 4)) for name in names)
-    if min(*breakaway, *dynamic, *lagged) < 0.0:
-        raise ParameterError("state: torques and lagged voltages must be ≥ 0")
+    names = ("torque_breakaway", "torque_dynamic", "lagged_volts", "heat")
+    found = (PerClutch(*_vector(f"state.{name}", getattr(state, name), 4)) for name in names)
+    breakaway, dynamic, lagged, heat = found
+    if min(*breakaway, *dynamic, *lagged, *heat) < 0.0:
+        raise ParameterError("state: torques, lagged voltages and heat must be ≥ 0")
     store(body, BODY.torques, 0, Torques(breakaway, dynamic))
     store(body, BODY.lagged_volts, 0, lagged)
-    body[BODY.drift] = 1.0
+    store(body, BODY.heat, 0, heat)
+    store(body, BODY.strength, 0, faded(heat, machine.clutch.fade, 1.0))
     return body
 
 
@@ -256,6 +261,20 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
         store(body, BODY.load, 0, on)
         store(body, BODY.energy, 0, Energy(-0.0, -0.0, -0.0, -0.0))  # the sum with −0 keeps the sign of a zero
         control_step(body, 1, h, 1, True, False)
+        if body[BODY.machine.fade, 0] > 0.0:
+            heat_clutches(body, h)
+
+    @outlined
+    def heat_clutches(body: Any, h: float) -> None:
+        """Add what the clutches have dissipated in a substep, and find what that leaves of their torques."""
+        q, impact, limit = load(body, BODY.motion, 0), load(body, BODY.impact, 0), load(body, BODY.limit, 0)
+        arm, arrangement = load(body, BODY.machine.arm, 0), arrangement_at(body, 0)
+        exerted = kick_torques(impact, q.omega_a, q.omega_b, limit, body[BODY.span, 0], arrangement)
+        torque = without_dry(exerted, arm.dry_a, arm.dry_b, arrangement)
+        power = product(torque, slip_velocities(q.omega_a, q.omega_b, arrangement))
+        heat = heated(load(body, BODY.heat, 0), power, h, body[BODY.machine.cooling, 0])
+        store(body, BODY.heat, 0, heat)
+        store(body, BODY.strength, 0, faded(heat, body[BODY.machine.fade, 0], 1.0))
 
     @device
     def row_of(body: Any) -> Row:
@@ -347,6 +366,7 @@ def _state_of(body: Array) -> State:
         torque_breakaway=np.array(torques.breakaway),
         torque_dynamic=np.array(torques.dynamic),
         lagged_volts=np.array(load(body, BODY.lagged_volts, 0)),
+        heat=np.array(load(body, BODY.heat, 0)),
     )
 
 

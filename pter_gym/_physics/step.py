@@ -17,7 +17,9 @@ from pter_gym._physics.arm import (
     PerLink,
     advance_position,
     cos_difference,
+    damper_matrix,
     damper_torque,
+    directed,
     joint_torque,
     tip_position,
     velocity_torque,
@@ -34,6 +36,7 @@ from pter_gym._physics.clutch import (
     scaled,
     share_before,
     steady_torques,
+    whole_decay,
 )
 from pter_gym._physics.friction import (
     generated_torques,
@@ -84,7 +87,8 @@ class Body(NamedTuple):
     lagged_volts: PerClutch
     command: PerClutch
     load: Load
-    drift: float
+    strength: PerClutch
+    heat: PerClutch
     steady: Torques
     impact: Impact
     omega: PerLink
@@ -99,24 +103,22 @@ class Body(NamedTuple):
 def free_motion(q: Motion, arm: Linkage, on: Load, h: float) -> Impact:
     """Return the velocity problem of a kick that stands for a time h [s], without clutches.
 
-    What is implicit adds to the mass matrix: the axes' viscous friction, and a share of the hand's damping, h·b·JᵀJ if
+    What is implicit adds to the mass matrix: the axes' viscous friction, and a share of the hand's damping, h·JᵀBJ if
     it is all of it; the rest and the spring are explicit.
     """
     x, y = tip_position(arm, q)
-    hand_a, hand_b = joint_torque(
-        arm, q, on.force_x + arm.stiffness * (on.target_x - x), on.force_y + arm.stiffness * (on.target_y - y)
-    )
-    damper_a, damper_b = damper_torque(arm, q)
-    hand_a = hand_a + on.torque_a - (1.0 - arm.implicit) * damper_a
-    hand_b = hand_b + on.torque_b - (1.0 - arm.implicit) * damper_b
+    spring = directed(arm.stiffness, arm.stiffness_by, on.target_x - x, on.target_y - y)
+    hand_a, hand_b = joint_torque(arm, q, on.force_x + spring.x, on.force_y + spring.y)
+    b11, b12, b22 = damper_matrix(arm, q)
+    hand_a = hand_a + on.torque_a - (1.0 - arm.implicit) * (b11 * q.omega_a + b12 * q.omega_b)
+    hand_b = hand_b + on.torque_b - (1.0 - arm.implicit) * (b12 * q.omega_a + b22 * q.omega_b)
     v_a, v_b = velocity_torque(arm, q)
-    cos = cos_difference(q)
-    m12 = arm.coupling * cos
-    implicit = h * arm.implicit * arm.damping
+    m12 = arm.coupling * cos_difference(q)
+    implicit = h * arm.implicit
     return Impact(
-        arm.m11 + implicit * arm.length_a * arm.length_a + h * arm.viscous_a,
-        m12 + implicit * arm.length_a * arm.length_b * cos,
-        arm.m22 + implicit * arm.length_b * arm.length_b + h * arm.viscous_b,
+        arm.m11 + implicit * b11 + h * arm.viscous_a,
+        m12 + implicit * b12,
+        arm.m22 + implicit * b22 + h * arm.viscous_b,
         arm.m11 * q.omega_a + m12 * q.omega_b + h * (hand_a - v_a),
         m12 * q.omega_a + arm.m22 * q.omega_b + h * (hand_b - v_b),
         hand_a,
@@ -168,15 +170,21 @@ def stuck_limits(slip: PerClutch, limit: PerClutch) -> PerClutch:
 
 @device
 def torques_at(
-    q: Motion, arm: Linkage, on: Load, torques: Torques, threshold: float, arrangement: OptionalArrangement = None
+    q: Motion,
+    machine: Model,
+    on: Load,
+    torques: Torques,
+    arrangement: OptionalArrangement = None,
 ) -> PerClutch:
     """Return the torque of each clutch on the arm at an instant [N·m].
 
     Clutches that slip exert their limit; stuck ones what keeps them so, if they can, by the friction problem of the
     accelerations.
     """
+    arm = machine.arm
     slip = slip_velocities(q.omega_a, q.omega_b, arrangement)
-    limit = with_dry(capacities(slip, threshold, torques), arm.dry_a, arm.dry_b, arrangement)
+    limit = capacities(slip, machine.slip_threshold, torques, machine.sliding)
+    limit = with_dry(limit, arm.dry_a, arm.dry_b, arrangement)
     impact = free_motion(q, arm, on, 0.0)
     damper_a, damper_b = damper_torque(arm, q)
     free_a = impact.hand_a - impact.fictitious_a - arm.implicit * damper_a - arm.viscous_a * q.omega_a
@@ -288,14 +296,12 @@ def kick_energy(
     omega_b = omega.b
     change_a = omega_a - q.omega_a
     change_b = omega_b - q.omega_b
-    cos = cos_difference(q)
-    speed_a = arm.length_a * omega_a
-    speed_b = arm.length_b * omega_b
-    tip_speed_squared = speed_a * speed_a + speed_b * speed_b + 2.0 * cos * speed_a * speed_b
+    b11, b12, b22 = damper_matrix(arm, q)
+    damped = b11 * omega_a * omega_a + 2.0 * b12 * omega_a * omega_b + b22 * omega_b * omega_b
     w = slip_velocities(omega_a, omega_b, arrangement)
-    m12 = arm.coupling * cos
+    m12 = arm.coupling * cos_difference(q)
     return Energy(
-        h * (omega_a * impact.hand_a + omega_b * impact.hand_b - arm.implicit * arm.damping * tip_speed_squared),
+        h * (omega_a * impact.hand_a + omega_b * impact.hand_b - arm.implicit * damped),
         h * (limit.x1 * abs(w.x1) + limit.x2 * abs(w.x2) + limit.x3 * abs(w.x3) + limit.x4 * abs(w.x4))
         + h * (arm.viscous_a * omega_a * omega_a + arm.viscous_b * omega_b * omega_b),
         0.5 * (arm.m11 * change_a * change_a + arm.m22 * change_b * change_b) + m12 * change_a * change_b,
@@ -355,16 +361,16 @@ def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> t
     @device
     def aim(w: Any, i: int, whole: bool) -> None:
         machine = load(w, at.machine, i)
-        decay = machine.voltage_decay * machine.voltage_decay if whole else machine.voltage_decay
+        decay = whole_decay(machine.voltage_decay) if whole else machine.voltage_decay
         lagged = relax(load(w, at.lagged_volts, i), load(w, at.command, i), decay)
         store(w, at.lagged_volts, i, lagged)
         steady = steady_torques(machine.breakaway, machine.dynamic, lagged)
-        store(w, at.steady, i, scaled(steady, machine.scale, w[at.drift, i]))
+        store(w, at.steady, i, scaled(steady, machine.scale, load(w, at.strength, i)))
 
     @device
     def drift(w: Any, i: int, h: float, whole: bool) -> None:
-        left = w[at.machine.torque_decay, i]
-        decay = left * left if whole else left
+        left = load(w, at.machine.torque_decay, i)
+        decay = whole_decay(left) if whole else left
         store(w, at.torques, i, relax_torques(load(w, at.torques, i), load(w, at.steady, i), decay))
         before = load(w, at.motion, i)
         after = advance_position(before, before.omega_a, before.omega_b, h if whole else 0.5 * h)
@@ -439,7 +445,8 @@ def _parts_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any, Any
         impact = free_motion(q, arm, load_on(w, i), h)
         arrangement = arrangement_at(w, i)
         before = slip_velocities(q.omega_a, q.omega_b, arrangement)
-        limit = with_dry(capacities(before, threshold, torques), arm.dry_a, arm.dry_b, arrangement)
+        limit = capacities(before, threshold, torques, load(w, at.machine.sliding, i))
+        limit = with_dry(limit, arm.dry_a, arm.dry_b, arrangement)
         most = impulses(limit, h)
         omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, most, arrangement)
         after = slip_velocities(omega_a, omega_b, arrangement)

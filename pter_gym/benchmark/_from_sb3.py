@@ -15,7 +15,7 @@ from pter_gym._internal.checks import whole_number
 from pter_gym.controllers import BoundPolicy
 from pter_gym.envs._acting import check_wrappers
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, Machine
+from pter_gym.params import BASELINE, SLOTS, Machine, require
 from pter_gym.policies._interface import squared
 from pter_gym.tasks.path_following import Sensors, observation_layout
 
@@ -69,9 +69,9 @@ def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelPolicy":
     Parameters
     ----------
     act
-        Maps observations, float32 (N, entries), to actions, (N, 4): an array or a torch tensor. It has no memory. Its
-        actions are clipped to the action space; they are normalised if the lower bound is negative, and volts
-        otherwise.
+        Maps observations, float32 (N, entries), to actions, (N, clutches): an array or a torch tensor. It has no
+        memory. Its actions are clipped to the action space; they are normalised if the lower bound is negative, and
+        volts otherwise.
     env
         The environment that the function was made for: one of this package, whose ``frame_skip`` is used too, or any
         object with its spaces.
@@ -105,8 +105,9 @@ class ModelPolicy(BoundPolicy):
     ) -> None:
         self.sensors, self.layout = _observed_by(model)
         space = getattr(model, "action_space", None)
-        if not isinstance(space, spaces.Box) or space.shape != (4,) or not space.is_bounded():
-            raise ParameterError(f"model.action_space must be a Box of 4 entries with bounds, got {space}")
+        shapes = [(clutches,) for clutches in range(1, SLOTS + 1)]
+        if not isinstance(space, spaces.Box) or space.shape not in shapes or not space.is_bounded():
+            raise ParameterError(f"model.action_space must be a Box with bounds for 1 to {SLOTS} clutches, got {space}")
         self._low, self._high = space.low.astype(np.float64), space.high.astype(np.float64)
         self._model, self._normalise, self._voltage_max = model, normalise, voltage_max
         self.frame_skip = frame_skip
@@ -114,11 +115,13 @@ class ModelPolicy(BoundPolicy):
         self._begins: bool | NDArray[np.bool_] = True
 
     def bind(self, machine: Machine, layout: Layout) -> "ModelPolicy":
-        """Return the policy for a machine and a layout, or raise a ParameterError if that has other entries."""
+        """Return the policy for a machine and a layout, or raise a ParameterError if either has other entries."""
         if len(layout) != len(self.layout):
             raise ParameterError(
                 f"observations must have the {len(self.layout)} entries of the model, got {len(layout)}"
             )
+        rows = [clutch.row for clutch in machine.clutches]
+        require(len(rows) == len(self._low), machine, "clutches", rows, f"{len(self._low)}, as the model's actions")
         bound = ModelPolicy(self._model, self._normalise, self.frame_skip, machine.clutch.voltage_max)
         bound.layout = layout
         return bound
@@ -130,7 +133,7 @@ class ModelPolicy(BoundPolicy):
         self._begins = True if worlds is None else worlds | self._begins
 
     def act(self, observations: Observations) -> NDArray[np.float64]:
-        """Return clutch voltages [V], (N, 4), for observations, float32 (N, entries)."""
+        """Return clutch voltages [V], (N, clutches), for observations, float32 (N, entries)."""
         begins, self._begins = np.full(len(observations), self._begins), False
         actions, self._state = self._model.predict(
             self._normalise(observations), state=self._state, episode_start=begins, deterministic=True

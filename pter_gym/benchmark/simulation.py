@@ -57,7 +57,8 @@ class BatchRollout:
     def step(self) -> None:
         """Advance by one control step; the policy decides at every ``frame_skip``-th."""
         if self.steps % self.policy.frame_skip == 0:
-            self._volts = self.policy.act(self.obs[:, : len(self.policy.layout)].copy())
+            volts = self.policy.act(self.obs[:, : len(self.policy.layout)].copy())
+            self._volts = volts[:, : self.batch.num_actions] if self.policy.compiled else volts
         returns = self.batch.step(self._volts, SKIP)
         self.seen.append(returns.obs)
         self._keep(returns.obs, returns.telemetry)

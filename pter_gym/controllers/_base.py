@@ -55,7 +55,10 @@ class BoundPolicy(ABC):
 
     @abstractmethod
     def act(self, observations: Observations) -> Any:
-        """Return clutch voltages [V], (N, 4), for observations, float32 (N, entries), contiguous."""
+        """Return clutch voltages [V], (N, clutches), for observations, float32 (N, entries), contiguous.
+
+        A compiled law has four, and those of clutches that a machine lacks have no effect.
+        """
 
     def __call__(self, observation: Observations) -> Volts:
         """Return clutch voltages [V].
@@ -68,7 +71,7 @@ class BoundPolicy(ABC):
         Returns
         -------
         volts
-            float32 (4,) or (N, 4).
+            As ``act``, float32, without the first axis for one world.
 
         Raises
         ------
@@ -90,7 +93,7 @@ class Controller(Protocol):
         """Return the policy for a nominal machine and the layout of the observations that it will get.
 
         It is a ``BoundPolicy``, or any callable that takes observations, float32 (N, entries), and returns volts,
-        (N, 4). The law of a ``Policy`` runs compiled.
+        (N, clutches). The law of a ``Policy`` runs compiled.
         """
         ...
 
@@ -123,7 +126,7 @@ def bind(
     Parameters
     ----------
     policy
-        A controller, a bound policy, or any ``policy(observations) -> volts``, float32 (N, entries) to (N, 4).
+        A controller, a bound policy, or any ``policy(observations) -> volts``, float32 (N, entries) to (N, clutches).
     machine
         The nominal machine or its name; None for the default PTER.
     layout

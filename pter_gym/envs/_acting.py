@@ -13,6 +13,7 @@ from pter_gym._compiled.layout import Layout
 from pter_gym.controllers import Controller, bind
 from pter_gym.envs._shared import nominal_machine
 from pter_gym.errors import ActionError, ParameterError
+from pter_gym.params import Machine
 
 Observations = NDArray[np.float32]
 Actions = NDArray[np.float32]
@@ -29,8 +30,8 @@ class ActingPolicy:
     Parameters
     ----------
     policy
-        A controller, a trained policy, or any function from observations, float32 (N, entries), to volts, (N, 4).
-        It is bound to ``nominal_machine`` of the environment.
+        A controller, a trained policy, or any function from observations, float32 (N, entries), to volts,
+        (N, clutches). It is bound to ``nominal_machine`` of the environment.
     env
         The environment, with its wrappers: a single one, a vector environment, or a ``VecEnv`` of Stable-Baselines3.
 
@@ -49,7 +50,8 @@ class ActingPolicy:
         self._single = isinstance(env, gymnasium.Env)
         self._worlds: int = 1 if self._single else env.num_envs
         self._voltage_max = machine.clutch.voltage_max
-        self._normalised = has_normalised_actions(env, layout, self._voltage_max)
+        self._clutches = len(machine.clutches)
+        self._normalised = has_normalised_actions(env, layout, machine)
         self._policy = bind(policy, machine, layout)
         self._shape = (len(layout),) if self._single else (self._worlds, len(layout))
         held = self._policy.frame_skip
@@ -90,7 +92,7 @@ class ActingPolicy:
         Returns
         -------
         action
-            In the unit of the environment, volts or normalised: float32 (4,) or (N, 4), a fresh array.
+            In the unit of the environment, volts or normalised: float32 (clutches,) or (N, clutches), a fresh array.
 
         Raises
         ------
@@ -109,10 +111,11 @@ class ActingPolicy:
         volts = np.array(self._policy.act(rows.reshape(self._worlds, -1)), np.float32)
         most = self._voltage_max
         if self._policy.compiled:  # clipped in the kernel, too
-            volts = np.clip(volts, 0.0, most)
-        if volts.shape != (self._worlds, 4) or not ((volts >= 0.0) & (volts <= most)).all():
+            volts = np.clip(volts[:, : self._clutches], 0.0, most)
+        shape = (self._worlds, self._clutches)
+        if volts.shape != shape or not ((volts >= 0.0) & (volts <= most)).all():
             raise ActionError(
-                f"policy must give voltages of the shape {(self._worlds, 4)} within [0, {most:g}] V, got {volts!r:.200}"
+                f"policy must give voltages of the shape {shape} within [0, {most:g}] V, got {volts!r:.200}"
             )
         actions = normalised(volts, most) if self._normalised else volts
         return actions[0] if self._single else actions
@@ -147,11 +150,12 @@ def check_wrappers(env: Any, known: Any = None) -> None:
             check_wrappers(inner, known)
 
 
-def has_normalised_actions(env: Any, layout: Layout, voltage_max: float) -> bool:
+def has_normalised_actions(env: Any, layout: Layout, machine: Machine) -> bool:
     """Return whether actions are normalised, or raise a ParameterError if the spaces are not those of the worlds."""
     many = "single_" if hasattr(env, "single_action_space") else ""
     observed, acted = (getattr(env, f"{many}{name}_space") for name in ("observation", "action"))
-    for is_normalised, low, high in ((False, 0.0, voltage_max), (True, -1.0, 1.0)):
-        if observed.shape == (len(layout),) and acted == spaces.Box(low, high, (4,), np.float32):
+    clutches = (len(machine.clutches),)
+    for is_normalised, low, high in ((False, 0.0, machine.clutch.voltage_max), (True, -1.0, 1.0)):
+        if observed.shape == (len(layout),) and acted == spaces.Box(low, high, clutches, np.float32):
             return is_normalised
     raise ParameterError(f"env must pass on observations and actions as they are: it has {observed} and {acted}")

@@ -82,7 +82,7 @@ class Worlds:
         self.metadata = {**self.metadata, "render_fps": max(1, round(rate))}
         return (
             spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32),
-            spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32),
+            spaces.Box(self.batch.action_low, self.batch.action_high, (self.batch.num_actions,), np.float32),
         )
 
     @property

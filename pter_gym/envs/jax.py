@@ -26,6 +26,7 @@ except ImportError as error:
 from pter_gym._compiled.layout import Layout
 from pter_gym._engine.world import CONFIG_WIDTH, FLAG, FLAGS
 from pter_gym.envs._vector import PathFollowingVectorEnv
+from pter_gym.params import SLOTS
 
 
 class EnvState(NamedTuple):
@@ -70,6 +71,8 @@ class JaxEnv:
         One world of the same kind for Gymnasium, which ``pter_gym.benchmark.from_actions`` takes.
     observation_layout
         Names, units and scales of the observation's entries.
+    num_actions
+        Entries of an action, one for each clutch.
     frame_skip
         Control steps for which an action is held.
     default_params
@@ -77,7 +80,6 @@ class JaxEnv:
     """
 
     name = "PathFollowing"
-    num_actions = 4
 
     def __init__(self, env: PathFollowingVectorEnv) -> None:
         if jax.default_backend() != "cpu":
@@ -88,6 +90,7 @@ class JaxEnv:
         self.env = env
         self.observation_layout: Layout = env.observation_layout
         self.frame_skip = env.frame_skip
+        self.num_actions = env.batch.num_actions
         arrays = env.batch.device_arrays()
         self.default_params = EnvParams(words_of(arrays["config"]), words_of(arrays["constants"]))
         self._empty = words_of(arrays["worlds"][0, :, 0])
@@ -139,7 +142,7 @@ class JaxEnv:
         state
             The world.
         action
-            Four numbers; those outside of ``action_space`` are clipped. If one is not a finite number, the clutches
+            A number for each clutch; those outside of ``action_space`` are clipped. If one is not finite, the clutches
             get no voltage, and observation and reward are NaN.
         params
             What worlds share; ``default_params`` by default.
@@ -176,7 +179,8 @@ class JaxEnv:
 
     def _advance(self, state: EnvState, given: jax.Array, shared: EnvParams) -> Any:
         """Return a state, observation, last observation, reward and flags after a step with an action in bounds."""
-        world, episode, *rest = _one(self._step, (*state, given), shared)
+        empty = jnp.full(SLOTS - self.num_actions, self.env.batch.action_low, given.dtype)  # has no voltage
+        world, episode, *rest = _one(self._step, (*state, jnp.concatenate([given, empty])), shared)
         return EnvState(world, episode), *rest
 
     def _shared(self, params: EnvParams | None) -> EnvParams:

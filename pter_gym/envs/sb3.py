@@ -49,7 +49,7 @@ class PterVecEnv(VecEnv):
         return obs
 
     def step_async(self, actions: NDArray[np.float32]) -> None:
-        """Keep the actions (N, 4) for ``step_wait``."""
+        """Keep the actions (N, clutches) for ``step_wait``."""
         self._actions = actions
 
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:

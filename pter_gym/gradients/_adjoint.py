@@ -150,7 +150,7 @@ def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
 @device
 def lags(body: Any) -> bool:
     """Return whether it is the voltage that lags, so what clutches tend to changes within a control step."""
-    return body[BODY.machine.voltage_decay, 0] != 0.0
+    return body[BODY.machine.voltage_decay.rise, 0] != 0.0
 
 
 @device

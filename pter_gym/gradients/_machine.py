@@ -4,7 +4,7 @@ import math
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.gradients._tracing import adjoint_of
 from pter_gym.params import Machine, find_machine
 from pter_gym.params._connection import BRAKE_A, BRAKE_B
+from pter_gym.params._fields import require
 
 MAX_SUBSTEPS = 10_000
 
@@ -22,6 +23,7 @@ MAX_SUBSTEPS = 10_000
 def divided(machine: Machine | str | None, period: float) -> tuple[Machine, int]:
     """Return a machine whose substeps fill a control step of a period [s], and their number."""
     found = find_machine(machine)
+    require(found.clutch.fade == 0.0, found.clutch, "fade", found.clutch.fade, "0: heat has no derivatives")
     if not 0.0 < period <= MAX_SUBSTEPS * found.substep:
         raise ParameterError(f"period must be > 0 s and at most {MAX_SUBSTEPS * found.substep:g} s, got {period!r}")
     count = math.ceil(period / found.substep * (1.0 - 1e-9))
@@ -74,6 +76,8 @@ def copied(value: Any, place: str, number: Any) -> Any:
     """Return a machine, or a part of it, with other numbers: ``number(place, value)``."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return number(place, float(value))
+    if place.startswith("hand.") and isinstance(value, tuple):
+        return tuple(number(f"{place}.{k}", each) for k, each in enumerate(cast("tuple[float, ...]", value), 1))
     if not is_dataclass(value):
         return value
     inner = {item.name: getattr(value, item.name) for item in fields(value)}

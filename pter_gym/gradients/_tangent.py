@@ -16,7 +16,7 @@ MOTION = frozenset(flat(BODY.motion))
 TORQUES = frozenset(
     flat((
         *(BODY.torques, BODY.lagged_volts, BODY.command, BODY.steady, BODY.machine.breakaway, BODY.machine.dynamic),
-        *(BODY.machine.voltage_decay, BODY.machine.torque_decay, BODY.machine.scale),
+        *(BODY.machine.voltage_decay, BODY.machine.torque_decay, BODY.machine.scale, BODY.machine.sliding),
     ))
 )  # fmt: skip
 """Rows that vary with the clutches, but for the friction of the axes."""

@@ -36,6 +36,9 @@ custom_vmap: Any = _custom_vmap
 _XLA: Any = _xla
 _double_rows = _XLA._double_rows
 
+STRENGTH = slice(BODY.strength.x1, BODY.strength.x4 + 1)
+"""Rows of what heat leaves of the torques."""
+
 
 def _divide(x: Any, y: Any) -> Any:
     """Return x/y; what a branch that is not taken divides by zero is finite, so that its derivative is."""
@@ -152,7 +155,7 @@ def make_rollout(machine: Machine | str | None = None, period: float = 0.01) -> 
         motion = jnp.concatenate([at["theta"], at["omega"], units])
         limits = [at[name] for name in ("torque_breakaway", "torque_dynamic", "lagged_volts")]
         body = jnp.zeros(BODY_WIDTH).at[FIRST:LAST].set(jnp.concatenate([motion, *limits]))
-        body = body.at[:FIRST].set(jnp.stack([*map(jnp.asarray, flat(model))])).at[BODY.drift].set(1.0)
+        body = body.at[:FIRST].set(jnp.stack([*map(jnp.asarray, flat(model))])).at[STRENGTH].set(1.0)
         states = roll(body.at[BODY.arrangement.a.x1 :].set(fixed), volts, force, target)
         return _motion(states, jnp.stack([model.arm.length_a, model.arm.length_b]))
 

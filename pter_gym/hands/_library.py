@@ -3,7 +3,7 @@
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
@@ -49,9 +49,21 @@ class LibraryArm:
 
     @property
     def hand(self) -> Hand:
-        """The isotropic hand for the simulator: the mean over all directions, half of each trace."""
+        """The hand for the simulator, in axes along those of the world; of the mass, the mean over all directions."""
+        damping, stiffness = _anisotropy(self.damping), _anisotropy(self.stiffness)
+        return replace(self.isotropic_hand, damping_anisotropy=damping, stiffness_anisotropy=stiffness)
+
+    @property
+    def isotropic_hand(self) -> Hand:
+        """The same with damping and stiffness that are their means over all directions, half of each trace."""
         mass, damping, stiffness = (0.5 * (m[0][0] + m[1][1]) for m in (self.mass, self.damping, self.stiffness))
         return Hand(mass=mass, damping=damping, stiffness=stiffness)
+
+
+def _anisotropy(matrix: Matrix) -> tuple[float, float]:
+    """Return (e, f) of a matrix; see ``Hand``."""
+    (xx, xy), (_, yy) = matrix
+    return (xx - yy) / (xx + yy), 2.0 * xy / (xx + yy)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,9 @@ from pter_gym.params._fields import SHIPPED, Checked, preset, quantity, require,
 Lag = Literal["normal_force", "voltage"]
 
 _CLUTCH = SHIPPED["clutch"]
+_CONSTANT = "chosen: T_k is the same at all speeds"
 _NO_HAND = "published: the paper's hand is a force alone"
+_ISOTROPIC = "chosen: the same in all directions"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,20 +50,23 @@ class Arm(Checked):
 class TorqueCurve(Checked):
     """Steady torque of a clutch over voltage: a linear and a quadratic segment, C1 (paper section IV-B.1, Fig. 5).
 
-    ``T(v) = slope·v + curvature·max(v − knee, 0)²``: zero without voltage, as the paper assumes.
+    ``T(v) = off_state + slope·v + curvature·max(v − knee, 0)²``. The paper assumes no torque without voltage; the fluid
+    or powder of other brakes leaves some.
     """
 
     slope: float = quantity("N·m/V", _CLUTCH["slope"]["from"], above=0.0)
     knee: float = quantity("V", _CLUTCH["knee"]["from"], at_least=0.0)
     curvature: float = quantity("N·m/V²", _CLUTCH["curvature"]["from"])
+    off_state: float = quantity("N·m", "published: section III-A takes it as 0", at_least=0.0, default=0.0, later=True)
 
     def torque(self, volts: float) -> float:
         """Return the torque [N·m] at a voltage [V]."""
         beyond = max(volts - self.knee, 0.0)
-        return self.slope * volts + self.curvature * beyond * beyond
+        return self.slope * volts + self.curvature * beyond * beyond + self.off_state
 
     def voltage(self, torque: float) -> float:
-        """Return the voltage [V] at which the curve reaches a torque [N·m]."""
+        """Return the voltage [V] at which the curve reaches a torque [N·m], 0 for less than its off-state torque."""
+        torque = max(torque - self.off_state, 0.0) if self.off_state else torque
         excess = torque - self.slope * self.knee
         if excess <= 0.0 or self.curvature == 0.0:
             return torque / self.slope
@@ -70,15 +75,22 @@ class TorqueCurve(Checked):
 
     def scaled(self, factor: float) -> "TorqueCurve":
         """Return the curve of a clutch whose friction coefficient is ``factor`` times as large."""
-        return TorqueCurve(slope=self.slope * factor, knee=self.knee, curvature=self.curvature * factor)
+        return TorqueCurve(
+            slope=self.slope * factor,
+            knee=self.knee,
+            curvature=self.curvature * factor,
+            off_state=self.off_state * factor,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Clutch(Checked):
     """One electromagnetic friction clutch; PTER has four identical ones.
 
-    The dynamic torque at a given voltage does not depend on speed. This is our choice: the paper allows any g(ω, v)
-    (Eq. 2).
+    While it slips at ω it exerts ``T_k + (T_s − T_k)·ω_s²/(ω_s² + ω²) + viscous·|ω|``, a case of the paper's g(ω, v)
+    (Eq. 2). With ``stribeck`` ω_s = 0 and without ``viscous``, as for PTER, that is T_k at any speed. A torque that
+    falls does so with ``fall_ratio`` times the time constant of one that rises. A clutch that has taken up the heat H
+    keeps 1/(1 + fade·H) of its torque, and H decays with the time constant ``cooling``.
     """
 
     breakaway: TorqueCurve = quantity("N·m", _CLUTCH["breakaway_ratio"]["from"])
@@ -86,6 +98,13 @@ class Clutch(Checked):
     time_constant: float = preset("clutch", "time_constant", above=0.0)
     voltage_max: float = preset("clutch", "voltage_max", above=0.0)
     lag: Lag = quantity("1", "published: section II-B, from voltage to normal force", default="normal_force")
+    stribeck: float = quantity("rad/s", _CONSTANT, at_least=0.0, at_most=1e3, default=0.0, later=True)
+    viscous: float = quantity("N·m·s", _CONSTANT, at_least=0.0, default=0.0, later=True)
+    fall_ratio: float = quantity(
+        "1", "published: one time constant (section IV-C.3)", above=0.0, default=1.0, later=True
+    )
+    fade: float = quantity("1/J", "chosen: no fade", at_least=0.0, default=0.0, later=True)
+    cooling: float = quantity("s", "chosen: of no effect without fade", above=0.0, default=60.0, later=True)
 
     def __post_init__(self) -> None:
         """Check that both curves are finite, monotone and invertible up to the largest voltage."""
@@ -100,12 +119,24 @@ class Clutch(Checked):
 class Hand(Checked):
     """Mass, damper and spring that the hand adds at the tip, besides its force. The paper's tests have none of them.
 
-    The mass is added to the arm's exactly; the damping is integrated implicitly, the spring explicitly.
+    The mass is added to the arm's exactly; the damping is integrated implicitly, the spring explicitly. Damping and
+    stiffness may depend on the direction: with an anisotropy (e, f), the matrix in the world frame is the number times
+    [[1 + e, f], [f, 1 − e]], and √(e² + f²) ≤ 1. The mass is isotropic, since only then does the mass matrix remain a
+    function of θA − θB alone; the limits of the integrator and its speed rest on that.
     """
 
     mass: float = quantity("kg", _NO_HAND, at_least=0.0, default=0.0)
     damping: float = quantity("N·s/m", _NO_HAND, at_least=0.0, default=0.0)
     stiffness: float = quantity("N/m", _NO_HAND, at_least=0.0, default=0.0)
+    damping_anisotropy: tuple[float, ...] = quantity("1", _ISOTROPIC, count=2, default=(0.0, 0.0), later=True)
+    stiffness_anisotropy: tuple[float, ...] = quantity("1", _ISOTROPIC, count=2, default=(0.0, 0.0), later=True)
+
+    def __post_init__(self) -> None:
+        """Check that neither matrix has a negative eigenvalue."""
+        super().__post_init__()
+        for name in ("damping_anisotropy", "stiffness_anisotropy"):
+            value = getattr(self, name)
+            require(math.hypot(*value) <= 1.0, self, name, value, "(e, f) with √(e² + f²) ≤ 1")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,8 +173,9 @@ class Machine(Checked):
         super().__post_init__()
         self._check_clutches()
         mass = self.hand.mass + tip_mass(self.arm)
+        most = self.hand.stiffness * (1.0 + math.hypot(*self.hand.stiffness_anisotropy))
         require(
-            self.hand.stiffness * self.substep**2 <= 0.25 * mass,
+            most * self.substep**2 <= 0.25 * mass,
             self,
             "hand.stiffness",
             self.hand.stiffness,

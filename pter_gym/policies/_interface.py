@@ -1,8 +1,8 @@
 """How an observation becomes a network's inputs, and how its outputs become voltages.
 
-The inputs are quantities in the observation or derived from it, each shifted and scaled. The four outputs within
-[−1, 1] are voltages relative to the middle of the range or to a base controller's voltages (a residual policy), or they
-are the environments' normalised actions.
+The inputs are quantities in the observation or derived from it, each shifted and scaled. The outputs, one for each
+clutch and within [−1, 1], are voltages relative to the middle of the range or to a base controller's voltages (a
+residual policy), or they are the environments' normalised actions.
 """
 
 from dataclasses import dataclass
@@ -160,12 +160,12 @@ def quantities(physical: Any, base: Any, layout: Layout, *, residual: bool) -> A
 
 
 def to_volts(outputs: Any, base: Any, interface: Interface) -> Any:
-    """Return voltages [V], (N, 4), for the outputs (N, 4) of a network, which are clipped to [−1, 1]."""
+    """Return voltages [V] for the outputs of a network, both (N, clutches), which are clipped to [−1, 1]."""
     library, top = outputs.__array_namespace__(), interface.voltage_max
     limited = library.clip(outputs, -1.0, 1.0)
     if interface.normalised:
         return squared((limited + 1.0) * (top / 2.0), top)
-    return library.clip(base + interface.reach * limited, 0.0, top)
+    return library.clip(base[:, : len(interface.clutches)] + interface.reach * limited, 0.0, top)
 
 
 def squared(linear: Any, voltage_max: float) -> Any:

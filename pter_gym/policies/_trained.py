@@ -15,10 +15,8 @@ from pter_gym.controllers import Policy
 from pter_gym.controllers._laws import built_in, built_in_declared
 from pter_gym.controllers._network import LAW_WIDTH, NETWORK, Network, memory_width, source_of
 from pter_gym.errors import DataError, unknown_name
-from pter_gym.params import Machine, find_machine, require
+from pter_gym.params import SLOTS, Machine, find_machine, require
 from pter_gym.policies._interface import Interface, available, clutch_rows
-
-OUTPUTS = 4
 
 MAX_UNITS, MAX_LAYERS = 1024, 8
 """Largest numbers of units in a hidden layer, and of layers."""
@@ -61,9 +59,10 @@ class TrainedPolicy:
     def __post_init__(self) -> None:
         """Check the layers."""
         sizes = self.sizes
-        if not self.layers or not are_hidden(sizes[1:-1]) or sizes[-1] != OUTPUTS:
+        outputs = len(self.interface.clutches)
+        if not self.layers or not are_hidden(sizes[1:-1]) or sizes[-1] != outputs:
             raise DataError(
-                f"layers must be 1 to {MAX_LAYERS} of at most {MAX_UNITS} units that end in {OUTPUTS}, got {sizes}"
+                f"layers must be 1 to {MAX_LAYERS} of at most {MAX_UNITS} units that end in {outputs}, got {sizes}"
             )
         for k, ((weight, bias), (before, after)) in enumerate(zip(self.layers, pairwise(sizes), strict=True)):
             for what, array, shape in (("weight", weight, (after, before)), ("bias", bias, (after,))):
@@ -97,8 +96,9 @@ class TrainedPolicy:
 
     def _gains(self, base: NDArray[np.float64], layout: Layout) -> tuple[NDArray[np.float64], Network]:
         """Return the network as gains of its law; see ``pter_gym.controllers._network``."""
-        interface, sizes = self.interface, self.sizes
+        interface, sizes = self.interface, (*self.sizes[:-1], SLOTS)
         inputs = interface.inputs
+        last, missing = len(self.layers) - 1, SLOTS - self.sizes[-1]
         header = Network(
             kind=NETWORK,
             base=len(base),
@@ -118,7 +118,10 @@ class TrainedPolicy:
             *(each.scale for each in inputs),
         )
         times = (*interface.history, *(1.0 / steps for steps in interface.averages))
-        weights = (part for weight, bias in self.layers for part in (bias, weight.T.ravel()))
+        weights: list[Any] = []
+        for k, (weight, bias) in enumerate(self.layers):
+            empty = missing if k == last else 0  # slots without a clutch
+            weights += [np.pad(bias, (0, empty)), np.pad(weight, ((0, empty), (0, 0))).T.ravel()]
         return np.concatenate([flat(header), base, table, times, sizes, *weights], dtype=np.float64), header
 
 

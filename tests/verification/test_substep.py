@@ -195,16 +195,44 @@ def test_torques_of_each_clutch_settle_are_scaled_and_lag():
     steady = clutch.steady_torques(CURVE, other, PerClutch(1.0, 2.0, 3.0, 6.0))
     assert steady.breakaway == pytest.approx((0.1, 0.2, 0.3, 0.8))
     assert steady.dynamic == pytest.approx((0.2, 0.4, 0.6, 1.2))
-    scaled = clutch.scaled(steady, PerClutch(1.0, 4.0, 3.0, 4.0), 0.5)
+    scaled = clutch.scaled(steady, PerClutch(1.0, 4.0, 3.0, 4.0), PerClutch(0.5, 0.5, 0.5, 0.5))
     assert scaled.breakaway == pytest.approx((0.05, 0.4, 0.45, 1.6))
     assert scaled.dynamic == pytest.approx((0.1, 0.8, 0.9, 2.4))
     half = clutch.lag_left(math.log(2.0), 1.0)
     assert half == pytest.approx(0.5)
     assert clutch.lag_left(2.0, 0.5) == pytest.approx(math.exp(-4.0))
-    lagging = clutch.relax_torques(scaled, steady, half)
+    lagging = clutch.relax_torques(scaled, steady, clutch.Decay(half, half))
     assert lagging.breakaway == pytest.approx((0.075, 0.3, 0.375, 1.2))
     assert lagging.dynamic == pytest.approx((0.15, 0.6, 0.75, 1.8))
-    assert clutch.relax(scaled.dynamic, steady.dynamic, 0.0) == steady.dynamic
+    assert clutch.relax(scaled.dynamic, steady.dynamic, clutch.Decay(0.0, 0.0)) == steady.dynamic
+    assert clutch.relax_one(0.0, 1.0, clutch.Decay(0.25, 0.5)) == 0.75
+    assert clutch.relax_one(1.0, 0.0, clutch.Decay(0.25, 0.5)) == 0.5
+    assert clutch.whole_decay(clutch.Decay(0.25, 0.5)) == (0.0625, 0.25)
+    off = CURVE._replace(off_state=0.25)
+    assert clutch.curve_torque(off, 0.0) == 0.25
+    assert clutch.curve_torque(off, 3.0) == pytest.approx(0.55)
+
+
+def test_torque_of_a_slipping_clutch_over_its_speed():
+    """Half of T_s − T_k is left at the Stribeck velocity, and the viscous part grows without bound."""
+    assert clutch.sliding(0.5, 3.0, 2.0, 0.25, 0.0) == pytest.approx(2.5)
+    assert clutch.sliding(-0.5, 3.0, 2.0, 0.25, 0.4) == pytest.approx(2.7)
+    assert clutch.sliding(1e-9, 3.0, 2.0, 0.25, 0.4) == pytest.approx(3.0)
+    assert clutch.sliding(1e6, 3.0, 2.0, 0.25, 0.0) == pytest.approx(2.0)
+    torques = Torques(PerClutch(3.0, 3.0, 3.0, 3.0), PerClutch(2.0, 2.0, 2.0, 2.0))
+    by = clutch.Sliding(0.25, PerClutch(0.0, 0.4, 0.0, 4.0))
+    found = clutch.capacities(PerClutch(0.5, -0.5, 0.05, 0.5), 0.1, torques, by)
+    assert found == pytest.approx((2.5, 2.7, 3.0, 4.5))
+
+
+def test_heat_of_a_clutch_at_constant_power_settles_and_takes_torque():
+    heat, power, step_time, cooling = 0.0, -20.0, 1e-3, 0.5
+    for _ in range(10_000):
+        heat = clutch.heated(heat, power, step_time, cooling)
+    left = math.exp(-step_time / cooling)
+    assert heat == pytest.approx(20.0 * step_time * left / (1.0 - left))
+    assert clutch.faded(heat, 0.1, 1.5) == pytest.approx(1.5 / (1.0 + 0.1 * heat))
+    assert clutch.faded(heat, 0.0, 1.5) == 1.5
 
 
 def test_karnopps_rule_at_the_border_of_its_band():
@@ -248,8 +276,8 @@ def test_one_clutch_that_changes_is_enough():
         (-0.3, 0.1, 0.75),
         (0.2, 0.1, 1.0),  # stopped by others' changes, not by its own sliding
         (0.2, 0.0, 1.0),
-        (0.0, 0.4, 0.25),  # leaves the band on a straight line
-        (0.05, -0.35, 0.375),
+        (0.0, 0.4, 0.2525),  # leaves the band on a straight line
+        (0.05, -0.35, 0.3775),
         (-0.05, -0.1, 1.0),  # at its edge, but not beyond
         (0.05, 0.08, 1.0),  # leaves it after another's change only
     ],
@@ -332,7 +360,7 @@ def test_a_drift_gains_what_the_mass_matrix_gains_and_two_halves_make_a_whole(se
     q, torques = motion(seed), drawn_torques(seed, 5.0)
     body = body_with(q, drawn_torques(seed + 1, 5.0), load(seed))
     store(body, BODY.steady, 0, torques)
-    body[BODY.machine.torque_decay] = 0.9
+    store(body, BODY.machine.torque_decay, 0, clutch.Decay(0.9, 0.9))
     whole = body.copy()
     DRIFT(body, 0, H, False)
     half = seen(body)
@@ -353,7 +381,7 @@ def test_clutches_aim_at_what_their_lagged_voltages_and_the_drift_make():
         body: Any = np.zeros((width(step.Body), 1))
         for row, value in ((BODY.machine, model), (BODY.command, command), (BODY.lagged_volts, lagged)):
             store(body, row, 0, value if isinstance(value, tuple) else PerClutch(*value.tolist()))
-        body[BODY.drift] = 0.9
+        store(body, BODY.strength, 0, PerClutch(0.9, 0.9, 0.9, 0.9))
         AIM(body, 0, whole)
         volts = command + (lagged - command) * math.exp(-time / machine.clutch.time_constant)
         assert seen(body).lagged_volts == pytest.approx(volts)
@@ -573,7 +601,8 @@ def test_torques_at_an_instant_make_the_accelerations_that_they_go_with(seed: in
     """
     body, torques, threshold = drawn_kick(seed)
     q, on = seen(body).motion, seen(body).load
-    torque = np.array(step.torques_at(q, ARM, on, torques, threshold))
+    machine = model_of(BASELINE)._replace(arm=ARM, slip_threshold=threshold)
+    torque = np.array(step.torques_at(q, machine, on, torques))
     slips = np.array(slip_velocities(q.omega_a, q.omega_b))
     limit = np.array(clutch.capacities(PerClutch(*slips.tolist()), threshold, torques))
     load = np.array([on.torque_a, on.torque_b]) - arms.velocity_torque(ARM, q) - arms.damper_torque(ARM, q)
@@ -600,8 +629,8 @@ def test_constants_of_a_machine(lag: str):
     hand = Hand(mass=2.0, damping=3.0, stiffness=4.0)
     machine = replace(BASELINE, hand=hand, clutch=replace(BASELINE.clutch, lag=lag), clutch_scale=(1.0, 0.9, 0.8, 0.7))
     found, plain = model_of(machine), model_of(replace(machine, hand=Hand()))
-    decay = math.exp(-0.5 * machine.substep / machine.clutch.time_constant)
-    assert (found.voltage_decay, found.torque_decay) == ((decay, 0.0) if lag == "voltage" else (0.0, decay))
+    decay, none = (math.exp(-0.5 * machine.substep / machine.clutch.time_constant),) * 2, (0.0, 0.0)
+    assert (found.voltage_decay, found.torque_decay) == ((decay, none) if lag == "voltage" else (none, decay))
     assert (found.arm.damping, found.arm.stiffness) == (3.0, 4.0)
     assert found.arm.implicit == plain.arm.implicit == 0.5
     assert found.scale == (1.0, 0.9, 0.8, 0.7)
@@ -638,7 +667,7 @@ def test_one_negative_number_of_a_start_is_refused(field: str):
     start = open_loop.initial_state(BASELINE, (0.5, 2.0), volts=np.full(4, 3.0))
     wrong = np.array(getattr(start, field))
     wrong[2] = -1e-9
-    with pytest.raises(ParameterError, match="torques and lagged voltages must be ≥ 0"):
+    with pytest.raises(ParameterError, match="heat must be ≥ 0"):
         open_loop.simulate(BASELINE, replace(start, **{field: wrong}), np.zeros(4), np.zeros(2), duration=0.01)
 
 

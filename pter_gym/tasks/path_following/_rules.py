@@ -270,6 +270,7 @@ class SensingModel(NamedTuple):
     velocity_noise: Annotated[float, Entry("rad/s", "standard deviation of the angular velocities' noise")]
     torque_noise: Annotated[float, Entry("N·m", "standard deviation of the torques' noise")]
     force_noise: Annotated[float, Entry("N", "standard deviation of the force's noise")]
+    encoder_velocity: Annotated[float, Entry("1", "1 if velocities are differences of encoder readings")]
     delay: Annotated[float, Entry("1", "control steps from measurement to observation")]
     is_ideal: Annotated[float, Entry("1", "1 if sensors are exact and without delay")]
 

@@ -55,6 +55,12 @@ class Sensing(Checked):
         "rad", "chosen: step of the joint encoders", at_least=0.0, at_most=0.1, default=0.0
     )
     velocity_noise: float = quantity("rad/s", "chosen: standard deviation", at_least=0.0, default=0.0)
+    encoder_velocity: bool = quantity(
+        "1",
+        "chosen: True for velocities that are differences of encoder readings over the control period",
+        default=False,
+        later=True,
+    )
     torque_noise: float = quantity("N·m", "chosen: standard deviation", at_least=0.0, default=0.0)
     force_noise: float = quantity("N", "chosen: standard deviation", at_least=0.0, default=0.0)
     delay: int = quantity(

@@ -52,7 +52,7 @@ REFERENCE_EPISODES = 100
 class RecordedEpisode(NamedTuple):
     """An episode of T control steps.
 
-    ``seed`` is that of its reset. ``observations`` are float32 (T + 1, entries), ``actions`` float32 (T, 4) and
+    ``seed`` is that of its reset. ``observations`` are float32 (T + 1, entries), ``actions`` float32 (T, clutches) and
     normalised, ``rewards`` float64 (T,), ``terminations`` and ``truncations`` bool (T,). ``arrived`` says whether the
     tip reached the end of the path, and ``distance`` is its mean distance from the path [m].
     """
@@ -83,7 +83,11 @@ class Actor(NamedTuple):
         if self.policy is None:
             envs.action_space.seed(seed)
             return lambda _: envs.action_space.sample(), lambda _: None
-        acting, rng, noise = load_policy(self.policy, envs), np.random.default_rng(seed), np.zeros((envs.num_envs, 4))
+        acting, rng, noise = (
+            load_policy(self.policy, envs),
+            np.random.default_rng(seed),
+            np.zeros(envs.action_space.shape),
+        )
 
         def explore(obs: NDArray[np.float32]) -> NDArray[np.float32]:
             noise[:] = self.persistence * noise + self.deviation * rng.standard_normal(noise.shape)
