@@ -128,20 +128,23 @@ class ForceExtremes(NamedTuple):
 
 
 def force_extremes(machine: Machine, theta: ArrayLike, *, speed: float = 0.25, directions: int = 360) -> ForceExtremes:
-    """Return the extremes of ``force_range`` over equally spaced directions of motion.
+    """Return the extremes of ``force_range`` over equally spaced directions, and those in which a clutch sticks.
 
-    The smallest steering force is the largest one in the worst direction, to the side that has less.
+    The smallest steering force is the one to the side that has less, in the worst direction.
 
     Parameters
     ----------
     machine, theta
         The machine, and the angles of its links, (…, 2) [rad].
     speed, directions
-        Speed of the tip [m/s], and the number of directions, half a step from the axes.
+        Speed of the tip [m/s], and the number of equally spaced directions.
     """
-    angle = 2.0 * np.pi * (np.arange(directions) + 0.5) / directions
-    velocity = speed * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    found = force_range(machine, np.asarray(theta, np.float64)[..., None, :], velocity)
+    angles = np.asarray(theta, np.float64)[..., None, :]
+    x, y = np.moveaxis(force_per_torque(machine, angles[..., 0, :]), -1, 0)
+    stuck = np.arctan2(x, -y)
+    even = 2.0 * np.pi * (np.arange(directions) + 0.5) / directions
+    at = np.concatenate([np.broadcast_to(even, (*stuck.shape[:-1], directions)), stuck, stuck + np.pi], axis=-1)
+    found = force_range(machine, angles, speed * np.stack([np.cos(at), np.sin(at)], axis=-1))
     either = np.maximum(found.left, found.right)
     return ForceExtremes(
         found.resisting.min(axis=-1), found.resisting.max(axis=-1), found.steering.min(axis=-1), either.max(axis=-1)
