@@ -15,6 +15,7 @@ from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Random
 from pter_gym.params import BASELINE, MACHINES, Machine
 from pter_gym.rendering import (
+    _region,
     force_extremes,
     force_per_torque,
     force_range,
@@ -98,6 +99,14 @@ def test_couplings_add_their_edges_at_a_right_angle() -> None:
     np.testing.assert_allclose(np.hypot(*edges.T).sum(), 2.0 * sum(math.hypot(*each) for each in segments))
     pairs = sum(abs(a[0] * b[1] - a[1] * b[0]) for k, a in enumerate(segments) for b in segments[:k])
     assert area(found) == pytest.approx(pairs)
+
+
+def test_torque_at_zero_volts_is_the_least_force(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Brakes that make 2 N·m at 0 V and at most 9 N·m."""
+    limits = np.array([2.0, 2.0, 0.0, 0.0]), np.array([9.0, 9.0, 0.0, 0.0])
+    monkeypatch.setattr(_region, "torque_limits", lambda *_: limits)
+    against = -force_region(MACHINES["two-brakes"], RIGHT_ANGLE, (0.5, 0.5)) * (ARM.length_b, ARM.length_a)
+    np.testing.assert_allclose([against.min(axis=0), against.max(axis=0)], [[2.0, 2.0], [9.0, 9.0]])
 
 
 def test_ranges_and_extremes_of_two_brakes_at_a_right_angle() -> None:
