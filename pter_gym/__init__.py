@@ -64,6 +64,7 @@ __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVa
         "params",
         "paths",
         "policies",
+        "rendering",
         "scenarios",
         "tasks",
     ],

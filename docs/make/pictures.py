@@ -102,6 +102,13 @@ def pter() -> None:
     env.close()
 
 
+def force_region() -> None:
+    """Draw the forces that the paper's arm can display."""
+    from pter_gym.tools.pictures.regions import draw_force_region
+
+    draw_force_region("baseline", IMAGES / "force-region.png")
+
+
 def paper() -> None:
     """Draw the paper's figures and check its claims, as `pter reproduce` does."""
     from pter_gym._commands.main import main as run
@@ -172,6 +179,7 @@ def policies() -> None:
 
 PICTURES: dict[str, Callable[[], None]] = {
     "pter.png": pter,
+    "force-region.png": force_region,
     "paper": paper,
     "moving/side-by-side.webp": side_by_side,
     **{f"moving/{name}.webp": partial(alone, name) for name in SCENARIOS},

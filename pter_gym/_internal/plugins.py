@@ -7,7 +7,7 @@ from typing import Any
 from pter_gym.errors import DependencyError
 
 COMMANDS, PICTURES = "pter.commands", "pter.pictures"
-"""Groups: commands of ``pter``; what draws ``world`` and ``worlds`` for environments, and films and boards."""
+"""Groups: commands of ``pter``; what draws ``world`` and ``worlds`` for environments, films, boards, force regions."""
 
 
 def registered(group: str) -> dict[str, EntryPoint]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pter_gym.rendering import mean_resisting_force, spectral_arc_length
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._rules import ALLOWANCE, START
 
@@ -303,6 +304,20 @@ class Recorded(Travel):
     def distance_travelled(self) -> Array:
         """Return the distance travelled by the tip [m]."""
         return np.nansum(norm(np.diff(vector(self.telemetry, "tip"), axis=0)), axis=0)
+
+    @cached_property
+    def force(self) -> Array:
+        """Size of the hand's force on the tip [N], (T, N), 0 after the end."""
+        return np.nan_to_num(norm(vector(self.steps, "force")))
+
+    def resisting_force(self) -> Array:
+        """Return the mean force of the clutches against the tip's motion [N]."""
+        return mean_resisting_force(per_clutch(self.steps, "power").sum(axis=-1), self.speed)
+
+    def spectral_arc_length(self) -> Array:
+        """Return SPARC of the tip's speed, each episode's from its first step on."""
+        pairs = zip(self.speed.T, self.alive.T, strict=True)
+        return np.array([spectral_arc_length(speed[alive], self.period) for speed, alive in pairs])
 
     def smoothness(self) -> Array:
         """Return −ln of the dimensionless jerk."""

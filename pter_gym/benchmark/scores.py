@@ -62,6 +62,16 @@ class Score:
         "m/s²", "largest", lambda e: np.where(e.counted, e.acceleration, 0.0).max(axis=0)
     )
     smoothness: float = _score("1", "−ln of the dimensionless jerk; larger is smoother", Recorded.smoothness)
+    spectral_arc_length: float = _score(
+        "1", "SPARC of the tip's speed; nearer to 0 is smoother", Recorded.spectral_arc_length
+    )
+    mean_force_n: float = _score("N", "time average of the size of the hand's force", lambda e: e.mean(e.force))
+    peak_force_n: float = _score("N", "its largest size", lambda e: e.force.max(axis=0))
+    resisting_force_n: float = _score(
+        "N",
+        "mean force of the clutches against the tip's motion, while it moves; of `free`, the drag of free motion",
+        Recorded.resisting_force,
+    )
     path_length_m: float = _score("m", "distance travelled by the tip", Recorded.distance_travelled)
     completed: bool = _score("1", "the end of the path was reached", Recorded.completed)
     duration_s: float = _score("s", "length of the episode", lambda e: e.end)

@@ -17,7 +17,7 @@ CORE = (
     ("_internal", "_compiled"),
     ("params",),
     ("_physics",),
-    ("hands", "paths"),
+    ("hands", "paths", "rendering"),
     ("tasks",),
     ("_engine", "scenarios"),
     ("controllers",),
