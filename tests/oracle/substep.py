@@ -27,7 +27,7 @@ from pter_gym.params import Machine
 W = np.array(friction.W, float)
 MAX_PARTS = 4
 SHORTEST_PART = 1e-6
-BEYOND = 1.000000001
+BEYOND = 1.01
 """How far from zero the edge of the band counts as left, times δω."""
 
 

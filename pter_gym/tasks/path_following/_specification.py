@@ -17,7 +17,7 @@ from pter_gym._physics.limits import (
     largest_force,
     largest_travel,
 )
-from pter_gym._physics.model import model_of
+from pter_gym._physics.model import max_damping, model_of
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.hands import NO_HAND, MultiSineHand, Operator
 from pter_gym.params import Arm, Checked, Machine, quantity, require, require_number
@@ -282,7 +282,8 @@ def _force_within(length: float, task: PathFollowing, machine: Machine) -> float
     recorded = np.abs(task.hand.sampled(task.control_period)).max(axis=0, initial=0.0)
     stretch = length + hand.intent_lead + 0.5 * largest_travel(model_of(held).arm, held.substep, task.control_period)
     impedance = task.hand.impedance
-    pull = impedance.stiffness * stretch + impedance.damping * hand.intent_speed
+    stiffness = impedance.stiffness * (1.0 + math.hypot(*impedance.stiffness_anisotropy))
+    pull = stiffness * stretch + max_damping(impedance) * hand.intent_speed
     return pull + math.hypot(abs(hand.push) + recorded[0], math.fsum(map(abs, hand.amplitude)) + recorded[1])
 
 
