@@ -38,7 +38,7 @@ from pter_gym._physics.friction import mode_of, slip_velocities
 from pter_gym.hands._model import SINES, unit_vector
 from pter_gym.paths._projection import Foot, point_at, project, segment_at, segment_of
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
-from pter_gym.tasks.path_following._rules import PathVector, motion_at, singular, strayed, to_world
+from pter_gym.tasks.path_following._rules import PathVector, beyond_band, motion_at, singular, strayed, to_world
 from pter_gym.tasks.path_following._specification import MAX_START_SPEED_ACROSS, MAX_START_SPEED_ALONG
 from pter_gym.tasks.path_following._telemetry import COLUMN
 
@@ -227,7 +227,7 @@ def record_pose(w: Any, i: int, row: Any, time: float, constants: Any) -> None:
     write(row, COLUMN.tip_velocity, Vector(v_x, v_y))
     row[COLUMN.arc_length] = w[ROW.foot.arc_length, i]
     row[COLUMN.reached] = w[ROW.reached, i]
-    row[COLUMN.normal_error] = w[ROW.foot.normal_error, i]
+    row[COLUMN.normal_error] = beyond_band(w[ROW.foot.normal_error, i], load(w, ROW.task.free, i))
     row[COLUMN.context] = (context_at - w[ROW.draws_from, i]) / CONTEXT_WIDTH
     arrangement = read(constants, CONTEXT.arrangement, int(w[ROW.context_at, i]))
     paper_clutches = arrangement.number == 0.0

@@ -288,7 +288,7 @@ def locate(w: Any, i: int, constants: Any) -> None:
 def present_state(w: Any, i: int) -> PathState:
     """Return the state of a world's tip relative to its path."""
     v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
-    return path_state(load(w, ROW.foot, i), v_x, v_y)
+    return path_state(load(w, ROW.foot, i), v_x, v_y, load(w, ROW.task.free, i))
 
 
 @device
@@ -446,7 +446,7 @@ def observe_reading(w: Any, i: int, constants: Any) -> None:
     foot = project(constants, int(path.first), int(path.arcs), int(w[ROW.foot.segment, i]), x, y)
     seen = observation(
         q,
-        path_state(foot, v_x, v_y),
+        path_state(foot, v_x, v_y, load(w, ROW.task.free, i)),
         path.length,
         w[ROW.task.pace, i],
         load(w, ROW.command, i),

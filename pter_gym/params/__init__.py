@@ -1,5 +1,6 @@
 """Parameters of the machine: frozen dataclasses in SI, each field with its unit and provenance."""
 
+from pter_gym.params._actuators import Actuator
 from pter_gym.params._connection import PAPER_CLUTCHES, SLOTS, Connection
 from pter_gym.params._fields import (
     MAX_NUMBER,
@@ -25,6 +26,7 @@ from pter_gym.params._machine import (
     tip_mass,
 )
 from pter_gym.params._named import (
+    ACTUATORS,
     ARRANGEMENTS,
     BASELINE,
     DELRIN_EXPERIMENTAL,
@@ -37,6 +39,7 @@ from pter_gym.params._named import (
 from pter_gym.params._preset import is_preset, machine_of, preset_of, save_preset
 
 __all__ = [
+    "ACTUATORS",
     "ARRANGEMENTS",
     "BASELINE",
     "DELRIN_EXPERIMENTAL",
@@ -46,6 +49,7 @@ __all__ = [
     "MIN_POSITIVE",
     "PAPER_CLUTCHES",
     "SLOTS",
+    "Actuator",
     "Arm",
     "Checked",
     "Clutch",

@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import cast
 
 from pter_gym.errors import ParameterError, nearest
+from pter_gym.params._actuators import read_actuators
 from pter_gym.params._connection import BRAKE_A, BRAKE_B, COUPLED, INVERTED
 from pter_gym.params._machine import Clutch, Machine
 from pter_gym.params._preset import PRESET, Preset, is_preset, load_preset, machine_of
@@ -71,8 +72,14 @@ The first three are the paper's; the others are ``BASELINE`` with ``ARRANGEMENTS
 """
 
 
+ACTUATORS = read_actuators({"pter": BASELINE.clutch, "delrin": DELRIN_EXPERIMENTAL.clutch})
+"""Clutches and brakes by name, with what is known of them."""
+
+
 def find_machine(machine: Machine | str | None) -> Machine:
-    """Return a machine given as itself, by its name in ``MACHINES``, or by the path of a preset; ``BASELINE`` for None.
+    """Return a machine given as itself, by its name, or by the path of a preset; ``BASELINE`` for None.
+
+    A name is one of ``MACHINES``, or of ``ACTUATORS`` for PTER with four of these in place of its clutches.
 
     Raises
     ------
@@ -88,9 +95,12 @@ def find_machine(machine: Machine | str | None) -> Machine:
         return given
     if isinstance(given, str) and given in MACHINES:
         return MACHINES[given]
+    if isinstance(given, str) and given in ACTUATORS:
+        return replace(BASELINE, clutch=ACTUATORS[given].clutch)
     if isinstance(given, str) and is_preset(given):
         return machine_of(load_preset(given))
+    names = (*MACHINES, *ACTUATORS)
     raise ParameterError(
-        f"machine must be a Machine or one of {', '.join(MACHINES)} or the path of a preset (.toml), "
-        f"got {given!r:.200}{nearest(given, MACHINES)}"
+        f"machine must be a Machine or one of {', '.join(names)} or the path of a preset (.toml), "
+        f"got {given!r:.200}{nearest(given, names)}"
     )

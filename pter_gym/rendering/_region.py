@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.params import Arm, Machine
+from pter_gym.params import Arm, Clutch, Machine
 
 Array = NDArray[np.float64]
 
@@ -49,11 +49,22 @@ def force_per_torque(machine: Machine, theta: ArrayLike) -> Array:
         return np.stack([a * of_a + b * of_b for a, b in machine.slot_rows], axis=-2)
 
 
+class _Limits(NamedTuple):
+    """Breakaway and dynamic torque of a clutch at a voltage [N·m]."""
+
+    breakaway: float
+    dynamic: float
+
+    @classmethod
+    def at(cls, clutch: Clutch, volts: float) -> "_Limits":
+        return cls(clutch.breakaway.torque(volts), clutch.dynamic.torque(volts))
+
+
 def torque_limits(machine: Machine, slip: ArrayLike) -> tuple[Array, Array]:
     """Return the least and the largest steady torque [N·m] of the clutches over all voltages, (…, SLOTS) each.
 
-    A clutch that slips makes at least that of 0 V and at most its dynamic torque at the largest voltage, against the
-    slip. One that sticks makes any torque up to the one that it can hold, in either direction.
+    A clutch that slips makes at least its torque of 0 V and at most that of the largest voltage, at the present speed,
+    against the slip. One that sticks makes any torque up to the one that it can hold, in either direction.
 
     Parameters
     ----------
@@ -61,10 +72,15 @@ def torque_limits(machine: Machine, slip: ArrayLike) -> tuple[Array, Array]:
         The machine, and the slip velocities of its clutches, (…, SLOTS) [rad/s].
     """
     clutch, scale = machine.clutch, np.array(machine.slot_scale)
-    dynamic = clutch.dynamic.torque(clutch.voltage_max)
-    held = max(clutch.breakaway.torque(clutch.voltage_max), dynamic)
-    sticks = np.abs(slip) < machine.slip_threshold
-    return np.where(sticks, -held, clutch.dynamic.torque(0.0)) * scale, np.where(sticks, held, dynamic) * scale
+    speed, square = np.abs(slip), clutch.stribeck**2
+    falls = square / (square + np.maximum(speed, machine.slip_threshold) ** 2)
+    least, most = (
+        curve.dynamic + falls * (curve.breakaway - curve.dynamic) + clutch.viscous * speed
+        for curve in (_Limits.at(clutch, 0.0), _Limits.at(clutch, clutch.voltage_max))
+    )
+    held = max(_Limits.at(clutch, clutch.voltage_max))
+    sticks = speed < machine.slip_threshold
+    return np.where(sticks, -held, least) * scale, np.where(sticks, held, most) * scale
 
 
 def force_region(machine: Machine, theta: ArrayLike, tip_velocity: ArrayLike = AT_REST) -> Array:

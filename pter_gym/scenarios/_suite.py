@@ -198,6 +198,19 @@ _SUITE = (
         episodes=300,
         stratum="hand",
     ),
+    Scenario(
+        "corridor",
+        0,
+        "A corridor 40 mm wide about the paper's line: the tip is free within it and guided at its edges.",
+        episodes=200,
+    ),
+    Scenario(
+        "wall",
+        0,
+        "A wall along the paper's line, on which the hand leans: the tip is free on one side and must not get beyond.",
+        episodes=200,
+        stratum="hand",
+    ),
 )
 
 SCENARIOS = MappingProxyType({each.name: each for each in _SUITE})

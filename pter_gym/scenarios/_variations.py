@@ -157,6 +157,19 @@ SENSORS = Vary(
 
 STANDARD = PathFollowing(hand=EQ5)
 
+LEANING = MultiSineHand(
+    push=40.0,
+    amplitudes=(12.0, 8.0, 4.0, 2.0, 2.0),
+    frequencies=(0.0, 0.5, 1.0, 2.0, 4.0),
+    phases=(-0.5 * math.pi, 0.0, 0.0, 0.0, 0.0),
+)
+"""A hand that pushes along the wall and leans on it with 12 N, from which the sines move it away now and then."""
+
+CORRIDOR = replace(STANDARD, free_left=0.02, free_right=0.02)
+
+WALL = replace(STANDARD, hand=LEANING, free_left=0.1)
+"""The wall is to the right of the path."""
+
 CURVED = replace(STANDARD, error_max=WIDTH)
 
 VARIED = MappingProxyType(
@@ -173,6 +186,11 @@ VARIED = MappingProxyType(
             Vary(CURVED, path=CURVES, hand=OneOf((EQ5, FORCES, HUMANS)), friction_drift=DRIFT, sensing=SENSORS),
         ),
         "tremor": (BASELINE, Vary(STANDARD, hand=TREMBLING)),
+        "corridor": (BASELINE, Vary(CORRIDOR)),
+        "wall": (
+            BASELINE,
+            Vary(WALL, hand=Vary(LEANING, phases=(-0.5 * math.pi, *[Uniform(-math.pi, math.pi)] * (SINES - 1)))),
+        ),
     }
 )
 """Machine and task of each scenario; the pace is set on running it or making an environment."""

@@ -10,7 +10,15 @@ from pter_gym._physics.model import Model, arrangement_of, model_of
 from pter_gym.hands import HandModel
 from pter_gym.params import BASELINE, Machine
 from pter_gym.tasks.path_following._observation import FORCE_SCALE
-from pter_gym.tasks.path_following._rules import PACE_WINDOW, PathModel, SensingModel, StartModel, TaskModel, Terms
+from pter_gym.tasks.path_following._rules import (
+    PACE_WINDOW,
+    Band,
+    PathModel,
+    SensingModel,
+    StartModel,
+    TaskModel,
+    Terms,
+)
 from pter_gym.tasks.path_following._specification import IDEAL_SENSING, PathFollowing, held_machine, strongest
 
 
@@ -94,6 +102,7 @@ def task_model(task: PathFollowing, arcs: tuple[int, int], energy_max: float) ->
     weights: Any = vars(task.reward)
     made: dict[str, Any] = {
         "path": PathModel(*arcs, task.path.length),
+        "free": Band(right=task.free_right, left=task.free_left),
         "pace_decay": -math.expm1(-task.control_period / PACE_WINDOW),
         "energy_max": energy_max,
         "starts": StartModel(**vars(task.starts)),

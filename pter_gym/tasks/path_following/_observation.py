@@ -53,8 +53,8 @@ class Observation(NamedTuple):
     sin_b: Annotated[float, Seen("1", "sine of link B's angle")]
     omega_a: Annotated[float, Seen("rad/s", "angular velocity of link A", OMEGA_SCALE)]
     omega_b: Annotated[float, Seen("rad/s", "angular velocity of link B", OMEGA_SCALE)]
-    normal_error: Annotated[float, Seen("m", "distance from the path, positive to its left", ERROR_SCALE)]
-    near_error: Annotated[float, Seen("m", "the same, limited to the scale", ERROR_SCALE)]
+    normal_error: Annotated[float, Seen("m", "distance from the path's free band, positive to the left", ERROR_SCALE)]
+    near_error: Annotated[float, Seen("m", "distance from the path itself, limited to the scale", ERROR_SCALE)]
     progress: Annotated[float, Seen("1", "arc length of the tip's projection on the path, over the path's length")]
     heading: Annotated[UnitVector, Seen("1", "the path's heading at the tip's projection")]
     curvature: Annotated[float, Seen("1/m", "curvature of the path there, positive to the left", CURVATURE_SCALE)]
@@ -120,7 +120,7 @@ def observation(
         omega_a=q.omega_a,
         omega_b=q.omega_b,
         normal_error=at.normal_error,
-        near_error=between(at.normal_error, -ERROR_SCALE, ERROR_SCALE),
+        near_error=between(at.offset, -ERROR_SCALE, ERROR_SCALE),
         progress=at.arc_length / path_length,
         heading=at.heading,
         curvature=at.curvature,

@@ -22,6 +22,7 @@ from pter_gym._physics.arm import (
     sin_difference,
 )
 from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.friction import between
 from pter_gym._physics.model import model_of
 from pter_gym._physics.step import Energy
 from pter_gym.hands import MultiSineHand
@@ -39,10 +40,21 @@ class PathVector(NamedTuple):
     across: Annotated[float, Entry("", "{} across the path, positive to its left")]
 
 
+class Band(NamedTuple):
+    """The band along the path within which the tip is free: a virtual fixture. Without width it is the path."""
+
+    right: Annotated[float, Entry("m", "width of the free band to the right of the path")]
+    left: Annotated[float, Entry("m", "width of the free band to the left of the path")]
+
+
 class PathState(NamedTuple):
-    """The tip relative to the path at a control instant [m, 1/m, m/s]."""
+    """The tip relative to the path at a control instant [m, 1/m, m/s].
+
+    ``offset`` is its distance from the path, ``normal_error`` that from the free band, both positive to the left.
+    """
 
     arc_length: float
+    offset: float
     normal_error: float
     heading: UnitVector
     curvature: float
@@ -50,11 +62,17 @@ class PathState(NamedTuple):
 
 
 @device
-def path_state(foot: Foot, v_x: float, v_y: float) -> PathState:
+def path_state(foot: Foot, v_x: float, v_y: float, free: Band) -> PathState:
     """Return the state of the tip relative to its path, from its projection and its velocity [m/s]."""
-    return PathState(
-        foot.arc_length, foot.normal_error, foot.heading, foot.curvature, to_path(Vector(v_x, v_y), foot.heading)
-    )
+    speed = to_path(Vector(v_x, v_y), foot.heading)
+    beyond = beyond_band(foot.normal_error, free)
+    return PathState(foot.arc_length, foot.normal_error, beyond, foot.heading, foot.curvature, speed)
+
+
+@device
+def beyond_band(offset: float, free: Band) -> float:
+    """Return how far the tip is beyond the free band [m], from its distance from the path, positive to the left."""
+    return offset - between(offset, -free.right, free.left)
 
 
 @device
@@ -287,6 +305,7 @@ class TaskModel(NamedTuple):
     """Constants of one task."""
 
     path: Annotated[PathModel, Entry()]
+    free: Band
     pace: Annotated[float, Entry("m/s", "commanded mean speed along the path")]
     pace_decay: Annotated[float, Entry("1", "part of a new speed in the mean that the reward judges")]
     error_max: Annotated[float, Entry("m", "the workspace ends this far from the path")]

@@ -115,9 +115,16 @@ def find_starts(starts: Starts | str) -> Starts:
     return STARTS[starts] if isinstance(starts, str) else starts
 
 
+_NO_BAND = "chosen: 0 for a path to follow; more for a corridor or a wall beside it"
+
+
 @dataclass(frozen=True, kw_only=True)
 class PathFollowing(Checked):
-    """The task: path, hand, commanded pace, workspace, start and reward."""
+    """The task: path, hand, commanded pace, workspace, start and reward.
+
+    With ``free_left`` or ``free_right`` the path is a virtual fixture: the tip is free within these distances to its
+    left and right, and errors count from there. Equal ones make a corridor. One of 0 makes the path the edge of a wall.
+    """
 
     path: Path = quantity("1", "see Line", default=Line())
     hand: Operator = quantity("1", "see MultiSineHand", default=MultiSineHand())
@@ -139,6 +146,8 @@ class PathFollowing(Checked):
         at_most=2.0 * MAX_HALF_WIDTH,
         default=2.0 * MAX_HALF_WIDTH,
     )
+    free_left: float = quantity("m", _NO_BAND, at_least=0.0, at_most=MAX_HALF_WIDTH, default=0.0, later=True)
+    free_right: float = quantity("m", _NO_BAND, at_least=0.0, at_most=MAX_HALF_WIDTH, default=0.0, later=True)
     arrival: float = quantity(
         "m",
         "chosen: half of error_max's default; within this of the path its end is a success",
@@ -223,7 +232,8 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
     )
     check_motion(task, machine)
     arm = machine.arm
-    _check_path(task.path, task.error_max, task.singularity_margin, arm.length_a, arm.length_b)
+    widest = task.error_max + max(task.free_left, task.free_right)
+    _check_path(task.path, widest, task.singularity_margin, arm.length_a, arm.length_b)
     _check_start(task, arm)
 
 
@@ -270,7 +280,7 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
 
 def strongest(task: PathFollowing, machine: Machine) -> float:
     """Return an upper bound of the mean force on the tip [N] that a task's hand can exert in a control step."""
-    path_width = min(task.error_max, task.truncation_error)
+    path_width = min(task.error_max, task.truncation_error) + max(task.free_left, task.free_right)
     reach = machine.arm.length_a + machine.arm.length_b
     return _force_within(min(2.0 * reach, task.path.length + path_width), task, machine)
 
@@ -297,8 +307,8 @@ def _check_path(path: Path, error_max: float, margin: float, length_a: float, le
     bend = path.max_curvature
     if bend * error_max > MAX_CURVATURE_RATIO:
         raise ParameterError(
-            f"PathFollowing.error_max must be ≤ {MAX_CURVATURE_RATIO / bend:.4g} m, {MAX_CURVATURE_RATIO:g} of the "
-            f"smallest radius of {type(path).__name__}, got {error_max!r}"
+            f"PathFollowing.error_max, with a free band, must be ≤ {MAX_CURVATURE_RATIO / bend:.4g} m, "
+            f"{MAX_CURVATURE_RATIO:g} of the smallest radius of {type(path).__name__}, got {error_max!r}"
         )
     points = path.arcs.extremes()
     outside = sin_elbow(length_a, length_b, points) <= margin

@@ -30,7 +30,7 @@ class Telemetry(NamedTuple):
     acceleration: Annotated[Vector, Entry("m/s²", "the tip's acceleration, mean over the control period")]
     arc_length: Annotated[float, Entry("m", "arc length of the tip's projection on the path")]
     reached: Annotated[float, Entry("m", "largest arc length so far")]
-    normal_error: Annotated[float, Entry("m", "distance from the path, positive to its left")]
+    normal_error: Annotated[float, Entry("m", "distance from the path's free band, positive to the left")]
     force: Annotated[Vector, Entry("N", "the hand's force at the control instant")]
     mode: Annotated[float, Entry("1", "ClutchMode")]
     volts: Annotated[PerClutch, Entry("V", "voltage")]
@@ -90,7 +90,8 @@ def reason_of(telemetry: ArrayLike, machine: Machine | str | None, task: PathFol
         return None
     theta_a, theta_b = row[COLUMN.theta.a], row[COLUMN.theta.b]
     q = Motion(theta_a, theta_b, 0.0, 0.0, math.cos(theta_a), math.sin(theta_a), math.cos(theta_b), math.sin(theta_b))
-    at = PathState(row[COLUMN.arc_length], row[COLUMN.normal_error], UnitVector(1.0, 0.0), 0.0, PathVector(0.0, 0.0))
+    error, standing = row[COLUMN.normal_error], PathVector(0.0, 0.0)
+    at = PathState(row[COLUMN.arc_length], error, error, UnitVector(1.0, 0.0), 0.0, standing)
     end = ending(at, q, row[COLUMN.kinetic_energy], limits)
     order = (
         (Reason.ARRIVED, end.arrived),
