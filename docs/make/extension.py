@@ -8,14 +8,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from contents import add_contents
+from contents import add_contents, shorten_side_bar
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
 
-PAGES = {"pter_gym.envs._single.PathFollowingEnv": "/path-following"}
+PAGES = {"pter_gym.envs._single.PathFollowingEnv": "/environment"}
 """Classes whose docstring is a page in Markdown."""
 
 
@@ -119,6 +119,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_html_math_renderer("mathml", (inline_formula, None), (formula, None))
     app.connect("builder-inited", bring_notebooks)
     app.connect("source-read", add_contents)
+    app.connect("html-page-context", shorten_side_bar, priority=400)  # before the theme reads it
     app.connect("autodoc-process-docstring", process)
     app.connect("autodoc-skip-member", choose)
     app.connect("viewcode-follow-imported", follow)

@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 import docstring_parser
 import pictures
 import tyro
-from markup import IMAGES, README, code, number, table
+from markup import IMAGES, code, number, table
 
 from pter_gym._commands.main import commands as find_commands
 from pter_gym._commands.main import load_command
@@ -75,14 +75,6 @@ def default(item: Field[Any]) -> str:
     if isinstance(item.default, tuple):
         return ", ".join(getattr(each, "name", None) or f"{each:g}" for each in item.default)
     return f"{item.default:g}" if isinstance(item.default, (int, float)) else code(f"{type(item.default).__name__}()")
-
-
-@made
-def readme(*name: str) -> str:
-    """Return the block of code below the comment of this name in README.md."""
-    comment, text = re.escape(" ".join(name)), README.read_text("utf-8")
-    (block,) = re.findall(rf"^<!-- {comment} -->\n(```.*?^```)$", text, re.MULTILINE | re.DOTALL)
-    return block
 
 
 @made
@@ -266,8 +258,24 @@ def claims() -> str:
         f"`pter reproduce` makes the paper's figures and table, and checks {len(stored)} of its claims:\n"
         f"{count['prediction']} are predictions that hold, {count['calibration']} hold because parameters were fitted\n"
         f"to them, and {count['not met']} are "
-        "[not met](/reproduction.md).\n"
+        "[not met](/development/tables.md#the-papers-claims).\n"
     )
+
+
+@made
+def claim_table() -> str:
+    """Return the paper's claims with what the run measured that docs/images/paper holds."""
+    verdicts = {"prediction": "✓ prediction", "calibration": "≈ calibration", "not met": "✗ not met"}
+    rows = [
+        [
+            verdicts[each["kind"]],
+            f"{each['claim']} {each['section']}",
+            " ".join([number(each["measured"]), each["unit"].removeprefix("1")]).strip() + f": {each['what']}",
+            each["condition"],
+        ]
+        for each in json.loads((IMAGES / "paper" / "claims.json").read_text("utf-8"))
+    ]
+    return table(["Verdict", "The paper says, in section", "We measure", "Holds if"], rows)
 
 
 # --- policies and commands ---
