@@ -312,7 +312,7 @@ def policy_text(name: str) -> str:
 def scenarios() -> str:
     """A card with a moving picture for each scenario."""
     cards = (
-        f"- ![An episode of {name}](/images/moving/{name}.webp)\n\n  **[{name}](scenarios/{name}.md).** {each.asks}\n"
+        f"- ![An episode of {name}](/images/moving/{name}.webp)\n\n  **[{name}](/scenarios/{name}.md).** {each.asks}\n"
         for name, each in SCENARIOS.items()
     )
     return cards_of(cards)
