@@ -78,15 +78,6 @@ def default(item: Field[Any]) -> str:
 
 
 @made
-def spaces() -> str:
-    """Return both spaces of the environment, by its arguments."""
-    units = ("volt", "normalised")
-    rows = [["action", f'action_unit="{each}"', PathFollowingEnv(action_unit=each).action_space] for each in units]
-    rows += [["observation", f'sensors="{each}"', PathFollowingEnv(sensors=each).observation_space] for each in SENSORS]
-    return table(["Space", "Argument", "What it is"], ([name, code(how), code(str(what))] for name, how, what in rows))
-
-
-@made
 def observation() -> str:
     """Return all entries that an observation may contain, and the sensors that measure them."""
     names = {each: PathFollowingEnv(sensors=each).observation_layout.names for each in SENSORS}
@@ -303,8 +294,11 @@ def policy_text(name: str) -> str:
         below = f"Corrections to `{about['corrects']}`" if about.get("corrects") else "The four voltages"
         where = "all scenarios except `tremor`" if about["scenario"] == "all" else f"`{about['scenario']}`"
         return f"{below}, learned by `{about['algorithm']}` on {where}."
-    known = inspect.getdoc(CONTROLLERS[name.removesuffix("-tuned")]) or ""
-    gains = " With tuned gains." if name.endswith("-tuned") else ""
+    law = name.removesuffix("-tuned")
+    if law != name and law in pictures.policy_names():
+        return f"`{law}` with tuned gains."
+    known = inspect.getdoc(CONTROLLERS[law]) or ""
+    gains = " With tuned gains." if law != name else ""
     return " ".join(known.split("\n\n")[0].split()).replace("``", "`") + gains
 
 
