@@ -1,47 +1,20 @@
 """The order of the site's pages: the side bar shows the chapters; pages below a page are linked from it."""
 
 import re
-from typing import Any
 
 from sphinx.application import Sphinx
 
 from pter_gym.scenarios import SCENARIOS
 
 CHAPTERS: dict[str, tuple[str, ...]] = {
-    "Start": (
-        "push-it-yourself",
-        "watching",
-        "tutorials",
-        "commands",
-    ),
-    "Train": (
-        "your-algorithm",
-        "agents",
-        "stock-algorithms",
-        "data",
-        "gradients",
-    ),
-    "The environment": (
-        "environment",
-        "reward",
-        "scenarios/index",
-        "scoring",
-    ),
-    "Control": (
-        "controllers",
-        "which-clutches",
-        "extending",
-    ),
-    "The robot": (
-        "model",
-        "hands",
-        "identify",
-        "reproduction",
-        "calibration",
-    ),
+    "Start": ("push-it-yourself", "watching", "tutorials", "commands"),
+    "Train": ("your-algorithm", "agents", "stock-algorithms", "data", "gradients"),
+    "The environment": ("environment", "reward", "scenarios/index", "scoring"),
+    "Control": ("controllers", "which-clutches", "extending"),
+    "The robot": ("model", "hands", "identify", "reproduction", "calibration"),
     "Reference": ("api",),
 }
-"""What the side bar shows, one page a line."""
+"""What the side bar shows."""
 
 BELOW = {
     "push-it-yourself": ("browser",),
@@ -54,14 +27,9 @@ BELOW = {
         "notebooks/06_which_machine_to_build",
     ),
     "scenarios/index": tuple(f"scenarios/{name}" for name in SCENARIOS),
-    "development/index": (
-        "development/architecture",
-        "development/verification",
-        "development/robustness",
-        "development/tables",
-        "development/contributing",
-        "development/listing",
-        "development/changelog",
+    "development/index": tuple(
+        f"development/{name}"
+        for name in ("architecture", "verification", "robustness", "tables", "contributing", "listing", "changelog")
     ),
 }
 """Pages by the page that links to them."""
@@ -83,9 +51,3 @@ def toctree(pages: "list[str] | tuple[str, ...]", caption: str = "") -> str:
     """Return a hidden table of contents in MyST."""
     told = f":caption: {caption}\n" if caption else ""
     return "\n```{toctree}\n:hidden:\n" + told + "\n" + "\n".join(f"/{page}" for page in pages) + "\n```\n"
-
-
-def shorten_side_bar(app: Sphinx, page: str, template: str, context: dict[str, Any], tree: Any) -> None:
-    """Show the chapters' pages in the side bar, none of those below them."""
-    if whole := context.get("toctree"):
-        context["toctree"] = lambda **options: whole(**options | {"maxdepth": 1})

@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from contents import add_contents, shorten_side_bar
+from contents import add_contents
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx import addnodes
@@ -112,6 +112,12 @@ def unlink(app: Sphinx, doctree: nodes.document) -> None:
     for link in list(doctree.findall(addnodes.pending_xref)):
         if link["refdomain"] == "py" and link["reftarget"].islower() and "." not in link["reftarget"]:
             link.replace_self(link.children)
+
+
+def shorten_side_bar(app: Sphinx, page: str, template: str, context: dict[str, Any], tree: Any) -> None:
+    """Show the chapters' pages in the side bar, none of those below them."""
+    if whole := context.get("toctree"):
+        context["toctree"] = lambda **options: whole(**options | {"maxdepth": 1})
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -216,7 +216,7 @@ def test_a_load_is_shared_with_the_smallest_torques(kind):
 # --- the paper's own rule ---
 
 RECORDED_AGREEMENT = {0: (1.0, 1.0), 1: (1.0, 1.0), 2: (0.985, 0.955), 3: (0.909, 0.729), 4: (0.854, 0.553)}
-"""By number of engaged clutches: shares of random states at rest on which the two agree, as in docs/development/verification.md."""
+"""By number of engaged clutches: shares of random states at rest on which the two agree, as in verification.md."""
 
 
 def random_situation(rng: np.random.Generator, kind: str, engaged: int) -> paper_rule.Situation:
