@@ -20,7 +20,8 @@ from pter_gym.params._preset import PRESET, format_preset
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *DOCS.glob("**/*.md")])
 PARAMETER_CLASSES = [item for _, item in inspect.getmembers(params, dataclasses.is_dataclass) if inspect.isclass(item)]
 PRINTING = [
-    DOCS / name for name in ("hands.md", "environment.md", "model.md", "scenarios/index.md", "development/tables.md")
+    DOCS / name
+    for name in ("api.md", "environment.md", "hands.md", "model.md", "scenarios/index.md", "development/tables.md")
 ]
 """Pages whose first block of code prints one line."""
 
