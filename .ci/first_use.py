@@ -2,7 +2,7 @@
 
 Each number is the processor time of a whole process, from its start to the end of its first step. The limits are
 ratios to what the same machine needs to import Gymnasium and numba: a slow or a busy machine judges as a fast one does.
-Measured were 37 to 52 and 2.4 to 3.2; docs/verification.md has those of its last run.
+Measured were 37 to 52 and 2.4 to 3.2; docs/development/verification.md has those of its last run.
 """
 
 import os

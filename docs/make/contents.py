@@ -1,4 +1,4 @@
-"""The order of the site's pages: the side bar shows the chapters, and below a page the pages that belong to it."""
+"""The order of the site's pages: the side bar shows the chapters; pages below a page are linked from it."""
 
 import re
 
@@ -6,19 +6,18 @@ from sphinx.application import Sphinx
 
 from pter_gym.scenarios import SCENARIOS
 
-CHAPTERS = {
-    "Start": ("first-steps", "push-it-yourself", "watching", "commands"),
-    "Tutorials": ("tutorials", "your-algorithm", "extending", "identify"),
-    "The environment": ("path-following", "scenarios/index"),
-    "Policies and scores": ("policies", "controllers", "agents", "scoring"),
-    "The robot and its paper": ("model", "paper-figures"),
-    "Reference": ("api", "architecture", "verification", "contributing", "changelog"),
+CHAPTERS: dict[str, tuple[str, ...]] = {
+    "Start": ("push-it-yourself", "watching", "tutorials", "commands"),
+    "Train": ("your-algorithm", "agents", "stock-algorithms", "data", "gradients"),
+    "The environment": ("environment", "reward", "scenarios/index", "scoring"),
+    "Control": ("controllers", "which-clutches", "extending"),
+    "The robot": ("model", "hands", "identify", "reproduction", "calibration"),
+    "Reference": ("api",),
 }
-"""What ``index`` shows."""
+"""What the side bar shows."""
 
 BELOW = {
     "push-it-yourself": ("browser",),
-    "watching": ("gallery",),
     "tutorials": (
         "notebooks/01_the_paper",
         "notebooks/02_your_own_clutch",
@@ -27,18 +26,13 @@ BELOW = {
         "notebooks/05_read_the_benchmark",
         "notebooks/06_which_machine_to_build",
     ),
-    "your-algorithm": ("stock-algorithms", "learning-libraries", "at-scale"),
-    "path-following": ("environment", "task", "reward"),
     "scenarios/index": tuple(f"scenarios/{name}" for name in SCENARIOS),
-    "policies": ("data",),
-    "controllers": ("classical-control", "which-clutches"),
-    "scoring": ("bound",),
-    "model": ("hands", "gradients"),
-    "paper-figures": ("reproduction", "calibration"),
-    "verification": ("robustness",),
-    "contributing": ("listing",),
+    "development/index": tuple(
+        f"development/{name}"
+        for name in ("architecture", "verification", "robustness", "tables", "contributing", "listing", "changelog")
+    ),
 }
-"""Pages by the page that they belong to."""
+"""Pages by the page that links to them."""
 
 
 def add_contents(app: Sphinx, page: str, source: list[str]) -> None:

@@ -15,7 +15,7 @@ from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
 
-PAGES = {"pter_gym.envs._single.PathFollowingEnv": "/path-following"}
+PAGES = {"pter_gym.envs._single.PathFollowingEnv": "/environment"}
 """Classes whose docstring is a page in Markdown."""
 
 
@@ -114,11 +114,18 @@ def unlink(app: Sphinx, doctree: nodes.document) -> None:
             link.replace_self(link.children)
 
 
+def shorten_side_bar(app: Sphinx, page: str, template: str, context: dict[str, Any], tree: Any) -> None:
+    """Show the chapters' pages in the side bar, none of those below them."""
+    if whole := context.get("toctree"):
+        context["toctree"] = lambda **options: whole(**options | {"maxdepth": 1})
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect to Sphinx."""
     app.add_html_math_renderer("mathml", (inline_formula, None), (formula, None))
     app.connect("builder-inited", bring_notebooks)
     app.connect("source-read", add_contents)
+    app.connect("html-page-context", shorten_side_bar, priority=400)  # before the theme reads it
     app.connect("autodoc-process-docstring", process)
     app.connect("autodoc-skip-member", choose)
     app.connect("viewcode-follow-imported", follow)

@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 import docstring_parser
 import pictures
 import tyro
-from markup import IMAGES, README, code, number, table
+from markup import IMAGES, code, number, table
 
 from pter_gym._commands.main import commands as find_commands
 from pter_gym._commands.main import load_command
@@ -75,23 +75,6 @@ def default(item: Field[Any]) -> str:
     if isinstance(item.default, tuple):
         return ", ".join(getattr(each, "name", None) or f"{each:g}" for each in item.default)
     return f"{item.default:g}" if isinstance(item.default, (int, float)) else code(f"{type(item.default).__name__}()")
-
-
-@made
-def readme(*name: str) -> str:
-    """Return the block of code below the comment of this name in README.md."""
-    comment, text = re.escape(" ".join(name)), README.read_text("utf-8")
-    (block,) = re.findall(rf"^<!-- {comment} -->\n(```.*?^```)$", text, re.MULTILINE | re.DOTALL)
-    return block
-
-
-@made
-def spaces() -> str:
-    """Return both spaces of the environment, by its arguments."""
-    units = ("volt", "normalised")
-    rows = [["action", f'action_unit="{each}"', PathFollowingEnv(action_unit=each).action_space] for each in units]
-    rows += [["observation", f'sensors="{each}"', PathFollowingEnv(sensors=each).observation_space] for each in SENSORS]
-    return table(["Space", "Argument", "What it is"], ([name, code(how), code(str(what))] for name, how, what in rows))
 
 
 @made
@@ -266,8 +249,24 @@ def claims() -> str:
         f"`pter reproduce` makes the paper's figures and table, and checks {len(stored)} of its claims:\n"
         f"{count['prediction']} are predictions that hold, {count['calibration']} hold because parameters were fitted\n"
         f"to them, and {count['not met']} are "
-        "[not met](/reproduction.md).\n"
+        "[not met](/development/tables.md#the-papers-claims).\n"
     )
+
+
+@made
+def claim_table() -> str:
+    """Return the paper's claims with what the run measured that docs/images/paper holds."""
+    verdicts = {"prediction": "✓ prediction", "calibration": "≈ calibration", "not met": "✗ not met"}
+    rows = [
+        [
+            verdicts[each["kind"]],
+            f"{each['claim']} {each['section']}",
+            " ".join([number(each["measured"]), each["unit"].removeprefix("1")]).strip() + f": {each['what']}",
+            each["condition"],
+        ]
+        for each in json.loads((IMAGES / "paper" / "claims.json").read_text("utf-8"))
+    ]
+    return table(["Verdict", "The paper says, in section", "We measure", "Holds if"], rows)
 
 
 # --- policies and commands ---
@@ -295,8 +294,11 @@ def policy_text(name: str) -> str:
         below = f"Corrections to `{about['corrects']}`" if about.get("corrects") else "The four voltages"
         where = "all scenarios except `tremor`" if about["scenario"] == "all" else f"`{about['scenario']}`"
         return f"{below}, learned by `{about['algorithm']}` on {where}."
-    known = inspect.getdoc(CONTROLLERS[name.removesuffix("-tuned")]) or ""
-    gains = " With tuned gains." if name.endswith("-tuned") else ""
+    law = name.removesuffix("-tuned")
+    if law != name and law in pictures.policy_names():
+        return f"`{law}` with tuned gains."
+    known = inspect.getdoc(CONTROLLERS[law]) or ""
+    gains = " With tuned gains." if law != name else ""
     return " ".join(known.split("\n\n")[0].split()).replace("``", "`") + gains
 
 
@@ -304,7 +306,7 @@ def policy_text(name: str) -> str:
 def scenarios() -> str:
     """A card with a moving picture for each scenario."""
     cards = (
-        f"- ![An episode of {name}](/images/moving/{name}.webp)\n\n  **[{name}](scenarios/{name}.md).** {each.asks}\n"
+        f"- ![An episode of {name}](/images/moving/{name}.webp)\n\n  **[{name}](/scenarios/{name}.md).** {each.asks}\n"
         for name, each in SCENARIOS.items()
     )
     return cards_of(cards)

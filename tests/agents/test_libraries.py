@@ -19,7 +19,6 @@ torch = pytest.importorskip("torch")
 
 ID = "PTER/Standard-v0"
 FOLDER = Path(__file__).parents[2] / "agents" / "libraries"
-PAGE = Path(__file__).parents[2] / "docs" / "learning-libraries.md"
 NEEDS = {
     "rsl_rl_ppo": "rsl_rl",
     "skrl_ppo": "skrl",

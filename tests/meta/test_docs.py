@@ -19,6 +19,12 @@ from pter_gym.params._preset import PRESET, format_preset
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *DOCS.glob("**/*.md")])
 PARAMETER_CLASSES = [item for _, item in inspect.getmembers(params, dataclasses.is_dataclass) if inspect.isclass(item)]
+PRINTING = [
+    DOCS / name
+    for name in ("api.md", "environment.md", "hands.md", "model.md", "scenarios/index.md", "development/tables.md")
+]
+"""Pages whose first block of code prints one line."""
+
 WATCHING = DOCS / "watching.md"
 WATCH = [shlex.split(line)[1:] for line in re.findall(r"^    (pter .*)$", WATCHING.read_text("utf-8"), re.MULTILINE)]
 
@@ -59,15 +65,15 @@ def test_the_results_in_the_readme_are_those_of_its_command(tmp_path: Path) -> N
     assert block.make(tmp_path) == block.content
 
 
-@pytest.mark.parametrize(
-    ("page", "printed"), [("first-steps.md", "arrived: True"), ("hands.md", r"(?P<said>.+)")], ids=lambda name: name
-)
-def test_a_page_runs(page: str, printed: str, capsys: pytest.CaptureFixture[str]):
-    run_program([block for block in blocks_of(DOCS / page) if block != readme("example")], page)
-    found = re.search(printed, capsys.readouterr().out)
-    assert found
-    if said := found.groupdict().get("said"):
-        assert f"prints `{said}`" in (DOCS / page).read_text("utf-8")
+def test_readme_steps_the_environment(capsys: pytest.CaptureFixture[str]):
+    run_program([readme("step")], str(README))
+    assert f"prints `{capsys.readouterr().out.strip()}`" in README.read_text("utf-8")
+
+
+@pytest.mark.parametrize("page", PRINTING, ids=lambda page: page.stem)
+def test_a_page_prints_what_it_says(page: Path, capsys: pytest.CaptureFixture[str]):
+    run_program(blocks_of(page)[:1], str(page))
+    assert f"prints `{capsys.readouterr().out.strip()}`" in page.read_text("utf-8")
 
 
 def test_the_page_on_a_machine_of_ones_own_runs(
@@ -89,7 +95,7 @@ def test_the_page_on_extending_runs(capsys: pytest.CaptureFixture[str]):
 
 
 def test_the_page_on_trained_policies_runs(capsys: pytest.CaptureFixture[str]):
-    run_program(blocks_of(DOCS / "policies.md"), "policies.md")
+    run_program(blocks_of(DOCS / "agents.md"), "agents.md")
     assert capsys.readouterr().out == "arrived: True\n"
 
 

@@ -1,4 +1,4 @@
-"""Print the numbers of docs/verification.md about friction and mechanics.
+"""Print the numbers of docs/development/verification.md about friction and mechanics.
 
 Run it in the folder ``tests``: ``python -m verification.report``.
 """

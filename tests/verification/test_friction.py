@@ -216,7 +216,7 @@ def test_a_load_is_shared_with_the_smallest_torques(kind):
 # --- the paper's own rule ---
 
 RECORDED_AGREEMENT = {0: (1.0, 1.0), 1: (1.0, 1.0), 2: (0.985, 0.955), 3: (0.909, 0.729), 4: (0.854, 0.553)}
-"""By number of engaged clutches: shares of random states at rest on which the two agree, as in docs/verification.md."""
+"""By number of engaged clutches: shares of random states at rest on which the two agree, as in verification.md."""
 
 
 def random_situation(rng: np.random.Generator, kind: str, engaged: int) -> paper_rule.Situation:
@@ -278,7 +278,7 @@ def test_the_papers_rule_agrees_wherever_an_axis_moves(kind, engaged):
 @pytest.mark.parametrize("engaged", range(5))
 def test_the_papers_rule_agrees_from_rest_as_often_as_published(engaged):
     """Within three standard errors, so another version of numpy's generators may draw other states."""
-    document = (Path(__file__).parents[2] / "docs" / "verification.md").read_text(encoding="utf-8")
+    document = (Path(__file__).parents[2] / "docs" / "development" / "verification.md").read_text(encoding="utf-8")
     for rate, recorded in zip(agreement("rest", engaged), RECORDED_AGREEMENT[engaged], strict=True):
         assert abs(rate - recorded) <= 3.0 * np.sqrt(recorded * (1.0 - recorded) / 1_000)
     published = " | ".join(f"{recorded:.1%}".replace("%", " %") for recorded in RECORDED_AGREEMENT[engaged])

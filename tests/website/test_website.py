@@ -23,11 +23,11 @@ ROOT = Path(__file__).parents[2]
 SHOWN = ((1280, 900), (390, 844))
 FEW = (
     "index",
-    "path-following",
+    "environment",
     "scenarios/everything",
     "model",
     "commands/benchmark",
-    "gallery",
+    "watching",
     "reference/pter_gym.envs",
 )
 """Pages that are opened in the gate: one of each kind."""
