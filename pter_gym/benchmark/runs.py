@@ -17,7 +17,7 @@ from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
 from pter_gym.benchmark.simulation import AnyPolicy, run, sensors_of, time_limit
 from pter_gym.controllers import bind
 from pter_gym.errors import unknown_name
-from pter_gym.params import BASELINE
+from pter_gym.params import BASELINE, Machine
 from pter_gym.scenarios import PACES
 from pter_gym.tasks.path_following import observation_layout
 
@@ -125,10 +125,10 @@ def run_scenario(
     return tuple(runs)
 
 
-def evaluate(policy: AnyPolicy, episodes: Episodes, num_threads: int = 2) -> Scores:
+def evaluate(policy: AnyPolicy, episodes: Episodes, num_threads: int = 2, *, nominal: Machine = BASELINE) -> Scores:
     """Return the scores of a policy, bound to the nominal machine, on episodes."""
     sensors = sensors_of(policy)
-    acting = bind(policy, BASELINE, observation_layout(BASELINE, sensors))
+    acting = bind(policy, nominal, observation_layout(nominal, sensors))
 
     def evaluate_from(start: int) -> Scores:
         chunk = slice(start, start + CHUNK)

@@ -37,6 +37,9 @@ LAWS_MAY_IMPORT = {"pter_gym._engine.law", "pter_gym.tasks.path_following._obser
 SHARED = "pter_gym.tools.figures"
 """What tools share: the style of all figures."""
 
+COMPOSES = {"pter_gym.tools.device": "pter_gym.tools.tuning"}
+"""Which tool may use which other one."""
+
 HEAVY = ("matplotlib", "numba", "pygame", "safetensors", "scipy", "stable_baselines3", "torch", "tyro")
 
 
@@ -92,7 +95,8 @@ def test_the_core_imports_one_way_and_no_tool(path: Path):
 def test_a_tool_imports_the_core_and_no_other_tool(path: Path):
     for imported in imported_modules(path):
         if room_of(imported) == "tools":
-            assert tool_of(imported) in (SHARED, tool_of(module_of(path))), f"{module_of(path)} imports {imported}"
+            tool = tool_of(module_of(path))
+            assert tool_of(imported) in (SHARED, tool, COMPOSES.get(tool)), f"{module_of(path)} imports {imported}"
 
 
 @pytest.mark.parametrize("path", modules("controllers"), ids=module_of)

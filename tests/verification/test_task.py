@@ -230,7 +230,7 @@ def test_what_a_pace_earns_and_costs():
 
 @pytest.mark.parametrize("failed", [False, True])
 def test_each_term_is_what_its_weight_says(failed: bool):
-    at = PathState(0.0, -0.03, unit(0.0), 0.0, PathVector(0.0, 0.0))
+    at = PathState(0.0, -0.03, -0.03, unit(0.0), 0.0, PathVector(0.0, 0.0))
     volts = PerClutch(1.0, 2.0, 3.0, 4.0)
     seen = Outcome(
         at=at,
@@ -301,7 +301,7 @@ def test_the_allowance_is_for_the_first_hundredth_of_a_path():
 
 def test_an_observation_holds_what_it_says():
     q = Motion(0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-    at = PathState(0.3, 0.004, unit(0.2), 7.0, PathVector(0.8, 0.9))
+    at = PathState(0.3, 0.004, 0.004, unit(0.2), 7.0, PathVector(0.8, 0.9))
     volts, torque, force = PerClutch(1.0, 2.0, 3.0, 4.0), PerClutch(5.0, 6.0, 7.0, 8.0), PathVector(9.0, 10.0)
     seen = observation(q, at, 1.5, 0.4, volts, torque, force)
     expected = {

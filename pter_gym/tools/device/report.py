@@ -1,0 +1,245 @@
+"""The examination of a device, as data and as a page."""
+
+import html
+import json
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pter_gym._internal.checks import whole_number
+from pter_gym._internal.files import FilePath, find_path, write_text_atomic
+from pter_gym._internal.plugins import PICTURES, registered
+from pter_gym._version import __version__
+from pter_gym.benchmark import find_policy
+from pter_gym.benchmark.boards import Leaderboard, leaderboards
+from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.benchmark.runs import ScenarioRun, evaluate
+from pter_gym.benchmark.simulation import AnyPolicy, record_episode, time_limit
+from pter_gym.errors import unknown_name
+from pter_gym.policies._stored_gains import make_guided
+from pter_gym.scenarios import PACES, find_scenario
+from pter_gym.scenarios._fixed_machine import AnyMachine, FixedMachine, find_fixed_machine
+from pter_gym.tools.device.measures import Rendering, measure_rendering
+from pter_gym.tools.tuning.search import tune
+
+SCENARIOS = {"standard": "single-dof", "corridor": "impedance", "wall": "impedance"}
+"""The scenarios of an examination, and the law that is tuned for each."""
+
+FREE = "free"
+"""The policy without voltage: what the device does by itself."""
+
+SEED = 1
+"""Seed of the fresh episodes; the search has other draws."""
+
+
+@dataclass(frozen=True)
+class DeviceReport:
+    """What an examination has found.
+
+    Attributes
+    ----------
+    device, pace
+        Name of the device and of the commanded pace.
+    rendering
+        What it can render.
+    gains
+        Tuned gains by scenario.
+    boards
+        A leaderboard for each scenario: the tuned law, the policy without voltage, and a trained policy if there is
+        one.
+    """
+
+    device: str
+    pace: str
+    rendering: Rendering
+    gains: dict[str, dict[str, float | bool]]
+    boards: tuple[Leaderboard, ...]
+
+    @property
+    def verdict(self) -> str:
+        """What the device is good for, in a sentence."""
+        ranked = [board.scenario for board in self.boards if any(each.rank for each in board.standings)]
+        steer = self.rendering.least_steering_n
+        can = f"keeps the pace and arrives on {', '.join(ranked)}" if ranked else "keeps the pace on no scenario"
+        return f"With tuned laws it {can}; in the worst direction it steers with {steer:.0f} N."
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the report as plain data, None for a number that is not finite."""
+        found = {
+            "version": __version__,
+            "device": self.device,
+            "pace": self.pace,
+            "verdict": self.verdict,
+            "rendering": asdict(self.rendering),
+            "gains": self.gains,
+            "boards": [board.as_json() for board in self.boards],
+        }
+        return _finite(found)
+
+
+def examine_device(
+    machine: AnyMachine,
+    out: FilePath,
+    *,
+    name: str = "device",
+    pace: str = "medium",
+    trials: int = 200,
+    episodes: int = 100,
+    policies: dict[str, AnyPolicy] | None = None,
+    on_progress: Callable[[str], None] = lambda _: None,
+) -> DeviceReport:
+    """Examine a device, and write ``index.html``, ``device.json`` and pictures into a folder.
+
+    Parameters
+    ----------
+    machine
+        The machine, its name, or the path of a preset.
+    out
+        The folder, created if necessary.
+    name
+        What the page calls it.
+    pace
+        Name of the commanded pace.
+    trials
+        Gains to try for each law.
+    episodes
+        Fresh episodes of each scenario.
+    policies
+        Further policies to score, by name.
+    on_progress
+        Called with what is being done.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such machine or pace, or a number is out of range.
+    DependencyError
+        If Optuna, which searches for gains, is not installed.
+    """
+    own = find_fixed_machine(machine)
+    if pace not in PACES:
+        raise unknown_name("pace", pace, PACES)
+    trials, count = whole_number("trials", trials), whole_number("episodes", episodes)
+    folder = find_path("out", out)
+    folder.mkdir(parents=True, exist_ok=True)
+    gains: dict[str, dict[str, float | bool]] = {}
+    runs: list[ScenarioRun] = []
+    tuned: dict[str, AnyPolicy] = {}
+    for scenario, law in SCENARIOS.items():
+        on_progress(f"tuning {law} for {scenario}")
+        storage = folder / "gains.journal"
+        gains[scenario] = tune(law, scenario, pace, trials=trials, storage=storage, machine=own).gains
+        tuned[scenario] = make_guided(law, gains[scenario])
+        named = {f"{law}-tuned": tuned[scenario], FREE: find_policy(FREE), **(policies or {})}
+        runs += _runs(named, scenario, pace, own, count)
+    on_progress("measuring forces")
+    rendering = measure_rendering(own, tuned["wall"], pace)
+    report = DeviceReport(name, pace, rendering, gains, leaderboards(runs))
+    on_progress("drawing")
+    pictures = _draw(report, own, tuned, folder)
+    write_text_atomic(folder / "device.json", json.dumps(report.as_json(), indent=2, allow_nan=False) + "\n")
+    write_text_atomic(folder / "index.html", page(report, pictures))
+    return report
+
+
+def _runs(policies: dict[str, AnyPolicy], scenario: str, pace: str, own: FixedMachine, count: int) -> list[ScenarioRun]:
+    """Return the runs of policies on fresh episodes with a machine."""
+    drawn = find_episodes(scenario, pace, SEED, own).first(count)
+    return [
+        ScenarioRun(scenario, pace, name, 0, SEED, drawn.strata, evaluate(policy, drawn, nominal=own.machine))
+        for name, policy in policies.items()
+    ]
+
+
+def _draw(report: DeviceReport, own: FixedMachine, tuned: dict[str, AnyPolicy], folder: Path) -> dict[str, str]:
+    """Draw what the installed tools can draw into a folder; return captions by file name."""
+    known, captions = registered(PICTURES), dict[str, str]()
+    if "region" in known:
+        known["region"].load()(own.machine, folder / "forces.png")
+        captions["forces.png"] = "Forces that the device can display; its smallest steering force."
+    if "film" in known:
+        for scenario, law in tuned.items():
+            ((machine, task),) = find_scenario(scenario, own).randomisation(report.pace, contexts=1, seed=0).pairs()
+            rows = record_episode(law, machine, task, 0, time_limit(task), nominal=own.machine).telemetry
+            label = f"{SCENARIOS[scenario]}-tuned"
+            known["film"].load().write_film(machine, task, {label: rows}, folder / f"{scenario}.webp")
+            captions[f"{scenario}.webp"] = f"The tuned law on a training draw of {scenario}."
+    return captions
+
+
+def _finite(value: Any) -> Any:
+    """Return plain data with None in place of numbers that are not finite."""
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+ROWS = {
+    "least_steering_n": ("Steering force, worst direction of motion", "N"),
+    "largest_steering_n": ("Steering force, best direction of motion", "N"),
+    "least_resisting_n": ("Force against the motion, worst direction", "N"),
+    "largest_resisting_n": ("Force against the motion, best direction", "N"),
+    "free_impedance": ("Impedance without voltage, 1 Hz", "N·s/m"),
+    "wall_stiffness": ("Stiffness of a rendered wall", "N/m"),
+    "z_width_db": ("Z-width, 1 Hz", "dB"),
+}
+"""What the page says of each number of ``Rendering``."""
+
+STYLE = (
+    "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color-scheme:light dark}"
+    "table{border-collapse:collapse}td,th{padding:.2rem .8rem;text-align:right}td:first-child,th:first-child"
+    "{text-align:left}img{max-width:100%;background:#fff}figure{margin:1.5rem 0}"
+)
+
+
+def page(report: DeviceReport, pictures: dict[str, str]) -> str:
+    """Return the page of a report, with pictures by file name and caption."""
+    numbers = asdict(report.rendering)
+    rendering = _table(("", ""), [(text, _number(numbers[key], unit)) for key, (text, unit) in ROWS.items()])
+    boards = "".join(_board(board) for board in report.boards)
+    figures = "".join(
+        f'<figure><img src="{html.escape(name)}" alt=""><figcaption>{html.escape(caption)}</figcaption></figure>'
+        for name, caption in pictures.items()
+    )
+    return (
+        f'<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+        f"<title>{html.escape(report.device)}</title><style>{STYLE}</style>"
+        f"<h1>{html.escape(report.device)}</h1><p>{html.escape(report.verdict)}</p>"
+        f"<h2>What it can render</h2>{rendering}<h2>Tuned laws, pace {html.escape(report.pace)}</h2>{boards}"
+        f"<h2>Pictures</h2>{figures}<p>pter_gym {__version__}; the numbers are in "
+        "<a href='device.json'>device.json</a>.</p></html>\n"
+    )
+
+
+def _board(board: Leaderboard) -> str:
+    rows = [
+        (
+            each.policy,
+            _number(1e3 * each.scores["path_error_m"].value, "mm"),
+            _number(100.0 * each.scores["completed"].value, "%"),
+            _number(each.scores["resisting_force_n"].value, "N"),
+            _number(each.scores["peak_force_n"].value, "N"),
+            "yes" if each.rank else "no",
+        )
+        for each in board.standings
+    ]
+    heads = ("policy", "path error", "completed", "resisting force", "peak force", "ranked")
+    return f"<h3>{html.escape(board.scenario)}</h3>{_table(heads, rows)}"
+
+
+def _table(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    head = "".join(f"<th>{html.escape(each)}</th>" for each in heads)
+    body = "".join(f"<tr>{''.join(f'<td>{html.escape(each)}</td>' for each in row)}</tr>" for row in rows)
+    return f"<table><tr>{head}</tr>{body}</table>"
+
+
+def _number(value: float, unit: str) -> str:
+    return f"{value:.3g} {unit}" if math.isfinite(value) else "–"
