@@ -100,6 +100,45 @@ def worlds(draw) -> World:
     )
 
 
+@st.composite
+def actuated(draw) -> World:
+    """A world whose clutches depend on speed, lag otherwise as they fall, drag without voltage and fade."""
+    world = draw(worlds())
+    clutch, off_state = world.machine.clutch, draw(between(0.0, 2.0))
+    clutch = replace(
+        clutch,
+        dynamic=replace(clutch.dynamic, off_state=off_state),
+        breakaway=replace(clutch.breakaway, off_state=draw(between(0.5, 1.5)) * off_state),
+        stribeck=draw(st.one_of(st.just(0.0), between(1e-3, 2.0))),
+        viscous=draw(between(0.0, 2.0)),
+        fall_ratio=draw(between(0.1, 10.0)),
+        fade=draw(st.one_of(st.just(0.0), between(1e-3, 1.0))),
+        cooling=draw(between(0.01, 100.0)),
+    )
+    hand = Hand(
+        mass=1.5, damping=20.0, stiffness=80.0, damping_anisotropy=(0.6, -0.3), stiffness_anisotropy=(-0.5, 0.8)
+    )
+    machine = replace(world.machine, clutch=clutch, hand=draw(st.sampled_from([Hand(), hand])))
+    start = initial_state(machine, world.start.theta, world.start.omega, world.volts[0])
+    return replace(world, machine=machine, start=start)
+
+
+@DETERMINISTIC
+@given(actuated())
+def test_no_actuator_adds_energy_and_its_ledger_closes(world):
+    run = world.run()
+    assert run.power.max() <= 0.0
+    assert np.all(run.dissipated >= 0.0)
+    before = np.concatenate([[np.nan], run.kinetic_energy[:-1]])
+    change = run.hand_work - run.dissipated - run.numerical_loss + run.residual
+    size = run.kinetic_energy + np.abs(run.hand_work) + run.dissipated + run.numerical_loss + np.abs(run.residual)
+    assert np.all(np.abs(run.kinetic_energy - before - change)[1:] <= 1e-12 * (1.0 + size[1:]))
+    torques = np.concatenate([run.torque_breakaway, run.torque_dynamic])
+    assert torques.min() >= 0.0
+    assert run.final.heat.min() >= 0.0
+    assert np.all(run.final.heat == 0.0) or world.machine.clutch.fade > 0.0
+
+
 @DETERMINISTIC
 @given(worlds())
 def test_no_clutch_adds_energy(world):
