@@ -227,11 +227,11 @@ def _board(board: Leaderboard) -> str:
             _number(100.0 * each.scores["completed"].value, "%"),
             _number(each.scores["resisting_force_n"].value, "N"),
             _number(each.scores["peak_force_n"].value, "N"),
-            "yes" if each.rank else "no",
+            str(each.rank or each.reason),
         )
         for each in board.standings
     ]
-    heads = ("policy", "path error", "completed", "resisting force", "peak force", "ranked")
+    heads = ("policy", "path error", "completed", "resisting force", "peak force", "rank")
     return f"<h3>{html.escape(board.scenario)}</h3>{_table(heads, rows)}"
 
 

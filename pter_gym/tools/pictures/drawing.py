@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 BACKGROUND, PANEL, CARD, GROOVE = "#ffffff", "#f3f4f6", "#ffffff", "#e3e5e9"
 INK, MUTED = "#1f2328", "#646b75"
-WORKSPACE, WORKSPACE_EDGE, PATH = "#eff5fb", "#d3e3f1", "#3b4048"
+WORKSPACE, WORKSPACE_EDGE, PATH, FREE = "#eff5fb", "#d3e3f1", "#3b4048", "#dcefe0"
 TRAIL, FORCE = palette.PURPLE, palette.GREEN
 LINK_A, PARALLEL_A = palette.BLUE, "#80b9d9"
 LINK_B, PARALLEL_B = palette.ORANGE, "#f3cf80"
@@ -84,16 +84,22 @@ def five_bar(arm: Arm, theta_a: float, theta_b: float) -> FiveBar:
     return FiveBar(np.zeros(2), elbow_a, elbow_b, elbow_a + elbow_b)
 
 
-def workspace(path: Path, error_max: float) -> Array:
-    """Return the outline of the workspace [m], shape (K, 2): all points within the largest normal error of the path.
+def workspace(task: PathFollowing) -> Array:
+    """Return the outline of the workspace [m], shape (K, 2): all points within the largest error.
 
     It reaches back from the start of the path by the same distance.
     """
+    error = task.error_max
+    return band(task.path, error + task.free_right, error + task.free_left, error)
+
+
+def band(path: Path, right: float, left: float, behind: float = 0.0) -> Array:
+    """Return the outline of a band along a path [m], shape (K, 2), that begins so far behind its start."""
     x, y, heading, _ = path.arcs.at(np.linspace(0.0, path.length, 129))
-    x, y = np.append(x[0] - error_max * np.cos(heading[0]), x), np.append(y[0] - error_max * np.sin(heading[0]), y)
+    x, y = np.append(x[0] - behind * np.cos(heading[0]), x), np.append(y[0] - behind * np.sin(heading[0]), y)
     heading = np.append(heading[0], heading)
-    points, left = np.stack([x, y], axis=1), error_max * np.stack([-np.sin(heading), np.cos(heading)], axis=1)
-    return np.vstack([points + left, (points - left)[::-1]])
+    points, normal = np.stack([x, y], axis=1), np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+    return np.vstack([points + left * normal, (points - right * normal)[::-1]])
 
 
 class Box(NamedTuple):
@@ -120,7 +126,7 @@ def fit(task: PathFollowing, arm: Arm, screen: Box) -> View:
     """Return the view that shows the drive, the workspace, and the elbows on both sides of the drive in a box [px]."""
     x, y = task.path.point(0.5 * task.path.length)
     sideways = max(arm.length_a, arm.length_b) / max(math.hypot(x, y), HUB) * np.array([-y, x])
-    shown = np.vstack([workspace(task.path, task.error_max), [[-HUB, -HUB], [HUB, HUB]], sideways, -sideways])
+    shown = np.vstack([workspace(task), [[-HUB, -HUB], [HUB, HUB]], sideways, -sideways])
     (left, low), (right, high) = shown.min(axis=0).tolist(), shown.max(axis=0).tolist()
     scale = min((screen.right - screen.left) / (right - left), (screen.high - screen.low) / (high - low))
     x, y = 0.5 * (screen.left + screen.right), 0.5 * (screen.low + screen.high)
@@ -272,9 +278,11 @@ class Picture:
     def _draw_background(self, task: PathFollowing) -> None:
         """Draw the workspace, the path with its start and end, and the stand of the drive."""
         canvas, unit = self._background, self._stroke
-        outline = self.view.pixels(workspace(task.path, task.error_max))
+        outline = self.view.pixels(workspace(task))
         canvas.polygon(outline, WORKSPACE)
         canvas.line(np.vstack([outline, outline[:1]]), WORKSPACE_EDGE, 1.0)
+        if task.free_left + task.free_right > 0.0:
+            canvas.polygon(self.view.pixels(band(task.path, task.free_right, task.free_left)), FREE)
         points = self.view.pixels(task.path.sampled(129))
         canvas.line(points, PATH, max(1.5 * unit, 1.0))
         canvas.ring(points[0], 5 * unit, 2 * unit, PATH)

@@ -199,7 +199,7 @@ def test_opposite_bars_are_parallel_and_equal(theta_a: float, theta_b: float):
 def test_workspace_is_a_band_around_the_path(direction: float):
     path = Line(x=0.1, y=0.4, direction=direction, length=0.3)
     ahead = np.array([math.cos(direction), math.sin(direction)])
-    from_start = workspace(path, 0.2) - (path.x, path.y)
+    from_start = band(path, 0.2, 0.2, 0.2) - (path.x, path.y)
     along, across = from_start @ ahead, from_start @ (-ahead[1], ahead[0])
     np.testing.assert_allclose(np.abs(across), 0.2)
     assert (along.min(), along.max()) == pytest.approx((-0.2, 0.3))

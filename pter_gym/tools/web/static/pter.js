@@ -133,7 +133,7 @@ export class Environment {
     require(time > 0 && time <= 10, "timeConstant", time, "within (0, 10] s");
     require(friction === undefined || (friction > 0 && friction <= 10), "friction", friction, "within (0, 10]");
     for (const { machine } of [this.context, this.state]) {
-      if (timeConstant !== undefined) machine.torque_decay = this.#decay(timeConstant);
+      if (timeConstant !== undefined) Object.assign(machine.torque_decay, this.#decay(timeConstant));
       if (friction !== undefined) for (const [clutch, own] of Object.entries(this.machine.scale)) machine.scale[clutch] = friction * own;
     }
     if (timeConstant !== undefined) this.context.told.time_constant = time;
@@ -204,11 +204,14 @@ export class Environment {
     return ["time,along,across", ...rows, ""].join("\n");
   }
 
-  /** Return the part of the clutches' lag that half a substep leaves. */
+  /** Return the parts of the clutches' lag that half a substep leaves of a rising and of a falling torque. */
   #decay(timeConstant) {
+    const own = this.machine.torque_decay;
+    if (timeConstant === null) return own;
     const { kernels, config } = this.#world;
-    const substep = config[this.tables.places.config.substep];
-    return timeConstant === null ? this.machine.torque_decay : kernels.decay(0.5 * substep, timeConstant);
+    const half = 0.5 * config[this.tables.places.config.substep];
+    const ratio = own.rise === own.fall ? 1 : Math.log(own.rise) / Math.log(own.fall);
+    return { rise: kernels.decay(half, timeConstant), fall: kernels.decay(half, ratio * timeConstant) };
   }
 
   /** Write the force of the pointer at the end of the period to the hand's recording, and return it along the path. */
