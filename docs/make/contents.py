@@ -11,7 +11,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
     "Train": ("your-algorithm", "agents", "stock-algorithms", "data", "gradients"),
     "The environment": ("environment", "reward", "scenarios/index", "scoring"),
     "Control": ("controllers", "which-clutches", "extending"),
-    "The robot": ("model", "hands", "identify", "reproduction", "calibration"),
+    "The robot": ("model", "hands", "devices", "identify", "reproduction", "calibration"),
     "Reference": ("api",),
 }
 """What the side bar shows."""

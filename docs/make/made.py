@@ -20,7 +20,7 @@ from pter_gym.controllers import CONTROLLERS
 from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.hands import LIBRARY_ARMS, LIBRARY_TREMORS
 from pter_gym.hands._library import Grade
-from pter_gym.params import Hand
+from pter_gym.params import ACTUATORS, Hand
 from pter_gym.params._fields import SHIPPED
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
@@ -222,6 +222,26 @@ def arms() -> str:
         for arm in sorted(LIBRARY_ARMS.values(), key=lambda arm: get_args(Grade).index(arm.grade))
     )
     header = ["Grade", "Name", "Mass [kg]", "Damping [N·s/m]", "Stiffness [N/m]", "Axes", "The person", "Source"]
+    return table(header, rows)
+
+
+@made
+def actuators() -> str:
+    """The library's clutches and brakes, and where they come from."""
+    rows = (
+        [
+            each.grade,
+            code(each.name),
+            f"{each.clutch.dynamic.torque(each.clutch.voltage_max):.3g} at {each.clutch.voltage_max:g} V",
+            f"{each.clutch.dynamic.off_state:.3g}",
+            f"{1e3 * each.clutch.time_constant:.3g}",
+            f"{each.clutch.viscous:.3g}",
+            ", ".join(map(code, each.unknown)),
+            f"{each.source}: {each.provenance}",
+        ]
+        for each in ACTUATORS.values()
+    )
+    header = ["Grade", "Name", "Torque [N·m]", "At 0 V", "Lag [ms]", "Viscous [N·m·s]", "Unknown", "Source"]
     return table(header, rows)
 
 

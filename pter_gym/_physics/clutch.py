@@ -172,7 +172,7 @@ def capacity(
 
 
 @device
-def capacities(slip: PerClutch, threshold: float, torques: Torques, by: Sliding = NO_SLOPE) -> PerClutch:
+def capacities(slip: PerClutch, threshold: float, torques: Torques, by: Sliding) -> PerClutch:
     """Return the torque limits [N·m] of the four clutches for the next substep (paper Eq. 2)."""
     ts, tk = torques.breakaway, torques.dynamic
     return PerClutch(

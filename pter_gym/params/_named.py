@@ -72,7 +72,7 @@ The first three are the paper's; the others are ``BASELINE`` with ``ARRANGEMENTS
 """
 
 
-ACTUATORS = read_actuators({"pter": BASELINE.clutch, "delrin": DELRIN_EXPERIMENTAL.clutch})
+ACTUATORS = read_actuators({"pter-clutch": BASELINE.clutch, "delrin-clutch": DELRIN_EXPERIMENTAL.clutch})
 """Clutches and brakes by name, with what is known of them."""
 
 

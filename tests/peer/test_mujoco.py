@@ -44,6 +44,9 @@ MATERIALS = {"breakaway above dynamic": BASELINE, "equal": EQUAL, "dynamic above
 
 PARTS = 4
 """Most parts of a step in which clutches change."""
+EDGE = 1.01
+"""How far from zero the edge of the stick band counts as left, times δω."""
+
 NEAR = 1e-9
 """Slip velocities as near as this to zero or to the edge of the stick band [rad/s] are there."""
 TOLERANCE = 1e-10
@@ -171,9 +174,9 @@ class Peer:
             still_slide = np.where(passes, -np.sign(before) * losses, 0.0)
             end = RATIOS @ self.rates_after(time, load, np.where(passes, 0.0, losses), still_slide)
         passes &= before * end < 0.0
-        leaves &= np.abs(end) > self.threshold
+        leaves &= np.abs(end) > EDGE * self.threshold
         to_pass = before[passes] / (before - end)[passes]
-        to_leave = (np.copysign(self.threshold, end) - before)[leaves] / (end - before)[leaves]
+        to_leave = (np.copysign(EDGE * self.threshold, end) - before)[leaves] / (end - before)[leaves]
         return min([1.0, *to_pass, *to_leave])
 
 

@@ -171,10 +171,10 @@ def test_a_hand_pushes_pulls_to_its_target_and_plays_what_was_recorded(seed: int
 
 def test_each_reading_has_noise_of_its_own():
     world, seed, episode = np.zeros((ROWS, 1)), np.uint64(3), np.uint64(4)
-    store(world, ROW.task.sensing, 0, SensingModel(0.0, 0.5, 2.0, 3.0, 0.0, 0.0))
+    store(world, ROW.task.sensing, 0, SensingModel(0.0, 0.5, 2.0, 3.0, 0.0, 0.0, 0.0))
     store(world, ROW.foot.heading, 0, unit(0.0))
     world[ROW.step] = 6.0
-    take_reading(world, 0, seed, episode)
+    take_reading(world, 0, seed, episode, 0.01)
     reading, draws = load(world, ROW.readings.now, 0), [gaussians(seed, episode, k) for k in (12, 13)]
     noise = [*np.array(reading.omega) / 0.5, *np.array(reading.force) / 3.0, *np.array(reading.torque) / 2.0]
     assert noise == pytest.approx([*draws[0], *draws[1]])
@@ -325,7 +325,7 @@ def test_an_observation_holds_what_it_says():
     }
     assert {name: getattr(seen, name) for name in expected} == expected
     for error, near in ((0.5, 0.01), (-0.5, -0.01)):
-        assert observation(q, at._replace(normal_error=error), 1.5, 0.4, volts, torque, force).near_error == near
+        assert observation(q, at._replace(offset=error), 1.5, 0.4, volts, torque, force).near_error == near
 
 
 def test_what_is_told_of_machine_and_task():

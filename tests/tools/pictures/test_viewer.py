@@ -16,7 +16,7 @@ from pter_gym.params import BASELINE, Arm, find_machine
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tools.pictures import drawing
-from pter_gym.tools.pictures.drawing import Picture, Subject, clutch_states, five_bar, workspace
+from pter_gym.tools.pictures.drawing import Picture, Subject, band, clutch_states, five_bar
 from pter_gym.tools.pictures.viewer import Viewer
 
 TASK = PathFollowing()
