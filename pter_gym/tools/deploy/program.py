@@ -136,8 +136,8 @@ def source_of(
     program = Program(ELEMENTARY, single=numbers == "float")
     gains = Table(bound.gains, tuple(regions(bound.gains, steps)))
     scales = Table(layout.scales, (Region("observation_scales", 0, len(layout)),))
-    obs, memory = Array("float", "observation", "single"), Array("real", "memory", const=False)
-    program.call(command, bound.law, obs, scales, gains, memory, top)
+    obs, memory = Array("float", "observation", "real" if program.single else "single"), Array("real", "memory", const=False)
+    program.call(command, bound.law, obs, scales, gains, memory, top, whole=True)
     prepare(program, machine)
     named = {
         "title": f"The policy {name} for the passive arm PTER.",
@@ -165,8 +165,8 @@ def prepare(program: Program, machine: Machine) -> None:
     count, real = Expression("int", "count"), Expression("real", "real")
     out, arcs = Array("real", "out", const=False), Array("real", "arcs")
     arm, scale = model_of(machine).arm, read(inverse, OBS, 0)
-    program.call(observe, reading, volts, arcs, count, count, real, arm, scale, out)
-    program.call(encoder, count, count, real, real, real)
+    program.call(observe, reading, volts, arcs, count, count, real, arm, scale, out, whole=True)
+    program.call(encoder, count, count, real, real, real, whole=True)
 
 
 def regions(gains: NDArray[np.float64], steps: tuple[float, ...]) -> Iterator[Region]:

@@ -30,7 +30,7 @@ from pter_gym.errors import ParameterError
 UNROLLED = 8
 """Most turns of a loop that is written out."""
 
-ATOM, UNARY, PRODUCT, SUM, COMPARISON, LOGIC, CHOICE = 7, 6, 5, 4, 3, 2, 1
+ATOM, UNARY, PRODUCT, SUM, COMPARISON, AND, OR, CHOICE = 8, 7, 6, 5, 4, 3, 2, 1
 """How tightly operators bind."""
 
 OPERATORS: dict[type[ast.AST], tuple[str, int]] = {
@@ -40,16 +40,16 @@ OPERATORS: dict[type[ast.AST], tuple[str, int]] = {
     ast.Div: ("/", PRODUCT),
     ast.FloorDiv: ("/", PRODUCT),
     ast.Mod: ("%", PRODUCT),
-    ast.BitAnd: ("&&", LOGIC),
-    ast.BitOr: ("||", LOGIC),
+    ast.BitAnd: ("&&", AND),
+    ast.BitOr: ("||", OR),
     ast.Lt: ("<", COMPARISON),
     ast.LtE: ("<=", COMPARISON),
     ast.Gt: (">", COMPARISON),
     ast.GtE: (">=", COMPARISON),
     ast.Eq: ("==", COMPARISON),
     ast.NotEq: ("!=", COMPARISON),
-    ast.And: ("&&", LOGIC),
-    ast.Or: ("||", LOGIC),
+    ast.And: ("&&", AND),
+    ast.Or: ("||", OR),
 }
 
 TAKEN = {"tanh", "short", "long", "double", "float", "int", "real", "register", "default", "switch", "signed", "char"}
@@ -128,6 +128,14 @@ class Translated:
     text: str = ""
 
 
+@dataclass(frozen=True)
+class Observed:
+    """The kind of a record with entries that come from an observation: they are float32 in compiled Python, too."""
+
+    record: Any
+    kinds: tuple[Any, ...]
+
+
 def is_known(value: Any) -> bool:
     """Return whether a value is known: no part of it is of the running program."""
     if isinstance(value, tuple):
@@ -150,6 +158,8 @@ def fields_of(kind: Any) -> list[tuple[str, Any]]:
     """Return names and kinds of the entries of a record or a tuple."""
     if isinstance(kind, tuple):
         return [(f"e{k}", each) for k, each in enumerate(kind)]
+    if isinstance(kind, Observed):
+        return list(zip(kind.record._fields, kind.kinds, strict=True))
     return [(name, {float: "real", int: "int", bool: "bool"}.get(each, each)) for name, _, each in records.parts(kind)]
 
 
@@ -157,6 +167,8 @@ def name_of(kind: Any) -> str:
     """Return the name of a kind in C."""
     if isinstance(kind, tuple):
         return f"Real{len(kind)}" if set(kind) == {"real"} else "_".join(("Tuple", *map(name_of, kind)))
+    if isinstance(kind, Observed):
+        return f"Observed{kind.record.__name__}"
     return {"single": "float", "bool": "int"}.get(kind, kind) if isinstance(kind, str) else kind.__name__
 
 
@@ -187,6 +199,8 @@ class Program:
                 return str(int(value))
             if math.isnan(value):
                 return "NOT_A_NUMBER"
+            if self.single and 0.0 < abs(value) < 1e-9:
+                value *= 2.0**29
             with np.errstate(over="ignore"):
                 number = np.float32(value) if self.single or kind == "single" else np.float64(value)
             if np.isinf(number):
@@ -214,6 +228,8 @@ class Program:
         if not isinstance(kind, str) and kind not in self.kinds:
             for _, inner in fields_of(kind):
                 self.declared(inner)
+            if name_of(kind) in map(name_of, self.kinds):
+                raise Unsupported(f"policies: C would have two records called {name_of(kind)}")
             self.kinds.append(kind)
         return name_of(kind)
 
@@ -246,10 +262,11 @@ class Program:
         body = "\n    ".join(lines)
         self.constants[region.name] = f"static const {region.element} {region.name}[{len(values)}] = {{\n    {body}\n}};"
 
-    def call(self, function: Any, *arguments: Any) -> tuple[Any, str]:
+    def call(self, function: Any, *arguments: Any, whole: bool = False) -> tuple[Any, str]:
         """Return the value of a Python function, and a statement of C that calls it if the value does not.
 
-        What is known is computed at once; for the rest, the function is translated.
+        What is known is computed at once; for the rest, the function is translated. Arguments that it does not read are
+        left out, unless the file calls it with the ``whole`` of them.
         """
         python = getattr(function, "py_func", function)
         if all(is_known(each) for each in arguments):
@@ -266,7 +283,7 @@ class Program:
             names = [each.name for each in self.functions.values()]
             made = Translated(next(each for each in numbered(python.__name__) if each not in names))
             self.functions[key] = made
-            Body(self, made, python, known, passed).translate()
+            Body(self, made, python, known, passed).translate(whole=whole)
             self.functions[key] = self.functions.pop(key)  # after those that it calls
         made = self.functions[key]
         texts = (self.argument(passed[name]) for name in made.read)
@@ -342,14 +359,14 @@ class Body:
                 self.names[name] = Expression(kind_of(value), safe(name))
                 self.parameters[name] = f"{program.declared(kind_of(value))} {safe(name)}"
 
-    def translate(self) -> None:
+    def translate(self, *, whole: bool) -> None:
         """Write the function, unless its value is known and it writes nothing."""
         made = self.made
         self.block(self.tree.body)
         if made.returns is None and not made.writes:
             return
         words = self.prune()
-        made.read = [name for name in self.parameters if safe(name) in words]
+        made.read = [name for name in self.parameters if whole or safe(name) in words]
         given = [*(self.parameters[name] for name in made.read), *(f"int {name}_count" for name in made.counted)]
         head = f"static {self.program.declared(made.returns) if made.returns else 'void'} {made.name}"
         told = textwrap.wrap((inspect.getdoc(self.function) or "").partition("\n")[0], 116)
@@ -622,8 +639,8 @@ class Body:
             raise self.refuse(node)
         sign, level = OPERATORS[type(op)]
         kinds = {kind_of(left), kind_of(right)}
-        if level == LOGIC:
-            return self.logic(sign, left, right)
+        if level in (AND, OR):
+            return self.logic(sign, level, left, right)
         kind = "real" if "real" in kinds else "single" if "single" in kinds else "int"
         if kind == "int" and isinstance(op, ast.Add | ast.Sub) and is_known(right):
             return replace(left, shift=left.shift + (right if isinstance(op, ast.Add) else -right))
@@ -639,12 +656,12 @@ class Body:
         """Return one side of an operator; a known number gets the kind of the result."""
         return self.program.text(value, kind if is_known(value) else None, level)
 
-    def logic(self, sign: str, left: Any, right: Any) -> Any:
+    def logic(self, sign: str, level: int, left: Any, right: Any) -> Any:
         for known, other in ((left, right), (right, left)):
             if is_known(known):
-                return other if bool(known) == (sign == "&&") else known
-        texts = (bound(each, COMPARISON) if f" {sign} " not in each.text else each.text for each in (left, right))
-        return Expression("bool", f" {sign} ".join(texts), LOGIC)
+                return other if bool(known) == (level == AND) else known
+        texts = (bound(each, level if each.level == level else COMPARISON) for each in (left, right))
+        return Expression("bool", f" {sign} ".join(texts), level)
 
     def chosen(self, condition: Any, first: Callable[[], Any], second: Callable[[], Any]) -> Any:
         """Return one value or another."""
@@ -658,7 +675,7 @@ class Body:
             return type(a)(*pairs) if hasattr(a, "_fields") else pairs
         kinds = [kind_of(a), kind_of(b)]
         kind = "real" if "real" in kinds else kinds[0]
-        test, texts = bound(condition, LOGIC), [self.program.text(each, kind, CHOICE + 1) for each in (a, b)]
+        test, texts = bound(condition, OR), [self.program.text(each, kind, CHOICE + 1) for each in (a, b)]
         return Expression(kind, f"{test} ? {texts[0]} : {texts[1]}", CHOICE)
 
     def entry(self, array: Array, at: Any) -> str:
@@ -729,7 +746,10 @@ class Body:
         made = kind(*arguments, **named)
         if is_known(made):
             return made
-        return Expression(kind, self.program.literal(tuple(made), kind))
+        usual = [each for _, each in fields_of(kind)]
+        kinds = tuple(k if k == "single" or isinstance(k, Observed) else u for k, u in zip(map(kind_of, made), usual, strict=True))
+        seen = Observed(kind, kinds) if kinds != tuple(usual) else kind
+        return Expression(seen, self.program.literal(tuple(made), seen))
 
     def read(self, array: Any, at: Any, first: Any) -> Any:
         """Return a record from an array; see ``pter_gym._compiled.records``."""
@@ -764,6 +784,7 @@ class Body:
             for value, whole in zip(arguments, is_record, strict=True)
         ]
         kind = kind_of(held[is_record.index(True)])
+        kind = kind.record if isinstance(kind, Observed) else kind
         columns = [self.entries(value) if whole else (value,) * len(kind._fields) for value, whole in zip(held, is_record, strict=True)]
         return self.record(kind, [self.entrywise(function, list(row)) for row in zip(*columns, strict=True)], {})
 
@@ -773,7 +794,8 @@ class Body:
         if function is int:
             return first if kind_of(first) == "int" else Expression("int", f"(int){bound(first, UNARY)}", UNARY)
         if function is float:
-            return Expression("real", f"(real){bound(first, UNARY)}", UNARY) if kind_of(first) != "real" else first
+            is_real = kind_of(first) in ("real", "single")  # numba, too, leaves a float32 as it is
+            return first if is_real else Expression("real", f"(real){bound(first, UNARY)}", UNARY)
         if function is np.float32:
             return Expression("single", f"(float){bound(first, UNARY)}", UNARY)
         if function in (abs, math.sqrt):
