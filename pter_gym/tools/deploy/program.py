@@ -61,7 +61,7 @@ class Source:
     Attributes
     ----------
     files
-        Content by name.
+        Content of ``pter.h``, ``pter.c`` and ``main.c`` by name.
     policy
         The bound policy whose voltages the program gives; with weights of 8 bits, these are rounded.
     """
@@ -69,44 +69,14 @@ class Source:
     files: dict[str, str]
     policy: Policy
 
+    def write(self, folder: FilePath) -> Path:
+        """Write the files to a folder, which is created if necessary, and return it.
 
-def write_c(
-    policy: AnyPolicy,
-    folder: FilePath,
-    *,
-    name: str = "policy",
-    machine: Machine | str | None = None,
-    path: Curve | str = "line",
-    numbers: Numbers = "double",
-    weights: Weights = "float",
-) -> Source:
-    """Write a policy to a folder as C99, which is created if necessary.
-
-    Parameters
-    ----------
-    policy, name
-        A control law or a trained policy, as ``pter_gym.benchmark.find_policy`` finds it, and what the files call it.
-    folder
-        Where ``pter.h``, ``pter.c`` and ``main.c`` go.
-    machine
-        The nominal machine, which the law knows; by default the paper's.
-    path
-        The path whose arcs the program holds.
-    numbers, weights
-        Types of the arithmetic and of the stored weights.
-
-    Raises
-    ------
-    ParameterError
-        If the policy is no compiled law or cannot be translated, or another argument is not as stated. Nothing is then
-        written.
-    StorageError
-        If a file cannot be written.
-    """
-    source = source_of(policy, name=name, machine=machine, path=path, numbers=numbers, weights=weights)
-    make_folder(folder)
-    write_files_atomic(find_path("folder", folder), {file: text.encode() for file, text in source.files.items()})
-    return source
+        Raises a ParameterError or a StorageError if they cannot be written.
+        """
+        make_folder(folder)
+        write_files_atomic(folder, {name: text.encode() for name, text in self.files.items()})
+        return find_path("c", folder)
 
 
 def source_of(
@@ -118,7 +88,24 @@ def source_of(
     numbers: Numbers = "double",
     weights: Weights = "float",
 ) -> Source:
-    """Return a policy in C; see ``write_c``."""
+    """Return a policy in C.
+
+    Parameters
+    ----------
+    policy, name
+        A control law or a trained policy, as ``pter_gym.benchmark.find_policy`` finds it, and what the files call it.
+    machine
+        The nominal machine, which the law knows; by default the paper's.
+    path
+        The path whose arcs the program holds.
+    numbers, weights
+        Types of the arithmetic and of the stored weights.
+
+    Raises
+    ------
+    ParameterError
+        If the policy is no compiled law or cannot be translated, or another argument is not as stated.
+    """
     for field, given, accepted in (("numbers", numbers, Numbers), ("weights", weights, Weights)):
         if given not in accepted.__args__:
             raise ParameterError(f"{field} must be one of {', '.join(accepted.__args__)}, got {given!r}")
@@ -126,7 +113,7 @@ def source_of(
     steps: tuple[float, ...] = ()
     if weights == "int8":
         if not isinstance(policy, TrainedPolicy):
-            raise ParameterError(f"weights must be float for a law without a network, got {weights!r} for {name!r}")
+            raise ParameterError(f"weights must be float for {name!r}, which has no network, got {weights!r}")
         policy, steps = rounded(policy)
     layout = observation_layout(machine, sensors_of(policy))
     bound = bind(policy, machine, layout)
