@@ -60,7 +60,18 @@ def memory(folder: Path, cpu: str) -> tuple[int, int, int]:
     target = (*MICROCONTROLLER, cpu)
     files = ("-cflags", "-std=c99", "--", HERE / "deploy.c", folder / "pter.c")
     zig("build-exe", *target, "-O", "ReleaseFast", "-fstrip", "-I", folder, *files, f"-femit-bin={elf}")
-    told = zig("cc", *target[:2], f"-mcpu={cpu}", "-O2", "-std=c99", "-Wframe-larger-than=0", "-c", folder / "pter.c", "-o", folder / "pter.o")
+    told = zig(
+        "cc",
+        *target[:2],
+        f"-mcpu={cpu}",
+        "-O2",
+        "-std=c99",
+        "-Wframe-larger-than=0",
+        "-c",
+        folder / "pter.c",
+        "-o",
+        folder / "pter.o",
+    )
     frames = sum(map(int, re.findall(r"stack frame size \((\d+)\)", told.stderr)))
     data = elf.read_bytes()
     first, size, count = (int.from_bytes(data[at : at + 2], "little") for at in (28, 42, 44))
@@ -78,11 +89,16 @@ def costs(observations: Any) -> None:
             source = source_of(find_policy(name), name=name, numbers=numbers, weights=weights)
             rows = np.ascontiguousarray(observations[:, : len(source.policy.layout)])
             with folder_of(source) as folder:
-                times = subprocess.run([program(folder, HERE / "deploy.c")], input=rows.tobytes(), capture_output=True, check=True)
+                times = subprocess.run(
+                    [program(folder, HERE / "deploy.c")], input=rows.tobytes(), capture_output=True, check=True
+                )
                 median, worst = (float(each) / 1e3 for each in times.stdout.split())
                 kilobytes = (" / ".join(f"{each / 1e3:.1f}" for each in memory(folder, cpu)) for cpu in CPUS)
                 kind = weights if name in NETWORKS else "-"
-                print(f"| {name} | {numbers} | {kind} | {median:.1f} / {worst:.1f} | {' | '.join(kilobytes)} |", flush=True)
+                print(
+                    f"| {name} | {numbers} | {kind} | {median:.1f} / {worst:.1f} | {' | '.join(kilobytes)} |",
+                    flush=True,
+                )
 
 
 class Compiled:

@@ -1,7 +1,7 @@
 """A trained policy as an ONNX graph, for runtimes of neural networks; what it remembers, its caller keeps.
 
-The graph computes in float64, as the policy's own law does: float32 would differ from it by more than a millionth of the
-largest voltage.
+The graph computes in float64, as the policy's own law does: float32 would differ from it by more than a millionth of
+the largest voltage.
 """
 
 from pathlib import Path
@@ -33,8 +33,8 @@ def write_onnx(
 
     Its inputs, each float32 (N, 1), are the entries of the observation that it uses, by their names, as they are in the
     observation, and ``base_1`` to ``base_4``, the voltages of the controller that it corrects [V]. A network that
-    sees earlier inputs or averages also has the input ``earlier``, float32 (N, inputs · (delays + averages)): the values
-    that the output ``inputs`` had so many decisions ago, then their averages. The output ``volts`` is float32 (N, 4).
+    sees earlier inputs or averages also has the input ``earlier``, float32 (N, inputs · (delays + averages)): what the
+    output ``inputs`` was so many decisions ago, then its averages. The output ``volts`` is float32 (N, 4) [V].
 
     Parameters
     ----------
@@ -79,6 +79,7 @@ class Graph:
         self.inputs: dict[str, str] = {}
 
     def node(self, operator: str, *inputs: str, out: str = "", **attributes: Any) -> str:
+        """Return the output of a node."""
         from onnx import helper
 
         name = out or f"{operator.lower()}_{len(self.nodes)}"
@@ -86,6 +87,7 @@ class Graph:
         return name
 
     def constant(self, values: Any) -> str:
+        """Return float64 numbers."""
         from onnx import numpy_helper
 
         name = f"constant_{len(self.constants)}"
@@ -93,12 +95,14 @@ class Graph:
         return name
 
     def weights(self, values: NDArray[np.float32], name: str) -> str:
+        """Return numbers that are stored as float32, as float64."""
         from onnx import numpy_helper
 
         self.constants.append(numpy_helper.from_array(values, name))
         return self.cast(name, "DOUBLE")
 
     def cast(self, name: str, kind: str, out: str = "") -> str:
+        """Return numbers as FLOAT or DOUBLE."""
         from onnx import TensorProto
 
         return self.node("Cast", name, out=out, to=getattr(TensorProto, kind))
@@ -110,6 +114,7 @@ class Graph:
         return self.inputs[name]
 
     def limited(self, x: str, low: float, high: float) -> str:
+        """Return numbers limited to [low, high]."""
         return self.node("Clip", x, self.constant(low), self.constant(high))
 
 
@@ -122,7 +127,9 @@ def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
     graph, count = Graph(), len(interface.inputs)
     scales = dict(zip(layout.names, layout.scales, strict=True))
     columns = [quantity(graph, each.name, scales) for each in interface.inputs]
-    centered = graph.node("Sub", graph.node("Concat", *columns, axis=1), graph.constant([x.center for x in interface.inputs]))
+    centered = graph.node(
+        "Sub", graph.node("Concat", *columns, axis=1), graph.constant([x.center for x in interface.inputs])
+    )
     seen = graph.node("Div", centered, graph.constant([x.scale for x in interface.inputs]))
     x = graph.limited(seen, -INPUT_LIMIT, INPUT_LIMIT)
     earlier = interface.size - count
@@ -142,7 +149,11 @@ def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
     )
     whole = helper.make_graph(graph.nodes, name, given, made, graph.constants)
     return helper.make_model(
-        whole, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=9, producer_name="pter_gym", producer_version=__version__
+        whole,
+        opset_imports=[helper.make_opsetid("", OPSET)],
+        ir_version=9,
+        producer_name="pter_gym",
+        producer_version=__version__,
     )
 
 
@@ -156,7 +167,11 @@ def quantity(graph: Graph, name: str, scales: dict[str, float]) -> str:
     cos, sin, cos_a, sin_a, cos_b, sin_b = map(graph.given, OF_HEADING)
     of_a = name.startswith("heading_a")
     cos_link, sin_link = (cos_a, sin_a) if of_a else (cos_b, sin_b)
-    pairs, sign = (((cos, cos_link), (sin, sin_link)), "Add") if name.endswith("cos") else (((sin, cos_link), (cos, sin_link)), "Sub")
+    pairs, sign = (
+        (((cos, cos_link), (sin, sin_link)), "Add")
+        if name.endswith("cos")
+        else (((sin, cos_link), (cos, sin_link)), "Sub")
+    )
     return graph.node(sign, *(graph.node("Mul", *pair) for pair in pairs))
 
 

@@ -1,4 +1,4 @@
-"""A policy as a program in C: ``pter.h`` and ``pter.c``, and ``main.c``, which turns lines of observations into volts."""
+"""A policy as a program in C: ``pter.h``, ``pter.c``, and ``main.c``, which turns lines of observations into volts."""
 
 import math
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
-from pter_gym._compiled.records import layout_of, read, width
+from pter_gym._compiled.records import layout_of, read
 from pter_gym._engine.world import Reading
 from pter_gym._internal.files import FilePath, find_path, write_files_atomic
 from pter_gym._internal.terminal import make_folder
@@ -30,7 +30,8 @@ from pter_gym.policies import TrainedPolicy
 from pter_gym.tasks.path_following import PathFollowing, observation_layout
 from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Observation
 from pter_gym.tools.deploy.functions import arctangent, command, cosine, encoder, observe, sine
-from pter_gym.tools.deploy.translating import Array, Expression, Program, Region, Table
+from pter_gym.tools.deploy.translating import Program
+from pter_gym.tools.deploy.values import Array, Expression, Region, Table
 
 STATIC = Path(__file__).parent / "static"
 
@@ -38,7 +39,7 @@ Numbers = Literal["double", "float"]
 """Type of the arithmetic: float64, which has Python's bits, or float32, which small processors have in hardware."""
 
 Weights = Literal["float", "int8"]
-"""Type of a network's stored weights: float32, as in its file, or whole numbers of 8 bits with a step for each layer."""
+"""Type of a network's stored weights: float32, as in its file, or whole numbers of 8 bits with a step per layer."""
 
 ELEMENTARY = {math.sin: sine, math.cos: cosine, math.atan2: arctangent}
 
@@ -123,7 +124,10 @@ def source_of(
     program = Program(ELEMENTARY, single=numbers == "float")
     gains = Table(bound.gains, tuple(regions(bound.gains, steps)))
     scales = Table(layout.scales, (Region("observation_scales", 0, len(layout)),))
-    obs, memory = Array("float", "observation", "real" if program.single else "single"), Array("real", "memory", const=False)
+    obs, memory = (
+        Array("float", "observation", "real" if program.single else "single"),
+        Array("real", "memory", const=False),
+    )
     program.call(command, bound.law, obs, scales, gains, memory, top, whole=True)
     prepare(program, machine)
     named = {
@@ -156,7 +160,7 @@ def prepare(program: Program, machine: Machine) -> None:
     program.call(encoder, count, count, real, real, real, whole=True)
 
 
-def regions(gains: NDArray[np.float64], steps: tuple[float, ...]) -> Iterator[Region]:
+def regions(gains: Any, steps: tuple[float, ...]) -> Iterator[Region]:
     """Yield the parts of a law's gains that a program looks up; ``steps`` are those of layers in 8 bits."""
     if gains[0] != NETWORK:
         yield from guiding_regions(gains, 0) if gains[0] >= IMPEDANCE else [Region("gains", 0, len(gains))]
@@ -179,17 +183,19 @@ def regions(gains: NDArray[np.float64], steps: tuple[float, ...]) -> Iterator[Re
     for layer in range(layers):
         biases, end = at + int(sizes[layer + 1]), at + int(sizes[layer + 1] * (1 + sizes[layer]))
         yield Region(f"biases_{layer}", at, biases, "float")
-        yield Region(f"weights_{layer}", biases, end, *(("signed char", steps[layer]) if steps else ("float",)))
+        yield Region(f"weights_{layer}", biases, end, *(("signed char", steps[layer]) if steps else ("float", None)))
         at = end
 
 
-def guiding_regions(gains: NDArray[np.float64], first: int) -> Iterator[Region]:
+def guiding_regions(gains: Any, first: int) -> Iterator[Region]:
     """Yield the parts of a guiding law's gains, which begin at ``first``: its torque table, and rows by pace."""
     knots = int(gains[NOMINAL.knots])
     paces = TABLE + 2 * knots
     count = (len(gains) - paces) // (WIDTH + 1)
     ends = (TABLE, TABLE + knots, paces, paces + count, paces + count + count * WIDTH)
-    for name, begin, end in zip(("table_volts", "table_torques", "gain_paces", "gain_rows"), ends, ends[1:], strict=False):
+    for name, begin, end in zip(
+        ("table_volts", "table_torques", "gain_paces", "gain_rows"), ends, ends[1:], strict=False
+    ):
         yield Region(name, first + begin, first + end)
 
 
