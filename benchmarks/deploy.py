@@ -117,8 +117,7 @@ class Compiled:
         return np.array(self.process.stdout.readline().split(","), np.float32)
 
     def close(self) -> None:
-        self.process.stdin.close()
-        self.process.wait()
+        self.process.communicate()
 
 
 class Timed(BoundPolicy):
