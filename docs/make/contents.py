@@ -8,7 +8,7 @@ from pter_gym.scenarios import SCENARIOS
 
 CHAPTERS = {
     "Start": ("first-steps", "push-it-yourself", "watching", "commands"),
-    "Tutorials": ("tutorials", "your-algorithm", "extending", "identify"),
+    "Tutorials": ("tutorials", "your-algorithm", "extending", "identify", "deploy"),
     "The environment": ("path-following", "scenarios/index"),
     "Policies and scores": ("policies", "controllers", "agents", "scoring"),
     "The robot and its paper": ("model", "paper-figures"),

@@ -60,7 +60,7 @@ OPERATORS: dict[type[ast.AST], tuple[str, int, Callable[[Any, Any], Any]]] = {
     ast.Sub: ("-", SUM, operator.sub),
     ast.Mult: ("*", PRODUCT, operator.mul),
     ast.Div: ("/", PRODUCT, operator.truediv),
-    ast.FloorDiv: ("/", PRODUCT, operator.floordiv),
+    ast.FloorDiv: ("", PRODUCT, operator.floordiv),
     ast.Mod: ("%", PRODUCT, operator.mod),
     ast.BitAnd: ("&&", AND, operator.and_),
     ast.And: ("&&", AND, operator.and_),
@@ -75,7 +75,7 @@ OPERATORS: dict[type[ast.AST], tuple[str, int, Callable[[Any, Any], Any]]] = {
     ast.Is: ("", COMPARISON, operator.is_),
     ast.IsNot: ("", COMPARISON, operator.is_not),
 }
-"""Operators in C, how tightly they bind there, and what they do."""
+"""Operators in C, how tightly they bind there, and what they do. Whole numbers that are divided are not negative."""
 
 PLAIN: dict[Any, str] = {
     int: "(int)",
@@ -307,8 +307,9 @@ class _Body:
         self.made.writes |= self.touched
         self.touched = False
 
-    def _refuse(self, node: ast.AST) -> Unsupported:
-        return Unsupported(f"policies: {self.function.__name__} cannot be translated to C: {ast.unparse(node):.100}")
+    def _refuse(self, what: ast.AST | str) -> Unsupported:
+        text = what if isinstance(what, str) else ast.unparse(what)
+        return Unsupported(f"policies: {self.function.__name__} cannot be translated to C: {text:.100}")
 
     # --- statements ---
 
@@ -350,7 +351,13 @@ class _Body:
             made.value = value
             return
         made.returns = made.returns or kind_of(value)
+        self._check(kind_of(value), made.returns, "return")
         self._emit(f"return {self.program.text(value, made.returns)};")
+
+    def _check(self, kind: Any, wanted: Any, what: str) -> None:
+        """Refuse a value that C would convert to one of another kind; all numbers may become real ones."""
+        if kind != wanted and not (wanted == "real" and isinstance(kind, str)):
+            raise self._refuse(what)
 
     def _assign(self, target: ast.expr, value: Any) -> None:
         match target:
@@ -386,7 +393,7 @@ class _Body:
         if not is_known(value) and isinstance(value, tuple):
             value = Expression(kind_of(value), self.program.text(value))
         varies = isinstance(value, Expression)
-        if isinstance(before, Expression) and (is_number(value) or (varies and before.kind == value.kind)):
+        if isinstance(before, Expression) and (is_number(value) or varies) and before.kind in ("real", kind_of(value)):
             self._emit(f"{before.text} = {self.program.text(value, before.kind)};")
             return
         if varies:
@@ -421,12 +428,14 @@ class _Body:
 
     def _inside(self, statements: Sequence[ast.stmt]) -> bool:
         """Translate statements that may not run, or run several times."""
-        before, used = set(self.names), set(self.used)
+        before, used = dict(self.names), set(self.used)
         self.depth += 1
         ended = self._block(statements)
         self.depth -= 1
-        self.names = {name: value for name, value in self.names.items() if name in before}
-        self.used = used
+        for name, value in before.items():
+            if self.names.get(name) is not value:  # C has no one variable for it
+                raise self._refuse(name)
+        self.names, self.used = before, used
         return ended
 
     def _branch(self, node: ast.If) -> bool:
@@ -450,6 +459,7 @@ class _Body:
             for turn in turns:
                 self.names[name] = turn
                 self._block(node.body)
+            self.names.pop(name, None)
             return
         self._unknown(node.body)
         called = self._fresh("turn" if name == "_" else name)
@@ -522,13 +532,13 @@ class _Body:
     def _operation(self, op: ast.AST, left: Any, right: Any) -> Any:
         """Return what an operator makes of two values."""
         sign, level, function = OPERATORS.get(type(op), ("", 0, operator.is_))
-        if sign == "" and (level == 0 or not is_known((left, right))):
-            raise Unsupported(f"policies: {self.function.__name__} cannot be translated to C: {type(op).__name__}")
-        if is_known((left, right)):
+        if level and is_known((left, right)):
             return function(left, right)
+        kinds = {kind_of(left), kind_of(right)}
+        if not sign or (level in (AND, OR) and kinds != {"bool"}) or (sign == "%" and kinds != {"int"}):
+            raise self._refuse(type(op).__name__)
         if level in (AND, OR):
             return self._logic(sign, level, left, right)
-        kinds = {kind_of(left), kind_of(right)}
         kind = next(each for each in ("real", "single", "int", "bool") if each in kinds)
         if kind == "int" and level == SUM and (sign == "+" or is_known(right)):
             known, other = (right, left) if is_known(right) else (left, right)
@@ -604,7 +614,7 @@ class _Body:
         if getattr(function, "__qualname__", "") == "entrywise.<locals>.each":
             return self._entrywise(function, arguments)
         function = self.program.elementary.get(function, function)
-        if not isinstance(function, FunctionType | CPUDispatcher):
+        if named or not isinstance(function, FunctionType | CPUDispatcher):
             raise self._refuse(node)
         value, statement, writes = self.program.call(function, *arguments)
         self.touched |= writes
