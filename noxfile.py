@@ -63,7 +63,7 @@ def workshop(session: nox.Session) -> Path:
         session.run(python, "-m", "venv", "--without-pip", str(place / ".venv"), external=True)
     if not (tools / "sphinx-build").exists():
         install = (python, "-m", "pip", "--python", str(tools / "python"), "install", "-q", *PINNED)
-        session.run(*install, "-e", f"{place}[agents,deploy,dev,docs,render,test]", external=True)
+        session.run(*install, "-e", f"{place}[agents,dev,docs,render,test]", external=True)
     session.chdir(place)
     return tools
 

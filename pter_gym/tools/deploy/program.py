@@ -75,7 +75,7 @@ class Source:
 
         Raises a ParameterError or a StorageError if they cannot be written.
         """
-        make_folder(folder)
+        make_folder(folder, "c")
         write_files_atomic(folder, {name: text.encode() for name, text in self.files.items()})
         return find_path("c", folder)
 
