@@ -19,8 +19,8 @@ from pter_gym.paths._projection import SEGMENT_WIDTH, project
 from pter_gym.tasks.path_following._observation import BOUND, OBS, Observation, observation
 from pter_gym.tasks.path_following._rules import path_state
 
-HALF_PI, HALF_PI_REST = 1.5707963267341256, 6.077100506506192e-11
-"""π/2 in two parts, the first of 33 bits, so a small multiple of it is exact in float64."""
+HALF_PI, HALF_PI_REST = 1.5703125, 0.00048382679489661923
+"""π/2 in two parts, the first of 8 bits, so small multiples of it are exact."""
 
 
 class Encoder(NamedTuple):

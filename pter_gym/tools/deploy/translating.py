@@ -50,10 +50,8 @@ from pter_gym.tools.deploy.values import (
 UNROLLED = 8
 """Most turns of a loop that is written out."""
 
-SINGLE_FACTOR = 2.0**29
-"""Machine epsilon of float32 over that of float64: in float32, tolerances below ``TOLERANCE`` are so much larger."""
-
-TOLERANCE = 1e-9
+TOLERANCE, SINGLE_FACTOR = 1e-9, 2.0**29
+"""A smaller constant in a function is a tolerance for rounding, which is so many times as large in float32."""
 
 OPERATORS: dict[type[ast.AST], tuple[str, int, Callable[[Any, Any], Any]]] = {
     ast.Add: ("+", SUM, operator.add),
@@ -173,8 +171,6 @@ class Program:
         if math.isnan(value):
             return "NOT_A_NUMBER"
         single = self.single or kind == "single"
-        if single and 0.0 < abs(value) < TOLERANCE:
-            value *= SINGLE_FACTOR
         with np.errstate(over="ignore"):
             number = np.float32(value) if single else np.float64(value)
         text = str(number) + ("f" if single else "")
@@ -477,7 +473,8 @@ class _Body:
     def _value(self, node: ast.expr) -> Any:  # noqa: C901  (one case for each kind of expression)
         match node:
             case ast.Constant(value=value):
-                return value
+                is_tolerance = self.program.single and isinstance(value, float) and 0.0 < value < TOLERANCE
+                return value * SINGLE_FACTOR if is_tolerance else value
             case ast.Name(id=name) if name in self.names:
                 return self.names[name]
             case ast.Tuple(elts=parts):

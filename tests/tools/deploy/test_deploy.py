@@ -58,12 +58,20 @@ def compiled(source: Source, folder: Path, program: Path | None = None) -> Path:
     return folder / "program"
 
 
-def said(program: Path, rows: Any, between: int = 10**9) -> Any:
-    """What a program prints for rows of numbers, with an empty line before each ``between``-th."""
-    lines = (
-        "\n" * (k % between == 0) + ",".join(f"{value:.17g}" for value in row) for k, row in enumerate(rows.tolist())
-    )
-    found = subprocess.run([program], input="\n".join(lines) + "\n", capture_output=True, text=True, check=True)
+def lines_of(rows: Any) -> str:
+    """Rows of numbers as a program reads them."""
+    return "".join(",".join(f"{value:.17g}" for value in row) + "\n" for row in rows.tolist())
+
+
+def episodes_of(observations: Any) -> str:
+    """What a program without force sensors reads: episodes (steps, worlds, entries), each after an empty line."""
+    count = len(observation_layout(BASELINE, "torque"))
+    return "".join("\n" + lines_of(observations[:, world, :count]) for world in range(observations.shape[1]))
+
+
+def said(program: Path, text: str) -> Any:
+    """What a program prints, as numbers."""
+    found = subprocess.run([program], input=text, capture_output=True, text=True, check=True)
     return np.loadtxt(io.StringIO(found.stdout), delimiter=",").astype(np.float32)
 
 
@@ -83,7 +91,7 @@ def recorded() -> Any:
     pairs = find_scenario("everything").randomisation(contexts=WORLDS, seed=1).pairs()
     found = ride(*zip(*pairs, strict=True))
     assert np.isfinite(found).all()
-    return found
+    return found, episodes_of(found)
 
 
 def actions(policy: Any, observations: Any) -> Any:
@@ -115,8 +123,8 @@ def test_a_program_gives_pythons_actions_on_ten_thousand_observations(
     name: str, numbers: Any, weights: Any, recorded: Any, tmp_path: Path
 ):
     source = source_of(find_policy(name), name=name, numbers=numbers, weights=weights)
-    rows = np.swapaxes(recorded, 0, 1)[..., : len(source.policy.layout)].reshape(WORLDS * STEPS, -1)
-    differ = np.abs(said(compiled(source, tmp_path), rows, STEPS) - actions(source.policy, recorded)).max()
+    observations, text = recorded
+    differ = np.abs(said(compiled(source, tmp_path), text) - actions(source.policy, observations)).max()
     assert differ == 0.0 if numbers == "double" else 0.0 < differ < ROUNDING
 
 
@@ -126,8 +134,7 @@ def test_a_decision_is_held_and_a_law_knows_other_clutches(policy: Any, machine:
     own = find_machine(machine)
     observations = ride([own] * 2, [PathFollowing(pace=0.25)] * 2)
     source = source_of(policy() if callable(policy) else find_policy(policy), machine=own)
-    rows = np.swapaxes(observations, 0, 1)[..., : len(source.policy.layout)].reshape(2 * STEPS, -1)
-    assert (said(compiled(source, tmp_path), rows, STEPS) == actions(source.policy, observations)).all()
+    assert (said(compiled(source, tmp_path), episodes_of(observations)) == actions(source.policy, observations)).all()
 
 
 @device
@@ -145,8 +152,8 @@ def own_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 @needs_compiler
 def test_a_users_own_law_becomes_a_program(recorded: Any, tmp_path: Path):
     source = source_of(Policy(np.arange(20.0), observation_layout(BASELINE, "torque"), own_law))
-    rows = np.swapaxes(recorded, 0, 1)[..., : len(source.policy.layout)].reshape(WORLDS * STEPS, -1)
-    assert (said(compiled(source, tmp_path), rows, STEPS) == actions(source.policy, recorded)).all()
+    observations, text = recorded
+    assert (said(compiled(source, tmp_path), text) == actions(source.policy, observations)).all()
 
 
 @device
@@ -178,17 +185,27 @@ def test_a_law_that_c_would_change_is_refused(law: Any, what: str):
 
 
 @needs_compiler
-@pytest.mark.parametrize("path", ["line", "sine"])
-def test_the_observation_is_the_simulators(path: str, tmp_path: Path):
+@pytest.mark.parametrize(
+    ("path", "numbers", "tolerance"), [("line", "double", 1e-6), ("sine", "double", 1e-6), ("sine", "float", 1e-4)]
+)
+def test_the_observation_is_the_simulators(path: str, numbers: Any, tolerance: float, tmp_path: Path):
     task = PathFollowing(path=find_path(path), pace=0.25)
     episode = record_episode(find_policy("single-dof-tuned"), BASELINE, task, 0, STEPS)
     layout = observation_layout(BASELINE, "force")
     theta = episode.telemetry[:, [*COLUMN.theta]]
     places = [layout.index(each) for each in ("omega_a", "torque_1", "force_along", "volts_1")]
     others = [episode.obs[:, k : k + n] * layout.scales[k : k + n] for k, n in zip(places, (2, 4, 2, 4), strict=True)]
-    program = compiled(source_of(find_policy("single-dof-tuned"), path=path), tmp_path, HERE / "observe.c")
-    found = said(program, np.hstack([theta, *others]))
-    np.testing.assert_allclose(found, episode.obs[:, : found.shape[1]], rtol=1e-6, atol=1e-6)
+    program = compiled(
+        source_of(find_policy("single-dof-tuned"), path=path, numbers=numbers), tmp_path, HERE / "observe.c"
+    )
+    found = said(program, lines_of(np.hstack([theta, *others])))
+    np.testing.assert_allclose(found, episode.obs[:, : found.shape[1]], rtol=0.0, atol=tolerance)
+
+
+def test_a_small_gain_or_weight_stays_small_in_float32():
+    gains = np.array([1.0, 1e-12, 0.0, 0.0, 0.0])
+    source = source_of(Policy(gains, observation_layout(BASELINE, "torque")), numbers="float")
+    assert "1e-12f" in source.files["pter.c"]
 
 
 def test_elementary_functions_are_those_of_mathematics():
@@ -235,7 +252,7 @@ def test_onnx_gives_the_policys_actions(name: str, recorded: Any, tmp_path: Path
     assert set(names) <= {*layout.names, "base_1", "base_2", "base_3", "base_4", "earlier"}
     past: list[Any] = []
     means: list[Any] = []
-    for obs in np.ascontiguousarray(recorded[:100, :, : len(layout)]):
+    for obs in np.ascontiguousarray(recorded[0][:100, :, : len(layout)]):
         given = {each: obs[:, [layout.index(each)]] for each in layout.names}
         if base:
             volts = base.act(obs)

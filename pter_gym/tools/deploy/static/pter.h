@@ -11,7 +11,7 @@ $observation */
 #ifndef PTER_H
 #define PTER_H
 
-#define PTER_PERIOD $period /* of a control step [s] */
+#define PTER_PERIOD ((pter_real)$period) /* of a control step [s] */
 #define PTER_ENTRIES $entries /* numbers in an observation */
 #define PTER_HOLD $hold /* control steps for which a decision is held */
 #define PTER_VOLTAGE_MAX ((pter_real)$top) /* largest voltage [V] */
