@@ -472,9 +472,10 @@ class _Body:
 
     def _value(self, node: ast.expr) -> Any:  # noqa: C901  (one case for each kind of expression)
         match node:
+            case ast.Constant(value=float(value)) if self.program.single and 0.0 < value < TOLERANCE:
+                return value * SINGLE_FACTOR
             case ast.Constant(value=value):
-                is_tolerance = self.program.single and isinstance(value, float) and 0.0 < value < TOLERANCE
-                return value * SINGLE_FACTOR if is_tolerance else value
+                return value
             case ast.Name(id=name) if name in self.names:
                 return self.names[name]
             case ast.Tuple(elts=parts):
