@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 import tyro
 
+from pter_gym._commands.arguments import MachineName, ScenarioName
 from pter_gym._internal.terminal import progress_bar, say, terminal
 from pter_gym.errors import needs_extra
 
@@ -81,22 +82,54 @@ def train(
 
 
 def export(
-    run: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")],
+    run: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="RUN|NAME")],
     name: str | None = None,
     out: Path | None = None,
+    c: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None,
+    onnx: Annotated[Path | None, tyro.conf.arg(metavar="FILE.onnx")] = None,
+    numbers: Literal["double", "float"] = "double",
+    weights: Literal["float", "int8"] = "float",
+    scenario: ScenarioName = "standard",
+    path: Annotated[str, tyro.conf.arg(metavar="NAME|FILE.csv")] = "line",
+    machine: MachineName = None,
 ) -> None:
-    """Turn a run of `pter train` into a policy that can be used and shared.
+    """Turn a run of `pter train` into a policy to share, or any policy into C or ONNX for a real machine.
 
-    The folder then holds NAME.safetensors, weights without code, and README.md, a model card. That is the layout of
-    the Hugging Face Hub; nothing is uploaded.
+    By default the folder then holds NAME.safetensors, weights without code, and README.md, a model card. That is the
+    layout of the Hugging Face Hub; nothing is uploaded. With --c or --onnx only these are written.
 
-    Example: pter export residual-run --name mine
+    Example: pter export residual --c residual-c
 
     Args:
-        run: Folder of the run, or a trained policy by its name or path.
-        name: Name of the policy; by default the algorithm's.
-        out: Folder for the files, created if necessary; by default NAME.
+        run: Folder of a run, or a policy by its name or path; for C also the name of a controller.
+        name: Name of the policy; by default the algorithm's or its own.
+        out: Folder for the policy, created if necessary; by default NAME.
+        c: Folder for pter.h, pter.c and main.c, in C99 without libraries, created if necessary.
+        onnx: File for the network alone, as an ONNX model.
+        numbers: Arithmetic of the C code; double has the bits of Python.
+        weights: Weights in the C code; int8 needs a quarter of the memory and costs some score.
+        scenario: Scenario whose gains a controller has.
+        path: Path that the C code holds.
+        machine: Nominal machine of a policy for C or ONNX, by its name or its preset.
     """
-    from pter_agents import exporting
+    if c is None and onnx is None:
+        from pter_agents import exporting
 
-    say(f"wrote {exporting.export(run, out, name=name)}")
+        say(f"wrote {exporting.export(run, out, name=name)}")
+        return
+    from pter_gym.benchmark import find_policy
+    from pter_gym.policies._files import RUN
+    from pter_gym.tools.deploy import source_of, write_onnx
+
+    if (Path(run) / RUN).is_file():
+        from pter_agents import exporting
+
+        policy = exporting.read_run(Path(run))
+    else:
+        policy = find_policy(run, scenario)
+    called = name or Path(run).stem
+    source = source_of(policy, name=called, machine=machine, path=path, numbers=numbers, weights=weights) if c else None
+    if onnx is not None:
+        say(f"wrote {write_onnx(policy, onnx, name=called, machine=machine)}")
+    if source is not None and c is not None:
+        say(f"wrote {source.write(c)}")

@@ -10,7 +10,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
     "Start": ("push-it-yourself", "watching", "tutorials", "commands"),
     "Train": ("your-algorithm", "agents", "stock-algorithms", "data", "gradients"),
     "The environment": ("environment", "reward", "scenarios/index", "scoring"),
-    "Control": ("controllers", "which-clutches", "extending"),
+    "Control": ("controllers", "which-clutches", "extending", "deploy"),
     "The robot": ("model", "hands", "devices", "identify", "reproduction", "calibration"),
     "Reference": ("api",),
 }

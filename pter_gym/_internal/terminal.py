@@ -19,14 +19,14 @@ GRACE = 0.3
 """Seconds in which Python may end by itself after Ctrl-C."""
 
 
-def make_folder(path: FilePath) -> None:
+def make_folder(path: FilePath, field: str = "out") -> None:
     """Make a folder that can be written to, or raise a ParameterError."""
-    path = find_path("out", path)
+    path = find_path(field, path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ParameterError(f"out must be a folder that can be written to: {error}") from None
-    check_target("out", path / "file")
+        raise ParameterError(f"{field} must be a folder that can be written to: {error}") from None
+    check_target(field, path / "file")
 
 
 def accept_all_characters() -> None:

@@ -1,0 +1,128 @@
+"""What a controller does before its law acts: angles from encoders, and the observation from readings and a path.
+
+With the sine, cosine and arctangent that these need. All of it is Python that is translated to C with the laws.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from pter_gym._compiled.compiler import device
+from pter_gym._compiled.records import entrywise, write
+from pter_gym._engine.step import clipped
+from pter_gym._engine.world import Reading
+from pter_gym._physics.arm import Linkage, Motion, tip_position, tip_velocity
+from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.friction import between
+from pter_gym.hands._model import unit_vector
+from pter_gym.paths._arcs import SEGMENT
+from pter_gym.paths._projection import SEGMENT_WIDTH, project
+from pter_gym.tasks.path_following._observation import BOUND, OBS, Observation, observation
+from pter_gym.tasks.path_following._rules import path_state
+
+HALF_PI, HALF_PI_REST = 1.5703125, 0.00048382679489661923
+"""π/2 in two parts, the first of 8 bits, so small multiples of it are exact."""
+
+
+class Encoder(NamedTuple):
+    """A joint encoder's reading: angle [rad] and angular velocity [rad/s]."""
+
+    theta: float
+    omega: float
+
+
+@device
+def encoder(count: int, before: int, resolution: float, zero: float, period: float) -> Encoder:
+    """Return angle and angular velocity from an encoder's count now and a period [s] before.
+
+    ``resolution`` is the angle of a count and ``zero`` that of count 0 [rad].
+    """
+    return Encoder(zero + resolution * count, resolution * (count - before) / period)
+
+
+@device
+def series(x: float, first: float, start: int) -> float:
+    """Return the series of sine (first = x, start = 1) or cosine (first = 1, start = 0) for |x| ≤ π/4."""
+    found = first
+    term = first
+    for k in range(start + 1, start + 18, 2):
+        term = -term * x * x / (k * (k + 1.0))
+        found += term
+    return found
+
+
+@device
+def sine(angle: float) -> float:
+    """Return the sine of an angle [rad] of at most a few hundred turns."""
+    k = int(angle / (HALF_PI + HALF_PI_REST) + (0.5 if angle >= 0.0 else -0.5))
+    x = angle - k * HALF_PI - k * HALF_PI_REST
+    size = series(x, 1.0, 0) if k % 2 != 0 else series(x, x, 1)
+    return size if ((k % 4) + 4) % 4 < 2 else -size
+
+
+@device
+def cosine(angle: float) -> float:
+    """Return the cosine of an angle [rad] of at most a few hundred turns."""
+    k = int(angle / (HALF_PI + HALF_PI_REST) + (0.5 if angle >= 0.0 else -0.5))
+    x = angle - k * HALF_PI - k * HALF_PI_REST
+    size = series(x, x, 1) if k % 2 != 0 else series(x, 1.0, 0)
+    return size if ((k % 4) + 5) % 4 < 2 else -size
+
+
+@device
+def arctangent(y: float, x: float) -> float:
+    """Return the angle of (x, y) [rad], by halving it three times before the series; 0 for (0, 0)."""
+    turned = 0.0
+    if x < 0.0:
+        turned = 2.0 * HALF_PI + 2.0 * HALF_PI_REST if y >= 0.0 else -2.0 * HALF_PI - 2.0 * HALF_PI_REST
+        x = -x
+        y = -y
+    reach = x + math.sqrt(x * x + y * y)
+    t = y / reach if reach > 0.0 else 0.0
+    t = t / (1.0 + math.sqrt(1.0 + t * t))
+    t = t / (1.0 + math.sqrt(1.0 + t * t))
+    found = 0.0
+    for k in range(21, 0, -2):
+        found = 1.0 / k - t * t * found
+    return turned + 8.0 * t * found
+
+
+@entrywise
+@device
+def scaled(value: float, inverse_scale: float) -> float:
+    """Return an entry of an observation as a policy sees it."""
+    return between(value * inverse_scale, -BOUND, BOUND)
+
+
+@device
+def observe(
+    reading: Reading,
+    volts: PerClutch,
+    arcs: Any,
+    count: int,
+    segment: int,
+    pace: float,
+    arm: Linkage,
+    inverse_scale: Observation,
+    out: Any,
+) -> int:
+    """Write the observation that readings, the last voltages and a path give; return the arc that the tip is on.
+
+    As the simulator does with sensors that are not ideal. ``segment`` is the arc that the tip was on before.
+    """
+    a, b = unit_vector(reading.theta.a), unit_vector(reading.theta.b)
+    q = Motion(reading.theta.a, reading.theta.b, reading.omega.a, reading.omega.b, a.cos, a.sin, b.cos, b.sin)
+    x, y = tip_position(arm, q)
+    v_x, v_y = tip_velocity(arm, q)
+    foot = project(arcs, 0, count, segment, x, y)
+    last = (count - 1) * SEGMENT_WIDTH
+    length = arcs[last + SEGMENT.start] + arcs[last + SEGMENT.length]
+    at = path_state(foot, v_x, v_y)
+    seen = observation(q, at, length, pace, volts, reading.torque, reading.force)
+    write(out, OBS, scaled(seen, inverse_scale))
+    return int(foot.segment)
+
+
+@device
+def command(law: Any, obs: Any, scales: Any, gains: Any, memory: Any, voltage_max: float) -> PerClutch:
+    """Return the voltages [V] that go to the clutches: a law's, within the bounds."""
+    return clipped(law(obs, scales, gains, memory), voltage_max)

@@ -1,0 +1,190 @@
+"""A trained policy as an ONNX graph, for runtimes of neural networks; what it remembers, its caller keeps.
+
+The graph computes in float64, as the policy's own law does: float32 would differ from it by more than a millionth of
+the largest voltage.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym import __version__
+from pter_gym._internal.files import FilePath, check_target, find_path, write_bytes_atomic
+from pter_gym.benchmark.simulation import AnyPolicy, sensors_of
+from pter_gym.controllers._network import BASE_INPUTS, DERIVED, INPUT_LIMIT
+from pter_gym.errors import ParameterError, needs_extra
+from pter_gym.params import Machine, find_machine
+from pter_gym.policies import TrainedPolicy
+from pter_gym.tasks.path_following import observation_layout
+
+OPSET = 18
+"""Version of ONNX's operators."""
+
+OF_HEADING = ("heading_cos", "heading_sin", "cos_a", "sin_a", "cos_b", "sin_b")
+"""Entries of the observation from which the angles between links and path are derived."""
+
+
+def write_onnx(
+    policy: AnyPolicy, file: FilePath, *, name: str = "policy", machine: Machine | str | None = None
+) -> Path:
+    """Write a trained policy as an ONNX model with opset 18, and return the path of the file.
+
+    Its inputs, each float32 (N, 1), are the entries of the observation that it uses, by their names, as they are in the
+    observation, and ``base_1`` to ``base_4``, the voltages of the controller that it corrects [V]. A network that
+    sees earlier inputs or averages also has the input ``earlier``, float32 (N, inputs · (delays + averages)): what the
+    output ``inputs`` was so many decisions ago, then its averages. The output ``volts`` is float32 (N, 4) [V].
+
+    Parameters
+    ----------
+    policy, name
+        A trained policy and what the model is called.
+    file
+        Ends in ``.onnx``.
+    machine
+        The nominal machine; by default the paper's.
+
+    Raises
+    ------
+    ParameterError
+        If the policy has no network, does not fit the machine, or the file is not as stated. Nothing is then written.
+    DependencyError
+        If ``onnx`` is not installed.
+    StorageError
+        If the file cannot be written.
+    """
+    path = find_path("onnx", file)
+    if path.suffix != ".onnx":
+        raise ParameterError(f"onnx must end in .onnx, got {str(path)!r}")
+    check_target("onnx", path)
+    if not isinstance(policy, TrainedPolicy):
+        raise ParameterError(f"policies must be trained policies to become ONNX, {name!r} has no network")
+    try:
+        import onnx
+    except ImportError as error:
+        raise needs_extra("ONNX", "deploy") from error
+    model = model_of(policy, name, find_machine(machine))
+    onnx.checker.check_model(model, full_check=True)
+    write_bytes_atomic(path, model.SerializeToString())
+    return path
+
+
+class Graph:
+    """Nodes and constants in the making; a method returns the name of the tensor that it makes."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Any] = []
+        self.constants: list[Any] = []
+        self.inputs: dict[str, str] = {}
+
+    def node(self, operator: str, *inputs: str, out: str = "", **attributes: Any) -> str:
+        """Return the output of a node."""
+        from onnx import helper
+
+        name = out or f"{operator.lower()}_{len(self.nodes)}"
+        self.nodes.append(helper.make_node(operator, inputs, [name], **attributes))
+        return name
+
+    def constant(self, values: Any) -> str:
+        """Return float64 numbers."""
+        from onnx import numpy_helper
+
+        name = f"constant_{len(self.constants)}"
+        self.constants.append(numpy_helper.from_array(np.asarray(values, np.float64), name))
+        return name
+
+    def weights(self, values: NDArray[np.float32], name: str) -> str:
+        """Return numbers that are stored as float32, as float64."""
+        from onnx import numpy_helper
+
+        self.constants.append(numpy_helper.from_array(values, name))
+        return self.cast(name, "DOUBLE")
+
+    def cast(self, name: str, kind: str, out: str = "") -> str:
+        """Return numbers as FLOAT or DOUBLE."""
+        from onnx import TensorProto
+
+        return self.node("Cast", name, out=out, to=getattr(TensorProto, kind))
+
+    def given(self, name: str) -> str:
+        """Return an input of the model as float64."""
+        if name not in self.inputs:
+            self.inputs[name] = self.cast(name, "DOUBLE")
+        return self.inputs[name]
+
+    def limited(self, x: str, low: float, high: float) -> str:
+        """Return numbers limited to [low, high]."""
+        return self.node("Clip", x, self.constant(low), self.constant(high))
+
+
+def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
+    """Return the ONNX model of a trained policy, which is bound to the machine to check that it fits."""
+    from onnx import TensorProto, helper
+
+    layout, interface = observation_layout(machine, sensors_of(policy)), policy.interface
+    policy.bind(machine, layout)
+    graph, count = Graph(), len(interface.inputs)
+    scales = dict(zip(layout.names, layout.scales, strict=True))
+    columns = [quantity(graph, each.name, scales) for each in interface.inputs]
+    centered = graph.node(
+        "Sub", graph.node("Concat", *columns, axis=1), graph.constant([x.center for x in interface.inputs])
+    )
+    seen = graph.node("Div", centered, graph.constant([x.scale for x in interface.inputs]))
+    x = graph.limited(seen, -INPUT_LIMIT, INPUT_LIMIT)
+    earlier = interface.size - count
+    if earlier:
+        graph.cast(x, "FLOAT", out="inputs")
+        x = graph.node("Concat", x, graph.given("earlier"), axis=1)
+    for layer, (weight, bias) in enumerate(policy.layers):
+        names = graph.weights(weight, f"layer_{layer}.weight"), graph.weights(bias, f"layer_{layer}.bias")
+        x = graph.node("Gemm", x, *names, transB=1)
+        x = graph.node("Tanh", x) if layer < len(policy.layers) - 1 else x
+    graph.cast(voltages(graph, graph.limited(x, -1.0, 1.0), policy), "FLOAT", out="volts")
+    sizes = {each: earlier if each == "earlier" else 1 for each in graph.inputs}
+    outputs = {"volts": 4} | ({"inputs": count} if earlier else {})
+    given, made = (
+        [helper.make_tensor_value_info(each, TensorProto.FLOAT, ["N", size]) for each, size in sides.items()]
+        for sides in (sizes, outputs)
+    )
+    whole = helper.make_graph(graph.nodes, name, given, made, graph.constants)
+    return helper.make_model(
+        whole,
+        opset_imports=[helper.make_opsetid("", OPSET)],
+        ir_version=9,
+        producer_name="pter_gym",
+        producer_version=__version__,
+    )
+
+
+def quantity(graph: Graph, name: str, scales: dict[str, float]) -> str:
+    """Return the tensor of a quantity that the network sees, in its unit."""
+    if name in BASE_INPUTS:
+        return graph.given(name)
+    if name not in DERIVED:
+        entry = graph.given(name)
+        return entry if scales[name] == 1.0 else graph.node("Mul", entry, graph.constant(scales[name]))
+    cos, sin, cos_a, sin_a, cos_b, sin_b = map(graph.given, OF_HEADING)
+    of_a = name.startswith("heading_a")
+    cos_link, sin_link = (cos_a, sin_a) if of_a else (cos_b, sin_b)
+    pairs, sign = (
+        (((cos, cos_link), (sin, sin_link)), "Add")
+        if name.endswith("cos")
+        else (((sin, cos_link), (cos, sin_link)), "Sub")
+    )
+    return graph.node(sign, *(graph.node("Mul", *pair) for pair in pairs))
+
+
+def voltages(graph: Graph, output: str, policy: TrainedPolicy) -> str:
+    """Return the tensor of the voltages [V] of limited outputs; see ``pter_gym.policies.Interface``."""
+    interface = policy.interface
+    top = interface.voltage_max
+    if interface.normalised:
+        linear = graph.node("Mul", graph.node("Add", output, graph.constant(1.0)), graph.constant(top / 2.0))
+        return graph.node("Mul", linear, graph.node("Div", linear, graph.constant(top)))
+    if interface.base is None:
+        base = graph.constant(top / 2.0)
+    else:
+        base = graph.node("Concat", *map(graph.given, BASE_INPUTS), axis=1)
+    corrected = graph.node("Add", base, graph.node("Mul", output, graph.constant(interface.reach)))
+    return graph.limited(corrected, 0.0, top)

@@ -1,0 +1,228 @@
+"""A policy as a program in C: ``pter.h``, ``pter.c``, and ``main.c``, which turns lines of observations into volts."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from string import Template
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._compiled.layout import Layout
+from pter_gym._compiled.records import layout_of, read
+from pter_gym._engine.world import Reading
+from pter_gym._internal.files import FilePath, find_path, write_files_atomic
+from pter_gym._internal.terminal import make_folder
+from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.model import model_of
+from pter_gym.benchmark.simulation import AnyPolicy, sensors_of
+from pter_gym.controllers import Policy, bind
+from pter_gym.controllers._gains import NOMINAL, TABLE, WIDTH
+from pter_gym.controllers._laws import IMPEDANCE
+from pter_gym.controllers._network import HEADER, HEADER_WIDTH, NETWORK
+from pter_gym.errors import ParameterError
+from pter_gym.params import Machine, find_machine
+from pter_gym.paths import Path as Curve
+from pter_gym.paths import find_path as find_curve
+from pter_gym.policies import TrainedPolicy
+from pter_gym.tasks.path_following import PathFollowing, observation_layout
+from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Observation
+from pter_gym.tools.deploy.functions import arctangent, command, cosine, encoder, observe, sine
+from pter_gym.tools.deploy.translating import Program
+from pter_gym.tools.deploy.values import Array, Expression, Region, Table
+
+STATIC = Path(__file__).parent / "static"
+
+Numbers = Literal["double", "float"]
+"""Type of the arithmetic: float64, which has Python's bits, or float32, which small processors have in hardware."""
+
+Weights = Literal["float", "int8"]
+"""Type of a network's stored weights: float32, as in its file, or whole numbers of 8 bits with a step per layer."""
+
+ELEMENTARY = {math.sin: sine, math.cos: cosine, math.atan2: arctangent}
+
+BITS = {
+    "double": {"word": "long long", "magic": "0x5fe6eb50c7b537a9ULL", "mask": "~0x7ffffffULL"},
+    "float": {"word": "int", "magic": "0x5f3759dfU", "mask": "~0xfffU"},
+}
+"""What the square root does to the bits of a number."""
+
+INT8_MAX = 127
+
+STEP_BITS = 16
+"""Bits of a step: a multiple of it by a number of 8 bits is exact in float32."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A policy in C.
+
+    Attributes
+    ----------
+    files
+        Content of ``pter.h``, ``pter.c`` and ``main.c`` by name.
+    policy
+        The bound policy whose voltages the program gives; with weights of 8 bits, these are rounded.
+    """
+
+    files: dict[str, str]
+    policy: Policy
+
+    def write(self, folder: FilePath) -> Path:
+        """Write the files to a folder, which is created if necessary, and return it.
+
+        Raises a ParameterError or a StorageError if they cannot be written.
+        """
+        make_folder(folder, "c")
+        write_files_atomic(folder, {name: text.encode() for name, text in self.files.items()})
+        return find_path("c", folder)
+
+
+def source_of(
+    policy: AnyPolicy,
+    *,
+    name: str = "policy",
+    machine: Machine | str | None = None,
+    path: Curve | str = "line",
+    numbers: Numbers = "double",
+    weights: Weights = "float",
+) -> Source:
+    """Return a policy in C.
+
+    Parameters
+    ----------
+    policy, name
+        A control law or a trained policy, as ``pter_gym.benchmark.find_policy`` finds it, and what the files call it.
+    machine
+        The nominal machine, which the law knows; by default the paper's.
+    path
+        The path whose arcs the program holds.
+    numbers, weights
+        Types of the arithmetic and of the stored weights.
+
+    Raises
+    ------
+    ParameterError
+        If the policy is no compiled law or cannot be translated, or another argument is not as stated.
+    """
+    for field, given, accepted in (("numbers", numbers, Numbers), ("weights", weights, Weights)):
+        if given not in accepted.__args__:
+            raise ParameterError(f"{field} must be one of {', '.join(accepted.__args__)}, got {given!r}")
+    machine, curve = find_machine(machine), find_curve(path)
+    steps: tuple[float, ...] = ()
+    if weights == "int8":
+        if not isinstance(policy, TrainedPolicy):
+            raise ParameterError(f"weights must be float for {name!r}, which has no network, got {weights!r}")
+        policy, steps = rounded(policy)
+    layout = observation_layout(machine, sensors_of(policy))
+    bound = bind(policy, machine, layout)
+    if not isinstance(bound, Policy):
+        raise ParameterError(f"policies must be laws or trained policies to become C, {name!r} is Python code")
+    top = machine.clutch.voltage_max
+    program = Program(ELEMENTARY, single=numbers == "float")
+    gains = Table(bound.gains, tuple(regions(bound.gains, steps)))
+    scales = Table(layout.scales, (Region("observation_scales", 0, len(layout)),))
+    obs, memory = (
+        Array("float", "observation", "real" if program.single else "single"),
+        Array("real", "memory", const=False),
+    )
+    program.call(command, bound.law, obs, scales, gains, memory, top, whole=True)
+    prepare(program, machine)
+    named = {
+        "title": f"The policy {name} for the passive arm PTER.",
+        "real": numbers,
+        "period": repr(PathFollowing.control_period),
+        "top": repr(top),
+        "hold": bound.frame_skip,
+        "memory": bound.empty_memory(1).shape[1],
+        "entries": len(layout),
+        "most": ENTRIES,
+        "arcs": len(curve.arcs.table),
+        "observation": "\n".join(described(layout)),
+        "translated": program.source(),
+        "path": path_table(curve, program),
+        **BITS[numbers],
+    }
+    files = ("pter.h", "pter.c", "main.c")
+    return Source({file: Template((STATIC / file).read_text("utf-8")).substitute(named) for file in files}, bound)
+
+
+def prepare(program: Program, machine: Machine) -> None:
+    """Translate what comes before a law: encoders, and the observation from readings and a path."""
+    inverse: Any = 1.0 / layout_of(Observation, machine).scales
+    reading, volts = Expression(Reading, "reading"), Expression(PerClutch, "volts")
+    count, real = Expression("int", "count"), Expression("real", "real")
+    out, arcs = Array("real", "out", const=False), Array("real", "arcs")
+    arm, scale = model_of(machine).arm, read(inverse, OBS, 0)
+    program.call(observe, reading, volts, arcs, count, count, real, arm, scale, out, whole=True)
+    program.call(encoder, count, count, real, real, real, whole=True)
+
+
+def regions(gains: Any, steps: tuple[float, ...]) -> Iterator[Region]:
+    """Yield the parts of a law's gains that a program looks up; ``steps`` are those of layers in 8 bits."""
+    if gains[0] != NETWORK:
+        yield from guiding_regions(gains, 0) if gains[0] >= IMPEDANCE else [Region("gains", 0, len(gains))]
+        return
+    base, inputs, layers = (int(gains[at]) for at in (HEADER.base, HEADER.inputs, HEADER.layers))
+    if base:
+        yield from guiding_regions(gains[HEADER_WIDTH : HEADER_WIDTH + base], HEADER_WIDTH)
+    at = HEADER_WIDTH + base
+    for name, count in (
+        ("input_sources", inputs),
+        ("input_centers", inputs),
+        ("input_scales", inputs),
+        ("delays", int(gains[HEADER.delays])),
+        ("average_shares", int(gains[HEADER.averages])),
+    ):
+        yield Region(name, at, at + count)
+        at += count
+    sizes = gains[at : at + layers + 1].astype(int)
+    at += layers + 1
+    for layer in range(layers):
+        biases, end = at + int(sizes[layer + 1]), at + int(sizes[layer + 1] * (1 + sizes[layer]))
+        yield Region(f"biases_{layer}", at, biases, "float")
+        yield Region(f"weights_{layer}", biases, end, *(("signed char", steps[layer]) if steps else ("float", None)))
+        at = end
+
+
+def guiding_regions(gains: Any, first: int) -> Iterator[Region]:
+    """Yield the parts of a guiding law's gains, which begin at ``first``: its torque table, and rows by pace."""
+    knots = int(gains[NOMINAL.knots])
+    paces = TABLE + 2 * knots
+    count = (len(gains) - paces) // (WIDTH + 1)
+    ends = (TABLE, TABLE + knots, paces, paces + count, paces + count + count * WIDTH)
+    for name, begin, end in zip(
+        ("table_volts", "table_torques", "gain_paces", "gain_rows"), ends, ends[1:], strict=False
+    ):
+        yield Region(name, first + begin, first + end)
+
+
+def rounded(policy: TrainedPolicy) -> tuple[TrainedPolicy, tuple[float, ...]]:
+    """Return a policy whose weights are multiples of a step for each layer, of 8 bits, and the steps."""
+    steps = tuple(step_of(weight) for weight, _ in policy.layers)
+    layers = tuple(
+        (np.float32(np.round(weight / np.float64(step)) * step), bias)
+        for (weight, bias), step in zip(policy.layers, steps, strict=True)
+    )
+    return replace(policy, layers=layers), steps
+
+
+def step_of(weight: NDArray[np.float32]) -> float:
+    """Return the step of a layer's weights."""
+    mantissa, exponent = math.frexp(max(float(np.abs(weight).max()), 1e-30) / INT8_MAX)
+    return math.ldexp(math.ceil(mantissa * 2**STEP_BITS), exponent - STEP_BITS)
+
+
+def described(layout: Layout) -> Iterator[str]:
+    """Yield a line for each entry of an observation."""
+    for place, each in enumerate(layout.fields):
+        yield f"     {place:2} {each.name:14} {each.scale:5g} {each.unit:6} {each.meaning}"
+
+
+def path_table(curve: Curve, program: Program) -> str:
+    """Return the arcs of a path in C."""
+    rows = (", ".join(program.literal(value, "real") for value in row) for row in curve.arcs.table.tolist())
+    body = ",\n    ".join(rows)
+    return f"const real pter_path_arcs[PTER_ARCS * 7] = {{\n    {body}\n}};"

@@ -1,0 +1,113 @@
+/* $title
+
+   Made by pter_gym from the Python functions of the same names, with the same operations in the same order.
+   Compile with -std=c99: contracting a product and a sum into one operation would change bits. */
+
+#include "pter.h"
+
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#endif
+
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wunused-function"
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+
+#define INFINITE ((real)1.0 / (real)0.0)
+#define NOT_A_NUMBER ((real)0.0 / (real)0.0)
+
+typedef pter_real real;
+
+static real magnitude(real x)
+{
+    return x > 0 ? x : 0 - x;
+}
+
+static real larger(real x, real y)
+{
+    return y > x ? y : x;
+}
+
+static real smaller(real x, real y)
+{
+    return y < x ? y : x;
+}
+
+/* Return the square root: a guess from the number's bits, Newton's method, and half a correction by the exact
+   remainder. Below the square of what matters in a machine, it is 0. */
+static real square_root(real x)
+{
+    union {
+        real value;
+        unsigned $word bits;
+    } guess, high;
+    if (!(x > (real)1e-30)) {
+        return 0;
+    }
+    guess.value = x;
+    guess.bits = $magic - (guess.bits >> 1);
+    real y = guess.value;
+    for (int k = 0; k < 4; k++) {
+        y = y * ((real)1.5 - (real)0.5 * x * y * y);
+    }
+    real root = x * y;
+    high.value = root;
+    high.bits &= $mask;
+    real low = root - high.value;
+    real rest = ((x - high.value * high.value) - 2 * high.value * low) - low * low;
+    return root + (real)0.5 * y * rest;
+}
+
+$translated
+
+$path
+
+void pter_reset(pter_state *state)
+{
+    for (int k = 0; k < PTER_MEMORY; k++) {
+        state->memory[k] = 0;
+    }
+    for (int k = 0; k < 4; k++) {
+        state->volts[k] = 0;
+    }
+    state->held = 0;
+    state->arc = 0;
+}
+
+void pter_encoder(pter_reading *reading, int link, int count, int before, real resolution, real zero)
+{
+    Encoder found = encoder(count, before, resolution, zero, PTER_PERIOD);
+    reading->angle[link] = found.theta;
+    reading->velocity[link] = found.omega;
+}
+
+void pter_observe(pter_state *state, const pter_reading *reading, const pter_path *path,
+                  float observation[PTER_ENTRIES])
+{
+    const real *t = reading->torque;
+    const float *v = state->volts;
+    real seen[$most];
+    Reading r = {{reading->angle[0], reading->angle[1]}, {reading->velocity[0], reading->velocity[1]},
+                 {t[0], t[1], t[2], t[3]}, {reading->force[0], reading->force[1]}};
+    PerClutch volts = {v[0], v[1], v[2], v[3]};
+    state->arc = observe(r, volts, path->arcs, path->count, state->arc, path->pace, seen);
+    for (int k = 0; k < PTER_ENTRIES; k++) {
+        observation[k] = (float)seen[k];
+    }
+}
+
+void pter_act(pter_state *state, const float observation[PTER_ENTRIES], float volts[4])
+{
+    if (state->held == 0) {
+        PerClutch found = command(observation, state->memory, PTER_VOLTAGE_MAX);
+        state->volts[0] = (float)found.x1;
+        state->volts[1] = (float)found.x2;
+        state->volts[2] = (float)found.x3;
+        state->volts[3] = (float)found.x4;
+    }
+    state->held = (state->held + 1) % PTER_HOLD;
+    for (int k = 0; k < 4; k++) {
+        volts[k] = state->volts[k];
+    }
+}

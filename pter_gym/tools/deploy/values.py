@@ -1,0 +1,142 @@
+"""Values that a translation to C meets: known Python objects, and those that only the running program knows."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._compiled.records import parts
+from pter_gym.errors import ParameterError
+
+ATOM, UNARY, PRODUCT, SUM, COMPARISON, AND, OR, CHOICE = 8, 7, 6, 5, 4, 3, 2, 1
+"""How tightly operators of C bind."""
+
+
+class Unsupported(ParameterError):
+    """A function is written in a part of Python that is not translated."""
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A number or a record that only the running program knows.
+
+    Attributes
+    ----------
+    kind
+        "real", "single" (float32), "int", "bool", a named tuple's class, an ``Observed``, or a tuple of kinds.
+    text, level
+        The expression in C, and how tightly its outermost operator binds.
+    shift
+        A whole number that is added to it.
+    least
+        Of a whole number without ``shift``, the smallest value.
+    """
+
+    kind: Any
+    text: str
+    level: int = ATOM
+    shift: int = 0
+    least: int = 0
+
+
+@dataclass(frozen=True)
+class Observed:
+    """The kind of a record with entries that come from an observation: they are float32 in compiled Python, too."""
+
+    record: Any
+    kinds: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Array:
+    """Numbers in memory from ``offset`` on, stored as ``element`` and read as ``reads``; they may count steps."""
+
+    element: str
+    base: str
+    reads: str = "real"
+    offset: Any = 0
+    count: Any = 0
+    step: float | None = None
+    const: bool = True
+
+
+class Region(NamedTuple):
+    """A named part of a table, ``first`` … ``last`` − 1, which C keeps as an array of its own."""
+
+    name: str
+    first: int
+    last: int
+    element: str = "real"
+    step: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Known numbers; those in regions may be looked up by the running program."""
+
+    values: NDArray[np.float64]
+    regions: tuple[Region, ...] = ()
+
+    def part(self, first: int, last: int) -> "Table":
+        """Return a part of the table."""
+        inside = (each for each in self.regions if first <= each.first and each.last <= last)
+        moved = (each._replace(first=each.first - first, last=each.last - first) for each in inside)
+        return Table(self.values[first:last], tuple(moved))
+
+
+def is_known(value: Any) -> bool:
+    """Return whether no part of a value is of the running program."""
+    if isinstance(value, tuple):
+        return all(map(is_known, cast("tuple[Any, ...]", value)))
+    return not isinstance(value, Expression | Array | Table)
+
+
+def is_number(value: Any) -> bool:
+    """Return whether this is a number, known or not."""
+    return isinstance(value, int | float) or (isinstance(value, Expression) and isinstance(value.kind, str))
+
+
+def is_record(value: Any) -> bool:
+    """Return whether this is a record or a tuple, known or not."""
+    return isinstance(value, tuple) or (isinstance(value, Expression) and not isinstance(value.kind, str))
+
+
+def kind_of(value: Any) -> Any:
+    """Return the kind of a value in C."""
+    if isinstance(value, Expression):
+        return value.kind
+    if isinstance(value, tuple):
+        whole = cast("tuple[Any, ...]", value)
+        return type(whole) if hasattr(whole, "_fields") else tuple(map(kind_of, whole))
+    if not isinstance(value, int | float):
+        raise Unsupported(f"policies: C has no {value!r:.100}")
+    return "bool" if isinstance(value, bool) else "int" if isinstance(value, int) else "real"
+
+
+def fields_of(kind: Any) -> list[tuple[str, Any]]:
+    """Return names and kinds of the entries of a record or a tuple."""
+    if isinstance(kind, tuple):
+        return [(f"e{k}", each) for k, each in enumerate(cast("tuple[Any, ...]", kind))]
+    if isinstance(kind, Observed):
+        return list(zip(kind.record._fields, kind.kinds, strict=True))
+    return [(name, {float: "real", int: "int", bool: "bool"}.get(each, each)) for name, _, each in parts(kind)]
+
+
+def name_of(kind: Any) -> str:
+    """Return the name of a kind in C."""
+    if isinstance(kind, str):
+        return {"single": "float", "bool": "int"}.get(kind, kind)
+    if isinstance(kind, tuple):
+        kinds = cast("tuple[Any, ...]", kind)
+        return f"Real{len(kinds)}" if set(kinds) == {"real"} else "_".join(("Tuple", *map(name_of, kinds)))
+    return f"Observed{kind.record.__name__}" if isinstance(kind, Observed) else kind.__name__
+
+
+def bound(value: Expression, level: int) -> str:
+    """Return an expression as text that binds at least as tightly as ``level``."""
+    text, at = value.text, value.level
+    if value.shift:
+        left = text if at >= SUM else f"({text})"
+        text, at = f"{left} {'+' if value.shift > 0 else '-'} {abs(value.shift)}", SUM
+    return text if at >= level else f"({text})"

@@ -1,0 +1,320 @@
+"""Policies in C and ONNX: what they do is what the policies do in Python."""
+
+import importlib.util
+import io
+import math
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import deploy as bench  # in benchmarks
+import numpy as np
+import pytest
+
+from pter_gym._commands.main import main
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.world import SKIP
+from pter_gym.benchmark import find_policy
+from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.benchmark.runs import evaluate
+from pter_gym.benchmark.simulation import record_episode
+from pter_gym.benchmark.tuned import TUNED
+from pter_gym.controllers import PerClutch, Policy, bind, device
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE, find_machine
+from pter_gym.paths import find_path
+from pter_gym.policies import Input
+from pter_gym.scenarios import find_scenario
+from pter_gym.tasks.path_following import COLUMN, OBS, PathFollowing, observation_layout
+from pter_gym.tools.deploy import Source, source_of, write_onnx
+from pter_gym.tools.deploy.functions import arctangent, cosine, encoder, sine
+
+HERE = Path(__file__).parent
+WORLDS, STEPS = 40, 250
+TOP = BASELINE.clutch.voltage_max
+
+ROUNDING = 256 * 2.0**-24 * TOP
+"""What float32 arithmetic may change a voltage by: about as many roundings as the longest sum has terms [V]."""
+
+WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Werror")
+
+has_zig = importlib.util.find_spec("ziglang") is not None
+needs_zig = pytest.mark.skipif(not has_zig, reason="ziglang is not installed")
+needs_compiler = pytest.mark.skipif(not (has_zig or shutil.which("cc")), reason="no C compiler is installed")
+
+
+def compiled(source: Source, folder: Path, program: Path | None = None) -> Path:
+    """A program made by the C compiler at hand."""
+    source.write(folder)
+    compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
+    files = [folder / "pter.c", program or folder / "main.c"]
+    options = ["-std=c99", "-O1", *WARNINGS, "-I", folder, "-nodefaultlibs", "-lc", "-o", folder / "program"]
+    subprocess.run([*compiler, *files, *options], check=True)
+    return folder / "program"
+
+
+def lines_of(rows: Any) -> str:
+    """Rows of numbers as a program reads them."""
+    return "".join(",".join(f"{value:.17g}" for value in row) + "\n" for row in rows.tolist())
+
+
+def episodes_of(observations: Any) -> str:
+    """What a program without force sensors reads: episodes (steps, worlds, entries), each after an empty line."""
+    count = len(observation_layout(BASELINE, "torque"))
+    return "".join("\n" + lines_of(observations[:, world, :count]) for world in range(observations.shape[1]))
+
+
+def said(program: Path, text: str) -> Any:
+    """What a program prints, as numbers."""
+    found = subprocess.run([program], input=text, capture_output=True, text=True, check=True)
+    return np.loadtxt(io.StringIO(found.stdout), delimiter=",").astype(np.float32)
+
+
+def ride(machines: Sequence[Any], tasks: Sequence[Any]) -> Any:
+    """Observations of episodes, float32 (STEPS, worlds, entries)."""
+    batch = Batch(machines, tasks, sensors="force")
+    obs, _ = batch.reset(range(len(tasks)))
+    policy = bind(find_policy("torque-feedback-tuned"), BASELINE, batch.layout)
+    rows = [obs]
+    for _ in range(STEPS - 1):
+        rows.append(batch.step(policy.act(rows[-1]), SKIP).obs)
+    return np.array(rows)
+
+
+@pytest.fixture(scope="module")
+def recorded() -> Any:
+    pairs = find_scenario("everything").randomisation(contexts=WORLDS, seed=1).pairs()
+    found = ride(*zip(*pairs, strict=True))
+    assert np.isfinite(found).all()
+    return found, episodes_of(found)
+
+
+def actions(policy: Any, observations: Any) -> Any:
+    """Voltages in Python, each decision held for its period, world after world: float32 (STEPS·worlds, 4)."""
+    policy.reset()
+    seen = np.ascontiguousarray(observations[..., : len(policy.layout)])
+    decided = [policy.act(each) for each in seen[:: policy.frame_skip]]
+    held = [decided[step // policy.frame_skip] for step in range(len(seen))]
+    return np.swapaxes(held, 0, 1).reshape(-1, 4)
+
+
+def held_policy() -> Any:
+    """A policy that decides at every third control step."""
+    policy = find_policy("ppo-standard")
+    return replace(policy, interface=replace(policy.interface, frame_skip=3))
+
+
+LAWS = ("impedance", "torque-feedback", "single-dof", "velocity-ratio", "locked", *TUNED, "ppo-standard", "residual")
+SMALLER = [
+    ("torque-feedback-tuned", "float", "float"),
+    ("residual", "float", "float"),
+    ("ppo-standard", "double", "int8"),
+]
+
+
+@needs_compiler
+@pytest.mark.parametrize(("name", "numbers", "weights"), [*((name, "double", "float") for name in LAWS), *SMALLER])
+def test_a_program_gives_pythons_actions_on_ten_thousand_observations(
+    name: str, numbers: Any, weights: Any, recorded: Any, tmp_path: Path
+):
+    source = source_of(find_policy(name), name=name, numbers=numbers, weights=weights)
+    observations, text = recorded
+    differ = np.abs(said(compiled(source, tmp_path), text) - actions(source.policy, observations)).max()
+    assert differ == 0.0 if numbers == "double" else 0.0 < differ < ROUNDING
+
+
+@needs_compiler
+@pytest.mark.parametrize(("policy", "machine"), [(held_policy, "baseline"), ("single-dof", "couplings-1-2")])
+def test_a_decision_is_held_and_a_law_knows_other_clutches(policy: Any, machine: str, tmp_path: Path):
+    own = find_machine(machine)
+    observations = ride([own] * 2, [PathFollowing(pace=0.25)] * 2)
+    source = source_of(policy() if callable(policy) else find_policy(policy), machine=own)
+    assert (said(compiled(source, tmp_path), episodes_of(observations)) == actions(source.policy, observations)).all()
+
+
+@device
+def own_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    """Brake more and more, the further the tip is from the path."""
+    memory[0] = 0.9 * memory[0] + abs(obs[OBS.normal_error] * scales[OBS.normal_error])
+    volts = 0.0
+    for k in range(20):
+        volts += gains[k] * memory[0]
+        if volts > 10.0:
+            break
+    return PerClutch(volts, volts if obs[OBS.omega_a] > 0.0 else 0.0, 0.0, 0.0)
+
+
+@needs_compiler
+def test_a_users_own_law_becomes_a_program(recorded: Any, tmp_path: Path):
+    source = source_of(Policy(np.arange(20.0), observation_layout(BASELINE, "torque"), own_law))
+    observations, text = recorded
+    assert (said(compiled(source, tmp_path), text) == actions(source.policy, observations)).all()
+
+
+@device
+def changing_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    at = memory
+    if obs[0] > 0.0:
+        at = memory[1:]
+    return PerClutch(at[0], 0.0, 0.0, 0.0)
+
+
+@device
+def truncating_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    return PerClutch(first_or(obs[0] > 0.0, memory[0]), 0.0, 0.0, 0.0)
+
+
+@device
+def first_or(first: bool, other: float) -> float:
+    if first:
+        return 1
+    return other
+
+
+@pytest.mark.parametrize(
+    ("law", "what"), [(changing_law, "changing_law .* at"), (truncating_law, "first_or .* return")]
+)
+def test_a_law_that_c_would_change_is_refused(law: Any, what: str):
+    with pytest.raises(ParameterError, match=what):
+        source_of(Policy(np.zeros(2), observation_layout(BASELINE, "torque"), law))
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    ("path", "numbers", "tolerance"), [("line", "double", 1e-6), ("sine", "double", 1e-6), ("sine", "float", 1e-4)]
+)
+def test_the_observation_is_the_simulators(path: str, numbers: Any, tolerance: float, tmp_path: Path):
+    task = PathFollowing(path=find_path(path), pace=0.25)
+    episode = record_episode(find_policy("single-dof-tuned"), BASELINE, task, 0, STEPS)
+    layout = observation_layout(BASELINE, "force")
+    theta = episode.telemetry[:, [*COLUMN.theta]]
+    places = [layout.index(each) for each in ("omega_a", "torque_1", "force_along", "volts_1")]
+    others = [episode.obs[:, k : k + n] * layout.scales[k : k + n] for k, n in zip(places, (2, 4, 2, 4), strict=True)]
+    program = compiled(
+        source_of(find_policy("single-dof-tuned"), path=path, numbers=numbers), tmp_path, HERE / "observe.c"
+    )
+    found = said(program, lines_of(np.hstack([theta, *others])))
+    np.testing.assert_allclose(found, episode.obs[:, : found.shape[1]], rtol=0.0, atol=tolerance)
+
+
+def test_a_small_gain_or_weight_stays_small_in_float32():
+    gains = np.array([1.0, 1e-12, 0.0, 0.0, 0.0])
+    source = source_of(Policy(gains, observation_layout(BASELINE, "torque")), numbers="float")
+    assert "1e-12f" in source.files["pter.c"]
+
+
+def test_elementary_functions_are_those_of_mathematics():
+    for angle in np.linspace(-50.0, 50.0, 999).tolist():
+        assert sine(angle) == pytest.approx(math.sin(angle), abs=2e-15)
+        assert cosine(angle) == pytest.approx(math.cos(angle), abs=2e-15)
+        y, x = math.sin(angle) * (1.0 + angle**2), math.cos(angle) * (1.0 + angle**2)
+        assert arctangent(y, x) == pytest.approx(math.atan2(y, x), abs=1e-15)
+    assert arctangent(0.0, 0.0) == 0.0
+    assert encoder(12, 10, 0.1, -1.0, 0.01) == pytest.approx((0.2, 20.0))
+
+
+@needs_zig
+def test_a_microcontroller_needs_no_library(tmp_path: Path):
+    folder = source_of(find_policy("ppo-standard"), numbers="float", weights="int8").write(tmp_path)
+    flash, ram, stack = bench.memory(folder, "cortex_m4")
+    assert flash < 20_000
+    assert ram + stack < 2_000
+
+
+@needs_zig
+def test_a_program_that_drives_the_arm_scores_as_the_policy(tmp_path: Path):
+    episodes = find_episodes("standard", "brisk").first(3)
+    source = source_of(find_policy("ppo-standard"))
+    with ExitStack() as stack:
+        program = compiled(source, tmp_path)
+        programs = [bench.Compiled(program, len(source.policy.layout)) for _ in range(3)]
+        for each in programs:
+            stack.callback(each.close)
+        found = evaluate(bench.Timed(programs, source.policy.layout), episodes)
+    wanted = evaluate(find_policy("ppo-standard"), episodes)
+    assert all((found[name] == wanted[name]).all() for name in wanted)
+
+
+@pytest.mark.parametrize("name", ["ppo-standard", "residual"])
+def test_onnx_gives_the_policys_actions(name: str, recorded: Any, tmp_path: Path):
+    pytest.importorskip("onnx")
+    runtime = pytest.importorskip("onnxruntime")
+    policy = find_policy(name)
+    session = runtime.InferenceSession(write_onnx(policy, tmp_path / "policy.onnx", name=name))
+    layout, interface = observation_layout(BASELINE, "torque"), policy.interface
+    bound, names = bind(policy, BASELINE, layout), [each.name for each in session.get_inputs()]
+    base = bind(interface.base, BASELINE, layout) if interface.base else None
+    assert set(names) <= {*layout.names, "base_1", "base_2", "base_3", "base_4", "earlier"}
+    past: list[Any] = []
+    means: list[Any] = []
+    for obs in np.ascontiguousarray(recorded[0][:100, :, : len(layout)]):
+        given = {each: obs[:, [layout.index(each)]] for each in layout.names}
+        if base:
+            volts = base.act(obs)
+            given |= {f"base_{k + 1}": volts[:, [k]] for k in range(4)}
+        if "earlier" in names:
+            given["earlier"] = np.zeros((WORLDS, interface.size - len(interface.inputs)), np.float32)
+            (now,) = session.run(["inputs"], {each: given[each] for each in names})
+            past = [now, *(past or [now] * 64)]
+            means = [
+                mean + (now - mean) / steps for mean, steps in zip(means or [now], interface.averages, strict=True)
+            ]
+            given["earlier"] = np.concatenate([*(past[delay] for delay in interface.history), *means], axis=1)
+        (volts,) = session.run(["volts"], {each: given[each] for each in names})
+        assert np.abs(volts - bound.act(obs)).max() < 1e-6 * TOP
+
+
+def unsupported() -> Any:
+    """A network that sees a force, which its sensors do not measure."""
+    policy = find_policy("ppo-standard")
+    inputs = (Input("force_along"), *policy.interface.inputs[1:])
+    return replace(policy, interface=replace(policy.interface, inputs=inputs))
+
+
+@pytest.mark.parametrize(
+    ("policy", "options", "message"),
+    [
+        ("random", {}, "policies: random_volts cannot be translated"),
+        (lambda observation: observation[..., :4], {}, "policies must be laws or trained"),
+        (unsupported, {}, "inputs must be among"),
+        ("impedance", {"weights": "int8"}, "weights must be float"),
+        ("impedance", {"numbers": "half"}, "numbers must be one of double, float"),
+        ("ppo-standard", {"machine": "two-brakes"}, "clutches must be"),
+        ("impedance", {"path": "spiral"}, "path must be among"),
+    ],
+)
+def test_what_cannot_be_a_program_is_refused(policy: Any, options: Any, message: str):
+    found = find_policy(policy) if isinstance(policy, str) else unsupported() if policy is unsupported else policy
+    with pytest.raises(ParameterError, match=message):
+        source_of(found, **options)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("impedence", "--c", "out"),
+        ("random", "--c", "out"),
+        ("impedance", "--c", "out", "--onnx", "policy.onnx"),
+        ("ppo-standard", "--c", "out", "--onnx", "policy.txt"),
+        ("ppo-standard", "--c", "out", "--machine", "two-brakes"),
+    ],
+)
+def test_the_command_writes_nothing_that_it_refuses(
+    arguments: Sequence[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(["export", *arguments]) == 2
+    assert "error: " in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command_writes_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["export", "impedance", "--c", "out", "--numbers", "float"]) == 0
+    assert {path.name for path in Path("out").iterdir()} == {"main.c", "pter.c", "pter.h"}
+    assert "typedef float pter_real;" in Path("out/pter.h").read_text("utf-8")
