@@ -36,10 +36,20 @@ FALLING = ("free", "locked", "random")
 SIDE_BY_SIDE = ("single-dof-tuned", "residual")
 SIDE_BY_SIDE_SCENARIOS = ("paths", "hands", "tremor")
 SHOWN = "residual"
+FIXTURES = dict.fromkeys(("corridor", "wall"), "impedance-tuned")
 PACE = "medium"
 DRAWS = 16
 FILM_SEED = 2**31 + 15  # of no training
-EPISODE = {"standard": 0, "paths": 5, "hands": 3, "materials": 8, "everything": 15, "tremor": 1}
+EPISODE = {
+    "standard": 0,
+    "paths": 5,
+    "hands": 3,
+    "materials": 8,
+    "everything": 15,
+    "tremor": 1,
+    "corridor": 0,
+    "wall": 0,
+}
 """The draw of each scenario that is shown: those of paths and everything have different paths."""
 
 RATE = 12.5  # frames in a second, in real time
@@ -167,8 +177,10 @@ def side_by_side() -> None:
 
 
 def alone(scenario: str) -> None:
-    """Film an episode of a scenario under one trained policy."""
-    write_webp(frames((SHOWN,), scenario, (600, 428)), IMAGES / "moving" / f"{scenario}.webp", 40)
+    """Film an episode of a scenario under one policy."""
+    write_webp(
+        frames((FIXTURES.get(scenario, SHOWN),), scenario, (600, 428)), IMAGES / "moving" / f"{scenario}.webp", 40
+    )
 
 
 def policies() -> None:

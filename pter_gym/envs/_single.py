@@ -33,6 +33,7 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     largest voltage. `Box(-1, 1, (4,), float32)` with `action_unit="normalised"`: `a` stands for the largest
     voltage times `((a + 1) / 2)**2`, which gives fine resolution where the clutches slip. Values up to four float32
     ulp out of bounds are clipped; values further out, NaN or a wrong shape raise `ActionError`, and nothing moves.
+    A machine with fewer clutches has as many entries: two brakes have `Box(0, 24, (2,), float32)`.
 
     ## Observation Space
     `Box(-25, 25, (20,), float32)` with encoders only, 24 entries with torque sensors, 26 with force sensors. Entries
@@ -43,12 +44,12 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     |---|---|
     | `cos_a`, `sin_a`, `cos_b`, `sin_b` | absolute angles of links A and B |
     | `omega_a`, `omega_b` | their angular velocities |
-    | `normal_error`, `near_error` | distance from the path, positive to its left; the same up to 10 mm |
+    | `normal_error`, `near_error` | distance from the path, or from its free band; from the path, up to 10 mm |
     | `progress` | part of the path covered |
     | `heading_cos`, `heading_sin`, `curvature` | the path there |
     | `speed_along`, `speed_across` | tip velocity along and across the path |
     | `pace`, `pace_error` | commanded mean speed along the path; `speed_along` divided by it, minus 1 |
-    | `volts_1`, `volts_2`, `volts_3`, `volts_4` | last voltages |
+    | `volts_1`, `volts_2`, `volts_3`, `volts_4` | last voltages; 0 for a clutch that is not there |
     | `torque_1`, `torque_2`, `torque_3`, `torque_4` | generated torques (`sensors="torque"` and `"force"`) |
     | `force_along`, `force_across` | the hand's force (`sensors="force"`) |
 

@@ -47,6 +47,9 @@ class Band(NamedTuple):
     left: Annotated[float, Entry("m", "width of the free band to the left of the path")]
 
 
+NO_BAND = Band(0.0, 0.0)
+
+
 class PathState(NamedTuple):
     """The tip relative to the path at a control instant [m, 1/m, m/s].
 

@@ -17,7 +17,7 @@ from pter_gym.hands._model import unit_vector
 from pter_gym.paths._arcs import SEGMENT
 from pter_gym.paths._projection import SEGMENT_WIDTH, project
 from pter_gym.tasks.path_following._observation import BOUND, OBS, Observation, observation
-from pter_gym.tasks.path_following._rules import path_state
+from pter_gym.tasks.path_following._rules import NO_BAND, path_state
 
 HALF_PI, HALF_PI_REST = 1.5703125, 0.00048382679489661923
 """π/2 in two parts, the first of 8 bits, so small multiples of it are exact."""
@@ -107,7 +107,7 @@ def observe(
 ) -> int:
     """Write the observation that readings, the last voltages and a path give; return the arc that the tip is on.
 
-    As the simulator does with sensors that are not ideal. ``segment`` is the arc that the tip was on before.
+    As the simulator does with sensors that are not ideal and without a free band. ``segment`` is the arc that the tip was on before.
     """
     a, b = unit_vector(reading.theta.a), unit_vector(reading.theta.b)
     q = Motion(reading.theta.a, reading.theta.b, reading.omega.a, reading.omega.b, a.cos, a.sin, b.cos, b.sin)
@@ -116,7 +116,7 @@ def observe(
     foot = project(arcs, 0, count, segment, x, y)
     last = (count - 1) * SEGMENT_WIDTH
     length = arcs[last + SEGMENT.start] + arcs[last + SEGMENT.length]
-    at = path_state(foot, v_x, v_y)
+    at = path_state(foot, v_x, v_y, NO_BAND)
     seen = observation(q, at, length, pace, volts, reading.torque, reading.force)
     write(out, OBS, scaled(seen, inverse_scale))
     return int(foot.segment)

@@ -88,7 +88,7 @@ def _stiffness_of_wall(own: FixedMachine, law: AnyPolicy, pace: str) -> float:
     forces, depths = [np.empty(0)], [np.empty(0)]
     scenario = find_scenario("wall", own)
     for seed, (machine, task) in enumerate(scenario.randomisation(pace, contexts=WALLS, seed=0).pairs()):
-        rows = record_episode(law, machine, task, seed, time_limit(task), nominal=own.machine).telemetry[1:]
+        rows: Any = record_episode(law, machine, task, seed, time_limit(task), nominal=own.machine).telemetry[1:]
         into = np.array([[math.sin(task.path.heading(0.0))], [-math.cos(task.path.heading(0.0))]])
         forces.append((rows[:, [*COLUMN.force]] @ into)[:, 0])
         depths.append(-rows[:, COLUMN.normal_error])

@@ -1,0 +1,66 @@
+"""`pter device`: what is measured without learning, in closed form, and the folder that an examination writes."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pter_gym.errors import ParameterError
+from pter_gym.params import ACTUATORS, BASELINE, Arm
+from pter_gym.tools.device import examine_device
+from pter_gym.tools.device.measures import FREQUENCY, SHAKE, _free_impedance
+from pter_gym.tools.device.report import SCENARIOS
+
+THETA = np.array([0.4, 0.4 + math.pi / 2])
+
+
+def test_a_free_arm_has_the_impedance_of_its_mass():
+    """At a right angle, with link B along y as link A moves across it, each link carries inertia/length²."""
+    arm = Arm(length_a=0.5, length_b=0.5, inertia_a=0.8, inertia_b=0.8, coupling=0.0)
+    machine = replace(BASELINE, arm=arm, clutch_scale=(0.0,) * 4, substep=1e-3)
+    mass = 0.8 / 0.5**2
+    found = _free_impedance(machine, THETA)
+    amplitude = SHAKE / mass / (2.0 * math.pi * FREQUENCY) ** 2
+    assert amplitude < 0.1, "so small a motion that the pose hardly changes"
+    assert found == pytest.approx(mass * 2.0 * math.pi * FREQUENCY, rel=0.05)
+
+
+def test_an_arm_that_its_own_drag_holds_does_not_move():
+    curve = replace(BASELINE.clutch.dynamic, off_state=20.0)
+    machine = replace(BASELINE, clutch=replace(BASELINE.clutch, breakaway=curve, dynamic=curve))
+    assert _free_impedance(machine, THETA) == math.inf
+
+
+@pytest.mark.slow
+def test_an_examination_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
+    machine = replace(BASELINE, clutch=ACTUATORS["rough-mr-brake"].clutch)
+    said: list[str] = []
+    report = examine_device(machine, tmp_path, name="a <brake>", trials=2, episodes=4, on_progress=said.append)
+    stored = json.loads((tmp_path / "device.json").read_text("utf-8"))
+    assert stored == json.loads(json.dumps(report.as_json()))
+    assert {board["scenario"] for board in stored["boards"]} == set(SCENARIOS) == set(stored["gains"])
+    assert stored["rendering"]["largest_steering_n"] > stored["rendering"]["least_steering_n"] >= 0.0
+    page = (tmp_path / "index.html").read_text("utf-8")
+    assert "a &lt;brake&gt;" in page
+    assert "<brake>" not in page
+    for picture in ("forces.png", *(f"{name}.webp" for name in SCENARIOS)):
+        assert picture in page
+        assert (tmp_path / picture).stat().st_size > 1000
+    assert len(said) == len(SCENARIOS) + 2
+
+
+@pytest.mark.parametrize(
+    ("options", "field"), [({"pace": "fast"}, "pace"), ({"trials": 0}, "trials"), ({"episodes": -1}, "episodes")]
+)
+def test_bad_arguments_are_refused_before_anything_is_written(tmp_path: Path, options: dict, field: str):
+    with pytest.raises(ParameterError, match=field):
+        examine_device(BASELINE, tmp_path / "out", **options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_unknown_device_is_told_the_nearest(tmp_path: Path):
+    with pytest.raises(ParameterError, match="particle-brake"):
+        examine_device("particle-break", tmp_path / "out")
