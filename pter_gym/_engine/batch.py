@@ -134,7 +134,6 @@ class Batch(WorldArrays):
         super().__init__(all_machines, all_tasks, drawing)
         self.num_actions = len(self.machine.clutches)
         self._slots = np.full((self.num_worlds, SLOTS), self.action_low)  # an empty slot has no voltage
-        self._actions = self._slots[:, : self.num_actions]
         self._declared = not self.machine.has_paper_clutches
         self._records = int(telemetry)
         self._final_obs = np.empty((0, len(self.layout)), np.float32)
@@ -207,8 +206,8 @@ class Batch(WorldArrays):
         ResetNeededError
             If a world was never reset, or its episode has ended with ``REFUSE`` or ``SAME_STEP``; no world has moved.
         """
-        self._actions[...] = checked_actions(actions, self._actions.shape)
         n = self.num_worlds
+        self._slots[:, : self.num_actions] = checked_actions(actions, (n, self.num_actions))
         obs = np.empty((n, len(self.layout)), np.float32)
         rewards = np.empty(n)
         flags = np.empty((FLAGS, n), np.bool_)
@@ -240,7 +239,7 @@ class Batch(WorldArrays):
         reward, terminated, truncated, success
             As Python has them.
         """
-        self._actions[...] = checked_actions(action, (self.num_actions,))
+        self._slots[:, : self.num_actions] = checked_actions(action, (self.num_actions,))
         obs = np.empty(self._shape, np.float32)
         telemetry = np.empty((1, 1, COLUMNS))
         rewards, flags = self._alone
@@ -333,7 +332,7 @@ class Batch(WorldArrays):
             raise ResetNeededError(f"world {world} needs a reset: it was never reset or its episode has ended")
         raise ActionError(
             f"action of world {world} must be finite and within [{self.action_low:g}, {self.action_high:g}], "
-            f"got {self._actions[world].tolist()}"
+            f"got {self._slots[world, : self.num_actions].tolist()}"
         )
 
 

@@ -8,9 +8,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._compiled.records import flat
+from pter_gym._compiled.records import flat, read
 from pter_gym._engine.world import BASIC_ROWS, LANES, ROW, STORED_ROWS
-from pter_gym._physics.arm import Linkage, Motion, kinetic_energy
+from pter_gym._physics.arm import Motion, kinetic_energy
 from pter_gym.errors import ParameterError
 from pter_gym.hands import Operator
 from pter_gym.params import Machine
@@ -186,9 +186,9 @@ class WorldArrays:
         ):
             return False
         places = worlds[:, ROW.context_at].astype(np.intp)
-        arms: Any = [self._constants[places + row] for row in CONTEXT.machine.arm]
+        arm: Any = read(self._constants, CONTEXT.machine.arm, places)
         motions: Any = [worlds[:, row] for row in ROW.motion]
-        energy = kinetic_energy(Linkage(*arms), Motion(*motions))
+        energy = kinetic_energy(arm, Motion(*motions))
         held = (energy <= self._constants[places + CONTEXT.task.energy_max]) | (worlds[:, ROW.alive] == 0.0)
         segments, arcs = worlds[:, ROW.foot.segment], self._constants[places + CONTEXT.task.path.arcs]
         return bool(held.all() and ((segments >= 0.0) & (segments < arcs) & (segments == segments.round())).all())

@@ -167,8 +167,9 @@ def capacity(
     slip: float, threshold: float, breakaway: float, dynamic: float, stribeck: float = 0.0, viscous: float = 0.0
 ) -> float:
     """Return the torque limit [N·m] for the next substep by Karnopp's rule (paper Eq. 2)."""
-    held = holding(breakaway, dynamic)
-    return held if abs(slip) < threshold else sliding(slip, breakaway, dynamic, stribeck, viscous)
+    held, speed = holding(breakaway, dynamic), abs(slip)
+    faster = speed if speed > threshold else threshold  # a branch that is not taken has derivatives, too
+    return held if speed < threshold else sliding(faster, breakaway, dynamic, stribeck, viscous)
 
 
 @device

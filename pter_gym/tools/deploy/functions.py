@@ -107,7 +107,8 @@ def observe(
 ) -> int:
     """Write the observation that readings, the last voltages and a path give; return the arc that the tip is on.
 
-    As the simulator does with sensors that are not ideal and without a free band. ``segment`` is the arc that the tip was on before.
+    As the simulator does with sensors that are not ideal, for a path without a free band. ``segment`` is the arc that
+    the tip was on before.
     """
     a, b = unit_vector(reading.theta.a), unit_vector(reading.theta.b)
     q = Motion(reading.theta.a, reading.theta.b, reading.omega.a, reading.omega.b, a.cos, a.sin, b.cos, b.sin)
