@@ -243,7 +243,7 @@ def test_a_machine_with_noise_and_its_files(tmp_path: Path, monkeypatch: pytest.
 @pytest.mark.slow
 def test_the_preset_is_the_machine_and_says_where_it_comes_from():
     small = identify(record_log(OTHER, replace(SHORT, levels=(10.0,), on=0.6, free=2.0), EXACT), BASELINE)
-    preset = preset_of(small, PRESET)
+    preset = preset_of(small)
     again = parse_preset(format_preset(preset, "title"))
     assert again == preset
     assert again.clutch["scale"] == small.machine.clutch_scale
