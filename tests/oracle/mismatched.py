@@ -3,36 +3,63 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import signal
 
 from oracle.recorded import Recorded, record
-from pter_gym.tools.identification import Log
+from pter_gym.params import BASELINE, Machine, TorqueCurve
+from pter_gym.tools.identification import Experiment, Log, quantities, record_log
 
 Sensors = Callable[[Log], Log]
+
+SHORT = Experiment(levels=(4.0, 8.0, 12.0, 16.0), on=0.9, off=0.25, free=4.0)
 
 
 def as_they_are(log: Log) -> Log:
     return log
 
 
+def machine_of(dry: tuple[float, float] = (0.0, 0.0), off_state: float = 0.0, **clutch: float) -> Machine:
+    """The machine of ``Recorded()`` as the package has it, with other fields of its clutches."""
+    dynamic = TorqueCurve(slope=0.9, knee=24.0, curvature=0.0, off_state=off_state)
+    arm = replace(BASELINE.arm, inertia_a=0.5, inertia_b=0.8, coupling=0.05, dry_a=dry[0], dry_b=dry[1])
+    own = {"time_constant": 0.08, **clutch}
+    clutches = replace(BASELINE.clutch, dynamic=dynamic, breakaway=dynamic.scaled(1.22), **own)
+    return replace(BASELINE, arm=arm, clutch=clutches)
+
+
 @dataclass(frozen=True)
 class Case:
-    """A machine, what its sensors make of a log, and the gain of the force sensor."""
+    """A machine of the package's kind or of the oracle's, what sensors make of its log, and the force sensor's gain."""
 
-    machine: Recorded = Recorded()
+    machine: Recorded | Machine = field(default_factory=machine_of)
     sensors: Sensors = as_they_are
     gain: float = 1.0
 
     def log(self) -> Log:
-        return self.sensors(record(self.machine))
+        machine = self.machine
+        return self.sensors(record_log(machine, SHORT) if isinstance(machine, Machine) else record(machine))
+
+    def true_values(self, top: float) -> dict[str, float]:
+        """Numbers by name as a log up to a voltage [V] shows them.
+
+        They are proportional to the gain, and the clutches' drag is the axes' own.
+        """
+        machine = self.machine
+        like = machine_of(machine.dry, machine.off_state) if isinstance(machine, Recorded) else machine
+        arm, clutch = like.arm, like.clutch
+        drag = 3.0 * clutch.viscous  # Σ v·W_x² of the paper's four
+        arm = replace(arm, viscous_a=arm.viscous_a + drag, viscous_b=arm.viscous_b + drag)
+        told = quantities(replace(like, arm=arm), 0.0, top)
+        forces = {"kg·m²", "N·m", "N·m/V", "N·m/V²", "N·m·s"}
+        return {each.name: each.value * (self.gain if each.unit in forces else 1.0) for each in told}
 
 
 def bent(size: float) -> Sensors:
     """Encoders with eccentric discs: errors of a size [rad] over a turn."""
-    return lambda log: replace(log, theta=log.theta + size * np.sin(log.theta + [0.4, 1.9]))
+    return lambda log: replace(log, theta=log.theta + size * np.sin(log.theta + np.array([0.4, 1.9])))
 
 
 def late(time: float) -> Sensors:
@@ -59,7 +86,7 @@ def filtered(name: str, cutoff: float) -> Sensors:
 
 def biased(x: float, y: float) -> Sensors:
     """A force sensor that was not zeroed [N]."""
-    return lambda log: replace(log, force=log.force + [x, y])
+    return lambda log: replace(log, force=log.force + np.array([x, y]))
 
 
 def gained(x: float, y: float) -> Sensors:
@@ -69,21 +96,13 @@ def gained(x: float, y: float) -> Sensors:
 
 IN_THE_MODEL = {
     "as assumed": Case(),
-    "friction of the axes": Case(Recorded(dry=(0.4, 0.3), viscous=(0.2, 0.1))),
-    "Stribeck 0.03": Case(Recorded(stribeck=0.03, rational=True)),
-    "Stribeck 0.05": Case(Recorded(stribeck=0.05, rational=True)),
-    "Stribeck 0.1": Case(Recorded(stribeck=0.1, rational=True)),
-    "Stribeck 0.2": Case(Recorded(stribeck=0.2, rational=True)),
-    "Stribeck 0.3": Case(Recorded(stribeck=0.3, rational=True)),
-    "off-state torque 0.1": Case(Recorded(off_state=0.1)),
-    "off-state torque 0.5": Case(Recorded(off_state=0.5)),
-    "drag 0.05": Case(Recorded(drag=0.05)),
-    "drag 0.2": Case(Recorded(drag=0.2)),
-    "falls twice as fast": Case(Recorded(fall_ratio=0.5)),
-    "falls 1.5 times as slowly": Case(Recorded(fall_ratio=1.5)),
-    "falls 3 times as slowly": Case(Recorded(fall_ratio=3.0)),
-    "Stribeck, off-state torque, fall": Case(Recorded(stribeck=0.1, rational=True, off_state=0.2, fall_ratio=2.0)),
-    "a magnetorheological brake": Case(Recorded(off_state=0.3, drag=0.05, time_constant=0.02)),
+    "dry friction of the axes": Case(machine_of(dry=(0.4, 0.3))),
+    **{f"Stribeck {v:g} rad/s": Case(machine_of(stribeck=v)) for v in (0.03, 0.05, 0.1, 0.2, 0.3)},
+    **{f"off-state torque {t:g} N·m": Case(machine_of(off_state=t)) for t in (0.1, 0.5)},
+    **{f"drag {v:g} N·m·s": Case(machine_of(viscous=v)) for v in (0.05, 0.2)},
+    **{f"fall ratio {r:g}": Case(machine_of(fall_ratio=r)) for r in (0.5, 1.5, 3.0)},
+    "Stribeck, off-state torque and fall": Case(machine_of(stribeck=0.1, off_state=0.2, fall_ratio=2.0)),
+    "a magnetorheological brake": Case(machine_of(off_state=0.3, viscous=0.05, time_constant=0.02)),
 }
 
 NOT_IN_THE_MODEL = {
@@ -94,8 +113,8 @@ NOT_IN_THE_MODEL = {
     "T_s/T_k of clutch 2 −10 %": Case(Recorded(ratios=(1.0, 0.9, 1.0, 1.0))),
     "T_s/T_k of clutch 3 +10 %": Case(Recorded(ratios=(1.0, 1.0, 1.1, 1.0))),
     "T_s/T_k of clutch 4 −10 %": Case(Recorded(ratios=(1.0, 1.0, 1.0, 0.9))),
-    "fade 0.02 %/J": Case(Recorded(fade=2e-4)),
-    "fade 0.2 %/J": Case(Recorded(fade=2e-3)),
+    "fade 0.02 %/J": Case(machine_of(fade=2e-4)),
+    "fade 0.2 %/J": Case(machine_of(fade=2e-3)),
     "hysteresis 0.2 V": Case(Recorded(hysteresis=0.2)),
     "hysteresis 1 V": Case(Recorded(hysteresis=1.0)),
     "asymmetry 2 %": Case(Recorded(asymmetry=0.02)),

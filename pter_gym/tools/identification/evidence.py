@@ -161,7 +161,7 @@ def _parts(fit: Fit, log: Log, motion: Smoothed) -> Iterator[tuple[str, Flags]]:
     windows, machine = fit.windows, fit.shape.machine(fit.p)
     rows = windows.first[:, None] + np.arange(windows.length + 1)
     behind = lagged(log, log.volts, machine.clutch.time_constant)
-    engaged = (behind[rows] > ENGAGED).any(axis=1)
+    engaged: Flags = np.any(behind[rows] > ENGAGED, axis=1)
     slip = motion.omega @ slip_rows(machine).T
     speed = np.abs(motion.omega[rows]).max(axis=(1, 2))
     braked = (behind * slip)[rows].sum(axis=(1, 2))

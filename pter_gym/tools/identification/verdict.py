@@ -155,8 +155,9 @@ def _where(fit: Fit, log: Log, motion: Smoothed, far: Flags) -> str:
 def _oddities(fit: Fit, log: Log, differences: tuple[str, ...]) -> Iterator[str]:
     """Yield what is odd about a log, whatever the model says."""
     if differences:
-        more = f" (and {len(differences) - NAMED} more)" if len(differences) > NAMED else ""
-        yield f"Numbers differ between parts of the log, which widens intervals: {'; '.join(differences[:NAMED])}{more}."
+        more = f", and {len(differences) - NAMED} more" if len(differences) > NAMED else ""
+        said = "; ".join(differences[:NAMED])
+        yield f"Numbers differ between parts of the log, which makes their intervals wider: {said}{more}."
     if 0.0 < log.volts.max() <= 1.0:
         yield f"No voltage is above {log.volts.max():.3g} V: are V1 to V4 volts, or shares of the largest voltage?"
     sizes = [i for i in (INERTIA_A, INERTIA_B, *SLOPES) if i in fit.free]
