@@ -32,11 +32,15 @@ def machine_of(dry: tuple[float, float] = (0.0, 0.0), off_state: float = 0.0, **
 
 @dataclass(frozen=True)
 class Case:
-    """A machine of the package's kind or of the oracle's, what sensors make of its log, and the force sensor's gain."""
+    """A machine of the package's kind or of the oracle's, and what sensors make of its log.
+
+    ``gain`` is that of the force sensor, ``slack`` an error of a sensor's scale: both are taken as exact.
+    """
 
     machine: Recorded | Machine = field(default_factory=machine_of)
     sensors: Sensors = as_they_are
     gain: float = 1.0
+    slack: float = 0.0
 
     def log(self) -> Log:
         machine = self.machine
@@ -114,6 +118,8 @@ NOT_IN_THE_MODEL = {
     "T_s/T_k of clutch 3 +10 %": Case(Recorded(ratios=(1.0, 1.0, 1.1, 1.0))),
     "T_s/T_k of clutch 4 −10 %": Case(Recorded(ratios=(1.0, 1.0, 1.0, 0.9))),
     "fade 0.02 %/J": Case(machine_of(fade=2e-4)),
+    "fade 0.05 %/J": Case(machine_of(fade=5e-4)),
+    "fade 0.1 %/J": Case(machine_of(fade=1e-3)),
     "fade 0.2 %/J": Case(machine_of(fade=2e-3)),
     "hysteresis 0.2 V": Case(Recorded(hysteresis=0.2)),
     "hysteresis 1 V": Case(Recorded(hysteresis=1.0)),
@@ -124,8 +130,8 @@ NOT_IN_THE_MODEL = {
 }
 
 SENSORS = {
-    "angles bent by 1 mrad": Case(sensors=bent(1e-3)),
-    "angles bent by 10 mrad": Case(sensors=bent(1e-2)),
+    "angles bent by 1 mrad": Case(sensors=bent(1e-3), slack=3e-3),
+    "angles bent by 10 mrad": Case(sensors=bent(1e-2), slack=3e-2),
     "forces 2 ms late": Case(sensors=late(2e-3)),
     "forces 5 ms late": Case(sensors=late(5e-3)),
     "forces 5 ms early": Case(sensors=late(-5e-3)),

@@ -62,7 +62,7 @@ def identify(
     with progress_bar() as progress:
         task = progress.add_task("identify", total=100)
         found = search(log, start, lambda share: progress.update(task, completed=round(100 * share)))
-    title = f"Written by pter identify.\n\n{chr(10).join(found.assumptions)}"
+    title = "\n".join(["Written by pter identify. Assumed:", *found.assumptions])
     text = format_preset(preset_of(found), title)
     write_files_atomic(out, {"preset.toml": text.encode(), "identified.png": png(picture(found))})
     for sentence in (found.verdict.sentence, *found.verdict.hints):

@@ -36,10 +36,11 @@ MIN_WINDOWS = 8
 
 
 class Amount(NamedTuple):
-    """How much of a change residuals contain, and its standard error."""
+    """How much of a change residuals contain, its standard error, and what the free coordinates do of the change."""
 
     value: float
     error: float
+    along: Array
 
     @property
     def significance(self) -> float:
@@ -97,11 +98,12 @@ class Evidence:
         own = change - (columns @ along).reshape(change.shape)
         total = float(np.sum(own**2))
         if total <= 1e-9 * float(np.sum(change**2)) or total == 0.0:
-            return Amount(0.0, np.inf)
+            return Amount(0.0, np.inf, along)
         white = np.sum(own**2, axis=1) @ (self._factors * self.fit.windows.noise) ** 2
         forces = np.sum(np.mean(np.sum(own * self._shaken, axis=2) ** 2, axis=0))
         step = np.sum(own * self._stepped) ** 2
-        return Amount(float(-np.sum(own * self._residual)) / total, float(np.sqrt(white + forces + step)) / total)
+        error = float(np.sqrt(white + forces + step)) / total
+        return Amount(float(-np.sum(own * self._residual)) / total, error, along)
 
 
 def admit_terms(fit: Fit, finer: LogInputs, kept: dict[int, str]) -> None:
@@ -113,8 +115,9 @@ def admit_terms(fit: Fit, finer: LogInputs, kept: dict[int, str]) -> None:
     while waiting:
         evidence = Evidence(fit, finer)
         tests = {(i, size): evidence.term(i, size) for i in waiting for size in SIZES[i]}
-        i, size = max(tests, key=lambda test: abs(tests[test].significance))
-        if abs(tests[i, size].significance) < SIGNIFICANT:
+        asked = {test: _asked(test[0], amount) for test, amount in tests.items()}
+        i, size = max(asked, key=lambda test: asked[test])
+        if asked[i, size] < SIGNIFICANT:
             kept |= {i: _unseen(i, {each: tests[i, each] for each in SIZES[i]}) for i in waiting}
             return
         fit.p[i] += size * (1.0 if i == at.STRIBECK else tests[i, size].value)
@@ -122,6 +125,11 @@ def admit_terms(fit: Fit, finer: LogInputs, kept: dict[int, str]) -> None:
         fit.free = sorted([*fit.free, i])
         fit.search()
         waiting.remove(i)
+
+
+def _asked(i: int, amount: Amount) -> float:
+    """Return how significantly residuals ask for a term, some of which cannot be negative."""
+    return abs(amount.significance) if at.LOWEST[i] < 0.0 else amount.significance
 
 
 def _unseen(i: int, tests: dict[float, Amount]) -> str:
@@ -138,21 +146,25 @@ def _unseen(i: int, tests: dict[float, Amount]) -> str:
 
 
 def find_differences(fit: Fit, finer: LogInputs, log: Log, motion: Smoothed) -> tuple[str, ...]:
-    """Find numbers that differ between parts of the log, and add the differences to the fit's spread.
+    """Find numbers that differ between parts of the log, and return the most significant ones first, as sentences.
 
-    Half a difference counts as one standard error. Returns the most significant ones as sentences.
+    Adds to the fit's spread how far coordinates would go if the number had a value of its own in the part that tells
+    less of it.
     """
-    if not fit.free:
+    said: list[tuple[float, str]] = []
+    parts = list(_parts(fit, log, motion))
+    if not (fit.free and parts):
         return ()
-    evidence, said = Evidence(fit, finer), list[tuple[float, str]]()
-    largest = np.zeros(at.COUNT)
-    for name, part in _parts(fit, log, motion):
-        for column, i in enumerate(fit.free):
-            found = evidence.part(column, part)
-            if abs(found.significance) >= SIGNIFICANT:
-                largest[i] = max(largest[i], abs(found.value))
-                said.append((abs(found.significance), f"{COORDINATES[i].quantity} differs {name}"))
-    fit.spread = fit.spread + np.diag((0.5 * largest) ** 2)
+    evidence = Evidence(fit, finer)
+    for column, i in enumerate(fit.free):
+        tests = [(name, evidence.part(column, part)) for name, part in parts]
+        name, found = max(tests, key=lambda test: abs(test[1].significance))
+        if abs(found.significance) >= SIGNIFICANT:
+            said.append((abs(found.significance), f"{COORDINATES[i].quantity} differs {name}"))
+            own = np.eye(len(fit.free))[column] - found.along
+            change = np.zeros(at.COUNT)
+            change[fit.free] = found.value * min(own, found.along, key=lambda each: abs(float(each[column])))
+            fit.spread = fit.spread + np.outer(change, change)
     return tuple(sentence for _, sentence in sorted(said, reverse=True))
 
 

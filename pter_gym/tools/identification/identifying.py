@@ -177,8 +177,8 @@ def identify(
 
     windows = cut(log, motion, start, float(np.exp(p[at.TIME_CONSTANT])))
     finer = make_inputs(log.interval, log.volts, smooth_force(log), 0.5 * windows.inputs.step)
-    none = at.NONE | {i: before[i] for i in kept}
-    fit = Fit(windows, shape, [i for i in range(at.COUNT) if i not in none or before[i] != none[i]], p, step)
+    absent = {i for i, none in at.NONE.items() if before[i] == none}
+    fit = Fit(windows, shape, [i for i in range(at.COUNT) if i not in absent | kept.keys()], p, step)
     fit.choose_ratio()
     fit.search()
     admit_terms(fit, finer, kept)

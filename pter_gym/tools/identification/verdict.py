@@ -31,6 +31,9 @@ of the windows are this far off by chance: P(χ² > 3·2²) with three degrees o
 MAX_UNEXPLAINED = 0.1
 """Largest share of such windows in a log that the model explains: some breakaways are always a matter of chance."""
 
+MAX_DIFFERING = 0.25
+"""Largest share of numbers that differ between parts of such a log: what is not in the model touches a few at most."""
+
 SHOWS_BREAKAWAY = 0.02
 """Relative change of the breakaway torque that moves an angle by its noise in windows that show a breakaway."""
 
@@ -68,6 +71,8 @@ class Verdict:
         Share of them whose residuals are more than ``FAR`` times what the log's noise makes.
     enough
         Whether there are more independent stretches than numbers to identify.
+    differing
+        Share of the searched numbers that differ between parts of the log.
     breakaways
         Windows that show a breakaway of any clutch and of each: how many are not explained, and of how many.
     gaps
@@ -81,6 +86,7 @@ class Verdict:
     windows: int
     share: float
     enough: bool
+    differing: float
     breakaways: tuple[tuple[int, int], ...]
     gaps: int
     where: str
@@ -89,7 +95,7 @@ class Verdict:
     @property
     def explained(self) -> bool:
         """Whether numbers may count as identified."""
-        return self.enough and self.share <= MAX_UNEXPLAINED
+        return self.enough and self.share <= MAX_UNEXPLAINED and self.differing <= MAX_DIFFERING
 
     @property
     def breakaways_explained(self) -> bool:
@@ -112,6 +118,8 @@ class Verdict:
             off += f" ({clutches})" if clutches else ""
         if self.explained:
             return f"The model explains the log: {off}."
+        if self.differing > MAX_DIFFERING:
+            off += f", and {100 * self.differing:.0f} % of the numbers differ between parts of the log"
         return f"The model does not explain the log, so nothing is identified: {off}, {self.where}."
 
 
@@ -122,14 +130,15 @@ def judge(fit: Fit, finer: LogInputs, differences: tuple[str, ...], log: Log, mo
     far = fit.sizes() > FAR * np.sqrt(windows.noise**2 + unavoidable)
     share = float(far[used].mean()) if used.any() else 1.0
     enough = int(used.sum()) // BLOCK > len(fit.free)
-    explained = enough and share <= MAX_UNEXPLAINED
+    differing = len(differences) / max(len(fit.free), 1)
+    explained = enough and share <= MAX_UNEXPLAINED and differing <= MAX_DIFFERING
     where = "" if explained or not used.any() else _where(fit, log, motion, far)
     hints = (*_oddities(fit, log, differences), *(() if explained else other_readings(log, fit.shape)))
     by_ratio = np.abs(fit.jacobian[:, :, RATIO]).max(axis=1) * SHOWS_BREAKAWAY > windows.noise
     shown = used & by_ratio & (RATIO in fit.free)
     parts = [shown, *(shown & each for each in windows.broke_away.T)]
     breakaways = tuple((int(far[part].sum()), int(part.sum())) for part in parts)
-    return Verdict(int(used.sum()), share, enough, breakaways, windows.gaps, where, hints)
+    return Verdict(int(used.sum()), share, enough, differing, breakaways, windows.gaps, where, hints)
 
 
 def _where(fit: Fit, log: Log, motion: Smoothed, far: Flags) -> str:

@@ -76,7 +76,10 @@ def crossing(clutches: str, lag: str) -> tuple[Shape, np.ndarray, LogInputs, np.
     rng = np.random.default_rng(3)
     start = BASELINE if clutches == "paper" else find_machine(clutches)
     arm = replace(OTHER.arm, dry_a=0.2, dry_b=0.1, viscous_a=0.1, viscous_b=0.2)
-    machine = replace(OTHER, arm=arm, clutch=replace(OTHER.clutch, lag=lag), clutches=start.clutches)
+    dynamic = replace(OTHER.clutch.dynamic, off_state=0.2)
+    clutch = replace(OTHER.clutch, dynamic=dynamic, breakaway=dynamic.scaled(1.12), lag=lag)
+    clutch = replace(clutch, stribeck=0.1, fall_ratio=1.5)
+    machine = replace(OTHER, arm=arm, clutch=clutch, clutches=start.clutches)
     shape = Shape(machine, 18.0)
     volts = np.repeat(rng.uniform(0.0, 18.0, (41, 4)) * (rng.uniform(size=(41, 4)) < 0.4), 10, axis=0)
     volts[:, len(machine.clutches) :] = 0.0
@@ -249,4 +252,8 @@ def test_the_preset_is_the_machine_and_says_where_it_comes_from():
     assert again.clutch["scale"] == small.machine.clutch_scale
     assert again.provenance["arm.inertia_a"].startswith("identified: from simulated, ")
     assert again.provenance["clutch.knee"].startswith("chosen: from simulated, not shown by it and kept: ")
+    assert again.provenance["clutch.off_state"].startswith("chosen: from simulated, not shown by it and kept: ")
     assert again.path == PRESET.path
+    assert {again.provenance[name] for name in ("path.x", "hand.push", "delrin.dynamic_scale")} == {
+        "chosen: not in the file"
+    }

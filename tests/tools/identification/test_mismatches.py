@@ -12,9 +12,6 @@ IN_THE_GATE = ("Stribeck 0.1 rad/s", "off-state torque 0.5 N·m", "T_s/T_k of cl
 STIFF = 0.02
 """Of a number's scale: what the stiff springs of the oracle may change."""
 
-FEW_BREAKAWAYS = 0.03
-"""The same, of the breakaway ratio."""
-
 TERMS = ("off_state", "stribeck", "fall_ratio")
 
 
@@ -23,7 +20,7 @@ def wrong(case: Case, found: Identification) -> dict[str, str]:
     true, said = case.true_values(found.fit.shape.top), dict[str, str]()
     for finding in found.findings:
         q = finding.quantity
-        slack = (FEW_BREAKAWAYS if q.name == "breakaway_ratio" else STIFF) if isinstance(case.machine, Recorded) else 0.0
+        slack = STIFF * q.scale if isinstance(case.machine, Recorded) else 0.0
         off = abs(q.value - true[q.name])
         if finding.status == "identified" and off > finding.half_width + slack * q.scale:
             said[q.name] = f"{off:.3g} > {finding.half_width:.3g} {q.unit}"
