@@ -29,7 +29,7 @@ SIGNIFICANT = 4.5
 """Amount over its standard error from which it counts: among 200 tests, one in 700 logs without it is taken for one."""
 
 SIZES = {at.OFF_STATE: (0.1,), at.STRIBECK: (0.01, 0.03, 0.1, 0.3), at.FALL_RATIO: (0.1,)}
-"""Terms that are searched where residuals ask for them, and changes of their coordinates that are tested."""
+"""Changes of the coordinates of terms that are tested: one where its size makes no difference."""
 
 MIN_WINDOWS = 8
 """Fewest windows of a part of a log."""
@@ -111,7 +111,7 @@ def admit_terms(fit: Fit, finer: LogInputs, kept: dict[int, str]) -> None:
 
     Adds to ``kept`` why they are: from which size on the log would show them.
     """
-    waiting = [i for i in SIZES if i not in fit.free and i not in kept]
+    waiting = [i for i in at.TERMS if i not in fit.free and i not in kept]
     while waiting:
         evidence = Evidence(fit, finer)
         tests = {(i, size): evidence.term(i, size) for i in waiting for size in SIZES[i]}
@@ -141,8 +141,8 @@ def _unseen(i: int, tests: dict[float, Amount]) -> str:
         shown = min((size for size, test in tests.items() if SIGNIFICANT * test.error <= 1.0), default=np.inf)
     if not shown < COORDINATES[i].max_error:
         return COORDINATES[i].unseen
-    what = f"{100.0 * shown:.2g} % from 1" if i == at.FALL_RATIO else f"{shown:.2g} {at.UNITS[i]}"
-    return f"the log is explained without it, and would show {what}"
+    what = f"{100.0 * shown:.2g} % from 1" if i == at.FALL_RATIO else f"{shown:.2g} {at.TERMS[i]}"
+    return f"the log does not ask for it, and would show {what}"
 
 
 def find_differences(fit: Fit, finer: LogInputs, log: Log, motion: Smoothed) -> tuple[str, ...]:

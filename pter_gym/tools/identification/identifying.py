@@ -16,7 +16,7 @@ from pter_gym.params import preset_of as machine_preset
 from pter_gym.params._preset import LEFT_OUT, OPTIONAL_SECTIONS, PRESET, Preset
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.balance import first_estimate
-from pter_gym.tools.identification.evidence import SIZES, admit_terms, find_differences
+from pter_gym.tools.identification.evidence import admit_terms, find_differences
 from pter_gym.tools.identification.fit import Fit
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import COORDINATES, Quantity, Shape, quantities
@@ -121,7 +121,7 @@ class Identification:
             "The force sensor's gain is exact: all inertias and torques are proportional to it.",
             f"Links are {self.start.arm.length_a:g} m and {self.start.arm.length_b:g} m long.",
             f"Each clutch drags with {clutch.viscous:g} N·m·s: more is part of the axes' viscous friction.",
-            f"Clutches lose {100.0 * clutch.fade:g} % of their torque per joule of heat.",
+            f"Clutches lose {100.0 * clutch.fade:g} % of their torque per joule; they were as warm as in the log.",
         )
 
     @property
@@ -161,7 +161,7 @@ def identify(
         place: f"clutch {x + 1} was never on while it slipped" for x, place in enumerate(at.SLOPES) if x not in live
     }
     if not live:
-        places = (at.EXTRA, at.KNEE, at.RATIO, at.TIME_CONSTANT, at.DELAY, *SIZES)
+        places = (at.EXTRA, at.KNEE, at.RATIO, at.TIME_CONSTANT, at.DELAY, *at.TERMS)
         kept |= dict.fromkeys(places, "no clutch slipped while on")
     elif levels < MIN_LEVELS:
         shape = replace(shape, kept_knee=start.clutch.dynamic.knee)
@@ -177,7 +177,7 @@ def identify(
 
     windows = cut(log, motion, start, float(np.exp(p[at.TIME_CONSTANT])))
     finer = make_inputs(log.interval, log.volts, smooth_force(log), 0.5 * windows.inputs.step)
-    absent = {i for i, none in at.NONE.items() if before[i] == none}
+    absent = {i for i in at.TERMS if before[i] == 0.0}
     fit = Fit(windows, shape, [i for i in range(at.COUNT) if i not in absent | kept.keys()], p, step)
     fit.choose_ratio()
     fit.search()

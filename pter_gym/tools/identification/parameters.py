@@ -73,10 +73,8 @@ EXTRA, KNEE, RATIO, TIME_CONSTANT, DELAY = 7, 8, 9, 10, 11
 DRY, VISCOUS = (12, 13), (14, 15)
 OFF_STATE, STRIBECK, FALL_RATIO = 16, 17, 18
 
-NONE = {OFF_STATE: 0.0, STRIBECK: 0.0, FALL_RATIO: 0.0}
-"""Coordinates of terms that are searched only if residuals ask for them or the start has them, and those without."""
-
-UNITS = {OFF_STATE: "N·m", STRIBECK: "rad/s"}
+TERMS = {OFF_STATE: "N·m", STRIBECK: "rad/s", FALL_RATIO: "1"}
+"""Coordinates that are 0 for the paper's clutches, and units of their numbers: searched only if a log asks for them."""
 
 STEPS = np.array([each.step for each in COORDINATES])
 LOWEST = np.array([each.low for each in COORDINATES])
