@@ -142,7 +142,7 @@ def test_a_log_without_noise_gives_the_machine_back(clutches: str):
     machine = replace(OTHER, clutches=start.clutches)
     found = identify(record_log(machine, SHORT, EXACT), start)
     off = errors(found, machine, 0.006)
-    assert set(states(found).values()) <= {"identified", "uncertain"}
+    assert {name for name, status in states(found).items() if status == "kept"} == {"off_state", "stribeck", "fall_ratio"}
     for name, error in off.items():
         assert abs(error) < (0.005 if name in ("breakaway_ratio", "curvature", "delay") else 0.001), name
 
@@ -172,8 +172,8 @@ def test_a_combination_that_the_log_leaves_open_is_named(monkeypatch: pytest.Mon
     found = identify(log, BASELINE)
     told = {finding.quantity.name: finding for finding in found.findings}
     assert found.verdict.explained
-    (left_open,) = [each for each in told.values() if "only together with" in each.reason]
-    assert {told["slope"].status, told["dry_a"].status} == {"kept", "uncertain"} or left_open.status == "kept"
+    assert {told["slope"].status, told["dry_a"].status} == {"kept", "uncertain"}
+    assert any("only together with" in each.reason and "dry_a" in each.reason for each in told.values())
     assert "identified" not in {told["slope"].status, told["dry_a"].status}
     assert told["inertia_a"].status == told["dry_b"].status == "identified"
 
