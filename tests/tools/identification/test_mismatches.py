@@ -20,7 +20,7 @@ def wrong(case: Case, found: Identification) -> dict[str, str]:
     true, said = case.true_values(found.fit.shape.top), dict[str, str]()
     for finding in found.findings:
         q = finding.quantity
-        slack = STIFF * q.scale if isinstance(case.machine, Recorded) else 0.0
+        slack = STIFF if isinstance(case.machine, Recorded) else case.slack
         off = abs(q.value - true[q.name])
         if finding.status == "identified" and off > finding.half_width + slack * q.scale:
             said[q.name] = f"{off:.3g} > {finding.half_width:.3g} {q.unit}"
