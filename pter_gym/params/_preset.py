@@ -150,7 +150,7 @@ def _check_names(what: str, found: Any, known: Collection[str], optional: Collec
 def _usual(section: str, name: str) -> Value:
     """Return the value of a field that a file leaves out."""
     value = KNOWN[section][name]["value"]
-    return tuple(value) if isinstance(value, list) else value
+    return tuple(cast("list[float]", value)) if isinstance(value, list) else value
 
 
 def _value(section: str, name: str, entry: Any, provenance: dict[str, str]) -> Value:

@@ -77,7 +77,9 @@ class Recorded:
     hysteresis: float = 0.0
 
 
-def record(machine: Recorded, levels=(4.0, 8.0, 12.0, 16.0), seed: int = 0, interval: float = 2e-3) -> Log:
+def record(
+    machine: Recorded, levels: tuple[float, ...] = (4.0, 8.0, 12.0, 16.0), seed: int = 0, interval: float = 2e-3
+) -> Log:
     """The log of the experiment of docs/identify.md, 14-bit encoders and 0.3 N of noise."""
     rng = np.random.default_rng([seed, 9])
     free, on, off = 4.0, 0.9, 0.25

@@ -142,7 +142,8 @@ def test_a_log_without_noise_gives_the_machine_back(clutches: str):
     machine = replace(OTHER, clutches=start.clutches)
     found = identify(record_log(machine, SHORT, EXACT), start)
     off = errors(found, machine, 0.006)
-    assert {name for name, status in states(found).items() if status == "kept"} == {"off_state", "stribeck", "fall_ratio"}
+    kept = {name for name, status in states(found).items() if status == "kept"}
+    assert kept == {"off_state", "stribeck", "fall_ratio"}
     for name, error in off.items():
         assert abs(error) < (0.005 if name in ("breakaway_ratio", "curvature", "delay") else 0.001), name
 
