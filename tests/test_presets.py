@@ -18,7 +18,8 @@ from pter_gym.params import (
     machine_of,
     save_preset,
 )
-from pter_gym.params._preset import PRESET, SECTIONS, format_preset, load_preset, parse_preset
+from pter_gym.params._fields import SHIPPED
+from pter_gym.params._preset import OPTIONAL_SECTIONS, PRESET, SECTIONS, format_preset, load_preset, parse_preset
 
 TEXT = format_preset(PRESET, "for tests")
 
@@ -31,10 +32,18 @@ def with_value(section: str, name: str, value: str) -> str:
 
 
 @pytest.mark.parametrize("section", SECTIONS)
-def test_every_section_and_number_has_to_be_there(section: str):
+def test_every_number_of_a_section_has_to_be_there_and_every_section_of_a_machine(section: str):
     head, body = TEXT.split(f"[{section}]\n")
-    with pytest.raises(ParameterError, match=section):
-        parse_preset(head + body.partition("\n\n")[2])
+    without = head + body.partition("\n\n")[2]
+    if section in OPTIONAL_SECTIONS:
+        found = parse_preset(without)
+        assert getattr(found, section) == getattr(PRESET, section)
+        assert {found.provenance[f"{section}.{name}"] for name in SHIPPED[section]} == {"chosen: not in the file"}
+        assert f"[{section}]" not in format_preset(found, "title")
+        assert parse_preset(format_preset(found, "title")) == found
+    else:
+        with pytest.raises(ParameterError, match=section):
+            parse_preset(without)
     with pytest.raises(ParameterError, match=section):
         parse_preset(f"{head}[{section}]\n{body.partition(chr(10))[2]}")
 
@@ -118,6 +127,21 @@ def test_a_machine_is_saved_as_a_preset(name: str, tmp_path: Path):
     found = find_machine(str(file))
     assert vars(found.clutch.breakaway) == pytest.approx(vars(own.clutch.breakaway), rel=1e-15)
     assert replace(found, clutch=replace(found.clutch, breakaway=own.clutch.breakaway)) == own
+
+
+def test_a_preset_holds_what_the_papers_clutches_do_not_have(tmp_path: Path):
+    dynamic = replace(BASELINE.clutch.dynamic, off_state=0.3)
+    terms = {"stribeck": 0.1, "viscous": 0.02, "fall_ratio": 2.0, "fade": 1e-3, "cooling": 30.0}
+    clutch = replace(BASELINE.clutch, dynamic=dynamic, breakaway=dynamic.scaled(1.12), **terms)
+    save_preset(replace(BASELINE, clutch=clutch), tmp_path / "own.toml", origin="chosen: a fluid brake")
+    found = load_preset(tmp_path / "own.toml")
+    assert machine_of(found).clutch == clutch
+    changed = {where for where, origin in found.provenance.items() if origin == "chosen: a fluid brake"}
+    assert changed == {f"clutch.{name}" for name in ("off_state", *terms)}
+    assert load_preset(tmp_path / "own.toml") == parse_preset(format_preset(found, "title"))
+    assert "stribeck" not in TEXT
+    with pytest.raises(ParameterError, match=r"Clutch\.stribeck"):
+        parse_preset(format_preset(found, "title").replace("stribeck = { value = 0.1", "stribeck = { value = -0.1"))
 
 
 OTHER_CURVE = replace(BASELINE.clutch.breakaway, curvature=1.0)

@@ -91,10 +91,12 @@ def branchless(function: Any, meaning: Mapping[str, Any], made: dict[Any, Any]) 
         return made.get(plain, function)
     if plain not in made:
         tree = _Branchless().visit(_parsed(plain))
+        tree.body[0].args.defaults = []  # they may name what the new function does not know
         cells = zip(plain.__code__.co_freevars, plain.__closure__ or (), strict=True)
         known = {**plain.__globals__, **{name: cell.cell_contents for name, cell in cells}}
         space: dict[str, Any] = {**meaning, "_choose": choose}
         made[plain] = compile_source(ast.unparse(ast.fix_missing_locations(tree)), tree.body[0].name, space)
+        made[plain].__defaults__ = plain.__defaults__
         used = {*plain.__code__.co_names, *plain.__code__.co_freevars}  # perhaps its own name, too
         space |= {name: branchless(known[name], meaning, made) for name in used & known.keys() - meaning.keys()}
     return made[plain]

@@ -7,7 +7,7 @@ Every number in the file has its unit and source. ``PRESET`` is the shipped file
 import json
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -30,7 +30,10 @@ SECTIONS = {
     "controller": "Spring and dampers at the tip, knots of the torque table, and the gain of the torque loop.",
     "sensing": "The time from a voltage to the motion that it makes, as a computer sees both.",
 }
-"""The sections of a preset file in their order, and their headings; their fields are those of ``SHIPPED``."""
+"""The sections of a preset file in their order, and their headings."""
+
+OPTIONAL_SECTIONS = ("delrin", "path", "hand", "controller")
+"""Sections that a file may leave out."""
 
 Value = float | tuple[float, ...]
 Section = Mapping[str, Any]
@@ -38,8 +41,22 @@ Section = Mapping[str, Any]
 CLUTCHES = "clutches"
 """The section after them, of machines with other clutches than the paper's: the row of W of each clutch by its name."""
 
-OPTIONAL = ("dry_a", "dry_b", "viscous_a", "viscous_b")
-"""Fields that a file may leave out: their values are those of ``SHIPPED``."""
+TERMS = {
+    item.name: {"value": item.default, "unit": item.metadata["unit"], "from": item.metadata["provenance"]}
+    for owner in (TorqueCurve, Clutch)
+    for item in fields(owner)
+    if item.metadata["later"]
+}
+"""Fields of the section ``clutch`` for what the paper's clutches do not have."""
+
+KNOWN: Mapping[str, Section] = {name: SHIPPED[name] | (TERMS if name == "clutch" else {}) for name in SECTIONS}
+"""The fields of each section with unit and usual value."""
+
+OPTIONAL = ("dry_a", "dry_b", "viscous_a", "viscous_b", *TERMS)
+"""Fields that a file may leave out."""
+
+LEFT_OUT = "chosen: not in the file"
+"""Provenance of what a file leaves out: its value is the usual one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +66,8 @@ class Preset:
     Attributes
     ----------
     arm, clutch, sensing
-        Of a machine: fields of ``Arm``; the curve of dynamic torque, T_s/T_k, and each clutch's torques over those of
-        the curve; a delay [s].
+        Of a machine: fields of ``Arm``; the curve of dynamic torque, T_s/T_k, each clutch's torques over those of the
+        curve, and other fields of ``Clutch``; a delay [s].
     delrin, path, hand, controller
         Of the paper's standard test.
     clutches
@@ -102,13 +119,12 @@ def load_preset(path: FilePath) -> Preset:
 def parse_preset(text: str) -> Preset:
     """Return the preset in a TOML text; it raises a ValueError where ``load_preset`` raises a DataError."""
     tables = parse_toml(text)
-    _check_names("section", tables, (*SECTIONS, CLUTCHES), {CLUTCHES})
-    provenance = {f"{name}.{each}": "chosen: not in the file" for name in SECTIONS for each in SHIPPED[name]}
-    sections: dict[str, Any] = {}
-    for name in SECTIONS:
-        _check_names(f"field of {name}", tables[name], SHIPPED[name], OPTIONAL)
-        usual = {each: SHIPPED[name][each]["value"] for each in OPTIONAL if each in SHIPPED[name]}
-        sections[name] = usual | {each: _value(name, each, entry, provenance) for each, entry in tables[name].items()}
+    _check_names("section", tables, (*SECTIONS, CLUTCHES), {CLUTCHES, *OPTIONAL_SECTIONS})
+    provenance = {f"{name}.{each}": LEFT_OUT for name, known in KNOWN.items() for each in known}
+    sections: dict[str, Any] = {name: {each: _usual(name, each) for each in known} for name, known in KNOWN.items()}
+    for name in [each for each in SECTIONS if each in tables]:
+        _check_names(f"field of {name}", tables[name], KNOWN[name], OPTIONAL)
+        sections[name] |= {each: _value(name, each, entry, provenance) for each, entry in tables[name].items()}
     if CLUTCHES in tables:
         _check_names(CLUTCHES, tables[CLUTCHES], tables[CLUTCHES], ())
         rows: Any = {each: _value(CLUTCHES, each, entry, provenance) for each, entry in tables[CLUTCHES].items()}
@@ -131,10 +147,16 @@ def _check_names(what: str, found: Any, known: Collection[str], optional: Collec
             raise ParameterError(f"{what} {name!r} is missing")
 
 
+def _usual(section: str, name: str) -> Value:
+    """Return the value of a field that a file leaves out."""
+    value = KNOWN[section][name]["value"]
+    return tuple(cast("list[float]", value)) if isinstance(value, list) else value
+
+
 def _value(section: str, name: str, entry: Any, provenance: dict[str, str]) -> Value:
     """Return the number or numbers of an entry, and note where they come from."""
     where = f"{section}.{name}"
-    like: dict[str, Any] = SHIPPED.get(section, {}).get(name, {"unit": "1", "value": []})
+    like: dict[str, Any] = KNOWN.get(section, {}).get(name, {"unit": "1", "value": []})
     _check_names(f"entry of {where}", entry, ("value", "unit", "from"), ())
     value, unit, origin = entry["value"], entry["unit"], entry["from"]
     if unit != like["unit"]:
@@ -151,7 +173,10 @@ def _value(section: str, name: str, entry: Any, provenance: dict[str, str]) -> V
 
 
 def format_preset(preset: Preset, title: str) -> str:
-    """Return the TOML text of a preset, which ``parse_preset`` reads back to the same numbers, under heading lines."""
+    """Return the TOML text of a preset, which ``parse_preset`` reads back to the same numbers, under heading lines.
+
+    What the preset's own file left out is left out.
+    """
     lines = [f"# {line}".rstrip() for line in title.splitlines()]
 
     def add(section: str, name: str, value: Value, unit: str) -> None:
@@ -161,9 +186,15 @@ def format_preset(preset: Preset, title: str) -> str:
         lines.append(f"{key} = {{ value = {written}, unit = {_quoted(unit)}, from = {origin} }}")
 
     for section, heading in SECTIONS.items():
-        lines += ["", f"# {heading}", f"[{section}]"]
-        for name, like in SHIPPED[section].items():
-            add(section, name, getattr(preset, section)[name], like["unit"])
+        found = getattr(preset, section)
+        written = [
+            name
+            for name in KNOWN[section]
+            if preset.provenance[f"{section}.{name}"] != LEFT_OUT or found[name] != _usual(section, name)
+        ]
+        lines += ["", f"# {heading}", f"[{section}]"] if written else []
+        for name in written:
+            add(section, name, found[name], KNOWN[section][name]["unit"])
     if preset.clutches != PAPER_CLUTCHES or any(where.startswith(f"{CLUTCHES}.") for where in preset.provenance):
         lines += ["", "# What each clutch connects: its row (a, b) of W. It slips at a·ω_A + b·ω_B.", f"[{CLUTCHES}]"]
         for each in preset.clutches:
@@ -178,13 +209,9 @@ def _quoted(text: str) -> str:
 def machine_of(preset: Preset) -> Machine:
     """Return the machine of a preset, with its present clutches."""
     values = preset.clutch
-    dynamic = TorqueCurve(**{name: values[name] for name in ("slope", "knee", "curvature")})
-    clutch = Clutch(
-        breakaway=dynamic.scaled(values["breakaway_ratio"]),
-        dynamic=dynamic,
-        time_constant=values["time_constant"],
-        voltage_max=values["voltage_max"],
-    )
+    dynamic = TorqueCurve(**{item.name: values[item.name] for item in fields(TorqueCurve)})
+    own = {item.name: values[item.name] for item in fields(Clutch) if item.name in KNOWN["clutch"]}
+    clutch = Clutch(breakaway=dynamic.scaled(values["breakaway_ratio"]), dynamic=dynamic, **own)
     scale = (*values["scale"], *[1.0] * (SLOTS - len(preset.clutches)))
     return Machine(arm=Arm(**preset.arm), clutch=clutch, clutch_scale=scale, clutches=preset.clutches)
 
@@ -208,9 +235,8 @@ def preset_of(machine: Machine, base: Preset = PRESET, *, origin: str | None = N
     curve, arm = machine.clutch.dynamic, vars(machine.arm)
     clutch = {
         **vars(curve),
+        **{name: value for name, value in vars(machine.clutch).items() if name in KNOWN["clutch"]},
         "breakaway_ratio": machine.clutch.breakaway.slope / curve.slope,
-        "time_constant": machine.clutch.time_constant,
-        "voltage_max": machine.clutch.voltage_max,
         "scale": machine.clutch_scale[: len(machine.clutches)],
     }
     provenance = dict(base.provenance)

@@ -17,8 +17,9 @@ import numpy as np
 from pter_gym.tools.identification import Log
 
 STEP = 2e-5
-SPRING, DAMPER = 4e5, 300.0
-"""Of a friction contact that holds [N·m/rad, N·m·s/rad]: 20 N·m bend it by 50 µrad, and it settles within 1 ms."""
+SPRING, DAMPER = 4e5, 900.0
+"""Of a friction contact that holds [N·m/rad, N·m·s/rad]: 20 N·m bend it by 50 µrad, and with 0.5 kg·m² it settles
+within a few milliseconds without overshooting, which would break it away too early."""
 
 AXIS_SHARE = 0.4
 """Of the inertia, on the axis' side of a flexible link."""
@@ -31,8 +32,27 @@ HAND = (800.0, 30.0)
 class Recorded:
     """A machine: lengths, inertias, coupling, slope of T_k, T_s/T_k, lag, and what the package's model may not have.
 
-    ``growth`` is that of T_k per slip [s/rad], ``stribeck`` the slip within which T_s falls to T_k [rad/s], and
-    ``link`` the stiffness of the links [N·m/rad], 0 for rigid ones.
+    Attributes
+    ----------
+    growth
+        Of T_k per slip [s/rad].
+    stribeck
+        Slip velocity [rad/s] over which T_s falls to T_k: exponentially, or with the square of the speed if
+        ``rational``.
+    link
+        Stiffness of the links [N·m/rad], 0 for rigid ones.
+    off_state, drag
+        Of each clutch: torque without voltage [N·m], and viscous torque [N·m·s].
+    fall_ratio
+        Time constant of a falling torque over that of a rising one.
+    ratios
+        T_s/T_k of each clutch over ``ratio``.
+    fade, cooling
+        Torque lost per heat of a clutch [1/J], and the time constant with which it cools [s].
+    asymmetry
+        Relative excess of the torque at a positive slip, and lack of it at a negative one.
+    hysteresis
+        Width of the loop of each clutch's voltage [V].
     """
 
     lengths: tuple[float, float] = (0.5645, 0.4454)
@@ -46,9 +66,20 @@ class Recorded:
     growth: float = 0.0
     stribeck: float = 0.0
     link: float = 0.0
+    rational: bool = False
+    off_state: float = 0.0
+    drag: float = 0.0
+    fall_ratio: float = 1.0
+    ratios: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    fade: float = 0.0
+    cooling: float = 60.0
+    asymmetry: float = 0.0
+    hysteresis: float = 0.0
 
 
-def record(machine: Recorded, levels=(4.0, 8.0, 12.0, 16.0), seed: int = 0, interval: float = 2e-3) -> Log:
+def record(
+    machine: Recorded, levels: tuple[float, ...] = (4.0, 8.0, 12.0, 16.0), seed: int = 0, interval: float = 2e-3
+) -> Log:
     """The log of the experiment of docs/identify.md, 14-bit encoders and 0.3 N of noise."""
     rng = np.random.default_rng([seed, 9])
     free, on, off = 4.0, 0.9, 0.25
@@ -62,10 +93,13 @@ def record(machine: Recorded, levels=(4.0, 8.0, 12.0, 16.0), seed: int = 0, inte
         [
             *(*machine.lengths, *machine.inertias, machine.coupling, machine.slope, machine.ratio),
             *(machine.time_constant, *machine.dry, *machine.viscous, machine.growth, machine.stribeck, machine.link),
+            *(machine.rational, machine.off_state, machine.drag, machine.fall_ratio, machine.fade, machine.cooling),
+            machine.asymmetry,
         ]
     )
     phases = rng.uniform(0.0, 2.0 * math.pi, 2)
-    theta, force = _run(numbers, volts, phases, round(interval / STEP))
+    effective = _looped(volts, 0.5 * machine.hysteresis)
+    theta, force = _run(numbers, np.array(machine.ratios), effective, phases, round(interval / STEP))
     step = 2.0 * math.pi / 16384
     return Log(
         interval=interval,
@@ -76,12 +110,22 @@ def record(machine: Recorded, levels=(4.0, 8.0, 12.0, 16.0), seed: int = 0, inte
     )
 
 
+def _looped(volts: np.ndarray, half: float) -> np.ndarray:
+    """Voltages behind a play of a half width [V]."""
+    found = volts.copy()
+    for k in range(1, len(volts)):
+        found[k] = found[k - 1].clip(volts[k] - half, volts[k] + half)
+    return found
+
+
 @numba.njit
-def _slid(slip, held, ratio, growth, stribeck):
+def _slid(slip, held, ratio, growth, stribeck, rational):
     """Torque of a sliding contact over T_k at no slip."""
     speed = abs(slip)
-    extra = (ratio - 1.0) * math.exp(-speed / stribeck) if stribeck > 0.0 else 0.0
-    return held * (1.0 + growth * speed + extra)
+    extra = 0.0
+    if stribeck > 0.0:
+        extra = 1.0 / (1.0 + (speed / stribeck) ** 2) if rational > 0.0 else math.exp(-speed / stribeck)
+    return held * (1.0 + growth * speed + (ratio - 1.0) * extra)
 
 
 @numba.njit
@@ -91,8 +135,9 @@ def _contact(i, slip, held, most, bent, way):
         way[i], bent[i] = 0.0, way[i] * held / SPRING
     if way[i] == 0.0:
         bent[i] += STEP * slip
-        if SPRING * abs(bent[i]) > most:
-            way[i] = 1.0 if bent[i] > 0.0 else -1.0
+        pulled = SPRING * bent[i] + DAMPER * slip
+        if abs(pulled) > most:
+            way[i] = 1.0 if pulled > 0.0 else -1.0
     return SPRING * bent[i] + DAMPER * slip if way[i] == 0.0 else way[i] * held
 
 
@@ -111,8 +156,9 @@ def _hand(numbers, t, arm, speed, phases, middle):
 
 
 @numba.njit
-def _run(numbers, volts, phases, per_row):
-    l_a, l_b, m_a, m_b, c, slope, ratio, tau, dry_a, dry_b, visc_a, visc_b, growth, stribeck, link = numbers
+def _run(numbers, ratios, volts, phases, per_row):
+    l_a, l_b, m_a, m_b, c, slope, ratio, tau, dry_a, dry_b, visc_a, visc_b, growth, stribeck, link = numbers[:15]
+    rational, off_state, drag, fall_ratio, fade, cooling, asymmetry = numbers[15:]
     rows = len(volts)
     theta, force = np.empty((rows, 2)), np.empty((rows, 2))
     axis = np.array([0.5 * math.pi - 0.85, 0.5 * math.pi + 0.6])
@@ -121,7 +167,9 @@ def _run(numbers, volts, phases, per_row):
     weight = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]])
     limit, bent, way = np.zeros(6), np.zeros(6), np.zeros(6)
     limit[4], limit[5] = dry_a, dry_b
-    left = math.exp(-STEP / tau)
+    limit[:4] = off_state
+    heat = np.zeros(4)
+    rise, fall, cooler = math.exp(-STEP / tau), math.exp(-STEP / (tau * fall_ratio)), math.exp(-STEP / cooling)
     inertia, viscous = np.array([m_a, m_b]), np.array([visc_a, visc_b])
     own = (1.0 - AXIS_SHARE) * inertia if link > 0.0 else inertia
     for k in range(rows * per_row):
@@ -130,12 +178,20 @@ def _run(numbers, volts, phases, per_row):
         if k % per_row == 0:
             theta[row] = axis
             force[row, 0], force[row, 1] = f_x, f_y
-        limit[:4] = slope * volts[row] + (limit[:4] - slope * volts[row]) * left
         on_axis = -viscous * axis_speed
         for i in range(6):
             slip = weight[i, 0] * axis_speed[0] + weight[i, 1] * axis_speed[1]
-            held = _slid(slip, limit[i], ratio, growth, stribeck) if i < 4 else limit[i]
-            on_axis -= weight[i] * _contact(i, slip, held, limit[i] * (ratio if i < 4 else 1.0), bent, way)
+            if i < 4:
+                ahead = limit[i] - (slope * volts[row, i] + off_state)
+                limit[i] += ahead * ((fall if ahead > 0.0 else rise) - 1.0)
+                side = slip if way[i] != 0.0 else bent[i]
+                most = limit[i] * (1.0 + asymmetry * np.sign(side)) / (1.0 + fade * heat[i])
+                held = _slid(slip, most, ratio * ratios[i], growth, stribeck, rational) + drag * abs(slip)
+                torque = _contact(i, slip, held, most * ratio * ratios[i], bent, way)
+                heat[i] = (heat[i] + STEP * abs(torque * slip)) * cooler
+            else:
+                torque = _contact(i, slip, limit[i], limit[i], bent, way)
+            on_axis -= weight[i] * torque
         sin = c * math.sin(arm[0] - arm[1])
         on_a = l_a * (math.cos(arm[0]) * f_y - math.sin(arm[0]) * f_x) - sin * arm_speed[1] ** 2
         on_b = l_b * (math.cos(arm[1]) * f_y - math.sin(arm[1]) * f_x) + sin * arm_speed[0] ** 2

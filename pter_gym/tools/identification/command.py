@@ -47,8 +47,7 @@ def identify(
         out: Folder for the results, created if necessary.
     """
     from pter_gym._internal.files import write_files_atomic
-    from pter_gym.params import is_preset
-    from pter_gym.params._preset import PRESET, format_preset, load_preset
+    from pter_gym.params._preset import format_preset
     from pter_gym.tools.figures import png
     from pter_gym.tools.identification import identify as search
     from pter_gym.tools.identification import join_logs, preset_of, read_log
@@ -63,8 +62,8 @@ def identify(
     with progress_bar() as progress:
         task = progress.add_task("identify", total=100)
         found = search(log, start, lambda share: progress.update(task, completed=round(100 * share)))
-    preset = preset_of(found, load_preset(machine) if is_preset(machine) else PRESET)
-    text = format_preset(preset, "Written by pter identify.")
+    title = "\n".join(["Written by pter identify. Assumed:", *found.assumptions])
+    text = format_preset(preset_of(found), title)
     write_files_atomic(out, {"preset.toml": text.encode(), "identified.png": png(picture(found))})
     for sentence in (found.verdict.sentence, *found.verdict.hints):
         say(sentence)
@@ -72,6 +71,8 @@ def identify(
     for finding in found.findings:
         if finding.reason:
             say(f"{finding.quantity.name} is kept: {finding.reason}")
+    for assumption in found.assumptions:
+        say(f"assumed: {assumption}")
     say(f"wrote {out / 'preset.toml'} and {out / 'identified.png'}")
 
 

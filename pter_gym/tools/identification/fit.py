@@ -67,7 +67,7 @@ class Point(NamedTuple):
     Attributes
     ----------
     residual, jacobian
-        Less what a wrong start makes [rad], and by all coordinates, shapes (windows, 2·length) and (…, 16).
+        Less what a wrong start makes [rad], and by all coordinates, shapes (windows, 2·length) and (…, 19).
     by_start
         Derivatives of the angles by the admitted changes of a start, shape (windows, 2·length, 4).
     correction
@@ -101,7 +101,7 @@ class Fit:
     usual
         Root mean square of a usual window's residuals [rad].
     spread
-        Covariance of the coordinates by choices that a result should not depend on, shape (16, 16).
+        Covariance of the coordinates by choices that a result should not depend on, shape (19, 19).
     """
 
     windows: Windows
@@ -193,11 +193,15 @@ class Fit:
         told = np.repeat(self._told(mean / np.maximum(self.weights, SINGULAR)), squares.size // len(self.weights))
         return np.stack([told * squares, told**2, np.zeros_like(told)])
 
-    def _weighed(self) -> tuple[Array, Array]:
-        """Return residuals and their derivatives by the free coordinates, times the roots of the windows' weights."""
-        here = self._at(self.p)
-        weights = np.sqrt(self.weights) * self._told(np.mean(here.residual**2, axis=1)) / self.windows.noise
-        return weights[:, None] * here.residual, weights[:, None, None] * here.jacobian[:, :, self.free]
+    def factors(self) -> Array:
+        """Return by what residuals are multiplied [1/rad]: roots of the windows' weights over the noise, (windows,)."""
+        told = self._told(np.mean(self._at(self.p).residual ** 2, axis=1))
+        return np.sqrt(self.weights) * told / self.windows.noise
+
+    def weighed(self) -> tuple[Array, Array]:
+        """Return residuals and their derivatives by the free coordinates, times ``factors``."""
+        here, factors = self._at(self.p), self.factors()
+        return factors[:, None] * here.residual, factors[:, None, None] * here.jacobian[:, :, self.free]
 
     def predicted(self, p: Array, inputs: LogInputs | None = None) -> Array:
         """Return the predicted angles [rad], shape (windows, 2·length); what is not finite becomes large."""
@@ -238,7 +242,7 @@ class Fit:
 
     def covariance(self) -> tuple[Array, float]:
         """Return the covariance of the free coordinates, and by what quantile its roots become a 95 % interval."""
-        residual, jacobian = self._weighed()
+        residual, jacobian = self.weighed()
         first = np.arange(0, len(residual), BLOCK)
         gradients = np.add.reduceat(np.einsum("wij,wi->wj", jacobian, residual), first)
         parts = np.add.reduceat(np.swapaxes(jacobian, 1, 2) @ jacobian, first)
@@ -260,11 +264,11 @@ class Fit:
         return covariance, float(_STATS.t.ppf(0.975, max(int(told.sum()) - len(self.free), 1)))
 
     def weakest(self) -> Array:
-        """Return the change of coordinates of which the log tells least, shape (16,).
+        """Return the change of coordinates of which the log tells least, shape (19,).
 
         The largest of its parts is one of ``parameters.STEPS``.
         """
-        jacobian = self._weighed()[1] * at.STEPS[self.free]
+        jacobian = self.weighed()[1] * at.STEPS[self.free]
         _, directions = np.linalg.eigh(np.einsum("wij,wik->jk", jacobian, jacobian, optimize=True))
         change = np.zeros(at.COUNT)
         change[self.free] = directions[:, 0] / directions[np.abs(directions[:, 0]).argmax(), 0]
@@ -278,7 +282,7 @@ class Fit:
 
     @property
     def jacobian(self) -> Array:
-        """Derivatives of the residuals by all coordinates, shape (windows, 2·length, 16)."""
+        """Derivatives of the residuals by all coordinates, shape (windows, 2·length, 19)."""
         return self._at(self.p).jacobian
 
     def sizes(self) -> Array:
@@ -289,9 +293,13 @@ class Fit:
         """Return the mean square [rad²] by which noise of the forces moves each window's angles, shape (windows,)."""
         return np.mean([self.moved(inputs) for inputs in self.windows.shaken], axis=0)
 
+    def change(self, p: Array, inputs: LogInputs | None = None) -> Array:
+        """Return the change of the residuals [rad] at other coordinates or inputs, shape (windows, 2·length)."""
+        return self._near(p, inputs) - self._at(self.p).residual
+
     def moved(self, inputs: LogInputs) -> Array:
         """Return the mean square change [rad²] of each window's angles with other inputs, shape (windows,)."""
-        return np.mean((self._near(self.p, inputs) - self._at(self.p).residual) ** 2, axis=1)
+        return np.mean(self.change(self.p, inputs) ** 2, axis=1)
 
 
 def _finite(angles: Array) -> Array:

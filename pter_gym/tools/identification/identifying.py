@@ -13,14 +13,16 @@ from numpy.typing import NDArray
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
 from pter_gym.params import preset_of as machine_preset
-from pter_gym.params._preset import Preset
+from pter_gym.params._preset import LEFT_OUT, OPTIONAL_SECTIONS, PRESET, Preset
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.balance import first_estimate
+from pter_gym.tools.identification.evidence import admit_terms, find_differences
 from pter_gym.tools.identification.fit import Fit
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import COORDINATES, Quantity, Shape, quantities
+from pter_gym.tools.identification.shooting import make_inputs
 from pter_gym.tools.identification.verdict import Verdict, judge
-from pter_gym.tools.identification.windows import OTHERS, SLIPPING, Smoothed, cut, experience, smooth
+from pter_gym.tools.identification.windows import OTHERS, SLIPPING, Smoothed, cut, experience, smooth, smooth_force
 
 Array = NDArray[np.float64]
 
@@ -112,6 +114,17 @@ class Identification:
     verdict: Verdict
 
     @property
+    def assumptions(self) -> tuple[str, ...]:
+        """What no log of this kind shows, as sentences."""
+        clutch = self.start.clutch
+        return (
+            "The force sensor's gain is exact: all inertias and torques are proportional to it.",
+            f"Links are {self.start.arm.length_a:g} m and {self.start.arm.length_b:g} m long.",
+            f"Each clutch drags with {clutch.viscous:g} N·m·s: more is part of the axes' viscous friction.",
+            f"Clutches lose {100.0 * clutch.fade:g} % of their torque per joule; they were as warm as in the log.",
+        )
+
+    @property
     def residuals(self) -> Array:
         """Measured less predicted angles [rad], shape (windows, length, 2); NaN for windows that are not used."""
         windows = self.fit.windows
@@ -148,7 +161,8 @@ def identify(
         place: f"clutch {x + 1} was never on while it slipped" for x, place in enumerate(at.SLOPES) if x not in live
     }
     if not live:
-        kept |= dict.fromkeys((at.EXTRA, at.KNEE, at.RATIO, at.TIME_CONSTANT, at.DELAY), "no clutch slipped while on")
+        places = (at.EXTRA, at.KNEE, at.RATIO, at.TIME_CONSTANT, at.DELAY, *at.TERMS)
+        kept |= dict.fromkeys(places, "no clutch slipped while on")
     elif levels < MIN_LEVELS:
         shape = replace(shape, kept_knee=start.clutch.dynamic.knee)
         kept |= dict.fromkeys((at.EXTRA, at.KNEE), "clutches slipped at fewer than three voltages")
@@ -162,12 +176,16 @@ def identify(
         on_progress(min(taken / EXPECTED_STEPS, 1.0))
 
     windows = cut(log, motion, start, float(np.exp(p[at.TIME_CONSTANT])))
-    fit = Fit(windows, shape, [i for i in range(at.COUNT) if i not in kept], p, step)
+    finer = make_inputs(log.interval, log.volts, smooth_force(log), 0.5 * windows.inputs.step)
+    absent = {i for i in at.TERMS if before[i] == 0.0}
+    fit = Fit(windows, shape, [i for i in range(at.COUNT) if i not in absent | kept.keys()], p, step)
     fit.choose_ratio()
     fit.search()
+    admit_terms(fit, finer, kept)
     tied = _keep_unseen(fit, kept, before)
     fit.compare([cut(log, motion, start, float(np.exp(fit.p[at.TIME_CONSTANT])), other) for other in OTHERS])
-    verdict = judge(fit, log, motion)
+    differences = find_differences(fit, finer, log, motion)
+    verdict = judge(fit, finer, differences, log, motion)
     on_progress(1.0)
     return Identification(
         log=log,
@@ -180,19 +198,19 @@ def identify(
     )
 
 
-def preset_of(found: Identification, base: Preset) -> Preset:
-    """Return a preset with what was identified; path, hand, controller and Delrin are those of ``base``."""
-    origins = dict(base.provenance)
+def preset_of(found: Identification) -> Preset:
+    """Return a preset with what was identified; what was not is named as chosen, and the paper's test is left out."""
     name = _plain(PurePath(found.log.name).name)
+    assumed = "chosen: stated to pter identify, or that of its start"
+    preset = machine_preset(found.machine, PRESET, origin=assumed)
+    origins = {**preset.provenance, **dict.fromkeys(("arm.length_a", "arm.length_b", "clutch.voltage_max"), assumed)}
+    origins |= {where: LEFT_OUT for where in origins if where.split(".")[0] in OPTIONAL_SECTIONS}
     for place in {finding.quantity.place for finding in found.findings} - {""}:
         told = [finding for finding in found.findings if finding.quantity.place == place]
         kind = "chosen" if all(finding.status == "kept" for finding in told) else "identified"
         origins[place] = f"{kind}: from {name}, {'; '.join(_plain(finding.origin) for finding in told)}"
-    for place in ("arm.length_a", "arm.length_b", "clutch.voltage_max"):
-        origins[place] = "chosen: stated to pter identify, or that of its start"
     provenance = cast("Mapping[str, str]", MappingProxyType(origins))
-    sensing = {**base.sensing, "delay": max(found.delay, 0.0)}
-    return replace(machine_preset(found.machine, base), sensing=sensing, provenance=provenance)
+    return replace(preset, sensing={**preset.sensing, "delay": max(found.delay, 0.0)}, provenance=provenance)
 
 
 def _plain(text: str) -> str:

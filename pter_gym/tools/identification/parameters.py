@@ -57,22 +57,33 @@ COORDINATES = (
     Coordinate("dry_b", 0.05, 2.0, 0.0, 100.0, _FRICTION),
     Coordinate("viscous_a", 0.02, 1.0, 0.0, 100.0, _FRICTION),
     Coordinate("viscous_b", 0.02, 1.0, 0.0, 100.0, _FRICTION),
+    Coordinate("off_state", 0.02, 1.0, 0.0, 100.0, "the log hardly shows torque without voltage"),
+    Coordinate("stribeck", 0.02, 0.3, 0.0, 3.0, "the log hardly shows how torque depends on the speed of the slip"),
+    Coordinate("fall_ratio", 0.02, 0.25, math.log(0.1), math.log(10.0), _NO_STEP),
 )
 """Logarithms of inertias, of slopes of the four torque curves and of the time constant; the coupling over √(M11·M22);
 the quadratic segment's share [V] of the torque over the slope at the highest voltage; its knee [V]; T_s/T_k; the delay
-[s]; the friction of each axis over its inertia, dry [rad/s²] and viscous [1/s]."""
+[s]; the friction of each axis over its inertia, dry [rad/s²] and viscous [1/s]; the off-state torque [N·m]; the
+Stribeck velocity [rad/s]; the logarithm of the time constant of a falling torque over that of a rising one."""
 
 COUNT = len(COORDINATES)
 INERTIA_A, INERTIA_B, COUPLING = 0, 1, 2
 SLOPES = (3, 4, 5, 6)
 EXTRA, KNEE, RATIO, TIME_CONSTANT, DELAY = 7, 8, 9, 10, 11
 DRY, VISCOUS = (12, 13), (14, 15)
+OFF_STATE, STRIBECK, FALL_RATIO = 16, 17, 18
+
+TERMS = {OFF_STATE: "N·m", STRIBECK: "rad/s", FALL_RATIO: "1"}
+"""Coordinates that are 0 for the paper's clutches, and units of their numbers: searched only if a log asks for them."""
 
 STEPS = np.array([each.step for each in COORDINATES])
 LOWEST = np.array([each.low for each in COORDINATES])
 
 CONTROL_PERIOD = 0.01
 """Control step by which delays are judged [s]."""
+
+USUAL_STRIBECK = 0.1
+"""Stribeck velocity by which lower ones are judged [rad/s]."""
 
 ROOM = 0.5
 """Least distance from the knee to the highest voltage [V]."""
@@ -113,12 +124,14 @@ class Shape:
             curvature = slope * float(p[EXTRA]) / max(self.top - knee, 0.5 * ROOM) ** 2
         if curvature < 0.0:  # what falls within the log must not fall below zero slope beyond it
             curvature = max(curvature, -0.49 * slope / max(before.voltage_max - knee, 1e-6))
-        dynamic = TorqueCurve(slope=slope, knee=knee, curvature=curvature)
+        dynamic = TorqueCurve(slope=slope, knee=knee, curvature=curvature, off_state=float(p[OFF_STATE]))
         clutch = replace(
             before,
             dynamic=dynamic,
             breakaway=dynamic.scaled(float(p[RATIO])),
             time_constant=math.exp(p[TIME_CONSTANT]),
+            stribeck=float(p[STRIBECK]),
+            fall_ratio=math.exp(p[FALL_RATIO]),
         )
         arm = replace(
             self.start.arm,
@@ -152,6 +165,9 @@ class Shape:
                 arm.dry_b / arm.inertia_b,
                 arm.viscous_a / arm.inertia_a,
                 arm.viscous_b / arm.inertia_b,
+                curve.off_state,
+                machine.clutch.stribeck,
+                math.log(machine.clutch.fall_ratio),
             ]
         ).clip(LOWEST, self.highest)
 
@@ -207,4 +223,7 @@ def quantities(machine: Machine, delay: float, top: float) -> list[Quantity]:
     for name, unit in (("dry_a", "N·m"), ("dry_b", "N·m"), ("viscous_a", "N·m·s"), ("viscous_b", "N·m·s")):
         value = float(getattr(arm, name))
         add(name, unit, value, f"arm.{name}", max(value, low))
+    add("off_state", "N·m", curve.off_state, "clutch.off_state", low)
+    add("stribeck", "rad/s", clutch.stribeck, "clutch.stribeck", max(clutch.stribeck, USUAL_STRIBECK))
+    add("fall_ratio", "1", clutch.fall_ratio, "clutch.fall_ratio")
     return found

@@ -36,6 +36,9 @@ ORDER = (
     at.RATIO,
     at.TIME_CONSTANT,
     at.DELAY,
+    at.OFF_STATE,
+    at.STRIBECK,
+    at.FALL_RATIO,
     *range(at.SLOPES[0]),
     *at.DRY,
     *at.VISCOUS,
@@ -133,14 +136,14 @@ def differentiate(shape: Shape, p: Array, inputs: LogInputs, starts: Array, leng
     Parameters
     ----------
     shape, p
-        Coordinates and what they mean, shape (16,).
+        Coordinates and what they mean, shape (19,).
     inputs, starts, length
         As ``predict`` takes them.
 
     Returns
     -------
     angles, by_coordinates, by_start
-        Shapes (windows, length, 2), (windows, length, 2, 16) and (windows, length, 2, 4).
+        Shapes (windows, length, 2), (windows, length, 2, 19) and (windows, length, 2, 4).
     """
     machine = shape.machine(p)
     volts, by_delay = inputs.volts(float(p[at.DELAY]))

@@ -13,8 +13,8 @@ from pter_gym.tools.identification.balance import COARSE, balance
 from pter_gym.tools.identification.fit import BLOCK, Fit
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import INERTIA_A, INERTIA_B, RATIO, SLOPES, Shape
-from pter_gym.tools.identification.shooting import make_inputs
-from pter_gym.tools.identification.windows import Smoothed, lagged, smooth, smooth_force
+from pter_gym.tools.identification.shooting import LogInputs
+from pter_gym.tools.identification.windows import Smoothed, lagged, smooth
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -30,6 +30,9 @@ of the windows are this far off by chance: P(χ² > 3·2²) with three degrees o
 
 MAX_UNEXPLAINED = 0.1
 """Largest share of such windows in a log that the model explains: some breakaways are always a matter of chance."""
+
+MAX_DIFFERING = 0.25
+"""Largest share of numbers that differ between parts of such a log: what is not in the model touches a few at most."""
 
 SHOWS_BREAKAWAY = 0.02
 """Relative change of the breakaway torque that moves an angle by its noise in windows that show a breakaway."""
@@ -49,6 +52,9 @@ UNRELATED = 0.5
 OTHER_SIZE = 2.0
 """Factor between all inertias and torques and those of the start, from which the unit of the forces is questioned."""
 
+NAMED = 3
+"""Differences between parts of a log that are named."""
+
 SHIFTS = (-0.1, -0.05, -0.02, 0.02, 0.05, 0.1)
 """Delays of the forces that are tried [s]."""
 
@@ -65,6 +71,8 @@ class Verdict:
         Share of them whose residuals are more than ``FAR`` times what the log's noise makes.
     enough
         Whether there are more independent stretches than numbers to identify.
+    differing
+        Share of the searched numbers that differ between parts of the log.
     breakaways
         Windows that show a breakaway of any clutch and of each: how many are not explained, and of how many.
     gaps
@@ -78,6 +86,7 @@ class Verdict:
     windows: int
     share: float
     enough: bool
+    differing: float
     breakaways: tuple[tuple[int, int], ...]
     gaps: int
     where: str
@@ -86,7 +95,7 @@ class Verdict:
     @property
     def explained(self) -> bool:
         """Whether numbers may count as identified."""
-        return self.enough and self.share <= MAX_UNEXPLAINED
+        return self.enough and self.share <= MAX_UNEXPLAINED and self.differing <= MAX_DIFFERING
 
     @property
     def breakaways_explained(self) -> bool:
@@ -109,25 +118,27 @@ class Verdict:
             off += f" ({clutches})" if clutches else ""
         if self.explained:
             return f"The model explains the log: {off}."
+        if self.differing > MAX_DIFFERING:
+            off += f", and {100 * self.differing:.0f} % of the numbers differ between parts of the log"
         return f"The model does not explain the log, so nothing is identified: {off}, {self.where}."
 
 
-def judge(fit: Fit, log: Log, motion: Smoothed) -> Verdict:
-    """Return the verdict on a fit."""
+def judge(fit: Fit, finer: LogInputs, differences: tuple[str, ...], log: Log, motion: Smoothed) -> Verdict:
+    """Return the verdict on a fit, given inputs with a shorter substep and what differs between parts of the log."""
     windows, used = fit.windows, fit.windows.used
-    finer = make_inputs(log.interval, log.volts, smooth_force(log), 0.5 * windows.inputs.step)
     unavoidable = fit.moved(finer) + fit.shaken()  # by the model's step and noise of the forces [rad²]
     far = fit.sizes() > FAR * np.sqrt(windows.noise**2 + unavoidable)
     share = float(far[used].mean()) if used.any() else 1.0
     enough = int(used.sum()) // BLOCK > len(fit.free)
-    explained = enough and share <= MAX_UNEXPLAINED
+    differing = len(differences) / max(len(fit.free), 1)
+    explained = enough and share <= MAX_UNEXPLAINED and differing <= MAX_DIFFERING
     where = "" if explained or not used.any() else _where(fit, log, motion, far)
-    hints = (*_oddities(fit, log), *(() if explained else other_readings(log, fit.shape)))
+    hints = (*_oddities(fit, log, differences), *(() if explained else other_readings(log, fit.shape)))
     by_ratio = np.abs(fit.jacobian[:, :, RATIO]).max(axis=1) * SHOWS_BREAKAWAY > windows.noise
     shown = used & by_ratio & (RATIO in fit.free)
     parts = [shown, *(shown & each for each in windows.broke_away.T)]
     breakaways = tuple((int(far[part].sum()), int(part.sum())) for part in parts)
-    return Verdict(int(used.sum()), share, enough, breakaways, windows.gaps, where, hints)
+    return Verdict(int(used.sum()), share, enough, differing, breakaways, windows.gaps, where, hints)
 
 
 def _where(fit: Fit, log: Log, motion: Smoothed, far: Flags) -> str:
@@ -150,8 +161,12 @@ def _where(fit: Fit, log: Log, motion: Smoothed, far: Flags) -> str:
     return said
 
 
-def _oddities(fit: Fit, log: Log) -> Iterator[str]:
+def _oddities(fit: Fit, log: Log, differences: tuple[str, ...]) -> Iterator[str]:
     """Yield what is odd about a log, whatever the model says."""
+    if differences:
+        more = f", and {len(differences) - NAMED} more" if len(differences) > NAMED else ""
+        said = "; ".join(differences[:NAMED])
+        yield f"Numbers differ between parts of the log, which makes their intervals wider: {said}{more}."
     if 0.0 < log.volts.max() <= 1.0:
         yield f"No voltage is above {log.volts.max():.3g} V: are V1 to V4 volts, or shares of the largest voltage?"
     sizes = [i for i in (INERTIA_A, INERTIA_B, *SLOPES) if i in fit.free]

@@ -1,0 +1,193 @@
+"""What the residuals of a fit still tell: score tests, whose errors are derived from the noise of the log.
+
+A test asks how much of a further change of the predicted angles the residuals contain, beyond what the free coordinates
+could do instead, and how much of it the noise of angles and forces and the model's step make by themselves. It takes no
+search. The changes are those of terms of the clutches that are not searched at first, and those of each coordinate in
+one part of the log only: a number that differs between parts is none of the machine's.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym.tools.identification import parameters as at
+from pter_gym.tools.identification.fit import SINGULAR, Fit
+from pter_gym.tools.identification.log import Log
+from pter_gym.tools.identification.parameters import COORDINATES
+from pter_gym.tools.identification.shooting import LogInputs
+from pter_gym.tools.identification.windows import ENGAGED, Smoothed, lagged, slip_rows
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+_LINEAR: Any = np.linalg
+
+SIGNIFICANT = 4.5
+"""Amount over its standard error from which it counts: among 200 tests, one in 700 logs without it is taken for one."""
+
+SIZES = {at.OFF_STATE: (0.1,), at.STRIBECK: (0.01, 0.03, 0.1, 0.3), at.FALL_RATIO: (0.1,)}
+"""Changes of the coordinates of terms that are tested: one where its size makes no difference."""
+
+MIN_WINDOWS = 8
+"""Fewest windows of a part of a log."""
+
+
+class Amount(NamedTuple):
+    """How much of a change residuals contain, its standard error, and what the free coordinates do of the change."""
+
+    value: float
+    error: float
+    along: Array
+
+    @property
+    def significance(self) -> float:
+        """The amount over its standard error."""
+        return self.value / self.error
+
+
+@dataclass
+class Evidence:
+    """Residuals of a fit, and what noise makes of them.
+
+    Attributes
+    ----------
+    fit
+        As it is now.
+    finer
+        Inputs with a shorter substep: what they change is an error of the model.
+    """
+
+    fit: Fit
+    finer: LogInputs
+    _factors: Array = field(init=False)
+    _residual: Array = field(init=False)
+    _jacobian: Array = field(init=False)
+    _shaken: Array = field(init=False)
+    _stepped: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Weigh residuals and changes as the fit does."""
+        fit = self.fit
+        self._residual, self._jacobian = fit.weighed()
+        self._factors = fit.factors()
+        self._shaken = np.stack([self._weighed(fit.change(fit.p, inputs)) for inputs in fit.windows.shaken])
+        self._stepped = self._weighed(fit.change(fit.p, self.finer))
+
+    def _weighed(self, change: Array) -> Array:
+        return self._factors[:, None] * change
+
+    def term(self, i: int, size: float) -> Amount:
+        """Test a change of a coordinate that is not searched."""
+        p = self.fit.p.copy()
+        p[i] += size
+        return self._tested(self._weighed(self.fit.change(p)))
+
+    def part(self, i: int, part: Flags) -> Amount:
+        """Test a change of the free coordinate ``fit.free[i]`` in a part of the windows only, shape (windows,)."""
+        return self._tested(self._jacobian[:, :, i] * part[:, None])
+
+    def _tested(self, change: Array) -> Amount:
+        """Return the amount of a weighted change (windows, 2·length) in the residuals."""
+        columns = self._jacobian.reshape(-1, self._jacobian.shape[2])
+        size = np.sqrt(np.maximum(np.sum(columns**2, axis=0), 1e-30))
+        normal = columns.T @ columns / np.outer(size, size) + SINGULAR * np.eye(len(size))
+        along: Array = _LINEAR.solve(normal, columns.T @ change.ravel() / size) / size
+        own = change - (columns @ along).reshape(change.shape)
+        total = float(np.sum(own**2))
+        if total <= 1e-9 * float(np.sum(change**2)) or total == 0.0:
+            return Amount(0.0, np.inf, along)
+        white = np.sum(own**2, axis=1) @ (self._factors * self.fit.windows.noise) ** 2
+        forces = np.sum(np.mean(np.sum(own * self._shaken, axis=2) ** 2, axis=0))
+        step = np.sum(own * self._stepped) ** 2
+        error = float(np.sqrt(white + forces + step)) / total
+        return Amount(float(-np.sum(own * self._residual)) / total, error, along)
+
+
+def admit_terms(fit: Fit, finer: LogInputs, kept: dict[int, str]) -> None:
+    """Search those terms of the clutches that the residuals ask for, one after the other; keep the others.
+
+    Adds to ``kept`` why they are: from which size on the log would show them.
+    """
+    waiting = [i for i in at.TERMS if i not in fit.free and i not in kept]
+    while waiting:
+        evidence = Evidence(fit, finer)
+        tests = {(i, size): evidence.term(i, size) for i in waiting for size in SIZES[i]}
+        asked = {test: _asked(test[0], amount) for test, amount in tests.items()}
+        i, size = max(asked, key=lambda test: asked[test])
+        if asked[i, size] < SIGNIFICANT:
+            kept |= {i: _unseen(i, {each: tests[i, each] for each in SIZES[i]}) for i in waiting}
+            return
+        fit.p[i] += size * (1.0 if i == at.STRIBECK else tests[i, size].value)
+        fit.p = fit.p.clip(at.LOWEST, fit.shape.highest)
+        fit.free = sorted([*fit.free, i])
+        fit.search()
+        waiting.remove(i)
+
+
+def _asked(i: int, amount: Amount) -> float:
+    """Return how significantly residuals ask for a term, some of which cannot be negative."""
+    return abs(amount.significance) if at.LOWEST[i] < 0.0 else amount.significance
+
+
+def _unseen(i: int, tests: dict[float, Amount]) -> str:
+    """Return why a term is kept, by the tests of its sizes."""
+    if len(tests) == 1:
+        ((size, test),) = tests.items()
+        shown = SIGNIFICANT * test.error * size
+    else:
+        shown = min((size for size, test in tests.items() if SIGNIFICANT * test.error <= 1.0), default=np.inf)
+    if not shown < COORDINATES[i].max_error:
+        return COORDINATES[i].unseen
+    what = f"{100.0 * shown:.2g} % from 1" if i == at.FALL_RATIO else f"{shown:.2g} {at.TERMS[i]}"
+    return f"the log does not ask for it, and would show {what}"
+
+
+def find_differences(fit: Fit, finer: LogInputs, log: Log, motion: Smoothed) -> tuple[str, ...]:
+    """Find numbers that differ between parts of the log, and return the most significant ones first, as sentences.
+
+    Adds to the fit's spread how far coordinates would go if the number had a value of its own in the part that tells
+    less of it.
+    """
+    said: list[tuple[float, str]] = []
+    parts = list(_parts(fit, log, motion))
+    if not (fit.free and parts):
+        return ()
+    evidence = Evidence(fit, finer)
+    for column, i in enumerate(fit.free):
+        tests = [(name, evidence.part(column, part)) for name, part in parts]
+        name, found = max(tests, key=lambda test: abs(test[1].significance))
+        if abs(found.significance) >= SIGNIFICANT:
+            said.append((abs(found.significance), f"{COORDINATES[i].quantity} differs {name}"))
+            own = np.eye(len(fit.free))[column] - found.along
+            change = np.zeros(at.COUNT)
+            change[fit.free] = found.value * min(own, found.along, key=lambda each: abs(float(each[column])))
+            fit.spread = fit.spread + np.outer(change, change)
+    return tuple(sentence for _, sentence in sorted(said, reverse=True))
+
+
+def _parts(fit: Fit, log: Log, motion: Smoothed) -> Iterator[tuple[str, Flags]]:
+    """Yield parts of the windows in which the model must hold as it does in the others, with their names."""
+    windows, machine = fit.windows, fit.shape.machine(fit.p)
+    rows = windows.first[:, None] + np.arange(windows.length + 1)
+    behind = lagged(log, log.volts, machine.clutch.time_constant)
+    engaged: Flags = np.any(behind[rows] > ENGAGED, axis=1)
+    slip = motion.omega @ slip_rows(machine).T
+    speed = np.abs(motion.omega[rows]).max(axis=(1, 2))
+    braked = (behind * slip)[rows].sum(axis=(1, 2))
+    falls = ((behind - log.volts)[rows] > ENGAGED).any(axis=(1, 2))
+    halves = {
+        "between the halves of the log": windows.first.astype(float),
+        "between slow and fast motion": speed,
+        "with theta_A": motion.theta[windows.first, 0],
+        "with theta_B": motion.theta[windows.first, 1],
+    }
+    used = windows.used
+    parts = [(name, values > np.median(values[used])) for name, values in halves.items()]
+    parts += [("with the direction of slip", braked > 0.0), ("where torques fall", falls)]
+    parts += [(f"where clutch {x} is on", each) for x, each in enumerate(engaged.T, 1)]
+    for name, part in parts:
+        if min((used & part).sum(), (used & ~part).sum()) >= MIN_WINDOWS:
+            yield name, part

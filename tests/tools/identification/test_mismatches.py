@@ -1,0 +1,49 @@
+"""Logs of machines and sensors that are not as assumed: numbers are right within their intervals, or not identified."""
+
+import pytest
+
+from oracle.mismatched import CASES, IN_THE_MODEL, Case
+from oracle.recorded import Recorded
+from pter_gym.params import BASELINE
+from pter_gym.tools.identification import Identification, identify
+
+IN_THE_GATE = ("Stribeck 0.1 rad/s", "off-state torque 0.5 N·m", "T_s/T_k of clutch 3 +10 %")
+
+STIFF = 0.02
+"""Of a number's scale: what the stiff springs of the oracle may change."""
+
+TERMS = ("off_state", "stribeck", "fall_ratio")
+
+
+def wrong(case: Case, found: Identification) -> dict[str, str]:
+    """Numbers that are called identified and outside their intervals."""
+    true, said = case.true_values(found.fit.shape.top), dict[str, str]()
+    for finding in found.findings:
+        q = finding.quantity
+        slack = STIFF if isinstance(case.machine, Recorded) else case.slack
+        off = abs(q.value - true[q.name])
+        if finding.status == "identified" and off > finding.half_width + slack * q.scale:
+            said[q.name] = f"{off:.3g} > {finding.half_width:.3g} {q.unit}"
+    return said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in IN_THE_GATE else pytest.mark.long) for name in CASES]
+)
+def test_nothing_wrong_is_called_identified(name: str):
+    case = CASES[name]
+    found = identify(case.log(), BASELINE)
+    assert wrong(case, found) == {}
+    told = {finding.quantity.name: finding for finding in found.findings}
+    if name in IN_THE_MODEL:
+        assert found.verdict.explained
+        true, before = case.true_values(found.fit.shape.top), {"fall_ratio": 1.0}
+        for term in TERMS:
+            assert bool(told[term].reason) == (told[term].status == "kept")
+            if true[term] != before.get(term, 0.0):
+                assert told[term].status != "kept"
+                assert abs(told[term].quantity.value - true[term]) <= told[term].half_width
+            elif told[term].status == "kept":
+                assert told[term].quantity.value == true[term]
+    assert any("gain" in each for each in found.assumptions)
