@@ -1,6 +1,5 @@
 """Parameters of the machine: frozen dataclasses in SI, each field with its unit and provenance."""
 
-from pter_gym.params._actuators import Actuator
 from pter_gym.params._connection import PAPER_CLUTCHES, SLOTS, Connection
 from pter_gym.params._fields import (
     MAX_NUMBER,
@@ -49,7 +48,6 @@ __all__ = [
     "MIN_POSITIVE",
     "PAPER_CLUTCHES",
     "SLOTS",
-    "Actuator",
     "Arm",
     "Checked",
     "Clutch",

@@ -139,7 +139,7 @@ def test_gymnasiums_statistics_are_taken_too() -> None:
 def test_other_models_and_wrappers_are_refused() -> None:
     bad = {
         "observation_space": spaces.Box(-1.0, 1.0, (5,)),
-        "action_space": spaces.Box(-1.0, 1.0, (3,)),
+        "action_space": spaces.Box(-1.0, 1.0, (5,)),
         " action_space": spaces.Box(-np.inf, np.inf, (4,)),
     }
     for name, space in bad.items():

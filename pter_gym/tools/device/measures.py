@@ -15,10 +15,10 @@ from pter_gym.scenarios import find_scenario
 from pter_gym.scenarios._fixed_machine import FixedMachine
 from pter_gym.tasks.path_following._telemetry import COLUMN
 
-FREQUENCY = 1.0
+FREQUENCY = 5.0
 """Frequency at which impedances are compared [Hz]."""
 
-SHAKE, SETTLING, PERIODS = 10.0, 2, 3
+SHAKE, SETTLING, PERIODS = 10.0, 2, 5
 """Force that shakes the free device [N], and the periods before and while its impedance is measured."""
 
 WALLS = 8
@@ -36,11 +36,11 @@ class Rendering:
     least_resisting_n, largest_resisting_n
         The same of the force against the motion [N].
     free_impedance
-        |F/V| across the line at 1 Hz without voltage [N·s/m]; infinite where 10 N do not move the arm.
+        |F/V| across the line at ``FREQUENCY`` without voltage [N·s/m]; infinite where 10 N do not move the arm.
     wall_stiffness
         Stiffness [N/m] of the wall of the scenario ``wall`` with the law that was given; NaN if nothing touched it.
     z_width_db
-        Impedance of that wall at 1 Hz over ``free_impedance`` [dB]; NaN where one of them is not a number.
+        Impedance of that wall at ``FREQUENCY`` over ``free_impedance`` [dB]; NaN where one of them is not a number.
     """
 
     least_steering_n: float

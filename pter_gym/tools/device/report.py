@@ -23,7 +23,7 @@ from pter_gym.errors import unknown_name
 from pter_gym.policies._stored_gains import make_guided
 from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.scenarios._fixed_machine import AnyMachine, FixedMachine, find_fixed_machine
-from pter_gym.tools.device.measures import Rendering, measure_rendering
+from pter_gym.tools.device.measures import FREQUENCY, Rendering, measure_rendering
 from pter_gym.tools.tuning.search import tune
 
 SCENARIOS = {"standard": "single-dof", "corridor": "impedance", "wall": "impedance"}
@@ -186,9 +186,9 @@ ROWS = {
     "largest_steering_n": ("Steering force, best direction of motion", "N"),
     "least_resisting_n": ("Force against the motion, worst direction", "N"),
     "largest_resisting_n": ("Force against the motion, best direction", "N"),
-    "free_impedance": ("Impedance without voltage, 1 Hz", "N·s/m"),
+    "free_impedance": (f"Impedance without voltage, {FREQUENCY:g} Hz", "N·s/m"),
     "wall_stiffness": ("Stiffness of a rendered wall", "N/m"),
-    "z_width_db": ("Z-width, 1 Hz", "dB"),
+    "z_width_db": (f"Z-width, {FREQUENCY:g} Hz", "dB"),
 }
 """What the page says of each number of ``Rendering``."""
 
