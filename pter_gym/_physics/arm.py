@@ -131,24 +131,17 @@ def joint_torque(arm: Linkage, q: Motion, force_x: float, force_y: float) -> tup
 @device
 def directed(mean: float, by: Deviator, x: float, y: float) -> Vector:
     """Return a vector (x, y) times a symmetric matrix, from its mean over all directions and its deviator."""
-    return Vector(mean * x + (by.stretch * x + by.shear * y), mean * y + (by.shear * x - by.stretch * y))
+    return Vector((mean + by.stretch) * x + by.shear * y, by.shear * x + (mean - by.stretch) * y)
 
 
 @device
 def damper_matrix(arm: Linkage, q: Motion) -> tuple[float, float, float]:
-    """Return JᵀBJ [N·m·s], the entries (1, 1), (1, 2), (2, 2) of the hand's damping B at the links.
-
-    A deviator's share is −l_i·l_j·(stretch·cos(θ_i + θ_j) + shear·sin(θ_i + θ_j)).
-    """
-    by, length_a, length_b = arm.damping_by, arm.length_a, arm.length_b
-    cos_aa, sin_aa = q.cos_a * q.cos_a - q.sin_a * q.sin_a, 2.0 * q.sin_a * q.cos_a
-    cos_ab, sin_ab = q.cos_a * q.cos_b - q.sin_a * q.sin_b, q.sin_a * q.cos_b + q.cos_a * q.sin_b
-    cos_bb, sin_bb = q.cos_b * q.cos_b - q.sin_b * q.sin_b, 2.0 * q.sin_b * q.cos_b
-    return (
-        (arm.damping - (by.stretch * cos_aa + by.shear * sin_aa)) * length_a * length_a,
-        (arm.damping * cos_difference(q) - (by.stretch * cos_ab + by.shear * sin_ab)) * length_a * length_b,
-        (arm.damping - (by.stretch * cos_bb + by.shear * sin_bb)) * length_b * length_b,
-    )
+    """Return JᵀBJ [N·m·s], the entries (1, 1), (1, 2), (2, 2) of the hand's damping B at the links."""
+    a_x, a_y = -arm.length_a * q.sin_a, arm.length_a * q.cos_a
+    b_x, b_y = -arm.length_b * q.sin_b, arm.length_b * q.cos_b
+    on_a = directed(arm.damping, arm.damping_by, a_x, a_y)
+    on_b = directed(arm.damping, arm.damping_by, b_x, b_y)
+    return a_x * on_a.x + a_y * on_a.y, a_x * on_b.x + a_y * on_b.y, b_x * on_b.x + b_y * on_b.y
 
 
 @device

@@ -157,30 +157,50 @@ def holding(breakaway: float, dynamic: float) -> float:
 
 
 @device
-def sliding(slip: float, breakaway: float, dynamic: float, stribeck: float, viscous: float) -> float:
-    """Return the torque [N·m] of a clutch that slips: from breakaway to dynamic torque as it speeds up, and viscous."""
-    return dynamic + (breakaway - dynamic) * (stribeck / (stribeck + slip * slip)) + viscous * abs(slip)
+def sliding(slip: float, breakaway: float, dynamic: float, part: float, viscous: float) -> float:
+    """Return the torque [N·m] of a clutch that slips, where a part is left of what breakaway torque has above dynamic."""
+    return dynamic + (breakaway - dynamic) * part + viscous * abs(slip)
 
 
 @device
-def capacity(
-    slip: float, threshold: float, breakaway: float, dynamic: float, stribeck: float = 0.0, viscous: float = 0.0
-) -> float:
+def capacity(slip: float, threshold: float, breakaway: float, dynamic: float, part: float, viscous: float) -> float:
     """Return the torque limit [N·m] for the next substep by Karnopp's rule (paper Eq. 2)."""
-    held, speed = holding(breakaway, dynamic), abs(slip)
-    faster = speed if speed > threshold else threshold  # a branch that is not taken has derivatives, too
-    return held if speed < threshold else sliding(faster, breakaway, dynamic, stribeck, viscous)
+    held = holding(breakaway, dynamic)
+    return held if abs(slip) < threshold else sliding(slip, breakaway, dynamic, part, viscous)
+
+
+@device
+def squared_slip(slip: float, threshold: float) -> float:
+    """Return the square of a slip velocity, at least that of the edge of the stick band."""
+    square, edge = slip * slip, threshold * threshold
+    return square if square > edge else edge
+
+
+@device
+def falling(slip: PerClutch, threshold: float, stribeck: float) -> PerClutch:
+    """Return ω_s²/(ω_s² + ω²) of the four clutches, from ω_s²; within the stick band, as at its edge.
+
+    There is one division for all, since they cost more than the products.
+    """
+    d1 = stribeck + squared_slip(slip.x1, threshold)
+    d2 = stribeck + squared_slip(slip.x2, threshold)
+    d3 = stribeck + squared_slip(slip.x3, threshold)
+    d4 = stribeck + squared_slip(slip.x4, threshold)
+    d12, d34 = d1 * d2, d3 * d4
+    left = stribeck / (d12 * d34)
+    left12, left34 = left * d34, left * d12
+    return PerClutch(left12 * d2, left12 * d1, left34 * d4, left34 * d3)
 
 
 @device
 def capacities(slip: PerClutch, threshold: float, torques: Torques, by: Sliding) -> PerClutch:
     """Return the torque limits [N·m] of the four clutches for the next substep (paper Eq. 2)."""
-    ts, tk = torques.breakaway, torques.dynamic
+    ts, tk, part = torques.breakaway, torques.dynamic, falling(slip, threshold, by.stribeck)
     return PerClutch(
-        capacity(slip.x1, threshold, ts.x1, tk.x1, by.stribeck, by.viscous.x1),
-        capacity(slip.x2, threshold, ts.x2, tk.x2, by.stribeck, by.viscous.x2),
-        capacity(slip.x3, threshold, ts.x3, tk.x3, by.stribeck, by.viscous.x3),
-        capacity(slip.x4, threshold, ts.x4, tk.x4, by.stribeck, by.viscous.x4),
+        capacity(slip.x1, threshold, ts.x1, tk.x1, part.x1, by.viscous.x1),
+        capacity(slip.x2, threshold, ts.x2, tk.x2, part.x2, by.viscous.x2),
+        capacity(slip.x3, threshold, ts.x3, tk.x3, part.x3, by.viscous.x3),
+        capacity(slip.x4, threshold, ts.x4, tk.x4, part.x4, by.viscous.x4),
     )
 
 

@@ -296,12 +296,12 @@ def kick_energy(
     omega_b = omega.b
     change_a = omega_a - q.omega_a
     change_b = omega_b - q.omega_b
-    b11, b12, b22 = damper_matrix(arm, q)
-    damped = b11 * omega_a * omega_a + 2.0 * b12 * omega_a * omega_b + b22 * omega_b * omega_b
-    w = slip_velocities(omega_a, omega_b, arrangement)
     m12 = arm.coupling * cos_difference(q)
+    b11, b22 = impact.m11 - arm.m11 - h * arm.viscous_a, impact.m22 - arm.m22 - h * arm.viscous_b
+    damped = b11 * omega_a * omega_a + 2.0 * (impact.m12 - m12) * omega_a * omega_b + b22 * omega_b * omega_b
+    w = slip_velocities(omega_a, omega_b, arrangement)
     return Energy(
-        h * (omega_a * impact.hand_a + omega_b * impact.hand_b - arm.implicit * damped),
+        h * (omega_a * impact.hand_a + omega_b * impact.hand_b) - damped,
         h * (limit.x1 * abs(w.x1) + limit.x2 * abs(w.x2) + limit.x3 * abs(w.x3) + limit.x4 * abs(w.x4))
         + h * (arm.viscous_a * omega_a * omega_a + arm.viscous_b * omega_b * omega_b),
         0.5 * (arm.m11 * change_a * change_a + arm.m22 * change_b * change_b) + m12 * change_a * change_b,

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -215,10 +216,10 @@ def test_torques_of_each_clutch_settle_are_scaled_and_lag():
 
 def test_torque_of_a_slipping_clutch_over_its_speed():
     """Half of T_s − T_k is left at the Stribeck velocity, and the viscous part grows without bound."""
-    assert clutch.sliding(0.5, 3.0, 2.0, 0.25, 0.0) == pytest.approx(2.5)
-    assert clutch.sliding(-0.5, 3.0, 2.0, 0.25, 0.4) == pytest.approx(2.7)
-    assert clutch.sliding(1e-9, 3.0, 2.0, 0.25, 0.4) == pytest.approx(3.0)
-    assert clutch.sliding(1e6, 3.0, 2.0, 0.25, 0.0) == pytest.approx(2.0)
+    assert clutch.sliding(-0.5, 3.0, 2.0, 0.5, 0.4) == pytest.approx(2.7)
+    part = clutch.falling(PerClutch(0.5, -0.05, 0.0, 1e6), 0.1, 0.25)
+    assert part == pytest.approx((0.5, 0.25 / 0.26, 0.25 / 0.26, 0.25e-12))
+    assert clutch.falling(PerClutch(0.5, -0.05, 0.0, 1e6), 0.1, 0.0) == (0.0, 0.0, 0.0, 0.0)
     torques = Torques(PerClutch(3.0, 3.0, 3.0, 3.0), PerClutch(2.0, 2.0, 2.0, 2.0))
     by = clutch.Sliding(0.25, PerClutch(0.0, 0.4, 0.0, 4.0))
     found = clutch.capacities(PerClutch(0.5, -0.5, 0.05, 0.5), 0.1, torques, by)
@@ -236,9 +237,10 @@ def test_heat_of_a_clutch_at_constant_power_settles_and_takes_torque():
 
 
 def test_karnopps_rule_at_the_border_of_its_band():
-    assert clutch.capacity(0.09, 0.1, 2.0, 1.0) == clutch.capacity(-0.09, 0.1, 2.0, 1.0) == 2.0
-    assert clutch.capacity(0.1, 0.1, 2.0, 1.0) == clutch.capacity(-0.1, 0.1, 2.0, 1.0) == 1.0
-    assert clutch.capacity(0.0, 0.1, 1.0, 2.0) == 2.0  # T_k above T_s
+    capacity = partial(clutch.capacity, part=0.0, viscous=0.0)
+    assert capacity(0.09, 0.1, 2.0, 1.0) == capacity(-0.09, 0.1, 2.0, 1.0) == 2.0
+    assert capacity(0.1, 0.1, 2.0, 1.0) == capacity(-0.1, 0.1, 2.0, 1.0) == 1.0
+    assert capacity(0.0, 0.1, 1.0, 2.0) == 2.0  # T_k above T_s
     torques = Torques(PerClutch(10.0, 20.0, 30.0, 40.0), PerClutch(1.0, 2.0, 3.0, 4.0))
     assert clutch.capacities(PerClutch(0.0, 1.0, -1.0, 0.0), 0.1, torques, clutch.NO_SLOPE) == (10.0, 2.0, 3.0, 40.0)
 
