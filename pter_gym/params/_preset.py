@@ -29,6 +29,7 @@ SECTIONS = {
     "hand": "The hand of the standard test: a constant push along the path, and Fmax of Eq. 5 across it.",
     "controller": "Spring and dampers at the tip, knots of the torque table, and the gain of the torque loop.",
     "sensing": "The time from a voltage to the motion that it makes, as a computer sees both.",
+    "runs": "The standard test: torques in the controller's table over the real ones, and the largest time constant.",
 }
 """The sections of a preset file in their order, and their headings; their fields are those of ``SHIPPED``."""
 
@@ -38,8 +39,8 @@ Section = Mapping[str, Any]
 CLUTCHES = "clutches"
 """The section after them, of machines with other clutches than the paper's: the row of W of each clutch by its name."""
 
-OPTIONAL = ("dry_a", "dry_b", "viscous_a", "viscous_b")
-"""Fields that a file may leave out: their values are those of ``SHIPPED``."""
+OPTIONAL = ("dry_a", "dry_b", "viscous_a", "viscous_b", "runs", "table_error", "time_constant_max")
+"""Fields and a section that a file may leave out: their values are those of ``SHIPPED``."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +52,7 @@ class Preset:
     arm, clutch, sensing
         Of a machine: fields of ``Arm``; the curve of dynamic torque, T_s/T_k, and each clutch's torques over those of
         the curve; a delay [s].
-    delrin, path, hand, controller
+    delrin, path, hand, controller, runs
         Of the paper's standard test.
     clutches
         What each clutch connects; the paper's four if a file has no section ``clutches``.
@@ -66,6 +67,7 @@ class Preset:
     hand: Section
     controller: Section
     sensing: Section
+    runs: Section
     provenance: Mapping[str, str]
     clutches: tuple[Connection, ...] = PAPER_CLUTCHES
 
@@ -102,13 +104,14 @@ def load_preset(path: FilePath) -> Preset:
 def parse_preset(text: str) -> Preset:
     """Return the preset in a TOML text; it raises a ValueError where ``load_preset`` raises a DataError."""
     tables = parse_toml(text)
-    _check_names("section", tables, (*SECTIONS, CLUTCHES), {CLUTCHES})
+    _check_names("section", tables, (*SECTIONS, CLUTCHES), {CLUTCHES, *OPTIONAL})
     provenance = {f"{name}.{each}": "chosen: not in the file" for name in SECTIONS for each in SHIPPED[name]}
     sections: dict[str, Any] = {}
     for name in SECTIONS:
-        _check_names(f"field of {name}", tables[name], SHIPPED[name], OPTIONAL)
+        table: Any = tables.get(name, {})
+        _check_names(f"field of {name}", table, SHIPPED[name], OPTIONAL)
         usual = {each: SHIPPED[name][each]["value"] for each in OPTIONAL if each in SHIPPED[name]}
-        sections[name] = usual | {each: _value(name, each, entry, provenance) for each, entry in tables[name].items()}
+        sections[name] = usual | {each: _value(name, each, entry, provenance) for each, entry in table.items()}
     if CLUTCHES in tables:
         _check_names(CLUTCHES, tables[CLUTCHES], tables[CLUTCHES], ())
         rows: Any = {each: _value(CLUTCHES, each, entry, provenance) for each, entry in tables[CLUTCHES].items()}
