@@ -265,6 +265,7 @@ HOPELESS, POOR = 6.0, 2.0
 """What is added for a candidate that is not looked at further after the first look, and after the runs: more than any
 that is looked at further can have."""
 
+
 class Quality(NamedTuple):
     """How close K candidates are, as arrays.
 
@@ -386,7 +387,7 @@ def _feedback(setups: Sequence[Setup]) -> Array:
 SIZE = 20
 """Candidates of a generation."""
 
-STEP, MIN_STEP = 0.12, 5e-4
+STEP, MIN_STEP = 0.04, 5e-4
 """Of a search, first and last, as a part of each number's range."""
 
 

@@ -84,7 +84,10 @@ def test_the_search_finds_the_lowest_point_of_a_valley():
     scale = 10.0 ** np.linspace(0.0, 1.0, len(SPACE))
     center = np.full(len(SPACE), 0.4)
     value, found = calibration.adapted(
-        lambda x: (((x - center) @ turned * scale) ** 2).sum(axis=1), np.random.default_rng(0), 12_000, np.full(len(SPACE), 0.9)
+        lambda x: (((x - center) @ turned * scale) ** 2).sum(axis=1),
+        np.random.default_rng(0),
+        12_000,
+        np.full(len(SPACE), 0.9),
     )
     assert value < 1e-3
     assert np.abs(found - center).max() < 0.02
