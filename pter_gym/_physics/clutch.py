@@ -158,7 +158,7 @@ def holding(breakaway: float, dynamic: float) -> float:
 
 @device
 def sliding(slip: float, breakaway: float, dynamic: float, part: float, viscous: float) -> float:
-    """Return the torque [N·m] of a clutch that slips, where a part is left of what breakaway torque has above dynamic."""
+    """Return the torque [N·m] of a slipping clutch, with a part of what breakaway torque has above the dynamic one."""
     return dynamic + (breakaway - dynamic) * part + viscous * abs(slip)
 
 

@@ -29,10 +29,11 @@ SECTIONS = {
     "hand": "The hand of the standard test: a constant push along the path, and Fmax of Eq. 5 across it.",
     "controller": "Spring and dampers at the tip, knots of the torque table, and the gain of the torque loop.",
     "sensing": "The time from a voltage to the motion that it makes, as a computer sees both.",
+    "runs": "The standard test: torques in the controller's table over the real ones, and the largest time constant.",
 }
 """The sections of a preset file in their order, and their headings."""
 
-OPTIONAL_SECTIONS = ("delrin", "path", "hand", "controller")
+OPTIONAL_SECTIONS = ("delrin", "path", "hand", "controller", "runs")
 """Sections that a file may leave out."""
 
 Value = float | tuple[float, ...]
@@ -52,7 +53,7 @@ TERMS = {
 KNOWN: Mapping[str, Section] = {name: SHIPPED[name] | (TERMS if name == "clutch" else {}) for name in SECTIONS}
 """The fields of each section with unit and usual value."""
 
-OPTIONAL = ("dry_a", "dry_b", "viscous_a", "viscous_b", *TERMS)
+OPTIONAL = ("dry_a", "dry_b", "viscous_a", "viscous_b", "table_error", "time_constant_max", *TERMS)
 """Fields that a file may leave out."""
 
 LEFT_OUT = "chosen: not in the file"
@@ -68,7 +69,7 @@ class Preset:
     arm, clutch, sensing
         Of a machine: fields of ``Arm``; the curve of dynamic torque, T_s/T_k, each clutch's torques over those of the
         curve, and other fields of ``Clutch``; a delay [s].
-    delrin, path, hand, controller
+    delrin, path, hand, controller, runs
         Of the paper's standard test.
     clutches
         What each clutch connects; the paper's four if a file has no section ``clutches``.
@@ -83,6 +84,7 @@ class Preset:
     hand: Section
     controller: Section
     sensing: Section
+    runs: Section
     provenance: Mapping[str, str]
     clutches: tuple[Connection, ...] = PAPER_CLUTCHES
 

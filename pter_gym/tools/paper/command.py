@@ -49,7 +49,7 @@ def reproduce(
     say(f"wrote {len(files)} files to {out}")
 
 
-def fit(seed: int = 0, budget: int = 20_000, trends: float = 0.3, out: Path = Path("pter-preset.toml")) -> None:
+def fit(seed: int = 0, budget: int = 6000, trends: float = 0.3, out: Path = Path("pter-preset.toml")) -> None:
     """Search for values that the paper does not print.
 
     The search fits its Table I and its trends, and writes the result as a preset.

@@ -125,6 +125,6 @@ def line_following(setup: Setup = SETUP) -> Result:
 
 def run_with_gains(setup: Setup, machine: Machine, gains: Sequence[float], time_constants: Sequence[float]) -> Result:
     """Run the standard test at each gain of the torque loops [V/(in·lbf)], by its text, and each time constant [s]."""
-    nominal, layout = machine if setup.own_table else setup.baseline, observation_layout(machine, "torque")
-    policies = {str(gain): setup.with_gain(gain / INCH_POUND).bind(nominal, layout) for gain in gains}
+    layout = observation_layout(machine, "torque")
+    policies = {str(gain): setup.policy(machine, layout, gain / INCH_POUND) for gain in gains}
     return run_standard_test(policies, machine=machine, task=setup.task, time_constants=time_constants)

@@ -4,15 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from pter_gym.controllers import TorqueFeedback
+from pter_gym._compiled.layout import Layout
+from pter_gym.controllers import Policy, TorqueFeedback
 from pter_gym.hands import eq5
-from pter_gym.params import Machine, paper_machines_of, require
+from pter_gym.params import Machine, paper_machines_of, require, with_friction
 from pter_gym.params._preset import Preset, load_preset
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import PathFollowing
-
-TIME_CONSTANTS = tuple(round(0.01 * k, 2) for k in range(1, 21))
-"""Time constants of the clutches in the test runs [s]. Those of the paper are lost with its figures."""
 
 STUDY = load_preset(Path(__file__).with_name("study.toml"))
 """The numbers of the experiments, as ``pter fit`` finds them. Scenarios have those of ``presets/pter.toml``."""
@@ -21,9 +19,18 @@ PAPER_MACHINES = paper_machines_of(STUDY)
 """The three machines of Table I by name, as the experiments have them."""
 
 
+RUNS = 20
+"""Number of time constants, evenly spaced up to the largest. Those of the paper are lost with its figures."""
+
+
 def task_of(preset: Preset) -> PathFollowing:
     """Return the standard test of a preset."""
     return PathFollowing(path=Line(**preset.path), hand=eq5(preset.hand["force_max"], preset.hand["push"]))
+
+
+def time_constants_of(preset: Preset) -> tuple[float, ...]:
+    """Return the time constants of a preset's test runs [s]."""
+    return tuple(round(preset.runs["time_constant_max"] * k / RUNS, 6) for k in range(1, RUNS + 1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +44,10 @@ class Setup:
     task, controller
         The standard test, and the impedance controller with torque feedback.
     own_table
-        Whether the controller of a Delrin machine has that machine's torque table.
+        Whether the controller of a Delrin machine has that machine's torque table, not the present clutches'.
+    table_error
+        Torques in that table over the real ones of the clutches that it describes: below 1 the controller thinks its
+        clutches weaker than they are, and brakes too hard. The paper's table is "similar to" the real one.
     time_constants
         Of the test runs, which Figs. 7 and 8 show and Table I averages [s].
     """
@@ -46,7 +56,8 @@ class Setup:
     task: PathFollowing = field(default_factory=lambda: task_of(STUDY))
     controller: TorqueFeedback = field(default_factory=lambda: TorqueFeedback(**STUDY.controller))
     own_table: bool = False
-    time_constants: tuple[float, ...] = TIME_CONSTANTS
+    table_error: float = STUDY.runs["table_error"]
+    time_constants: tuple[float, ...] = time_constants_of(STUDY)
 
     def __post_init__(self) -> None:
         """Check that there are machines; the parts have checked themselves."""
@@ -57,9 +68,11 @@ class Setup:
         """The machine with the present clutches."""
         return next(iter(self.machines.values()))
 
-    def with_gain(self, feedback: float) -> TorqueFeedback:
-        """Return the controller with another gain of its torque loops [V/(N·m)]; 0 is plain impedance control."""
-        return replace(self.controller, feedback=feedback)
+    def policy(self, machine: Machine, layout: Layout, feedback: float) -> Policy:
+        """Return a machine's controller with a gain of its torque loops [V/(N·m)]; 0 is plain impedance control."""
+        known = machine if self.own_table else self.baseline
+        assumed = replace(known, clutch=with_friction(known.clutch, self.table_error, self.table_error))
+        return replace(self.controller, feedback=feedback).bind(assumed, layout)
 
 
 SETUP = Setup()
@@ -67,6 +80,11 @@ SETUP = Setup()
 
 
 def setup_of(preset: Preset) -> Setup:
-    """Return the machines, the task and the controller of a preset."""
-    controller = TorqueFeedback(**preset.controller)
-    return Setup(machines=paper_machines_of(preset), task=task_of(preset), controller=controller)
+    """Return the setup of a preset."""
+    return Setup(
+        machines=paper_machines_of(preset),
+        task=task_of(preset),
+        controller=TorqueFeedback(**preset.controller),
+        table_error=preset.runs["table_error"],
+        time_constants=time_constants_of(preset),
+    )

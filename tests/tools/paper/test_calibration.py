@@ -1,7 +1,6 @@
 """The calibrated preset: Table I as close as it got, the rules of the search, and a repeatable search."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,9 +26,11 @@ def points(count: int) -> np.ndarray:
 
 def test_many_candidates_at_once_give_the_same_table():
     setups = [setup_of(preset) for preset in (decode(points(1)[0]), STUDY)]
-    found = calibration.quality_of(setups, (0.03, 0.105))
-    wanted = table1(time_constant_sweep(replace(setups[1], time_constants=(0.03, 0.105))))
-    np.testing.assert_allclose(found.table[1], list(wanted.values()), rtol=1e-12)
+    found = calibration.quality_of(setups, calibration.FIRST_LOOK)
+    sweeps = time_constant_sweep(setups[1], setups[1].time_constants[calibration.FIRST_LOOK])
+    np.testing.assert_allclose(found.table[1], list(table1(sweeps).values()), rtol=1e-12)
+    errors = np.array([sweep.position_error for sweep in sweeps.values()])
+    np.testing.assert_allclose(found.order[1], (errors[2] / errors[:2]).max(axis=1), rtol=1e-12)
 
 
 def test_rules_hold_at_every_point():
@@ -50,6 +51,8 @@ def test_rules_hold_at_every_point():
         assert 0.35 < mu <= 0.45
         assert theoretical.dynamic.slope == pytest.approx(baseline.dynamic.slope * 0.35 / mu)
         assert theoretical.breakaway.slope == pytest.approx(baseline.breakaway.slope * 0.20 / 0.45)
+        assert 0.7 <= setup.table_error <= 1.4
+        assert 0.15 - 1e-9 <= setup.time_constants[-1] <= 0.25 + 1e-9
         hand = eq5(preset.hand["force_max"], preset.hand["push"])
         peak = max(math.hypot(preset.hand["push"], hand.normal_force(t)) for t in seconds)
         assert max(peak, preset.hand["force_max"]) <= HAND_MAX + 0.1
@@ -81,7 +84,10 @@ def test_the_search_finds_the_lowest_point_of_a_valley():
     scale = 10.0 ** np.linspace(0.0, 1.0, len(SPACE))
     center = np.full(len(SPACE), 0.4)
     value, found = calibration.adapted(
-        lambda x: (((x - center) @ turned * scale) ** 2).sum(axis=1), np.random.default_rng(0), 12_000
+        lambda x: (((x - center) @ turned * scale) ** 2).sum(axis=1),
+        np.random.default_rng(0),
+        12_000,
+        np.full(len(SPACE), 0.9),
     )
     assert value < 1e-3
     assert np.abs(found - center).max() < 0.02

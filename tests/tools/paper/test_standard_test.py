@@ -7,6 +7,8 @@ import pytest
 from pter_gym.benchmark._measures import column, vector
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
+from pter_gym.params import with_friction
+from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.paper.clutch_tests import holding_torque
 from pter_gym.tools.paper.path_tests import (
     PAPER_TABLE,
@@ -21,12 +23,13 @@ from pter_gym.units import INCH_POUND, to_inches
 
 TAUS = [0.03, 0.105]
 BASELINE, DELRIN_THEORETICAL = PAPER_MACHINES["baseline"], PAPER_MACHINES["delrin_theoretical"]
-CONTROLLER = Setup().controller
+SETUP = Setup(table_error=1.0)
+CONTROLLER = SETUP.controller
 IMPEDANCE = Impedance(**{item.name: getattr(CONTROLLER, item.name) for item in fields(Impedance)})
 
 
 def test_a_sweep_is_the_benchmark_on_each_machine():
-    setup = Setup(own_table=True)
+    setup = replace(SETUP, own_table=True)
     sweeps = time_constant_sweep(setup, TAUS)
     table = table1(sweeps)
     assert list(sweeps) == list(table) == list(PAPER_TABLE)
@@ -56,6 +59,16 @@ def test_the_controller_of_a_delrin_machine_has_the_baselines_table():
     assert same == [True, False, False]
 
 
+def test_a_controller_with_a_wrong_table_is_that_of_a_machine_with_those_torques():
+    taus, factor = [0.105], 0.8
+    clutch = with_friction(BASELINE.clutch, factor, factor)
+    wrong = Setup(table_error=factor).policy(BASELINE, layout := observation_layout(BASELINE, "torque"), 0.0)
+    weaker = replace(CONTROLLER, feedback=0.0).bind(replace(BASELINE, clutch=clutch), layout)
+    assert (wrong.gains == weaker.gains).all()
+    exact, believed = (time_constant_sweep(Setup(table_error=each), taus)["baseline"] for each in (1.0, factor))
+    assert believed.tip_speed < exact.tip_speed  # it thinks its clutches weaker than they are, and brakes too hard
+
+
 def test_equal_peaks_change_the_size_of_the_torques_alone():
     machines = with_equal_peaks(Setup()).machines
     for name, machine in machines.items():
@@ -68,7 +81,7 @@ def test_equal_peaks_change_the_size_of_the_torques_alone():
 
 
 def test_gain_zero_is_impedance_control_and_the_gain_has_the_papers_unit():
-    sweep = gain_sweep(gains=[0.0, 0.06])
+    sweep = gain_sweep(SETUP, gains=[0.0, 0.06])
     controllers = {"": IMPEDANCE, "feedback": replace(CONTROLLER, feedback=0.06 / INCH_POUND)}
     runs = run_standard_test(controllers, machine=BASELINE, time_constants=[0.105], task=Setup().task).runs
     assert sweep.position_error.tolist() == [run[0].score.mean_error_m for run in runs.values()]
