@@ -53,7 +53,7 @@ TERMS = {
 KNOWN: Mapping[str, Section] = {name: SHIPPED[name] | (TERMS if name == "clutch" else {}) for name in SECTIONS}
 """The fields of each section with unit and usual value."""
 
-OPTIONAL = ("dry_a", "dry_b", "viscous_a", "viscous_b", "table_error", "time_constant_max", *TERMS)
+OPTIONAL = ("dry_a", "dry_b", "viscous_a", "viscous_b", *TERMS)
 """Fields that a file may leave out."""
 
 LEFT_OUT = "chosen: not in the file"
