@@ -8,8 +8,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, cast
 
-import numpy as np
-
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.plugins import PICTURES, registered
@@ -177,8 +175,7 @@ def _finite(value: Any) -> Any:
         return {key: _finite(each) for key, each in cast("dict[str, Any]", value).items()}
     if isinstance(value, list | tuple):
         return [_finite(each) for each in cast("list[Any]", value)]
-    plain: Any = value.item() if isinstance(value, np.generic) else value
-    return None if isinstance(plain, float) and not math.isfinite(plain) else plain
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 ROWS = {
