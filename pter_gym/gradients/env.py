@@ -201,7 +201,7 @@ def _following(config: Config, frame_skip: int) -> Any:
             _push_tip(w, 0, False)
             force.append(jnp.stack(load(w, ROW.force, 0)))
         body = Column({})
-        for name in ("machine", "motion", "torques", "lagged_volts", "drift"):
+        for name in ("machine", "motion", "torques", "lagged_volts", "strength"):
             store(body, getattr(BODY, name), 0, load(w, getattr(ROW, name), 0))
         column = jnp.stack([jnp.asarray(body.rows.get(row, 0.0), float) for row in range(BODY_WIDTH)])
         volts, push = jnp.stack(load(w, ROW.command, 0)), jnp.stack(force[:-1])

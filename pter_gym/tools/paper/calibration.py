@@ -23,7 +23,7 @@ from pter_gym.controllers._laws import IMPEDANCE, guide
 from pter_gym.errors import ParameterError
 from pter_gym.params import Arm, Machine, TorqueCurve
 from pter_gym.params._fields import check_number
-from pter_gym.params._preset import PRESET, Preset
+from pter_gym.params._preset import PRESET, TERMS, Preset
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import COLUMN, check_machine
 from pter_gym.tools.paper.claims import MAX_SATURATED, rank_correlation
@@ -130,6 +130,7 @@ def decode(point: Array) -> Preset:
             "time_constant": TIME_CONSTANT,
             "voltage_max": TABLE_VOLTS[-1],
             "scale": (1.0,) * 4,
+            **{name: each["value"] for name, each in TERMS.items()},
         },
         delrin={
             "dynamic_scale": rounded(values["delrin_scale"]),
