@@ -76,7 +76,7 @@ def wall_stiffness(force: ArrayLike, penetration: ArrayLike) -> float:
 
 
 def impedance(force: ArrayLike, velocity: ArrayLike, period: float, frequency: float) -> float:
-    """Return |F/V| [N·s/m] at a frequency: b for a damper, m·ω for a mass, k/ω for a spring, ω = 2π·frequency.
+    """Return ``|F/V|`` [N·s/m] at a frequency: b for a damper, m·ω for a mass, k/ω for a spring, ω = 2π·frequency.
 
     Parameters
     ----------

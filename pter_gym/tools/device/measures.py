@@ -36,7 +36,7 @@ class Rendering:
     least_resisting_n, largest_resisting_n
         The same of the force against the motion [N].
     free_impedance
-        |F/V| across the line at ``FREQUENCY`` without voltage [N·s/m]; infinite where 10 N do not move the arm.
+        ``|F/V|`` across the line at ``FREQUENCY`` without voltage [N·s/m]; infinite where 10 N do not move the arm.
     wall_stiffness
         Stiffness [N/m] of the wall of the scenario ``wall`` with the law that was given; NaN if nothing touched it.
     z_width_db
@@ -71,7 +71,7 @@ def measure_rendering(own: FixedMachine, law: AnyPolicy, pace: str) -> Rendering
 
 
 def _free_impedance(machine: Machine, theta: Any) -> float:
-    """Return |F/V| across the paper's line of the arm without voltage [N·s/m]."""
+    """Return ``|F/V|`` across the paper's line of the arm without voltage [N·s/m]."""
     period = 1.0 / FREQUENCY
     time = np.arange(round((SETTLING + PERIODS) * period / machine.substep)) * machine.substep
     push = np.stack([0.0 * time, SHAKE * np.cos(2.0 * math.pi * FREQUENCY * time)], axis=1)

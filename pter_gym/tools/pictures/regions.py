@@ -29,7 +29,7 @@ METRES_PER_NEWTON = 4e-4
 """Size of the polygons."""
 
 MARGIN = 0.2
-"""Smallest |sin(θA − θB)| that is drawn; the tasks have the same by default."""
+"""Smallest ``|sin(θA − θB)|`` that is drawn; the tasks have the same by default."""
 
 MIN_TOP = 10.0
 """Smallest range of the colours [N], so that a machine without steering force does not look as if it had some."""
