@@ -49,7 +49,7 @@ class LibraryArm:
 
     @property
     def hand(self) -> Hand:
-        """The hand for the simulator, in axes along those of the world; of the mass, the mean over all directions."""
+        """The hand for the simulator, with its axes, ``own`` ones too, along the world's; of the mass, the mean."""
         damping, stiffness = _anisotropy(self.damping), _anisotropy(self.stiffness)
         return replace(self.isotropic_hand, damping_anisotropy=damping, stiffness_anisotropy=stiffness)
 

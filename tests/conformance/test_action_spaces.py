@@ -19,9 +19,7 @@ ID = "PTER/PathFollowing-v0"
 def test_single_and_vector_environments_have_an_entry_for_each_clutch(name: str):
     count = COUNTS[name]
     env = gymnasium.make(ID, machine=name, action_unit="normalised", max_episode_steps=40)
-    envs = gymnasium.make_vec(
-        ID, num_envs=3, machine=name, action_unit="normalised", max_episode_steps=40, vector_kwargs={}
-    )
+    envs = gymnasium.make_vec(ID, num_envs=3, machine=name, action_unit="normalised", max_episode_steps=40)
     assert env.action_space.shape == envs.single_action_space.shape == (count,)
     check_env(env.unwrapped, skip_render_check=True)
     rng = np.random.default_rng(1)

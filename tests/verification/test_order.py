@@ -110,9 +110,6 @@ EULER = {
 }
 """Root mean square error [rad] at 1 ms of semi-implicit Euler, in which slips that jump over the band may stick."""
 
-EDGE_ERROR = 1e-5
-"""Error [rad] that a clutch makes which counts as sliding from 1 to 1.01 δω, where the reference holds: in a second."""
-
 GATED = {"equal torques", "breakaway above dynamic"}
 """What the gate looks at; the other machines are long."""
 
@@ -121,9 +118,11 @@ GATED = {"equal torques", "breakaway above dynamic"}
     "name", [pytest.param(name, marks=pytest.mark.slow if name in GATED else pytest.mark.long) for name in MACHINES]
 )
 def test_the_error_falls_with_the_step_and_is_small(name):
+    """A clutch that begins a substep from 1 to 1.01 δω slides, where the reference holds it: 1 % of δω for so long."""
+    edge = 0.01 * MACHINES[name].slip_threshold * DURATION
     for mean, error in means(name).items():
         assert order(error) >= {"geometric": 0.8, "rms": 0.7}[mean]
-        assert np.all(error[2:] <= np.maximum(error[:-2] / 2.0**0.5, EDGE_ERROR)), "a plateau"
+        assert np.all(error[2:] <= np.maximum(error[:-2] / 2.0**0.5, edge)), "a plateau"
     assert means(name)["rms"][1] <= EULER.get(name, EULER["breakaway above dynamic"]) / 4.0
     assert_most_scenarios_count_and_switch_modes(name)
 

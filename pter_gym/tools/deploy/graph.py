@@ -34,7 +34,7 @@ def write_onnx(
     Its inputs, each float32 (N, 1), are the entries of the observation that it uses, by their names, as they are in the
     observation, and ``base_1`` to ``base_4``, the voltages of the controller that it corrects [V]. A network that
     sees earlier inputs or averages also has the input ``earlier``, float32 (N, inputs · (delays + averages)): what the
-    output ``inputs`` was so many decisions ago, then its averages. The output ``volts`` is float32 (N, 4) [V].
+    output ``inputs`` was so many decisions ago, then its averages. The output ``volts`` is float32 (N, clutches) [V].
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
         x = graph.node("Tanh", x) if layer < len(policy.layers) - 1 else x
     graph.cast(voltages(graph, graph.limited(x, -1.0, 1.0), policy), "FLOAT", out="volts")
     sizes = {each: earlier if each == "earlier" else 1 for each in graph.inputs}
-    outputs = {"volts": 4} | ({"inputs": count} if earlier else {})
+    outputs = {"volts": len(interface.clutches)} | ({"inputs": count} if earlier else {})
     given, made = (
         [helper.make_tensor_value_info(each, TensorProto.FLOAT, ["N", size]) for each, size in sides.items()]
         for sides in (sizes, outputs)
@@ -185,6 +185,6 @@ def voltages(graph: Graph, output: str, policy: TrainedPolicy) -> str:
     if interface.base is None:
         base = graph.constant(top / 2.0)
     else:
-        base = graph.node("Concat", *map(graph.given, BASE_INPUTS), axis=1)
+        base = graph.node("Concat", *map(graph.given, BASE_INPUTS[: len(interface.clutches)]), axis=1)
     corrected = graph.node("Add", base, graph.node("Mul", output, graph.constant(interface.reach)))
     return graph.limited(corrected, 0.0, top)

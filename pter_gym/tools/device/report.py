@@ -11,6 +11,7 @@ from typing import Any, cast
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.plugins import PICTURES, registered
+from pter_gym._internal.terminal import make_folder
 from pter_gym._version import __version__
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.boards import Leaderboard, leaderboards
@@ -122,8 +123,8 @@ def examine_device(
     if pace not in PACES:
         raise unknown_name("pace", pace, PACES)
     trials, count = whole_number("trials", trials), whole_number("episodes", episodes)
+    make_folder(out)
     folder = find_path("out", out)
-    folder.mkdir(parents=True, exist_ok=True)
     gains: dict[str, dict[str, float | bool]] = {}
     runs: list[ScenarioRun] = []
     tuned: dict[str, AnyPolicy] = {}

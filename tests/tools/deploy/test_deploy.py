@@ -26,9 +26,10 @@ from pter_gym.benchmark.simulation import record_episode
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import PerClutch, Policy, bind, device
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, find_machine
+from pter_gym.params import BASELINE, MACHINES, find_machine
 from pter_gym.paths import find_path
 from pter_gym.policies import Input
+from pter_gym.policies._interface import clutch_rows
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, OBS, PathFollowing, observation_layout
 from pter_gym.tools.deploy import Source, source_of, write_onnx
@@ -240,15 +241,25 @@ def test_a_program_that_drives_the_arm_scores_as_the_policy(tmp_path: Path):
     assert all((found[name] == wanted[name]).all() for name in wanted)
 
 
-@pytest.mark.parametrize("name", ["ppo-standard", "residual"])
-def test_onnx_gives_the_policys_actions(name: str, recorded: Any, tmp_path: Path):
+def two_outputs() -> Any:
+    """The residual policy's first two outputs, for an arm of two brakes."""
+    policy, rows = find_policy("residual"), clutch_rows(MACHINES["two-brakes"])
+    *before, (weight, bias) = policy.layers
+    interface = replace(policy.interface, clutches=rows)
+    return replace(policy, interface=interface, layers=(*before, (weight[: len(rows)], bias[: len(rows)])))
+
+
+@pytest.mark.parametrize(
+    ("name", "machine"), [("ppo-standard", "baseline"), ("residual", "baseline"), (two_outputs, "two-brakes")]
+)
+def test_onnx_gives_the_policys_actions(name: Any, machine: str, recorded: Any, tmp_path: Path):
     pytest.importorskip("onnx")
     runtime = pytest.importorskip("onnxruntime")
-    policy = find_policy(name)
-    session = runtime.InferenceSession(write_onnx(policy, tmp_path / "policy.onnx", name=name))
-    layout, interface = observation_layout(BASELINE, "torque"), policy.interface
-    bound, names = bind(policy, BASELINE, layout), [each.name for each in session.get_inputs()]
-    base = bind(interface.base, BASELINE, layout) if interface.base else None
+    policy = name() if callable(name) else find_policy(name)
+    session = runtime.InferenceSession(write_onnx(policy, tmp_path / "policy.onnx", machine=machine))
+    layout, interface = observation_layout(machine, "torque"), policy.interface
+    bound, names = bind(policy, machine, layout), [each.name for each in session.get_inputs()]
+    base = bind(interface.base, machine, layout) if interface.base else None
     assert set(names) <= {*layout.names, "base_1", "base_2", "base_3", "base_4", "earlier"}
     past: list[Any] = []
     means: list[Any] = []
@@ -266,7 +277,8 @@ def test_onnx_gives_the_policys_actions(name: str, recorded: Any, tmp_path: Path
             ]
             given["earlier"] = np.concatenate([*(past[delay] for delay in interface.history), *means], axis=1)
         (volts,) = session.run(["volts"], {each: given[each] for each in names})
-        assert np.abs(volts - bound.act(obs)).max() < 1e-6 * TOP
+        assert volts.shape == (WORLDS, len(interface.clutches))
+        assert np.abs(volts - bound.act(obs)[:, : len(interface.clutches)]).max() < 1e-6 * TOP
 
 
 def unsupported() -> Any:
