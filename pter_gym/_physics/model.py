@@ -20,6 +20,7 @@ class Model(NamedTuple):
     breakaway: Annotated[Curve, Entry("", "breakaway torque")]
     dynamic: Annotated[Curve, Entry("", "dynamic torque")]
     sliding: Sliding
+    is_plain: Annotated[float, Entry("1", "1 if torques depend on no slip velocity and rise as fast as they fall")]
     voltage_decay: Annotated[Decay, Entry("1", "{} voltage", name="voltage_decay")]
     torque_decay: Annotated[Decay, Entry("1", "{} torque", name="torque_decay")]
     fade: Annotated[float, Entry("1/J", "torque lost with the heat of a clutch")]
@@ -59,6 +60,7 @@ def model_of(machine: Machine) -> Model:
         sliding=Sliding(
             clutch.stribeck * clutch.stribeck, PerClutch(*(clutch.viscous * scale for scale in machine.slot_scale))
         ),
+        is_plain=1.0 if (clutch.stribeck, clutch.viscous, clutch.fall_ratio) == (0.0, 0.0, 1.0) else 0.0,
         voltage_decay=decay if lags_voltage else NO_LAG,
         torque_decay=NO_LAG if lags_voltage else decay,
         fade=clutch.fade,

@@ -26,7 +26,9 @@ from pter_gym._physics.arm import (
 )
 from pter_gym._physics.arrangement import Arrangement, OptionalArrangement, sign
 from pter_gym._physics.clutch import (
+    Decay,
     PerClutch,
+    Sliding,
     Torques,
     any_changes,
     capacities,
@@ -330,7 +332,24 @@ def arrangement_from(at: Any) -> Any:
     return declared
 
 
-def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> tuple[Any, Any, Any]:
+@device
+def paper_sliding(w: Any, i: int) -> None:
+    """Return what stands for clutches whose torques depend on no slip velocity and rise as fast as they fall."""
+
+
+def sliding_from(at: Any) -> Any:
+    """Return a function of an array and a machine's column that returns the machine's ``Sliding``."""
+
+    @device
+    def sliding(w: Any, i: int) -> Sliding:
+        return load(w, at.machine.sliding, i)
+
+    return sliding
+
+
+def substep_on(
+    at: Any, load_on: Any, arrangement_at: Any = paper_clutches, sliding_at: Any = None
+) -> tuple[Any, Any, Any]:
     """Return what makes a substep for machines in the columns of an array: ``aim``, ``drift`` and ``kick``.
 
     A substep is half a drift, a kick and half a drift; between two kicks the halves make a whole one. There are two
@@ -345,6 +364,8 @@ def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> t
         ``load_on(w, i)`` returns the ``Load`` on the arm of machine ``i``.
     arrangement_at
         ``paper_clutches``, or ``arrangement_from(at)`` for machines with other clutches than the paper's.
+    sliding_at
+        ``paper_sliding``, or ``sliding_from(at)``, the default, for machines that are not ``Model.is_plain`` too.
 
     Returns
     -------
@@ -357,6 +378,8 @@ def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> t
         ``kick(w, lanes, h)`` changes the velocities of the first ``lanes`` machines by the forces and the friction of
         the present instant over a time h [s].
     """
+    sliding_at = sliding_at or sliding_from(at)
+    symmetric = sliding_at is paper_sliding
 
     @device
     def aim(w: Any, i: int, whole: bool) -> None:
@@ -370,6 +393,7 @@ def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> t
     @device
     def drift(w: Any, i: int, h: float, whole: bool) -> None:
         left = load(w, at.machine.torque_decay, i)
+        left = Decay(left.rise, left.rise) if symmetric else left
         decay = whole_decay(left) if whole else left
         store(w, at.torques, i, relax_torques(load(w, at.torques, i), load(w, at.steady, i), decay))
         before = load(w, at.motion, i)
@@ -377,7 +401,7 @@ def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> t
         store(w, at.motion, i, after)
         w[at.energy.residual, i] += turning_energy(before, after, load(w, at.machine.arm, i))
 
-    find, take, divide = _parts_on(at, load_on, arrangement_at)
+    find, take, divide = _parts_on(at, load_on, arrangement_at, sliding_at)
 
     @device
     def kick(w: Any, lanes: int, h: float) -> None:
@@ -415,24 +439,33 @@ def control_step_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches,
         machines. ``aims`` says that steady torques change within the step, as with voltages that lag.
     """
     aim, drift, kick = substep_on(at, load_on, arrangement_at)
+    _, plain_drift, plain_kick = substep_on(at, load_on, arrangement_at, paper_sliding)
 
     @device
     def control_step(w: Any, lanes: int, h: float, count: int, aims: bool, guides: bool) -> None:
+        are_plain = count_nonzero(w, at.machine.is_plain, lanes) == lanes
         for k in range(count + 1):
             whole = (k > 0) & (k < count)
             if aims | (k == 0):
                 for i in range(lanes):
                     aim(w, i, whole)
-            for i in range(lanes):
-                drift(w, i, h, whole)
+            if are_plain:
+                for i in range(lanes):
+                    plain_drift(w, i, h, whole)
+            else:
+                for i in range(lanes):
+                    drift(w, i, h, whole)
             move_hands(w, lanes, h, whole, guides)
             if k < count:
-                kick(w, lanes, h)
+                if are_plain:
+                    plain_kick(w, lanes, h)
+                else:
+                    kick(w, lanes, h)
 
     return control_step
 
 
-def _parts_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any, Any]:
+def _parts_on(at: Any, load_on: Any, arrangement_at: Any, sliding_at: Any) -> tuple[Any, Any, Any]:
     """Return what makes a kick, each for the machine in column ``i`` of an array; see ``substep_on``."""
 
     @device
@@ -445,7 +478,7 @@ def _parts_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any, Any
         impact = free_motion(q, arm, load_on(w, i), h)
         arrangement = arrangement_at(w, i)
         before = slip_velocities(q.omega_a, q.omega_b, arrangement)
-        limit = capacities(before, threshold, torques, load(w, at.machine.sliding, i))
+        limit = capacities(before, threshold, torques, sliding_at(w, i))
         limit = with_dry(limit, arm.dry_a, arm.dry_b, arrangement)
         most = impulses(limit, h)
         omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, most, arrangement)

@@ -242,7 +242,7 @@ def test_karnopps_rule_at_the_border_of_its_band():
     assert capacity(0.1, 0.1, 2.0, 1.0) == capacity(-0.1, 0.1, 2.0, 1.0) == 1.0
     assert capacity(0.0, 0.1, 1.0, 2.0) == 2.0  # T_k above T_s
     torques = Torques(PerClutch(10.0, 20.0, 30.0, 40.0), PerClutch(1.0, 2.0, 3.0, 4.0))
-    assert clutch.capacities(PerClutch(0.0, 1.0, -1.0, 0.0), 0.1, torques, clutch.NO_SLOPE) == (10.0, 2.0, 3.0, 40.0)
+    assert clutch.capacities(PerClutch(0.0, 1.0, -1.0, 0.0), 0.1, torques) == (10.0, 2.0, 3.0, 40.0)
 
 
 def test_which_clutches_change():
@@ -571,7 +571,7 @@ def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts:
             assert part.before == before, "one part begins where another ended, in the pose of the first"
             before = before._replace(omega_a=part.omega.a, omega_b=part.omega.b)
             slips = slip_velocities(part.before.omega_a, part.before.omega_b)
-            assert part.limit == clutch.capacities(slips, threshold, torques, clutch.NO_SLOPE)
+            assert part.limit == clutch.capacities(slips, threshold, torques)
             impact = step.free_motion(part.before, ARM, seen(body).load, part.span)
             capacities = step.impulses(part.limit, part.span)
             assert part.impact == impact
@@ -603,7 +603,7 @@ def test_torques_at_an_instant_make_the_accelerations_that_they_go_with(seed: in
     machine = model_of(BASELINE)._replace(arm=ARM, slip_threshold=threshold)
     torque = np.array(step.torques_at(q, machine, on, torques))
     slips = np.array(slip_velocities(q.omega_a, q.omega_b))
-    limit = np.array(clutch.capacities(PerClutch(*slips.tolist()), threshold, torques, clutch.NO_SLOPE))
+    limit = np.array(clutch.capacities(PerClutch(*slips.tolist()), threshold, torques))
     load = np.array([on.torque_a, on.torque_b]) - arms.velocity_torque(ARM, q) - arms.damper_torque(ARM, q)
     alpha = W @ np.linalg.solve(mass(q), load + W.T @ torque)
     rounding = 1e-12 * (np.abs(load).sum() + limit.sum()) * np.linalg.norm(np.linalg.inv(mass(q)))
