@@ -135,13 +135,24 @@ def directed(mean: float, by: Deviator, x: float, y: float) -> Vector:
 
 
 @device
-def damper_matrix(arm: Linkage, q: Motion) -> tuple[float, float, float]:
+def cos_difference(q: Motion) -> float:
+    """Return cos(θA − θB)."""
+    return q.cos_a * q.cos_b + q.sin_a * q.sin_b
+
+
+@device
+def damper_matrix(arm: Linkage, q: Motion, isotropic: bool = False) -> tuple[float, float, float]:
     """Return JᵀBJ [N·m·s], the entries (1, 1), (1, 2), (2, 2) of the hand's damping B at the links."""
+    b11 = arm.damping * arm.length_a * arm.length_a
+    b12 = arm.damping * arm.length_a * arm.length_b * cos_difference(q)
+    b22 = arm.damping * arm.length_b * arm.length_b
+    if isotropic:
+        return b11, b12, b22
     a_x, a_y = -arm.length_a * q.sin_a, arm.length_a * q.cos_a
     b_x, b_y = -arm.length_b * q.sin_b, arm.length_b * q.cos_b
-    on_a = directed(arm.damping, arm.damping_by, a_x, a_y)
-    on_b = directed(arm.damping, arm.damping_by, b_x, b_y)
-    return a_x * on_a.x + a_y * on_a.y, a_x * on_b.x + a_y * on_b.y, b_x * on_b.x + b_y * on_b.y
+    on_a = directed(0.0, arm.damping_by, a_x, a_y)
+    on_b = directed(0.0, arm.damping_by, b_x, b_y)
+    return b11 + a_x * on_a.x + a_y * on_a.y, b12 + a_x * on_b.x + a_y * on_b.y, b22 + b_x * on_b.x + b_y * on_b.y
 
 
 @device
@@ -149,12 +160,6 @@ def damper_torque(arm: Linkage, q: Motion) -> tuple[float, float]:
     """Return JᵀBJ·ω [N·m], the torque against each link of the hand's damper."""
     b11, b12, b22 = damper_matrix(arm, q)
     return b11 * q.omega_a + b12 * q.omega_b, b12 * q.omega_a + b22 * q.omega_b
-
-
-@device
-def cos_difference(q: Motion) -> float:
-    """Return cos(θA − θB)."""
-    return q.cos_a * q.cos_b + q.sin_a * q.sin_b
 
 
 @device

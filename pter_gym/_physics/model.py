@@ -20,7 +20,7 @@ class Model(NamedTuple):
     breakaway: Annotated[Curve, Entry("", "breakaway torque")]
     dynamic: Annotated[Curve, Entry("", "dynamic torque")]
     sliding: Sliding
-    is_plain: Annotated[float, Entry("1", "1 if torques depend on no slip velocity and rise as fast as they fall")]
+    is_plain: Annotated[float, Entry("1", "1 if torques depend on neither slip velocity nor direction")]
     voltage_decay: Annotated[Decay, Entry("1", "{} voltage", name="voltage_decay")]
     torque_decay: Annotated[Decay, Entry("1", "{} torque", name="torque_decay")]
     fade: Annotated[float, Entry("1/J", "torque lost with the heat of a clutch")]
@@ -60,7 +60,7 @@ def model_of(machine: Machine) -> Model:
         sliding=Sliding(
             clutch.stribeck * clutch.stribeck, PerClutch(*(clutch.viscous * scale for scale in machine.slot_scale))
         ),
-        is_plain=1.0 if (clutch.stribeck, clutch.viscous, clutch.fall_ratio) == (0.0, 0.0, 1.0) else 0.0,
+        is_plain=1.0 if _is_plain(machine) else 0.0,
         voltage_decay=decay if lags_voltage else NO_LAG,
         torque_decay=NO_LAG if lags_voltage else decay,
         fade=clutch.fade,
@@ -69,6 +69,13 @@ def model_of(machine: Machine) -> Model:
         slip_threshold=machine.slip_threshold,
         scale=PerClutch(*machine.slot_scale),
     )
+
+
+def _is_plain(machine: Machine) -> bool:
+    """Return whether neither slip velocities nor directions, of motion or of a lag, change a machine's torques."""
+    clutch, hand = machine.clutch, machine.hand
+    slopes = (clutch.stribeck, clutch.viscous, *hand.damping_anisotropy, *hand.stiffness_anisotropy)
+    return clutch.fall_ratio == 1.0 and not any(slopes)
 
 
 def deviator_of(mean: float, anisotropy: tuple[float, ...]) -> Deviator:

@@ -15,6 +15,7 @@ from pter_gym._physics.arm import (
     Load,
     Motion,
     PerLink,
+    Vector,
     advance_position,
     cos_difference,
     damper_matrix,
@@ -28,7 +29,6 @@ from pter_gym._physics.arrangement import Arrangement, OptionalArrangement, sign
 from pter_gym._physics.clutch import (
     Decay,
     PerClutch,
-    Sliding,
     Torques,
     any_changes,
     capacities,
@@ -102,16 +102,19 @@ class Body(NamedTuple):
 
 
 @device
-def free_motion(q: Motion, arm: Linkage, on: Load, h: float) -> Impact:
+def free_motion(q: Motion, arm: Linkage, on: Load, h: float, isotropic: bool = False) -> Impact:
     """Return the velocity problem of a kick that stands for a time h [s], without clutches.
 
     What is implicit adds to the mass matrix: the axes' viscous friction, and a share of the hand's damping, h·JᵀBJ if
-    it is all of it; the rest and the spring are explicit.
+    it is all of it; the rest and the spring are explicit. ``isotropic`` says that the hand is the same in all
+    directions, which takes fewer products for the same bits.
     """
     x, y = tip_position(arm, q)
-    spring = directed(arm.stiffness, arm.stiffness_by, on.target_x - x, on.target_y - y)
+    e_x, e_y = on.target_x - x, on.target_y - y
+    along = Vector(arm.stiffness * e_x, arm.stiffness * e_y)
+    spring = along if isotropic else directed(arm.stiffness, arm.stiffness_by, e_x, e_y)
     hand_a, hand_b = joint_torque(arm, q, on.force_x + spring.x, on.force_y + spring.y)
-    b11, b12, b22 = damper_matrix(arm, q)
+    b11, b12, b22 = damper_matrix(arm, q, isotropic)
     hand_a = hand_a + on.torque_a - (1.0 - arm.implicit) * (b11 * q.omega_a + b12 * q.omega_b)
     hand_b = hand_b + on.torque_b - (1.0 - arm.implicit) * (b12 * q.omega_a + b22 * q.omega_b)
     v_a, v_b = velocity_torque(arm, q)
@@ -332,23 +335,8 @@ def arrangement_from(at: Any) -> Any:
     return declared
 
 
-@device
-def paper_sliding(w: Any, i: int) -> None:
-    """Return what stands for clutches whose torques depend on no slip velocity and rise as fast as they fall."""
-
-
-def sliding_from(at: Any) -> Any:
-    """Return a function of an array and a machine's column that returns the machine's ``Sliding``."""
-
-    @device
-    def sliding(w: Any, i: int) -> Sliding:
-        return load(w, at.machine.sliding, i)
-
-    return sliding
-
-
 def substep_on(
-    at: Any, load_on: Any, arrangement_at: Any = paper_clutches, sliding_at: Any = None
+    at: Any, load_on: Any, arrangement_at: Any = paper_clutches, *, plain: bool = False
 ) -> tuple[Any, Any, Any]:
     """Return what makes a substep for machines in the columns of an array: ``aim``, ``drift`` and ``kick``.
 
@@ -364,8 +352,8 @@ def substep_on(
         ``load_on(w, i)`` returns the ``Load`` on the arm of machine ``i``.
     arrangement_at
         ``paper_clutches``, or ``arrangement_from(at)`` for machines with other clutches than the paper's.
-    sliding_at
-        ``paper_sliding``, or ``sliding_from(at)``, the default, for machines that are not ``Model.is_plain`` too.
+    plain
+        Whether all machines are ``Model.is_plain``, which takes fewer operations for the same bits.
 
     Returns
     -------
@@ -378,8 +366,6 @@ def substep_on(
         ``kick(w, lanes, h)`` changes the velocities of the first ``lanes`` machines by the forces and the friction of
         the present instant over a time h [s].
     """
-    sliding_at = sliding_at or sliding_from(at)
-    symmetric = sliding_at is paper_sliding
 
     @device
     def aim(w: Any, i: int, whole: bool) -> None:
@@ -393,7 +379,7 @@ def substep_on(
     @device
     def drift(w: Any, i: int, h: float, whole: bool) -> None:
         left = load(w, at.machine.torque_decay, i)
-        left = Decay(left.rise, left.rise) if symmetric else left
+        left = Decay(left.rise, left.rise) if plain else left
         decay = whole_decay(left) if whole else left
         store(w, at.torques, i, relax_torques(load(w, at.torques, i), load(w, at.steady, i), decay))
         before = load(w, at.motion, i)
@@ -401,7 +387,7 @@ def substep_on(
         store(w, at.motion, i, after)
         w[at.energy.residual, i] += turning_energy(before, after, load(w, at.machine.arm, i))
 
-    find, take, divide = _parts_on(at, load_on, arrangement_at, sliding_at)
+    find, take, divide = _parts_on(at, load_on, arrangement_at, plain)
 
     @device
     def kick(w: Any, lanes: int, h: float) -> None:
@@ -439,7 +425,7 @@ def control_step_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches,
         machines. ``aims`` says that steady torques change within the step, as with voltages that lag.
     """
     aim, drift, kick = substep_on(at, load_on, arrangement_at)
-    _, plain_drift, plain_kick = substep_on(at, load_on, arrangement_at, paper_sliding)
+    _, plain_drift, plain_kick = substep_on(at, load_on, arrangement_at, plain=True)
 
     @device
     def control_step(w: Any, lanes: int, h: float, count: int, aims: bool, guides: bool) -> None:
@@ -465,7 +451,7 @@ def control_step_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches,
     return control_step
 
 
-def _parts_on(at: Any, load_on: Any, arrangement_at: Any, sliding_at: Any) -> tuple[Any, Any, Any]:
+def _parts_on(at: Any, load_on: Any, arrangement_at: Any, plain: bool) -> tuple[Any, Any, Any]:
     """Return what makes a kick, each for the machine in column ``i`` of an array; see ``substep_on``."""
 
     @device
@@ -475,10 +461,13 @@ def _parts_on(at: Any, load_on: Any, arrangement_at: Any, sliding_at: Any) -> tu
         threshold = w[at.machine.slip_threshold, i]
         q = load(w, at.motion, i)
         arm = load(w, at.machine.arm, i)
-        impact = free_motion(q, arm, load_on(w, i), h)
+        impact = free_motion(q, arm, load_on(w, i), h, plain)
         arrangement = arrangement_at(w, i)
         before = slip_velocities(q.omega_a, q.omega_b, arrangement)
-        limit = capacities(before, threshold, torques, sliding_at(w, i))
+        if plain:
+            limit = capacities(before, threshold, torques)
+        else:
+            limit = capacities(before, threshold, torques, load(w, at.machine.sliding, i))
         limit = with_dry(limit, arm.dry_a, arm.dry_b, arrangement)
         most = impulses(limit, h)
         omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, most, arrangement)
