@@ -60,7 +60,7 @@ def model_of(machine: Machine) -> Model:
         sliding=Sliding(
             clutch.stribeck * clutch.stribeck, PerClutch(*(clutch.viscous * scale for scale in machine.slot_scale))
         ),
-        is_plain=1.0 if _is_plain(machine) else 0.0,
+        is_plain=is_plain(machine),
         voltage_decay=decay if lags_voltage else NO_LAG,
         torque_decay=NO_LAG if lags_voltage else decay,
         fade=clutch.fade,
@@ -71,11 +71,12 @@ def model_of(machine: Machine) -> Model:
     )
 
 
-def _is_plain(machine: Machine) -> bool:
-    """Return whether neither slip velocities nor directions, of motion or of a lag, change a machine's torques."""
+def is_plain(machine: Machine) -> float:
+    """Return 1 if neither slip velocities nor directions, of motion or of a lag, change a machine's torques, else 0."""
     clutch, hand = machine.clutch, machine.hand
-    slopes = (clutch.stribeck, clutch.viscous, *hand.damping_anisotropy, *hand.stiffness_anisotropy)
-    return clutch.fall_ratio == 1.0 and not any(slopes)
+    even = (clutch.stribeck == 0.0) & (clutch.viscous == 0.0) & (clutch.fall_ratio == 1.0)
+    (b1, b2), (k1, k2) = hand.damping_anisotropy, hand.stiffness_anisotropy
+    return 1.0 if even & (b1 == 0.0) & (b2 == 0.0) & (k1 == 0.0) & (k2 == 0.0) else 0.0
 
 
 def deviator_of(mean: float, anisotropy: tuple[float, ...]) -> Deviator:

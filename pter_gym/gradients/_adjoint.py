@@ -61,7 +61,7 @@ class Kick(NamedTuple):
 
 def kick_stages(arrangement_at: Any) -> Kick:
     """Return a kick's stages for clutches as ``arrangement_at`` tells."""
-    find, _, _ = _STEP._parts_on(BODY, load_on, arrangement_at)
+    find, _, _ = _STEP._parts_on(BODY, load_on, arrangement_at, plain=False)
 
     @outlined
     def share(w: Any, i: int) -> float:
