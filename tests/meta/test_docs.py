@@ -65,6 +65,7 @@ def test_the_results_in_the_readme_are_those_of_its_command(tmp_path: Path) -> N
     assert block.make(tmp_path) == block.content
 
 
+@pytest.mark.smoke
 def test_readme_steps_the_environment(capsys: pytest.CaptureFixture[str]):
     run_program([readme("step")], str(README))
     assert f"prints `{capsys.readouterr().out.strip()}`" in README.read_text("utf-8")
