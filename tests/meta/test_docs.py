@@ -50,6 +50,7 @@ def test_documented_imports_work(statement: str):
 
 @pytest.mark.slow
 @pytest.mark.agents
+@pytest.mark.filterwarnings("ignore:rich is experimental")
 def test_readme_example_runs(capsys: pytest.CaptureFixture[str]):
     """As it is, but with fewer steps."""
     pytest.importorskip("stable_baselines3")
