@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -124,7 +125,8 @@ def _learn(
     except OSError as error:
         raise StorageError(_stopped(model, folder, error)) from error
     finally:
-        events.close()
+        with suppress(OSError):  # of a full disk, which has been told
+            events.close()
 
 
 def progress_of(scores: Mapping[str, float]) -> dict[str, Any]:
