@@ -9,6 +9,12 @@ EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 NEEDED = {"sb3_ppo": "stable_baselines3", "jax_env": "jax", "ray_rollouts": "ray"}
 """Packages that an example needs beside the core, by its name."""
 
+RUN = [
+    pytest.param(path, id=path.stem, marks=[pytest.mark.smoke] if path.stem == "make_and_step" else [])
+    for path in EXAMPLES
+    if path.stem != "ray_rollouts"
+]
+
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_an_example_has_at_most_forty_lines(path: Path) -> None:
@@ -16,7 +22,7 @@ def test_an_example_has_at_most_forty_lines(path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", [path for path in EXAMPLES if path.stem != "ray_rollouts"], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", RUN)
 def test_an_example_runs(path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Ray's runs in an environment of its own, with the other tests of Ray."""
     if path.stem in NEEDED:

@@ -117,6 +117,7 @@ def test_clutches_that_a_file_cannot_declare(section: str, scale: str, named: st
         parse_preset(with_clutches(section, scale))
 
 
+@pytest.mark.smoke
 @pytest.mark.parametrize("name", [*ARRANGEMENTS, "delrin_theoretical"])
 def test_a_machine_is_saved_as_a_preset(name: str, tmp_path: Path):
     own = replace(

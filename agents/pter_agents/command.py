@@ -27,8 +27,9 @@ def train(
 ) -> None:
     """Train a policy on a scenario's training draws by PPO.
 
-    The run's folder holds the two newest checkpoints, validation.json with scores on drawn episodes that are not
-    used for training, and progress.csv with a row for each of these validations and paces.
+    From time to time the policy is scored on drawn episodes that are not used for training. The run's folder holds
+    these scores as progress.csv, validation.json and events for TensorBoard, the two newest checkpoints and, after the
+    training, curve.png and film.webp, which compare the policy with tuned control laws.
 
     Example: pter train residual --smoke --out residual-run
 
@@ -45,8 +46,11 @@ def train(
         machine: Clutch material, or the preset of a machine of your own, instead of those that the scenario draws.
     """
     with terminal(errors=True).status("loading"):
-        from pter_agents.settings import SMOKE, TrainingArguments, load_settings
+        from pter_agents.runs import RunFolder
+        from pter_agents.settings import ALL, SMOKE, TrainingArguments, load_settings
+        from pter_gym.benchmark.tuned import FALLBACK
         from pter_gym.scenarios._fixed_machine import find_fixed_machine
+        from pter_gym.tools.figures import save
 
         settings = load_settings(algo, config, **(SMOKE if smoke else {}))
         episodes = SMOKE_EPISODES if smoke else TrainingArguments.validation_episodes
@@ -61,13 +65,9 @@ def train(
             machine=None if machine is None else find_fixed_machine(machine),
         )
         try:
-            from pter_agents import training
+            from pter_agents import exporting, report, training
         except ImportError as error:
             raise needs_extra("training", "agents") from error
-
-    def show(done: int, scores: training.Scores) -> None:
-        parts = (f"{pace} {1e3 * s['path_error_m']:.1f} mm, {s['completed']:.0%} arrive" for pace, s in scores.items())
-        say(f"{done:,}: {'; '.join(parts)}")
 
     with progress_bar() as progress:
         task = progress.add_task(f"{algo}, {scenario}", total=arguments.steps)
@@ -76,9 +76,20 @@ def train(
             out,
             resume=resume,
             on_progress=lambda done: progress.update(task, completed=done),
-            on_scores=show,
+            on_scores=lambda done, scores: say(f"{done:>11,}  {report.in_words(scores)}"),
         )
-    say(f"wrote {path}\nnext: pter export {out}")
+        progress.remove_task(task)
+        progress.add_task("drawing", total=None)
+        history, laws = RunFolder(out).scores(), report.law_scores(arguments)
+        written = [path, save(report.learning_curve(history, laws), out / "curve.png")]
+        if not smoke:
+            written.append(report.film(exporting.read_run(out), arguments, out / "film.webp"))
+    say(report.table({str(out): history[max(history)], **laws}))
+    for each in written:
+        say(f"wrote {each}")
+    on = "" if scenario == "standard" else f" --scenario {FALLBACK if scenario == ALL else scenario}"
+    say(f"next: tensorboard --logdir {out}")
+    say(f"      pter export {out} --name mine && pter benchmark{on} --policies mine {report.LAWS[0]}")
 
 
 def export(

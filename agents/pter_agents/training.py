@@ -2,9 +2,12 @@
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+from tensorboard.summary import Writer
 
 from pter_agents.ppo import PPO
 from pter_agents.runs import RunFolder
@@ -90,7 +93,7 @@ def _learn(
 ) -> Path:
     """Train a model for all its steps, with checkpoints and validation, and return its last checkpoint."""
     validation = Validation(arguments.scenario, arguments.paces, arguments.validation_episodes, arguments.machine)
-    begin = time.perf_counter()
+    begin, events = time.perf_counter(), Writer(str(folder.path))
 
     def save() -> Path:
         return folder.save(model.steps, model.get_state())
@@ -100,6 +103,10 @@ def _learn(
         folder.add_scores(model.steps, scores)
         spent = {"seconds": round(time.perf_counter() - begin, 1), "decisions": model.steps}
         folder.add_progress([{**spent, "pace": pace, **progress_of(values)} for pace, values in scores.items()])
+        for pace, values in scores.items():
+            for name in ("path_error_m", "completed"):
+                events.add_scalar(f"{name}/{pace}", values[name], model.steps)
+        events.flush()
         on_scores(model.steps, scores)
 
     try:
@@ -117,6 +124,9 @@ def _learn(
         raise TrainingDivergedError(_stopped(model, folder, error)) from error
     except OSError as error:
         raise StorageError(_stopped(model, folder, error)) from error
+    finally:
+        with suppress(OSError):  # of a full disk, which has been told
+            events.close()
 
 
 def progress_of(scores: Mapping[str, float]) -> dict[str, Any]:

@@ -186,6 +186,7 @@ def test_a_trained_policy_acts_in_it_and_is_reset_by_its_user() -> None:
         pter_gym.load_policy("residual", vec_env.VecNormalize(env))
 
 
+@pytest.mark.smoke
 @pytest.mark.parametrize("kind", ["batch", "dummy"])
 def test_models_of_stable_baselines_bring_that_of_their_environment(kind: str) -> None:
     from stable_baselines3.common.env_util import make_vec_env

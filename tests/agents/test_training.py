@@ -5,10 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from pter_agents.exporting import export
 from pter_agents.runs import RunFolder
 from pter_agents.settings import SMOKE, TrainingArguments, load_settings
+from pter_gym._commands.main import main
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.policies import read_policy
@@ -54,6 +56,48 @@ def test_resumed_training_has_the_same_bits(tmp_path: Path) -> None:
     policy = read_policy(tmp_path / "mine")
     assert policy.about["steps"] == steps
     np.testing.assert_array_equal(policy.layers[0][0].T, one[".weights.policy[0][0]"])
+
+
+@pytest.mark.slow
+def test_a_run_ends_with_scores_a_curve_and_the_next_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+    from tensorboard.util.tensor_util import make_ndarray
+
+    assert main(["train", "ppo", "--smoke", "--pace", "medium", "--out", str(tmp_path)]) == 0
+    *_, scores, law, other, _, _, _, export = capsys.readouterr().out.splitlines()
+    assert scores.startswith(str(tmp_path))
+    assert [line.split()[0] for line in (law, other)] == ["single-dof-tuned", "torque-feedback-tuned"]
+    assert export.split()[:2] == ["pter", "export"]
+    with Image.open(tmp_path / "curve.png") as picture:
+        assert picture.width > 500
+    ((steps, found),) = RunFolder(tmp_path).scores().items()
+    (event,) = EventAccumulator(str(tmp_path)).Reload().Tensors("path_error_m/medium")
+    assert (event.step, make_ndarray(event.tensor_proto)) == (steps, pytest.approx(found["medium"]["path_error_m"]))
+
+
+def test_a_learning_curve_has_a_column_for_each_pace_and_lines_for_the_laws() -> None:
+    from pter_agents.report import learning_curve
+
+    scores = {"path_error_m": 0.02, "completed": 1.0, "mean_pace_error": 0.1, "segment_pace_error": 0.2}
+    both = {"slow": scores, "brisk": {**scores, "path_error_m": 0.05}}
+    figure = learning_curve(
+        {1_000_000: both, 2_000_000: both}, {"law": {pace: {"path_error_m": 0.004} for pace in both}}
+    )
+    for axes, error in zip(figure.axes[:2], (20.0, 50.0), strict=True):
+        reference, mine = (np.asarray(line.get_ydata()).tolist() for line in axes.lines)
+        assert reference == pytest.approx([4.0, 4.0])
+        assert mine == pytest.approx([error, error])
+        assert axes.get_yscale() == "log"
+
+
+@pytest.mark.slow
+def test_a_film_shows_the_policy_beside_a_law(tmp_path: Path) -> None:
+    from pter_agents.report import film
+
+    with Image.open(film(read_policy("ppo-standard"), arguments(1, "ppo"), tmp_path / "film.webp")) as moving:
+        assert moving.n_frames > 30
 
 
 def test_settings_are_checked() -> None:

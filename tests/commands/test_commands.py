@@ -52,6 +52,7 @@ def test_what_is_no_choice_is_refused_with_the_choices(line: str, capsys: pytest
     ] in capsys.readouterr().err
 
 
+@pytest.mark.smoke
 def test_benchmark_writes_runs_and_verify_repeats_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = str(tmp_path / "results")
     arguments = ["--policies", "free,", "locked", "--paces", "brisk", "--episodes", "2", "--no-film", "--out", out]

@@ -310,6 +310,7 @@ def test_a_world_depends_on_its_own_seed_and_actions_alone(mode: AutoresetMode) 
     assert [bits(each) for each in seeded] == [bits(each) for each in listed]
 
 
+@pytest.mark.smoke
 @each_mode
 def test_a_partial_reset_restarts_the_chosen_worlds_alone(mode: AutoresetMode) -> None:
     env, plain = make(mode), make(mode)

@@ -50,6 +50,7 @@ def test_documented_imports_work(statement: str):
 
 @pytest.mark.slow
 @pytest.mark.agents
+@pytest.mark.filterwarnings("ignore:rich is experimental")
 def test_readme_example_runs(capsys: pytest.CaptureFixture[str]):
     """As it is, but with fewer steps."""
     pytest.importorskip("stable_baselines3")
@@ -65,6 +66,7 @@ def test_the_results_in_the_readme_are_those_of_its_command(tmp_path: Path) -> N
     assert block.make(tmp_path) == block.content
 
 
+@pytest.mark.smoke
 def test_readme_steps_the_environment(capsys: pytest.CaptureFixture[str]):
     run_program([readme("step")], str(README))
     assert f"prints `{capsys.readouterr().out.strip()}`" in README.read_text("utf-8")

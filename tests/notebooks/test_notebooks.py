@@ -1,12 +1,14 @@
 """The notebooks run from top to bottom, and git holds them with what they show."""
 
+import ast
 import re
+import tomllib
 
 import nbformat
 import pytest
 from nbclient import NotebookClient
 
-from documents import NOTEBOOKS, cells_of
+from documents import NOTEBOOKS, ROOT, cells_of
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -22,6 +24,22 @@ def test_outputs_are_stored(path):
     outputs = [output for cell in cells for output in cell.outputs]
     assert not [output for output in outputs if output.output_type == "error" or output.get("name") == "stderr"]
     assert sum("image/png" in output.get("data", {}) for output in outputs) >= 2
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_names_are_public(path):
+    nodes = [node for source in cells_of(path) for node in ast.walk(ast.parse(source))]
+    modules = [node.module for node in nodes if isinstance(node, ast.ImportFrom)]
+    names = [alias.name for node in nodes if isinstance(node, ast.ImportFrom | ast.Import) for alias in node.names]
+    assert not [name for name in (*modules, *names) if re.search(r"(^|\.)_", name)]
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_the_first_cell_installs_from_the_projects_address(path):
+    address = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["urls"]["Source"]
+    first = next(cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code")
+    assert f'SOURCE = "{address}"' in first
+    assert re.search(r"except ImportError:\n    %pip install .*{SOURCE}", first)
 
 
 @pytest.mark.slow

@@ -23,6 +23,7 @@ def test_tanh() -> None:
         assert tanh(x) == pytest.approx(math.tanh(x), abs=1e-12)
 
 
+@pytest.mark.smoke
 @pytest.mark.parametrize("name", shipped_policies())
 def test_a_compiled_network_is_that_of_numpy(name: str) -> None:
     trained, batch = read_policy(name), Batch(BASELINE, PathFollowing(), 3)

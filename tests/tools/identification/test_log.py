@@ -78,6 +78,7 @@ def test_a_voltage_that_changed_in_a_gap_is_uncertain_until_it_has_settled(tmp_p
     )
 
 
+@pytest.mark.smoke
 def test_names_units_blanks_and_missing_columns(tmp_path: Path):
     head = HEAD.replace("theta_A", "thetaA").replace("V3", "spare")
     path = written(tmp_path, head=head, edit={k: f"{0.002 * (k - 2)},0,0,0,0,,,," for k in range(3, 400, 2)})

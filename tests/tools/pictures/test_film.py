@@ -46,6 +46,7 @@ def test_an_episode_that_is_over_keeps_its_last_state():
     assert (right[0] != right[1]).any()
 
 
+@pytest.mark.smoke
 def test_a_webp_moves_and_repeats(tmp_path: Path):
     path, shares = tmp_path / "film.WEBP", list[float]()
     assert write_film(BASELINE, TASK, {"a": telemetry(30)}, path, size=SIZE, on_progress=shares.append) == path

@@ -51,6 +51,7 @@ def test_penalties_grow_without_a_jump() -> None:
         assert good._replace(**{field: at_limit + step}).value == pytest.approx(0.03, abs=1e-9)
 
 
+@pytest.mark.smoke
 @pytest.mark.parametrize("name", TUNABLE)
 def test_points_and_gains_go_both_ways(name: str) -> None:
     kind = CONTROLLERS[name]

@@ -59,6 +59,7 @@ def answer(address: str, path: str, method: str = "GET") -> tuple[int, str | Non
     return found
 
 
+@pytest.mark.smoke
 def test_all_files_of_the_page_are_served(address: str) -> None:
     files = site_files()
     assert {"index.html", "style.css", "page.js", "pter.wasm", "policies/residual.safetensors"} <= set(files)
