@@ -33,12 +33,13 @@ from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.tools.figures import MUTED, WIDTH, label, legend_below, png, styled
 
 FALLING = ("free", "locked", "random")
-SIDE_BY_SIDE = ("single-dof-tuned", "residual")
-SIDE_BY_SIDE_SCENARIOS = ("paths", "hands", "tremor")
+SIDE_BY_SIDE = ("torque-feedback", "residual")
+SIDE_BY_SIDE_DRAWS = {"paths": 0, "standard": 0}
 SHOWN = "residual"
 FIXTURES = dict.fromkeys(("corridor", "wall"), "impedance-tuned")
 PACE = "medium"
 DRAWS = 16
+FILM_SIZE, SIDE_BY_SIDE_SIZE = (600, 540), (720, 537)  # [px]
 FILM_SEED = 2**31 + 15  # of no training
 EPISODE = {
     "standard": 0,
@@ -132,12 +133,14 @@ def paper() -> None:
 # --- films ---
 
 
-def frames(names: tuple[str, ...], scenario: str, size: tuple[int, int], *, last: bool = False) -> list[np.ndarray]:
-    """Return the pictures of the same episode under some policies, side by side: all of them, or the last."""
+def frames(
+    names: tuple[str, ...], scenario: str, draw: int, size: tuple[int, int] = FILM_SIZE, *, last: bool = False
+) -> list[np.ndarray]:
+    """Return the pictures of a scenario's draw under some policies, side by side: all of them, or the last."""
     from pter_gym.tools.pictures.film import PAUSE, Film
 
     draws = find_scenario(scenario).randomisation(PACE, contexts=DRAWS, seed=FILM_SEED)
-    machine, task = list(draws.pairs())[EPISODE[scenario]]
+    machine, task = list(draws.pairs())[draw]
     drawn = what_is_drawn(scenario, machine, task)
     episodes = {f"{name}{drawn}": telemetry(name, scenario, machine, task) for name in names}
     film = Film(machine, task, episodes, RATE, size=size)
@@ -171,22 +174,27 @@ def write_webp(shown: list[np.ndarray], path: Path, quality: int) -> None:
 
 
 def side_by_side() -> None:
-    """Film the best tuned law and a trained policy on the same episodes, one scenario after another."""
-    shown = [each for name in SIDE_BY_SIDE_SCENARIOS for each in frames(SIDE_BY_SIDE, name, (720, 405))]
+    """Film the paper's law and a trained policy on the same episodes: one that the law leaves, and the paper's path."""
+    shown = [
+        each
+        for scenario, draw in SIDE_BY_SIDE_DRAWS.items()
+        for each in frames(SIDE_BY_SIDE, scenario, draw, SIDE_BY_SIDE_SIZE)
+    ]
     write_webp(shown, IMAGES / "moving" / "side-by-side.webp", 40)
 
 
 def alone(scenario: str) -> None:
     """Film an episode of a scenario under one policy."""
-    write_webp(
-        frames((FIXTURES.get(scenario, SHOWN),), scenario, (600, 428)), IMAGES / "moving" / f"{scenario}.webp", 40
-    )
+    shown = frames((FIXTURES.get(scenario, SHOWN),), scenario, EPISODE[scenario])
+    write_webp(shown, IMAGES / "moving" / f"{scenario}.webp", 40)
 
 
 def policies() -> None:
     """Draw each policy at the end of the same episode of the paper's setting."""
     for name in policy_names():
-        write_webp(frames((name,), "standard", (600, 428), last=True), IMAGES / "policies" / f"{name}.webp", 80)
+        write_webp(
+            frames((name,), "standard", EPISODE["standard"], last=True), IMAGES / "policies" / f"{name}.webp", 80
+        )
 
 
 PICTURES: dict[str, Callable[[], None]] = {
