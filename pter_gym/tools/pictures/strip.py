@@ -34,6 +34,12 @@ def strip_height(count: int) -> int:
     return max(HEIGHT, LINE * (count + 2))
 
 
+def apart(places: Array, line: float, most: float) -> Array:
+    """Return ascending places of labels, moved to be a line apart and, if they fit, not beyond ``most``."""
+    lines = line * np.arange(len(places))
+    return np.minimum(np.maximum.accumulate(places - lines) + lines, most + lines - lines[-1])
+
+
 class ErrorStrip:
     """Draws |normal error| of episodes, thin, and its mean so far, bold, with a name and that mean beside each.
 
@@ -76,7 +82,7 @@ class ErrorStrip:
                 canvas.line(points, colour, max(thick * unit, 1.0))
         ends = np.array([means[count - 1] for means, count in zip(self.means.values(), counts, strict=True)])
         x, right, size = self._plot.right + 8 * unit, self._plot.right + 199 * unit, SMALL * unit
-        for k, y in zip(np.argsort(-ends), self._apart(np.sort(self._y(ends))), strict=True):
+        for k, y in zip(np.argsort(-ends), apart(np.sort(self._y(ends)), LINE * unit, self._plot.high), strict=True):
             number = f"{ends[k]:.1f} mm"
             name = shortened(self._names[k], size, right - x - text_width(number, size) - 6 * unit)
             canvas.text(name, x, y, size, self._colours[k])
@@ -106,10 +112,3 @@ class ErrorStrip:
 
     def _y(self, error: Array | float) -> Array:
         return self._plot.high - (self._plot.high - self._plot.low) * np.asarray(error) / self._top
-
-    def _apart(self, heights: Array) -> Array:
-        """Return heights of labels in ascending order, moved so that no two overlap."""
-        line = LINE * self._unit * np.arange(len(heights))
-        down = np.maximum.accumulate(heights - line) + line
-        lowest = self._plot.high + line - line[-1]
-        return np.minimum(down, lowest)
