@@ -20,17 +20,18 @@ import numpy as np
 import tyro
 from markup import IMAGES
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from pter_gym._internal.files import write_bytes_atomic
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.simulation import record_episode, time_limit
+from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS, TorqueFeedback
 from pter_gym.params import Machine
 from pter_gym.policies import shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.tasks.path_following import PathFollowing
-from pter_gym.tools.figures import MUTED, WIDTH, label, legend_below, png, styled
+from pter_gym.tools.figures import WIDTH, label, png, styled
+from pter_gym.tools.pictures.plots import label_ends, plain_ticks
 
 FALLING = ("free", "locked", "random")
 SIDE_BY_SIDE = ("torque-feedback", "residual")
@@ -72,7 +73,7 @@ def error_against_pace(results: Path) -> Figure:
     found = boards.boards_of(results, "standard")
     names = [name for name in policy_names() if name not in FALLING and name in found["slow"]["policies"]]
     figure = Figure(figsize=(WIDTH, 4.0))
-    axes = figure.add_subplot()
+    axes, ends, colours = figure.add_subplot(), dict[str, tuple[float, float]](), dict[str, str]()
     paces = np.array(list(PACES.values()))
     for place, (name, marker) in enumerate(zip(names, MARKERS, strict=False)):
         scores = [board["policies"][name] for board in found.values()]
@@ -80,22 +81,22 @@ def error_against_pace(results: Path) -> Figure:
         low, value, high = (
             1000 * np.array([each["path_error_m"][key] for each in scores]) for key in ("low", "value", "high")
         )
-        (line,) = axes.plot(at, value, marker=marker, label=name)
-        colour = line.get_color()
+        (line,) = axes.plot(at, value, marker=marker, linestyle="--" if name in {*CONTROLLERS, *TUNED} else "-")
+        colour = colours[name] = str(line.get_color())
+        ends[name] = float(at[-1]), float(value[-1])
         axes.errorbar(at, value, (value - low, high - value), fmt="none", ecolor=colour, elinewidth=1.2)
         faces = [colour if each["rank"] else "white" for each in scores]
         axes.scatter(at, value, 40.0, faces, marker, edgecolors=colour, zorder=4)
+        for x, y in ((x, y) for x, y, each in zip(at, value, scores, strict=True) if not each["rank"]):
+            axes.annotate(boards.UNRANKED, (x, y), (3.0, 3.0), textcoords="offset points", color=colour)
     axes.set(xscale="log", yscale="log", xlim=(min(paces) / 1.25, max(paces) * 1.25))
     axes.set_xticks(paces, [f"{pace:g}\n{name}" for name, pace in PACES.items()])
     axes.set_xticks([], minor=True)
-    axes.yaxis.set_major_formatter("{x:g}")
+    plain_ticks(axes, "y")
     label(axes, "commanded pace [m/s]", "path error [mm]")
-    dots = [
-        Line2D([], [], color=MUTED, marker="o", linestyle="none", markerfacecolor=face) for face in (MUTED, "white")
-    ]
+    label_ends(axes, ends, colours)
     note = f"standard, {boards.episodes_text(found['slow'])}; bars: 95 % intervals"
-    lines, labels = axes.get_legend_handles_labels()
-    legend_below(figure, [*lines, *dots], [*labels, "ranked", "no rank"], note)
+    figure.supxlabel(f"{note}; dashed: control laws; hollow {boards.UNRANKED}: not ranked", fontsize=8.5)
     return figure
 
 
