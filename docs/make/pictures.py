@@ -88,7 +88,7 @@ def error_against_pace(results: Path) -> Figure:
         faces = [colour if each["rank"] else "white" for each in scores]
         axes.scatter(at, value, 40.0, faces, marker, edgecolors=colour, zorder=4)
         for x, y in ((x, y) for x, y, each in zip(at, value, scores, strict=True) if not each["rank"]):
-            axes.annotate(boards.UNRANKED, (x, y), (3.0, 3.0), textcoords="offset points", color=colour)
+            axes.annotate(boards.UNRANKED, (x, y), xytext=(3.0, 3.0), textcoords="offset points", color=colour)
     axes.set(xscale="log", yscale="log", xlim=(min(paces) / 1.25, max(paces) * 1.25))
     axes.set_xticks(paces, [f"{pace:g}\n{name}" for name, pace in PACES.items()])
     axes.set_xticks([], minor=True)

@@ -75,7 +75,7 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
     panels[0].set_ylabel("share of episodes within it")
     shares = np.linspace(0.05, 0.95, len(curves))[::-1]  # each curve is labelled at a height of its own
     ends = {
-        name: (float(np.interp(share, line.get_ydata(), line.get_xdata())), float(share))
+        name: (float(np.interp(share, *map(np.asarray, line.get_data()[::-1]))), float(share))
         for share, (name, line) in zip(shares, curves.items(), strict=True)
     }
     label_ends(panels[-1], ends, {name: str(line.get_color()) for name, line in curves.items()})
@@ -159,9 +159,10 @@ def _looks(boards: Sequence[Leaderboard]) -> dict[str, Look]:
 
 def label_ends(axes: Axes, ends: Mapping[str, tuple[float, float]], colours: Mapping[str, str]) -> None:
     """Write names beside the axes, each in its colour at the height of its line's end (x, y), and none over another."""
+    figure: Any = axes.figure
     to_axes = axes.transData + axes.transAxes.inverted()
     heights = {name: float(to_axes.transform(end)[1]) for name, end in ends.items()}
-    names, line = sorted(heights, key=heights.__getitem__), 1.3 * SMALL / (58.0 * axes.figure.get_figheight())
+    names, line = sorted(heights, key=heights.__getitem__), 1.3 * SMALL / (58.0 * figure.get_figheight())
     places = apart(np.array([heights[name] for name in names]), line, 1.0)
     for name, place in zip(names, places, strict=True):
         lead = {"arrowstyle": "-", "color": colours[name], "linewidth": 0.7, "alpha": 0.6, "shrinkB": 4.0}

@@ -1,6 +1,7 @@
 """The strip below a film: how far each policy is from the path over time, and its mean so far."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +59,7 @@ class ErrorStrip:
         Distance from the path and its mean so far [mm] of each episode, (T + 1,).
     """
 
-    def __init__(self, task: PathFollowing, episodes: Mapping[str, Array], width: int, height: int) -> None:
+    def __init__(self, task: PathFollowing, episodes: Mapping[str, Any], width: int, height: int) -> None:
         self._unit = unit = min(width / WIDTH, height / HEIGHT, 2.0)
         self._names = list(episodes)
         self._colours = [palette.LINES[sorted(episodes).index(name) % len(palette.LINES)] for name in episodes]
