@@ -19,7 +19,8 @@ project = "pter_gym"
 author = "pter_gym contributors"
 copyright = f"2026, {author}"
 release = runpy.run_path(str(DOCS.parent / "pter_gym" / "_version.py"))["__version__"]
-urls = tomllib.loads((DOCS.parent / "pyproject.toml").read_text("utf-8"))["project"]["urls"]
+address = tomllib.loads((DOCS.parent / "pyproject.toml").read_text("utf-8"))["project"]["urls"]["Source"]
+is_public = not address.endswith(".example")
 
 extensions = [
     "myst_nb",
@@ -54,7 +55,7 @@ html_theme = "furo"
 html_title = f"pter_gym {release}"
 html_logo = html_favicon = "../pter_gym/tools/web/static/icon.svg"
 html_theme_options = {
-    "footer_icons": [{"name": "Source", "url": urls["Source"], "html": "Source", "class": ""}],
+    "footer_icons": [{"name": "Source", "url": address, "html": "Source", "class": ""}] if is_public else [],
 }
 html_static_path = ["_static"]
 html_css_files = ["site.css"]

@@ -6,8 +6,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from markup import UNRANKED, code, joined, table
+from markup import code, joined, table
 
+from pter_gym.benchmark.boards import UNRANKED, pace_error, with_interval
+from pter_gym.benchmark.intervals import Interval
 from pter_gym.scenarios import PACES, SCENARIOS
 
 Board = dict[str, Any]
@@ -18,7 +20,6 @@ LEFT_OUT = ("free", "locked", "random")
 README = ("residual", "ppo-standard", "single-dof-tuned", "torque-feedback-tuned", "torque-feedback", "impedance")
 """Policies whose scores README shows."""
 
-PERCENTAGES = ("completed", "mean_pace_error", "segment_pace_error")
 ERRORS = {
     "Worst twentieth": "worst_path_error_m",
     "Without the first tenth": "later_path_error_m",
@@ -59,11 +60,15 @@ def episodes_text(found: Board) -> str:
     return f"{found['episodes']:,} {'stored episodes' if seed is None else f'fresh episodes, seed {seed}'}"
 
 
-def interval(scores: Board) -> str:
-    """Return the path error [mm] with its interval, if it has one."""
-    low, value, high = (scores["path_error_m"][key] for key in ("low", "value", "high"))
-    ends = "" if low is None else f" ({1000 * low:.1f} … {1000 * high:.1f})"
-    return joined(f"{1000 * value:.1f}{ends}")
+def intervals(scores: Board) -> dict[str, Interval]:
+    """Return the scores of a policy by their names."""
+    return {name: Interval(**each) for name, each in scores.items() if isinstance(each, dict)}
+
+
+def path_error(scores: Board) -> str:
+    """Return the path error [mm] with its interval, if it has one, and the mark of a policy that is not ranked."""
+    mark = "" if scores["rank"] else f" {UNRANKED}"
+    return joined(with_interval(intervals(scores)["path_error_m"], factor=1000.0) + mark)
 
 
 def millimetres(scores: Board, name: str) -> str:
@@ -84,10 +89,7 @@ def by_pace(results: Path, scenario: str, names: Sequence[str] | None = None) ->
     policies = [each["policies"] for each in found.values()]
     shown = [name for name in policies[0] if (name not in LEFT_OUT if names is None else name in names)]
     shown.sort(key=lambda name: policies[0][name]["path_error_m"]["value"])
-    rows = [
-        [code(name), *(interval(each[name]) + ("" if each[name]["rank"] else f"\u00a0{UNRANKED}") for each in policies)]
-        for name in shown
-    ]
+    rows = [[code(name), *(path_error(each[name]) for each in policies)] for name in shown]
     header = ["Policy", *(f"{pace} ({speed:g} m/s)" for pace, speed in PACES.items())]
     return f"`{scenario}`, {episodes_text(found['slow'])}:\n\n{table(header, rows)}"
 
@@ -102,17 +104,19 @@ def scores(results: Path, scenario: str) -> str:
         rows = [
             [
                 code(policy),
-                str(scores["rank"] or "–") + ("?" if scores["undecided"] else ""),
-                interval(scores),
+                str(scores["rank"] or UNRANKED) + ("?" if scores["undecided"] else ""),
+                with_interval(intervals(scores)["path_error_m"], factor=1000.0),
                 *(millimetres(scores, name) for name in ERRORS.values()),
-                *(f"{100 * scores[name]['value']:.3g}" for name in PERCENTAGES),
+                f"{100 * scores['completed']['value']:.3g}",
+                *(pace_error(intervals(scores), f"{of}_pace_error", found["pace_m_s"]) for of in ("mean", "segment")),
                 f"{scores['rms_acceleration_m_s2']['value']:.2f}",
             ]
             for policy, scores in found["policies"].items()
         ]
         text = f"## {pace.capitalize()}: {found['pace_m_s']:g} m/s\n\n{episodes_text(found)}:\n\n"
         below = [f"- `{name}` {scores['reason']}.\n" for name, scores in found["policies"].items() if scores["reason"]]
-        parts.append(text + table(header, rows, "---:") + ("\nNot ranked:\n\n" + "".join(below) if below else ""))
+        text += table(header, rows, "---:")
+        parts.append(f"{text}\n{UNRANKED} Not ranked:\n\n{''.join(below)}" if below else text)
     return "\n".join(parts)
 
 
@@ -143,7 +147,7 @@ def suite(results: Path) -> str:
     def errors(of_scenario: dict[str, Board], name: str) -> str:
         scores = [each["policies"][name] for each in of_scenario.values() if name in each["policies"]]
         shown = ((millimetres(each, "path_error_m"), each["rank"]) for each in scores)
-        return ", ".join(error if ranked else f"({error})" for error, ranked in shown)
+        return ", ".join(error if ranked else f"{error} {UNRANKED}" for error, ranked in shown)
 
     rows = [[code(name), *(errors(each, name) for each in found.values())] for name in names]
     return table(["Policy", *map(code, found)], rows)

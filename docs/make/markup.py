@@ -7,8 +7,6 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 README = ROOT / "README.md"
 IMAGES = DOCS / "images"
-UNRANKED = "†"
-"""Marks a score without a rank."""
 
 
 def table(header: Iterable[str], rows: Iterable[Iterable[str]], align: str = "---") -> str:

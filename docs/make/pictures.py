@@ -20,25 +20,27 @@ import numpy as np
 import tyro
 from markup import IMAGES
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from pter_gym._internal.files import write_bytes_atomic
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.simulation import record_episode, time_limit
+from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS, TorqueFeedback
 from pter_gym.params import Machine
 from pter_gym.policies import shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.tasks.path_following import PathFollowing
-from pter_gym.tools.figures import MUTED, WIDTH, label, legend_below, png, styled
+from pter_gym.tools.figures import WIDTH, label, png, styled
+from pter_gym.tools.pictures.plots import label_ends, plain_ticks
 
 FALLING = ("free", "locked", "random")
-SIDE_BY_SIDE = ("single-dof-tuned", "residual")
-SIDE_BY_SIDE_SCENARIOS = ("paths", "hands", "tremor")
+SIDE_BY_SIDE = ("torque-feedback", "residual")
+SIDE_BY_SIDE_DRAWS = {"paths": 0, "standard": 0}
 SHOWN = "residual"
 FIXTURES = dict.fromkeys(("corridor", "wall"), "impedance-tuned")
 PACE = "medium"
 DRAWS = 16
+FILM_SIZE, SIDE_BY_SIDE_SIZE = (600, 540), (720, 537)  # [px]
 FILM_SEED = 2**31 + 15  # of no training
 EPISODE = {
     "standard": 0,
@@ -71,7 +73,7 @@ def error_against_pace(results: Path) -> Figure:
     found = boards.boards_of(results, "standard")
     names = [name for name in policy_names() if name not in FALLING and name in found["slow"]["policies"]]
     figure = Figure(figsize=(WIDTH, 4.0))
-    axes = figure.add_subplot()
+    axes, ends, colours = figure.add_subplot(), dict[str, tuple[float, float]](), dict[str, str]()
     paces = np.array(list(PACES.values()))
     for place, (name, marker) in enumerate(zip(names, MARKERS, strict=False)):
         scores = [board["policies"][name] for board in found.values()]
@@ -79,22 +81,22 @@ def error_against_pace(results: Path) -> Figure:
         low, value, high = (
             1000 * np.array([each["path_error_m"][key] for each in scores]) for key in ("low", "value", "high")
         )
-        (line,) = axes.plot(at, value, marker=marker, label=name)
-        colour = line.get_color()
+        (line,) = axes.plot(at, value, marker=marker, linestyle="--" if name in {*CONTROLLERS, *TUNED} else "-")
+        colour = colours[name] = str(line.get_color())
+        ends[name] = float(at[-1]), float(value[-1])
         axes.errorbar(at, value, (value - low, high - value), fmt="none", ecolor=colour, elinewidth=1.2)
         faces = [colour if each["rank"] else "white" for each in scores]
         axes.scatter(at, value, 40.0, faces, marker, edgecolors=colour, zorder=4)
+        for x, y in ((x, y) for x, y, each in zip(at, value, scores, strict=True) if not each["rank"]):
+            axes.annotate(boards.UNRANKED, (x, y), xytext=(3.0, 3.0), textcoords="offset points", color=colour)
     axes.set(xscale="log", yscale="log", xlim=(min(paces) / 1.25, max(paces) * 1.25))
     axes.set_xticks(paces, [f"{pace:g}\n{name}" for name, pace in PACES.items()])
     axes.set_xticks([], minor=True)
-    axes.yaxis.set_major_formatter("{x:g}")
+    plain_ticks(axes, "y")
     label(axes, "commanded pace [m/s]", "path error [mm]")
-    dots = [
-        Line2D([], [], color=MUTED, marker="o", linestyle="none", markerfacecolor=face) for face in (MUTED, "white")
-    ]
+    label_ends(axes, ends, colours)
     note = f"standard, {boards.episodes_text(found['slow'])}; bars: 95 % intervals"
-    lines, labels = axes.get_legend_handles_labels()
-    legend_below(figure, [*lines, *dots], [*labels, "ranked", "no rank"], note)
+    figure.supxlabel(f"{note}; dashed: control laws; hollow {boards.UNRANKED}: not ranked", fontsize=8.5)
     return figure
 
 
@@ -132,12 +134,14 @@ def paper() -> None:
 # --- films ---
 
 
-def frames(names: tuple[str, ...], scenario: str, size: tuple[int, int], *, last: bool = False) -> list[np.ndarray]:
-    """Return the pictures of the same episode under some policies, side by side: all of them, or the last."""
+def frames(
+    names: tuple[str, ...], scenario: str, draw: int, size: tuple[int, int] = FILM_SIZE, *, last: bool = False
+) -> list[np.ndarray]:
+    """Return the pictures of a scenario's draw under some policies, side by side: all of them, or the last."""
     from pter_gym.tools.pictures.film import PAUSE, Film
 
     draws = find_scenario(scenario).randomisation(PACE, contexts=DRAWS, seed=FILM_SEED)
-    machine, task = list(draws.pairs())[EPISODE[scenario]]
+    machine, task = list(draws.pairs())[draw]
     drawn = what_is_drawn(scenario, machine, task)
     episodes = {f"{name}{drawn}": telemetry(name, scenario, machine, task) for name in names}
     film = Film(machine, task, episodes, RATE, size=size)
@@ -171,22 +175,27 @@ def write_webp(shown: list[np.ndarray], path: Path, quality: int) -> None:
 
 
 def side_by_side() -> None:
-    """Film the best tuned law and a trained policy on the same episodes, one scenario after another."""
-    shown = [each for name in SIDE_BY_SIDE_SCENARIOS for each in frames(SIDE_BY_SIDE, name, (720, 405))]
+    """Film the paper's law and a trained policy on the same episodes: one that the law leaves, and the paper's path."""
+    shown = [
+        each
+        for scenario, draw in SIDE_BY_SIDE_DRAWS.items()
+        for each in frames(SIDE_BY_SIDE, scenario, draw, SIDE_BY_SIDE_SIZE)
+    ]
     write_webp(shown, IMAGES / "moving" / "side-by-side.webp", 40)
 
 
 def alone(scenario: str) -> None:
     """Film an episode of a scenario under one policy."""
-    write_webp(
-        frames((FIXTURES.get(scenario, SHOWN),), scenario, (600, 428)), IMAGES / "moving" / f"{scenario}.webp", 40
-    )
+    shown = frames((FIXTURES.get(scenario, SHOWN),), scenario, EPISODE[scenario])
+    write_webp(shown, IMAGES / "moving" / f"{scenario}.webp", 40)
 
 
 def policies() -> None:
     """Draw each policy at the end of the same episode of the paper's setting."""
     for name in policy_names():
-        write_webp(frames((name,), "standard", (600, 428), last=True), IMAGES / "policies" / f"{name}.webp", 80)
+        write_webp(
+            frames((name,), "standard", EPISODE["standard"], last=True), IMAGES / "policies" / f"{name}.webp", 80
+        )
 
 
 PICTURES: dict[str, Callable[[], None]] = {

@@ -38,11 +38,11 @@ def benchmark(
     film: bool = True,
     out: Path = Path("pter-benchmark"),
 ) -> None:
-    """Rank policies on a scenario, and film them side by side.
+    """Rank policies on a scenario, and film them.
 
     Prints a leaderboard for each pace, then one score over all scenarios and paces in the folder: path error ÷ the best
-    tuned law's. Writes benchmark.json, a file for each run, pictures, and a film of up to four policies. Several
-    benchmarks may share a folder.
+    tuned law's. Writes benchmark.json, a file for each run, pictures, and a film: the errors of up to four
+    policies, and the arm under the best and the last of them. Several benchmarks may share a folder.
 
     Example: pter benchmark --policies residual impedance-tuned --episodes 20
 
@@ -84,7 +84,11 @@ def benchmark(
             written += artist.load()(boards, results.runs(), results.path)
         if film and "film" in registered(PICTURES):
             pace = FILM_PACE if FILM_PACE in paces else paces[0]
-            written.append(film_policies(named, find_scenario(scenario), pace, results.path, progress))
+            (board,) = (board for board in boards if board.pace == pace)
+            places = [standing.policy for standing in board.standings]
+            filmed = sorted(list(named)[:MAX_FILMED], key=places.index)
+            ranked = {name: named[name] for name in filmed}
+            written.append(film_policies(ranked, find_scenario(scenario), pace, results.path, progress))
     for path in written:
         say(f"wrote {path}")
 
@@ -92,7 +96,7 @@ def benchmark(
 def film_policies(
     policies: "Mapping[str, AnyPolicy]", scenario: "Scenario", pace: str, folder: Path, progress: "Progress"
 ) -> Path:
-    """Film the first policies side by side on a training draw into a folder; return the path."""
+    """Film policies, the best first, on a training draw into a folder; return the path."""
     from pter_gym.benchmark.simulation import record_episode, time_limit
 
     artist = load_artist("film")
@@ -100,7 +104,7 @@ def film_policies(
     limit = time_limit(goal)
     episodes = {
         name: record_episode(policy, machine, goal, 0, limit, nominal=scenario.nominal).telemetry
-        for name, policy in list(policies.items())[:MAX_FILMED]
+        for name, policy in policies.items()
     }
     path = folder / f"{scenario.name}-{pace}{FILM_SUFFIX}"
     task = progress.add_task("filming", total=1.0)
@@ -108,5 +112,6 @@ def film_policies(
     def show(share: float) -> None:
         progress.update(task, completed=share)
 
-    artist.write_film(machine, goal, episodes, path, on_progress=show)
+    first, *_, last = [*episodes, *episodes]
+    artist.write_film(machine, goal, episodes, path, arms=(first, last), on_progress=show)
     return path

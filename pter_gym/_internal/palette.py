@@ -16,3 +16,33 @@ CORNFLOWER = "#5a87ff"
 SLATE = "#4b4b69"
 SAGE = "#a5c3a5"
 ULTRAMARINE = "#002dff"
+
+PICTURE = {"link-a": BLUE, "link-b": "#c97b00", "force": "#00845f", "trail": "#b5508c"}
+"""What an arm's picture shows, by the names in the style sheet of the web page, which has the same colours on white."""
+
+LINES = (
+    *(BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY_BLUE, BLACK, NAVY),
+    *(BRICK, SAGE, MAROON, PLUM, SLATE, CORNFLOWER, ULTRAMARINE),
+)
+"""Colours of lines of data, in this order."""
+
+
+def clutch_name(row: tuple[float, float]) -> str:
+    """Return the name in the style sheet of a clutch's colour: of the link that it brakes, or of its coupling.
+
+    The clutch slips at row·ω. Clutches 3 and 4 of the paper have the colours of force and trail.
+    """
+    a, b = row
+    if a == 0.0 or b == 0.0:
+        return "link-a" if a else "link-b"
+    return "difference" if a * b < 0.0 else "sum"
+
+
+def clutch_colour(row: tuple[float, float]) -> str:
+    """Return the colour of a clutch that slips at row·ω."""
+    return (PICTURE | {"difference": PICTURE["force"], "sum": PICTURE["trail"]})[clutch_name(row)]
+
+
+def tint(colour: str) -> str:
+    """Return a colour halfway to white."""
+    return "#" + "".join(f"{(int(colour[k : k + 2], 16) + 256) // 2:02x}" for k in (1, 3, 5))

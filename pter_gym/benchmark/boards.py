@@ -1,6 +1,6 @@
 """Leaderboards: policies ranked by mean path error if they arrive and keep the pace, as tables and as JSON."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -36,6 +36,12 @@ policy that gets lost in one of twenty episodes ranks below all that never do.""
 PACE_ERROR = 0.15
 """Largest pace errors of a policy with a rank, as means over the episodes."""
 
+IN_TIMES = 1.5
+"""Ratio of a mean pace to the commanded one, or its inverse, from which on it is told as a multiple."""
+
+UNRANKED = "†"
+"""Mark of a policy that is not ranked."""
+
 FULL = 200
 """Fewest episodes for a rank that is not provisional."""
 
@@ -55,9 +61,9 @@ COLUMNS = (
     BoardColumn("worst_path_error_m", "worst\n1/20\n\\[mm]"),
     BoardColumn("later_path_error_m", "after\n1/10\n\\[mm]"),
     BoardColumn("rms_error_m", "rms\n\n\\[mm]"),
-    BoardColumn("completed", "completed\n\n\\[%]", 100.0, ".3g"),
-    BoardColumn("mean_pace_error", "mean\npace\n\\[±%]", 100.0, ".3g"),
-    BoardColumn("segment_pace_error", "segm.\npace\n\\[±%]", 100.0, ".3g"),
+    BoardColumn("completed", "com-\npleted\n\\[%]", 100.0, ".3g"),
+    BoardColumn("mean_pace_error", "mean\npace\n\\[±%]", 100.0),
+    BoardColumn("segment_pace_error", "segm.\npace\n\\[±%]", 100.0),
 )
 """The columns of the table after rank and policy."""
 
@@ -233,22 +239,48 @@ def reason_below(scores: dict[str, Interval], pace: float) -> str | None:
     reasons: list[str] = []
     completed = scores["completed"]
     mean_pace, segments = (scores[name].value for name in ("mean_pace_error", "segment_pace_error"))
-    limit = f"limit {100 * PACE_ERROR:g} %"
+    ratio, limit = scores["mean_pace_m_s"].value / pace, f"limit {100 * PACE_ERROR:g} %"
     if completed.value < COMPLETION and not completed.holds(COMPLETION):
         reasons.append(f"completes {100 * completed.value:.3g} % of the episodes ({100 * COMPLETION:g} % needed)")
-    if mean_pace > PACE_ERROR:
-        speed = scores["mean_pace_m_s"].value
-        way = "fast" if speed > pace else "slow"
-        reasons.append(f"too {way}: mean pace {speed:.2g} for {pace:g} m/s, {100 * mean_pace:.3g} % off ({limit})")
-    if segments > PACE_ERROR:
-        reasons.append(f"uneven: segments {100 * segments:.3g} % off the pace ({limit})")
+    if mean_pace > PACE_ERROR and abs(ratio - 1.0) > PACE_ERROR:
+        reasons.append(f"{tempo(ratio)} ({limit})")
+    elif mean_pace > PACE_ERROR:
+        reasons.append(f"{100 * mean_pace:.0f} % off the pace per episode ({limit})")
+    elif segments > PACE_ERROR:
+        reasons.append(f"uneven: segments {100 * segments:.1f} % off the pace ({limit})")
     return "; ".join(reasons) or None
+
+
+def tempo(ratio: float) -> str:
+    """Return a mean pace over the commanded one in words, such as ``17 × too fast``."""
+    if ratio == 0.0:
+        return "never moves"
+    times, way = max(ratio, 1.0 / ratio), "fast" if ratio > 1.0 else "slow"
+    if times < IN_TIMES:
+        return f"{100 * (times - 1):.0f} % too {way}"
+    return f"{_times(times)} × too {way}"
+
+
+def pace_error(scores: Mapping[str, Interval], name: str, pace: float) -> str:
+    """Return a pace error [%]; far from the commanded pace [m/s], how the mean pace compares: ``×17`` or ``÷3.1``."""
+    ratio = scores["mean_pace_m_s"].value / pace
+    if 1.0 / IN_TIMES < ratio < IN_TIMES:
+        return f"{100 * scores[name].value:.1f}"
+    if name != "mean_pace_error" or ratio == 0.0:
+        return "–"
+    return f"×{_times(ratio)}" if ratio > 1.0 else f"÷{_times(1.0 / ratio)}"
+
+
+def with_interval(interval: tuple[float | None, ...], text: str = ".1f", factor: float = 1.0) -> str:
+    """Return a value and its 95 % interval, if it has one, as in ``1.6 (1.5 … 1.7)``."""
+    value, low, high = (None if end is None else format(factor * end, text) for end in interval)
+    return f"{value} ({low} … {high})" if low else str(value)
 
 
 def table(board: Leaderboard) -> Table:
     """Return a leaderboard for an 80-column terminal, with 95 % intervals, and below it why others are not ranked."""
     kind = "provisional, " if board.provisional else ""
-    notes = [f"– {each.policy}: {each.reason}" for each in board.standings if each.reason]
+    notes = [f"{UNRANKED} {each.policy}: {each.reason}" for each in board.standings if each.reason]
     if undecided := [each for each in board.standings if each.undecided]:
         ranges = (f"{each.policy} ({_percent(each.scores['completed'])} %)" for each in undecided)
         notes.append(f"? may complete less than {100 * COMPLETION:g} %: {', '.join(ranges)}")
@@ -258,8 +290,9 @@ def table(board: Leaderboard) -> Table:
         ["#", "policy", *(column.title for column in COLUMNS)],
     )
     for standing in board.standings:
-        place = "–" if standing.rank is None else f"{standing.rank}{'?' if standing.undecided else ''}"
-        shown.add_row(place, escape(standing.policy), *(_cell(standing, column) for column in COLUMNS))
+        place = UNRANKED if standing.rank is None else f"{standing.rank}{'?' if standing.undecided else ''}"
+        cells = (_cell(standing.scores, column, PACES[board.pace]) for column in COLUMNS)
+        shown.add_row(place, escape(standing.policy), *cells)
     return shown
 
 
@@ -272,7 +305,7 @@ def suite_table(boards: Sequence[Leaderboard]) -> Table:
         ["policy", "error ÷\nbest tuned law's"],
     )
     for name, (ratio, _) in suite_scores(boards).items():
-        shown.add_row(escape(name), _with_interval(ratio, ".3g"))
+        shown.add_row(escape(name), with_interval(ratio, ".3g"))
     return shown
 
 
@@ -309,22 +342,23 @@ def _kind(seed: int | None) -> str:
     return "episodes" if seed is None else f"fresh episodes, seed {seed}"
 
 
+def _times(ratio: float) -> str:
+    return f"{ratio:.{0 if ratio >= 9.95 else 1}f}"
+
+
 def _percent(rate: Interval) -> str:
-    return "…".join(f"{100 * (end or 0.0):.3g}" for end in rate[1:])
+    return " … ".join(f"{100 * (end or 0.0):.3g}" for end in rate[1:])
 
 
-def _cell(standing: Standing, column: BoardColumn) -> str:
+def _cell(scores: Mapping[str, Interval], column: BoardColumn, pace: float) -> str:
     """Return a score as the table shows it; path errors mean nothing if the policy never arrives."""
-    if column.score.endswith("_error_m") and standing.scores["completed"].value == 0.0:
+    if column.score.endswith("pace_error"):
+        return pace_error(scores, column.score, pace)
+    if column.score.endswith("_error_m") and scores["completed"].value == 0.0:
         return "–"
-    scores = standing.scores[column.score]
-    ends = scores if column.with_interval else (scores.value, None, None)
-    return _with_interval(ends, column.text, column.factor)
-
-
-def _with_interval(interval: tuple[float | None, ...], text: str, factor: float = 1.0) -> str:
-    value, low, high = (None if end is None else format(factor * end, text) for end in interval)
-    return f"{value} ({low}…{high})" if low else str(value)
+    found = scores[column.score]
+    ends = found if column.with_interval else (found.value, None, None)
+    return with_interval(ends, column.text, column.factor)
 
 
 def _judge(runs: Sequence[ScenarioRun]) -> Standing:

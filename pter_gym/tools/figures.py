@@ -25,11 +25,8 @@ WIDTH, SMALL = 7.16, 7.5
 
 MILLIMETRE = 1e-3
 INK, MUTED, REFERENCE = "#1f2328", "#646b75", "#3b4048"
-CLUTCH_COLOURS = (p.BLUE, p.ORANGE, p.GREEN, p.PURPLE)
-COLOURS = (
-    *(p.BLUE, p.VERMILLION, p.GREEN, p.PURPLE, p.ORANGE, p.SKY_BLUE, p.BLACK, p.NAVY),
-    *(p.BRICK, p.SAGE, p.MAROON, p.PLUM, p.SLATE, p.CORNFLOWER, p.ULTRAMARINE),
-)
+CLUTCH_COLOURS = tuple(map(p.clutch_colour, ((1, 0), (0, 1), (1, -1), (1, 1))))
+COLOURS = p.LINES
 MARKERS: tuple[Any, ...] = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "d", "h", (4, 1, 45), (6, 1, 0))
 DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (4, 1.5, 1, 1.5)), (0, (1.5, 1.2)))
 

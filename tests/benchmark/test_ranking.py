@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from rich.console import Console
 
 from benchmark.handmade import METRE, padded, travel
 from pter_gym.benchmark.boards import (
@@ -17,6 +18,7 @@ from pter_gym.benchmark.boards import (
     FULL,
     LOST,
     PACE_ERROR,
+    UNRANKED,
     leaderboards,
     print_boards,
     rank,
@@ -25,6 +27,7 @@ from pter_gym.benchmark.boards import (
     suite_table,
     suites,
     table,
+    tempo,
 )
 from pter_gym.benchmark.intervals import Interval
 from pter_gym.benchmark.runs import ScenarioRun, run_scenario
@@ -147,6 +150,21 @@ def test_cheats_are_below_the_line_with_the_reason_and_the_papers_controllers_ab
     plain = json.loads(json.dumps(board.as_json(), allow_nan=False))
     assert set(plain["policies"]["free"]) >= {"rank", "reason", *SCORES}
     assert table(board).row_count == 6
+
+
+@pytest.mark.parametrize(("ratio", "begins"), [(17.3, "17 ×"), (1 / 3.14, "3.1 ×"), (1.2, "20 %"), (0.8, "25 %")])
+def test_a_pace_far_off_is_told_as_a_multiple(ratio: float, begins: str) -> None:
+    assert tempo(ratio).startswith(begins)
+
+
+def test_a_board_fits_a_terminal() -> None:
+    """With names and numbers as wide as those of the shipped policies."""
+    fast = {"mean_pace_error": 0.94, "mean_pace_m_s": 8.6}
+    runs = [with_error("torque-feedback-tuned", 0.03, 20), with_error("free", 0.25, 20, completed=0.0, **fast)]
+    shown = table(rank(runs))
+    width = Console().measure(shown).maximum
+    assert 60 < width <= 80
+    assert list(shown.columns[0].cells) == ["1?", UNRANKED]
 
 
 def test_training_seeds_share_a_line_whose_interval_is_that_of_other_seeds() -> None:

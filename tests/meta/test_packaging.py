@@ -67,5 +67,4 @@ def test_the_recipe_for_conda_says_the_same():
     assert ranges(needed) == ranges([*PROJECT["dependencies"], f"python{PROJECT['requires-python']}"])
     about = recipe["about"]
     assert (about["license"], about["summary"]) == (PROJECT["license"], PROJECT["description"])
-    urls = PROJECT["urls"]
-    assert (about["repository"], about["documentation"]) == (urls["Source"], urls["Documentation"])
+    assert recipe["context"]["address"] == PROJECT["urls"]["Source"]

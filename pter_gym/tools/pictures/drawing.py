@@ -22,10 +22,8 @@ Array = NDArray[np.float64]
 BACKGROUND, PANEL, CARD, GROOVE = "#ffffff", "#f3f4f6", "#ffffff", "#e3e5e9"
 INK, MUTED = "#1f2328", "#646b75"
 WORKSPACE, WORKSPACE_EDGE, PATH, FREE = "#eff5fb", "#d3e3f1", "#3b4048", "#dcefe0"
-TRAIL, FORCE = palette.PURPLE, palette.GREEN
-LINK_A, PARALLEL_A = palette.BLUE, "#80b9d9"
-LINK_B, PARALLEL_B = palette.ORANGE, "#f3cf80"
-VOLTS, TORQUE = palette.SKY_BLUE, palette.VERMILLION
+LINK_A, LINK_B, FORCE, TRAIL = palette.PICTURE.values()
+PARALLEL_A, PARALLEL_B = palette.tint(LINK_A), palette.tint(LINK_B)
 LEGEND = {"path": PATH, "tip's trail": TRAIL, "hand's force": FORCE, "workspace": WORKSPACE_EDGE}
 
 BADGES = {
@@ -214,6 +212,13 @@ def text_width(text: str, size: float) -> float:
     return _font(size).getlength(text) / SUPERSAMPLING
 
 
+def shortened(name: str, size: float, width: float) -> str:
+    """Return a name without as much of its beginning as makes it fit into a width [px]."""
+    while len(name) > 1 and text_width(name, size) > width:
+        name = "…" + name.removeprefix("…")[1:]
+    return name
+
+
 def _font(size: float) -> ImageFont.FreeTypeFont:
     return _load_font(round(SUPERSAMPLING * max(size, MIN_TEXT)))
 
@@ -297,9 +302,7 @@ class Picture:
         """Write the title, a scale bar and, where there is room, a legend."""
         canvas, unit, x = self._background, self._unit, scene.left
         title, small = TITLE * unit, SMALL * unit
-        while len(name) > 1 and text_width(name, title) > scene.right - x - 64 * unit:
-            name = "…" + name.removeprefix("…")[1:]
-        canvas.text(name, x, 0.5 * LINE * unit, title, INK)
+        canvas.text(shortened(name, title, scene.right - x - 64 * unit), x, 0.5 * LINE * unit, title, INK)
         right = x + self.view.scale * SCALE_BAR
         canvas.box(x, scene.high - 2.0, right, scene.high, MUTED)
         canvas.text(f"{SCALE_BAR:g} m", 0.5 * (x + right), scene.high - small, small, MUTED, "m")
@@ -353,17 +356,20 @@ class Picture:
             self._draw_card(canvas, Box(x, top + gap + line, x + step - gap, bottom - gap), clutch, state, row)
 
     def _draw_card(self, canvas: Canvas, card: Box, clutch: int, state: str, row: Any) -> None:
-        """Draw a clutch's state, and voltage and torque as bars and numbers."""
+        """Draw a clutch's state, and voltage and torque as bars and numbers, in its colour."""
         unit, (fill, ink) = self._unit, BADGES[state]
+        colour = palette.clutch_colour(self._machine.slot_rows[clutch])
         volts, torque = float(row[COLUMN.volts[clutch]]), float(row[COLUMN.torque[clutch]])
+        canvas.box(*card, PANEL if state == "absent" else colour, 5 * unit)
+        card = card._replace(low=card.low + 4 * unit)
         canvas.box(*card, CARD, 5 * unit)
         left, right, line = card.left + 4 * unit, card.right - 4 * unit, (card.high - card.low) / 3
         canvas.box(left, card.low + 0.2 * line, right, card.low + 0.95 * line, fill, 4 * unit)
         canvas.text(f"{clutch + 1} {state}", 0.5 * (left + right), card.low + 0.58 * line, SMALL * unit, ink, "m")
         width = max(right - left - 60 * unit, 0.0)
-        for y, zero, share, colour, text in (
-            (card.low + 1.45 * line, 0.0, volts / self._machine.clutch.voltage_max, VOLTS, f"{volts:.1f} V"),
-            (card.low + 2.35 * line, 0.5, torque / self._torque_max, TORQUE, f"{_signed(torque)} N·m"),
+        for y, zero, share, text in (
+            (card.low + 1.45 * line, 0.0, volts / self._machine.clutch.voltage_max, f"{volts:.1f} V"),
+            (card.low + 2.35 * line, 0.5, torque / self._torque_max, f"{_signed(torque)} N·m"),
         ):
             canvas.text(text, right, y, SMALL * unit, INK, "r")
             canvas.box(left, y - 4 * unit, left + width, y + 4 * unit, GROOVE)

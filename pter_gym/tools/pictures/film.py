@@ -1,9 +1,9 @@
-"""Films: episodes side by side in frames at equal time intervals, written to a file or shown in a window."""
+"""Films: episodes side by side above their errors, in frames at equal intervals, written to a file or shown."""
 
 import io
 import math
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -18,6 +18,7 @@ from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.tools.pictures.drawing import Array, Picture, Subject
 from pter_gym.tools.pictures.size import HEIGHT, WIDTH, check_size
+from pter_gym.tools.pictures.strip import MAX_SHARE, MIN_HEIGHT, ErrorStrip, strip_height
 from pter_gym.tools.pictures.viewer import Window
 
 TILE, MAX_SIZE = (360, 405), (1920, 1080)
@@ -47,6 +48,8 @@ class Film:
         Playback speed relative to real time: 0.5 is slow motion.
     size
         Width and height [px]; ``default_size`` by default.
+    arms
+        Names of the episodes whose arms are drawn, all by default; the strip of errors below them has all.
 
     Raises
     ------
@@ -62,22 +65,27 @@ class Film:
         rate: float,
         speed: float = 1.0,
         size: tuple[int, int] | None = None,
+        arms: Collection[str] | None = None,
     ) -> None:
-        self.size = width, height = check_size(*(size or default_size(len(episodes))))
+        shown = [name for name in episodes if arms is None or name in arms]
+        self.size = width, height = check_size(*(size or default_size(len(shown), len(episodes))))
+        strip = min(strip_height(len(episodes)), round(MAX_SHARE * height))
+        self._strip = ErrorStrip(task, episodes, width, strip) if strip >= MIN_HEIGHT else None
+        height -= strip if self._strip else 0
         self.rate = rate
         self._step = speed / rate
-        self._episodes = list(episodes.values())
-        rows, columns = grid(len(episodes))
+        self._episodes = [episodes[name] for name in shown]
+        rows, columns = grid(len(shown))
         x, y = (
             np.linspace(0, width, columns + 1).round().astype(int),
             np.linspace(0, height, rows + 1).round().astype(int),
         )
         self._pictures: list[tuple[int, int, Picture]] = []
-        for k, name in enumerate(episodes):
+        for k, name in enumerate(shown):
             row, column = divmod(k, columns)
             picture = Picture(Subject(machine, task, name), int(np.diff(x)[column]), int(np.diff(y)[row]))
             self._pictures.append((int(x[column]), int(y[row]), picture))
-        duration = max(float(telemetry[-1, COLUMN.time]) for telemetry in self._episodes)
+        duration = max(float(telemetry[-1, COLUMN.time]) for telemetry in episodes.values())
         self._count = 1 + math.ceil(duration / self._step - 1e-9)
 
     def __len__(self) -> int:
@@ -93,6 +101,9 @@ class Film:
             pixels = picture.draw(telemetry[row], telemetry[: row + 1, [*COLUMN.tip]])
             pixels[: 1 if top else 0] = pixels[:, : 1 if left else 0] = 227
             whole[top : top + len(pixels), left : left + pixels.shape[1]] = pixels
+        if self._strip:
+            pixels = self._strip.draw(time)
+            whole[-len(pixels) :] = pixels
         return whole
 
 
@@ -102,12 +113,11 @@ def grid(count: int) -> tuple[int, int]:
     return -(-count // columns), columns
 
 
-def default_size(count: int) -> tuple[int, int]:
-    """Return the size of that many pictures side by side [px]; a single one is as large as an environment's picture."""
-    if count == 1:
-        return WIDTH, HEIGHT
-    rows, columns = grid(count)
-    width, height = columns * TILE[0], rows * TILE[1]
+def default_size(arms: int, policies: int) -> tuple[int, int]:
+    """Return the size of a film [px] with pictures of so many arms above the errors of so many policies."""
+    rows, columns = grid(arms)
+    width, height = (WIDTH, HEIGHT) if arms == 1 else (columns * TILE[0], rows * TILE[1])
+    height += strip_height(policies)
     scale = min(1.0, MAX_SIZE[0] / width, MAX_SIZE[1] / height)
     return round(scale * width), round(scale * height)
 
@@ -128,13 +138,14 @@ def write_film(
     *,
     speed: float = 1.0,
     size: tuple[int, int] | None = None,
+    arms: Collection[str] | None = None,
     on_progress: Callable[[float], object] = lambda _: None,
 ) -> Path:
     """Write a film of policies on one episode, side by side, to a file atomically, and return its path.
 
     Parameters
     ----------
-    machine, task, episodes, speed, size
+    machine, task, episodes, speed, size, arms
         As for ``Film``.
     path
         A file that ends in ``.webp``, ``.mp4`` or ``.png``, which holds only the last frame; its folder must exist.
@@ -152,7 +163,7 @@ def write_film(
     """
     check_suffix(path)
     suffix = path.suffix.lower()
-    film = Film(machine, task, episodes, RATES[suffix], speed, size)
+    film = Film(machine, task, episodes, RATES[suffix], speed, size, arms)
 
     def frames(count: int) -> Iterator[NDArray[np.uint8]]:
         for frame in range(count):

@@ -11,21 +11,24 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
-from pter_gym.benchmark.boards import PACE_ERROR, Leaderboard
+from pter_gym.benchmark.boards import PACE_ERROR, UNRANKED, Leaderboard, Standing
 from pter_gym.benchmark.intervals import performance_profile
 from pter_gym.benchmark.runs import ScenarioRun
+from pter_gym.benchmark.tuned import TUNED
+from pter_gym.controllers import CONTROLLERS
 from pter_gym.scenarios import PACES
-from pter_gym.tools.figures import MILLIMETRE, REFERENCE, WIDTH, Look, label, legend_below, looks, save, styled
+from pter_gym.tools.figures import MILLIMETRE, REFERENCE, SMALL, WIDTH, Look, label, looks, save, styled
 from pter_gym.tools.pictures.drawing import WORKSPACE
+from pter_gym.tools.pictures.strip import apart
 
 MAX_NAME = 60
 """Most characters of a name in a picture; longer ones lose their middle."""
 
-UNRANKED = 0.35
+FAINT = 0.35
 """Opacity of a policy that is not ranked."""
 
-MIN_PACE = 0.03
-"""Mean pace [m/s] at which slower policies are drawn."""
+MIN_PACE, MAX_PACE = 0.03, 1.0
+"""Mean paces [m/s] at which slower and faster policies are drawn."""
 
 
 def draw_scenario(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun], folder: Path) -> list[Path]:
@@ -51,28 +54,32 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
     every = np.concatenate([run.scores["path_error_m"] for run in runs])
     low, high = max(float(every.min()), 1e-5), float(every.max())
     thresholds = np.exp(np.linspace(math.log(0.9 * low), math.log(1.1 * max(low, high)), 200))
-    by_policy = _looks(boards)
+    by_policy, curves = _looks(boards), dict[str, Line2D]()
     for axes, board in zip(panels, boards, strict=True):
         axes.set_title(f"{board.pace}, {PACES[board.pace]:g} m/s")
         for standing in board.standings:
             key = (standing.policy, board.pace)
             errors = np.stack([run.scores["path_error_m"] for run in runs if (run.policy, run.pace) == key])
             found = performance_profile(errors, thresholds)
-            colour, marker, dashes = by_policy[standing.policy]
-            style: Any = {"color": colour, "linestyle": dashes, "marker": marker}
-            place = list(by_policy).index(standing.policy) / len(by_policy)
-            style["markevery"] = (0.03 + 0.22 * place, 0.22)  # apart from the markers of other policies
-            style["markerfacecolor"] = "white" if standing.reason else colour
-            alpha = UNRANKED if standing.reason else 1.0
+            colour, _, dashes = by_policy[standing.policy]
+            alpha = FAINT if standing.reason else 1.0
             x = thresholds / MILLIMETRE
             rises = (found.fraction > 0.0) & (found.fraction < 1.0)
             axes.fill_between(x, found.low, found.high, rises, color=colour, alpha=0.18 * alpha, linewidth=0.0)
-            axes.plot(x, found.fraction, alpha=alpha, **style)
+            (line,) = axes.plot(x, found.fraction, color=colour, linestyle=dashes, alpha=alpha)
+            if axes is panels[-1]:
+                curves[standing.policy + mark(standing)] = line
         axes.set_xscale("log")
         plain_ticks(axes, "x")
         axes.set_xlabel("path error [mm]")
     panels[0].set_ylabel("share of episodes within it")
-    _board_legend(figure, boards, "hollow and faint: not ranked; bands: 95 % intervals")
+    shares = np.linspace(0.05, 0.95, len(curves))[::-1]  # each curve is labelled at a height of its own
+    ends = {
+        name: (float(np.interp(share, *map(np.asarray, line.get_data()[::-1]))), float(share))
+        for share, (name, line) in zip(shares, curves.items(), strict=True)
+    }
+    label_ends(panels[-1], ends, {name: str(line.get_color()) for name, line in curves.items()})
+    board_note(figure, boards[0], f"dashed: control laws; {UNRANKED}, faint: not ranked; bands: 95 % intervals")
     return figure
 
 
@@ -85,9 +92,10 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
         pace = PACES[board.pace]
         axes.axvspan(pace * (1.0 - PACE_ERROR), pace * (1.0 + PACE_ERROR), color=WORKSPACE, zorder=0)
         axes.axvline(pace, color=REFERENCE, linewidth=1.0, linestyle=":", zorder=1)
+    ends: dict[str, tuple[float, float]] = {}
     for name, (colour, marker, dashes) in _looks(boards).items():
         standings = [standing for board in boards for standing in board.standings if standing.policy == name]
-        x = np.maximum([standing.scores["mean_pace_m_s"].value for standing in standings], MIN_PACE)
+        x = np.clip([standing.scores["mean_pace_m_s"].value for standing in standings], MIN_PACE, MAX_PACE)
         y = np.array([standing.scores["path_error_m"] for standing in standings], np.float64) / MILLIMETRE
         axes.plot(x, y[:, 0], color=colour, linestyle=dashes, linewidth=1.2, alpha=0.6)
         spread = np.maximum([y[:, 0] - y[:, 1], y[:, 2] - y[:, 0]], 0.0)
@@ -95,12 +103,16 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
         for at, error, standing in zip(x, y[:, 0], standings, strict=True):
             face = "white" if standing.reason else colour
             axes.plot(at, error, color=colour, marker=marker, markersize=6.0, markerfacecolor=face, linestyle="none")
+            axes.annotate(mark(standing), (at, error), (1.0, 2.0), textcoords="offset points", color=colour)
+        ends[name] = max(zip(x.tolist(), y[:, 0].tolist(), strict=True))
     axes.set_xscale("log")
     axes.set_yscale("log")
     _pace_ticks(axes, {board.pace: PACES[board.pace] for board in boards})
     plain_ticks(axes, "y")
     label(axes, "mean pace along the path [m/s]", "path error [mm]")
-    _board_legend(figure, boards, "filled: ranked; hollow: not ranked; bars: 95 % intervals\nshaded: paces that rank")
+    label_ends(axes, ends, {name: look.colour for name, look in _looks(boards).items()})
+    note = f"dashed: control laws; {UNRANKED}, hollow: not ranked; bars: 95 % intervals\nshaded: paces that rank"
+    board_note(figure, boards[0], note)
     return figure
 
 
@@ -111,6 +123,11 @@ def shown(name: str) -> str:
     """Return a policy's name for pictures: short enough, and without mathematical markup."""
     half = MAX_NAME // 2
     return (name if len(name) <= MAX_NAME else f"{name[: half - 1]}…{name[-half:]}").replace("$", r"\$")
+
+
+def mark(standing: Standing) -> str:
+    """Return the mark of a policy that is not ranked, nothing for others."""
+    return f" {UNRANKED}" if standing.reason else ""
 
 
 def plain_ticks(axes: Axes, which: str) -> None:
@@ -128,23 +145,33 @@ def _pace_ticks(axes: Axes, paces: Mapping[str, float]) -> None:
     low, high = axes.get_xlim()
     axes.set_xlim(min(low, 0.9 * min(paces.values())), max(high, 1.1 * max(paces.values())))
     labels = {pace: f"{pace:g}\n{name}" for name, pace in paces.items()}
-    if low <= MIN_PACE:
-        labels[MIN_PACE] = f"≤ {MIN_PACE:g}"
+    labels |= {MIN_PACE: f"≤ {MIN_PACE:g}"} if low <= MIN_PACE else {}
+    labels |= {MAX_PACE: f"≥ {MAX_PACE:g}"} if high >= MAX_PACE else {}
     axes.set_xticks(list(labels), list(labels.values()))
     axes.xaxis.set_minor_locator(NullLocator())
 
 
 def _looks(boards: Sequence[Leaderboard]) -> dict[str, Look]:
-    return looks(sorted({standing.policy for board in boards for standing in board.standings}))
+    """Return a look for each policy, dashed for a control law."""
+    found = looks(sorted({standing.policy for board in boards for standing in board.standings}))
+    return {name: look._replace(dashes="--" if name in {*CONTROLLERS, *TUNED} else "-") for name, look in found.items()}
 
 
-def _board_legend(figure: Figure, boards: Sequence[Leaderboard], note: str) -> None:
-    """Add a legend of all policies below the panels, and a note on what was run."""
-    board, by_policy = boards[0], _looks(boards)
+def label_ends(axes: Axes, ends: Mapping[str, tuple[float, float]], colours: Mapping[str, str]) -> None:
+    """Write names beside the axes, each in its colour at the height of its line's end (x, y), and none over another."""
+    figure: Any = axes.figure
+    to_axes = axes.transData + axes.transAxes.inverted()
+    heights = {name: float(to_axes.transform(end)[1]) for name, end in ends.items()}
+    names, line = sorted(heights, key=heights.__getitem__), 1.3 * SMALL / (58.0 * figure.get_figheight())
+    places = apart(np.array([heights[name] for name in names]), line, 1.0)
+    for name, place in zip(names, places, strict=True):
+        lead = {"arrowstyle": "-", "color": colours[name], "linewidth": 0.7, "alpha": 0.6, "shrinkB": 4.0}
+        text: dict[str, Any] = {"color": colours[name], "fontsize": SMALL, "va": "center", "annotation_clip": False}
+        axes.annotate(shown(name), ends[name], (1.03, place), textcoords="axes fraction", arrowprops=lead, **text)
+
+
+def board_note(figure: Figure, board: Leaderboard, note: str) -> None:
+    """Write below the panels what was run, and a note."""
     kind = "stored" if board.seed is None else "fresh"
     ran = f"{board.scenario}, {board.episodes} {kind} episode{'s' if board.episodes > 1 else ''}"
-    handles = [
-        Line2D([], [], color=look.colour, linestyle=look.dashes, marker=look.marker, markersize=5.5)
-        for look in by_policy.values()
-    ]
-    legend_below(figure, handles, list(map(shown, by_policy)), f"{ran}; {note}")
+    figure.supxlabel(f"{ran}; {note}", fontsize=8.5)

@@ -16,6 +16,7 @@ from pter_gym._engine.batch import Batch
 from pter_gym._engine.law import Memory
 from pter_gym._engine.step import INSTANT
 from pter_gym._engine.world import CONFIG, ROW, ROWS
+from pter_gym._internal.palette import clutch_name
 from pter_gym._physics.friction import ClutchMode
 from pter_gym.benchmark._measures import PRICE, SEGMENTS
 from pter_gym.benchmark._naming import find_policy
@@ -111,7 +112,10 @@ def choices(own: Machine | None = None) -> dict[str, Any]:
         "hands": {name: part(hand=hand, record="hand") for name, hand in HANDS.items()},
         "task": part(record="task"),
         "arrangements": {name: part(machine=machine, record="arrangement") for name, machine in machines.items()},
-        "clutches": [{"name": clutch.name, "line": rows.index(clutch.row)} for clutch in nominal.clutches],
+        "clutches": [
+            {"name": clutch.name, "line": rows.index(clutch.row), "colour": clutch_name(clutch.row)}
+            for clutch in nominal.clutches
+        ],
         "declared": not nominal.has_paper_clutches,
         "paths": {name: path_table(path, nominal) for name, path in PATHS.items()},
         "laws": {name: laws(name, nominal, batch.layout) for name in (*CONTROLLERS, *TUNED)},

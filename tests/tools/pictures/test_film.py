@@ -12,6 +12,7 @@ from pter_gym.errors import DependencyError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
 from pter_gym.tools.pictures.film import PAUSE, RATES, Film, check_suffix, write_film
+from pter_gym.tools.pictures.strip import ErrorStrip
 
 SIZE = (161, 121)
 """Odd: only an mp4 may change it."""
@@ -94,3 +95,21 @@ def test_a_missing_ffmpeg_is_told(monkeypatch: pytest.MonkeyPatch):
     check_suffix(Path("film.webp"))
     with pytest.raises(DependencyError):
         check_suffix(Path("film.mp4"))
+
+
+def test_a_film_of_two_arms_shows_the_errors_of_all():
+    quiet, lost = telemetry(20), telemetry(20)
+    lost[:, COLUMN.normal_error] = 0.1 * lost[:, COLUMN.time]
+    shown = [{"a": quiet, "b": rows, "c": quiet} for rows in (quiet, lost)]
+    one, other = (Film(BASELINE, TASK, each, 50, size=(360, 300), arms=("a", "c")).pixels(10) for each in shown)
+    changed = (one != other).any(axis=(1, 2))
+    assert changed.any()
+    assert not changed[:200].any()
+
+
+def test_the_errors_shown_are_distances_and_their_means():
+    rows = telemetry(3)
+    rows[:, COLUMN.normal_error] = [0.0, -0.02, 0.04, -0.06]
+    strip = ErrorStrip(TASK, {"a": rows}, 720, 120)
+    np.testing.assert_allclose(strip.errors["a"], [0.0, 20.0, 40.0, 60.0])
+    np.testing.assert_allclose(strip.means["a"], [0.0, 10.0, 20.0, 30.0])

@@ -78,7 +78,7 @@ def test_a_window_shows_the_film_where_there_is_a_display(
     monkeypatch.setattr("pter_gym.tools.pictures.viewer.INVISIBLE", ())
     assert main(["watch", "free,torque-feedback", "--pace", "brisk", "--speed", "0.5"]) == 0
     ((film, title),) = shown
-    assert film.size == (720, 405)
+    assert film.size == (720, 537)
     assert title == "PTER: free, torque-feedback"
 
 

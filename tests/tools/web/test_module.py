@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import web_module
 
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import World
+from pter_gym._internal.palette import PICTURE
 from pter_gym.benchmark._naming import find_policy
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS
@@ -88,6 +90,11 @@ def test_the_module_is_that_of_the_present_sources() -> None:
         "a file changed from which the module of `pter play` is made: run `python docs/make/web_module.py` (half a "
         "minute; needs ziglang, of the extra `test`), and commit pter_gym/tools/web/static with your change"
     )
+
+
+def test_the_page_has_the_colours_of_the_pictures() -> None:
+    light = (STATIC / "style.css").read_text("utf-8").partition("}")[0]
+    assert dict(re.findall(r"--([\w-]+): (#\w+);", light)).items() >= PICTURE.items()
 
 
 def test_the_module_asks_for_nothing_and_holds_no_path_of_a_computer() -> None:

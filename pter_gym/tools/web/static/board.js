@@ -5,6 +5,7 @@ import { format, NAMES, PATHS } from "./settings.js";
 import { millimetres, off, tempo } from "./words.js";
 
 const MOST = 8;
+const UNRANKED = "†";
 
 /** Shows the results of trials in a table; the newest is marked. */
 export class Board {
@@ -25,7 +26,7 @@ export class Board {
     const least = this.#entries.length > MOST ? this.#entries.at(this.#entries.at(-1) === this.#newest ? -2 : -1) : null;
     this.#entries = this.#entries.filter((each) => each !== least);
     this.table.hidden = this.button.hidden = false;
-    this.note.textContent = "Score: the path error at equal pace, as in the package; lower is better.";
+    this.note.textContent = "Score: the path error at equal pace, as in the package; lower is better. † Not ranked: the end was not reached.";
     this.table.tBodies[0].replaceChildren(...this.#entries.map((each) => row(each, each === this.#newest)));
   }
 
@@ -53,7 +54,7 @@ export class Board {
     this.#entries.slice(0, 5).forEach(({ settings, result, pace, push }, k) => {
       const y = 165 + 84 * k;
       const path = `${PATHS[settings.path]}, ${settings.lag} ms, ${push}`;
-      write(`${k + 1}. ${NAMES[settings.control]}: ${result.completed ? millimetres(result.path_error_m) : "not done"}`, y, 28, "ink", 600);
+      write(`${k + 1}. ${NAMES[settings.control]}: ${result.completed ? millimetres(result.path_error_m) : `${UNRANKED} not ranked`}`, y, 28, "ink", 600);
       write(`${result.completed ? `${tempo(result, pace)}, ${off(result)}; ` : ""}${path}`, y + 32, 22, "muted");
     });
     write(address, HEIGHT - MARGIN, 18, "muted");
@@ -73,7 +74,7 @@ function row({ settings, result, push, pace }, newest) {
   const detail = document.createElement("small");
   detail.textContent = `${settings.lag} ms, ${push}`;
   path.append(detail);
-  const texts = result.completed ? [off(result).replace(" off", ""), tempo(result, pace), millimetres(result.path_error_m)] : ["", "", "not done"];
+  const texts = result.completed ? [off(result).replace(" off", ""), tempo(result, pace), millimetres(result.path_error_m)] : ["", "", UNRANKED];
   const cells = texts.map((text) => Object.assign(document.createElement("td"), { textContent: text }));
   line.append(who, path, ...cells);
   if (newest) line.setAttribute("aria-current", "true");

@@ -24,7 +24,7 @@ export class Controls {
     for (const radio of document.getElementsByName("hand")) radio.addEventListener("change", () => changed("hand", radio.value));
     byId("settings").addEventListener("submit", (event) => event.preventDefault());
     const volts = () => DEFAULTS.volts.map((none, k) => Number(this.sliders[k]?.value ?? none));
-    this.sliders = clutches.map(({ name }, k) => slider(k, name, () => changed("volts", volts())));
+    this.sliders = clutches.map(({ name, colour }, k) => slider(k, name, colour, () => changed("volts", volts())));
   }
 
   /** Show settings in the form. */
@@ -58,10 +58,10 @@ function fillGroups(select, groups, without = []) {
   }
 }
 
-function slider(k, meaning, moved) {
+function slider(k, meaning, colour, moved) {
   const label = document.createElement("label");
   const input = Object.assign(document.createElement("input"), { type: "range", min: 0, max: 24, step: 0.5, id: `volts-${k + 1}` });
-  input.style.accentColor = `var(--c${k + 1})`;
+  input.style.accentColor = `var(--${colour})`;
   const shown = document.createElement("output");
   label.htmlFor = input.id;
   input.addEventListener("input", () => {

@@ -28,11 +28,11 @@ function write(element, text) {
 export class Readout {
   constructor(clutches) {
     const body = byId("clutches").tBodies[0];
-    this.clutches = clutches.map(({ name }, k) => {
+    this.clutches = clutches.map(({ name, colour }, k) => {
       const row = body.insertRow();
       const head = Object.assign(document.createElement("th"), { scope: "row" });
       const dot = document.createElement("i");
-      dot.style.background = `var(--c${k + 1})`;
+      dot.style.background = `var(--${colour})`;
       head.append(dot, String(k + 1));
       row.append(head);
       for (let cell = 0; cell < 4; cell++) row.insertCell();

@@ -12,7 +12,7 @@ const TURN = 2 * Math.PI;
 /** Return the colours of the style sheet by their names there. */
 export function colours() {
   const style = getComputedStyle(document.documentElement);
-  const names = ["paper", "stage", "ink", "muted", "line", "lane", "link-a", "link-b", "trail", "force", "c1", "c2", "c3", "c4", "groove"];
+  const names = ["paper", "stage", "ink", "muted", "line", "lane", "link-a", "link-b", "trail", "force", "difference", "sum", "groove"];
   return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }
 
@@ -209,7 +209,7 @@ export class Scene {
 
   clutch(trial, k, [x, y]) {
     const { c, palette, px } = this;
-    const colour = palette[`c${k + 1}`];
+    const colour = palette[trial.env.tables.clutches[k].colour];
     const { radius } = DISC;
     const torque = Math.min(1, Math.abs(trial.now[`torque_${k + 1}`]) / trial.torqueLimit);
     const glow = Math.sqrt(torque);

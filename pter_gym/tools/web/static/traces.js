@@ -6,29 +6,30 @@ const SECONDS = 8;
 
 const GUTTER = 30; // for the numbers of the scale [px]
 
-const FOUR = [1, 2, 3, 4];
+const ofClutches = (name) => (tables) =>
+  tables.clutches.map(({ colour }, k) => ({ colour, value: (trial, row) => trial.at(`${name}_${k + 1}`, row) }));
 
 /** What is traced: lines by their colours, and how far the scale reaches at least. */
 const KINDS = {
   error: {
-    lines: [{ colour: "trail", value: (trial, k) => 1000 * trial.at("normal_error", k) }],
+    lines: () => [{ colour: "trail", value: (trial, k) => 1000 * trial.at("normal_error", k) }],
     least: 20,
     signed: true,
   },
   volts: {
-    lines: FOUR.map((n) => ({ colour: `c${n}`, value: (trial, k) => trial.at(`volts_${n}`, k) })),
+    lines: ofClutches("volts"),
     least: 24,
     signed: false,
   },
   torques: {
-    lines: FOUR.map((n) => ({ colour: `c${n}`, value: (trial, k) => trial.at(`torque_${n}`, k) })),
+    lines: ofClutches("torque"),
     least: 10,
     signed: true,
   },
   energy: {
-    lines: [
+    lines: () => [
       { colour: "force", width: 5, value: (trial, k) => trial.ledger[k].hand },
-      { colour: "c1", value: (trial, k) => trial.ledger[k].clutches },
+      { colour: "link-b", value: (trial, k) => trial.ledger[k].clutches },
       { colour: "link-a", value: (trial, k) => trial.ledger[k].kinetic },
     ],
     least: 1,
@@ -47,7 +48,7 @@ export function drawTrace(canvas, kind, trial, other, palette) {
     return;
   }
   const { lines, least, signed } = KINDS[kind];
-  const curves = lines.flatMap(({ colour, value, width: thick = 1.75 }) => [
+  const curves = lines(trial.env.tables).flatMap(({ colour, value, width: thick = 1.75 }) => [
     { colour, thick, dash: [], points: sampled(trial, width, value) },
     ...(other && kind === "error" ? [{ colour: "link-b", thick, dash: [5, 4], points: sampled(other, width, value) }] : []),
   ]);
@@ -89,7 +90,8 @@ function round(value) {
 
 /** The dynamic modes as a band: empty where nothing is locked, a clutch's colour where it is, dark where all are. */
 function drawModes(context, width, height, trial, palette) {
-  const inks = [palette.groove, palette.c1, palette.c2, palette.c3, palette.c4, palette.ink];
+  const inks = { 0: palette.groove, 5: palette.ink };
+  for (const { line, colour } of trial.env.tables.clutches) inks[line + 1] = palette[colour];
   const points = sampled(trial, width, (_, k) => trial.at("mode", k));
   points.forEach(([x, mode], k) => {
     const from = Math.round(x);
