@@ -70,7 +70,7 @@ def benchmark(
     drawn = find_scenario(scenario, path=path)
     results = ResultsFolder(out)
     results.make()
-    named = {name: find_policy(name, drawn.name) for each in policies for name in split(each)}
+    named = {name: find_policy(name, drawn.whose_gains) for each in policies for name in split(each)}
     with progress_bar() as progress:
         task = progress.add_task(drawn.name, total=len(named) * len(paces))
         runs = run_scenario(

@@ -113,7 +113,8 @@ def examine(
     """
     drawn = find_scenario(scenario, machine)
     examination = Examination(drawn, pace, episodes, seed)
-    named = find_policies(BASELINES, drawn.name) | (find_policies(policies, drawn.name) if policies else {})
+    gains = drawn.whose_gains
+    named = find_policies(BASELINES, gains) | (find_policies(policies, gains) if policies else {})
     found = {
         name: Assessment(*np.mean([examination.judge(policy) for policy in versions], axis=0).tolist())
         for name, versions in named.items()

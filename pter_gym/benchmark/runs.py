@@ -111,7 +111,7 @@ def run_scenario(
     listed = names_in("paces", [paces] if isinstance(paces, int | float) else paces)
     seed = 0 if seed is None and found.digest else seed
     sets = {pace: find_episodes(found, pace, seed) for pace in (name_of_pace(each, "paces") for each in listed)}
-    named = find_policies(policies, found.name)
+    named = find_policies(policies, found.whose_gains)
     if episodes is not None:
         sets = {pace: full.first(episodes) for pace, full in sets.items()}
     folder = results if results is None or isinstance(results, ResultsFolder) else ResultsFolder(results)

@@ -49,6 +49,8 @@ class Scenario:
     varied
         Machine and task of a scenario of one's own, or what varies of them; by default those of the suite's scenario of
         this name.
+    gains
+        The scenario whose gains control laws have, by default this one.
     """
 
     name: str
@@ -59,6 +61,12 @@ class Scenario:
     place: int | None = None
     own: "FixedMachine | None" = None
     varied: "tuple[Machine | Vary[Machine], Vary[PathFollowing]] | None" = None
+    gains: str = ""
+
+    @property
+    def whose_gains(self) -> str:
+        """The name under which control laws have gains."""
+        return self.gains or self.name
 
     @property
     def nominal(self) -> "Machine":
@@ -210,13 +218,15 @@ def _find(name: Any) -> Scenario:
 
     if not isinstance(name, PathFollowing):
         raise unknown_name("scenario", name, SCENARIOS)
+    from pter_gym.hands import MultiSineHand
     from pter_gym.params import BASELINE
     from pter_gym.scenarios.randomisation import Vary
 
     random = {"hand": replace(name.hand, random_phases=True)} if hasattr(name.hand, "random_phases") else {}
     task: Any = replace(name, **random)
+    gains = "paths" if isinstance(name.hand, MultiSineHand) else "everything"
     called = type(name.path).__name__.lower()
-    return Scenario(called, 0, "A task of your own.", episodes=200, varied=(BASELINE, Vary(task)))
+    return Scenario(called, 0, "A task of your own.", episodes=200, varied=(BASELINE, Vary(task)), gains=gains)
 
 
 def _on_path(scenario: Scenario, given: "Path | str") -> Scenario:
@@ -235,7 +245,8 @@ def _on_path(scenario: Scenario, given: "Path | str") -> Scenario:
     check_machine(task, scenario.nominal)
     varied = {name: drawn for name, drawn in scenario.task.fields.items() if name != "path"}
     own = (scenario.machine, Vary(task, **varied))
-    return replace(scenario, name=f"{scenario.name}-on-{called}", place=None, varied=own)
+    gains = "paths" if scenario.name == "standard" else scenario.whose_gains
+    return replace(scenario, name=f"{scenario.name}-on-{called}", place=None, varied=own, gains=gains)
 
 
 _SUITE = (

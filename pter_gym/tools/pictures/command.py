@@ -58,7 +58,7 @@ def watch(
     seed = whole_number("seed", seed, at_least=0)
     drawn = find_scenario(scenario, machine, path)
     held, task = drawn.randomisation(pace, contexts=1, seed=seed).pairs()[0]
-    found = {name: find_policy(name, drawn.name) for name in names}
+    found = {name: find_policy(name, drawn.whose_gains) for name in names}
     telemetry: dict[str, Any] = {}
     for name, policy in found.items():
         telemetry[name] = record_episode(policy, held, task, seed, time_limit(task), nominal=drawn.nominal).telemetry
