@@ -19,9 +19,8 @@ def pid(obs, scales, gains, memory):
     memory[0] += 0.01 * error  # the integral, 0 when an episode begins
     across, along = -kp * error - ki * memory[0] - kd * speed, -damping * max(obs[OBS.pace_error], 0.0)  # N
     force = complex(along, across) * complex(obs[OBS.heading.cos], obs[OBS.heading.sin])
-    a = length_a * (force.imag * obs[OBS.cos_a] - force.real * obs[OBS.sin_a])  # N·m about the axes, Jᵀ·force
-    b = length_b * (force.imag * obs[OBS.cos_b] - force.real * obs[OBS.sin_b])
-    w_a, w_b = obs[OBS.omega_a], obs[OBS.omega_b]
+    a, w_a = length_a * (force.imag * obs[OBS.cos_a] - force.real * obs[OBS.sin_a]), obs[OBS.omega_a]  # N·m: Jᵀ·force
+    b, w_b = length_b * (force.imag * obs[OBS.cos_b] - force.real * obs[OBS.sin_b]), obs[OBS.omega_b]
     return PerClutch(brake(a, w_a), brake(b, w_b), brake(a - b, w_a - w_b), brake(a + b, w_a + w_b))
 
 
