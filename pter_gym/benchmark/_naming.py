@@ -12,12 +12,14 @@ from types import ModuleType
 from typing import Any, cast
 from urllib.parse import quote
 
+from numba.core.dispatcher import Dispatcher
+
 from pter_gym._internal.checks import names_in
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.benchmark.tuned import TUNED, find_paced, find_tuned
 from pter_gym.controllers import CONTROLLERS, Controller
-from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.errors import ParameterError, nearest, unknown_name
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.policies._files import is_here, is_path
 
@@ -143,7 +145,9 @@ def _import(name: str) -> Any:
     if not place.endswith(".py") and not entry.pattern.fullmatch(name):
         raise ParameterError(f"policies must be written as package.module:attribute, got {name!r:.200}")
     try:
-        found = getattr(_run_file(Path(place).resolve()), attribute) if place.endswith(".py") else entry.load()
+        found = _attribute_of(Path(place), attribute) if place.endswith(".py") else entry.load()
+        if isinstance(found, Dispatcher):
+            raise ParameterError(f"policies must name a class whose bind returns the law, {name!r} is the law itself")
         return found() if isinstance(found, type) else found
     except (ImportError, AttributeError) as error:
         raise ParameterError(f"policies must name code that can be imported, got {name!r}: {error}") from None
@@ -151,6 +155,14 @@ def _import(name: str) -> Any:
         raise ParameterError(
             f"policies must name an instance, or a class that needs no arguments, got {name!r}: {error}"
         ) from None
+
+
+def _attribute_of(file: Path, name: str) -> Any:
+    """Return an attribute of a file of Python."""
+    known = {each: value for each, value in vars(_run_file(file.resolve())).items() if not each.startswith("_")}
+    if name not in known:
+        raise ParameterError(f"policies must name what is in {file}, there is no {name!r}{nearest(name, known)}")
+    return known[name]
 
 
 @cache
@@ -165,6 +177,7 @@ def _run_file(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except Exception as error:
         lines = [frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == str(path)]
-        place = f"{path.name}, line {getattr(error, 'lineno', None) or lines[-1:]}"
-        raise ParameterError(f"policies must name code that runs, {place}: {type(error).__name__}: {error}") from error
+        line = error.lineno if isinstance(error, SyntaxError) else lines[-1]
+        told = f"{path.name}, line {line}: {type(error).__name__}: {error}"
+        raise ParameterError(f"policies must name code that runs, {told}") from error
     return module

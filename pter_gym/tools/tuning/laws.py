@@ -102,7 +102,8 @@ def find_law(name: str, pace: float, scenario: str) -> NamedLaw | OwnLaw:
     search = getattr(law, SEARCH, None)
     if not is_dataclass(law) or not isinstance(search, Mapping) or not search:
         raise ParameterError(
-            f"controller must be a dataclass with {SEARCH} = {{'gain': (low, high), …}}, {name!r} is {law!r:.100}"
+            f"controller must be a dataclass with {SEARCH} = {{'gain': (low, high), …}}, "
+            f"which {name!r}, a {type(law).__name__}, is not"
         )
     known = [item.name for item in fields(law)]
     ranges = {gain: _space(gain, given, known) for gain, given in cast("Mapping[str, Any]", search).items()}
