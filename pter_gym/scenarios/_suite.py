@@ -145,10 +145,10 @@ def find_pace(pace: float | str, field: str = "pace") -> float:
     ParameterError
         If there is no such pace; the message names the field and suggests the nearest name.
     """
-    if pace in PACES:
-        return PACES[str(pace)]
     speed: Any = pace
     if isinstance(pace, str):
+        if pace in PACES:
+            return PACES[pace]
         try:
             speed = float(pace)
         except ValueError:
