@@ -9,15 +9,17 @@ from pter_gym._internal.files import check_target
 from pter_gym.errors import ParameterError
 from pter_gym.scenarios import PACES, SCENARIOS
 
-if TYPE_CHECKING:
-    ScenarioName = str
-    PaceName = str
-else:
-    ScenarioName = Literal[tuple(SCENARIOS)]
-    """Name of a scenario; the help lists all."""
+ScenarioName = str if TYPE_CHECKING else Literal[tuple(SCENARIOS)]
+"""Name of a scenario; the help lists all."""
 
-    PaceName = Literal[tuple(PACES)]
-    """Name of a commanded pace; the help lists all."""
+PaceName = str if TYPE_CHECKING else Literal[tuple(PACES)]
+"""Name of a commanded pace; the help lists all."""
+
+AnyPace = Annotated[str, tyro.conf.arg(metavar=f"{'|'.join(PACES)}|M/S")]
+"""A commanded pace, by its name or as a speed [m/s]."""
+
+PathName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.csv")]
+"""A path by its name, or a file of waypoints; None for what is usual."""
 
 MachineName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.toml")]
 """A machine by its name or its preset; None for what is usual."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from pter_gym._commands.arguments import PaceName, ScenarioName, split
+from pter_gym._commands.arguments import PathName, ScenarioName, split
 from pter_gym._internal.plugins import PICTURES, load_artist, registered
 from pter_gym._internal.terminal import progress_bar, say
 from pter_gym.scenarios import PACES, find_scenario
@@ -28,11 +28,17 @@ FILM_SUFFIX = ".webp"
 MAX_FILMED = 4
 """Most policies in a film."""
 
+SAME = ("version", "digest", "seed")
+"""What leaderboards of one suite have in common."""
+
 
 def benchmark(
     policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME …")] = POLICIES,
     scenario: ScenarioName = "standard",
-    paces: tuple[PaceName, ...] = tuple(PACES),
+    paces: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{'|'.join(PACES)}|M/S …", aliases=("--pace",))] = tuple(
+        PACES
+    ),
+    path: PathName = None,
     episodes: Annotated[int | None, tyro.conf.arg(metavar="COUNT")] = None,
     seed: Annotated[int | None, tyro.conf.arg(metavar="NUMBER")] = None,
     film: bool = True,
@@ -47,25 +53,28 @@ def benchmark(
     Example: pter benchmark --policies residual impedance-tuned --episodes 20
 
     Args:
-        policies: Names of controllers and trained policies, paths of exported ones, or package.module:attribute for
-            your own. Commas may separate them too.
+        policies: Names of controllers and trained policies, paths of exported ones, or FILE.py:attribute or
+            package.module:attribute for your own. Commas may separate them too.
         scenario: Scenario whose evaluation episodes are run.
-        paces: Commanded paces.
+        paces: Commanded paces: slow, medium, brisk, or speeds in m/s.
+        path: Path of all episodes instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's name.
         episodes: How many of the scenario's episodes to run; all by default. Ranks from fewer than 200 are provisional.
-        seed: Seed of fresh episodes, as many as the stored ones; by default the stored episodes are run.
+        seed: Seed of fresh episodes, as many as the stored ones; by default the stored episodes are run, or with
+            --path, where there are none, those of seed 0.
         film: Whether to film the policies on a training draw of the scenario.
         out: Folder for the results, created if necessary.
     """
     from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
     from pter_gym.benchmark.boards import print_tables, suites
 
+    drawn = find_scenario(scenario, path=path)
     results = ResultsFolder(out)
     results.make()
-    named = {name: find_policy(name, scenario) for each in policies for name in split(each)}
+    named = {name: find_policy(name, drawn.whose_gains) for each in policies for name in split(each)}
     with progress_bar() as progress:
-        task = progress.add_task(scenario, total=len(named) * len(paces))
+        task = progress.add_task(drawn.name, total=len(named) * len(paces))
         runs = run_scenario(
-            scenario,
+            drawn,
             named,
             paces,
             episodes=episodes,
@@ -76,7 +85,7 @@ def benchmark(
         progress.remove_task(task)
         everything = results.summarise()
         boards = [board for board in everything if board.has_episodes_of(runs[0])]
-        same = [board for board in everything if (board.version, board.seed) == (runs[0].version, seed)]
+        same = [board for board in everything if all(getattr(board, name) == getattr(runs[0], name) for name in SAME)]
         print_tables(boards, suites(same))
         progress.add_task("drawing", total=None)
         written = [results.summary]
@@ -88,7 +97,7 @@ def benchmark(
             places = [standing.policy for standing in board.standings]
             filmed = sorted(list(named)[:MAX_FILMED], key=places.index)
             ranked = {name: named[name] for name in filmed}
-            written.append(film_policies(ranked, find_scenario(scenario), pace, results.path, progress))
+            written.append(film_policies(ranked, drawn, pace, results.path, progress))
     for path in written:
         say(f"wrote {path}")
 

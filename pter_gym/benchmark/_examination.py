@@ -11,8 +11,9 @@ from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.runs import Policies
 from pter_gym.benchmark.simulation import AnyPolicy, run, time_limit
 from pter_gym.controllers import bind
-from pter_gym.scenarios import find_scenario
+from pter_gym.scenarios import Scenario, find_scenario
 from pter_gym.scenarios._fixed_machine import AnyMachine
+from pter_gym.tasks.path_following import PathFollowing
 
 RESERVE, MISSING = 0.97, 0.75
 """Parts of the leaderboard's limits on pace errors and on missing completions that the search keeps to.
@@ -59,7 +60,14 @@ class Assessment(NamedTuple):
 class Examination:
     """Training draws of a scenario on which policies are scored; parameters are as in ``examine``."""
 
-    def __init__(self, scenario: str, pace: str, episodes: int, seed: int, machine: AnyMachine | None = None) -> None:
+    def __init__(
+        self,
+        scenario: str | Scenario | PathFollowing,
+        pace: str,
+        episodes: int,
+        seed: int,
+        machine: AnyMachine | None = None,
+    ) -> None:
         drawn = find_scenario(scenario, machine)
         pairs = drawn.randomisation(pace, contexts=episodes, seed=seed).pairs()
         pairs.sort(key=lambda pair: time_limit(pair[1]))  # blocks of worlds then end at about one time
@@ -81,7 +89,7 @@ class Examination:
 
 def examine(
     policies: Policies,
-    scenario: str = "standard",
+    scenario: str | Scenario | PathFollowing = "standard",
     pace: str = "medium",
     *,
     episodes: int = 64,
@@ -97,14 +105,16 @@ def examine(
     policies
         As in ``run_scenario``; training seeds of one policy are averaged.
     scenario, pace
-        Names.
+        As in ``run_scenario``.
     episodes, seed
         Number of draws, and their seed, ≥ 0; training uses ``context_seed``, 0 by default.
     machine
         One machine in place of those that the scenario draws, as in ``find_scenario``; policies know about it.
     """
-    examination = Examination(scenario, pace, episodes, seed, machine)
-    named = find_policies(BASELINES, scenario) | (find_policies(policies, scenario) if policies else {})
+    drawn = find_scenario(scenario, machine)
+    examination = Examination(drawn, pace, episodes, seed)
+    gains = drawn.whose_gains
+    named = find_policies(BASELINES, gains) | (find_policies(policies, gains) if policies else {})
     found = {
         name: Assessment(*np.mean([examination.judge(policy) for policy in versions], axis=0).tolist())
         for name, versions in named.items()

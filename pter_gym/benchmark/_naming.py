@@ -1,19 +1,25 @@
-"""Find the policy that a user names: by name, by the path of an exported one, or as ``package.module:attribute``."""
+"""Find the policy that a user names: by name, by the path of an exported one, or as code, ``FILE.py:attribute``."""
 
 import os
 import sys
 from collections.abc import Iterable, Mapping
+from functools import cache
 from importlib.metadata import EntryPoint
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from traceback import extract_tb
+from types import ModuleType
 from typing import Any, cast
 from urllib.parse import quote
+
+from numba.core.dispatcher import Dispatcher
 
 from pter_gym._internal.checks import names_in
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.benchmark.tuned import TUNED, find_paced, find_tuned
 from pter_gym.controllers import CONTROLLERS, Controller
-from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.errors import ParameterError, nearest, unknown_name
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.policies._files import is_here, is_path
 
@@ -33,9 +39,9 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
           need one;
         - a controller with tuned gains, such as ``impedance-tuned``;
         - a trained policy of the package, such as ``residual``, or the path of an exported one;
-        - ``package.module:attribute``: a controller or a callable from observations to volts. A class is called
-          without arguments. The module is imported into this process, if need be from the current folder, which is then
-          appended to ``sys.path``.
+        - ``FILE.py:attribute`` or ``package.module:attribute``: a controller or a callable from observations to volts.
+          A class is called without arguments. The file is run, or the module imported, in this process, if need be from
+          the current folder, which is then appended to ``sys.path``.
     scenario
         Scenario whose gains and dampers to use. With None, as in the paper's standard test, controllers have their
         default gains.
@@ -48,12 +54,10 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
         If a file of an exported policy is damaged.
     """
     name = _text_of(name)
-    module, colon, attribute = name.partition(":")
-    if module.endswith(".py"):
-        dotted = module.removesuffix(".py").replace(os.sep, ".").strip(".")
-        example = f"{dotted}:{attribute or 'policy'}"
-        raise ParameterError(f"policies must name an attribute of a module, as in {example}, got {name!r:.200}")
-    if colon and is_code(name):
+    if name.endswith((".py", ".py:")):
+        example = f"{name.removesuffix(':')}:policy"
+        raise ParameterError(f"policies must name an attribute of a file, as in {example}, got {name!r:.200}")
+    if is_code(name):
         return _import(name)
     known = (*CONTROLLERS, *TUNED, *shipped_policies())
     if is_path(name) or name in shipped_policies() or (name not in known and name and is_here(name)):
@@ -64,8 +68,9 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
 
 
 def is_code(name: str) -> bool:
-    """Return whether a name means an attribute of a module, ``package.module:attribute``."""
-    return ":" in name and not is_path(name)
+    """Return whether a name means an attribute of a file or of a module."""
+    place, colon, _ = name.rpartition(":")
+    return bool(colon) and (place.endswith(".py") or not is_path(name))
 
 
 def find_policies(policies: Any, scenario: str) -> dict[str, tuple[AnyPolicy, ...]]:
@@ -135,11 +140,14 @@ def _import(name: str) -> Any:
     """Return the policy that is an attribute of a module, or an instance of it if it is a class."""
     if (here := str(Path.cwd())) not in sys.path:
         sys.path.append(here)
+    place, _, attribute = name.rpartition(":")
     entry = EntryPoint(name, name, "")
-    if not entry.pattern.fullmatch(name):
+    if not place.endswith(".py") and not entry.pattern.fullmatch(name):
         raise ParameterError(f"policies must be written as package.module:attribute, got {name!r:.200}")
     try:
-        found = entry.load()
+        found = _attribute_of(Path(place), attribute) if place.endswith(".py") else entry.load()
+        if isinstance(found, Dispatcher):
+            raise ParameterError(f"policies must name a class whose bind returns the law, {name!r} is the law itself")
         return found() if isinstance(found, type) else found
     except (ImportError, AttributeError) as error:
         raise ParameterError(f"policies must name code that can be imported, got {name!r}: {error}") from None
@@ -147,3 +155,29 @@ def _import(name: str) -> Any:
         raise ParameterError(
             f"policies must name an instance, or a class that needs no arguments, got {name!r}: {error}"
         ) from None
+
+
+def _attribute_of(file: Path, name: str) -> Any:
+    """Return an attribute of a file of Python."""
+    known = {each: value for each, value in vars(_run_file(file.resolve())).items() if not each.startswith("_")}
+    if name not in known:
+        raise ParameterError(f"policies must name what is in {file}, there is no {name!r}{nearest(name, known)}")
+    return known[name]
+
+
+@cache
+def _run_file(path: Path) -> ModuleType:
+    """Return the module that a file of Python is, run once, with its folder at the end of ``sys.path``."""
+    if not path.is_file():
+        raise ParameterError(f"policies must name a file that exists, there is no {str(path)!r}")
+    spec: Any = spec_from_file_location(f"file:{path}", path)  # a name that no other module has
+    module = sys.modules[spec.name] = module_from_spec(spec)
+    sys.path.append(str(path.parent))
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        lines = [frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == str(path)]
+        line = error.lineno if isinstance(error, SyntaxError) else lines[-1]
+        told = f"{path.name}, line {line}: {type(error).__name__}: {error}"
+        raise ParameterError(f"policies must name code that runs, {told}") from error
+    return module

@@ -24,7 +24,7 @@ from pter_gym.benchmark.intervals import (
 from pter_gym.benchmark.runs import ScenarioRun
 from pter_gym.benchmark.scores import SCORES, Scores
 from pter_gym.benchmark.tuned import TUNED
-from pter_gym.scenarios import PACES
+from pter_gym.scenarios import find_pace, title_of_pace
 
 COMPLETION = 0.99
 """Fraction of completed episodes that a policy with a rank needs. A policy is undecided if its interval holds this."""
@@ -121,7 +121,8 @@ class Standing:
 class Leaderboard:
     """The policies, the best first and unranked ones last, on so many episodes of a scenario at a pace.
 
-    ``seed`` is that of fresh episodes, None for the stored ones; ``version`` that of the package that made the runs.
+    ``seed`` is that of fresh episodes, None for the stored ones; ``version`` that of the package that made the runs;
+    ``digest`` that of a scenario of one's own.
     """
 
     scenario: str
@@ -130,6 +131,7 @@ class Leaderboard:
     seed: int | None
     standings: tuple[Standing, ...]
     version: str = __version__
+    digest: str = ""
 
     @property
     def provisional(self) -> bool:
@@ -138,16 +140,17 @@ class Leaderboard:
 
     def has_episodes_of(self, run: ScenarioRun) -> bool:
         """Return whether a run, at whatever pace, had the same episodes."""
-        mine = (self.version, self.scenario, self.episodes, self.seed)
-        return mine == (run.version, run.scenario, run.episodes, run.seed)
+        names = ("version", "scenario", "digest", "episodes", "seed")
+        return all(getattr(self, name) == getattr(run, name) for name in names)
 
     def as_json(self) -> dict[str, Any]:
         """Return this leaderboard's entry in ``benchmark.json``, in SI."""
         return {
             **{
-                name: getattr(self, name) for name in ("version", "scenario", "pace", "episodes", "seed", "provisional")
+                name: getattr(self, name)
+                for name in ("version", "scenario", "digest", "pace", "episodes", "seed", "provisional")
             },
-            "pace_m_s": PACES[self.pace],
+            "pace_m_s": find_pace(self.pace),
             "policies": {standing.policy: standing.as_json() for standing in self.standings},
         }
 
@@ -165,10 +168,11 @@ class SuiteScore(NamedTuple):
 
 def leaderboards(runs: Sequence[ScenarioRun]) -> tuple[Leaderboard, ...]:
     """Return a leaderboard for each scenario, pace and set of episodes; runs of other versions are not mixed."""
-    groups: dict[tuple[str, str, int, int, float], list[ScenarioRun]] = {}
+    groups: dict[tuple[str, str, str, int, int, float], list[ScenarioRun]] = {}
     for run in runs:
         seed = -1 if run.seed is None else run.seed
-        groups.setdefault((run.version, run.scenario, run.episodes, seed, PACES[run.pace]), []).append(run)
+        place = run.version, run.scenario, run.digest, run.episodes, seed, find_pace(run.pace)
+        groups.setdefault(place, []).append(run)
     return tuple(rank(groups[place]) for place in sorted(groups))
 
 
@@ -191,18 +195,18 @@ def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
             against["difference"] = difference_interval(standing.errors, first.errors, strata)
             against["probability"] = probability_of_improvement(standing.errors, first.errors)
         standings.append(replace(standing, rank=None if standing.reason else number, **against))
-    return Leaderboard(run.scenario, run.pace, run.episodes, run.seed, tuple(standings), run.version)
+    return Leaderboard(run.scenario, run.pace, run.episodes, run.seed, tuple(standings), run.version, run.digest)
 
 
 def suites(boards: Iterable[Leaderboard]) -> list[tuple[Leaderboard, ...]]:
-    """Return the leaderboards with a tuned law of each version and seed of the episodes.
+    """Return the leaderboards with a tuned law of each version and seed of the episodes; one's own are apart.
 
     Of several at a scenario and pace, that of the most episodes counts.
     """
-    groups: dict[tuple[str, int | None], dict[tuple[str, str], Leaderboard]] = {}
+    groups: dict[tuple[str, str, int | None], dict[tuple[str, str], Leaderboard]] = {}
     for board in sorted(boards, key=lambda board: board.episodes):
         if any(standing.policy in TUNED for standing in board.standings):
-            groups.setdefault((board.version, board.seed), {})[board.scenario, board.pace] = board
+            groups.setdefault((board.version, board.digest, board.seed), {})[board.scenario, board.pace] = board
     return [tuple(group.values()) for group in groups.values()]
 
 
@@ -285,7 +289,7 @@ def table(board: Leaderboard) -> Table:
         ranges = (f"{each.policy} ({_percent(each.scores['completed'])} %)" for each in undecided)
         notes.append(f"? may complete less than {100 * COMPLETION:g} %: {', '.join(ranges)}")
     shown = _table(
-        f"{board.scenario}, {board.pace} ({PACES[board.pace]:g} m/s), {kind}{board.episodes} {_kind(board.seed)}",
+        f"{board.scenario}, {title_of_pace(board.pace)}, {kind}{board.episodes} {_kind(board.seed)}",
         "\n".join(notes),
         ["#", "policy", *(column.title for column in COLUMNS)],
     )
@@ -325,7 +329,7 @@ def print_tables(boards: Iterable[Leaderboard], of_suites: Iterable[Sequence[Lea
 def _table(title: str, caption: str, headers: Sequence[str]) -> Table:
     """Return an empty table, narrow enough for 80 columns."""
     shown = Table(
-        title=title,
+        title=escape(title),
         caption=escape(caption),
         caption_justify="left",
         box=None,
@@ -365,7 +369,7 @@ def _judge(runs: Sequence[ScenarioRun]) -> Standing:
     """Return the standing of a policy from the runs of its training seeds; ranks are assigned later."""
     scores = {name: np.stack([run.scores[name] for run in runs]) for name in SCORES}
     summary = summarise(scores, runs[0].strata)
-    reason = reason_below(summary, PACES[runs[0].pace])
+    reason = reason_below(summary, find_pace(runs[0].pace))
     undecided = reason is None and summary["completed"].holds(COMPLETION)
     return Standing(runs[0].policy, None, reason, undecided, summary, scores["path_error_m"])
 

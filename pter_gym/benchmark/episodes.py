@@ -16,7 +16,7 @@ from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic
 from pter_gym._internal.reading import MAX_JSON_SIZE, inflate, parse_json, read_bytes, reading
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import Machine
-from pter_gym.scenarios import find_pace, find_scenario
+from pter_gym.scenarios import Scenario, find_pace, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds
 from pter_gym.scenarios._fixed_machine import FixedMachine
 from pter_gym.tasks._stored import codec
@@ -83,20 +83,22 @@ def load_episodes(scenario: str, pace: str, *, folder: FilePath = FOLDER) -> Epi
         return _decode(read_bytes(path, MAX_JSON_SIZE)).at_pace(speed)
 
 
-def find_episodes(scenario: str, pace: str, seed: int | None = None, machine: FixedMachine | None = None) -> Episodes:
+def find_episodes(
+    scenario: str | Scenario, pace: str, seed: int | None = None, machine: FixedMachine | None = None
+) -> Episodes:
     """Return a scenario's stored evaluation episodes at a pace, or fresh ones from a seed within [0, 2⁶⁴).
 
     There are as many fresh episodes as stored ones in each stratum, in an order given by the seed; each pace has its
     own draws. A machine replaces those that fresh episodes would draw. Raises as ``load_episodes``, and a
     ParameterError if the seed is out of range.
     """
+    found = find_scenario(scenario, machine)
     if seed is None:
-        return load_episodes(scenario, pace)
+        return load_episodes(found.name, pace)
     speed = find_pace(pace)
-    find_scenario(scenario)
     if whole_number("seed", seed, at_least=0) > MAX_SEED:
         raise ParameterError(f"seed must be a whole number within [0, 2⁶⁴), got {seed!r}")
-    return _draw(scenario, int(seed), pace, machine).at_pace(speed)
+    return _draw(found, int(seed), pace).at_pace(speed)
 
 
 def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDER) -> Path:
@@ -124,10 +126,9 @@ def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDE
 
 
 @lru_cache(8)
-def _draw(scenario: str, seed: int, pace: str, machine: FixedMachine | None) -> Episodes:
-    found = find_scenario(scenario, machine)
-    machines, tasks, strata = zip(*evaluation_draws(found, (seed, pace)), strict=True)
-    return Episodes(scenario, machines, tasks, tuple(fresh_reset_seeds(found, (seed, pace))), strata)
+def _draw(scenario: Scenario, seed: int, pace: str) -> Episodes:
+    machines, tasks, strata = zip(*evaluation_draws(scenario, (seed, pace)), strict=True)
+    return Episodes(scenario.name, machines, tasks, tuple(fresh_reset_seeds(scenario, (seed, pace))), strata)
 
 
 @lru_cache(16)

@@ -17,9 +17,9 @@ from pter_gym.benchmark.boards import Leaderboard, leaderboards, suite_scores, s
 from pter_gym.benchmark.runs import ScenarioRun
 from pter_gym.benchmark.scores import SCORES
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.scenarios import PACES
+from pter_gym.scenarios import name_of_pace
 
-NAMES = ("version", "scenario", "pace", "policy", "training_seed", "seed")
+NAMES = ("version", "scenario", "digest", "pace", "policy", "training_seed", "seed")
 """What a file says about a run, beside its numbers."""
 
 
@@ -69,7 +69,7 @@ class ResultsFolder:
         boards = leaderboards(self.runs())
         suite = [
             {
-                **{name: getattr(mine[0], name) for name in ("version", "seed")},
+                **{name: getattr(mine[0], name) for name in ("version", "digest", "seed")},
                 "boards": [[board.scenario, board.pace] for board in mine],
                 "policies": {name: score.ratio._asdict() for name, score in suite_scores(mine).items()},
             }
@@ -85,7 +85,8 @@ def run_path(folder: FilePath, run: ScenarioRun, training_seed: int | None = Non
     number = run.training_seed if training_seed is None else training_seed
     fresh = "" if run.seed is None else f"-seed{run.seed}"
     trained = f"-training{number}" if number else ""
-    name = f"{run.scenario}-{run.pace}-{run.policy}-{run.episodes}{fresh}{trained}"
+    own = f"-{run.digest}" if run.digest else ""
+    name = f"{run.scenario}-{run.pace}-{run.policy}-{run.episodes}{fresh}{trained}{own}"
     return find_path("folder", folder) / "runs" / f"{quote(name, safe=' ')}.json"
 
 
@@ -108,10 +109,15 @@ def read_run(path: FilePath) -> ScenarioRun:
         content = parse_json(read_bytes(path, MAX_JSON_SIZE))
         strata = tuple(map(str, content["strata"]))
         scores = {name: np.array(content[name]).reshape(len(strata)) for name in SCORES}
-        run = ScenarioRun(**{name: content[name] for name in NAMES}, strata=strata, scores=scores)
+        told = {name: content[name] for name in NAMES if name in content or name != "digest"}
+        run = ScenarioRun(**told, strata=strata, scores=scores)
         for name in ("training_seed", "seed"):
             whole_number(name, getattr(run, name) or 0, at_least=0)
-        if run.pace not in PACES or not strata or any(values.dtype.kind not in "bif" for values in scores.values()):
+        if (
+            name_of_pace(run.pace) != run.pace
+            or not strata
+            or any(values.dtype.kind not in "bif" for values in scores.values())
+        ):
             raise ValueError("it must hold a commanded pace and numbers for each episode")
         if run_path(path.parents[1], run).name != path.name:
             raise ValueError(f"policy must be that of the file's name, got {run.policy!r:.200}")

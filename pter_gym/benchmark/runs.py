@@ -16,10 +16,9 @@ from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
 from pter_gym.benchmark.simulation import AnyPolicy, run, sensors_of, time_limit
 from pter_gym.controllers import bind
-from pter_gym.errors import unknown_name
 from pter_gym.params import BASELINE, Machine
-from pter_gym.scenarios import PACES
-from pter_gym.tasks.path_following import observation_layout
+from pter_gym.scenarios import PACES, Scenario, find_scenario, name_of_pace
+from pter_gym.tasks.path_following import PathFollowing, observation_layout
 
 if TYPE_CHECKING:
     from pter_gym.benchmark.results import ResultsFolder
@@ -38,6 +37,8 @@ class ScenarioRun:
         Number of the training seed, for a policy that was trained with several; 0 otherwise.
     seed
         Seed of fresh episodes; None for the stored ones.
+    digest
+        Digest of a scenario of one's own, whose name may be another's; empty for those of the suite.
     strata, scores
         A label for each episode, and an array with an entry for each episode under the name of each score.
     """
@@ -50,6 +51,7 @@ class ScenarioRun:
     strata: tuple[str, ...]
     scores: Scores
     version: str = __version__
+    digest: str = ""
 
     @property
     def episodes(self) -> int:
@@ -61,9 +63,9 @@ Policies = Mapping[str, AnyPolicy | PerSeed | FilePath] | Iterable[FilePath] | F
 
 
 def run_scenario(
-    scenario: str,
+    scenario: str | Scenario | PathFollowing,
     policies: Policies,
-    paces: Iterable[str | float] | float = tuple(PACES),
+    paces: Iterable[str | float] | float | None = None,
     *,
     episodes: int | None = None,
     seed: int | None = None,
@@ -76,16 +78,16 @@ def run_scenario(
     Parameters
     ----------
     scenario
-        Its name.
+        Its name, or a scenario or a task of your own, as ``find_scenario`` takes them.
     policies
         By name: controllers, which are bound to the nominal machine, any ``policy(observations) -> volts``, float32
         (N, entries) to (N, 4), a ``PerSeed``, or what ``find_policy`` takes. Or a list of names that it takes.
     paces
-        Names of commanded paces or their speeds [m/s], or one of them.
+        Names of commanded paces or speeds [m/s], or one of them; by default all that have names, or a task's own.
     episodes
         How many episodes to run, starting with the first; all by default.
     seed
-        Seed of fresh episodes, within [0, 2⁶⁴); by default, the stored ones.
+        Seed of fresh episodes, within [0, 2⁶⁴); by default, the stored ones, or 0 where there are none.
     results
         A folder of results or its path, where each run is stored.
     num_threads
@@ -103,9 +105,13 @@ def run_scenario(
     from pter_gym.benchmark.results import ResultsFolder
 
     num_threads = whole_number("num_threads", num_threads)
+    found = find_scenario(scenario)
+    if paces is None:
+        paces = scenario.pace if isinstance(scenario, PathFollowing) else tuple(PACES)
     listed = names_in("paces", [paces] if isinstance(paces, int | float) else paces)
-    sets = {pace: find_episodes(scenario, pace, seed) for pace in map(_name_of, listed)}
-    named = find_policies(policies, scenario)
+    seed = 0 if seed is None and found.digest else seed
+    sets = {pace: find_episodes(found, pace, seed) for pace in (name_of_pace(each, "paces") for each in listed)}
+    named = find_policies(policies, found.whose_gains)
     if episodes is not None:
         sets = {pace: full.first(episodes) for pace, full in sets.items()}
     folder = results if results is None or isinstance(results, ResultsFolder) else ResultsFolder(results)
@@ -114,9 +120,10 @@ def run_scenario(
     runs: list[ScenarioRun] = []
     for pace, drawn in sets.items():
         for name, versions in named.items():
+            scored = [evaluate(policy, drawn, num_threads, nominal=found.nominal) for policy in versions]
             trained = [
-                ScenarioRun(scenario, pace, name, number, seed, drawn.strata, evaluate(policy, drawn, num_threads))
-                for number, policy in enumerate(versions)
+                ScenarioRun(found.name, pace, name, number, seed, drawn.strata, scores, digest=found.digest)
+                for number, scores in enumerate(scored)
             ]
             if folder:
                 folder.add(trained)
@@ -143,11 +150,3 @@ def evaluate(policy: AnyPolicy, episodes: Episodes, num_threads: int = 2, *, nom
     with ThreadPoolExecutor(num_threads if acting.compiled else 1, thread_name_prefix="pter-benchmark") as pool:
         parts = list(pool.map(evaluate_from, range(0, len(episodes), CHUNK)))
     return {name: np.concatenate([part[name] for part in parts]) for name in SCORES}
-
-
-def _name_of(pace: str | float) -> str:
-    """Return the name of a commanded pace given by its name or its speed [m/s], or raise a ParameterError."""
-    for name, speed in PACES.items():
-        if pace in (name, speed):
-            return name
-    raise unknown_name("paces", pace, PACES)

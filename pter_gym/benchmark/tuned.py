@@ -18,7 +18,7 @@ from pter_gym._internal.reading import MAX_TOML_SIZE, parse_toml, read_text, rea
 from pter_gym.controllers import CONTROLLERS, Controller, Guided, Impedance, PaceSchedule
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies._stored_gains import make_guided
-from pter_gym.scenarios import PACES
+from pter_gym.scenarios import find_pace
 
 TABLE = Path(__file__).parents[1] / "presets" / "tuned.toml"
 
@@ -49,7 +49,7 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
     name, path
         Its name, and the file of the gains.
     scenario
-        Scenario whose gains to use; by default, or if there are none for it, those of ``everything``.
+        Scenario whose gains to use; by default, or if there are none for it, as for one's own, those of ``everything``.
 
     Raises
     ------
@@ -74,8 +74,8 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
 def find_paced(name: str, scenario: str | None) -> Controller:
     """Return a controller by its name, with a damper for each pace if there are some for it and the scenario."""
     controller = CONTROLLERS[name]()
-    dampers = damping_table().get(scenario or "", {}).get(name)
-    if dampers is None or not isinstance(controller, Impedance):
+    dampers = scenario and damping_table().get(scenario, damping_table()[FALLBACK]).get(name)
+    if not dampers or not isinstance(controller, Impedance):
         return controller
     laws = ((pace, replace(controller, damping_tangential=damping)) for pace, damping in dampers.items())
     return _schedule(laws, hold=HOLD)
@@ -98,7 +98,7 @@ def read_table(path: FilePath = TABLE) -> Table:
         for scenario, controllers in table.items():
             for controller, paces in controllers.items():
                 for pace, entry in paces.items():
-                    if controller not in TUNABLE or pace not in PACES or not isinstance(entry["gains"], dict):
+                    if controller not in TUNABLE or not find_pace(pace) or not isinstance(entry["gains"], dict):
                         raise ValueError(f"{scenario}.{controller}.{pace} must hold gains of a controller at a pace")
     return table
 
@@ -114,5 +114,5 @@ def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
 
 def _schedule(laws: Iterable[tuple[str, Guided]], **options: Any) -> PaceSchedule:
     """Return controllers given by the names of their paces as one."""
-    knots = ((PACES[pace], law) for pace, law in laws)
+    knots = ((find_pace(pace), law) for pace, law in laws)
     return PaceSchedule(tuple(sorted(knots, key=lambda knot: knot[0])), **options)

@@ -57,6 +57,8 @@ def _repeat(run: ScenarioRun, policies: Policies) -> str:
     if run.policy not in given and is_code(run.policy):
         raise ParameterError(f"policies must hold {run.policy!r}, whose code is not imported")
     versions = given.get(run.policy) or find_policies(run.policy, run.scenario)[run.policy]
+    if run.digest:
+        raise ParameterError(f"scenario must be one of the suite's, {run.scenario!r} is your own")
     if run.training_seed >= len(versions):
         raise ParameterError(f"policies must hold {run.training_seed + 1} training seeds of {run.policy!r}")
     episodes = find_episodes(run.scenario, run.pace, run.seed).first(run.episodes)

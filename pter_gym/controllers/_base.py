@@ -152,7 +152,7 @@ class Policy(BoundPolicy):
     Attributes
     ----------
     gains
-        Gains of the law, shape (G,).
+        Gains of the law, shape (G,); a list of numbers becomes one.
     layout
         Layout of the observations.
     law
@@ -171,6 +171,7 @@ class Policy(BoundPolicy):
 
     def __post_init__(self) -> None:
         """Check the law, and start with an empty memory."""
+        self.gains = np.asarray(self.gains, np.float64)
         self._scales = self.layout.scales
         check_law(self.law, self._scales, self.gains, self.empty_memory(1)[0])
         self.reset()

@@ -7,7 +7,9 @@ To add a scenario, add an entry to ``_SUITE`` here and to ``VARIED`` in ``_varia
 their strata follow from these. This module imports nothing heavy, since ``import pter_gym`` reads it.
 """
 
+import hashlib
 from dataclasses import dataclass, fields, replace
+from pathlib import PurePath
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -16,6 +18,7 @@ from pter_gym.errors import ParameterError, unknown_name
 
 if TYPE_CHECKING:
     from pter_gym.params import Machine
+    from pter_gym.paths import Path
     from pter_gym.scenarios._fixed_machine import AnyMachine, FixedMachine
     from pter_gym.scenarios.randomisation import Randomisation, Vary
     from pter_gym.tasks.path_following import PathFollowing
@@ -43,6 +46,11 @@ class Scenario:
         version.
     own
         The machine in place of those that it would draw, if any; see ``find_scenario``.
+    varied
+        Machine and task of a scenario of one's own, or what varies of them; by default those of the suite's scenario of
+        this name.
+    gains
+        The scenario whose gains control laws have, by default this one.
     """
 
     name: str
@@ -52,13 +60,30 @@ class Scenario:
     stratum: Literal["path", "hand"] = "path"
     place: int | None = None
     own: "FixedMachine | None" = None
+    varied: "tuple[Machine | Vary[Machine], Vary[PathFollowing]] | None" = None
+    gains: str = ""
+
+    @property
+    def whose_gains(self) -> str:
+        """The name under which control laws have gains."""
+        return self.gains or self.name
 
     @property
     def nominal(self) -> "Machine":
-        """The machine that controllers are bound to: the scenario's own, or the paper's."""
-        from pter_gym.params import BASELINE
+        """The machine that controllers are bound to: the only one of all episodes, or the paper's."""
+        from pter_gym.params import BASELINE, Machine
 
-        return self.own.machine if self.own else BASELINE
+        if self.own:
+            return self.own.machine
+        return self.machine if isinstance(self.machine, Machine) else BASELINE
+
+    @property
+    def digest(self) -> str:
+        """Digest of what it draws; empty for a scenario of the suite, which its name and version tell."""
+        if self.own is None and self.varied is None:
+            return ""
+        drawn = (self.own, *(self.varied or (self.task,)))
+        return hashlib.sha256(repr(drawn).encode()).hexdigest()[:16]
 
     @property
     def id(self) -> str:
@@ -70,14 +95,14 @@ class Scenario:
         """What varies of the machine."""
         from pter_gym.scenarios._variations import VARIED
 
-        return VARIED[self.name][0]
+        return (self.varied or VARIED[self.name])[0]
 
     @property
     def task(self) -> "Vary[PathFollowing]":
         """What varies of the task."""
         from pter_gym.scenarios._variations import VARIED
 
-        return VARIED[self.name][1]
+        return (self.varied or VARIED[self.name])[1]
 
     def randomisation(
         self, pace: float | str | None = None, *, contexts: int = 512, seed: int = 0, **overrides: Any
@@ -112,52 +137,116 @@ class Scenario:
         return Randomisation(machine=self.machine, task=task, contexts=contexts, seed=seed, own=self.own)
 
 
-def find_pace(pace: float | str) -> float:
-    """Return a commanded pace [m/s] given as itself or by its name in ``PACES``.
+def find_pace(pace: float | str, field: str = "pace") -> float:
+    """Return a commanded pace [m/s] given as itself, also in text, or by its name in ``PACES``.
 
     Raises
     ------
     ParameterError
-        If there is no such name; the message suggests the nearest.
+        If there is no such pace; the message names the field and suggests the nearest name.
     """
-    if not isinstance(pace, str):
-        if not is_finite(pace) or pace <= 0.0:
-            raise ParameterError(f"pace must be one of {', '.join(PACES)}, or a speed > 0 m/s, got {pace!r}")
-        return float(pace)
-    if pace not in PACES:
-        raise unknown_name("pace", pace, PACES)
-    return PACES[pace]
+    speed: Any = pace
+    if isinstance(pace, str):
+        if pace in PACES:
+            return PACES[pace]
+        try:
+            speed = float(pace)
+        except ValueError:
+            raise unknown_name(field, pace, (*PACES, "a speed > 0 m/s")) from None
+    if not is_finite(speed) or speed <= 0.0:
+        raise ParameterError(f"{field} must be one of {', '.join(PACES)}, or a speed > 0 m/s, got {pace!r}")
+    return float(speed)
 
 
-def find_scenario(name: str, machine: "AnyMachine | None" = None) -> Scenario:
+def name_of_pace(pace: float | str, field: str = "pace") -> str:
+    """Return the name of a commanded pace, or its speed as text where it has none; raises as ``find_pace``."""
+    speed = find_pace(pace, field)
+    return next((name for name, named in PACES.items() if named == speed), str(speed))
+
+
+def title_of_pace(pace: str) -> str:
+    """Return a commanded pace as tables show it: ``medium (0.25 m/s)``, or ``0.3 m/s`` for one without a name."""
+    speed = f"{find_pace(pace):g} m/s"
+    return f"{pace} ({speed})" if pace in PACES else speed
+
+
+def find_scenario(
+    name: "str | PathFollowing | Scenario",
+    machine: "AnyMachine | None" = None,
+    path: "Path | str | None" = None,
+) -> Scenario:
     """Return a scenario by its name.
 
     Parameters
     ----------
     name
-        Its name.
+        Its name, or itself. Or a task: its episodes, 200, differ in the phases of its hand's sines.
     machine
         A machine for all its episodes, in place of those that it draws: the machine, its name in
         ``pter_gym.params.MACHINES``, or the path of a preset, whose delay applies to all observations. Paths and hands
         are drawn as usual.
+    path
+        A path for all its episodes: the path, its name in ``pter_gym.paths.PATHS``, or a CSV file of waypoints. The
+        workspace about it is at most as wide as its bends allow.
 
     Raises
     ------
     ParameterError
-        If there is no such scenario or machine (the nearest is suggested), or a preset's delay is too long for a task.
+        If there is no such scenario, machine or path (the nearest is suggested), a preset's delay is too long for a
+        task, or the arm cannot follow the path.
     DataError
         If a preset is malformed.
     """
-    if name not in SCENARIOS:
-        raise unknown_name("scenario", name, SCENARIOS)
-    if machine is None:
-        return SCENARIOS[name]
-    from pter_gym.scenarios._fixed_machine import find_fixed_machine, with_delay
+    found = _find(name)
+    if path is not None:
+        found = _on_path(found, path)
+    if machine is not None:
+        from pter_gym.scenarios._fixed_machine import find_fixed_machine, with_delay
 
-    own = find_fixed_machine(machine)
-    found = replace(SCENARIOS[name], own=own)
-    with_delay(found.task.base, own)  # raises where the delay is too long
+        own = find_fixed_machine(machine)
+        found = replace(found, own=own)
+        with_delay(found.task.base, own)  # raises where the delay is too long
     return found
+
+
+def _find(name: Any) -> Scenario:
+    if isinstance(name, Scenario):
+        return name
+    if isinstance(name, str) and name in SCENARIOS:
+        return SCENARIOS[name]
+    from pter_gym.tasks.path_following import PathFollowing
+
+    if not isinstance(name, PathFollowing):
+        raise unknown_name("scenario", name, SCENARIOS)
+    from pter_gym.hands import MultiSineHand
+    from pter_gym.params import BASELINE
+    from pter_gym.scenarios.randomisation import Vary
+
+    random = {"hand": replace(name.hand, random_phases=True)} if hasattr(name.hand, "random_phases") else {}
+    task: Any = replace(name, **random)
+    gains = "paths" if isinstance(name.hand, MultiSineHand) else "everything"
+    called = type(name.path).__name__.lower()
+    return Scenario(called, 0, "A task of your own.", episodes=200, varied=(BASELINE, Vary(task)), gains=gains)
+
+
+def _on_path(scenario: Scenario, given: "Path | str") -> Scenario:
+    """Return a scenario with one path for all episodes."""
+    from pter_gym.paths import find_path
+    from pter_gym.scenarios.randomisation import Vary
+    from pter_gym.tasks.path_following._specification import check_machine, largest_error_max
+
+    path = find_path(given)
+    called = PurePath(given).stem if isinstance(given, str) else type(path).__name__.lower()
+    base, band = scenario.task.base, max(scenario.task.base.free_left, scenario.task.base.free_right)
+    widest = largest_error_max(path) - band
+    if widest <= 0.0:
+        raise ParameterError(f"path must bend less for a free band of {band:g} m: {called} turns within that radius")
+    task = replace(base, path=path, error_max=min(base.error_max, widest))
+    check_machine(task, scenario.nominal)
+    varied = {name: drawn for name, drawn in scenario.task.fields.items() if name != "path"}
+    own = (scenario.machine, Vary(task, **varied))
+    gains = "paths" if scenario.name == "standard" else scenario.whose_gains
+    return replace(scenario, name=f"{scenario.name}-on-{called}", place=None, varied=own, gains=gains)
 
 
 _SUITE = (

@@ -44,9 +44,9 @@ def test_gains_are_those_of_the_scenario_and_the_papers_change_in_the_damper_alo
         ("nowhere.at_all:thing", "nowhere"),
         ("os:nothing", "os:nothing"),
         ("os:", "os:"),
-        ("my.py", "my:policy"),
-        ("./my.py", "my:policy"),
-        ("my.py:law", "my:law"),
+        ("my.py", "my.py:policy"),
+        ("./my.py", "my.py:policy"),
+        ("my.py:law", "my.py"),
         ("functools:partial", "functools:partial"),
         (3, "policies"),
     ],
@@ -63,6 +63,18 @@ def test_code_is_found_in_the_current_folder(tmp_path: Path, monkeypatch: pytest
     assert type(find_policy("code_of_mine:Law")) is type(law)
 
 
+def test_code_is_found_in_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "code.py"  # a module of the standard library has this name
+    file.write_text("class Law:\n    def __call__(self, obs): return 0.0\nlaw = Law()")
+    law: Any = find_policy(f"{file}:law")
+    assert type(find_policy(f"{file}:Law")) is type(law)
+    broken = tmp_path / "broken.py"
+    broken.write_text("import pter_gym\nlaw = 1 / 0")
+    for name in (f"{file}:lwa", f"{file}:", f"{broken}:law"):
+        with pytest.raises(ParameterError, match="policies"):
+            find_policy(name)
+
+
 def test_names_stand_for_policies_and_paces_wherever_their_meaning_is_clear() -> None:
     ways: list[Any] = ["free", ["free"], {"free"}, {"free": "free"}, {"free": Free()}, {"free": PerSeed(["free"])}]
     for policies in ways:
@@ -77,7 +89,7 @@ def test_names_stand_for_policies_and_paces_wherever_their_meaning_is_clear() ->
 BAD: list[tuple[str, Any]] = [
     *(("policies", bad) for bad in ({}, [], "", "fre", {" free": Free()}, {"a\n": Free()}, {"a": 3}, {"": Free()})),
     *(("policies", bad) for bad in (zero, Free(), [zero], [Free()], {"a": Free}, {"a": [Free()]}, PerSeed([Free()]))),
-    *(("paces", bad) for bad in ("fast", 0.3, [0.3], [], None, [["brisk"]], "")),
+    *(("paces", bad) for bad in ("fast", 0.0, [-0.3], "nan", [], [["brisk"]], "")),
     *(("scenario", bad) for bad in ("standart", None, ["standard"])),
     *(("episodes", bad) for bad in (0, 1.0, "1", True, 10**6)),
     *(("seed", bad) for bad in (-1, 2**64, 1.5, "7")),

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from pter_gym._commands.arguments import MachineName, PaceName, ScenarioName, split
+from pter_gym._commands.arguments import AnyPace, MachineName, PathName, ScenarioName, split
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
 from pter_gym._internal.terminal import progress_bar, say
@@ -20,7 +20,8 @@ MAX_POLICIES = 16
 def watch(
     policies: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME,…")],
     scenario: ScenarioName = "standard",
-    pace: PaceName = "medium",
+    pace: AnyPace = "medium",
+    path: PathName = None,
     seed: int = 0,
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.webp|mp4|png")] = None,
     csv: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv")] = None,
@@ -36,9 +37,10 @@ def watch(
     Example: pter watch torque-feedback,residual --out both.webp
 
     Args:
-        policies: Separated by commas, as for `pter benchmark --scenario`.
+        policies: Separated by commas, as for `pter benchmark --policies`.
         scenario: Scenario that draws the episode.
-        pace: Commanded pace.
+        pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
+        path: Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's name.
         seed: Seed of the episode, and of random policies, at least 0.
         out: Film to write, or with .png the final picture, with the tip's trail; its folder must exist.
         csv: File for the episode's whole telemetry; see docs/watching.md. Its folder must exist.
@@ -54,9 +56,9 @@ def watch(
     names = split(policies)
     check_arguments(names, out, csv, size, speed)
     seed = whole_number("seed", seed, at_least=0)
-    drawn = find_scenario(scenario, machine)
+    drawn = find_scenario(scenario, machine, path)
     held, task = drawn.randomisation(pace, contexts=1, seed=seed).pairs()[0]
-    found = {name: find_policy(name, scenario) for name in names}
+    found = {name: find_policy(name, drawn.whose_gains) for name in names}
     telemetry: dict[str, Any] = {}
     for name, policy in found.items():
         telemetry[name] = record_episode(policy, held, task, seed, time_limit(task), nominal=drawn.nominal).telemetry

@@ -16,7 +16,7 @@ from pter_gym.benchmark.intervals import performance_profile
 from pter_gym.benchmark.runs import ScenarioRun
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS
-from pter_gym.scenarios import PACES
+from pter_gym.scenarios import PACES, find_pace, title_of_pace
 from pter_gym.tools.figures import MILLIMETRE, REFERENCE, SMALL, WIDTH, Look, label, looks, save, styled
 from pter_gym.tools.pictures.drawing import WORKSPACE
 from pter_gym.tools.pictures.strip import apart
@@ -56,7 +56,7 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
     thresholds = np.exp(np.linspace(math.log(0.9 * low), math.log(1.1 * max(low, high)), 200))
     by_policy, curves = _looks(boards), dict[str, Line2D]()
     for axes, board in zip(panels, boards, strict=True):
-        axes.set_title(f"{board.pace}, {PACES[board.pace]:g} m/s")
+        axes.set_title(title_of_pace(board.pace))
         for standing in board.standings:
             key = (standing.policy, board.pace)
             errors = np.stack([run.scores["path_error_m"] for run in runs if (run.policy, run.pace) == key])
@@ -89,7 +89,7 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
     figure = Figure(figsize=(WIDTH, 3.9))
     axes = figure.add_subplot()
     for board in boards:
-        pace = PACES[board.pace]
+        pace = find_pace(board.pace)
         axes.axvspan(pace * (1.0 - PACE_ERROR), pace * (1.0 + PACE_ERROR), color=WORKSPACE, zorder=0)
         axes.axvline(pace, color=REFERENCE, linewidth=1.0, linestyle=":", zorder=1)
     ends: dict[str, tuple[float, float]] = {}
@@ -107,7 +107,7 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
         ends[name] = max(zip(x.tolist(), y[:, 0].tolist(), strict=True))
     axes.set_xscale("log")
     axes.set_yscale("log")
-    _pace_ticks(axes, {board.pace: PACES[board.pace] for board in boards})
+    _pace_ticks(axes, {board.pace: find_pace(board.pace) for board in boards})
     plain_ticks(axes, "y")
     label(axes, "mean pace along the path [m/s]", "path error [mm]")
     label_ends(axes, ends, {name: look.colour for name, look in _looks(boards).items()})
@@ -144,7 +144,7 @@ def _pace_ticks(axes: Axes, paces: Mapping[str, float]) -> None:
     """Label a logarithmic axis at each commanded pace [m/s] by its name, and at the slowest pace drawn."""
     low, high = axes.get_xlim()
     axes.set_xlim(min(low, 0.9 * min(paces.values())), max(high, 1.1 * max(paces.values())))
-    labels = {pace: f"{pace:g}\n{name}" for name, pace in paces.items()}
+    labels = {pace: f"{pace:g}\n{name}" if name in PACES else f"{pace:g}" for name, pace in paces.items()}
     labels |= {MIN_PACE: f"≤ {MIN_PACE:g}"} if low <= MIN_PACE else {}
     labels |= {MAX_PACE: f"≥ {MAX_PACE:g}"} if high >= MAX_PACE else {}
     axes.set_xticks(list(labels), list(labels.values()))

@@ -5,14 +5,16 @@ from typing import Annotated, Any
 
 import tyro
 
-from pter_gym._commands.arguments import MachineName, PaceName, ScenarioName, check_file
+from pter_gym._commands.arguments import AnyPace, MachineName, PathName, ScenarioName, check_file
 from pter_gym._internal.terminal import progress_bar, say
+from pter_gym.errors import ParameterError
 
 
 def tune(
-    controller: Annotated[str, tyro.conf.Positional],
+    controller: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE.py:LAW")],
     scenario: ScenarioName = "standard",
-    pace: PaceName = "medium",
+    pace: AnyPace = "medium",
+    path: PathName = None,
     trials: int = 3000,
     episodes: int = 200,
     storage: Path = Path("pter-tune.journal"),
@@ -29,21 +31,26 @@ def tune(
     Example: pter tune impedance --scenario standard --pace medium --out gains.toml
 
     Args:
-        controller: Name of the controller.
+        controller: Name of a controller, or FILE.py:Law for your own, whose `search` holds the ranges of its gains.
         scenario: Scenario whose training draws are used; its evaluation episodes are never read.
-        pace: Commanded pace.
+        pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
+        path: Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's name.
         trials: Gains to try, at least 1.
         episodes: Training draws for each trial, at least 1.
         storage: Journal file of the trials; its folder must exist.
         seed: Seed of the draws and the search, at least 0.
-        out: TOML file for the best gains; its other entries are kept. By default they are only printed.
+        out: TOML file for the best gains of a named controller; its other entries are kept. By default they are only
+            printed.
         machine: Clutch material, or the preset of a machine of your own, instead of those that the scenario draws.
     """
+    from pter_gym.benchmark._naming import is_code
     from pter_gym.tools.tuning.gains_file import add_gains
     from pter_gym.tools.tuning.search import tune as search
 
     if out is not None:
         check_file(out, ".toml")
+        if is_code(controller):
+            raise ParameterError("out must be left out for a law of your own: put the printed gains into its file")
     title = f"{controller}, {scenario}, {pace}"
     with progress_bar() as progress:
         task = progress.add_task(title, total=trials)
@@ -51,7 +58,8 @@ def tune(
         def show(finished: int, best: float) -> None:
             progress.update(task, completed=finished, description=f"{title}: {1000 * best:.1f} mm")
 
-        given: Any = {"trials": trials, "episodes": episodes, "storage": storage, "seed": seed, "machine": machine}
+        given: Any = {"trials": trials, "episodes": episodes, "storage": storage, "seed": seed}
+        given |= {"machine": machine, "path": path}
         found = search(controller, scenario, pace, **given, on_trial=show)
     for name, gain in found.gains.items():
         say(f"{name} = {gain!r}")

@@ -1,6 +1,7 @@
 """Tuned gains as a TOML file: a table for each scenario, controller and pace, to which several searches may write."""
 
 import json
+import re
 from collections.abc import Mapping
 from typing import Any, cast
 
@@ -8,7 +9,7 @@ from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.locks import locked
 from pter_gym.benchmark.tuned import Table, read_table
 from pter_gym.policies._stored_gains import gains_of, make_guided
-from pter_gym.scenarios import PACES, SCENARIOS
+from pter_gym.scenarios import SCENARIOS, find_pace, find_scenario
 from pter_gym.tools.tuning.search import TunedGains
 
 HEADING = """\
@@ -40,19 +41,25 @@ def add_gains(found: TunedGains, path: FilePath) -> None:
     }
     with locked(path.with_name(f".{path.name}.lock")):
         table: dict[str, Any] = dict(read_table(path))
-        table.setdefault(found.scenario, {}).setdefault(found.controller, {})[found.pace] = entry
+        name = find_scenario(found.scenario, path=found.path).name
+        table.setdefault(name, {}).setdefault(found.controller, {})[found.pace] = entry
         write_text_atomic(path, format_table(table))
 
 
 def format_table(table: Table) -> str:
     """Return tuned gains as TOML, in the order of scenarios, controllers and paces."""
     blocks = [HEADING]
-    for scenario in sorted(table, key=list(SCENARIOS).index):
+    known = list(SCENARIOS)
+    for scenario in sorted(table, key=lambda name: known.index(name) if name in known else len(known)):
         for controller, paces in table[scenario].items():
-            for pace in sorted(paces, key=list(PACES).index):
+            for pace in sorted(paces, key=find_pace):
                 lines = [f"{name} = {_as_toml(value)}\n" for name, value in paces[pace].items()]
-                blocks.append(f"[{scenario}.{controller}.{pace}]\n{''.join(lines)}")
+                blocks.append(f"[{_key(scenario)}.{controller}.{_key(pace)}]\n{''.join(lines)}")
     return "\n".join(blocks)
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
 
 
 def _as_toml(value: object) -> str:

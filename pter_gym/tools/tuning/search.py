@@ -1,27 +1,24 @@
 """The search for gains: an Optuna study in a journal file, which can be stopped, resumed and shared by processes."""
 
-import hashlib
 import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
-from typing import Any, cast
+from typing import Any
 
 from filelock import FileLock
 
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, check_target, find_path
 from pter_gym.benchmark._examination import Assessment, Examination
-from pter_gym.benchmark._naming import find_policy
-from pter_gym.benchmark.tuned import SUFFIX, TUNABLE
-from pter_gym.controllers import Guided, PaceSchedule
-from pter_gym.errors import ParameterError, StorageError, needs_extra, unknown_name
-from pter_gym.policies._stored_gains import make_guided
-from pter_gym.scenarios import find_pace, find_scenario
+from pter_gym.errors import ParameterError, StorageError, needs_extra
+from pter_gym.paths import Path as AnyPath
+from pter_gym.scenarios import find_pace, find_scenario, name_of_pace
 from pter_gym.scenarios._fixed_machine import AnyMachine, find_fixed_machine
-from pter_gym.tools.tuning.spaces import SPACES, Range, gains_at, point_at
+from pter_gym.tools.tuning.laws import NamedLaw, OwnLaw, find_law
+from pter_gym.tools.tuning.spaces import Range
 
 TRIALS = 3000
 """Gains to try for a controller, a scenario and a pace."""
@@ -52,16 +49,19 @@ class TunedGains:
     episodes: int
     seed: int
     machine: AnyMachine | None = None
+    path: AnyPath | str | None = None
 
     @property
     def command(self) -> str:
         """The command that repeats the search."""
         command = (
-            f"pter tune {self.controller} --scenario {self.scenario} --pace {self.pace} --trials {self.trials} "
+            f"pter tune {quote(self.controller)} --scenario {self.scenario} --pace {self.pace} --trials {self.trials} "
             f"--episodes {self.episodes} --seed {self.seed}"
         )
-        name = quote(self.machine) if isinstance(self.machine, str) else "PRESET.toml"
-        return command if self.machine is None else f"{command} --machine {name}"
+        for name, given, kind in (("machine", self.machine, "PRESET.toml"), ("path", self.path, "FILE.csv")):
+            if given is not None:
+                command += f" --{name} {quote(given) if isinstance(given, str) else kind}"
+        return command
 
 
 def tune(
@@ -74,6 +74,7 @@ def tune(
     storage: FilePath = "pter-tune.journal",
     seed: int = 0,
     machine: AnyMachine | None = None,
+    path: AnyPath | str | None = None,
     on_trial: Callable[[int, float], None] = lambda _count, _best: None,
 ) -> TunedGains:
     """Search for a controller's gains on training draws of a scenario, with CMA-ES.
@@ -84,7 +85,8 @@ def tune(
     Parameters
     ----------
     controller, scenario, pace
-        Names.
+        Names, or for a law of your own ``FILE.py:attribute``: a dataclass whose attribute ``search`` holds ranges by
+        the names of its gains, ``(low, high)``, logarithmic where low > 0, or ``(False, True)``.
     trials
         Gains to try.
     episodes
@@ -95,6 +97,8 @@ def tune(
         Seed of the draws and the search.
     machine
         One machine for all draws, in place of those of the scenario: a machine, its name, or the path of a preset.
+    path
+        One path for all draws, as in ``find_scenario``.
     on_trial
         Called after each trial with the number of finished trials and the smallest value so far [m].
 
@@ -108,27 +112,21 @@ def tune(
     StorageError
         If the storage can no longer be written; the same search resumes from the trials that it holds.
     """
-    path = find_path("storage", storage)
-    if controller not in TUNABLE:
-        raise unknown_name("controller", controller, TUNABLE)
-    find_scenario(scenario)
-    speed = find_pace(pace)
+    journal = find_path("storage", storage)
+    own = None if machine is None else find_fixed_machine(machine)  # read once, in case its file changes
+    drawn, pace = find_scenario(scenario, own, path), name_of_pace(pace)
+    law = find_law(controller, find_pace(pace), drawn.whose_gains)
     trials, episodes = whole_number("trials", trials), whole_number("episodes", episodes)
     seed = whole_number("seed", seed, at_least=0)
-    check_target("storage", path)
-    own = None if machine is None else find_fixed_machine(machine)  # read once, in case its file changes
-    rungs = [Examination(scenario, pace, -(-episodes // REDUCTION**k), 2 * seed, own) for k in reversed(range(RUNGS))]
-    drawn = find_scenario(scenario, own)
-    name = f"{scenario}-v{drawn.version} {controller} {pace} {episodes} {seed}"
-    if own is not None:
-        name += f" {hashlib.sha256(repr((drawn.own, drawn.task)).encode()).hexdigest()[:16]}"
-    study = _open_study(path, name, seed)
-    for known in (find_policy(controller + SUFFIX, scenario=scenario), find_policy(controller)):
-        gains = cast("Guided | PaceSchedule", known).at(speed)
-        study.enqueue_trial(point_at(controller, gains, speed), skip_if_exists=True)
+    check_target("storage", journal)
+    rungs = [Examination(drawn, pace, -(-episodes // REDUCTION**k), 2 * seed) for k in reversed(range(RUNGS))]
+    name = f"{drawn.name}-v{drawn.version} {law.key} {pace} {episodes} {seed} {drawn.digest}".rstrip()
+    study = _open_study(journal, name, seed)
+    for start in law.starts():
+        study.enqueue_trial(start, skip_if_exists=True)
 
     def judge(trial: Any) -> float:
-        return _judge(trial, controller, speed, rungs)
+        return _judge(trial, law, rungs)
 
     try:
         while (finished := len(_scored(study, "COMPLETE", "PRUNED"))) < trials or not _scored(study, "COMPLETE"):
@@ -136,15 +134,15 @@ def tune(
             best = _scored(study, "COMPLETE")
             on_trial(finished + 1, best[0].value if best else math.inf)
     except OSError as error:
-        raise StorageError(f"storage {str(path)!r} cannot be written: {error.strerror or error}") from error
-    final = Examination(scenario, pace, episodes, 2 * seed + 1, own)
-    finalists = [gains_at(trial.params, speed) for trial in _scored(study, "COMPLETE")[:FINALISTS]]
-    judged = [(final.judge(make_guided(controller, gains)), gains) for gains in finalists]
+        raise StorageError(f"storage {str(journal)!r} cannot be written: {error.strerror or error}") from error
+    final = Examination(drawn, pace, episodes, 2 * seed + 1)
+    finalists = [law.gains(trial.params) for trial in _scored(study, "COMPLETE")[:FINALISTS]]
+    judged = [(final.judge(law.with_gains(gains)), gains) for gains in finalists]
     assessment, gains = min(judged, key=lambda pair: pair[0].value)
-    return TunedGains(controller, scenario, pace, gains, assessment, trials, episodes, seed, machine)
+    return TunedGains(controller, scenario, pace, gains, assessment, trials, episodes, seed, machine, path)
 
 
-def _judge(trial: Any, controller: str, pace: float, rungs: Sequence[Examination]) -> float:
+def _judge(trial: Any, law: NamedLaw | OwnLaw, rungs: Sequence[Examination]) -> float:
     """Return the value of a trial, scored on more and more draws as long as it keeps up with the others."""
     import optuna
 
@@ -152,9 +150,9 @@ def _judge(trial: Any, controller: str, pace: float, rungs: Sequence[Examination
         name: trial.suggest_float(name, space.low, space.high, log=space.log)
         if isinstance(space, Range)
         else trial.suggest_categorical(name, space)
-        for name, space in SPACES[controller].items()
+        for name, space in law.space.items()
     }
-    tried = make_guided(controller, gains_at(point, pace))
+    tried = law.with_gains(law.gains(point))
     for k, rung in enumerate(rungs[:-1]):
         trial.report(rung.judge(tried).value, REDUCTION**k)
         if trial.should_prune():

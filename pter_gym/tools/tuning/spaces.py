@@ -65,10 +65,10 @@ to balance the hand's push, whatever the other gains are.
 
 def gains_at(point: Mapping[str, float | bool], pace: float) -> dict[str, float | bool]:
     """Return the gains of a point of a search at a commanded pace [m/s], with ``DIGITS`` significant digits."""
-    excess = pace * (1.0 - _rounded(point["pace_fraction"]))
+    excess = pace * (1.0 - rounded(point["pace_fraction"]))
     gains = {"damping_tangential": point["braking"] / excess, **point}
     del gains["braking"]
-    return {name: gain if isinstance(gain, bool) else _rounded(gain) for name, gain in gains.items()}
+    return {name: rounded(gain) for name, gain in gains.items()}
 
 
 def point_at(controller: str, gains: Any, pace: float) -> dict[str, float | bool]:
@@ -76,10 +76,15 @@ def point_at(controller: str, gains: Any, pace: float) -> dict[str, float | bool
     point: dict[str, float | bool] = {}
     for name, space in SPACES[controller].items():
         braking = gains.damping_tangential * pace * (1.0 - gains.pace_fraction)
-        value = braking if name == "braking" else getattr(gains, name)
-        point[name] = min(max(value, space.low), space.high) if isinstance(space, Range) else value
+        point[name] = within(space, braking if name == "braking" else getattr(gains, name))
     return point
 
 
-def _rounded(number: float) -> float:
-    return float(f"{number:.{DIGITS}g}")
+def within(space: Range | tuple[bool, bool], value: Any) -> float | bool:
+    """Return the value of a space that is nearest to one."""
+    return min(max(value, space.low), space.high) if isinstance(space, Range) else bool(value)
+
+
+def rounded(gain: float | bool) -> float | bool:
+    """Return a gain with ``DIGITS`` significant digits."""
+    return gain if isinstance(gain, bool) else float(f"{gain:.{DIGITS}g}")

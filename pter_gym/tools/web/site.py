@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from functools import partial
 from http import HTTPStatus
@@ -10,15 +10,12 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from ipaddress import ip_address
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import urlsplit
 
 from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic
 from pter_gym.policies import shipped_policies
 from pter_gym.policies._files import SHIPPED
-
-if TYPE_CHECKING:
-    from pter_gym.params import Machine
 
 STATIC = Path(__file__).parent / "static"
 
@@ -55,7 +52,7 @@ def write_site(folder: FilePath) -> None:
 
 
 def make_server(
-    port: int = 0, own: "Machine | None" = None, allowed_hosts: Collection[str] = ()
+    port: int = 0, made: Mapping[str, Any] | None = None, allowed_hosts: Collection[str] = ()
 ) -> ThreadingHTTPServer:
     """Return a server of the page that listens on this computer only; a taken port raises an OSError.
 
@@ -66,25 +63,20 @@ def make_server(
     ----------
     port
         Its port, or 0 for any.
-    own
-        A user's own machine, which the page then starts with.
+    made
+        Tables in place of those of the same names that the page has; see ``pter_gym.tools.web.tables.tables``.
     allowed_hosts
         Names of other hosts under which a browser reaches this server.
-
-    Raises
-    ------
-    ParameterError
-        If the page cannot have that machine; see ``pter_gym.tools.web.tables.tables``.
     """
     hosts = {"localhost", *map(str.lower, allowed_hosts)}
-    return _Server((HOST, port), partial(_Handler, site_files(), {} if own is None else _tables(own), hosts))
+    return _Server((HOST, port), partial(_Handler, site_files(), {} if made is None else _tables(made), hosts))
 
 
-def _tables(own: "Machine") -> dict[str, bytes]:
-    """Return the tables of a page with a machine by their address."""
-    from pter_gym.tools.web.tables import TABLES, tables
+def _tables(made: Mapping[str, Any]) -> dict[str, bytes]:
+    """Return the tables of a page by their address."""
+    from pter_gym.tools.web.tables import TABLES
 
-    return {TABLES.name: json.dumps({**json.loads(TABLES.read_bytes()), **tables(own)}).encode()}
+    return {TABLES.name: json.dumps({**json.loads(TABLES.read_bytes()), **made}).encode()}
 
 
 class _Server(ThreadingHTTPServer):

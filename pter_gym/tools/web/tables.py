@@ -24,16 +24,16 @@ from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS, Policy
 from pter_gym.hands import MultiSineHand, Operator, RecordedForces
 from pter_gym.params import BASELINE, MACHINES, Machine, require
-from pter_gym.paths import PATHS, Path
+from pter_gym.paths import PATHS, Path, find_path
 from pter_gym.paths._arcs import SEGMENT
 from pter_gym.paths._projection import SEGMENT_WIDTH
 from pter_gym.policies import read_policy, shipped_policies
-from pter_gym.scenarios import PACES
+from pter_gym.scenarios import PACES, find_pace, name_of_pace
 from pter_gym.scenarios._variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, check_machine
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, context_of
 from pter_gym.tasks.path_following._rules import ALLOWANCE, START
-from pter_gym.tasks.path_following._specification import MAX_CURVATURE_RATIO
+from pter_gym.tasks.path_following._specification import MAX_CURVATURE_RATIO, largest_error_max
 from pter_gym.tools.web.kernels import MAX_ARCS
 from pter_gym.tools.web.site import STATIC
 
@@ -51,18 +51,36 @@ HANDS: MappingProxyType[str, Operator] = MappingProxyType({"paper": MultiSineHan
 
 
 OWN = "own"
-"""Name of a machine of a person's own."""
+"""Name of a machine, a path and a pace of a person's own."""
 
 
-def tables(own: Machine | None = None) -> dict[str, Any]:
-    """Return all tables; a user's own machine becomes one of the machines, and controllers are bound to it.
+def tables(
+    own: Machine | None = None, path: Path | str | None = None, pace: float | str | None = None
+) -> dict[str, Any]:
+    """Return all tables; those of a user start the page.
+
+    Parameters
+    ----------
+    own
+        A machine, which becomes one of the machines, and which controllers are bound to.
+    path, pace
+        A path and a commanded pace, as ``find_path`` and ``find_pace`` take them.
 
     Raises
     ------
     ParameterError
-        If it cannot follow the paths of a page, or its largest voltage is not that of a page.
+        If the machine cannot follow the paths of a page, its largest voltage is not that of a page, or there is no such
+        path or pace.
     """
-    return {**declarations(), **choices(own)}
+    found = {**declarations(), **choices(own)}
+    if path is not None:
+        found["begin"] = {"path": path if path in PATHS else OWN}
+        found["paths"][found["begin"]["path"]] = path_table(find_path(path), BASELINE if own is None else own)
+    if pace is not None:
+        called = name_of_pace(pace)
+        found["begin"] = {**found.get("begin", {}), "pace": called if called in PACES else OWN}
+        found["paces"][found["begin"]["pace"]] = find_pace(pace)
+    return found
 
 
 def declarations() -> dict[str, Any]:
@@ -158,7 +176,8 @@ def part(record: str, machine: Machine = BASELINE, hand: Operator = POINTER) -> 
 
 def path_table(path: Path, machine: Machine) -> dict[str, Any]:
     """Return the arcs of a path that a machine can follow, and how wide the workspace about it is [m]."""
-    task = PathFollowing(path=path) if path.max_curvature == 0.0 else PathFollowing(path=path, error_max=WIDTH)
+    bent = {} if path.max_curvature == 0.0 else {"error_max": min(WIDTH, largest_error_max(path))}
+    task = PathFollowing(path=path, **bent)
     check_machine(task, machine)
     return {"arcs": path.arcs.table.tolist(), "length": path.length, "error_max": task.error_max}
 

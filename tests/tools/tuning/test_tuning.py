@@ -15,7 +15,8 @@ from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, find_tuned, 
 from pter_gym.controllers import CONTROLLERS, Controller, Impedance, PaceSchedule
 from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
 from pter_gym.params import DELRIN_EXPERIMENTAL
-from pter_gym.policies._stored_gains import make_guided
+from pter_gym.paths import Circle
+from pter_gym.policies._stored_gains import gains_of, make_guided
 from pter_gym.scenarios import PACES
 from pter_gym.tools.tuning.gains_file import add_gains
 from pter_gym.tools.tuning.search import TunedGains, open_journal, tune
@@ -246,3 +247,45 @@ def test_shipped_gains_cover_all_controllers_and_paces_of_standard() -> None:
         schedule = find_policy(f"{name}-tuned", scenario="standard")
         assert isinstance(schedule, PaceSchedule)
         assert [pace for pace, _ in schedule.knots] == sorted(PACES.values())
+
+
+LAW = """
+from dataclasses import dataclass
+from pter_gym.controllers import Free, Impedance
+
+@dataclass(frozen=True)
+class Law:
+    stiffness: float = 500.0
+    tip_space: bool = False
+    search = {"stiffness": (100.0, 2000.0), "tip_space": (False, True)}
+
+    def bind(self, machine, layout):
+        return Impedance(stiffness=self.stiffness, tip_space=self.tip_space).bind(machine, layout)
+
+class Reversed(Law):
+    search = {"stiffness": (5.0, 1.0)}
+
+class Unknown(Law):
+    search = {"stifness": (1.0, 5.0)}
+"""
+
+
+def test_a_law_of_ones_own_is_searched_within_its_ranges(tmp_path: Path) -> None:
+    file = tmp_path / "own.py"
+    file.write_text(LAW)
+    given: dict[str, Any] = {"trials": 3, "episodes": 2, "storage": tmp_path / "own.journal"}
+    found = tune(f"{file}:Law", "standard", "0.3", **given, path=Circle())
+    assert found.gains.keys() == {"stiffness", "tip_space"}
+    assert 100.0 <= found.gains["stiffness"] <= 2000.0
+    assert {"stiffness": 500.0, "tip_space": False} in [trial.params for trial in trials_in(given["storage"])]
+    for name, match in {"Reversed": "search", "Unknown": "search", "Free": "controller"}.items():
+        with pytest.raises(ParameterError, match=match):
+            tune(f"{file}:{name}", "standard", "slow", **given)
+
+
+def test_gains_for_a_path_of_ones_own_are_stored_and_found(tmp_path: Path) -> None:
+    given: dict[str, Any] = {"trials": 1, "episodes": 2, "storage": tmp_path / "own.journal"}
+    found = tune("impedance", "standard", "0.3", **given, path="circle")
+    add_gains(found, tmp_path / "gains.toml")
+    ((pace, law),) = find_tuned("impedance-tuned", "standard-on-circle", path=tmp_path / "gains.toml").knots
+    assert (pace, gains_of(law)["stiffness"]) == (0.3, found.gains["stiffness"])

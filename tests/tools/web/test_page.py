@@ -25,13 +25,14 @@ from pter_gym.errors import ParameterError
 from pter_gym.hands import read_forces
 from pter_gym.params import BASELINE, MACHINES, Machine, find_machine, machine_of
 from pter_gym.params._preset import PRESET, format_preset
+from pter_gym.paths import Circle
 from pter_gym.policies._files import SHIPPED
 from pter_gym.scenarios import PACES
 from pter_gym.scenarios._variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tools.web import site
 from pter_gym.tools.web.site import make_server, site_files, write_site
-from pter_gym.tools.web.tables import PATHS, pages_batch
+from pter_gym.tools.web.tables import PATHS, pages_batch, tables
 
 CONTROLS = "[...document.querySelectorAll('#control option')].map((option) => option.value)"
 
@@ -356,7 +357,18 @@ def test_a_machine_with_other_clutches_is_felt(name: str, opened: Any, tmp_path:
 )
 def test_a_machine_that_the_page_cannot_have_is_refused(own: Machine, told: str) -> None:
     with pytest.raises(ParameterError, match=told):
-        make_server(own=own)
+        tables(own)
+
+
+def test_a_page_begins_with_a_path_and_a_pace_of_ones_own() -> None:
+    found = tables(path=Circle(radius=0.05), pace=0.3)
+    assert found["begin"] == {"path": "own", "pace": "own"}
+    assert found["paces"]["own"] == 0.3
+    assert found["paths"]["own"]["error_max"] < 0.05
+    assert tables(path="sine", pace="slow")["begin"] == {"path": "sine", "pace": "slow"}
+    for field, bad in {"path": {"path": "sone"}, "pace": {"pace": "fats"}}.items():
+        with pytest.raises(ParameterError, match=field):
+            tables(**bad)
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ export class Controls {
     fillGroups(byId("other"), CONTROLS, ["sliders"]);
     fillOptions(byId("path"), PATHS);
     fillOptions(byId("material"), MATERIALS);
-    fillOptions(byId("pace"), Object.fromEntries(Object.entries(paces).map(([name, pace]) => [name, `${name}, ${pace} m/s`])));
+    fillOptions(byId("pace"), Object.fromEntries(Object.entries(paces).map(([name, pace]) => [name, `${name === "own" ? "yours" : name}, ${pace} m/s`])));
     for (const name of ["control", "other", "path", "material", "pace"]) {
       byId(name).addEventListener("change", (event) => changed(name, event.target.value));
     }

@@ -27,6 +27,8 @@ export const NAMES = Object.assign({}, ...Object.values(CONTROLS));
 
 export const PATHS = { line: "Line", arc: "Arc", circle: "Circle", sine: "Sine", drawn: "Drawn by hand" };
 
+export const PACES = {};
+
 export const MATERIALS = {
   baseline: "Baseline",
   delrin_experimental: "Delrin, as measured",
@@ -47,11 +49,14 @@ export const DEFAULTS = {
   beat: null,
 };
 
-/** Offer what the tables have, and begin with the machine of a person's own if there is one. */
-export function beginWith({ machines, laws, policies, told: { own } }) {
+/** Offer what the tables have, and begin with the machine, path and pace of a person's own if there are some. */
+export function beginWith({ machines, laws, policies, paths, paces, begin, told: { own } }) {
   const there = { sliders: true, ...laws, ...policies };
   for (const names of [NAMES, ...Object.values(CONTROLS)]) keep(names, there);
   keep(MATERIALS, machines);
+  if (paths.own) PATHS.own = "Your path";
+  Object.assign(PACES, paces);
+  Object.assign(DEFAULTS, begin);
   if (!there[DEFAULTS.other]) DEFAULTS.other = "impedance-tuned";
   if (!own) return;
   MATERIALS.own = "Your machine";
@@ -93,7 +98,7 @@ const KINDS = {
   path: [among(PATHS), listed(PATHS)],
   stroke: [points, "points x,y in whole millimetres, separated by ;"],
   hand: [among(HANDS), listed(HANDS)],
-  pace: [among({ slow: 0, medium: 0, brisk: 0 }), "one of slow, medium, brisk"],
+  pace: [among(PACES), "one of slow, medium, brisk"],
   material: [among(MATERIALS), listed(MATERIALS)],
   lag: [within(LAG), `a number of milliseconds from ${LAG.low} to ${LAG.high}`],
   friction: [within(FRICTION), `a number from ${FRICTION.low} to ${FRICTION.high}`],
