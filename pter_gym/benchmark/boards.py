@@ -295,7 +295,7 @@ def table(board: Leaderboard) -> Table:
     )
     for standing in board.standings:
         place = UNRANKED if standing.rank is None else f"{standing.rank}{'?' if standing.undecided else ''}"
-        cells = (_cell(standing.scores, column, PACES[board.pace]) for column in COLUMNS)
+        cells = (_cell(standing.scores, column, find_pace(board.pace)) for column in COLUMNS)
         shown.add_row(place, escape(standing.policy), *cells)
     return shown
 
