@@ -133,7 +133,7 @@ class Play:
         file = self.downloads / name
         file.unlink(missing_ok=True)
         self.click(identity)
-        end = time.monotonic() + 10.0
+        end = time.monotonic() + 60.0
         while not file.exists() and time.monotonic() < end:
             time.sleep(0.03)
         return file.rename(file.with_name(f"{time.monotonic_ns()}-{name}"))

@@ -8,7 +8,6 @@ import pytest
 
 from documents import load_script
 from pter_gym.benchmark import examine, from_sb3
-from pter_gym.envs.sb3 import make_sb3_vec_env
 
 pytestmark = [
     pytest.mark.agents,
@@ -16,6 +15,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore"),
 ]
 torch = pytest.importorskip("torch")
+make_sb3_vec_env = pytest.importorskip("pter_gym.envs.sb3", exc_type=ImportError).make_sb3_vec_env
 
 ID = "PTER/Standard-v0"
 FOLDER = Path(__file__).parents[2] / "agents" / "libraries"

@@ -36,6 +36,7 @@ def test_an_arm_that_its_own_drag_holds_does_not_move():
 
 @pytest.mark.slow
 def test_an_examination_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
+    pytest.importorskip("optuna")
     machine = replace(BASELINE, clutch=ACTUATORS["rough-mr-brake"].clutch)
     said: list[str] = []
     report = examine_device(machine, tmp_path, name="a <brake>", trials=2, episodes=4, on_progress=said.append)
