@@ -9,11 +9,15 @@ from pter_gym._internal.files import check_target
 from pter_gym.errors import ParameterError
 from pter_gym.scenarios import PACES, SCENARIOS
 
-ScenarioName = str if TYPE_CHECKING else Literal[tuple(SCENARIOS)]
-"""Name of a scenario; the help lists all."""
+if TYPE_CHECKING:
+    ScenarioName = str
+    PaceName = str
+else:
+    ScenarioName = Literal[tuple(SCENARIOS)]
+    """Name of a scenario; the help lists all."""
 
-PaceName = str if TYPE_CHECKING else Literal[tuple(PACES)]
-"""Name of a commanded pace; the help lists all."""
+    PaceName = Literal[tuple(PACES)]
+    """Name of a commanded pace; the help lists all."""
 
 AnyPace = Annotated[str, tyro.conf.arg(metavar=f"{'|'.join(PACES)}|M/S")]
 """A commanded pace, by its name or as a speed [m/s]."""

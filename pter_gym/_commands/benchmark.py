@@ -98,8 +98,8 @@ def benchmark(
             filmed = sorted(list(named)[:MAX_FILMED], key=places.index)
             ranked = {name: named[name] for name in filmed}
             written.append(film_policies(ranked, drawn, pace, results.path, progress))
-    for path in written:
-        say(f"wrote {path}")
+    for file in written:
+        say(f"wrote {file}")
 
 
 def film_policies(

@@ -222,8 +222,8 @@ def _find(name: Any) -> Scenario:
     from pter_gym.params import BASELINE
     from pter_gym.scenarios.randomisation import Vary
 
-    random = {"hand": replace(name.hand, random_phases=True)} if hasattr(name.hand, "random_phases") else {}
-    task: Any = replace(name, **random)
+    hand: Any = name.hand
+    task = replace(name, hand=replace(hand, random_phases=True)) if hasattr(hand, "random_phases") else name
     gains = "paths" if isinstance(name.hand, MultiSineHand) else "everything"
     called = type(name.path).__name__.lower()
     return Scenario(called, 0, "A task of your own.", episodes=200, varied=(BASELINE, Vary(task)), gains=gains)

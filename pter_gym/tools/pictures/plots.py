@@ -75,7 +75,7 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
     panels[0].set_ylabel("share of episodes within it")
     shares = np.linspace(0.05, 0.95, len(curves))[::-1]  # each curve is labelled at a height of its own
     ends = {
-        name: (float(np.interp(share, *map(np.asarray, line.get_data()[::-1]))), float(share))
+        name: (float(np.interp(share, np.asarray(line.get_ydata()), np.asarray(line.get_xdata()))), float(share))
         for share, (name, line) in zip(shares, curves.items(), strict=True)
     }
     label_ends(panels[-1], ends, {name: str(line.get_color()) for name, line in curves.items()})

@@ -83,7 +83,8 @@ class ErrorStrip:
                 canvas.line(points, colour, max(thick * unit, 1.0))
         ends = np.array([means[count - 1] for means, count in zip(self.means.values(), counts, strict=True)])
         x, right, size = self._plot.right + 8 * unit, self._plot.right + 199 * unit, SMALL * unit
-        for k, y in zip(np.argsort(-ends), apart(np.sort(self._y(ends)), LINE * unit, self._plot.high), strict=True):
+        heights = apart(np.sort(self._y(ends)), LINE * unit, self._plot.high)
+        for k, y in zip(map(int, np.argsort(-ends)), heights, strict=True):
             number = f"{ends[k]:.1f} mm"
             name = shortened(self._names[k], size, right - x - text_width(number, size) - 6 * unit)
             canvas.text(name, x, y, size, self._colours[k])

@@ -4,7 +4,7 @@ Numbers in the module's memory are found by places: ``places(ROW)`` is the recor
 of values. What a page chooses from (machines, hands, paths, laws, networks) are values in the same records.
 """
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from types import MappingProxyType
 from typing import Any, cast
 
@@ -176,8 +176,9 @@ def part(record: str, machine: Machine = BASELINE, hand: Operator = POINTER) -> 
 
 def path_table(path: Path, machine: Machine) -> dict[str, Any]:
     """Return the arcs of a path that a machine can follow, and how wide the workspace about it is [m]."""
-    bent = {} if path.max_curvature == 0.0 else {"error_max": min(WIDTH, largest_error_max(path))}
-    task = PathFollowing(path=path, **bent)
+    task = PathFollowing(path=path)
+    if path.max_curvature > 0.0:
+        task = replace(task, error_max=min(WIDTH, largest_error_max(path)))
     check_machine(task, machine)
     return {"arcs": path.arcs.table.tolist(), "length": path.length, "error_max": task.error_max}
 
