@@ -38,6 +38,12 @@ def draw_scenario(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun], fo
     return [save(figure, folder / f"{boards[0].scenario}-{name}.png") for name, figure in figures.items()]
 
 
+def _x_at(line: Line2D, y: float) -> float:
+    """Return where a rising line reaches a height."""
+    x, heights = (np.asarray(each, np.float64) for each in (line.get_xdata(), line.get_ydata()))
+    return float(np.interp(y, heights, x))
+
+
 @styled
 def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figure:
     """Return the performance profiles of a scenario: the share of episodes within an error, a panel for each pace.
@@ -75,7 +81,7 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
     panels[0].set_ylabel("share of episodes within it")
     shares = np.linspace(0.05, 0.95, len(curves))[::-1]  # each curve is labelled at a height of its own
     ends = {
-        name: (float(np.interp(share, np.asarray(line.get_ydata()), np.asarray(line.get_xdata()))), float(share))
+        name: (_x_at(line, float(share)), float(share))
         for share, (name, line) in zip(shares, curves.items(), strict=True)
     }
     label_ends(panels[-1], ends, {name: str(line.get_color()) for name, line in curves.items()})

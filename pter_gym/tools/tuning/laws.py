@@ -70,8 +70,7 @@ class OwnLaw:
     @property
     def key(self) -> str:
         """What tells it from other laws: its name, and a digest of its source."""
-        kind: Any = type(self.law)
-        source = inspect.getsourcefile(kind) or self.name
+        source = inspect.getsourcefile(self.law.__class__) or self.name
         return f"{self.name} {hashlib.sha256(Path(source).read_bytes()).hexdigest()[:16]}"
 
     def starts(self) -> list[Gains]:
