@@ -25,10 +25,11 @@ def test_help_shows_the_choices(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
         main(["benchmark", "--help"])
     assert end.value.code == 0
-    assert "{slow,medium,brisk}" in capsys.readouterr().out
+    assert "slow|medium|brisk" in capsys.readouterr().out
 
 
-REFUSED = ["benchmarl", "benchmark --policies impedence", "tune impedence", "fit --out preset.json", "verify nowhere"]
+REFUSED = ["benchmarl", "benchmark --policies impedence", "tune impedence", "fit --out preset.json"]
+REFUSED += ["verify nowhere", "benchmark --paces slw", "benchmark --path mien.csv"]
 
 
 @pytest.mark.parametrize("line", REFUSED)
@@ -42,14 +43,13 @@ def test_an_error_is_one_line(
     assert printed.err.startswith("error: ")
 
 
-@pytest.mark.parametrize("line", ["benchmark --scenario standad", "benchmark --paces slw", "benchmark --polices free"])
+@pytest.mark.parametrize("line", ["benchmark --scenario standad", "benchmark --polices free"])
 def test_what_is_no_choice_is_refused_with_the_choices(line: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
         main(line.split())
     assert end.value.code == 2
-    assert {"standad": "standard", "slw": "slow", "free": "--policies"}[
-        line.rsplit(maxsplit=1)[-1]
-    ] in capsys.readouterr().err
+    meant = {"standad": "standard", "free": "--policies"}
+    assert meant[line.rsplit(maxsplit=1)[-1]] in capsys.readouterr().err
 
 
 @pytest.mark.smoke
