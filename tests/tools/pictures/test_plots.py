@@ -24,7 +24,7 @@ def scored():
 def test_profiles_show_each_policy_at_each_pace(scored):
     boards, runs = scored
     figure = plots.profiles(boards, runs)
-    assert [axes.get_title(loc="left").partition(",")[0] for axes in figure.axes] == PACES
+    assert [axes.get_title(loc="left").partition(" ")[0] for axes in figure.axes] == PACES
     for axes, board in zip(figure.axes, boards, strict=True):
         for standing, line in zip(board.standings, axes.get_lines(), strict=True):
             errors = next(
