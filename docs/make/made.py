@@ -130,7 +130,7 @@ def scenario(name: str) -> str:
     return f"""\
 ![An episode of {name}](/images/moving/{name}.webp)
 
-*`{pictures.SHOWN}` on one drawn episode of `{name}`, in real time.*
+*`{pictures.FIXTURES.get(name, pictures.SHOWN)}` on one drawn episode of `{name}`, in real time.*
 
 ```python
 env = gymnasium.make("{found.id}")
