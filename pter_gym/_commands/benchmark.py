@@ -121,6 +121,6 @@ def film_policies(
     def show(share: float) -> None:
         progress.update(task, completed=share)
 
-    first, *_, last = [*episodes, *episodes]
-    artist.write_film(machine, goal, episodes, path, arms=(first, last), on_progress=show)
+    names = list(episodes)
+    artist.write_film(machine, goal, episodes, path, arms=(names[0], names[-1]), on_progress=show)
     return path

@@ -109,8 +109,7 @@ def read_run(path: FilePath) -> ScenarioRun:
         content = parse_json(read_bytes(path, MAX_JSON_SIZE))
         strata = tuple(map(str, content["strata"]))
         scores = {name: np.array(content[name]).reshape(len(strata)) for name in SCORES}
-        told = {name: content[name] for name in NAMES if name in content or name != "digest"}
-        run = ScenarioRun(**told, strata=strata, scores=scores)
+        run = ScenarioRun(**{name: content[name] for name in NAMES}, strata=strata, scores=scores)
         for name in ("training_seed", "seed"):
             whole_number(name, getattr(run, name) or 0, at_least=0)
         if (
