@@ -135,16 +135,20 @@ class RunFolder:
 
     def add_progress(self, rows: Sequence[Mapping[str, Any]]) -> None:
         """Add rows of one validation to the table; any of later decisions are dropped."""
-        file = self.path / PROGRESS
-        kept: list[Mapping[str, Any]] = []
-        if file.exists():
-            with file.open(encoding="utf-8", newline="") as text:
-                kept = [row for row in csv.DictReader(text) if int(row["decisions"]) < rows[0]["decisions"]]
+        kept = self.progress(rows[0]["decisions"] - 1)
         table = io.StringIO()
         writer = csv.DictWriter(table, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows([*kept, *rows])
-        write_text_atomic(file, table.getvalue())
+        write_text_atomic(self.path / PROGRESS, table.getvalue())
+
+    def progress(self, decisions: int) -> list[dict[str, str]]:
+        """Return the rows of the table up to a number of decisions."""
+        file = self.path / PROGRESS
+        if not file.exists():
+            return []
+        with file.open(encoding="utf-8", newline="") as text:
+            return [row for row in csv.DictReader(text) if int(row["decisions"]) <= decisions]
 
 
 def policy_of(

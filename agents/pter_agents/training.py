@@ -93,7 +93,9 @@ def _learn(
 ) -> Path:
     """Train a model for all its steps, with checkpoints and validation, and return its last checkpoint."""
     validation = Validation(arguments.scenario, arguments.paces, arguments.validation_episodes, arguments.machine)
-    begin, events = time.perf_counter(), Writer(str(folder.path))
+    before = folder.progress(model.steps)
+    begin = time.perf_counter() - (float(before[-1]["seconds"]) if before else 0.0)
+    events = Writer(str(folder.path))
 
     def save() -> Path:
         return folder.save(model.steps, model.get_state())
