@@ -26,9 +26,6 @@ LINE = np.array(friction.LINE, float)
 LINE_SLIPS = LINE @ W.T
 """LINE_SLIPS[x, y]: slip of clutch y for unit speed along the line of clutch x."""
 
-EDGE = 1.01
-"""How far from zero the edge of the stick band counts as left, times δω."""
-
 TOLERANCE = {"rtol": 1e-11, "atol": 1e-12, "max_step": 0.01}
 FIRST_STEP = 1e-7
 """Short, so a slip that leaves zero at the start of a phase is seen [s]."""
@@ -51,6 +48,8 @@ class Plant:
     stiffness: float = 0.0
     target: tuple[float, float] = (0.0, 0.0)
     viscous: tuple[float, float] = (0.0, 0.0)
+    edge: float = 1.0
+    """How far from zero the edge of the stick band counts as left, times the threshold."""
 
     def inertia(self, theta: np.ndarray) -> np.ndarray:
         l_a, l_b = self.lengths
@@ -142,7 +141,7 @@ def _events(plant: Plant, phase: Phase) -> list[tuple[tuple, Callable]]:
     else:
         events = [(("yield", phase.stuck), _yield_gap(plant, phase)), (("stop", 0), _slip_left(phase, moving[0], 0.0))]
     for x in moving:
-        past = _slip_left(phase, x, EDGE * plant.threshold if phase.inside[x] else plant.threshold)
+        past = _slip_left(phase, x, plant.edge * plant.threshold if phase.inside[x] else plant.threshold)
         event = (lambda t, y, past=past: -past(t, y)) if phase.inside[x] else past
         events.append((("edge", x), event))
     return events

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.tools.identification import parameters as at
-from pter_gym.tools.identification.fit import SINGULAR, Fit
+from pter_gym.tools.identification.fit import BLOCK, SINGULAR, Fit
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import COORDINATES
 from pter_gym.tools.identification.shooting import LogInputs
@@ -36,10 +36,21 @@ MIN_WINDOWS = 8
 
 
 class Amount(NamedTuple):
-    """How much of a change residuals contain, its standard error, and what the free coordinates do of the change."""
+    """How much of a change residuals contain.
+
+    Attributes
+    ----------
+    value, error
+        The amount and its standard error, from the noise of the log.
+    scatter
+        Its standard error from the jackknife: what each pair of neighbouring windows changes.
+    along
+        What the free coordinates do of the change.
+    """
 
     value: float
     error: float
+    scatter: float
     along: Array
 
     @property
@@ -86,8 +97,13 @@ class Evidence:
         return self._tested(self._weighed(self.fit.change(p)))
 
     def part(self, i: int, part: Flags) -> Amount:
-        """Test a change of the free coordinate ``fit.free[i]`` in a part of the windows only, shape (windows,)."""
-        return self._tested(self._jacobian[:, :, i] * part[:, None])
+        """Test a change of the free coordinate ``fit.free[i]`` in a part of the windows only, shape (windows,).
+
+        As in the fit, the jackknife's error counts if it is larger: to first order, noise does not tell when a clutch
+        breaks away, so a single breakaway may be many of its standard errors off.
+        """
+        found = self._tested(self._jacobian[:, :, i] * part[:, None])
+        return found._replace(error=max(found.error, found.scatter))
 
     def _tested(self, change: Array) -> Amount:
         """Return the amount of a weighted change (windows, 2·length) in the residuals."""
@@ -96,14 +112,20 @@ class Evidence:
         normal = columns.T @ columns / np.outer(size, size) + SINGULAR * np.eye(len(size))
         along: Array = _LINEAR.solve(normal, columns.T @ change.ravel() / size) / size
         own = change - (columns @ along).reshape(change.shape)
-        total = float(np.sum(own**2))
+        told = np.sum(own**2, axis=1)
+        total = float(told.sum())
         if total <= 1e-9 * float(np.sum(change**2)) or total == 0.0:
-            return Amount(0.0, np.inf, along)
-        white = np.sum(own**2, axis=1) @ (self._factors * self.fit.windows.noise) ** 2
+            return Amount(0.0, np.inf, np.inf, along)
+        white = told @ (self._factors * self.fit.windows.noise) ** 2
         forces = np.sum(np.mean(np.sum(own * self._shaken, axis=2) ** 2, axis=0))
         step = np.sum(own * self._stepped) ** 2
         error = float(np.sqrt(white + forces + step)) / total
-        return Amount(float(-np.sum(own * self._residual)) / total, error, along)
+        found = -np.sum(own * self._residual, axis=1)
+        value = float(found.sum()) / total
+        first = np.arange(0, len(told), BLOCK)
+        without = total - np.add.reduceat(told, first) + SINGULAR * total
+        scatter = float(np.linalg.norm(np.add.reduceat(value * told - found, first) / without))
+        return Amount(value, error, scatter, along)
 
 
 def admit_terms(fit: Fit, finer: LogInputs, kept: dict[int, str]) -> None:
