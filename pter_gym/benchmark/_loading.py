@@ -7,6 +7,7 @@ from pter_gym._internal.files import FilePath
 from pter_gym.benchmark._naming import find_policy
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.envs._acting import ActingPolicy
+from pter_gym.scenarios import find_scenario
 
 
 def load_policy(policy: FilePath | AnyPolicy, env: Any) -> ActingPolicy:
@@ -23,7 +24,7 @@ def load_policy(policy: FilePath | AnyPolicy, env: Any) -> ActingPolicy:
         controller, what ``from_sb3`` returns, or a function from observations, float32 (N, entries), to volts, (N, 4).
     env
         Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or ``make_sb3_vec_env``, with
-        its wrappers. Tuned gains are those for its scenario, or for ``standard``.
+        its wrappers. Tuned gains are those for its scenario, or for ``standard``; with a path of its own, for ``paths``.
 
     Raises
     ------
@@ -34,6 +35,7 @@ def load_policy(policy: FilePath | AnyPolicy, env: Any) -> ActingPolicy:
     """
     if isinstance(policy, str | os.PathLike):
         first = next(iter(getattr(env, "envs", ())), env)
-        scenario = getattr(getattr(first, "spec", None), "kwargs", {}).get("scenario", "standard")
-        policy = find_policy(cast("FilePath", policy), scenario)
+        given = getattr(getattr(first, "spec", None), "kwargs", {})
+        scenario = find_scenario(given.get("scenario", "standard"))
+        policy = find_policy(cast("FilePath", policy), scenario.gains_on(given.get("path")))
     return ActingPolicy(policy, env)

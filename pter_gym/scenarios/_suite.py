@@ -68,6 +68,10 @@ class Scenario:
         """The name under which control laws have gains."""
         return self.gains or self.name
 
+    def gains_on(self, path: object) -> str:
+        """Return that name where all episodes have a path of the user's, or the scenario's paths if it is None."""
+        return "paths" if path is not None and self.name == "standard" else self.whose_gains
+
     @property
     def nominal(self) -> "Machine":
         """The machine that controllers are bound to: the only one of all episodes, or the paper's."""
@@ -245,7 +249,7 @@ def _on_path(scenario: Scenario, given: "Path | str") -> Scenario:
     check_machine(task, scenario.nominal)
     varied = {name: drawn for name, drawn in scenario.task.fields.items() if name != "path"}
     own = (scenario.machine, Vary(task, **varied))
-    gains = "paths" if scenario.name == "standard" else scenario.whose_gains
+    gains = scenario.gains_on(path)
     return replace(scenario, name=f"{scenario.name}-on-{called}", place=None, varied=own, gains=gains)
 
 

@@ -87,6 +87,22 @@ def test_actions_are_in_the_unit_of_the_environment() -> None:
     np.testing.assert_allclose(normalised(np.array([0.0, 6.0, 24.0]), 24.0), [-1.0, 0.0, 1.0])
 
 
+def test_on_a_path_of_ones_own_gains_are_those_that_its_benchmark_takes() -> None:
+    env = gymnasium.make("PTER/Standard-v0", path="circle", pace="slow", starts="rest", contexts=1)
+
+    def last(policy: Any) -> list[float]:
+        acting = pter_gym.load_policy(policy, env)
+        observation, _ = env.reset(seed=0)
+        for _ in range(60):
+            observation, *_ = env.step(acting(observation))
+        return observation.tolist()
+
+    named, ours, others = map(
+        last, ("single-dof-tuned", *(find_policy("single-dof-tuned", scenario=each) for each in ("paths", "standard")))
+    )
+    assert named == ours != others
+
+
 def test_a_policy_of_another_period_is_refused_and_told_which() -> None:
     policy: Any = lambda rows: np.zeros((len(rows), 4))  # noqa: E731
     policy.frame_skip = 1
