@@ -3,7 +3,8 @@
 The reference (tests/oracle/event_driven.py) integrates the same equations, with the same δω band, between events
 located to rounding. The model leaves the band at 1.01 δω if a kick goes so far, else with the first kick that ends at
 δω or beyond: with long steps at 1.01 δω, with ever shorter ones at δω. So its error is the distance from the nearest
-motion between the two references that leave the band at either.
+motion between the two references that leave the band at either. A slip may turn round between the two edges: then the
+references part, and the model follows one of them.
 
 What a kick leaves of an event, and the explicit velocity term, are of first order, so the error halves with the step,
 in the mean over scenarios. Two means are used: the geometric one, to which all scenarios count alike, and the root mean
