@@ -97,8 +97,7 @@ def error(theta: np.ndarray, early: np.ndarray, late: np.ndarray) -> float:
     """Largest distance of an angle from the nearest motion on the line from one reference to the other."""
     every = len(theta) // len(early)
     off = theta[every - 1 :: every] - early
-    nearest = minimize_scalar(lambda part: np.abs(off - part * (late - early)).max(), bounds=(0.0, 1.0))
-    return float(nearest.fun)
+    return float(minimize_scalar(lambda part: np.abs(off - part * (late - early)).max(), bounds=(0.0, 1.0)).fun)
 
 
 def means(name: str) -> dict[str, np.ndarray]:
