@@ -3,7 +3,8 @@
 The reference (tests/oracle/event_driven.py) integrates the same equations, with the same δω band, between events
 located to rounding. The model leaves the band at 1.01 δω if a kick goes so far, else with the first kick that ends at
 δω or beyond: with long steps at 1.01 δω, with ever shorter ones at δω. So its error is the distance from the nearest
-motion between the two references that leave the band at either.
+motion between the two references that leave the band at either. A slip may turn round between the two edges: then the
+references part, and the model follows one of them.
 
 What a kick leaves of an event, and the explicit velocity term, are of first order, so the error halves with the step,
 in the mean over scenarios. Two means are used: the geometric one, to which all scenarios count alike, and the root mean
@@ -96,8 +97,7 @@ def error(theta: np.ndarray, early: np.ndarray, late: np.ndarray) -> float:
     """Largest distance of an angle from the nearest motion on the line from one reference to the other."""
     every = len(theta) // len(early)
     off = theta[every - 1 :: every] - early
-    nearest = minimize_scalar(lambda part: np.abs(off - part * (late - early)).max(), bounds=(0.0, 1.0))
-    return float(nearest.fun)
+    return float(minimize_scalar(lambda part: np.abs(off - part * (late - early)).max(), bounds=(0.0, 1.0)).fun)
 
 
 def means(name: str) -> dict[str, np.ndarray]:

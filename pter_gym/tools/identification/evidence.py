@@ -36,21 +36,11 @@ MIN_WINDOWS = 8
 
 
 class Amount(NamedTuple):
-    """How much of a change residuals contain.
-
-    Attributes
-    ----------
-    value, error
-        The amount and its standard error, from the noise of the log.
-    scatter
-        Its standard error from the jackknife: what each pair of neighbouring windows changes.
-    along
-        What the free coordinates do of the change.
-    """
+    """How much of a change residuals contain, and what the free coordinates do of it; errors by noise and jackknife."""
 
     value: float
     error: float
-    scatter: float
+    jackknife: float
     along: Array
 
     @property
@@ -97,13 +87,12 @@ class Evidence:
         return self._tested(self._weighed(self.fit.change(p)))
 
     def part(self, i: int, part: Flags) -> Amount:
-        """Test a change of the free coordinate ``fit.free[i]`` in a part of the windows only, shape (windows,).
+        """Test a change of ``fit.free[i]`` in a part of the windows only, shape (windows,), by the larger error.
 
-        As in the fit, the jackknife's error counts if it is larger: to first order, noise does not tell when a clutch
-        breaks away, so a single breakaway may be many of its standard errors off.
+        A lone breakaway, which is a matter of chance, then makes no difference.
         """
         found = self._tested(self._jacobian[:, :, i] * part[:, None])
-        return found._replace(error=max(found.error, found.scatter))
+        return found._replace(error=max(found.error, found.jackknife))
 
     def _tested(self, change: Array) -> Amount:
         """Return the amount of a weighted change (windows, 2·length) in the residuals."""
@@ -112,8 +101,7 @@ class Evidence:
         normal = columns.T @ columns / np.outer(size, size) + SINGULAR * np.eye(len(size))
         along: Array = _LINEAR.solve(normal, columns.T @ change.ravel() / size) / size
         own = change - (columns @ along).reshape(change.shape)
-        told = np.sum(own**2, axis=1)
-        total = float(told.sum())
+        total = float(np.sum(told := np.sum(own**2, axis=1)))
         if total <= 1e-9 * float(np.sum(change**2)) or total == 0.0:
             return Amount(0.0, np.inf, np.inf, along)
         white = told @ (self._factors * self.fit.windows.noise) ** 2
@@ -122,10 +110,9 @@ class Evidence:
         error = float(np.sqrt(white + forces + step)) / total
         found = -np.sum(own * self._residual, axis=1)
         value = float(found.sum()) / total
-        first = np.arange(0, len(told), BLOCK)
-        without = total - np.add.reduceat(told, first) + SINGULAR * total
-        scatter = float(np.linalg.norm(np.add.reduceat(value * told - found, first) / without))
-        return Amount(value, error, scatter, along)
+        told, change = np.add.reduceat([told, value * told - found], np.arange(0, len(told), BLOCK), axis=1)
+        jackknife = float(np.linalg.norm(change / (total * (1.0 + SINGULAR) - told)))
+        return Amount(value, error, jackknife, along)
 
 
 def admit_terms(fit: Fit, finer: LogInputs, kept: dict[int, str]) -> None:
