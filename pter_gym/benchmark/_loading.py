@@ -24,8 +24,8 @@ def load_policy(policy: FilePath | AnyPolicy, env: Any) -> ActingPolicy:
         controller, what ``from_sb3`` returns, or a function from observations, float32 (N, entries), to volts, (N, 4).
     env
         Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or ``make_sb3_vec_env``, with
-        its wrappers. Tuned gains are those for its scenario or, if it has none, for ``standard``; on a path of your own,
-        for ``paths``.
+        its wrappers. Tuned gains are those for its scenario or, if it has none, for ``standard``; on a path of your
+        own, for ``paths``.
 
     Raises
     ------
