@@ -46,7 +46,7 @@ class Arguments(TypedDict, total=False):
     context_seed: int
     reward: RewardWeights | None
     error_max: float | None
-    truncation_error: float | None
+    truncation_error: float
     starts: Starts | str
 
 

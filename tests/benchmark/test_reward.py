@@ -31,28 +31,26 @@ CLEARLY = 2.0
 """Ratio of path errors beyond which scores differ clearly."""
 
 AGREEING = 0.96
-"""Smallest share of the pairs in which the reward agrees. Laws that stick and slip earn less than they score."""
-
-BESIDE = "rides beside"
+"""Smallest share of the pairs in which the reward agrees. Laws that stick and slip earn less than they score: on
+``paths``, ``single-dof-tuned`` less than ``torque-feedback-tuned``, which rides smoothly 11 mm beside the path."""
 
 LINGERING = "lingers"
 """Who waits at the start of the path, and then rides well."""
 
 
-def is_short_sighted(pace: str, discount: float, better: str, worse: str) -> bool:
+def is_short_sighted(pace: str, discount: float, better: str) -> bool:
     """Return whether an agent does not see a game whole, or not what makes up for having waited.
 
-    Within a second, a tenth of a slow path, a free arm is still where its hand holds it. Within two, who is going to
-    ride beside the path has been precise for a part of the time, and who lingered has not caught up.
+    Within a second, a tenth of a slow path, who is going to ride beside it is not beside yet, and a free arm is still
+    where its hand holds it. Within two, who lingered has not caught up.
     """
-    slowly = better.endswith(LINGERING) or worse.endswith(BESIDE)
-    return pace == "slow" and discount <= (0.995 if slowly else 0.99)
+    return pace == "slow" and discount <= (0.995 if better.endswith(LINGERING) else 0.99)
 
 
 GAMES: dict[str, Attack] = {
     "rushes": rides(lambda *_: 4.0),
     "crawls": rides(lambda *_: 0.4),
-    BESIDE: beside(-0.15),
+    "rides beside": beside(-0.15),
     "stops and goes": locks(partial(every, steps=30, of=60)),
 }
 """What is made of honest policies, and has no rank or a large error."""
@@ -128,7 +126,7 @@ def test_who_scores_clearly_better_returns_more(scenario: str, paces: tuple[str,
                     if better.returned(discount) <= worse.returned(discount)
                 ]
     games = (*IDLE, *GAMES)
-    played = [each for each in wrong if each[3].endswith(games) and not is_short_sighted(*each)]
+    played = [each for each in wrong if each[3].endswith(games) and not is_short_sighted(*each[:3])]
     told = f"{len(wrong)} of {pairs}:\n" + "\n".join(map(str, wrong))
     assert played == [], told
     assert pairs > 100
@@ -154,7 +152,7 @@ def test_who_ends_a_good_ride_early_returns_less_than_any_ranked_policy(scenario
         attacked = course.attacked(found[name], course.telemetry(found[name]))
         for stop, play in STOPS.items():
             early = judge(play(attacked), course)
-            if early.arrives > 0.1:  # beside a wall, who turns away is often carried to the end
+            if early.arrives > 0.5:
                 continue
             stopped += 1
             compared = [(discount, name) for discount in DISCOUNTS]

@@ -235,6 +235,7 @@ def test_each_term_is_what_its_weight_says(failed: bool):
     seen = Outcome(
         at=at,
         advance=0.2,
+        reached=0.6,
         path_length=0.8,
         pace=0.5,
         pace_ratio=0.5,
@@ -254,7 +255,7 @@ def test_each_term_is_what_its_weight_says(failed: bool):
         pace=-40.0 * 2.5 * 0.01 * 0.5 / 0.8,
         acceleration=-5.0 * 0.01 * 4.0 / 10.0,
         effort=-6.0 * 0.01 * (1.0 + 4.0 + 9.0 + 16.0) / 4.0 / 400.0,
-        failure=-7.0 if failed else 0.0,
+        failure=-7.0 * 0.75 if failed else 0.0,
     )
     assert terms == pytest.approx(expected)
     assert total(terms) == pytest.approx(sum(expected))
@@ -263,10 +264,9 @@ def test_each_term_is_what_its_weight_says(failed: bool):
 def test_weights_of_the_reward_as_they_come():
     weights = {name: getattr(RewardWeights(), name) for name in Terms._fields}
     assert {name: weight for name, weight in weights.items() if weight != 0.0} == {
-        "tracking": 50.0,
-        "precision": 50.0,
-        "pace": 10.0,
-        "failure": 100.0,
+        "tracking": 1000.0,
+        "pace": 100.0,
+        "failure": 1000.0,
     }
 
 

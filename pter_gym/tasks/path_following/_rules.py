@@ -127,7 +127,7 @@ PACE_WINDOW = 0.1
 MAX_PACE_RATIO = 50.0
 """Ratio to the commanded pace beyond which a pace costs no more."""
 
-PERFECT = 100.0
+PERFECT = 1000.0
 """What the whole path at the commanded pace and without error pays."""
 
 REST = 5.0
@@ -146,6 +146,8 @@ class Outcome(NamedTuple):
         Position of the tip relative to the path.
     advance
         Progress of the tip beyond the previous largest arc length [m].
+    reached
+        The largest arc length so far [m].
     path_length
         Length of the path [m].
     pace
@@ -159,11 +161,12 @@ class Outcome(NamedTuple):
     energy
         Work of the hand and the clutches in the control step [J].
     failed
-        Whether the tip has left the workspace or missed the end of the path.
+        Whether the tip has left the workspace, strayed to where the episode is truncated, or missed the path's end.
     """
 
     at: PathState
     advance: float
+    reached: float
     path_length: float
     pace: float
     pace_ratio: float
@@ -209,13 +212,13 @@ class RewardWeights(Checked):
     """Weights of the reward terms of ``reward_terms``, each ≥ 0. A stored task that lacks one has its default."""
 
     tracking: float = quantity(
-        "1", "chosen: for the whole path at the commanded pace without error", at_least=0.0, default=0.5 * PERFECT
+        "1", "chosen: for the whole path at the commanded pace without error", at_least=0.0, default=PERFECT
     )
     precision: float = quantity(
         "1",
         "chosen: for the whole path at the commanded pace without error; next to nothing 30 mm beside it",
         at_least=0.0,
-        default=0.5 * PERFECT,
+        default=0.0,
     )
     pace: float = quantity(
         "1",
@@ -230,7 +233,10 @@ class RewardWeights(Checked):
         "1/s", "chosen: per mean of the squared voltages, relative to the largest", at_least=0.0, default=0.0
     )
     failure: float = quantity(
-        "1", "chosen: on leaving the workspace or missing the end of the path", at_least=0.0, default=PERFECT
+        "1",
+        "chosen: on leaving the workspace, straying or missing the end of the path, times the part that was reached",
+        at_least=0.0,
+        default=PERFECT,
     )
 
 
@@ -254,7 +260,7 @@ def reward_terms(weight: Any, seen: Outcome, period: float) -> Any:
         pace=-weight.pace * pace_cost(seen.pace_ratio) * seen.pace * period / seen.path_length,
         acceleration=-period * weight.acceleration * seen.acceleration / ACCELERATION_UNIT,
         effort=-period * weight.effort * mean_square(seen.volts) / (seen.voltage_max * seen.voltage_max),
-        failure=-weight.failure if seen.failed else 0.0,
+        failure=-weight.failure * seen.reached / seen.path_length if seen.failed else 0.0,
     )
 
 
@@ -436,5 +442,5 @@ def has_failed(end: Ending) -> bool:
 
 @device
 def is_astray(at: PathState, terminated: bool, task: TaskModel) -> bool:
-    """Return whether an episode is truncated for its distance from the path."""
+    """Return whether an episode is truncated for its distance from the path; it pays the cost of a failure."""
     return (not terminated) & strayed(at.arc_length, at.normal_error, task.truncation_error)

@@ -104,7 +104,7 @@ class Starts(Checked):
 AT_REST = Starts()
 """All episodes begin at rest at the start of the path."""
 
-STARTS = MappingProxyType({"rest": AT_REST, "path": Starts(moving=0.2, gripped=0.6)})
+STARTS = MappingProxyType({"rest": AT_REST, "path": Starts(moving=0.4, gripped=0.3)})
 """Starts by name: those of evaluation episodes, and those to train with."""
 
 
