@@ -101,17 +101,19 @@ class Evidence:
         normal = columns.T @ columns / np.outer(size, size) + SINGULAR * np.eye(len(size))
         along: Array = _LINEAR.solve(normal, columns.T @ change.ravel() / size) / size
         own = change - (columns @ along).reshape(change.shape)
-        total = float(np.sum(told := np.sum(own**2, axis=1)))
+        weights = np.sum(own**2, axis=1)
+        total = float(weights.sum())
         if total <= 1e-9 * float(np.sum(change**2)) or total == 0.0:
             return Amount(0.0, np.inf, np.inf, along)
-        white = told @ (self._factors * self.fit.windows.noise) ** 2
+        white = weights @ (self._factors * self.fit.windows.noise) ** 2
         forces = np.sum(np.mean(np.sum(own * self._shaken, axis=2) ** 2, axis=0))
         step = np.sum(own * self._stepped) ** 2
         error = float(np.sqrt(white + forces + step)) / total
         found = -np.sum(own * self._residual, axis=1)
         value = float(found.sum()) / total
-        told, change = np.add.reduceat([told, value * told - found], np.arange(0, len(told), BLOCK), axis=1)
-        jackknife = float(np.linalg.norm(change / (total * (1.0 + SINGULAR) - told)))
+        blocks = np.arange(0, len(weights), BLOCK)
+        weight, pull = np.add.reduceat([weights, found - value * weights], blocks, axis=1)
+        jackknife = float(np.linalg.norm(pull / (total * (1.0 + SINGULAR) - weight)))
         return Amount(value, error, jackknife, along)
 
 
