@@ -51,11 +51,15 @@ def test_documented_imports_work(statement: str):
 @pytest.mark.slow
 @pytest.mark.agents
 @pytest.mark.filterwarnings("ignore:rich is experimental")
-def test_readme_example_runs(capsys: pytest.CaptureFixture[str]):
+def test_readme_example_runs(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """As it is, but with fewer steps."""
     pytest.importorskip("stable_baselines3")
-    run_program([readme("example").replace("5_000_000", "20_000")], str(README))
-    assert "torque-feedback" in capsys.readouterr().out
+    monkeypatch.chdir(tmp_path)
+    run_program([readme("example").replace("5_000_000", "20_000").replace("8000", "200")], str(README))
+    assert "tuned law" in capsys.readouterr().out
+    assert list(tmp_path.glob("pter-ppo/*/events*"))
 
 
 @pytest.mark.long
