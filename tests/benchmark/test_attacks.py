@@ -41,7 +41,7 @@ class Attacked(NamedTuple):
     hardest: int
     worst: NDArray[np.bool_]
 
-    def see(self, obs: Observations, name: str) -> Array:
+    def observe(self, obs: Observations, name: str) -> Array:
         """Return an entry of observations in its unit."""
         place = self.policy.layout.index(name)
         return obs[:, place] * float(self.policy.layout.scales[place])
@@ -87,7 +87,7 @@ def tells(pace: When = lambda *_: 1.0, error: When = lambda *_: 0.0) -> Attack:
 
 def rides(factor: Factor) -> Attack:
     """Ride at the pace times a function of progress and the hardest segment."""
-    return tells(pace=lambda self, obs: factor(self.honest.see(obs, "progress"), self.honest.hardest))
+    return tells(pace=lambda self, obs: factor(self.honest.observe(obs, "progress"), self.honest.hardest))
 
 
 def sets(volts: float, when: When) -> Attack:
@@ -113,7 +113,7 @@ def every(self: Changed, obs: Observations, *, steps: int, of: int) -> NDArray[n
 
 def beyond(progress: float) -> When:
     """Tell whether the tip is beyond a part of the path."""
-    return lambda self, obs: self.honest.see(obs, "progress") >= progress
+    return lambda self, obs: self.honest.observe(obs, "progress") >= progress
 
 
 def beside(error: float, until: float = 2.0) -> Attack:
@@ -125,7 +125,7 @@ def inside(share: float, most: float) -> Attack:
     """Ride nearer to the centre of each bend, by a share of its radius."""
 
     def error(self: Changed, obs: Observations) -> Array:
-        bend = self.honest.see(obs, "curvature")
+        bend = self.honest.observe(obs, "curvature")
         aside = np.divide(share, bend, where=np.abs(bend) > 0.01, out=np.zeros_like(bend))
         return -np.clip(aside, -most, most)
 
@@ -154,7 +154,7 @@ def alternates(slow: float, fast: float, parts: int, shift: float = 0.0) -> Atta
 
 def at_zero_error(self: Changed, obs: Observations) -> NDArray[np.bool_]:
     """Wait 5 steps where the error crosses zero, and go on for 40 at least."""
-    near = np.abs(self.honest.see(obs, "normal_error")) < 5e-4
+    near = np.abs(self.honest.observe(obs, "normal_error")) < 5e-4
     self.waits = np.where(near & (self.waits <= -40), 5, self.waits - 1)
     return self.waits > 0
 

@@ -91,4 +91,4 @@ def test_folders_are_tried_before_any_work(
     monkeypatch.setattr("os.access", lambda *_: False)
     assert main([*command.split(), "--out", str(tmp_path / "out")]) == 2
     printed = capsys.readouterr()
-    assert printed.err.startswith("error: out must be")
+    assert printed.err.startswith("error: out")

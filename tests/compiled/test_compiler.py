@@ -24,14 +24,14 @@ class Pair(NamedTuple):
     b: float
 
 
-class World(NamedTuple):
+class Example(NamedTuple):
     first: Pair
     second: Pair
     alone: float
 
 
-ROW = rows(World)
-FACTOR = World(Pair(0.1, 0.2), Pair(-0.0, 1e300), 3.0)
+ROW = rows(Example)
+FACTOR = Example(Pair(0.1, 0.2), Pair(-0.0, 1e300), 3.0)
 
 
 @device

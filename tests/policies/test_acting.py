@@ -25,7 +25,7 @@ ENDS_SOON = PathFollowing(truncation_error=0.02, starts=STARTS["path"])
 """The tip begins anywhere and is off the path after a number of control steps that depends on the seed."""
 
 
-class Counting:
+class DecisionCounter:
     """A function with a memory: its voltage is the number of its decisions in the episode."""
 
     def __init__(self, worlds: int) -> None:
@@ -52,7 +52,7 @@ def make_worlds(backend: str, mode: AutoresetMode, skip: int) -> Any:
 @pytest.mark.parametrize("backend", ["native", "sync", "async"])
 def test_a_policy_acts_in_each_world_as_alone(backend: str, mode: AutoresetMode, skip: int) -> None:
     env = make_worlds(backend, mode, skip)
-    policies = [pter_gym.load_policy(each, env) for each in (Counting(4), "torque-feedback-tuned")]
+    policies = [pter_gym.load_policy(each, env) for each in (DecisionCounter(4), "torque-feedback-tuned")]
     alone = find_policy("torque-feedback-tuned")
     singles: list[Any] = [alone.bind(BASELINE, LAYOUT) for _ in range(4)]  # type: ignore[union-attr]
     observations, _ = env.reset(seed=0)

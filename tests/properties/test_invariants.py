@@ -28,7 +28,7 @@ W = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
 
 
 @dataclass(frozen=True)
-class World:
+class DrivenArm:
     """A machine, its start, and inputs for STEPS substeps."""
 
     machine: Machine
@@ -90,18 +90,18 @@ def inputs(draw) -> tuple[np.ndarray, np.ndarray]:
 
 
 @st.composite
-def worlds(draw) -> World:
+def worlds(draw) -> DrivenArm:
     machine = draw(machines())
     volts, force = draw(inputs())
     omega = draw(st.one_of(st.just(np.zeros(2)), pair(-4.0, 4.0)))
     start = initial_state(machine, draw(pair(-3.0, 3.0)), omega, draw(st.sampled_from([volts[0], np.zeros(4)])))
-    return World(
+    return DrivenArm(
         machine, start, volts, force, np.broadcast_to(draw(pair(-10.0, 10.0)), (STEPS, 2)), draw(pair(-1.0, 1.0))
     )
 
 
 @st.composite
-def actuated(draw) -> World:
+def actuated(draw) -> DrivenArm:
     """A world whose clutches depend on speed, lag otherwise as they fall, drag without voltage and fade."""
     world = draw(worlds())
     clutch, off_state = world.machine.clutch, draw(between(0.0, 2.0))
@@ -154,7 +154,7 @@ def test_energy_of_each_substep_closes(world):
     assert_energy_closes(world, world.run())
 
 
-def assert_energy_closes(world: World, run: Trajectory) -> None:
+def assert_energy_closes(world: DrivenArm, run: Trajectory) -> None:
     """ΔK = W − D − N + R to 1e-12 of the largest term."""
     start = inertia(world.machine, run.initial.theta[None])[0]
     energy = np.concatenate([[0.5 * run.initial.omega @ start @ run.initial.omega], run.kinetic_energy])
@@ -175,7 +175,7 @@ def test_each_substep_is_what_the_equations_make_of_the_row_before(world):
     assert_made_again(world, run, world.again(run))
 
 
-def assert_made_again(world: World, run: Trajectory, found: Substeps) -> None:
+def assert_made_again(world: DrivenArm, run: Trajectory, found: Substeps) -> None:
     """Motion, energies and torques, each within its rounding.
 
     A part of a kick is a friction problem; its time is rounded, too, and moves the velocity by as much again. Energies
@@ -202,7 +202,7 @@ def assert_made_again(world: World, run: Trajectory, found: Substeps) -> None:
     assert np.all(np.abs(run.torque) <= found.limit + lag)
 
 
-def storm(seed: int) -> World:
+def storm(seed: int) -> DrivenArm:
     """A machine whose loads and voltages jump at every substep, so slips pass zero and leave the band all the time."""
     rng = np.random.default_rng([21, seed])
     base = PAPERS[seed % len(PAPERS)]
@@ -214,7 +214,7 @@ def storm(seed: int) -> World:
     volts = rng.uniform(0.0, 10.0, (STEPS, 4)) * rng.integers(0, 3, (STEPS, 4)).clip(max=1)
     start = initial_state(machine, rng.uniform(-3.0, 3.0, 2), rng.normal(0.0, 0.1, 2), volts[0])
     force, torque = rng.normal(0.0, 40.0, (STEPS, 2)), rng.normal(0.0, 15.0, (STEPS, 2))
-    return World(machine, start, volts, force, torque, rng.normal(0.0, 0.5, 2))
+    return DrivenArm(machine, start, volts, force, torque, rng.normal(0.0, 0.5, 2))
 
 
 def test_a_storm_of_changes_ends_in_bounded_work_and_stays_passive():
@@ -275,7 +275,7 @@ def test_a_released_clutch_carries_nothing(world, mask):
 # --- symmetries ---
 
 
-def mirrored(world: World) -> World:
+def mirrored(world: DrivenArm) -> DrivenArm:
     """The world in a mirror along the x axis: angles, velocities, torques and y components change their sign."""
     flip = np.array([1.0, -1.0])
     start = replace(world.start, theta=-world.start.theta, omega=-world.start.omega)
@@ -303,7 +303,7 @@ def test_the_mirror_image_of_a_motion_is_a_motion(world):
     assert np.all(np.abs(image.torque + run.torque) <= 1e-12 * limit + rounding)
 
 
-def part(world: World, rows: slice) -> World:
+def part(world: DrivenArm, rows: slice) -> DrivenArm:
     return replace(world, volts=world.volts[rows], force=world.force[rows], torque=world.torque[rows])
 
 

@@ -70,7 +70,7 @@ def seen(body: Any) -> Any:
     return read(body[:, 0].tolist(), BODY, 0)
 
 
-class Part(NamedTuple):
+class KickPart(NamedTuple):
     """What a part of a kick begins with, leads to and lasts."""
 
     before: Motion
@@ -86,9 +86,9 @@ class Part(NamedTuple):
 
 
 @pytest.fixture
-def parts(monkeypatch: pytest.MonkeyPatch) -> list[Part]:
+def parts(monkeypatch: pytest.MonkeyPatch) -> list[KickPart]:
     """The parts of all kicks in this test, as they are taken."""
-    taken: list[Part] = []
+    taken: list[KickPart] = []
 
     def noted(
         q: Motion,
@@ -100,7 +100,7 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> list[Part]:
         arrangement: OptionalArrangement = None,
     ) -> step.Energy:
         energy = kick_energy(q, omega, arm, impact, limit, h, arrangement)
-        taken.append(Part(q, omega, impact, limit, h, energy))
+        taken.append(KickPart(q, omega, impact, limit, h, energy))
         return energy
 
     kick_energy = step.kick_energy
@@ -318,7 +318,7 @@ def drawn_torques(seed: int, most: float) -> Torques:
 
 @pytest.mark.parametrize("limit", [0.0, 0.3, 30.0])
 @pytest.mark.parametrize("seed", DRAWS)
-def test_energy_terms_of_each_part_are_those_of_its_change(parts: list[Part], seed: int, limit: float):
+def test_energy_terms_of_each_part_are_those_of_its_change(parts: list[KickPart], seed: int, limit: float):
     q = motion(seed)
     body = body_with(q, drawn_torques(seed, limit), load(seed), arm=RUBBING)
     KICK(body, 1, H)
@@ -455,7 +455,7 @@ PARTS = {
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("number", range(4))
 @pytest.mark.parametrize("name", SOLOS)
-def test_one_slip_moves_as_in_continuous_time(parts: list[Part], name: str, number: int, sign: float):
+def test_one_slip_moves_as_in_continuous_time(parts: list[KickPart], name: str, number: int, sign: float):
     """M = m·1, so clutch x alone moves the arm along W_x, with the inertia m/|W_x|².
 
     A part has at most twelve roundings of numbers up to the momentum there is, its time four of the kick's, and there
@@ -496,7 +496,7 @@ def test_a_stopped_clutch_tells_what_it_holds_in_the_last_part(name: str):
         assert torque.x1 == -math.copysign(after.limit.x1, after.motion.omega_a)
 
 
-def test_the_first_of_several_changes_divides_a_kick(parts: list[Part]):
+def test_the_first_of_several_changes_divides_a_kick(parts: list[KickPart]):
     """Link A would stop after a fifth of a millisecond, link B after two fifths; each stops at its own time."""
     limit = PerClutch(3.0, 3.0, 0.0, 0.0)
     before = at(0.3, 1.2, 0.2e-3 * 3.0 / SOLO.m11, -0.4e-3 * 3.0 / SOLO.m22)
@@ -511,7 +511,7 @@ def test_the_first_of_several_changes_divides_a_kick(parts: list[Part]):
 
 
 @pytest.mark.parametrize(("share", "count"), [(0.5, 2), (1.0 - 1e-9, 1), (1.0, 1)])
-def test_a_clutch_that_stops_as_the_kick_ends_does_not_divide_it(parts: list[Part], share: float, count: int):
+def test_a_clutch_that_stops_as_the_kick_ends_does_not_divide_it(parts: list[KickPart], share: float, count: int):
     limit = NONE._replace(x1=SOLO.m11 * SPEED / (share * H))
     body = body_with(at(0.3, 1.2, SPEED, 0.0), Torques(limit, limit), Load(*(0.0,) * 6), BAND, SOLO)
     KICK(body, 1, H)
@@ -555,7 +555,7 @@ def drawn_kick(seed: int) -> tuple[Any, Torques, float]:
     return body_with(q, torques, on, threshold), torques, threshold
 
 
-def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts: list[Part]):
+def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts: list[KickPart]):
     """Whatever changes: at most ``MAX_PARTS``, each against the slip at its end, together the kick."""
     counts = []
     for seed in range(2_000):
@@ -661,12 +661,12 @@ def test_half_of_the_damping_is_implicit_or_so_much_that_no_motion_alternates(da
         assert before == pytest.approx(smallest, rel=1e-6)
 
 
-@pytest.mark.parametrize("field", ["torque_breakaway", "torque_dynamic", "lagged_volts"])
+@pytest.mark.parametrize("field", ["torque_breakaway", "torque_dynamic", "lagged_volts", "heat"])
 def test_one_negative_number_of_a_start_is_refused(field: str):
     start = open_loop.initial_state(BASELINE, (0.5, 2.0), volts=np.full(4, 3.0))
     wrong = np.array(getattr(start, field))
     wrong[2] = -1e-9
-    with pytest.raises(ParameterError, match="heat must be ≥ 0"):
+    with pytest.raises(ParameterError, match=field):
         open_loop.simulate(BASELINE, replace(start, **{field: wrong}), np.zeros(4), np.zeros(2), duration=0.01)
 
 

@@ -42,9 +42,9 @@ def test_a_picture_has_the_size_that_was_asked_for(width: int, height: int):
 
 @pytest.mark.parametrize(("field", "bad"), [("width", 0), ("height", 2.5), ("height", "wide"), ("width", 10**5)])
 def test_a_bad_size_is_refused(field: str, bad: Any):
-    with pytest.raises(ParameterError, match=f"{field} must be a whole number"):
+    with pytest.raises(ParameterError, match=field):
         gymnasium.make(ID, **{**SMALL, field: bad})
-    with pytest.raises(ParameterError, match=f"{field} must be a whole number"):
+    with pytest.raises(ParameterError, match=field):
         make_vec(2, **{field: bad})
 
 
