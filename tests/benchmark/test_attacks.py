@@ -257,7 +257,7 @@ TAILS = {"100 mm off in 23": (0.1, 23), "100 mm off in 5": (0.1, 5), "200 mm off
 """How far beside the path `residual` is made to ride, and in how many of a hundred episodes."""
 
 
-def test_who_leaves_the_path_in_some_episodes_stands_below_who_never_does() -> None:
+def test_leaving_the_path_in_some_episodes_ranks_below_never() -> None:
     course = Course("standard", "brisk", 100)
     bound = {
         name: bind(find_policy(name, scenario="standard"), BASELINE, course.batch.layout)

@@ -63,10 +63,10 @@ def errors() -> dict[str, str]:
 
 
 @pytest.mark.parametrize("entry", ENTRIES)
-def test_training_draws_come_without_the_evaluation_episodes(entry: str, errors: dict[str, str]) -> None:
+def test_training_draws_never_read_the_evaluation_episodes(entry: str, errors: dict[str, str]) -> None:
     assert not errors[entry]
 
 
-def test_the_guard_sees_what_it_should(errors: dict[str, str]) -> None:
+def test_the_guard_notices_reads_of_the_evaluation_episodes(errors: dict[str, str]) -> None:
     assert "evaluation episodes were read" in errors["the episodes"]
     assert Path(FOLDER).is_dir()

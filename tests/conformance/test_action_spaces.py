@@ -57,7 +57,7 @@ def test_machines_of_one_batch_have_equally_many_clutches():
 
 
 @pytest.mark.parametrize("name", ["two-brakes", "baseline"])
-def test_the_jax_door_takes_as_many_entries(name: str):
+def test_jax_env_takes_an_entry_for_each_clutch(name: str):
     jax = pytest.importorskip("jax")
     jax_env = pytest.importorskip("pter_gym.envs.jax")
     env, params = jax_env.make(ID, machine=name)

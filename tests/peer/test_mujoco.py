@@ -248,7 +248,7 @@ def test_poses_are_those_of_mujoco(subset, machine, seeds):
         assert np.abs(ours(machine, case).theta - peers(machine, case)).max() <= TOLERANCE
 
 
-def test_the_cases_visit_every_mode_often():
+def test_cases_cover_every_mode_often():
     modes = np.concatenate([ours(BASELINE, draw(subset, 0)).mode for subset in range(16)])
     assert np.all(np.bincount(modes, minlength=6) > 0.03 * len(modes))
 
@@ -318,7 +318,7 @@ def test_batch_moves_as_mujoco_does(world, told):
 
 
 @pytest.mark.parametrize("world", range(len(MACHINES)))
-def test_batch_tells_the_torques_of_the_instant(world, told):
+def test_batch_reports_the_torques_of_the_instant(world, told):
     """Clutches that slip exert their limit, stuck ones together what MuJoCo needs for them to have no acceleration."""
     model = build(numbers_with_hand(MACHINES[world]), STEP)
     data = mujoco.MjData(model)

@@ -217,7 +217,7 @@ def storm(seed: int) -> DrivenArm:
     return DrivenArm(machine, start, volts, force, torque, rng.normal(0.0, 0.5, 2))
 
 
-def test_a_storm_of_changes_ends_in_bounded_work_and_stays_passive():
+def test_many_changes_in_a_kick_are_bounded_and_passive():
     counts = np.zeros(MAX_PARTS + 1, int)
     for seed in range(24):
         world = storm(seed)
@@ -233,7 +233,7 @@ def test_a_storm_of_changes_ends_in_bounded_work_and_stays_passive():
 
 @DETERMINISTIC
 @given(between(3.0, 10.0), between(3.0, 10.0), st.sampled_from([-1.0, 1.0]))
-def test_generated_torques_are_right_where_a_stuck_clutch_is_exactly_at_its_limit(volts_1, volts_3, sign):
+def test_torques_of_a_stuck_clutch_at_its_limit(volts_1, volts_3, sign):
     """From rest, links at right angles: both turn together; clutch 1 slows A, and clutch 3 drives B with all it has.
 
     The band is so wide that clutch 1 does not leave it.
@@ -309,7 +309,7 @@ def part(world: DrivenArm, rows: slice) -> DrivenArm:
 
 @DETERMINISTIC
 @given(worlds(), st.integers(1, STEPS - 1))
-def test_a_motion_does_not_know_what_time_it_is(world, cut):
+def test_a_motion_does_not_depend_on_the_absolute_time(world, cut):
     """The second part, started from the end of the first, is the rest of the whole.
 
     A state holds angles, not the unit vectors that the substep turns, so a restart rounds them again.

@@ -264,7 +264,7 @@ def test_machines_that_were_never_built_are_known_by_name() -> None:
     ],
     ids=["with the paper's in a batch", "a policy trained on the paper's", "several nominal ones"],
 )
-def test_what_needs_other_clutches_is_refused_by_the_name_of_the_field(made: Any) -> None:
+def test_mismatched_clutches_are_refused(made: Any) -> None:
     with pytest.raises(ParameterError, match=r"Machine\.clutches"):
         made()
 

@@ -110,7 +110,7 @@ def test_energies_add_up():
     assert np.all(run.dissipated >= 0.0)
 
 
-def test_worlds_have_it_too():
+def test_worlds_apply_dry_friction():
     """A world moves as the open-loop simulation does, from torques at rest on, up to rounding."""
     machine = replace(BASELINE, arm=replace(BASELINE.arm, dry_a=0.6, dry_b=0.4, viscous_a=0.3, viscous_b=0.5))
     hand = MultiSineHand(push=12.0, amplitudes=(0.0,) * 5)
@@ -128,7 +128,7 @@ def test_worlds_have_it_too():
     assert abs(rows[-1, COLUMN.torque.x1]) == pytest.approx(dynamic, rel=1e-9)
 
 
-def test_what_is_refused():
+def test_negative_friction_of_an_axis_is_refused():
     for name in ("dry_a", "dry_b", "viscous_a", "viscous_b"):
         with pytest.raises(ParameterError, match=rf"Arm\.{name}"):
             replace(BASELINE.arm, **{name: -1e-9})

@@ -95,7 +95,7 @@ def test_along_its_line_only_its_clutch_does_not_slip(speed):
         assert mode_of(speed * a, speed * b) == ClutchMode(1 + number)
 
 
-def test_there_are_a_hundred_thousand_problems():
+def test_there_are_100000_friction_problems():
     assert sum(map(len, FAMILIES)) >= 100_000
 
 

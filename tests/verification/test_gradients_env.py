@@ -54,7 +54,7 @@ def drawn(env: Any, steps: int) -> tuple[Any, Any, Any, Any]:
 
 
 @pytest.mark.parametrize("wide", [False, True], ids=["32 bits", "64 bits"])
-def test_a_step_has_the_bits_of_the_door(wide: bool) -> None:
+def test_a_step_has_the_bits_of_jax_env(wide: bool) -> None:
     with jax.enable_x64(wide):
         ours, (theirs, _) = make("PTER/Standard-v0")[0], jax_env.make("PTER/Standard-v0", sensors="encoders")
         found = [jax.jit(partial(simulated, env))(*drawn(env, 60)) for env in (ours, theirs)]
@@ -162,7 +162,7 @@ def test_a_gradient_through_the_end_of_an_episode_raises() -> None:
         ({"episode_end": "ignore"}, "episode_end"),
     ],
 )
-def test_what_has_no_derivative_is_refused(wrong: dict[str, Any], told: str) -> None:
+def test_environments_without_a_derivative_are_refused(wrong: dict[str, Any], told: str) -> None:
     with pytest.raises(ParameterError, match=told):
         make(**wrong)
 

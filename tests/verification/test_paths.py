@@ -221,7 +221,7 @@ def test_a_spline_that_turns_back_on_itself_is_refused(points: Any, tmp_path: Fi
         read_path(file)
 
 
-def test_a_curve_is_looked_at_so_often_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_evaluations_of_a_curve_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pter_gym.paths._shapes.MAX_EVALUATIONS", 20)
     with pytest.raises(ParameterError, match="20"):
         _ = Spline(points=WAYPOINTS).arcs

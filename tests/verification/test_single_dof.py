@@ -78,7 +78,7 @@ def test_a_clutch_gives_way_at_its_breakaway_torque(small, held):
 
 
 @pytest.mark.parametrize(("small", "held"), PAIRS)
-def test_it_then_drops_to_the_dynamic_torque(small, held):
+def test_torque_drops_to_the_dynamic_torque_after_breakaway(small, held):
     run, _ = ramp(small, held)
     slipping = np.flatnonzero(np.abs(run.slip_velocity[:, small]) >= BASELINE.slip_threshold)[0] + 1
     dynamic = BASELINE.clutch.dynamic.torque(small_voltage())

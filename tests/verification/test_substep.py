@@ -245,7 +245,7 @@ def test_karnopps_rule_at_the_border_of_its_band():
     assert clutch.capacities(PerClutch(0.0, 1.0, -1.0, 0.0), 0.1, torques) == (10.0, 2.0, 3.0, 40.0)
 
 
-def test_which_clutches_change():
+def test_changing_clutches_are_found():
     """From outside of the band at zero, from inside at its edge if more can be held there."""
     for before, after in [(0.1, -0.001), (-0.2, 5.0), (0.2, 0.0), (-0.1, 0.0)]:
         assert clutch.changes(before, after, 0.1, 2.0, 1.0)
@@ -258,7 +258,7 @@ def test_which_clutches_change():
         assert not clutch.changes(before, after, 0.1, 1.0, 2.0)
 
 
-def test_one_clutch_that_changes_is_enough():
+def test_one_changing_clutch_counts_as_a_change():
     torques = Torques(PerClutch(2.0, 2.0, 2.0, 2.0), PerClutch(1.0, 1.0, 1.0, 1.0))
     stays = PerClutch(1.0, 1.0, 1.0, 1.0)
     assert not clutch.any_changes(stays, stays, 0.1, torques)
@@ -358,7 +358,7 @@ def test_without_clutches_the_velocity_is_that_of_the_free_arm(seed: int):
 
 
 @pytest.mark.parametrize("seed", DRAWS)
-def test_a_drift_gains_what_the_mass_matrix_gains_and_two_halves_make_a_whole(seed: int):
+def test_a_drift_gains_the_change_of_the_mass_matrix_and_equals_two_halves(seed: int):
     q, torques = motion(seed), drawn_torques(seed, 5.0)
     body = body_with(q, drawn_torques(seed + 1, 5.0), load(seed))
     store(body, BODY.steady, 0, torques)
@@ -519,7 +519,7 @@ def test_a_clutch_that_stops_as_the_kick_ends_does_not_divide_it(parts: list[Kic
     assert seen(body).motion.omega_a == pytest.approx(0.0, abs=1e-17)
 
 
-def test_a_slip_that_never_ceases_to_slide():
+def test_a_clutch_that_slips_throughout():
     """Those that pass zero exert all they have against the slip of before; the others are solved for as ever."""
     for seed in range(200):
         rng = np.random.default_rng([8, seed])
@@ -647,7 +647,7 @@ def smallest_inertia(machine: Machine) -> float:
 
 @pytest.mark.parametrize("light", [1.0, 0.01])
 @pytest.mark.parametrize("damping", [0.0, 1.0, 30.0, 1e3, 1e5, 1e7])
-def test_half_of_the_damping_is_implicit_or_so_much_that_no_motion_alternates(damping: float, light: float):
+def test_implicit_damping_prevents_alternating_motion(damping: float, light: float):
     """The share before a kick takes at most the momentum along the slowest motion: h·(1 − s)·b·(lA² + lB²) ≤ μ."""
     inertias = {name: light * getattr(BASELINE.arm, name) for name in ("inertia_a", "inertia_b", "coupling")}
     machine = replace(BASELINE, hand=Hand(damping=damping), arm=replace(BASELINE.arm, **inertias))
@@ -671,7 +671,7 @@ def test_one_negative_number_of_a_start_is_refused(field: str):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_friction_finds_the_velocity_that_a_momentum_was_made_for(seed: int):
+def test_friction_inverts_constructed_momenta(seed: int):
     """Backwards: a velocity, and impulses that may go with it, make the momentum; off ties its answer is unique."""
     rng = np.random.default_rng([3, seed])
     for number in range(400):
@@ -691,7 +691,7 @@ def test_friction_finds_the_velocity_that_a_momentum_was_made_for(seed: int):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_load_is_shared_as_the_multipliers_say_that_it_was_made_from(seed: int):
+def test_a_load_is_shared_by_the_multipliers_that_made_it(seed: int):
     """Backwards: the least torques are multipliers on the two axes, limited; they make the load, and are unique."""
     rng = np.random.default_rng([4, seed])
     w = np.array(COUPLING)

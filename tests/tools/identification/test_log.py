@@ -112,7 +112,7 @@ def test_a_log_is_read_as_it_was_written(tmp_path: Path):
         assert np.allclose(getattr(again, name), getattr(log, name), rtol=1e-8)
 
 
-def test_the_size_of_a_file_does_not_matter(tmp_path: Path):
+def test_a_large_file_is_read(tmp_path: Path):
     path = written(tmp_path)
     lines = path.read_text("utf-8").splitlines()
     path.write_text("\n".join(line + " " * 4000 for line in lines), "utf-8")
@@ -137,12 +137,12 @@ def test_the_size_of_a_file_does_not_matter(tmp_path: Path):
         ({"times": TIMES[:0]}, "rows"),
     ],
 )
-def test_a_log_that_makes_no_sense_is_refused(arguments: dict, said: str, tmp_path: Path):
+def test_an_invalid_log_is_refused(arguments: dict, said: str, tmp_path: Path):
     with pytest.raises(ParameterError, match=said):
         read_log(written(tmp_path, **arguments))
 
 
-def test_a_log_that_tells_nothing_is_refused(tmp_path: Path):
+def test_a_log_without_information_is_refused(tmp_path: Path):
     log = read_log(written(tmp_path))
 
     def refused(change: dict, said: str, machine: str = "baseline") -> None:

@@ -31,7 +31,7 @@ def wrong(case: Mismatch, found: Identification) -> dict[str, str]:
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[] if name in IN_THE_GATE else pytest.mark.long) for name in CASES]
 )
-def test_nothing_wrong_is_called_identified(name: str):
+def test_wrong_values_are_never_called_identified(name: str):
     case = CASES[name]
     found = identify(case.log(), BASELINE)
     assert wrong(case, found) == {}

@@ -65,7 +65,7 @@ def test_a_machine_of_the_models_kind_is_explained(machine: RecordedMachine):
 
 @pytest.mark.long
 @pytest.mark.parametrize("machine", BROKEN.values(), ids=BROKEN)
-def test_a_machine_of_another_kind_is_not(machine: RecordedMachine):
+def test_a_machine_outside_the_model_is_not_explained(machine: RecordedMachine):
     found = identify(record(machine), BASELINE)
     assert not found.verdict.explained
     assert "identified" not in states(found)
@@ -149,7 +149,7 @@ def wandering() -> Log:
 
 @pytest.mark.long
 @pytest.mark.parametrize("make", [sines, wandering, READINGS["--relative-b"]])
-def test_nonsense_ends_in_a_verdict(make: Callable[[], Log]):
+def test_a_nonsense_log_ends_in_a_verdict(make: Callable[[], Log]):
     found = identify(make(), BASELINE)
     assert not found.verdict.explained
     assert found.verdict.hints
@@ -157,7 +157,7 @@ def test_nonsense_ends_in_a_verdict(make: Callable[[], Log]):
 
 
 @pytest.mark.slow
-def test_what_no_free_number_moves_is_kept_and_few_rows_are_too_few():
+def test_unmoved_numbers_are_kept_and_too_few_rows_refused():
     """Four seconds without clutches show inertias at best, and not enough for them."""
     found = identify(rows_of(good(), slice(0, 1450)), BASELINE)
     for finding in found.findings:

@@ -97,7 +97,7 @@ def test_the_page_has_the_colours_of_the_pictures() -> None:
     assert dict(re.findall(r"--([\w-]+): (#\w+);", light)).items() >= PICTURE.items()
 
 
-def test_the_module_asks_for_nothing_and_holds_no_path_of_a_computer() -> None:
+def test_the_module_has_no_imports_and_no_local_paths() -> None:
     data = MODULE.read_bytes()
     assert data[:4] == b"\0asm"
     assert str(Path.home()).encode() not in data

@@ -134,7 +134,7 @@ def test_other_names_are_refused(hosts: tuple[str, ...], served: int) -> None:
     assert ask(served, *hosts)[0] == 421
 
 
-def test_a_refusal_names_the_option(served: int) -> None:
+def test_errors_name_the_option(served: int) -> None:
     assert "--allow-host proxy.example" in ask(served, "Proxy.example:8000")[1]
 
 
@@ -302,7 +302,7 @@ def test_an_arm_on_which_clutches_slip_is_not_called_free(play: Any) -> None:
 
 
 @pytest.mark.slow
-def test_a_machine_of_ones_own_is_felt(opened: Any, tmp_path: Path) -> None:
+def test_a_user_machine_moves_as_in_python(opened: Any, tmp_path: Path) -> None:
     import playing
 
     clutch = {**PRESET.clutch, "time_constant": 0.052, "scale": (0.9, 1.1, 1.05, 0.95)}
@@ -372,7 +372,7 @@ def test_a_page_begins_with_a_path_and_a_pace_of_ones_own() -> None:
 
 
 @pytest.mark.slow
-def test_every_choice_can_be_made(play: Any) -> None:
+def test_every_setting_can_be_chosen(play: Any) -> None:
     play.open("hand=paper")
     for control in play.run(CONTROLS):
         play.choose("control", control)
