@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from pter_gym.benchmark._naming import PerSeed, find_policy
     from pter_gym.benchmark.boards import Leaderboard, leaderboards, print_boards, suite_scores, suites
     from pter_gym.benchmark.results import ResultsFolder
-    from pter_gym.benchmark.runs import ScenarioRun, run_scenario
-    from pter_gym.benchmark.scores import Score, score, score_episodes
+    from pter_gym.benchmark.runs import run_scenario
+    from pter_gym.benchmark.scores import ScenarioRun, Score, score, score_episodes
     from pter_gym.benchmark.verification import Comparison, verify
 
 __all__ = [
@@ -54,8 +54,8 @@ __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVa
         "_naming": ["PerSeed", "find_policy"],
         "boards": ["Leaderboard", "leaderboards", "print_boards", "suite_scores", "suites"],
         "results": ["ResultsFolder"],
-        "runs": ["ScenarioRun", "run_scenario"],
-        "scores": ["Score", "score", "score_episodes"],
-        "verification": ["Verdict", "verify"],
+        "runs": ["run_scenario"],
+        "scores": ["ScenarioRun", "Score", "score", "score_episodes"],
+        "verification": ["Comparison", "verify"],
     },
 )

@@ -21,8 +21,7 @@ from pter_gym.benchmark.intervals import (
     rate_interval,
     worst_twentieth_interval,
 )
-from pter_gym.benchmark.runs import ScenarioRun
-from pter_gym.benchmark.scores import SCORES, Scores
+from pter_gym.benchmark.scores import SCORES, ScenarioRun, Scores
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.scenarios import find_pace, title_of_pace
 

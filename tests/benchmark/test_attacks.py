@@ -15,8 +15,7 @@ from pter_gym.benchmark import PACES, find_policy
 from pter_gym.benchmark._measures import SEGMENTS, Recorded, pace_factor
 from pter_gym.benchmark.boards import rank, reason_below, summarise
 from pter_gym.benchmark.intervals import difference_interval
-from pter_gym.benchmark.runs import ScenarioRun
-from pter_gym.benchmark.scores import Scores, score_episodes
+from pter_gym.benchmark.scores import ScenarioRun, Scores, score_episodes
 from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.controllers import BoundPolicy, bind
 from pter_gym.params import BASELINE

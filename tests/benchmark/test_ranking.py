@@ -30,8 +30,8 @@ from pter_gym.benchmark.boards import (
     tempo,
 )
 from pter_gym.benchmark.intervals import Interval
-from pter_gym.benchmark.runs import ScenarioRun, run_scenario
-from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
+from pter_gym.benchmark.runs import run_scenario
+from pter_gym.benchmark.scores import SCORES, ScenarioRun, Scores, score_episodes
 from pter_gym.controllers import Impedance
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following._observation import OBS

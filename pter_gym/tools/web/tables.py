@@ -35,13 +35,10 @@ from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, conte
 from pter_gym.tasks.path_following._rules import ALLOWANCE, START
 from pter_gym.tasks.path_following._specification import MAX_CURVATURE_RATIO, largest_error_max
 from pter_gym.tools.web.kernels import MAX_ARCS
-from pter_gym.tools.web.site import STATIC
 
 VOLTAGE_MAX = BASELINE.clutch.voltage_max
 """The largest voltage of a page [V]: of its sliders, and of its policies."""
 
-MODULE = STATIC / "pter.wasm"
-TABLES = STATIC / "pter.json"
 
 POINTER = RecordedForces(times=(0.0,), along=(0.0,), across=(0.0,))
 """A hand whose recording a page goes on writing while the world moves."""

@@ -30,7 +30,8 @@ from pter_gym.scenarios import SCENARIOS
 from pter_gym.scenarios._variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._specification import MAX_CURVATURE_RATIO
-from pter_gym.tools.web.tables import MODULE, PATHS, STATIC, TABLES, pages_batch
+from pter_gym.tools.web.site import MODULE, STATIC, TABLES
+from pter_gym.tools.web.tables import PATHS, pages_batch
 
 HERE = Path(__file__).parent
 
