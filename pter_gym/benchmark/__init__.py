@@ -16,7 +16,7 @@ from pter_gym.scenarios import PACES
 
 if TYPE_CHECKING:
     from pter_gym.benchmark._examination import Assessment, Examination, examine
-    from pter_gym.benchmark._naming import PerSeed, find_policy
+    from pter_gym.benchmark._find_policy import PerSeed, find_policy
     from pter_gym.benchmark.boards import Leaderboard, leaderboards, print_boards, suite_scores, suites
     from pter_gym.benchmark.results import ResultsFolder
     from pter_gym.benchmark.runs import run_scenario
@@ -51,7 +51,7 @@ __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVa
     __name__,
     submod_attrs={
         "_examination": ["Assessment", "Examination", "examine"],
-        "_naming": ["PerSeed", "find_policy"],
+        "_find_policy": ["PerSeed", "find_policy"],
         "boards": ["Leaderboard", "leaderboards", "print_boards", "suite_scores", "suites"],
         "results": ["ResultsFolder"],
         "runs": ["run_scenario"],

@@ -8,7 +8,7 @@ import numpy as np
 from pter_gym._engine.batch import Batch
 from pter_gym._internal.checks import names_in, whole_number
 from pter_gym._internal.files import FilePath
-from pter_gym.benchmark._naming import PerSeed, find_policies
+from pter_gym.benchmark._find_policy import PerSeed, find_policies
 from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.results import ResultsFolder
 from pter_gym.benchmark.scores import SCORES, ScenarioRun, Scores, score_episodes

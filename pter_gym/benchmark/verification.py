@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pter_gym._internal.files import FilePath
-from pter_gym.benchmark._naming import find_policies, is_code
+from pter_gym.benchmark._find_policy import find_policies, is_code
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.results import ResultsFolder, read_run
 from pter_gym.benchmark.runs import Policies, evaluate

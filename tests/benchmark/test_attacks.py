@@ -106,12 +106,12 @@ def locks(when: When) -> Attack:
 
 
 def every(self: Changed, obs: Observations, *, steps: int, of: int) -> NDArray[np.bool_]:
-    """Tell whether this is one of the first steps of so many, in all worlds."""
+    """Return whether this is one of the first steps of so many, in all worlds."""
     return np.full(len(obs), self.steps % of < steps)
 
 
 def beyond(progress: float) -> When:
-    """Tell whether the tip is beyond a part of the path."""
+    """Return whether the tip is beyond a part of the path."""
     return lambda self, obs: self.honest.observe(obs, "progress") >= progress
 
 

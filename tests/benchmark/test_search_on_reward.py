@@ -68,7 +68,7 @@ def searched(course: Course, discount: float, seed: int) -> Array:
 
 
 def rides_clearly_worse(course: Course, rows: Array, best: float) -> bool:
-    """Tell whether episodes would have no rank if the limits were twice as wide, or have a clearly larger error."""
+    """Return whether episodes would have no rank if the limits were twice as wide, or have a clearly larger error."""
     scores = score_episodes(rows, course.tasks)
     off = max(float(scores[name].mean()) for name in ("mean_pace_error", "segment_pace_error"))
     missed = 1.0 - float(scores["completed"].mean())

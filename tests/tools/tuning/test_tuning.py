@@ -9,7 +9,7 @@ import pytest
 
 from pter_gym.benchmark import Assessment, Examination
 from pter_gym.benchmark._examination import MISSING, RESERVE
-from pter_gym.benchmark._naming import find_policy
+from pter_gym.benchmark._find_policy import find_policy
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, find_tuned, read_table
 from pter_gym.controllers import CONTROLLERS, Controller, Impedance, PaceSchedule

@@ -120,5 +120,5 @@ print(*sorted(set(sys.modules) - before))
 """
     found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split()
     ours = {name.removeprefix("pter_gym.benchmark.") for name in found if name.startswith("pter_gym.benchmark.")}
-    assert ours == {"_from_sb3", "_loading", "_naming", "simulation", "tuned"}
+    assert ours == {"_from_sb3", "_load_policy", "_find_policy", "simulation", "tuned"}
     assert not {"scipy", "rich"} & set(found)
