@@ -55,23 +55,23 @@ def ours(machine: Machine, scenario: VoltageStep, step: float):
     return simulate(machine, start, scenario.volts, scenario.force(time), hand_target=TARGET)
 
 
-def sequence(motion: event_driven.Solution) -> list:
+def sequence(motion: event_driven.ExactMotion) -> list:
     """Modes in order, without the edges of the band."""
     return [mode for mode, _ in itertools.groupby((phase.stuck, phase.sign) for phase in motion.phases)]
 
 
-def reference(machine: Machine, scenario: VoltageStep, edge: float = BEYOND) -> event_driven.Solution:
+def reference(machine: Machine, scenario: VoltageStep, edge: float = BEYOND) -> event_driven.ExactMotion:
     arm = replace(plant(machine, scenario, TARGET), edge=edge)
     return event_driven.integrate(arm, scenario.theta, scenario.omega, GRID)
 
 
-def grazes(machine: Machine, scenario: VoltageStep, exact: event_driven.Solution) -> bool:
+def grazes(machine: Machine, scenario: VoltageStep, exact: event_driven.ExactMotion) -> bool:
     others = (reference(machine, replace(scenario, scale=scale)) for scale in (0.995, 1.005))
     return any(sequence(other) != sequence(exact) for other in others)
 
 
 @functools.cache
-def kept(name: str) -> list[tuple[VoltageStep, event_driven.Solution]]:
+def kept(name: str) -> list[tuple[VoltageStep, event_driven.ExactMotion]]:
     """Scenarios that move and do not graze, with their reference."""
     machine, rows = MACHINES[name], []
     for scenario in map(draw, SCENARIOS):
