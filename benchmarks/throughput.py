@@ -38,7 +38,7 @@ THREADS = available_cores()
 HELD = 100
 
 
-class Load(NamedTuple):
+class Workload(NamedTuple):
     """Something to time: a call, and how many steps it advances, over all worlds."""
 
     call: Callable[[], object]
@@ -53,23 +53,23 @@ class Load(NamedTuple):
         return calls * self.steps / elapsed
 
 
-def stepping(env: Any, worlds: int, steps: int = 1) -> Load:
+def stepping(env: Any, worlds: int, steps: int = 1) -> Workload:
     """Return the load of an environment under random actions that are drawn beforehand."""
     env.reset()
     space = getattr(env, "single_action_space", env.action_space)
     actions = cycle([np.array([space.sample() for _ in range(worlds)]) for _ in range(4)])
     for _ in range(10):
         env.step(next(actions))
-    return Load(lambda: env.step(next(actions)), worlds * steps)
+    return Workload(lambda: env.step(next(actions)), worlds * steps)
 
 
-def ours(worlds: int, threads: int, steps: int = 1, **keywords: Any) -> Load:
+def ours(worlds: int, threads: int, steps: int = 1, **keywords: Any) -> Workload:
     """Return our vector environment: whole control steps without telemetry, ended worlds reset in the same step."""
     settings: Any = {"telemetry": False, "autoreset_mode": AutoresetMode.SAME_STEP, "num_threads": threads}
     return stepping(gymnasium.make_vec(ID, worlds, **settings, **keywords), worlds, steps)
 
 
-def single(name: str) -> Load:
+def single(name: str) -> Workload:
     """Return one environment through ``gymnasium.make``, reset when an episode ends."""
     env = gymnasium.make(name)
     env.reset(seed=0)
@@ -80,10 +80,10 @@ def single(name: str) -> Load:
         if terminated or truncated:
             env.reset()
 
-    return Load(step, 1)
+    return Workload(step, 1)
 
 
-def mujoco_rollout(worlds: int, *, soft: bool = False) -> Load:
+def mujoco_rollout(worlds: int, *, soft: bool = False) -> Workload:
     """Return MuJoCo on the same mechanism: all worlds from the environment's start, with random voltages."""
     import mujoco
     from mujoco import rollout
@@ -105,10 +105,10 @@ def mujoco_rollout(worlds: int, *, soft: bool = False) -> Load:
     force = hand.push * along + waves[:, None] * np.array([-along[1], along[0]])
     forces = np.broadcast_to(force, (worlds, HELD, 2)).copy()
     pool = rollout.Rollout(nthread=THREADS)
-    return Load(lambda: pool.rollout(models, data, state, forces), worlds * HELD)
+    return Workload(lambda: pool.rollout(models, data, state, forces), worlds * HELD)
 
 
-def sb3(*, draws: bool) -> Load:
+def sb3(*, draws: bool) -> Workload:
     """Return Stable-Baselines3's ``make_vec_env``, which always asks for rgb_array, or its worlds without a picture."""
     from stable_baselines3.common.env_util import make_vec_env
     from stable_baselines3.common.vec_env import DummyVecEnv
@@ -116,7 +116,7 @@ def sb3(*, draws: bool) -> Load:
     return stepping(make_vec_env(ID, 8) if draws else DummyVecEnv([lambda: gymnasium.make(ID)] * 8), 8)
 
 
-def vectorised(name: str, worlds: int, mode: str) -> Load:
+def vectorised(name: str, worlds: int, mode: str) -> Workload:
     """Return one of Gymnasium's own environments."""
     return stepping(gymnasium.make_vec(name, worlds, mode), worlds)
 
@@ -124,7 +124,7 @@ def vectorised(name: str, worlds: int, mode: str) -> Load:
 PER_STEP = substeps(PathFollowing(), BASELINE)
 WHOLE = partial(ours, WORLDS, THREADS)
 SUBSTEPS = partial(ours, WORLDS, THREADS, HELD, task=PathFollowing(control_period=HELD * BASELINE.substep))
-PAIRS: dict[str, tuple[Callable[[], Load], Callable[[], Load]]] = {
+PAIRS: dict[str, tuple[Callable[[], Workload], Callable[[], Workload]]] = {
     "mujoco.rollout, substeps": (SUBSTEPS, partial(mujoco_rollout, 256)),
     "mujoco.rollout, substeps of env-steps": (partial(WHOLE, PER_STEP), partial(mujoco_rollout, 256)),
     "mujoco.rollout, soft friction": (SUBSTEPS, partial(mujoco_rollout, 64, soft=True)),

@@ -70,7 +70,7 @@ def test_a_wrong_entry_is_refused(old: str, new: str, named: str, tmp_path: Path
         load_preset(tmp_path / "own.toml")
 
 
-def test_a_file_from_before_friction_of_the_axes_has_none():
+def test_a_file_without_friction_of_the_axes_means_none():
     older = "\n".join(line for line in TEXT.splitlines() if not line.startswith(("dry_", "viscous_")))
     found = parse_preset(older)
     assert found.arm == PRESET.arm
@@ -112,7 +112,7 @@ SAME = "".join(f'\n"{k}" = {{ value = [1.0, 1.0], unit = "1", from = "chosen: x"
         (TWO_ROWS.replace('"A to ground"', '""'), "[1.0, 1.0]", r"Connection\.name"),
     ],
 )
-def test_clutches_that_a_file_cannot_declare(section: str, scale: str, named: str):
+def test_invalid_clutches_of_a_file_are_refused(section: str, scale: str, named: str):
     with pytest.raises(ParameterError, match=named):
         parse_preset(with_clutches(section, scale))
 
@@ -157,7 +157,7 @@ OTHER_CURVE = replace(BASELINE.clutch.breakaway, curvature=1.0)
         (replace(BASELINE, clutch=replace(BASELINE.clutch, breakaway=OTHER_CURVE)), r"Clutch\.breakaway"),
     ],
 )
-def test_what_a_preset_cannot_hold_is_not_saved(machine: Machine, named: str, tmp_path: Path):
+def test_a_machine_that_a_preset_cannot_hold_is_not_saved(machine: Machine, named: str, tmp_path: Path):
     file = tmp_path / "own.toml"
     with pytest.raises(ParameterError, match=named):
         save_preset(machine, file, origin="chosen: for tests")

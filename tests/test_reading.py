@@ -58,7 +58,7 @@ def test_toml_is_refused(text: str) -> None:
 
 
 @given(st.binary(max_size=100), st.integers(0, 120))
-def test_what_is_packed_is_unpacked_within_its_bound(content: bytes, most: int) -> None:
+def test_inflate_is_bounded(content: bytes, most: int) -> None:
     packed = gzip.compress(content)
     if len(content) <= most:
         assert inflate(packed, most) == content

@@ -106,7 +106,7 @@ class Carry(NamedTuple):
 
 
 class RolloutBuffer(NamedTuple):
-    """Data of each step and world, (T, N, …); ``finals`` are values of last states, 0 where one was terminated."""
+    """Data of each step and world, (T, N, …); ``finals`` are values of final states, 0 after termination."""
 
     inputs: jax.Array
     targets: jax.Array

@@ -103,7 +103,7 @@ class RunFolder:
         return path
 
     def load(self) -> tuple[int, State]:
-        """Return the decisions before the newest checkpoint, and its state.
+        """Return the number of decisions before the newest checkpoint, and its state.
 
         Raises
         ------

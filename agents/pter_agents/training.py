@@ -144,7 +144,7 @@ def _stopped(model: PPO, folder: RunFolder, error: Exception) -> str:
 
 
 def check_same(known: TrainingArguments, given: TrainingArguments) -> None:
-    """Raise a ParameterError if a run is resumed with different arguments, but for the steps."""
+    """Raise a ParameterError if a run is resumed with different arguments; only the steps may differ."""
     pairs: list[tuple[Any, Any]] = [(replace(known, steps=given.steps), given), (known.settings, given.settings)]
     for before, after in pairs:
         for name in before.__dataclass_fields__.keys() - {"settings"}:

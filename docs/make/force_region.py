@@ -32,7 +32,7 @@ POSES = {"standard": 100, "paths": 20}
 SPEED = 0.25
 
 
-class Row(NamedTuple):
+class PageRow(NamedTuple):
     """An arrangement of the page: its name, its machine, and its errors [mm] in the order of ``COLUMNS``."""
 
     name: str
@@ -40,14 +40,14 @@ class Row(NamedTuple):
     errors: tuple[float, ...]
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[PageRow]:
     """Yield the arrangements of the page's table."""
     for line in PAGE.read_text("utf-8").splitlines():
         if found := re.match(r"\| `([\w-]+)` \| (\([^|]*\)) \|(.*)", line):
             pairs = re.findall(r"\((\S+), (\S+)\)", found[2].replace("−", "-"))
             clutches = tuple(Connection(str(k), (float(a), float(b))) for k, (a, b) in enumerate(pairs))
             errors = tuple(float(re.match(r"[\d.]+", cell.strip())[0]) for cell in found[3].split("|")[: len(COLUMNS)])
-            yield Row(found[1], replace(BASELINE, clutches=clutches), errors)
+            yield PageRow(found[1], replace(BASELINE, clutches=clutches), errors)
 
 
 def paths_of(scenario: str) -> list[Path]:
@@ -67,7 +67,7 @@ def measured(machine: Machine, paths: list[Path], poses: int) -> tuple[float, ..
     return tuple(abs(np.round(np.mean(values, axis=0))).tolist())
 
 
-def correlations(found: list[Row], forces: dict[str, Array]) -> Iterator[list[str]]:
+def correlations(found: list[PageRow], forces: dict[str, Array]) -> Iterator[list[str]]:
     """Yield a row for each column of errors: Spearman's rank correlation with each measure, and its p-value."""
     for name, errors in zip(COLUMNS, zip(*(row.errors for row in found), strict=True), strict=True):
         tests = [spearmanr(values, errors) for values in forces[name.split("`")[1]].T]

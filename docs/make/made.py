@@ -172,8 +172,8 @@ def described(value: Any) -> str:
             return f"uniform in {number(low)} … {number(high)}"
         case LogUniform(low, high):
             return f"log-uniform in {number(low)} … {number(high)}"
-        case Shared(common, own, count):
-            return f"{count} values: one factor {described(common)}, times one each {described(own)}"
+        case Shared(common, individual, count):
+            return f"{count} values: one factor {described(common)}, times one each {described(individual)}"
         case (first, *rest) as of if rest and all(each == first for each in rest):
             return f"{len(of)} values, each {described(first)}"
         case tuple() as of:

@@ -26,7 +26,7 @@ PACES_HEAD = """\
 DRAWS, SEED = 64, 5
 """Number and seed of the training draws on which the damper is solved."""
 
-LOWEST, HIGHEST = 10.0, 3000.0
+MIN_DAMPER, MAX_DAMPER = 10.0, 3000.0
 """Range of the search [N·s/m]."""
 
 
@@ -71,7 +71,7 @@ def damping_for_pace(controller: Impedance, pace: float, scenario: str = "standa
     """
     machines, tasks = zip(*find_scenario(scenario).randomisation(pace, contexts=draws, seed=SEED).pairs(), strict=True)
     batch = Batch(machines, tasks)
-    low, high = math.log(LOWEST), math.log(HIGHEST)
+    low, high = math.log(MIN_DAMPER), math.log(MAX_DAMPER)
     while high - low > 1e-4:
         middle = 0.5 * (low + high)
         if _cruising_pace(replace(controller, damping_tangential=math.exp(middle)), batch) > pace:

@@ -26,7 +26,8 @@ import numba
 from pter_gym._compiled.digests import SOURCES
 from pter_gym._internal.files import write_bytes_atomic, write_text_atomic
 from pter_gym.tools.web.kernels import KERNELS, ModuleKernel
-from pter_gym.tools.web.tables import MODULE, STATIC, TABLES, tables
+from pter_gym.tools.web.site import MODULE, STATIC, TABLES
+from pter_gym.tools.web.tables import tables
 
 FUNCTIONS = Path(__file__).with_name("functions.zig")
 

@@ -22,7 +22,7 @@ from pter_gym.errors import PterError, unknown_name
 
 Command = Callable[..., int | None]
 
-OWN = ("benchmark", "verify")
+CORE_COMMANDS = ("benchmark", "verify")
 """Commands of the core: command NAME is the function NAME in NAME.py, beside this file."""
 
 DESCRIPTION = "PTER, a passive haptic arm with four friction clutches."
@@ -33,8 +33,8 @@ INTERRUPTED = 130
 
 def commands() -> dict[str, EntryPoint]:
     """Return where each command is, by name in the order of the help: the core's own, then what is registered."""
-    own = {name: EntryPoint(name, f"{__package__}.{name}:{name}", COMMANDS) for name in OWN}
-    return own | registered(COMMANDS)
+    core = {name: EntryPoint(name, f"{__package__}.{name}:{name}", COMMANDS) for name in CORE_COMMANDS}
+    return core | registered(COMMANDS)
 
 
 def load_command(name: str) -> Command:

@@ -1,7 +1,7 @@
 """What compiled code depends on, as a digest: equal digests mean equal code, in any process.
 
-The rooms of this package that kernels are made of count as a whole, by their source files. Of any other function, such
-as a user's law, its bytecode counts, and so do its module and the values that it reads.
+Within the package, it covers all source files of the rooms that kernels are made of. Of any other function, such as a
+user's law, it covers the bytecode, the module and the values that it reads.
 """
 
 import builtins

@@ -1,4 +1,4 @@
-"""What a compiled control law is to the engine: a function that it inlines, and what that keeps of each world.
+"""The interface between the engine and a compiled control law: a function that is inlined, and its memory per world.
 
 A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation, ``obs·scales`` is in
 physical units, ``gains`` belongs to the law and ``memory`` to one world. What the memory holds is a record: ``Memory``

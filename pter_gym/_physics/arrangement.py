@@ -148,7 +148,7 @@ def resolve_any(
 def least_torques(load_a: float, load_b: float, fixed: int, torque: float, arrangement: Arrangement) -> PerClutch:
     """Return the torques of least Σ τ_x² with Wᵀτ = load, where slot ``fixed`` has a given torque; −1 for none.
 
-    They are NaN where the rows of the others are equal, so the given torque is not for choice.
+    They are NaN if the other rows are equal: then they cannot balance the load for every given torque.
     """
     g11, g12, g22, det = 0.0, 0.0, 0.0, 0.0
     for x in range(4):

@@ -92,7 +92,7 @@ def scaled(torques: Torques, scale: PerClutch, strength: PerClutch) -> Torques:
 
 @device
 def lag_left(time: float, time_constant: float) -> float:
-    """Return the part of a first-order lag that is left after a time [s]."""
+    """Return the remaining fraction of a first-order lag after a time [s]."""
     return math.exp(-time / time_constant)
 
 

@@ -226,10 +226,11 @@ def body_of(machine: Machine, state: State) -> Array:
     units = np.cos(theta_a), np.sin(theta_a), np.cos(theta_b), np.sin(theta_b)
     store(body, BODY.motion, 0, Motion(theta_a, theta_b, omega_a, omega_b, *units))
     names = ("torque_breakaway", "torque_dynamic", "lagged_volts", "heat")
-    found = (PerClutch(*_vector(f"state.{name}", getattr(state, name), 4)) for name in names)
-    breakaway, dynamic, lagged, heat = found
-    if min(*breakaway, *dynamic, *lagged, *heat) < 0.0:
-        raise ParameterError("state: torques, lagged voltages and heat must be ≥ 0")
+    found = {name: PerClutch(*_vector(f"state.{name}", getattr(state, name), 4)) for name in names}
+    for name, values in found.items():
+        if min(values) < 0.0:
+            raise ParameterError(f"state.{name} must be ≥ 0, got {min(values):g}")
+    breakaway, dynamic, lagged, heat = found.values()
     store(body, BODY.torques, 0, Torques(breakaway, dynamic))
     store(body, BODY.lagged_volts, 0, lagged)
     store(body, BODY.heat, 0, heat)

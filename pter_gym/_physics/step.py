@@ -53,7 +53,7 @@ from pter_gym._physics.model import Model
 MAX_PARTS = 4
 """Most parts of a kick; what changes in the last one waits for the next substep."""
 
-_SHORTEST_PART = 1e-6
+_MIN_PART = 1e-6
 """Smallest share of a kick that is worth a part: over a shorter time, torques drown in rounding."""
 
 
@@ -81,7 +81,7 @@ class Energy(NamedTuple):
 
 
 class Body(NamedTuple):
-    """One machine: its constants, its state, what acts on it, and what a substep works with."""
+    """One machine: its constants, state and loads, and the intermediate values of a substep."""
 
     machine: Model
     motion: Motion
@@ -508,7 +508,7 @@ def _parts_on(at: Any, load_on: Any, arrangement_at: Any, plain: bool) -> tuple[
                 span,
                 arrangement_at(w, i),
             )
-            if not share < 1.0 - _SHORTEST_PART:
+            if not share < 1.0 - _MIN_PART:
                 break
             find(w, i, share * span)
             take(w, i)

@@ -16,11 +16,11 @@ from pter_gym.scenarios import PACES
 
 if TYPE_CHECKING:
     from pter_gym.benchmark._examination import Assessment, Examination, examine
-    from pter_gym.benchmark._naming import PerSeed, find_policy
+    from pter_gym.benchmark._find_policy import PerSeed, find_policy
     from pter_gym.benchmark.boards import Leaderboard, leaderboards, print_boards, suite_scores, suites
     from pter_gym.benchmark.results import ResultsFolder
-    from pter_gym.benchmark.runs import ScenarioRun, run_scenario
-    from pter_gym.benchmark.scores import Score, score, score_episodes
+    from pter_gym.benchmark.runs import run_scenario
+    from pter_gym.benchmark.scores import ScenarioRun, Score, score, score_episodes
     from pter_gym.benchmark.verification import Comparison, verify
 
 __all__ = [
@@ -51,11 +51,11 @@ __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVa
     __name__,
     submod_attrs={
         "_examination": ["Assessment", "Examination", "examine"],
-        "_naming": ["PerSeed", "find_policy"],
+        "_find_policy": ["PerSeed", "find_policy"],
         "boards": ["Leaderboard", "leaderboards", "print_boards", "suite_scores", "suites"],
         "results": ["ResultsFolder"],
-        "runs": ["ScenarioRun", "run_scenario"],
-        "scores": ["Score", "score", "score_episodes"],
-        "verification": ["Verdict", "verify"],
+        "runs": ["run_scenario"],
+        "scores": ["ScenarioRun", "Score", "score", "score_episodes"],
+        "verification": ["Comparison", "verify"],
     },
 )

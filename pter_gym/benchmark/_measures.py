@@ -224,9 +224,9 @@ class Travel:
         return np.where(self.finished, larger, self.worst) * pace_factor(ratios)
 
     def path_error(self) -> Array:
-        """Return the mean of the segments' path errors [m], by which policies rank.
+        """Return the mean of the segments' path errors [m], which ranks policies.
 
-        It is at most ``worst``, so an episode with a lost policy counts no more however long it was stuck.
+        It is at most ``worst``, so a stuck episode counts the same however long it lasts.
         """
         return np.minimum(self.segment_errors().mean(axis=0), self.worst)
 

@@ -21,8 +21,7 @@ from pter_gym.benchmark.intervals import (
     rate_interval,
     worst_twentieth_interval,
 )
-from pter_gym.benchmark.runs import ScenarioRun
-from pter_gym.benchmark.scores import SCORES, Scores
+from pter_gym.benchmark.scores import SCORES, ScenarioRun, Scores
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.scenarios import find_pace, title_of_pace
 
@@ -259,14 +258,14 @@ def tempo(ratio: float) -> str:
     """Return a mean pace over the commanded one in words, such as ``17 × too fast``."""
     if ratio == 0.0:
         return "never moves"
-    times, way = max(ratio, 1.0 / ratio), "fast" if ratio > 1.0 else "slow"
+    times, direction = max(ratio, 1.0 / ratio), "fast" if ratio > 1.0 else "slow"
     if times < IN_TIMES:
-        return f"{100 * (times - 1):.0f} % too {way}"
-    return f"{_times(times)} × too {way}"
+        return f"{100 * (times - 1):.0f} % too {direction}"
+    return f"{_times(times)} × too {direction}"
 
 
 def pace_error(scores: Mapping[str, Interval], name: str, pace: float) -> str:
-    """Return a pace error [%]; far from the commanded pace [m/s], how the mean pace compares: ``×17`` or ``÷3.1``."""
+    """Return a pace error [%], or far from the commanded pace [m/s] the ratio of the mean pace: ``×17`` or ``÷3.1``."""
     ratio = scores["mean_pace_m_s"].value / pace
     if 1.0 / IN_TIMES < ratio < IN_TIMES:
         return f"{100 * scores[name].value:.1f}"

@@ -14,8 +14,7 @@ from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
 from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark.boards import Leaderboard, leaderboards, suite_scores, suites
-from pter_gym.benchmark.runs import ScenarioRun
-from pter_gym.benchmark.scores import SCORES
+from pter_gym.benchmark.scores import SCORES, ScenarioRun
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.scenarios import name_of_pace
 

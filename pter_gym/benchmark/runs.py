@@ -2,61 +2,24 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pter_gym._engine.batch import Batch
 from pter_gym._internal.checks import names_in, whole_number
 from pter_gym._internal.files import FilePath
-from pter_gym._version import __version__
-from pter_gym.benchmark._naming import PerSeed, find_policies
+from pter_gym.benchmark._find_policy import PerSeed, find_policies
 from pter_gym.benchmark.episodes import Episodes, find_episodes
-from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
+from pter_gym.benchmark.results import ResultsFolder
+from pter_gym.benchmark.scores import SCORES, ScenarioRun, Scores, score_episodes
 from pter_gym.benchmark.simulation import AnyPolicy, run, sensors_of, time_limit
 from pter_gym.controllers import bind
 from pter_gym.params import BASELINE, Machine
 from pter_gym.scenarios import PACES, Scenario, find_scenario, name_of_pace
 from pter_gym.tasks.path_following import PathFollowing, observation_layout
 
-if TYPE_CHECKING:
-    from pter_gym.benchmark.results import ResultsFolder
-
 CHUNK = 64
 """Episodes that are simulated together."""
-
-
-@dataclass(frozen=True)
-class ScenarioRun:
-    """The scores of one policy on the episodes of one scenario at one pace.
-
-    Attributes
-    ----------
-    training_seed
-        Number of the training seed, for a policy that was trained with several; 0 otherwise.
-    seed
-        Seed of fresh episodes; None for the stored ones.
-    digest
-        Digest of a scenario of one's own, whose name may be another's; empty for those of the suite.
-    strata, scores
-        A label for each episode, and an array with an entry for each episode under the name of each score.
-    """
-
-    scenario: str
-    pace: str
-    policy: str
-    training_seed: int
-    seed: int | None
-    strata: tuple[str, ...]
-    scores: Scores
-    version: str = __version__
-    digest: str = ""
-
-    @property
-    def episodes(self) -> int:
-        """How many of the scenario's episodes were run, starting with the first."""
-        return len(self.strata)
 
 
 Policies = Mapping[str, AnyPolicy | PerSeed | FilePath] | Iterable[FilePath] | FilePath
@@ -69,7 +32,7 @@ def run_scenario(
     *,
     episodes: int | None = None,
     seed: int | None = None,
-    results: "ResultsFolder | FilePath | None" = None,
+    results: ResultsFolder | FilePath | None = None,
     num_threads: int = 2,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[ScenarioRun, ...]:
@@ -102,8 +65,6 @@ def run_scenario(
     DataError
         If the stored episodes are damaged.
     """
-    from pter_gym.benchmark.results import ResultsFolder
-
     num_threads = whole_number("num_threads", num_threads)
     found = find_scenario(scenario)
     if paces is None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._physics.friction import ClutchMode
+from pter_gym._version import __version__
 from pter_gym.benchmark._measures import PRICE, Array, Recorded, column, mean_over
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
@@ -148,3 +149,35 @@ def score_episodes(
         )
     episodes = Recorded(telemetry, tasks, voltage_max)
     return {name: metric.find(episodes) for name, metric in METRICS.items()}
+
+
+@dataclass(frozen=True)
+class ScenarioRun:
+    """The scores of one policy on the episodes of one scenario at one pace.
+
+    Attributes
+    ----------
+    training_seed
+        Number of the training seed, for a policy that was trained with several; 0 otherwise.
+    seed
+        Seed of fresh episodes; None for the stored ones.
+    digest
+        Digest of a scenario of one's own, whose name may be another's; empty for those of the suite.
+    strata, scores
+        A label for each episode, and an array with an entry for each episode under the name of each score.
+    """
+
+    scenario: str
+    pace: str
+    policy: str
+    training_seed: int
+    seed: int | None
+    strata: tuple[str, ...]
+    scores: Scores
+    version: str = __version__
+    digest: str = ""
+
+    @property
+    def episodes(self) -> int:
+        """How many of the scenario's episodes were run, starting with the first."""
+        return len(self.strata)

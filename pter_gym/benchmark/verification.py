@@ -6,10 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from pter_gym._internal.files import FilePath
-from pter_gym.benchmark._naming import find_policies, is_code
+from pter_gym.benchmark._find_policy import find_policies, is_code
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.results import ResultsFolder, read_run
-from pter_gym.benchmark.runs import Policies, ScenarioRun, evaluate
+from pter_gym.benchmark.runs import Policies, evaluate
+from pter_gym.benchmark.scores import ScenarioRun
 from pter_gym.errors import ParameterError, PterError
 
 SAME = "same"

@@ -40,7 +40,7 @@ class BoundPolicy(ABC):
     frame_skip
         Control steps for which its actions are held, as in training.
     any_frame_skip
-        Whether it may also act at another period, like an untrained law.
+        Whether it may act with any ``frame_skip``, as control laws may.
     compiled
         Whether its law runs inside the kernel, where several threads can run it at once.
     """

@@ -58,7 +58,7 @@ class Gains(NamedTuple):
 NOMINAL = rows(Nominal)
 """Places of what a law knows of the machine, in the array of gains."""
 
-OWN = rows(Arrangement, -width(Arrangement))
+ARRANGEMENT = rows(Arrangement, -width(Arrangement))
 """Places of the ``Arrangement``, from the end of the array of gains."""
 
 GAIN = rows(Gains)

@@ -18,7 +18,7 @@ from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between, slip_velocities
 from pter_gym.controllers._allocation import allocate, largest_torque, least_torque
-from pter_gym.controllers._gains import NOMINAL, OWN, Gains, Nominal, clutch_voltage, read_gains
+from pter_gym.controllers._gains import ARRANGEMENT, NOMINAL, Gains, Nominal, clutch_voltage, read_gains
 from pter_gym.controllers._network import HEADER, HEADER_WIDTH, NETWORK, decide
 from pter_gym.controllers._steering import Tip, speed_along, steered, turning_torques
 from pter_gym.tasks.path_following._observation import OBS
@@ -126,7 +126,7 @@ def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 @device
 def guide_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of a guiding law for the clutches in the ``Arrangement`` at the end of the gains."""
-    return guide_by(obs, scales, gains, memory, read(gains, OWN, gains.shape[0]))
+    return guide_by(obs, scales, gains, memory, read(gains, ARRANGEMENT, gains.shape[0]))
 
 
 @device

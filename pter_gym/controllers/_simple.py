@@ -30,7 +30,7 @@ class Locked:
     """All clutches at their largest voltage."""
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
-        """Return the policy that gives the largest voltage of a machine's clutches."""
+        """Return the policy that gives all clutches a machine's largest voltage."""
         return Policy(np.array([CONSTANT, *largest_voltages(machine)]), layout)
 
 

@@ -11,14 +11,13 @@ from gymnasium.envs.registration import EnvSpec
 from pter_gym._compiled.layout import Layout
 from pter_gym._engine.batch import ActionUnit, Batch
 from pter_gym._internal.checks import whole_number
+from pter_gym.envs._overrides import overrides_of_task
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine, find_machine
-from pter_gym.paths import Path, find_path
-from pter_gym.scenarios import find_pace
+from pter_gym.paths import Path
 from pter_gym.tasks._stored import codec
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, RewardWeights, Sensors, Starts, find_starts
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, RewardWeights, Sensors, Starts
 from pter_gym.tasks.path_following._observation import BOUND
-from pter_gym.tasks.path_following._specification import largest_error_max
 
 if TYPE_CHECKING:
     from pter_gym.scenarios._fixed_machine import AnyMachine
@@ -182,20 +181,6 @@ def _make_batch(
         max_steps=limit,
         **engine,
     )
-
-
-def overrides_of_task(**given: Any) -> dict[str, Any]:
-    """Return the fields of a task that are given; paths, paces and starts may be names.
-
-    About a path that is given without ``error_max``, the workspace is at most as wide as its curvature allows.
-    """
-    found = {name: value for name, value in given.items() if value is not None}
-    for name, find in {"path": find_path, "pace": find_pace, "starts": find_starts}.items():
-        if name in found:
-            found[name] = find(found[name])
-    if "path" in found and "error_max" not in found:
-        found["error_max"] = min(PathFollowing.error_max, largest_error_max(found["path"]))
-    return found
 
 
 def _several(value: object) -> bool:

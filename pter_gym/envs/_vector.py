@@ -114,7 +114,7 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
         chosen = self._mask(options)
         obs, telemetry = self.batch.reset(self._seeds(seed), chosen)
         if self._viewer:
-            self._viewer.see(telemetry, chosen)
+            self._viewer.update(telemetry, chosen)
         return obs, self._infos(chosen, telemetry, np.zeros(self.num_envs, np.bool_))
 
     def step(self, actions: Any) -> tuple[Observations, Array, Mask, Mask, dict[str, Any]]:
@@ -132,7 +132,7 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
         terminated, truncated, success = returns.flags
         telemetry = returns.telemetry[:1].reshape(-1, COLUMNS)
         if self._viewer:
-            self._viewer.see(telemetry)
+            self._viewer.update(telemetry)
         infos = self._infos(np.ones(self.num_envs, np.bool_), telemetry, success)
         if self.autoreset_mode == AutoresetMode.SAME_STEP:
             self._add_final(infos, returns, terminated | truncated)

@@ -82,7 +82,7 @@ class PterVecEnv(VecEnv):
         self.env.close()
 
     def get_images(self) -> list[NDArray[np.uint8] | None]:
-        """Return a picture of each world with ``render_mode="rgb_array"``, of which ``render`` makes one."""
+        """Return a picture of each world with ``render_mode="rgb_array"``, which ``render`` tiles."""
         return list(self.env.render() or ())
 
     def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:

@@ -4,7 +4,7 @@ from functools import lru_cache
 from typing import Any
 
 from pter_gym._internal.checks import whole_number
-from pter_gym.envs._shared import overrides_of_task
+from pter_gym.envs._overrides import overrides_of_task
 from pter_gym.errors import ParameterError
 from pter_gym.paths import Path
 from pter_gym.scenarios import Scenario, find_scenario

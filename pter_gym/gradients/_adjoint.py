@@ -20,7 +20,7 @@ from pter_gym._physics.step import MAX_PARTS, arrangement_from, paper_clutches, 
 from pter_gym.gradients._tracing import adjoint_of
 
 _STEP: Any = _step
-SHORTEST_PART: float = _STEP._SHORTEST_PART
+MIN_PART: float = _STEP._MIN_PART
 
 FIRST, LAST = int(BODY.motion.theta_a), int(BODY.lagged_volts.x4) + 1
 """Rows of a body's state: motion, torques, lagged voltages."""
@@ -127,7 +127,7 @@ def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
             before = load(w, OMEGA, i)
             find(w, i, span)
             part = share(w, i) if w[BODY.changes, i] != 0.0 else 1.0
-            if not part < 1.0 - SHORTEST_PART:
+            if not part < 1.0 - MIN_PART:
                 return whole_adjoint(w, i, bar, span)
             first = part * span
             find(w, i, first)
@@ -149,7 +149,7 @@ def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
 
 @device
 def lags(body: Any) -> bool:
-    """Return whether it is the voltage that lags, so what clutches tend to changes within a control step."""
+    """Return whether the voltage lags, so that steady torques change within a control step."""
     return body[BODY.machine.voltage_decay.rise, 0] != 0.0
 
 

@@ -11,10 +11,9 @@ from pter_gym._physics.step import sliding_torques
 def momentum_bar(
     m11: float, m12: float, m22: float, omega_a: float, omega_b: float, by_a: float, by_b: float, slip: PerClutch
 ) -> tuple[float, float]:
-    """Return the adjoint of the momentum from which friction leaves the velocities ω, by that of ω.
+    """Return the adjoint of the momentum before friction, given the adjoint λ of the velocities ω after it.
 
-    It is M⁻¹ times it where all clutches slip, d·dᵀ/(dᵀM·d) times it on a line of direction d, and 0 at rest. On a line
-    d is the direction of ω.
+    It is M⁻¹·λ where all clutches slip, d·dᵀ·λ/(dᵀM·d) if a clutch sticks and ω has the direction d, and 0 at rest.
     """
     if (slip.x1 == 0.0) | (slip.x2 == 0.0) | (slip.x3 == 0.0) | (slip.x4 == 0.0):
         size = max(abs(omega_a), abs(omega_b))

@@ -9,7 +9,7 @@ from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.records import flat, load, store
 from pter_gym._physics.open_loop import BODY
 from pter_gym._physics.step import MAX_PARTS
-from pter_gym.gradients._adjoint import OMEGA, SHORTEST_PART, Kick, aim, drift, kick_stages, lags
+from pter_gym.gradients._adjoint import MIN_PART, OMEGA, Kick, aim, drift, kick_stages, lags
 from pter_gym.gradients._tracing import tangent_of
 
 MOTION = frozenset(flat(BODY.motion))
@@ -98,7 +98,7 @@ def _kick_tangents(arrangement_at: Any, lanes: int) -> Any:
     @outlined
     def divide(body: Any, dot: Any) -> None:
         for _ in range(MAX_PARTS - 1):
-            if body[BODY.changes, 0] == 0.0 or not share(body, 0) < 1.0 - SHORTEST_PART:
+            if body[BODY.changes, 0] == 0.0 or not share(body, 0) < 1.0 - MIN_PART:
                 break
             part(body, 0, dot)
 

@@ -1,8 +1,8 @@
 """The environment for ``jax.grad``: ``pter_gym.envs.jax`` with a rule for the derivative of a step.
 
-A step has the bits of that door. Its derivative is that of the same step made again: the arm by the compiled kernels of
-``pter_gym.gradients.jax``, the hand, the projection onto the path, reward and observation from their own source as
-functions of JAX.
+A step has the same bits as ``JaxEnv``. Its derivative repeats the step: the arm by the compiled kernels of
+``pter_gym.gradients.jax``; the hand, the projection onto the path, reward and observation as functions of JAX made from
+their source.
 """
 
 from typing import Any, Literal, NamedTuple, cast, get_args
@@ -88,7 +88,7 @@ class DifferentiableEnv(jax_env.JaxEnv):
         Raises
         ------
         ParameterError
-            If the action is not of floating-point numbers, or the state is that of another door.
+            If the action is not of floating-point numbers, or the state is not a ``DifferentiableEnvState``.
         """
         kind = jnp.result_type(action)
         if not jnp.issubdtype(kind, jnp.floating):

@@ -29,7 +29,7 @@ TOLERANCE = 1e-5
 MAX_TURN = 1.5
 """Largest turn of one arc [rad]: longer ones are cut, so a point's angle about their centre is unique."""
 
-_SHORTEST = 1e-4
+_MIN_SPAN = 1e-4
 _CHECKS = 5
 
 
@@ -247,7 +247,7 @@ def _fit(curve: Curve, begin: float, end: float) -> Iterator[Piece]:
     (p, dp), (q, dq) = curve(begin), curve(end)
     pair = biarc(p, dp / abs(dp), q, dq / abs(dq))
     inner = [curve(begin + (end - begin) * k / (_CHECKS + 1))[0] for k in range(1, _CHECKS + 1)]
-    if abs(q - p) < _SHORTEST or max(_distance(pair, point) for point in inner) <= TOLERANCE:
+    if abs(q - p) < _MIN_SPAN or max(_distance(pair, point) for point in inner) <= TOLERANCE:
         yield from pair
     else:
         middle = 0.5 * (begin + end)

@@ -117,7 +117,7 @@ class ForceRange(NamedTuple):
 
     @property
     def steering(self) -> Array:
-        """The largest force [N] that is available to either side, whichever side has less."""
+        """The largest force [N] that is available to both sides: that of the weaker side."""
         return np.minimum(self.left, self.right)
 
 

@@ -68,7 +68,7 @@ def wall_stiffness(force: ArrayLike, penetration: ArrayLike) -> float:
     ----------
     force, penetration
         Force of the hand into the wall, (T,) [N], and how deep the handle is behind its surface, (T,) [m]. Samples
-        outside, at a penetration ≤ 0, do not count; NaN if all are.
+        at a penetration ≤ 0 are ignored; NaN if no others exist.
     """
     depth = np.maximum(penetration, 0.0)
     square = float(depth @ depth)

@@ -40,7 +40,7 @@ def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -
         Seed ≥ 0 of fresh episodes, and the name of their pace: as many in each stratum as stored ones. They differ from
         pace to pace, so a policy cannot use what it remembers from another pace. None draws the stored ones.
     """
-    draws = Randomisation(machine=scenario.machine, task=scenario.task, own=scenario.own)
+    draws = Randomisation(machine=scenario.machine, task=scenario.task, fixed_machine=scenario.fixed_machine)
     rng = np.random.default_rng([STREAM, *_name(scenario)] if scenario.place is None else [STREAM, scenario.place])
     pairs = [draws.draw(rng) for _ in range(scenario.episodes)]
     stored = [_finished(scenario, pair, rng) for pair in pairs]

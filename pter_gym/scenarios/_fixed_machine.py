@@ -43,7 +43,7 @@ def find_fixed_machine(machine: AnyMachine) -> FixedMachine:
     return FixedMachine(find_machine(machine))
 
 
-def with_delay(task: PathFollowing, own: FixedMachine) -> PathFollowing:
+def with_delay(task: PathFollowing, fixed: FixedMachine) -> PathFollowing:
     """Return a task with the delay of a machine's sensors, if known, rounded to control steps.
 
     Raises
@@ -51,8 +51,8 @@ def with_delay(task: PathFollowing, own: FixedMachine) -> PathFollowing:
     ParameterError
         If the delay is longer than a task allows.
     """
-    if own.delay is None:
+    if fixed.delay is None:
         return task
-    steps, longest = round(own.delay / task.control_period), MAX_DELAY * task.control_period
-    require(steps <= MAX_DELAY, own, "delay", own.delay, f"at most {longest:g} s, {MAX_DELAY} control steps")
+    steps, longest = round(fixed.delay / task.control_period), MAX_DELAY * task.control_period
+    require(steps <= MAX_DELAY, fixed, "delay", fixed.delay, f"at most {longest:g} s, {MAX_DELAY} control steps")
     return replace(task, sensing=replace(task.sensing, delay=steps))

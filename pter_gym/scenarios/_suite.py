@@ -44,10 +44,10 @@ class Scenario:
     place
         Number from which the seed of its evaluation episodes is derived; by default, the seed is derived from name and
         version.
-    own
+    fixed_machine
         The machine in place of those that it would draw, if any; see ``find_scenario``.
     varied
-        Machine and task of a scenario of one's own, or what varies of them; by default those of the suite's scenario of
+        Machine and task of a user-defined scenario, or their distributions; by default those of the suite's scenario of
         this name.
     gains
         The scenario whose gains control laws have, by default this one.
@@ -59,7 +59,7 @@ class Scenario:
     episodes: int
     stratum: Literal["path", "hand"] = "path"
     place: int | None = None
-    own: "FixedMachine | None" = None
+    fixed_machine: "FixedMachine | None" = None
     varied: "tuple[Machine | Vary[Machine], Vary[PathFollowing]] | None" = None
     gains: str = ""
 
@@ -74,19 +74,19 @@ class Scenario:
 
     @property
     def nominal(self) -> "Machine":
-        """The machine that controllers are bound to: the only one of all episodes, or the paper's."""
+        """The machine that controllers are bound to: that of all episodes if they share one, otherwise the paper's."""
         from pter_gym.params import BASELINE, Machine
 
-        if self.own:
-            return self.own.machine
+        if self.fixed_machine:
+            return self.fixed_machine.machine
         return self.machine if isinstance(self.machine, Machine) else BASELINE
 
     @property
     def digest(self) -> str:
         """Digest of what it draws; empty for a scenario of the suite, which its name and version tell."""
-        if self.own is None and self.varied is None:
+        if self.fixed_machine is None and self.varied is None:
             return ""
-        drawn = (self.own, *(self.varied or (self.task,)))
+        drawn = (self.fixed_machine, *(self.varied or (self.task,)))
         return hashlib.sha256(repr(drawn).encode()).hexdigest()[:16]
 
     @property
@@ -138,7 +138,8 @@ class Scenario:
                     f"{name} must be one of what all episodes of {self.name} share: {', '.join(known)}"
                 )
         task = Vary(replace(base, **overrides), **drawn, pace=commanded)
-        return Randomisation(machine=self.machine, task=task, contexts=contexts, seed=seed, own=self.own)
+        fixed = self.fixed_machine
+        return Randomisation(machine=self.machine, task=task, contexts=contexts, seed=seed, fixed_machine=fixed)
 
 
 def find_pace(pace: float | str, field: str = "pace") -> float:
@@ -207,9 +208,9 @@ def find_scenario(
     if machine is not None:
         from pter_gym.scenarios._fixed_machine import find_fixed_machine, with_delay
 
-        own = find_fixed_machine(machine)
-        found = replace(found, own=own)
-        with_delay(found.task.base, own)  # raises where the delay is too long
+        fixed = find_fixed_machine(machine)
+        found = replace(found, fixed_machine=fixed)
+        with_delay(found.task.base, fixed)  # raises where the delay is too long
     return found
 
 
@@ -248,9 +249,9 @@ def _on_path(scenario: Scenario, given: "Path | str") -> Scenario:
     task = replace(base, path=path, error_max=min(base.error_max, widest))
     check_machine(task, scenario.nominal)
     varied = {name: drawn for name, drawn in scenario.task.fields.items() if name != "path"}
-    own = (scenario.machine, Vary(task, **varied))
+    drawn = (scenario.machine, Vary(task, **varied))
     gains = scenario.gains_on(path)
-    return replace(scenario, name=f"{scenario.name}-on-{called}", place=None, varied=own, gains=gains)
+    return replace(scenario, name=f"{scenario.name}-on-{called}", place=None, varied=drawn, gains=gains)
 
 
 _SUITE = (

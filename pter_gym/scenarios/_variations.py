@@ -24,7 +24,7 @@ from pter_gym.tasks.path_following import PathFollowing, Sensing
 WIDTH = 0.1
 """Half-width of the workspace about curved paths [m]: nine tenths of their smallest radius of curvature at most."""
 
-TIGHTEST = 0.13
+MIN_RADIUS = 0.13
 """Smallest radius of a drawn arc or rounded corner [m]."""
 
 EQ5 = MultiSineHand(random_phases=True)
@@ -101,7 +101,7 @@ CURVES = OneOf(
             Circle(),
             center_x=Uniform(-0.2, 0.2),
             center_y=Uniform(0.5, 0.65),
-            radius=Uniform(TIGHTEST, 0.2),
+            radius=Uniform(MIN_RADIUS, 0.2),
             start=Uniform(-math.pi, math.pi),
             clockwise=OneOf((False, True)),
         ),
@@ -120,9 +120,9 @@ CURVES = OneOf(
             ),
         ),
         Vary(
-            Polyline(points=((-0.5, 0.6), (0.0, 0.7), (0.5, 0.6)), radius=TIGHTEST),
+            Polyline(points=((-0.5, 0.6), (0.0, 0.7), (0.5, 0.6)), radius=MIN_RADIUS),
             points=_points((-0.55, -0.45, 0.5, 0.7), (-0.1, 0.1, 0.6, 0.8), (0.4, 0.55, 0.5, 0.7)),
-            radius=Uniform(TIGHTEST, 0.25),
+            radius=Uniform(MIN_RADIUS, 0.25),
         ),
     )
 )

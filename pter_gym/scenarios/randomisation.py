@@ -96,17 +96,17 @@ class Shared:
     """A tuple of ``count`` products: one shared factor times an individual factor each."""
 
     common: Distribution
-    own: Distribution
+    individual: Distribution
     count: int
 
     def draw(self, rng: np.random.Generator) -> tuple[float, ...]:
         """Return ``count`` products of one shared draw and one individual draw each."""
         factor = self.common.draw(rng)
-        return tuple(factor * self.own.draw(rng) for _ in range(self.count))
+        return tuple(factor * self.individual.draw(rng) for _ in range(self.count))
 
     def extremes(self) -> Sequence[tuple[float, ...]]:
         """Return tuples of the products of extremes."""
-        return [(a * b,) * self.count for a in self.common.extremes() for b in self.own.extremes()]
+        return [(a * b,) * self.count for a in self.common.extremes() for b in self.individual.extremes()]
 
 
 @dataclass(frozen=True)
@@ -183,15 +183,15 @@ class Randomisation(Checked):
         Number of pairs in the list that worlds draw from.
     seed
         Seed ≥ 0 of the list.
-    own
-        A machine, and the delay of its sensors, in place of those drawn; all else is drawn as without it.
+    fixed_machine
+        A machine and the delay of its sensors in place of drawn ones; everything else is drawn as before.
     """
 
     machine: Machine | Vary[Machine] = BASELINE
     task: PathFollowing | Vary[PathFollowing]
     contexts: int = quantity("1", "chosen", at_least=1, default=512)
     seed: int = quantity("1", "chosen", at_least=0, default=0)
-    own: FixedMachine | None = None
+    fixed_machine: FixedMachine | None = None
 
     def pairs(self) -> list[Pair]:
         """Return the pairs, the same for the same seed; they are drawn once and shared.
@@ -207,8 +207,8 @@ class Randomisation(Checked):
         """Return a matching pair; a path that does not fit the workspace is drawn again."""
         for attempt in range(TRIES):
             machine, task = drawn(self.machine, rng), drawn(self.task, rng)
-            if self.own is not None:
-                machine, task = self.own.machine, with_delay(task, self.own)
+            if self.fixed_machine is not None:
+                machine, task = self.fixed_machine.machine, with_delay(task, self.fixed_machine)
             require(isinstance(machine, Machine), self, "machine", self.machine, "a Machine, or draw one")
             require(isinstance(task, PathFollowing), self, "task", self.task, "a PathFollowing, or draw one")
             try:

@@ -58,7 +58,7 @@ def test_sbx_trains_in_place_of_stable_baselines3() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", LEARNERS)
-def test_a_minute_teaches_most_seeds(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_most_seeds_learn_within_a_minute(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     script, options = LEARNERS[name]
     trained = {f"{name} {seed}": train(script, tmp_path, monkeypatch, **options, seed=seed) for seed in range(SEEDS)}
     verdicts = examine(trained)

@@ -201,7 +201,7 @@ def test_models_of_stable_baselines_bring_that_of_their_environment(kind: str) -
     model = algorithms.PPO("MlpPolicy", made, n_steps=8, batch_size=8, device="cpu")
     assert from_sb3(model).frame_skip == 4
     assert from_sb3(model, frame_skip=2).frame_skip == 2
-    with pytest.raises(ParameterError, match="frame_skip must be a whole number ≥ 1"):
+    with pytest.raises(ParameterError, match="frame_skip"):
         from_sb3(model, frame_skip=0)
-    with pytest.raises(ParameterError, match="env must have the frame_skip of the policy, 4, got 1"):
+    with pytest.raises(ParameterError, match="frame_skip"):
         pter_gym.load_policy(from_sb3(model), gymnasium.make("PTER/PathFollowing-v0"))

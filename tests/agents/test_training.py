@@ -111,7 +111,7 @@ def test_settings_are_checked() -> None:
 
 
 @pytest.mark.parametrize("hidden", [[8] * 8, [1024] * 7])
-def test_what_cannot_be_exported_is_refused_before_training(
+def test_unexportable_trainings_are_refused_at_once(
     hidden: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from pter_agents.ppo import PPO

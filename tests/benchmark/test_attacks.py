@@ -15,8 +15,7 @@ from pter_gym.benchmark import PACES, find_policy
 from pter_gym.benchmark._measures import SEGMENTS, Recorded, pace_factor
 from pter_gym.benchmark.boards import rank, reason_below, summarise
 from pter_gym.benchmark.intervals import difference_interval
-from pter_gym.benchmark.runs import ScenarioRun
-from pter_gym.benchmark.scores import Scores, score_episodes
+from pter_gym.benchmark.scores import ScenarioRun, Scores, score_episodes
 from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.controllers import BoundPolicy, bind
 from pter_gym.params import BASELINE
@@ -41,7 +40,7 @@ class Attacked(NamedTuple):
     hardest: int
     worst: NDArray[np.bool_]
 
-    def see(self, obs: Observations, name: str) -> Array:
+    def observe(self, obs: Observations, name: str) -> Array:
         """Return an entry of observations in its unit."""
         place = self.policy.layout.index(name)
         return obs[:, place] * float(self.policy.layout.scales[place])
@@ -87,7 +86,7 @@ def tells(pace: When = lambda *_: 1.0, error: When = lambda *_: 0.0) -> Attack:
 
 def rides(factor: Factor) -> Attack:
     """Ride at the pace times a function of progress and the hardest segment."""
-    return tells(pace=lambda self, obs: factor(self.honest.see(obs, "progress"), self.honest.hardest))
+    return tells(pace=lambda self, obs: factor(self.honest.observe(obs, "progress"), self.honest.hardest))
 
 
 def sets(volts: float, when: When) -> Attack:
@@ -107,13 +106,13 @@ def locks(when: When) -> Attack:
 
 
 def every(self: Changed, obs: Observations, *, steps: int, of: int) -> NDArray[np.bool_]:
-    """Tell whether this is one of the first steps of so many, in all worlds."""
+    """Return whether this is one of the first steps of so many, in all worlds."""
     return np.full(len(obs), self.steps % of < steps)
 
 
 def beyond(progress: float) -> When:
-    """Tell whether the tip is beyond a part of the path."""
-    return lambda self, obs: self.honest.see(obs, "progress") >= progress
+    """Return whether the tip is beyond a part of the path."""
+    return lambda self, obs: self.honest.observe(obs, "progress") >= progress
 
 
 def beside(error: float, until: float = 2.0) -> Attack:
@@ -125,7 +124,7 @@ def inside(share: float, most: float) -> Attack:
     """Ride nearer to the centre of each bend, by a share of its radius."""
 
     def error(self: Changed, obs: Observations) -> Array:
-        bend = self.honest.see(obs, "curvature")
+        bend = self.honest.observe(obs, "curvature")
         aside = np.divide(share, bend, where=np.abs(bend) > 0.01, out=np.zeros_like(bend))
         return -np.clip(aside, -most, most)
 
@@ -154,7 +153,7 @@ def alternates(slow: float, fast: float, parts: int, shift: float = 0.0) -> Atta
 
 def at_zero_error(self: Changed, obs: Observations) -> NDArray[np.bool_]:
     """Wait 5 steps where the error crosses zero, and go on for 40 at least."""
-    near = np.abs(self.honest.see(obs, "normal_error")) < 5e-4
+    near = np.abs(self.honest.observe(obs, "normal_error")) < 5e-4
     self.waits = np.where(near & (self.waits <= -40), 5, self.waits - 1)
     return self.waits > 0
 
@@ -257,7 +256,7 @@ TAILS = {"100 mm off in 23": (0.1, 23), "100 mm off in 5": (0.1, 5), "200 mm off
 """How far beside the path `residual` is made to ride, and in how many of a hundred episodes."""
 
 
-def test_who_leaves_the_path_in_some_episodes_stands_below_who_never_does() -> None:
+def test_leaving_the_path_in_some_episodes_ranks_below_never() -> None:
     course = Course("standard", "brisk", 100)
     bound = {
         name: bind(find_policy(name, scenario="standard"), BASELINE, course.batch.layout)

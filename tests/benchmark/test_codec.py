@@ -64,12 +64,12 @@ Imposter.__name__ = "Machine"
 
 
 @pytest.mark.parametrize("value", [Imposter(), Impedance(), [1.0], {"a": 1}, Machine, (1.0, math.nan), -math.inf])
-def test_what_is_unknown_or_not_finite_is_not_stored(value: object) -> None:
+def test_unknown_types_and_infinite_numbers_are_not_stored(value: object) -> None:
     with pytest.raises(ParameterError, match="stored"):
         codec().to_plain(value)
 
 
-def test_unknown_and_missing_names_and_bad_values_are_refused_and_defaults_are_taken() -> None:
+def test_bad_plain_data_is_refused_and_defaults_fill_gaps() -> None:
     plain: Any = codec().to_plain(BASELINE)
     for bad, named in (
         ({**plain, "type": "Machin"}, "Machine"),

@@ -41,7 +41,7 @@ def store(folder: Path, version: int = 1, seeds: tuple[Any, ...] = (3, 1, 2)) ->
     return store_episodes(Episodes("mine", machines, TASKS, seeds, ("a", "b", "a")), version=version, folder=folder)
 
 
-def test_what_was_stored_is_read_and_the_same_episodes_are_the_same_bytes(tmp_path: Path) -> None:
+def test_stored_episodes_round_trip_byte_for_byte(tmp_path: Path) -> None:
     path = store(tmp_path / "some" / "where")
     episodes = load_episodes("mine", "brisk", folder=path.parent)
     assert [task.path for task in episodes.tasks] == [task.path for task in TASKS]

@@ -119,7 +119,7 @@ def test_actions_beyond_the_bounds_are_clipped_to_them(low: float) -> None:
     np.testing.assert_array_equal(found["high"][:, :2], BASELINE.clutch.voltage_max)
 
 
-def test_gymnasiums_statistics_are_taken_too() -> None:
+def test_normalisation_by_gymnasium_wrappers_is_used() -> None:
     env = NormalizeObservation(PathFollowingVectorEnv(4, sensors="encoders"))
     env.reset(seed=0)
     for _ in range(20):

@@ -19,16 +19,16 @@ def guard(event, arguments):
 
 sys.addaudithook(guard)
 errors = {{}}
-for door, code in json.loads(sys.argv[1]).items():
-    errors[door] = ""
+for entry, code in json.loads(sys.argv[1]).items():
+    errors[entry] = ""
     try:
         exec(code, {{}})
     except Exception:
-        errors[door] = traceback.format_exc()
+        errors[entry] = traceback.format_exc()
 print(json.dumps(errors))
 """
 
-DOORS = {
+ENTRIES = {
     "the randomisation of each scenario": """
 from pter_gym.scenarios import SCENARIOS
 for scenario in SCENARIOS.values():
@@ -46,7 +46,7 @@ record_episodes("everything", "expert", 1)
 }
 
 if not find_spec("pter_gym.tools.datasets"):
-    del DOORS["recorded episodes"]
+    del ENTRIES["recorded episodes"]
 
 EPISODES = """
 from pter_gym.benchmark.episodes import load_episodes
@@ -56,17 +56,17 @@ load_episodes("standard", "slow")
 
 @pytest.fixture(scope="module")
 def errors() -> dict[str, str]:
-    """What went wrong behind each door and at last with the episodes themselves, all in one process."""
-    doors = {**DOORS, "the episodes": EPISODES}
-    found = subprocess.run([sys.executable, "-c", GUARD, json.dumps(doors)], capture_output=True, text=True, check=True)
+    """What went wrong with each entry point, and last with the episodes themselves, all in one process."""
+    codes = {**ENTRIES, "the episodes": EPISODES}
+    found = subprocess.run([sys.executable, "-c", GUARD, json.dumps(codes)], capture_output=True, text=True, check=True)
     return json.loads(found.stdout)
 
 
-@pytest.mark.parametrize("door", DOORS)
-def test_training_draws_come_without_the_evaluation_episodes(door: str, errors: dict[str, str]) -> None:
-    assert not errors[door]
+@pytest.mark.parametrize("entry", ENTRIES)
+def test_training_draws_never_read_the_evaluation_episodes(entry: str, errors: dict[str, str]) -> None:
+    assert not errors[entry]
 
 
-def test_the_guard_sees_what_it_should(errors: dict[str, str]) -> None:
+def test_the_guard_notices_reads_of_the_evaluation_episodes(errors: dict[str, str]) -> None:
     assert "evaluation episodes were read" in errors["the episodes"]
     assert Path(FOLDER).is_dir()

@@ -119,7 +119,7 @@ def test_small_strata_are_pooled_and_large_ones_reduce_the_interval() -> None:
     assert mean_interval(values, alone) == mean_interval(values)
     assert {len(group) for group in intervals._groups(3, ["a", "b", "a"])} == {3}
     assert min(map(len, intervals._groups(32, [*"abc", *(MIN_STRATUM * "d"), *(19 * "e")]))) >= MIN_STRATUM
-    with pytest.raises(ValueError, match="one label for each of 200"):
+    with pytest.raises(ValueError, match="strata"):
         mean_interval(VALUES, strata=["line"])
 
 
@@ -157,9 +157,9 @@ def test_two_policies_are_compared_on_each_episode() -> None:
     assert difference_interval(np.stack([VALUES, 2.0 * VALUES]), VALUES).value == pytest.approx(0.5 * VALUES.mean())
     assert probability_of_improvement(VALUES, VALUES + 0.001).value == 1.0
     assert probability_of_improvement(VALUES, VALUES).value == 0.5
-    with pytest.raises(ValueError, match="same episodes"):
+    with pytest.raises(ValueError, match="episodes"):
         difference_interval(VALUES, VALUES[1:])
-    with pytest.raises(ValueError, match="at least one"):
+    with pytest.raises(ValueError, match="episode"):
         mean_interval([])
 
 

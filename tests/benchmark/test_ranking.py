@@ -30,8 +30,8 @@ from pter_gym.benchmark.boards import (
     tempo,
 )
 from pter_gym.benchmark.intervals import Interval
-from pter_gym.benchmark.runs import ScenarioRun, run_scenario
-from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
+from pter_gym.benchmark.runs import run_scenario
+from pter_gym.benchmark.scores import SCORES, ScenarioRun, Scores, score_episodes
 from pter_gym.controllers import Impedance
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following._observation import OBS
@@ -115,7 +115,7 @@ def test_limits_are_inclusive(name: str, limit: float, beyond: float) -> None:
 
 @settings(max_examples=50, deadline=None)
 @given(st.data())
-def test_who_is_lost_in_one_of_twenty_episodes_stands_below_who_never_is(data: st.DataObject) -> None:
+def test_one_lost_episode_in_twenty_ranks_below_none(data: st.DataObject) -> None:
     """However small its mean is, and though they may not differ clearly; lost is off by ``LOST`` or more."""
     count = data.draw(st.integers(1, 60))
     lost = data.draw(st.integers(math.ceil(count / 20), count))
@@ -137,7 +137,7 @@ def stops_at_the_start(obs: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 @pytest.mark.slow
-def test_cheats_are_below_the_line_with_the_reason_and_the_papers_controllers_above() -> None:
+def test_attacks_are_unranked_with_a_reason_and_the_papers_laws_ranked() -> None:
     own = {"rushing": Impedance(damping_tangential=0.0), "stops": stops_at_the_start}
     names = ("impedance", "torque-feedback", "free", "locked")
     (board,) = leaderboards(run_scenario("standard", {name: name for name in names} | own, "medium", episodes=24))

@@ -66,7 +66,7 @@ def test_training_seeds_replace_those_of_an_earlier_policy(tmp_path: Path) -> No
         assert len(ResultsFolder(tmp_path).runs()) == len(policies)
 
 
-def test_fresh_episodes_are_others_and_the_same_for_the_same_seed() -> None:
+def test_fresh_episodes_depend_on_the_seed_alone() -> None:
     def errors(seed: int | None) -> list[float]:
         (found,) = run_scenario("standard", {"mine": Free()}, ["brisk"], episodes=2, seed=seed)
         return found.scores["path_error_m"].tolist()
@@ -74,7 +74,7 @@ def test_fresh_episodes_are_others_and_the_same_for_the_same_seed() -> None:
     assert errors(3) == errors(3) != errors(None)
 
 
-def test_what_is_verified_is_the_same_until_a_score_is_edited(run: ScenarioRun, tmp_path: Path) -> None:
+def test_verify_notices_an_edited_score(run: ScenarioRun, tmp_path: Path) -> None:
     assert [verdict.same for verdict in verify(tmp_path)] == [True]
     run.scores["path_error_m"][1] = np.nextafter(run.scores["path_error_m"][1], 1.0)
     write_run(tmp_path, run)

@@ -112,7 +112,7 @@ def sight(course: Course) -> float:
     ("scenario", "paces"),
     [("standard", ("brisk",)), *(pytest.param(name, tuple(PACES), marks=pytest.mark.long) for name in SCENARIOS)],
 )
-def test_who_scores_clearly_better_returns_more(scenario: str, paces: tuple[str, ...]) -> None:
+def test_clearly_better_scores_return_more(scenario: str, paces: tuple[str, ...]) -> None:
     pairs, wrong = 0, list[tuple[str, float, str, str]]()
     for pace in paces:
         course = Course(scenario, pace, DRAWS, SEED)
@@ -141,7 +141,7 @@ STOPPING = [
 
 
 @pytest.mark.parametrize(("scenario", "pace"), STOPPING)
-def test_who_ends_a_good_ride_early_returns_less_than_any_ranked_policy(scenario: str, pace: str) -> None:
+def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: str) -> None:
     """Less than the policy that rides on at any discount, and less than any other for who sees the whole episode."""
     course = Course(scenario, pace, DRAWS, SEED)
     found = policies(course)

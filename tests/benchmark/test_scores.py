@@ -69,7 +69,7 @@ def test_the_larger_average_counts() -> None:
     assert hasty.path_error_m > 2.0 * hasty.path_average_error_m > hasty.mean_error_m
 
 
-def test_a_way_beside_the_path_counts_however_short_its_time() -> None:
+def test_a_detour_beside_the_path_counts_however_short() -> None:
     """The second tenth: 1 cm in 18 steps, then 8 cm in one, 0.1 m beside the path, and 1 cm in the last."""
     even = 0.005 * np.arange(201)
     s = np.concatenate([even[:21], 0.1 + 0.01 / 18 * np.arange(1, 19), [0.19], even[40:]])
@@ -100,7 +100,7 @@ def test_an_error_costs_more_off_the_pace_and_a_slow_ride_gains_nothing() -> Non
 
 @settings(max_examples=100, deadline=None)
 @given(st.integers(1, 200), st.integers(1, 300), st.integers(0, 2**32 - 1))
-def test_who_waits_on_the_path_gains_nothing(at: int, steps: int, seed: int) -> None:
+def test_waiting_on_the_path_gains_nothing(at: int, steps: int, seed: int) -> None:
     s = np.linspace(0.0, 1.0, 201)
     errors = 0.01 * np.random.default_rng(seed).random(201)
     errors[at] = 0.0
@@ -109,7 +109,7 @@ def test_who_waits_on_the_path_gains_nothing(at: int, steps: int, seed: int) -> 
     assert waits >= direct * (1.0 - 1e-12)
 
 
-def test_what_is_not_finished_counts_as_the_bound_for_all_the_time_that_it_took() -> None:
+def test_unfinished_segments_count_as_the_bound_for_their_time() -> None:
     found = score(travel(np.minimum(0.5 * PERIOD * np.arange(141), 0.5)), METRE)
     assert found.path_error_m == pytest.approx(0.25 * (2.0**2 + 4.0) / 10)
     assert found.path_average_error_m == pytest.approx(0.25 / 2)
@@ -146,7 +146,7 @@ def test_constant_pace(factor: float) -> None:
 
 
 @pytest.mark.parametrize("wait", [0.0, 0.1, 0.5, 3.0])
-def test_a_start_may_take_the_allowance_and_no_more(wait: float) -> None:
+def test_start_up_time_within_the_allowance_is_free(wait: float) -> None:
     s = np.concatenate([np.zeros(round(wait / PERIOD)), np.linspace(0.0, 1.0, 201)])
     found = score(travel(s), METRE)
     over = max(wait - ALLOWANCE, 0.0)
@@ -165,7 +165,7 @@ def test_the_allowance_is_that_of_the_lag_and_the_push() -> None:
     assert 0.2 < ALLOWANCE < 0.25
 
 
-def test_cruising_is_what_comes_behind_the_first_segment() -> None:
+def test_cruising_begins_after_the_first_segment() -> None:
     """The first tenth in 0.4 s, the rest at 0.75 m/s, once to the end and once to the middle."""
     s = np.concatenate([np.linspace(0.0, 0.1, 41), 0.1 + 0.0075 * np.arange(1, 121)])
     for rows in (s, s[:95]):
@@ -274,7 +274,7 @@ def test_an_episode_has_at_least_one_step_and_all_fields() -> None:
 # --- by hand ---
 
 
-def test_marks_are_passed_between_rows_on_a_row_and_never() -> None:
+def test_times_at_marks_between_rows_on_a_row_and_unreached() -> None:
     furthest = np.array([[0.0], [0.0], [1.0], [1.0], [3.0]])
     found = find_marks(furthest, np.array([[0.0], [0.25], [1.0], [2.0], [3.5]]))
     np.testing.assert_array_equal(found.after[:4, 0], [0, 2, 2, 4])
@@ -283,7 +283,7 @@ def test_marks_are_passed_between_rows_on_a_row_and_never() -> None:
     np.testing.assert_array_equal(times[:, 0], [0.0, 12.5, 20.0, 35.0, np.nan])
 
 
-def test_each_new_part_of_the_path_counts_with_the_largest_error_since_the_last() -> None:
+def test_each_new_part_of_the_path_has_the_largest_error_since_the_previous_one() -> None:
     furthest = np.array([[0.0], [0.0], [1.0], [1.0], [1.0], [1.5], [1.5]])
     errors = np.array([[0.1], [0.2], [0.7], [0.3], [0.4], [np.nan]])
     found = path_integral(furthest, errors)

@@ -68,7 +68,7 @@ def searched(course: Course, discount: float, seed: int) -> Array:
 
 
 def rides_clearly_worse(course: Course, rows: Array, best: float) -> bool:
-    """Tell whether episodes would have no rank if the limits were twice as wide, or have a clearly larger error."""
+    """Return whether episodes would have no rank if the limits were twice as wide, or have a clearly larger error."""
     scores = score_episodes(rows, course.tasks)
     off = max(float(scores[name].mean()) for name in ("mean_pace_error", "segment_pace_error"))
     missed = 1.0 - float(scores["completed"].mean())
@@ -79,7 +79,7 @@ def rides_clearly_worse(course: Course, rows: Array, best: float) -> bool:
 @pytest.mark.long
 @pytest.mark.parametrize("pace", PACES)
 @pytest.mark.parametrize("scenario", ["standard", "tremor", "everything"])
-def test_what_a_search_for_reward_finds_returns_less_than_who_rides_clearly_better(scenario: str, pace: str) -> None:
+def test_a_search_for_reward_returns_less_than_clearly_better_tracking(scenario: str, pace: str) -> None:
     course = Course(scenario, pace, JUDGED, 991)
     discounts = (1.0, sight(course))
     honest = {name: judge(policy, course) for name, policy in policies(course).items()}

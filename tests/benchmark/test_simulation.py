@@ -52,7 +52,7 @@ class Counting:
         return np.zeros((len(obs), 4))
 
 
-def test_a_plain_callable_is_told_of_new_episodes_and_moves_as_the_same_law_in_the_kernel() -> None:
+def test_a_callable_is_reset_with_episodes_and_moves_as_the_compiled_law() -> None:
     batch = Batch(BASELINE, PathFollowing(), 3)
     mine = Counting()
     plain = bind(mine, BASELINE, batch.layout)

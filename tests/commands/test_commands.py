@@ -44,7 +44,7 @@ def test_an_error_is_one_line(
 
 
 @pytest.mark.parametrize("line", ["benchmark --scenario standad", "benchmark --polices free"])
-def test_what_is_no_choice_is_refused_with_the_choices(line: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_choice_is_refused_with_the_choices(line: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
         main(line.split())
     assert end.value.code == 2

@@ -24,14 +24,14 @@ class Pair(NamedTuple):
     b: float
 
 
-class World(NamedTuple):
+class Example(NamedTuple):
     first: Pair
     second: Pair
     alone: float
 
 
-ROW = rows(World)
-FACTOR = World(Pair(0.1, 0.2), Pair(-0.0, 1e300), 3.0)
+ROW = rows(Example)
+FACTOR = Example(Pair(0.1, 0.2), Pair(-0.0, 1e300), 3.0)
 
 
 @device
@@ -146,7 +146,7 @@ def from_a_table(x: float) -> float:
     return x + TABLE[1]
 
 
-def test_an_array_that_a_law_names_is_part_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_arrays_used_by_a_law_are_in_its_digest(monkeypatch: pytest.MonkeyPatch) -> None:
     before = digest_of(from_a_table)
     monkeypatch.setitem(globals(), "TABLE", np.array([1.0, 3.0]))
     assert digest_of(from_a_table) != before
@@ -170,7 +170,7 @@ def calling(*functions: Any) -> Any:
 @pytest.mark.parametrize(
     "read", [lambda x: (np.array([0.0, x]),), lambda x: Pair(np.array([x]), 0.0), lambda x: ((x,),), adding]
 )
-def test_what_a_law_reads_is_part_of_it(read: Any) -> None:
+def test_values_read_by_a_law_are_in_its_digest(read: Any) -> None:
     assert digest_of(reading(read(12.0))) == digest_of(reading(read(12.0))) is not None
     assert digest_of(reading(read(1.0))) != digest_of(reading(read(12.0)))
 
@@ -222,7 +222,7 @@ UNKNOWN: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("kind", UNKNOWN)
-def test_what_cannot_be_determined_has_no_digest(kind: str) -> None:
+def test_undeterminable_values_have_no_digest(kind: str) -> None:
     assert digest_of(UNKNOWN[kind]) is None
 
 

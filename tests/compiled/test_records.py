@@ -137,7 +137,7 @@ def test_two_entries_of_one_name_are_refused() -> None:
 
 @DETERMINISTIC
 @given(NUMBERS, st.integers(0, LANES - 1))
-def test_what_is_stored_is_loaded(numbers: list[float], lane: int) -> None:
+def test_load_inverts_store(numbers: list[float], lane: int) -> None:
     value = whole(numbers)
     found = {}
     for function in (stored_and_loaded, plain(stored_and_loaded)):
@@ -151,7 +151,7 @@ def test_what_is_stored_is_loaded(numbers: list[float], lane: int) -> None:
 
 @DETERMINISTIC
 @given(NUMBERS, st.integers(0, 4))
-def test_what_is_written_is_read(numbers: list[float], first: int) -> None:
+def test_read_inverts_write(numbers: list[float], first: int) -> None:
     value = whole(numbers)
     found = set()
     for function in (written_and_read, plain(written_and_read)):
@@ -173,7 +173,7 @@ def test_compiled_blends_are_those_of_python(low: list[float], high: list[float]
 
 @DETERMINISTIC
 @given(NUMBERS)
-def test_a_function_of_entries_takes_records_numbers_and_all_else(numbers: list[float]) -> None:
+def test_entrywise_functions_take_records_numbers_and_other_arguments(numbers: list[float]) -> None:
     array, value = np.array([3.0]), whole(numbers)
     with np.errstate(all="ignore"):
         expected = [[3.0 * x - 0.5 * 2.0 for x in numbers], [3.0 * 2.0 - 0.5 * x for x in numbers]]

@@ -57,10 +57,10 @@ def test_machines_of_one_batch_have_equally_many_clutches():
 
 
 @pytest.mark.parametrize("name", ["two-brakes", "baseline"])
-def test_the_jax_door_takes_as_many_entries(name: str):
+def test_jax_env_takes_an_entry_for_each_clutch(name: str):
     jax = pytest.importorskip("jax")
-    door = pytest.importorskip("pter_gym.envs.jax")
-    env, params = door.make(ID, machine=name)
+    jax_env = pytest.importorskip("pter_gym.envs.jax")
+    env, params = jax_env.make(ID, machine=name)
     assert env.num_actions == env.action_space().shape[0] == COUNTS[name]
     envs = gymnasium.make_vec(ID, num_envs=1, machine=name, autoreset_mode="SAME_STEP")
     rows, (obs, state) = envs.reset(seed=3)[0], env.reset_to_seed(3, params)

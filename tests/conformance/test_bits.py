@@ -165,14 +165,14 @@ def test_episodes_of_the_single_worlds_end_in_every_way() -> None:
 
 @each_mode
 @pytest.mark.parametrize("skip", [1, 3])
-def test_a_row_of_a_batch_is_a_single_environment(skip: int, mode: AutoresetMode) -> None:
+def test_a_row_of_a_batch_equals_a_single_environment(skip: int, mode: AutoresetMode) -> None:
     env = make(ALONE, mode, frame_skip=skip)
     for step, record in enumerate(live(env, seeds(ALONE), actions(ALONE))):
         require_same(record, alone(mode, skip)[step], step)
 
 
 @each_mode
-def test_any_number_of_threads(mode: AutoresetMode) -> None:
+def test_any_number_of_threads_has_the_same_bits(mode: AutoresetMode) -> None:
     envs = [make(THREADED, mode, num_threads=threads) for threads in (1, 3)]
     lives = (live(env, seeds(THREADED), actions(THREADED)) for env in envs)
     for step, (one, other) in enumerate(zip(*lives, strict=True)):
@@ -197,7 +197,7 @@ def test_after_a_checkpoint(mode: AutoresetMode) -> None:
 
 @settings(max_examples=3, deadline=None, phases=[Phase.explicit, Phase.generate])
 @given(seed=st.integers(0, 2**31), skip=st.integers(2, 9))
-def test_a_held_action_is_one_that_is_repeated_until_the_episode_ends(seed: int, skip: int) -> None:
+def test_a_held_action_equals_a_repeated_one(seed: int, skip: int) -> None:
     drawn = SCENARIOS["everything"].randomisation("brisk", contexts=7, seed=seed)
     held: Any = gymnasium.make(ID, randomisation=drawn, frame_skip=skip).unwrapped
     plain: Any = gymnasium.make(ID, randomisation=drawn).unwrapped
@@ -224,7 +224,7 @@ def test_a_held_action_is_one_that_is_repeated_until_the_episode_ends(seed: int,
 
 
 @pytest.mark.parametrize("skip", [1, 3])
-def test_a_policy_is_asked_as_often_as_it_was_trained(skip: int) -> None:
+def test_a_policy_decides_at_its_training_frame_skip(skip: int) -> None:
     def noted(seen: list[Any]) -> Any:
         def act(obs: Any) -> Any:
             seen.append(obs)

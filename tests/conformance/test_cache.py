@@ -96,7 +96,7 @@ def test_a_law_may_be_in_no_file() -> None:
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
-def test_the_shape_of_an_input_is_no_reason_to_compile_again() -> None:
+def test_input_shapes_cause_no_recompilation() -> None:
     state, steps = open_loop.initial_state(BASELINE, (0.5, 2.0)), 5
     open_loop.simulate(BASELINE, state, np.zeros(4), np.zeros(2), duration=steps * BASELINE.substep)
     open_loop.simulate(BASELINE, state, np.zeros((steps, 4)), np.zeros(2))

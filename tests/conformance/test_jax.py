@@ -95,7 +95,7 @@ def test_many_actions_may_be_tried_from_one_state() -> None:
             np.testing.assert_array_equal(one, row[k])
 
 
-def test_a_long_seed_is_given_in_halves() -> None:
+def test_a_seed_of_64_bits_is_passed_in_halves() -> None:
     env, _ = make()
     seed = 3 + (5 << 32)
     obs, state = env.reset_to_seed(np.array([3, 5], np.uint32))
@@ -128,7 +128,7 @@ def test_actions_beyond_the_bounds_are_clipped_and_others_are_told() -> None:
     np.testing.assert_array_equal(after.world, free.world)
 
 
-def test_what_worlds_share_is_an_argument() -> None:
+def test_constants_shared_by_worlds_are_an_argument() -> None:
     env, params = make("PTER/Standard-v0")
     other, changed = make("PTER/Standard-v0", context_seed=1)
     key, action = jax.random.key(5), jnp.zeros(4)

@@ -116,7 +116,7 @@ def three_arguments(obs: Any, scales: Any, gains: Any) -> PerClutch:
 
 
 @pytest.mark.parametrize("kind", ["obs", "gains", "helper", "memory", "name", "result"])
-def test_a_mistake_in_a_law_is_told_in_a_line_before_it_is_compiled(kind: str) -> None:
+def test_a_mistake_in_a_law_gives_a_one_line_error_before_compilation(kind: str) -> None:
     batch = Batch(BASELINE, TASK, 3)
     obs, _ = batch.reset([0, 1, 2])
     error = ParameterError if kind in ("name", "result") else LawIndexError

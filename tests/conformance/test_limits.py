@@ -80,13 +80,13 @@ def test_a_condition_of_just_ten_thousand_is_accepted():
 
 
 @pytest.mark.parametrize(("text", "make"), REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_held_is_refused(text: str, make: Callable[[], Any]) -> None:
+def test_values_beyond_the_limits_are_refused(text: str, make: Callable[[], Any]) -> None:
     with pytest.raises(ParameterError, match=text):
         make()
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_all_that_scenarios_draw_is_far_from_the_limits(name: str) -> None:
+def test_draws_of_scenarios_are_far_from_the_limits(name: str) -> None:
     for machine, task in SCENARIOS[name].randomisation(contexts=64).pairs():
         arm = model_of(held_machine(task, machine)).arm
         force = strongest(task, machine)
@@ -110,7 +110,7 @@ linkages = st.builds(
 
 @settings(derandomize=True, deadline=None, database=None)
 @given(linkages, st.floats(1e-5, 1e-2), st.integers(1, 1000))
-def test_the_shares_of_the_derivation(arm: Linkage, h: float, count: int) -> None:
+def test_shares_match_the_derivation(arm: Linkage, h: float, count: int) -> None:
     period = count * h
     smallest = smallest_inertia(arm)
     assert smallest == pytest.approx(
@@ -137,7 +137,7 @@ def test_the_shares_of_the_derivation(arm: Linkage, h: float, count: int) -> Non
 
 
 @pytest.mark.parametrize("coupling", [0.0, 5e-324, 1e-310, 1e-200, -5e-324])
-def test_a_coupling_too_small_for_its_products_is_like_none(coupling: float) -> None:
+def test_a_coupling_that_underflows_counts_as_zero(coupling: float) -> None:
     arm = model_of(BASELINE).arm
     smallest = min(arm.m11, arm.m22)
     turning = smallest * (MAX_TURN / 1e-3) ** 2
@@ -185,7 +185,7 @@ def test_reasons_agree_with_the_flags() -> None:
     assert found == [{Reason.ARRIVED}, {Reason.MISSED}, {Reason.STRAYED}, {Reason.SINGULAR}]
 
 
-def test_a_reason_needs_a_row() -> None:
+def test_reason_of_refuses_a_short_row() -> None:
     with pytest.raises(ParameterError, match="telemetry"):
         reason_of(np.zeros(3), BASELINE, PathFollowing())
 

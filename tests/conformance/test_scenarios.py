@@ -125,7 +125,7 @@ def test_distributions_stay_within_their_ends() -> None:
         (lambda: Randomisation(task=PathFollowing(), contexts=0), r"Randomisation\.contexts"),
     ],
 )
-def test_what_could_draw_something_impossible_is_refused_when_it_is_built(make: Any, message: str) -> None:
+def test_impossible_distributions_are_refused_when_built(make: Any, message: str) -> None:
     with pytest.raises(ParameterError, match=message):
         make()
 
@@ -136,7 +136,7 @@ def test_a_randomisation_whose_paths_all_leave_the_reach_is_refused() -> None:
         Randomisation(task=far, contexts=1).pairs()
 
 
-def test_unknown_names_are_told_the_nearest() -> None:
+def test_unknown_names_suggest_the_nearest() -> None:
     for wrong, near in (
         (lambda: find_scenario("material"), "'materials'"),
         (lambda: find_pace("mediums"), "'medium'"),
@@ -172,12 +172,12 @@ def test_environments_take_names_and_objects(make: Any, tmp_path: Path) -> None:
         ({"randomisation": "paths", "path": "circle"}, "path"),
     ],
 )
-def test_names_that_are_none_are_refused(keywords: dict[str, Any], field: str) -> None:
+def test_invalid_names_are_refused(keywords: dict[str, Any], field: str) -> None:
     with pytest.raises(ParameterError, match=field):
         gymnasium.make("PTER/PathFollowing-v0", **keywords)
 
 
-def test_a_randomisation_stands_alone() -> None:
+def test_a_randomisation_needs_no_scenario() -> None:
     drawn = SCENARIOS["standard"].randomisation(contexts=2)
     with pytest.raises(ParameterError, match="task"):
         gymnasium.make("PTER/PathFollowing-v0", randomisation=drawn, task=PathFollowing())
@@ -194,7 +194,7 @@ def preset(tmp_path: Path) -> str:
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_all_else_is_drawn_as_without_it(name: str, preset: str) -> None:
+def test_a_fixed_machine_leaves_other_draws_unchanged(name: str, preset: str) -> None:
     drawn = find_scenario(name).randomisation("slow", contexts=40, seed=3).pairs()
     own = find_scenario(name, preset).randomisation("slow", contexts=40, seed=3).pairs()
     assert {machine for machine, _ in own} == {machine_of(OWN)}
@@ -228,7 +228,7 @@ def test_a_machine_is_given_by_itself_its_name_or_its_preset(preset: str) -> Non
             wrong()
 
 
-def test_environments_and_laws_take_it(preset: str) -> None:
+def test_environments_and_laws_take_a_user_machine(preset: str) -> None:
     env: Any = gymnasium.make("PTER/Everything-v0", machine=preset, contexts=5).unwrapped
     assert {machine for machine, _ in env.batch.pairs} == {machine_of(OWN)} == {env.nominal_machine}
     assert {task.sensing.delay for _, task in env.batch.pairs} == {1}
@@ -347,7 +347,7 @@ def test_an_episode_that_strays_is_truncated_and_pays_for_it() -> None:
 
 
 @pytest.mark.parametrize(("error_max", "terminated"), [(0.099, True), (0.1, False), (0.101, False)])
-def test_what_is_nearer_ends_an_episode_and_truncation_if_they_are_equal(error_max: float, terminated: bool) -> None:
+def test_the_nearer_limit_ends_an_episode_and_truncation_wins_ties(error_max: float, terminated: bool) -> None:
     env: Any = gymnasium.make("PTER/PathFollowing-v0", task=replace(NEAR, error_max=error_max)).unwrapped
     env.reset(seed=0)
     ends = (False, False)

@@ -163,12 +163,12 @@ PARTS: dict[str, Callable[[], Arrays]] = {
 }
 
 
-def test_worlds_of_all_kinds_do_what_they_did():
+def test_worlds_of_all_kinds_keep_their_traces():
     compare("all kinds")
 
 
 @pytest.mark.parametrize("part", [part for part in PARTS if part != "all kinds"])
-def test_worlds_do_what_they_did(part: str):
+def test_worlds_keep_their_traces(part: str):
     compare(part)
 
 
@@ -190,7 +190,7 @@ def compare(part: str) -> None:
         np.testing.assert_allclose(array, expected[name], rtol=rtol, atol=atol, err_msg=name)
 
 
-def test_every_way_to_end_is_among_them():
+def test_every_kind_of_ending_occurs():
     terminated, truncated, success = of_all_kinds()["flags"].any(axis=0)[:, : len(TASKS)]
     assert success[[3, 5]].all(), "arrived"
     assert (terminated & ~success)[[6, 7, 11]].all(), "missed, strayed, singular"

@@ -77,7 +77,7 @@ def test_readme_steps_the_environment(capsys: pytest.CaptureFixture[str]):
 
 
 @pytest.mark.parametrize("page", PRINTING, ids=lambda page: page.stem)
-def test_a_page_prints_what_it_says(page: Path, capsys: pytest.CaptureFixture[str]):
+def test_code_on_a_page_prints_the_output_shown(page: Path, capsys: pytest.CaptureFixture[str]):
     run_program(blocks_of(page)[:1], str(page))
     assert f"prints `{capsys.readouterr().out.strip()}`" in page.read_text("utf-8")
 

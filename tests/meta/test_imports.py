@@ -1,9 +1,11 @@
 """Two rules: the core imports no tool and goes one way, and a tool imports the core alone. The front door is light."""
 
 import ast
+import importlib
 import subprocess
 import sys
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -111,6 +113,28 @@ def test_nothing_in_the_package_imports_the_agents_or_the_tests():
             names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             assert not {name.split(".")[0] for name in names} & {"agents", "pter_agents", "tests"}
+
+
+def test_modules_import_each_other_in_no_circle():
+    """Imports inside functions and for types included."""
+    files = {module_of(path): path for path in modules()}
+
+    def imported(path: Path) -> Iterator[str]:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                submodules = (f"{node.module}.{alias.name}" for alias in node.names)
+                yield from (each if each in files else node.module for each in submodules)
+
+    TopologicalSorter({name: set(imported(path)) - {name} for name, path in files.items()}).prepare()
+
+
+PUBLIC = [module_of(path) for path in modules() if "__all__" in path.read_text("utf-8")]
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_every_public_name_can_be_imported(name: str):
+    module = importlib.import_module(name)
+    assert not [each for each in module.__all__ if not hasattr(module, each)]
 
 
 @pytest.mark.parametrize("statement", ["import pter_gym", "import pter_gym; dir(pter_gym); pter_gym.__version__"])

@@ -51,7 +51,7 @@ def test_every_dependency_has_one_tested_version():
     assert names <= pins(ROOT / "constraints.txt").keys()
 
 
-def test_all_names_every_extra():
+def test_the_extra_all_contains_every_extra():
     (everything,) = PROJECT["optional-dependencies"]["all"]
     assert Requirement(everything).extras == PROJECT["optional-dependencies"].keys() - {"all"}
 

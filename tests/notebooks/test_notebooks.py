@@ -45,7 +45,7 @@ def test_the_first_cell_installs_from_the_projects_address(path):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*TCP without encryption.*")
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_it_runs_and_shows_pictures(path, tmp_path, monkeypatch):
+def test_the_notebook_runs_and_shows_pictures(path, tmp_path, monkeypatch):
     if "agent" in path.stem:
         pytest.importorskip("stable_baselines3")
     if "machine" in path.stem:

@@ -87,7 +87,7 @@ class Phase:
 
 
 @dataclass(frozen=True)
-class Motion:
+class ExactMotion:
     """Angles and velocities on a time grid, and the phases that the arm went through."""
 
     theta: np.ndarray
@@ -228,7 +228,7 @@ def start(plant: Plant, theta: np.ndarray, omega: np.ndarray) -> tuple[Phase, np
     return Phase(SLIDING, tuple(np.sign(slip)), tuple(np.abs(slip) < plant.threshold)), np.concatenate([theta, omega])
 
 
-def integrate(plant: Plant, theta: np.ndarray, omega: np.ndarray, grid: np.ndarray) -> Motion:
+def integrate(plant: Plant, theta: np.ndarray, omega: np.ndarray, grid: np.ndarray) -> ExactMotion:
     """Angles and velocities at the times of the grid, which starts after zero."""
     phase, y = start(plant, np.asarray(theta, float), np.asarray(omega, float))
     t, phases, switched = 0.0, [phase], [0.0]
@@ -258,4 +258,4 @@ def integrate(plant: Plant, theta: np.ndarray, omega: np.ndarray, grid: np.ndarr
         phases.append(phase)
         switched.append(t)
         assert len(phases) < 10_000, "the reference chatters"
-    return Motion(out[:, :2], out[:, 2:], phases, switched)
+    return ExactMotion(out[:, :2], out[:, 2:], phases, switched)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import signal
 
-from oracle.recorded import Recorded, record
+from oracle.recorded import RecordedMachine, record
 from pter_gym.params import BASELINE, Machine, TorqueCurve
 from pter_gym.tools.identification import Experiment, Log, quantities, record_log
 
@@ -34,14 +34,14 @@ def machine_of(dry: tuple[float, float] = (0.0, 0.0), off_state: float = 0.0, **
 
 
 @dataclass(frozen=True)
-class Case:
+class Mismatch:
     """A machine of the package's kind or of the oracle's, and what sensors make of its log.
 
     ``gain`` is that of the force sensor; ``slack`` is a relative error that no log shows: that of a sensor's scale, or
     of clutches that are warm.
     """
 
-    machine: Recorded | Machine = field(default_factory=machine_of)
+    machine: RecordedMachine | Machine = field(default_factory=machine_of)
     sensors: Sensors = as_they_are
     gain: float = 1.0
     slack: float = 0.0
@@ -56,7 +56,7 @@ class Case:
         They are proportional to the gain, and the clutches' drag is the axes' own.
         """
         machine = self.machine
-        like = machine_of(machine.dry, machine.off_state) if isinstance(machine, Recorded) else machine
+        like = machine_of(machine.dry, machine.off_state) if isinstance(machine, RecordedMachine) else machine
         arm, clutch = like.arm, like.clutch
         drag = 3.0 * clutch.viscous  # Σ v·W_x² of the paper's four
         arm = replace(arm, viscous_a=arm.viscous_a + drag, viscous_b=arm.viscous_b + drag)
@@ -103,46 +103,46 @@ def gained(x: float, y: float) -> Sensors:
 
 
 IN_THE_MODEL = {
-    "as assumed": Case(),
-    "dry friction of the axes": Case(machine_of(dry=(0.4, 0.3))),
-    **{f"Stribeck {v:g} rad/s": Case(machine_of(stribeck=v)) for v in (0.03, 0.05, 0.1, 0.2, 0.3)},
-    **{f"off-state torque {t:g} N·m": Case(machine_of(off_state=t)) for t in (0.1, 0.5)},
-    **{f"drag {v:g} N·m·s": Case(machine_of(viscous=v)) for v in (0.05, 0.2)},
-    **{f"fall ratio {r:g}": Case(machine_of(fall_ratio=r)) for r in (0.5, 1.5, 3.0)},
-    "Stribeck, off-state torque and fall": Case(machine_of(stribeck=0.1, off_state=0.2, fall_ratio=2.0)),
-    "a magnetorheological brake": Case(machine_of(off_state=0.3, viscous=0.05, time_constant=0.02)),
+    "as assumed": Mismatch(),
+    "dry friction of the axes": Mismatch(machine_of(dry=(0.4, 0.3))),
+    **{f"Stribeck {v:g} rad/s": Mismatch(machine_of(stribeck=v)) for v in (0.03, 0.05, 0.1, 0.2, 0.3)},
+    **{f"off-state torque {t:g} N·m": Mismatch(machine_of(off_state=t)) for t in (0.1, 0.5)},
+    **{f"drag {v:g} N·m·s": Mismatch(machine_of(viscous=v)) for v in (0.05, 0.2)},
+    **{f"fall ratio {r:g}": Mismatch(machine_of(fall_ratio=r)) for r in (0.5, 1.5, 3.0)},
+    "Stribeck, off-state torque and fall": Mismatch(machine_of(stribeck=0.1, off_state=0.2, fall_ratio=2.0)),
+    "a magnetorheological brake": Mismatch(machine_of(off_state=0.3, viscous=0.05, time_constant=0.02)),
 }
 
 NOT_IN_THE_MODEL = {
-    "exponential Stribeck 0.05": Case(Recorded(stribeck=0.05)),
-    "exponential Stribeck 0.15": Case(Recorded(stribeck=0.15)),
-    "exponential Stribeck 0.3": Case(Recorded(stribeck=0.3)),
-    "T_s/T_k of clutch 1 +10 %": Case(Recorded(ratios=(1.1, 1.0, 1.0, 1.0))),
-    "T_s/T_k of clutch 2 −10 %": Case(Recorded(ratios=(1.0, 0.9, 1.0, 1.0))),
-    "T_s/T_k of clutch 3 +10 %": Case(Recorded(ratios=(1.0, 1.0, 1.1, 1.0))),
-    "T_s/T_k of clutch 4 −10 %": Case(Recorded(ratios=(1.0, 1.0, 1.0, 0.9))),
-    **{f"fade {100.0 * f:g} %/J": Case(machine_of(fade=f), slack=HEAT * f) for f in (2e-4, 5e-4, 1e-3, 2e-3)},
-    "hysteresis 0.2 V": Case(Recorded(hysteresis=0.2)),
-    "hysteresis 1 V": Case(Recorded(hysteresis=1.0)),
-    "asymmetry 2 %": Case(Recorded(asymmetry=0.02)),
-    "asymmetry 10 %": Case(Recorded(asymmetry=0.1)),
-    "torque that grows with the slip": Case(Recorded(growth=0.15)),
-    "flexible links": Case(Recorded(link=5000.0)),
+    "exponential Stribeck 0.05": Mismatch(RecordedMachine(stribeck=0.05)),
+    "exponential Stribeck 0.15": Mismatch(RecordedMachine(stribeck=0.15)),
+    "exponential Stribeck 0.3": Mismatch(RecordedMachine(stribeck=0.3)),
+    "T_s/T_k of clutch 1 +10 %": Mismatch(RecordedMachine(ratios=(1.1, 1.0, 1.0, 1.0))),
+    "T_s/T_k of clutch 2 −10 %": Mismatch(RecordedMachine(ratios=(1.0, 0.9, 1.0, 1.0))),
+    "T_s/T_k of clutch 3 +10 %": Mismatch(RecordedMachine(ratios=(1.0, 1.0, 1.1, 1.0))),
+    "T_s/T_k of clutch 4 −10 %": Mismatch(RecordedMachine(ratios=(1.0, 1.0, 1.0, 0.9))),
+    **{f"fade {100.0 * f:g} %/J": Mismatch(machine_of(fade=f), slack=HEAT * f) for f in (2e-4, 5e-4, 1e-3, 2e-3)},
+    "hysteresis 0.2 V": Mismatch(RecordedMachine(hysteresis=0.2)),
+    "hysteresis 1 V": Mismatch(RecordedMachine(hysteresis=1.0)),
+    "asymmetry 2 %": Mismatch(RecordedMachine(asymmetry=0.02)),
+    "asymmetry 10 %": Mismatch(RecordedMachine(asymmetry=0.1)),
+    "torque that grows with the slip": Mismatch(RecordedMachine(growth=0.15)),
+    "flexible links": Mismatch(RecordedMachine(link=5000.0)),
 }
 
 SENSORS = {
-    "angles bent by 1 mrad": Case(sensors=bent(1e-3), slack=3e-3),
-    "angles bent by 10 mrad": Case(sensors=bent(1e-2), slack=3e-2),
-    "forces 2 ms late": Case(sensors=late(2e-3)),
-    "forces 5 ms late": Case(sensors=late(5e-3)),
-    "forces 5 ms early": Case(sensors=late(-5e-3)),
-    "forces filtered at 20 Hz": Case(sensors=filtered("force", 20.0)),
-    "forces filtered at 60 Hz": Case(sensors=filtered("force", 60.0)),
-    "angles filtered at 20 Hz": Case(sensors=filtered("theta", 20.0)),
-    "forces with a bias of 0.2 N": Case(sensors=biased(0.2, -0.1)),
-    "forces with a bias of 2 N": Case(sensors=biased(2.0, -1.0)),
-    "forces 5 % too large": Case(sensors=gained(1.05, 1.05), gain=1.05),
-    "F_x 3 % too large": Case(sensors=gained(1.03, 1.0)),
+    "angles bent by 1 mrad": Mismatch(sensors=bent(1e-3), slack=3e-3),
+    "angles bent by 10 mrad": Mismatch(sensors=bent(1e-2), slack=3e-2),
+    "forces 2 ms late": Mismatch(sensors=late(2e-3)),
+    "forces 5 ms late": Mismatch(sensors=late(5e-3)),
+    "forces 5 ms early": Mismatch(sensors=late(-5e-3)),
+    "forces filtered at 20 Hz": Mismatch(sensors=filtered("force", 20.0)),
+    "forces filtered at 60 Hz": Mismatch(sensors=filtered("force", 60.0)),
+    "angles filtered at 20 Hz": Mismatch(sensors=filtered("theta", 20.0)),
+    "forces with a bias of 0.2 N": Mismatch(sensors=biased(0.2, -0.1)),
+    "forces with a bias of 2 N": Mismatch(sensors=biased(2.0, -1.0)),
+    "forces 5 % too large": Mismatch(sensors=gained(1.05, 1.05), gain=1.05),
+    "F_x 3 % too large": Mismatch(sensors=gained(1.03, 1.0)),
 }
 
 CASES = {**IN_THE_MODEL, **NOT_IN_THE_MODEL, **SENSORS}

@@ -34,7 +34,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Situation:
+class ClutchProblem:
     """Mass matrix (2, 2), load without the clutches (2,), slips (4,), breakaway and dynamic torques (4,)."""
 
     mass: np.ndarray
@@ -44,7 +44,7 @@ class Situation:
     dynamic: np.ndarray
 
 
-def decide(now: Situation) -> Answer:
+def decide(now: ClutchProblem) -> Answer:
     """What the case statement says for a state whose slips are either zero or well outside the Karnopp band."""
     stuck = np.flatnonzero(now.slip == 0.0)
     if stuck.size == 0:
@@ -57,7 +57,7 @@ def decide(now: Situation) -> Answer:
     return _from_rest(now, engaged)
 
 
-def _from_rest(now: Situation, engaged: list[int]) -> Answer:
+def _from_rest(now: ClutchProblem, engaged: list[int]) -> Answer:
     """Let the weakest slip until two clutches are left, then ask those."""
     intent = np.sign(W @ np.linalg.solve(now.mass, now.load))
     left, load = sorted(engaged, key=lambda x: now.breakaway[x]), now.load.copy()
@@ -71,7 +71,7 @@ def _from_rest(now: Situation, engaged: list[int]) -> Answer:
     return _slide(now, load)
 
 
-def _two_stuck(now: Situation, pair: list[int], load: np.ndarray) -> Answer:
+def _two_stuck(now: ClutchProblem, pair: list[int], load: np.ndarray) -> Answer:
     needed = np.linalg.solve(W[pair].T, load)
     yields = [x for x, torque in zip(pair, needed, strict=True) if abs(torque) > now.breakaway[x]]
     for x, torque in zip(pair, needed, strict=True):
@@ -83,7 +83,7 @@ def _two_stuck(now: Situation, pair: list[int], load: np.ndarray) -> Answer:
     return _one_stuck(now, holds[0], load) if holds else _slide(now, load)
 
 
-def _one_stuck(now: Situation, x: int, load: np.ndarray) -> Answer:
+def _one_stuck(now: ClutchProblem, x: int, load: np.ndarray) -> Answer:
     """Keep clutch x stuck if its breakaway torque allows that; `load` includes every other clutch."""
     response = np.linalg.solve(now.mass, W[x])
     needed = (response @ load) / (response @ W[x])
@@ -93,7 +93,7 @@ def _one_stuck(now: Situation, x: int, load: np.ndarray) -> Answer:
     return Answer(line * (line @ load) / (line @ now.mass @ line), x + 1)
 
 
-def _slide(now: Situation, load: np.ndarray) -> Answer:
+def _slide(now: ClutchProblem, load: np.ndarray) -> Answer:
     return Answer(np.linalg.solve(now.mass, load), TWO_DOF)
 
 

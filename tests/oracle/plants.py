@@ -11,7 +11,7 @@ from pter_gym.params import Machine
 
 
 @dataclass(frozen=True)
-class Scenario:
+class VoltageStep:
     """A step of the voltages at t = 0 and a smooth hand force, from a pose at rest or in motion."""
 
     volts_before: np.ndarray
@@ -30,11 +30,11 @@ class Scenario:
         return self.scale * (self.constant + np.sin(angle) @ self.waves)
 
 
-def draw(seed: int) -> Scenario:
+def draw(seed: int) -> VoltageStep:
     """Each clutch is engaged half of the time, at 4 … 12 V; forces of the order of what the clutches can hold."""
     rng = np.random.default_rng([77, seed])
     engaged = rng.integers(0, 2, 4)
-    return Scenario(
+    return VoltageStep(
         volts_before=engaged * rng.uniform(4.0, 12.0, 4),
         volts=engaged * rng.uniform(4.0, 12.0, 4),
         theta=rng.uniform(-np.pi, np.pi, 2),
@@ -46,7 +46,7 @@ def draw(seed: int) -> Scenario:
     )
 
 
-def plant(machine: Machine, scenario: Scenario, target=(0.0, 0.0)) -> Plant:
+def plant(machine: Machine, scenario: VoltageStep, target=(0.0, 0.0)) -> Plant:
     """The same machine for the reference: the lag is an exponential, dry friction a part of clutches 1 and 2."""
     return Plant(
         lengths=(machine.arm.length_a, machine.arm.length_b),
@@ -65,7 +65,7 @@ def plant(machine: Machine, scenario: Scenario, target=(0.0, 0.0)) -> Plant:
     )
 
 
-def _lagged(machine: Machine, curve, scenario: Scenario):
+def _lagged(machine: Machine, curve, scenario: VoltageStep):
     before = np.array([curve.torque(v) for v in scenario.volts_before])
     after = np.array([curve.torque(v) for v in scenario.volts])
     dry = np.array([machine.arm.dry_a, machine.arm.dry_b, 0.0, 0.0])

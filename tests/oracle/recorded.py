@@ -29,7 +29,7 @@ HAND = (800.0, 30.0)
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordedMachine:
     """A machine: lengths, inertias, coupling, slope of T_k, T_s/T_k, lag, and what the package's model may not have.
 
     Attributes
@@ -78,7 +78,7 @@ class Recorded:
 
 
 def record(
-    machine: Recorded, levels: tuple[float, ...] = (4.0, 8.0, 12.0, 16.0), seed: int = 0, interval: float = 2e-3
+    machine: RecordedMachine, levels: tuple[float, ...] = (4.0, 8.0, 12.0, 16.0), seed: int = 0, interval: float = 2e-3
 ) -> Log:
     """The log of the experiment of docs/identify.md, 14-bit encoders and 0.3 N of noise."""
     rng = np.random.default_rng([seed, 9])

@@ -26,7 +26,7 @@ from pter_gym.params import Machine
 
 W = np.array(friction.W, float)
 MAX_PARTS = 4
-SHORTEST_PART = 1e-6
+MIN_PART = 1e-6
 BEYOND = 1.01
 """How far from zero the edge of the band counts as left, times δω."""
 
@@ -208,7 +208,7 @@ def again(machine: Machine, run: Trajectory, volts, force, torque, target) -> Su
     for number in range(MAX_PARTS):
         some = kick.at(rows)
         share = some.share_before_change(omega[rows], left)
-        last = (number == MAX_PARTS - 1) | ~(share < 1.0 - SHORTEST_PART)
+        last = (number == MAX_PARTS - 1) | ~(share < 1.0 - MIN_PART)
         span = np.where(last, left, share * left)
         omega[rows] = _take(found, rows, some, omega[rows], span)
         rows, left = rows[~last], (left - span)[~last]

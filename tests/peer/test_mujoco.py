@@ -75,7 +75,7 @@ def to_joint_torque(torque: ArrayLike) -> NDArray[np.float64]:
 
 
 @dataclass(frozen=True)
-class Case:
+class PeerCase:
     """Voltages (4,), hand force (T, 2), joint torque (2,), angles and velocities at the start (2,)."""
 
     volts: np.ndarray
@@ -85,14 +85,14 @@ class Case:
     omega: np.ndarray
 
 
-def draw(subset: int, seed: int) -> Case:
+def draw(subset: int, seed: int) -> PeerCase:
     """Clutch x is engaged if bit x of the subset is set."""
     rng = np.random.default_rng([seed, subset])
     engaged = np.array([(subset >> x) & 1 for x in range(4)])
     time = STEP * (np.arange(STEPS)[:, None] + 0.5)
     waves = rng.normal(0.0, 12.0, (4, 2)), rng.uniform(0.3, 3.0, 4), rng.uniform(0.0, 2.0 * np.pi, 4)
     force = sum(size * np.sin(2.0 * np.pi * rate * time + phase) for size, rate, phase in zip(*waves, strict=True))
-    return Case(
+    return PeerCase(
         volts=engaged * rng.uniform(4.0, 14.0, 4),
         force=force + rng.normal(0.0, 8.0, 2),
         torque=rng.normal(0.0, 1.0, 2),
@@ -101,7 +101,7 @@ def draw(subset: int, seed: int) -> Case:
     )
 
 
-def ours(machine, case: Case):
+def ours(machine, case: PeerCase):
     start = initial_state(machine, case.theta, case.omega, case.volts)
     return simulate(machine, start, case.volts, case.force, case.torque)
 
@@ -180,7 +180,7 @@ class Peer:
         return min([1.0, *to_pass, *to_leave])
 
 
-def peers(machine: Machine, case: Case) -> np.ndarray:
+def peers(machine: Machine, case: PeerCase) -> np.ndarray:
     """Angles (T, 2) at the ends of our substeps."""
     breakaway = np.array([machine.clutch.breakaway.torque(v) for v in case.volts])
     dynamic = np.array([machine.clutch.dynamic.torque(v) for v in case.volts])
@@ -248,7 +248,7 @@ def test_poses_are_those_of_mujoco(subset, machine, seeds):
         assert np.abs(ours(machine, case).theta - peers(machine, case)).max() <= TOLERANCE
 
 
-def test_the_cases_visit_every_mode_often():
+def test_cases_cover_every_mode_often():
     modes = np.concatenate([ours(BASELINE, draw(subset, 0)).mode for subset in range(16)])
     assert np.all(np.bincount(modes, minlength=6) > 0.03 * len(modes))
 
@@ -279,7 +279,7 @@ TASKS = tuple(
 
 
 @dataclass(frozen=True)
-class ObservedContext:
+class Flight:
     """A world at the control instants: telemetry (T, columns) and angular velocities (T, 2)."""
 
     rows: np.ndarray
@@ -287,7 +287,7 @@ class ObservedContext:
 
 
 @pytest.fixture(scope="module")
-def told() -> list[ObservedContext]:
+def told() -> list[Flight]:
     """Seven machines, voltages and hands in one batch.
 
     From rest with released clutches, so their torques rise with their lag.
@@ -300,7 +300,7 @@ def told() -> list[ObservedContext]:
         omega.append(velocities(batch))
     lengths = np.isfinite(np.array(telemetry)[:, :, 0]).sum(axis=0)
     assert lengths.min() >= 20
-    worlds = [ObservedContext(np.array(telemetry)[:n, k], np.array(omega)[:n, k]) for k, n in enumerate(lengths)]
+    worlds = [Flight(np.array(telemetry)[:n, k], np.array(omega)[:n, k]) for k, n in enumerate(lengths)]
     assert {0, 2, 3, 4, 5} <= {mode for world in worlds for mode in world.rows[1:, COLUMN.mode]}
     return worlds
 
@@ -318,7 +318,7 @@ def test_batch_moves_as_mujoco_does(world, told):
 
 
 @pytest.mark.parametrize("world", range(len(MACHINES)))
-def test_batch_tells_the_torques_of_the_instant(world, told):
+def test_batch_reports_the_torques_of_the_instant(world, told):
     """Clutches that slip exert their limit, stuck ones together what MuJoCo needs for them to have no acceleration."""
     model = build(numbers_with_hand(MACHINES[world]), STEP)
     data = mujoco.MjData(model)

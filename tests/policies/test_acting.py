@@ -25,7 +25,7 @@ ENDS_SOON = PathFollowing(truncation_error=0.02, starts=STARTS["path"])
 """The tip begins anywhere and is off the path after a number of control steps that depends on the seed."""
 
 
-class Counting:
+class DecisionCounter:
     """A function with a memory: its voltage is the number of its decisions in the episode."""
 
     def __init__(self, worlds: int) -> None:
@@ -52,7 +52,7 @@ def make_worlds(backend: str, mode: AutoresetMode, skip: int) -> Any:
 @pytest.mark.parametrize("backend", ["native", "sync", "async"])
 def test_a_policy_acts_in_each_world_as_alone(backend: str, mode: AutoresetMode, skip: int) -> None:
     env = make_worlds(backend, mode, skip)
-    policies = [pter_gym.load_policy(each, env) for each in (Counting(4), "torque-feedback-tuned")]
+    policies = [pter_gym.load_policy(each, env) for each in (DecisionCounter(4), "torque-feedback-tuned")]
     alone = find_policy("torque-feedback-tuned")
     singles: list[Any] = [alone.bind(BASELINE, LAYOUT) for _ in range(4)]  # type: ignore[union-attr]
     observations, _ = env.reset(seed=0)
@@ -87,7 +87,7 @@ def test_actions_are_in_the_unit_of_the_environment() -> None:
     np.testing.assert_allclose(normalised(np.array([0.0, 6.0, 24.0]), 24.0), [-1.0, 0.0, 1.0])
 
 
-def test_on_a_path_of_ones_own_gains_are_those_that_its_benchmark_takes() -> None:
+def test_load_policy_on_a_user_path_has_the_gains_of_its_benchmark() -> None:
     env = gymnasium.make("PTER/Standard-v0", path="circle", pace="slow", starts="rest", contexts=1)
 
     def last(policy: Any) -> list[float]:
@@ -103,7 +103,7 @@ def test_on_a_path_of_ones_own_gains_are_those_that_its_benchmark_takes() -> Non
     assert named == ours != others
 
 
-def test_a_policy_of_another_period_is_refused_and_told_which() -> None:
+def test_a_policy_with_another_frame_skip_is_refused() -> None:
     policy: Any = lambda rows: np.zeros((len(rows), 4))  # noqa: E731
     policy.frame_skip = 1
     with pytest.raises(ParameterError, match="frame_skip=1"):

@@ -54,7 +54,7 @@ def test_a_compiled_network_is_that_of_numpy(name: str) -> None:
         obs = batch.step(found).obs
 
 
-def test_a_file_comes_back(tmp_path: Path) -> None:
+def test_a_file_round_trips(tmp_path: Path) -> None:
     policy = read_policy("residual")
     again = read_policy(write_policy(policy, tmp_path / "mine"))
     assert (again.interface, again.about, again.name) == (policy.interface, policy.about, "mine")

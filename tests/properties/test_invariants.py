@@ -28,7 +28,7 @@ W = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
 
 
 @dataclass(frozen=True)
-class World:
+class DrivenArm:
     """A machine, its start, and inputs for STEPS substeps."""
 
     machine: Machine
@@ -90,18 +90,18 @@ def inputs(draw) -> tuple[np.ndarray, np.ndarray]:
 
 
 @st.composite
-def worlds(draw) -> World:
+def worlds(draw) -> DrivenArm:
     machine = draw(machines())
     volts, force = draw(inputs())
     omega = draw(st.one_of(st.just(np.zeros(2)), pair(-4.0, 4.0)))
     start = initial_state(machine, draw(pair(-3.0, 3.0)), omega, draw(st.sampled_from([volts[0], np.zeros(4)])))
-    return World(
+    return DrivenArm(
         machine, start, volts, force, np.broadcast_to(draw(pair(-10.0, 10.0)), (STEPS, 2)), draw(pair(-1.0, 1.0))
     )
 
 
 @st.composite
-def actuated(draw) -> World:
+def actuated(draw) -> DrivenArm:
     """A world whose clutches depend on speed, lag otherwise as they fall, drag without voltage and fade."""
     world = draw(worlds())
     clutch, off_state = world.machine.clutch, draw(between(0.0, 2.0))
@@ -154,7 +154,7 @@ def test_energy_of_each_substep_closes(world):
     assert_energy_closes(world, world.run())
 
 
-def assert_energy_closes(world: World, run: Trajectory) -> None:
+def assert_energy_closes(world: DrivenArm, run: Trajectory) -> None:
     """ΔK = W − D − N + R to 1e-12 of the largest term."""
     start = inertia(world.machine, run.initial.theta[None])[0]
     energy = np.concatenate([[0.5 * run.initial.omega @ start @ run.initial.omega], run.kinetic_energy])
@@ -175,7 +175,7 @@ def test_each_substep_is_what_the_equations_make_of_the_row_before(world):
     assert_made_again(world, run, world.again(run))
 
 
-def assert_made_again(world: World, run: Trajectory, found: Substeps) -> None:
+def assert_made_again(world: DrivenArm, run: Trajectory, found: Substeps) -> None:
     """Motion, energies and torques, each within its rounding.
 
     A part of a kick is a friction problem; its time is rounded, too, and moves the velocity by as much again. Energies
@@ -202,7 +202,7 @@ def assert_made_again(world: World, run: Trajectory, found: Substeps) -> None:
     assert np.all(np.abs(run.torque) <= found.limit + lag)
 
 
-def storm(seed: int) -> World:
+def storm(seed: int) -> DrivenArm:
     """A machine whose loads and voltages jump at every substep, so slips pass zero and leave the band all the time."""
     rng = np.random.default_rng([21, seed])
     base = PAPERS[seed % len(PAPERS)]
@@ -214,10 +214,10 @@ def storm(seed: int) -> World:
     volts = rng.uniform(0.0, 10.0, (STEPS, 4)) * rng.integers(0, 3, (STEPS, 4)).clip(max=1)
     start = initial_state(machine, rng.uniform(-3.0, 3.0, 2), rng.normal(0.0, 0.1, 2), volts[0])
     force, torque = rng.normal(0.0, 40.0, (STEPS, 2)), rng.normal(0.0, 15.0, (STEPS, 2))
-    return World(machine, start, volts, force, torque, rng.normal(0.0, 0.5, 2))
+    return DrivenArm(machine, start, volts, force, torque, rng.normal(0.0, 0.5, 2))
 
 
-def test_a_storm_of_changes_ends_in_bounded_work_and_stays_passive():
+def test_many_changes_in_a_kick_are_bounded_and_passive():
     counts = np.zeros(MAX_PARTS + 1, int)
     for seed in range(24):
         world = storm(seed)
@@ -233,7 +233,7 @@ def test_a_storm_of_changes_ends_in_bounded_work_and_stays_passive():
 
 @DETERMINISTIC
 @given(between(3.0, 10.0), between(3.0, 10.0), st.sampled_from([-1.0, 1.0]))
-def test_generated_torques_are_right_where_a_stuck_clutch_is_exactly_at_its_limit(volts_1, volts_3, sign):
+def test_torques_of_a_stuck_clutch_at_its_limit(volts_1, volts_3, sign):
     """From rest, links at right angles: both turn together; clutch 1 slows A, and clutch 3 drives B with all it has.
 
     The band is so wide that clutch 1 does not leave it.
@@ -275,7 +275,7 @@ def test_a_released_clutch_carries_nothing(world, mask):
 # --- symmetries ---
 
 
-def mirrored(world: World) -> World:
+def mirrored(world: DrivenArm) -> DrivenArm:
     """The world in a mirror along the x axis: angles, velocities, torques and y components change their sign."""
     flip = np.array([1.0, -1.0])
     start = replace(world.start, theta=-world.start.theta, omega=-world.start.omega)
@@ -303,13 +303,13 @@ def test_the_mirror_image_of_a_motion_is_a_motion(world):
     assert np.all(np.abs(image.torque + run.torque) <= 1e-12 * limit + rounding)
 
 
-def part(world: World, rows: slice) -> World:
+def part(world: DrivenArm, rows: slice) -> DrivenArm:
     return replace(world, volts=world.volts[rows], force=world.force[rows], torque=world.torque[rows])
 
 
 @DETERMINISTIC
 @given(worlds(), st.integers(1, STEPS - 1))
-def test_a_motion_does_not_know_what_time_it_is(world, cut):
+def test_a_motion_does_not_depend_on_the_absolute_time(world, cut):
     """The second part, started from the end of the first, is the rest of the whole.
 
     A state holds angles, not the unit vectors that the substep turns, so a restart rounds them again.

@@ -28,7 +28,7 @@ def test_a_viscous_brake_without_voltage_stops_a_wheel_exponentially():
     np.testing.assert_allclose(run.omega[-1], exact.y[:, -1], atol=2.0 * 0.6 * 1e-4)  # first order: h·rate·ω
 
 
-def test_off_state_torque_takes_the_same_velocity_in_each_second():
+def test_off_state_torque_decelerates_uniformly():
     curve = replace(BASELINE.clutch.dynamic, off_state=0.3)
     machine = replace(wheel(breakaway=curve, dynamic=curve), clutch_scale=(1.0, 0.0, 0.0, 0.0))
     run = simulate(machine, initial_state(machine, (0.0, 1.5), (2.0, 0.0)), [0.0] * 4, (0.0, 0.0), duration=1.0)
@@ -114,7 +114,7 @@ def test_an_anisotropic_hand_moves_the_arm_as_its_matrices_say():
         lambda: Hand(stiffness=1.0, stiffness_anisotropy=(0.1,)),
     ],
 )
-def test_what_no_actuator_and_no_hand_can_be_is_refused(make: object):
+def test_invalid_actuators_and_hands_are_refused(make: object):
     with pytest.raises(ParameterError, match=r"off_state|stribeck|fall_ratio|fade|_anisotropy"):
         make()  # type: ignore[operator]
 

@@ -104,7 +104,7 @@ def test_an_arc_is_fitted_by_two_however_its_parameter_runs(radius: float):
 
 @pytest.mark.parametrize("curvature", [0.0, 1.5, -2.0])
 @pytest.mark.parametrize("off", [0.2, -0.3])
-def test_how_far_a_point_is_from_an_arc(curvature: float, off: float):
+def test_distance_from_a_point_to_an_arc(curvature: float, off: float):
     begin, heading, place = 0.3 - 0.8j, cmath.rect(1.0, 2.2), 0.45
     turned = cmath.exp(1j * curvature * place)
     foot = begin + heading * ((turned - 1.0) / (1j * curvature) if curvature else place)
@@ -114,7 +114,7 @@ def test_how_far_a_point_is_from_an_arc(curvature: float, off: float):
 
 
 @pytest.mark.parametrize("place", [0.2, 0.5, 0.8])
-def test_a_bump_is_followed_wherever_it_is(place: float):
+def test_a_bump_is_followed_at_any_place_of_the_path(place: float):
     def curve(t: float) -> tuple[complex, complex]:
         bump = 0.01 * math.exp(-(((t - place) / 0.06) ** 2))
         return complex(t, bump), complex(1.0, -2.0 * (t - place) / 0.06**2 * bump)
@@ -135,7 +135,7 @@ def test_points_of_a_path_are_sampled_from_its_start_to_its_end():
     assert line.sampled(3) == pytest.approx(np.array([[0.1, 0.2], [0.1, 0.4], [0.1, 0.6]]))
 
 
-def test_how_many_parts_an_arc_is_cut_into():
+def test_number_of_parts_of_an_arc():
     assert [parts_of(k, MAX_TURN) for k in (0.0, 1.0, -1.0, 1.001, -1.001, 2.0, 3.0)] == [1, 1, 1, 2, 2, 2, 3]
     table = chain([(0j, 1 + 0j, -1.0, 2.0 * MAX_TURN), (5j, 1j, 0.0, 4.0)]).table
     assert table[:, SEGMENT.length].tolist() == [MAX_TURN, MAX_TURN, 4.0]
@@ -171,7 +171,7 @@ def straight() -> tuple[np.ndarray, int]:
     return np.concatenate([[-7.0], chain(pieces).table.ravel()]), 3
 
 
-def test_a_foot_is_walked_to_from_any_segment():
+def test_a_projection_is_found_from_any_segment():
     constants, count = straight()
     for segment in range(count):
         for x, found in ((-0.5, 0), (0.3, 0), (1.2, 1), (2.7, 2), (5.0, 2)):
@@ -209,7 +209,7 @@ BAD_POINTS: tuple[Any, ...] = (
 )
 
 
-def test_points_that_no_path_takes():
+def test_points_that_no_path_accepts():
     for points in BAD_POINTS:
         for kind in (Spline, Polyline):
             with pytest.raises(ParameterError, match="points"):

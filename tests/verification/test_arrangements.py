@@ -76,9 +76,9 @@ def test_with_the_papers_rows_velocities_are_the_papers() -> None:
     given = replace(given, w=np.tile(np.array(COUPLING), (3_000, 1, 1)), c=np.random.default_rng(8).random((3_000, 4)))
     omega = resolve_arranged(given.mass, given.p, given.c, given.w)
     rows = np.concatenate([given.mass, given.p, given.c], axis=1)
-    papers = np.array([resolve_friction(*row)[:2] for row in rows.tolist()])
-    assert np.all(np.hypot(*(omega - papers).T) <= 2.0 * rounding(given, omega))
-    assert np.array_equal(omega == 0.0, papers == 0.0)
+    published = np.array([resolve_friction(*row)[:2] for row in rows.tolist()])
+    assert np.all(np.hypot(*(omega - published).T) <= 2.0 * rounding(given, omega))
+    assert np.array_equal(omega == 0.0, published == 0.0)
 
 
 def test_a_load_is_shared_with_the_smallest_torques_for_any_rows() -> None:
@@ -217,7 +217,7 @@ def test_a_row_is_a_brake_or_a_coupling(row: tuple[float, float]) -> None:
     if (a, b) == (0.0, 1.0) or (a == 1.0 and (b == 0.0 or 0.01 <= abs(b) <= 100.0)):
         assert Connection("x", row).row == row
     else:
-        with pytest.raises(ParameterError, match=r"Connection\.row must be"):
+        with pytest.raises(ParameterError, match=r"Connection\.row"):
             Connection("x", row)
 
 
@@ -228,23 +228,20 @@ def of_rows(*rows: tuple[float, float]) -> Machine:
 @pytest.mark.parametrize(
     ("made", "message"),
     [
-        (lambda: replace(BASELINE, clutches=()), r"Machine\.clutches must be 1 to 4 Connections"),
-        (lambda: replace(BASELINE, clutches=("brake",)), r"Machine\.clutches must be 1 to 4 Connections"),
-        (lambda: of_rows(*[(1.0, 0.5 * x) for x in range(1, 6)]), r"Machine\.clutches must be 1 to 4 Connections"),
-        (lambda: replace(BASELINE, clutches=PAPER_CLUTCHES[:1] * 2), r"Machine\.clutches must be .* different names"),
-        (lambda: of_rows(*[(1.0, 2.0)] * 4), r"Machine\.clutches must be of at least two different rows"),
-        (
-            lambda: of_rows((1.0, 2.0), (1.0, 2.01)),
-            r"Machine\.clutches must be of rows that are equal or differ by 1 %",
-        ),
-        (lambda: of_rows((0.0, 0.0)), r"Connection\.row must be"),
-        (lambda: of_rows((1.0, float("nan"))), r"Connection\.row must be"),
-        (lambda: Connection("", (1.0, 0.0)), r"Connection\.name must be"),
+        (lambda: replace(BASELINE, clutches=()), r"Machine\.clutches"),
+        (lambda: replace(BASELINE, clutches=("brake",)), r"Machine\.clutches"),
+        (lambda: of_rows(*[(1.0, 0.5 * x) for x in range(1, 6)]), r"Machine\.clutches"),
+        (lambda: replace(BASELINE, clutches=PAPER_CLUTCHES[:1] * 2), r"Machine\.clutches"),
+        (lambda: of_rows(*[(1.0, 2.0)] * 4), r"Machine\.clutches"),
+        (lambda: of_rows((1.0, 2.0), (1.0, 2.01)), r"Machine\.clutches"),
+        (lambda: of_rows((0.0, 0.0)), r"Connection\.row"),
+        (lambda: of_rows((1.0, float("nan"))), r"Connection\.row"),
+        (lambda: Connection("", (1.0, 0.0)), r"Connection\.name"),
         (
             lambda: replace(BASELINE, clutches=FOUR_COUPLINGS, arm=replace(BASELINE.arm, dry_b=1.0)),
-            r"Arm\.dry_b must be 0 where 4 clutches leave no slot",
+            r"Arm\.dry_b",
         ),
-        (lambda: find_machine("two-breaks"), "did you mean 'two-brakes'"),
+        (lambda: find_machine("two-breaks"), "'two-brakes'"),
     ],
 )
 def test_bad_declarations_are_refused(made: Any, message: str) -> None:
@@ -267,7 +264,7 @@ def test_machines_that_were_never_built_are_known_by_name() -> None:
     ],
     ids=["with the paper's in a batch", "a policy trained on the paper's", "several nominal ones"],
 )
-def test_what_needs_other_clutches_is_refused_by_the_name_of_the_field(made: Any) -> None:
+def test_mismatched_clutches_are_refused(made: Any) -> None:
     with pytest.raises(ParameterError, match=r"Machine\.clutches"):
         made()
 

@@ -42,24 +42,24 @@ def test_an_axis_coasts_to_rest_as_the_closed_form_does(axis: int, substep: floa
     inertia = (ALONE.inertia_a, ALONE.inertia_b)[axis]
     rest = inertia / viscous * np.log(1.0 + begin * viscous / dry)
     omega = np.eye(2)[axis] * begin
-    way = simulate(machine, initial_state(machine, POSE, omega), np.zeros(4), (0.0, 0.0), duration=1.2 * rest)
-    exact = (begin + dry / viscous) * np.exp(-way.time * viscous / inertia) - dry / viscous
+    run = simulate(machine, initial_state(machine, POSE, omega), np.zeros(4), (0.0, 0.0), duration=1.2 * rest)
+    exact = (begin + dry / viscous) * np.exp(-run.time * viscous / inertia) - dry / viscous
     x = substep * viscous / inertia
-    bound = (begin + dry / viscous) * 0.5 * (way.time / substep) * x**2 + 1e-12
-    moves = way.time < rest - substep - bound[-1] * inertia / dry
-    assert moves.sum() > 0.8 * len(way.time) / 1.2
-    assert np.all(np.abs(way.omega[:, axis] - exact)[moves] <= bound[moves])
-    assert np.all(way.omega[way.time > rest + substep + bound[-1] * inertia / dry, axis] == 0.0)
-    assert np.all(way.omega[:, 1 - axis] == 0.0)
+    bound = (begin + dry / viscous) * 0.5 * (run.time / substep) * x**2 + 1e-12
+    moves = run.time < rest - substep - bound[-1] * inertia / dry
+    assert moves.sum() > 0.8 * len(run.time) / 1.2
+    assert np.all(np.abs(run.omega[:, axis] - exact)[moves] <= bound[moves])
+    assert np.all(run.omega[run.time > rest + substep + bound[-1] * inertia / dry, axis] == 0.0)
+    assert np.all(run.omega[:, 1 - axis] == 0.0)
 
 
 @pytest.mark.parametrize(("share", "moves"), [(0.999, False), (1.001, True)])
 def test_dry_friction_holds_up_to_its_torque(share: float, moves: bool):
     machine = with_friction(dry_a=0.4)
     start = initial_state(machine, POSE)
-    way = simulate(machine, start, np.zeros(4), (0.0, 0.0), joint_torque=(share * 0.4, 0.0), duration=0.05)
-    speed = (share - 1.0) * 0.4 / ALONE.inertia_a * way.time if moves else np.zeros(len(way.time))
-    assert way.omega[:, 0] == pytest.approx(speed, abs=1e-13)
+    run = simulate(machine, start, np.zeros(4), (0.0, 0.0), joint_torque=(share * 0.4, 0.0), duration=0.05)
+    speed = (share - 1.0) * 0.4 / ALONE.inertia_a * run.time if moves else np.zeros(len(run.time))
+    assert run.omega[:, 0] == pytest.approx(speed, abs=1e-13)
 
 
 def test_dry_friction_is_a_clutch_that_is_always_on():
@@ -86,9 +86,9 @@ def test_the_clutches_torques_are_their_own():
     machine = with_friction(dry_a=0.7, dry_b=0.3)
     volts = np.array([6.0, 0.0, 0.0, 0.0])
     start = initial_state(machine, POSE, (3.0, 0.0), volts)
-    way = simulate(machine, start, volts, (0.0, 0.0), duration=0.01)
-    assert way.torque[:, 0] == pytest.approx(np.full(100, -BASELINE.clutch.dynamic.torque(6.0)), rel=1e-9)
-    assert np.all(way.power <= 0.0)
+    run = simulate(machine, start, volts, (0.0, 0.0), duration=0.01)
+    assert run.torque[:, 0] == pytest.approx(np.full(100, -BASELINE.clutch.dynamic.torque(6.0)), rel=1e-9)
+    assert np.all(run.power <= 0.0)
     together = with_dry(PerClutch(2.0, 0.0, 5.0, 6.0), 0.5, 1.5)
     assert together == (2.5, 1.5, 5.0, 6.0)
     assert without_dry(PerClutch(-2.5, 0.75, 5.0, 0.1), 0.5, 1.5) == (-2.0, 0.0, 5.0, 0.1)
@@ -101,16 +101,16 @@ def test_energies_add_up():
     time = np.arange(800) * machine.substep
     force = 50.0 * np.stack([np.sin(5.0 * time), np.cos(4.0 * time)], axis=1)
     volts = np.array([2.0, 0.0, 3.0, 0.0])
-    way = simulate(machine, initial_state(machine, POSE, volts=volts), volts, force)
-    gained = way.hand_work - way.dissipated - way.numerical_loss + way.residual
+    run = simulate(machine, initial_state(machine, POSE, volts=volts), volts, force)
+    gained = run.hand_work - run.dissipated - run.numerical_loss + run.residual
     rounding = 1e-12 * len(time)
-    assert np.abs(np.diff(way.kinetic_energy) - gained[1:]).max() < rounding
+    assert np.abs(np.diff(run.kinetic_energy) - gained[1:]).max() < rounding
     without = simulate(BASELINE, initial_state(BASELINE, POSE, volts=volts), volts, force)
-    assert way.dissipated.sum() > without.dissipated.sum()
-    assert np.all(way.dissipated >= 0.0)
+    assert run.dissipated.sum() > without.dissipated.sum()
+    assert np.all(run.dissipated >= 0.0)
 
 
-def test_worlds_have_it_too():
+def test_worlds_apply_dry_friction():
     """A world moves as the open-loop simulation does, from torques at rest on, up to rounding."""
     machine = replace(BASELINE, arm=replace(BASELINE.arm, dry_a=0.6, dry_b=0.4, viscous_a=0.3, viscous_b=0.5))
     hand = MultiSineHand(push=12.0, amplitudes=(0.0,) * 5)
@@ -120,17 +120,17 @@ def test_worlds_have_it_too():
     _, first = batch.reset([0])
     rows = np.array([batch.step([[2.0, 0.0, 1.0, 0.0]]).telemetry[0, 0] for _ in range(25)])
     start = initial_state(machine, first[0, [*COLUMN.theta]])
-    way = simulate(machine, start, (2.0, 0.0, 1.0, 0.0), (12.0, 0.0), duration=25 * task.control_period)
-    assert rows[:, [*COLUMN.theta]] == pytest.approx(way.theta[count - 1 :: count], abs=1e-10)
-    assert rows[:, COLUMN.energy.dissipated] == pytest.approx(way.dissipated.reshape(-1, count).sum(axis=1), abs=1e-10)
+    run = simulate(machine, start, (2.0, 0.0, 1.0, 0.0), (12.0, 0.0), duration=25 * task.control_period)
+    assert rows[:, [*COLUMN.theta]] == pytest.approx(run.theta[count - 1 :: count], abs=1e-10)
+    assert rows[:, COLUMN.energy.dissipated] == pytest.approx(run.dissipated.reshape(-1, count).sum(axis=1), abs=1e-10)
     dynamic = BASELINE.clutch.dynamic.torque(2.0) * (1.0 - np.exp(-0.25 / BASELINE.clutch.time_constant))
     assert rows[-1, COLUMN.mode] == 0.0
     assert abs(rows[-1, COLUMN.torque.x1]) == pytest.approx(dynamic, rel=1e-9)
 
 
-def test_what_is_refused():
+def test_negative_friction_of_an_axis_is_refused():
     for name in ("dry_a", "dry_b", "viscous_a", "viscous_b"):
-        with pytest.raises(ParameterError, match=rf"Arm\.{name} must be a finite number and ≥ 0"):
+        with pytest.raises(ParameterError, match=rf"Arm\.{name}"):
             replace(BASELINE.arm, **{name: -1e-9})
     stiff = model_of(replace(BASELINE, arm=replace(BASELINE.arm, viscous_a=100.0))).arm
     usual = model_of(BASELINE).arm

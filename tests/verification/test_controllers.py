@@ -243,7 +243,7 @@ def test_steering(gains: SingleDof | VelocityRatio) -> None:
     assert (found > 0.0).mean() > 0.2
 
 
-def test_the_engaged_clutch_is_kept_with_reluctance() -> None:
+def test_steering_prefers_the_engaged_clutch() -> None:
     obs = observations(400)
     obs[:, LAYOUT.index("progress")] = 0.5  # all of one episode
     fickle, stubborn = (
@@ -283,7 +283,7 @@ def test_the_integral_of_the_pace_adds_to_the_brake_and_begins_again() -> None:
 
 
 @pytest.mark.parametrize("kind", [Impedance, TorqueFeedback, SingleDof, VelocityRatio])
-def test_a_grip_engages_all_clutches_at_the_start_and_only_there(kind: Any) -> None:
+def test_a_grip_engages_all_clutches_only_at_the_start(kind: Any) -> None:
     batch = Batch(BASELINE, PathFollowing(), 3)
     obs, _ = batch.reset([0, 1, 2])
     gripping, plain = (kind(grip=grip, pace_integral=0.0).bind(BASELINE, batch.layout) for grip in (4.0, 0.0))
@@ -412,7 +412,7 @@ def test_the_table_ends_at_the_largest_voltage_of_the_machine(top: float) -> Non
     )
 
 
-def test_what_does_not_fit_is_refused() -> None:
+def test_observations_of_other_sensors_are_refused() -> None:
     encoders = observation_layout(BASELINE, "encoders")
     with pytest.raises(ParameterError, match="sensors"):
         TorqueFeedback().bind(BASELINE, encoders)
@@ -423,7 +423,7 @@ def test_what_does_not_fit_is_refused() -> None:
 
 @pytest.mark.parametrize("kind", [*CONTROLLERS.values(), partial(Impedance, grip=5.0)])
 @pytest.mark.parametrize("gone", range(4))
-def test_a_clutch_that_is_not_there_gets_no_voltage(kind: Any, gone: int) -> None:
+def test_an_absent_clutch_gets_no_voltage(kind: Any, gone: int) -> None:
     scale = tuple(0.0 if x == gone else 1.0 for x in range(4))
     machine = replace(BASELINE, clutch_scale=scale)
     layout = observation_layout(machine, "torque")
@@ -435,7 +435,7 @@ def test_a_clutch_that_is_not_there_gets_no_voltage(kind: Any, gone: int) -> Non
 
 
 @pytest.mark.parametrize("gone", range(4))
-def test_the_clutches_that_are_there_take_over(gone: int) -> None:
+def test_existing_clutches_replace_absent_ones(gone: int) -> None:
     """The allocation is that of the clutches that are there: the torques come as close as theirs can."""
     scale = tuple(0.0 if x == gone else 1.0 for x in range(4))
     machine = replace(BASELINE, clutch_scale=scale)

@@ -180,7 +180,7 @@ def test_angles_are_those_of_the_tasks() -> None:
         np.testing.assert_allclose(turns, turns.round(), atol=1e-12)
 
 
-def test_what_a_simulated_arm_does_is_displayable() -> None:
+def test_simulated_forces_are_displayable() -> None:
     """Random voltages: at every control instant, the clutches' force is within the region of the tip's velocity."""
     batch = Batch(BASELINE, PathFollowing(), 16)
     rows = simulate(batch, Random(seed=3), range(16), 200)[1:].reshape(-1, len(TELEMETRY))

@@ -95,7 +95,7 @@ def test_along_its_line_only_its_clutch_does_not_slip(speed):
         assert mode_of(speed * a, speed * b) == ClutchMode(1 + number)
 
 
-def test_there_are_a_hundred_thousand_problems():
+def test_there_are_100000_friction_problems():
     assert sum(map(len, FAMILIES)) >= 100_000
 
 
@@ -219,7 +219,7 @@ RECORDED_AGREEMENT = {0: (1.0, 1.0), 1: (1.0, 1.0), 2: (0.985, 0.955), 3: (0.909
 """By number of engaged clutches: shares of random states at rest on which the two agree, as in verification.md."""
 
 
-def random_situation(rng: np.random.Generator, kind: str, engaged: int) -> paper_rule.Situation:
+def random_situation(rng: np.random.Generator, kind: str, engaged: int) -> paper_rule.ClutchProblem:
     """A state at rest, on a clutch's line or in a sector, with a load up to 1.5 times what the clutches can hold.
 
     Breakaway torques uniform in 5 … 60 N·m, T_s/T_k = 1.15, M11, M22, c of the order of PTER's, slips of 0.1 rad/s
@@ -244,10 +244,10 @@ def random_situation(rng: np.random.Generator, kind: str, engaged: int) -> paper
     with np.errstate(divide="ignore"):
         reach = np.min(np.abs(normals @ W.T) @ breakaway / np.abs(normals @ direction))
     load = direction * rng.uniform(0.0, 1.5) * (reach if engaged > 1 else 30.0)
-    return paper_rule.Situation(np.array([[m11, m12], [m12, m22]]), load, slip, breakaway, breakaway / 1.15)
+    return paper_rule.ClutchProblem(np.array([[m11, m12], [m12, m22]]), load, slip, breakaway, breakaway / 1.15)
 
 
-def agrees(now: paper_rule.Situation, step: float = 1e-6) -> bool:
+def agrees(now: paper_rule.ClutchProblem, step: float = 1e-6) -> bool:
     """Same mode after a step too short for any moving clutch to stop, and the same acceleration to 1e-6."""
     answer = paper_rule.decide(now)
     omega = now.slip[:2]

@@ -310,7 +310,7 @@ def test_whole_numbers_in_a_machine_are_numbers():
     np.testing.assert_array_equal(found.volts, expected.volts)
 
 
-def test_the_derivative_holds_on_both_sides_of_each_switch():
+def test_derivatives_hold_on_both_sides_of_each_switch():
     """Between two states of which one divides its kick, bisection finds the switch; 10⁻⁵ either side of it the
     derivative along the line is that of a difference that does not cross it."""
     rng, seen = np.random.default_rng(6), 0
@@ -412,7 +412,7 @@ def test_second_derivatives_are_refused() -> None:
         jax.hessian(reached)(jax.numpy.ones(2))
 
 
-def test_a_diverging_motion_is_told():
+def test_a_diverging_motion_raises():
     given = drawn(BASELINE, 3, seed=0)
     fast = replace(given["state"], omega=np.array([1e200, 1e200]))
     with pytest.raises(DivergenceError):

@@ -31,7 +31,7 @@ KINDS: dict[str, dict[str, Any]] = {
 }
 
 
-def rode(env: Any, state: Any, obs: Any, gains: Any, shifts: Any) -> Any:
+def simulated(env: Any, state: Any, obs: Any, gains: Any, shifts: Any) -> Any:
     """Observations, rewards and ends of worlds, each under a linear policy of its own with shifts."""
     space = env.action_space()
     middle, half = 0.5 * (space.low + space.high), 0.5 * (space.high - space.low)
@@ -54,10 +54,10 @@ def drawn(env: Any, steps: int) -> tuple[Any, Any, Any, Any]:
 
 
 @pytest.mark.parametrize("wide", [False, True], ids=["32 bits", "64 bits"])
-def test_a_step_has_the_bits_of_the_door(wide: bool) -> None:
+def test_a_step_has_the_bits_of_jax_env(wide: bool) -> None:
     with jax.enable_x64(wide):
         ours, (theirs, _) = make("PTER/Standard-v0")[0], jax_env.make("PTER/Standard-v0", sensors="encoders")
-        found = [jax.jit(partial(rode, env))(*drawn(env, 60)) for env in (ours, theirs)]
+        found = [jax.jit(partial(simulated, env))(*drawn(env, 60)) for env in (ours, theirs)]
     assert np.asarray(found[0][2]).sum() > WORLDS
     for one, other in zip(*found, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -84,10 +84,10 @@ def test_the_gradient_by_a_policy_is_that_of_paired_runs(kind: str, wide: bool) 
         state, obs, gains, shifts = drawn(env, 4)
         rng = np.random.default_rng(2)
         by = jnp.asarray(0.1 * rng.normal(size=(4, *obs.shape)), float)
-        run = jax.jit(lambda gains: rode(env, state, obs, gains, shifts))
+        run = jax.jit(lambda gains: simulated(env, state, obs, gains, shifts))
 
         def total(gains: Any) -> Any:
-            seen, rewards, _ = rode(env, state, obs, gains, shifts)
+            seen, rewards, _ = simulated(env, state, obs, gains, shifts)
             return (by * seen).sum() + rewards.sum()
 
         gradient = np.asarray(jax.jit(jax.grad(total))(gains), float)
@@ -162,7 +162,7 @@ def test_a_gradient_through_the_end_of_an_episode_raises() -> None:
         ({"episode_end": "ignore"}, "episode_end"),
     ],
 )
-def test_what_has_no_derivative_is_refused(wrong: dict[str, Any], told: str) -> None:
+def test_environments_without_a_derivative_are_refused(wrong: dict[str, Any], told: str) -> None:
     with pytest.raises(ParameterError, match=told):
         make(**wrong)
 

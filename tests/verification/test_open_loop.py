@@ -28,13 +28,13 @@ def test_rows_and_constants_mean_the_same() -> None:
     np.testing.assert_array_equal(constant.power, constant.torque * constant.slip_velocity)
 
 
-def test_a_diverging_motion_is_told() -> None:
+def test_a_diverging_motion_raises() -> None:
     coarse = replace(BASELINE, substep=0.01)
     with pytest.raises(DivergenceError, match="substep"):
         simulate(coarse, initial_state(coarse, (0.0, 0.3), (1000.0, -1000.0)), (0.0,) * 4, (0.0, 0.0), duration=5.0)
 
 
-def test_so_fast_a_motion_is_told_in_its_first_steps() -> None:
+def test_an_overflowing_motion_raises_at_once() -> None:
     with pytest.raises(DivergenceError, match="substep"):
         simulate(BASELINE, initial_state(BASELINE, (0.0, 0.3), (1e160, -1e160)), (0.0,) * 4, (0.0, 0.0), duration=0.01)
 

@@ -25,7 +25,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from oracle import event_driven
-from oracle.plants import Scenario, draw, plant
+from oracle.plants import VoltageStep, draw, plant
 from oracle.substep import BEYOND
 from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.params import BASELINE, Clutch, Hand, Machine
@@ -48,30 +48,30 @@ MACHINES: dict[str, Machine] = {
 }
 
 
-def ours(machine: Machine, scenario: Scenario, step: float):
+def ours(machine: Machine, scenario: VoltageStep, step: float):
     machine = replace(machine, substep=step)
     start = initial_state(machine, scenario.theta, scenario.omega, scenario.volts_before)
     time = step * (np.arange(round(DURATION / step)) + 0.5)
     return simulate(machine, start, scenario.volts, scenario.force(time), hand_target=TARGET)
 
 
-def sequence(motion: event_driven.Motion) -> list:
+def sequence(motion: event_driven.ExactMotion) -> list:
     """Modes in order, without the edges of the band."""
     return [mode for mode, _ in itertools.groupby((phase.stuck, phase.sign) for phase in motion.phases)]
 
 
-def reference(machine: Machine, scenario: Scenario, edge: float = BEYOND) -> event_driven.Motion:
+def reference(machine: Machine, scenario: VoltageStep, edge: float = BEYOND) -> event_driven.ExactMotion:
     arm = replace(plant(machine, scenario, TARGET), edge=edge)
     return event_driven.integrate(arm, scenario.theta, scenario.omega, GRID)
 
 
-def grazes(machine: Machine, scenario: Scenario, exact: event_driven.Motion) -> bool:
+def grazes(machine: Machine, scenario: VoltageStep, exact: event_driven.ExactMotion) -> bool:
     others = (reference(machine, replace(scenario, scale=scale)) for scale in (0.995, 1.005))
     return any(sequence(other) != sequence(exact) for other in others)
 
 
 @functools.cache
-def kept(name: str) -> list[tuple[Scenario, event_driven.Motion]]:
+def kept(name: str) -> list[tuple[VoltageStep, event_driven.ExactMotion]]:
     """Scenarios that move and do not graze, with their reference."""
     machine, rows = MACHINES[name], []
     for scenario in map(draw, SCENARIOS):

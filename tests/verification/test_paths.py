@@ -221,7 +221,7 @@ def test_a_spline_that_turns_back_on_itself_is_refused(points: Any, tmp_path: Fi
         read_path(file)
 
 
-def test_a_curve_is_looked_at_so_often_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_evaluations_of_a_curve_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pter_gym.paths._shapes.MAX_EVALUATIONS", 20)
     with pytest.raises(ParameterError, match="20"):
         _ = Spline(points=WAYPOINTS).arcs
@@ -241,11 +241,11 @@ def test_a_waypoint_is_of_numbers_that_a_path_can_have(point: Any) -> None:
         ("x_mm,y_mm\n1,2\n2,3\n", "column x"),
         ("1,2,3,4\n2,3,4,5\n", "column x"),
         ("x,y\n0.1,0.5\n\n2000,0.5\n", "line 4"),
-        ("x,y\n0.1,0.5\n", "2 to 4096"),
-        ("x,y\n0.1,0.5\n0.1,0.5\n", "line 3 repeats"),
-        ("x,y\n0.1,0.5\n0.2,nan\n", "line 3: y must be a finite number"),
-        ("x,y\n0.1,0.5\n0.2\n", "line 3: y must be a finite number"),
-        ("x,y\n0.1,0.5\nleft,0.5\n", "line 3: x must be a finite number, got 'left'"),
+        ("x,y\n0.1,0.5\n", "points"),
+        ("x,y\n0.1,0.5\n0.1,0.5\n", "line 3"),
+        ("x,y\n0.1,0.5\n0.2,nan\n", "line 3.*y"),
+        ("x,y\n0.1,0.5\n0.2\n", "line 3.*y"),
+        ("x,y\n0.1,0.5\nleft,0.5\n", "line 3.*x"),
     ],
 )
 def test_bad_csv_paths_are_refused(tmp_path: File, text: str, message: str) -> None:
@@ -253,7 +253,7 @@ def test_bad_csv_paths_are_refused(tmp_path: File, text: str, message: str) -> N
     file.write_text(text)
     with pytest.raises(ParameterError, match=message):
         read_path(file)
-    with pytest.raises(ParameterError, match="cannot be read"):
+    with pytest.raises(ParameterError, match="path"):
         read_path(tmp_path / "missing.csv")
 
 

@@ -63,7 +63,7 @@ def test_a_step_pays_what_the_page_says_from_the_first_on(volts: float, weights:
         np.testing.assert_allclose(seen[1:, TELEMETRY.index(f"reward_{name}")], values, rtol=1e-9, atol=1e-12)
 
 
-def test_who_waits_at_the_start_pays_from_the_end_of_the_allowance_on() -> None:
+def test_waiting_at_the_start_costs_after_the_allowance() -> None:
     task = PathFollowing(hand=MultiSineHand(push=0.0, amplitudes=(0.0,) * 5))
     batch = Batch(BASELINE, task, 1, telemetry=True)
     batch.reset([3])

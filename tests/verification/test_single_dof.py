@@ -15,7 +15,7 @@ import pytest
 
 from oracle import event_driven
 from oracle.friction import LINE, W
-from oracle.plants import Scenario, plant
+from oracle.plants import VoltageStep, plant
 from pter_gym._physics.friction import ClutchMode
 from pter_gym._physics.open_loop import Trajectory, initial_state, simulate
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL
@@ -78,7 +78,7 @@ def test_a_clutch_gives_way_at_its_breakaway_torque(small, held):
 
 
 @pytest.mark.parametrize(("small", "held"), PAIRS)
-def test_it_then_drops_to_the_dynamic_torque(small, held):
+def test_torque_drops_to_the_dynamic_torque_after_breakaway(small, held):
     run, _ = ramp(small, held)
     slipping = np.flatnonzero(np.abs(run.slip_velocity[:, small]) >= BASELINE.slip_threshold)[0] + 1
     dynamic = BASELINE.clutch.dynamic.torque(small_voltage())
@@ -255,7 +255,7 @@ def test_reversals_that_must_stick_do_stick_among_other_slips():
     for _ in range(8_000):
         volts = rng.integers(0, 2, 4) * rng.uniform(4.0, 9.0, 4)
         nothing = np.zeros((3, 2))
-        scenario = Scenario(
+        scenario = VoltageStep(
             volts, volts, rng.uniform(-np.pi, np.pi, 2), rng.normal(0.0, 1.0, 2), rng.normal(0.0, 20.0, 2),
             nothing, np.zeros(3), np.zeros(3),
         )  # fmt: skip
@@ -274,7 +274,7 @@ def test_reversals_that_must_stick_do_stick_among_other_slips():
     assert missed == 0
 
 
-def change_of_torque(scenario: Scenario, state: np.ndarray) -> float:
+def change_of_torque(scenario: VoltageStep, state: np.ndarray) -> float:
     """Most that the torque to hold a slip changes until it comes to zero: by the velocity term, |δV| ≤ 2|c|Ω|δω|.
 
     |δω| ≤ h·‖M⁻¹‖·(load + torques). What is left for the stuck clutch of a load, across the line on which the arm
@@ -300,7 +300,7 @@ def reversals(run: Trajectory, volts: np.ndarray):
             yield k + 1, x
 
 
-def torque_to_hold(scenario: Scenario, state: np.ndarray, x: int) -> float:
+def torque_to_hold(scenario: VoltageStep, state: np.ndarray, x: int) -> float:
     sign = np.sign(SLIPS @ state[2:])
     sign[x] = 0.0
     phase = event_driven.Phase(x, tuple(sign), inside=tuple(np.arange(4) == x))

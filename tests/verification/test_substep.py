@@ -70,7 +70,7 @@ def seen(body: Any) -> Any:
     return read(body[:, 0].tolist(), BODY, 0)
 
 
-class Part(NamedTuple):
+class KickPart(NamedTuple):
     """What a part of a kick begins with, leads to and lasts."""
 
     before: Motion
@@ -86,9 +86,9 @@ class Part(NamedTuple):
 
 
 @pytest.fixture
-def parts(monkeypatch: pytest.MonkeyPatch) -> list[Part]:
+def parts(monkeypatch: pytest.MonkeyPatch) -> list[KickPart]:
     """The parts of all kicks in this test, as they are taken."""
-    taken: list[Part] = []
+    taken: list[KickPart] = []
 
     def noted(
         q: Motion,
@@ -100,7 +100,7 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> list[Part]:
         arrangement: OptionalArrangement = None,
     ) -> step.Energy:
         energy = kick_energy(q, omega, arm, impact, limit, h, arrangement)
-        taken.append(Part(q, omega, impact, limit, h, energy))
+        taken.append(KickPart(q, omega, impact, limit, h, energy))
         return energy
 
     kick_energy = step.kick_energy
@@ -245,7 +245,7 @@ def test_karnopps_rule_at_the_border_of_its_band():
     assert clutch.capacities(PerClutch(0.0, 1.0, -1.0, 0.0), 0.1, torques) == (10.0, 2.0, 3.0, 40.0)
 
 
-def test_which_clutches_change():
+def test_changing_clutches_are_found():
     """From outside of the band at zero, from inside at its edge if more can be held there."""
     for before, after in [(0.1, -0.001), (-0.2, 5.0), (0.2, 0.0), (-0.1, 0.0)]:
         assert clutch.changes(before, after, 0.1, 2.0, 1.0)
@@ -258,7 +258,7 @@ def test_which_clutches_change():
         assert not clutch.changes(before, after, 0.1, 1.0, 2.0)
 
 
-def test_one_clutch_that_changes_is_enough():
+def test_one_changing_clutch_counts_as_a_change():
     torques = Torques(PerClutch(2.0, 2.0, 2.0, 2.0), PerClutch(1.0, 1.0, 1.0, 1.0))
     stays = PerClutch(1.0, 1.0, 1.0, 1.0)
     assert not clutch.any_changes(stays, stays, 0.1, torques)
@@ -318,7 +318,7 @@ def drawn_torques(seed: int, most: float) -> Torques:
 
 @pytest.mark.parametrize("limit", [0.0, 0.3, 30.0])
 @pytest.mark.parametrize("seed", DRAWS)
-def test_energy_terms_of_each_part_are_those_of_its_change(parts: list[Part], seed: int, limit: float):
+def test_energy_terms_of_each_part_are_those_of_its_change(parts: list[KickPart], seed: int, limit: float):
     q = motion(seed)
     body = body_with(q, drawn_torques(seed, limit), load(seed), arm=RUBBING)
     KICK(body, 1, H)
@@ -358,7 +358,7 @@ def test_without_clutches_the_velocity_is_that_of_the_free_arm(seed: int):
 
 
 @pytest.mark.parametrize("seed", DRAWS)
-def test_a_drift_gains_what_the_mass_matrix_gains_and_two_halves_make_a_whole(seed: int):
+def test_a_drift_gains_the_change_of_the_mass_matrix_and_equals_two_halves(seed: int):
     q, torques = motion(seed), drawn_torques(seed, 5.0)
     body = body_with(q, drawn_torques(seed + 1, 5.0), load(seed))
     store(body, BODY.steady, 0, torques)
@@ -455,7 +455,7 @@ PARTS = {
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("number", range(4))
 @pytest.mark.parametrize("name", SOLOS)
-def test_one_slip_moves_as_in_continuous_time(parts: list[Part], name: str, number: int, sign: float):
+def test_one_slip_moves_as_in_continuous_time(parts: list[KickPart], name: str, number: int, sign: float):
     """M = m·1, so clutch x alone moves the arm along W_x, with the inertia m/|W_x|².
 
     A part has at most twelve roundings of numbers up to the momentum there is, its time four of the kick's, and there
@@ -496,7 +496,7 @@ def test_a_stopped_clutch_tells_what_it_holds_in_the_last_part(name: str):
         assert torque.x1 == -math.copysign(after.limit.x1, after.motion.omega_a)
 
 
-def test_the_first_of_several_changes_divides_a_kick(parts: list[Part]):
+def test_the_first_of_several_changes_divides_a_kick(parts: list[KickPart]):
     """Link A would stop after a fifth of a millisecond, link B after two fifths; each stops at its own time."""
     limit = PerClutch(3.0, 3.0, 0.0, 0.0)
     before = at(0.3, 1.2, 0.2e-3 * 3.0 / SOLO.m11, -0.4e-3 * 3.0 / SOLO.m22)
@@ -511,7 +511,7 @@ def test_the_first_of_several_changes_divides_a_kick(parts: list[Part]):
 
 
 @pytest.mark.parametrize(("share", "count"), [(0.5, 2), (1.0 - 1e-9, 1), (1.0, 1)])
-def test_a_clutch_that_stops_as_the_kick_ends_does_not_divide_it(parts: list[Part], share: float, count: int):
+def test_a_clutch_that_stops_as_the_kick_ends_does_not_divide_it(parts: list[KickPart], share: float, count: int):
     limit = NONE._replace(x1=SOLO.m11 * SPEED / (share * H))
     body = body_with(at(0.3, 1.2, SPEED, 0.0), Torques(limit, limit), Load(*(0.0,) * 6), BAND, SOLO)
     KICK(body, 1, H)
@@ -519,7 +519,7 @@ def test_a_clutch_that_stops_as_the_kick_ends_does_not_divide_it(parts: list[Par
     assert seen(body).motion.omega_a == pytest.approx(0.0, abs=1e-17)
 
 
-def test_a_slip_that_never_ceases_to_slide():
+def test_a_clutch_that_slips_throughout():
     """Those that pass zero exert all they have against the slip of before; the others are solved for as ever."""
     for seed in range(200):
         rng = np.random.default_rng([8, seed])
@@ -555,7 +555,7 @@ def drawn_kick(seed: int) -> tuple[Any, Torques, float]:
     return body_with(q, torques, on, threshold), torques, threshold
 
 
-def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts: list[Part]):
+def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts: list[KickPart]):
     """Whatever changes: at most ``MAX_PARTS``, each against the slip at its end, together the kick."""
     counts = []
     for seed in range(2_000):
@@ -647,7 +647,7 @@ def smallest_inertia(machine: Machine) -> float:
 
 @pytest.mark.parametrize("light", [1.0, 0.01])
 @pytest.mark.parametrize("damping", [0.0, 1.0, 30.0, 1e3, 1e5, 1e7])
-def test_half_of_the_damping_is_implicit_or_so_much_that_no_motion_alternates(damping: float, light: float):
+def test_implicit_damping_prevents_alternating_motion(damping: float, light: float):
     """The share before a kick takes at most the momentum along the slowest motion: h·(1 − s)·b·(lA² + lB²) ≤ μ."""
     inertias = {name: light * getattr(BASELINE.arm, name) for name in ("inertia_a", "inertia_b", "coupling")}
     machine = replace(BASELINE, hand=Hand(damping=damping), arm=replace(BASELINE.arm, **inertias))
@@ -661,17 +661,17 @@ def test_half_of_the_damping_is_implicit_or_so_much_that_no_motion_alternates(da
         assert before == pytest.approx(smallest, rel=1e-6)
 
 
-@pytest.mark.parametrize("field", ["torque_breakaway", "torque_dynamic", "lagged_volts"])
+@pytest.mark.parametrize("field", ["torque_breakaway", "torque_dynamic", "lagged_volts", "heat"])
 def test_one_negative_number_of_a_start_is_refused(field: str):
     start = open_loop.initial_state(BASELINE, (0.5, 2.0), volts=np.full(4, 3.0))
     wrong = np.array(getattr(start, field))
     wrong[2] = -1e-9
-    with pytest.raises(ParameterError, match="heat must be ≥ 0"):
+    with pytest.raises(ParameterError, match=field):
         open_loop.simulate(BASELINE, replace(start, **{field: wrong}), np.zeros(4), np.zeros(2), duration=0.01)
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_friction_finds_the_velocity_that_a_momentum_was_made_for(seed: int):
+def test_friction_inverts_constructed_momenta(seed: int):
     """Backwards: a velocity, and impulses that may go with it, make the momentum; off ties its answer is unique."""
     rng = np.random.default_rng([3, seed])
     for number in range(400):
@@ -691,7 +691,7 @@ def test_friction_finds_the_velocity_that_a_momentum_was_made_for(seed: int):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_load_is_shared_as_the_multipliers_say_that_it_was_made_from(seed: int):
+def test_a_load_is_shared_by_the_multipliers_that_made_it(seed: int):
     """Backwards: the least torques are multipliers on the two axes, limited; they make the load, and are unique."""
     rng = np.random.default_rng([4, seed])
     w = np.array(COUPLING)

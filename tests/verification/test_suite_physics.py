@@ -97,12 +97,12 @@ def test_the_intent_waits_for_a_tip_that_cannot_move() -> None:
 
 def test_a_hand_may_come_with_the_machine_or_with_the_task() -> None:
     held = replace(BASELINE, hand=Hand(mass=1.0))
-    with pytest.raises(ParameterError, match=r"Machine\.hand must be none"):
+    with pytest.raises(ParameterError, match=r"Machine\.hand"):
         Batch(held, PathFollowing(hand=HumanArm()))
-    with pytest.raises(ParameterError, match=r"impedance\.stiffness must be > 0"):
+    with pytest.raises(ParameterError, match=r"impedance\.stiffness"):
         HumanArm(impedance=Hand(mass=1.0))
     stiff = HumanArm(impedance=Hand(mass=0.5, stiffness=1e6))
-    with pytest.raises(ParameterError, match=r"hand\.stiffness must be ≤"):
+    with pytest.raises(ParameterError, match=r"hand\.stiffness"):
         Batch(BASELINE, PathFollowing(hand=stiff))
 
 
@@ -121,7 +121,7 @@ def test_a_recording_in_microseconds_is_refused_before_memory_is_taken() -> None
     hand = RecordedForces(times=(0.0, 1e6, 2e6), along=(40.0,) * 3, across=(0.0,) * 3)
     tracemalloc.start()
     try:
-        with pytest.raises(ParameterError, match=r"times must be in seconds, up to 10000 s"):
+        with pytest.raises(ParameterError, match="times"):
             Batch(BASELINE, replace(TASK, hand=hand))
         assert tracemalloc.get_traced_memory()[1] < 5e6
     finally:
@@ -137,8 +137,8 @@ def test_a_recording_in_microseconds_is_refused_before_memory_is_taken() -> None
         ("time,along\n0,1\n", "column across"),
         ("time,along,across\n0.1,1,1\n0.2,1,1\n", "line 2"),
         ("time,along,across\n0,1,1\n0.2,1,1\n0.1,1,1\n", "line 4"),
-        ("time,along,across\n0,1,1\n10,1,1\n20,1,1\n", "are these seconds"),
-        ("time,along,across\n0,1,inf\n", "line 2: across must be a finite number"),
+        ("time,along,across\n0,1,1\n10,1,1\n20,1,1\n", "time"),
+        ("time,along,across\n0,1,inf\n", "line 2.*across"),
         ("time,along,across\n", "time"),
     ],
 )
@@ -225,10 +225,10 @@ def test_sensors_are_late_by_whole_control_steps(delay: int) -> None:
     ("field", "value"), [("delay", 3), ("delay", 0.5), ("angle_resolution", -1.0), ("velocity_noise", math.inf)]
 )
 def test_bad_sensing_is_named(field: str, value: float) -> None:
-    with pytest.raises(ParameterError, match=rf"Sensing\.{field} must be"):
+    with pytest.raises(ParameterError, match=rf"Sensing\.{field}"):
         Sensing(**{field: value})  # pyright: ignore[reportArgumentType]
 
 
 def test_recordings_are_checked() -> None:
-    with pytest.raises(ParameterError, match=r"RecordedForces\.along must be a tuple of 2"):
+    with pytest.raises(ParameterError, match=r"RecordedForces\.along"):
         RecordedForces(times=(0.0, 1.0), along=(1.0,), across=(1.0, 2.0))

@@ -185,7 +185,7 @@ def test_an_intent_gathers_speed_with_the_least_jerk():
     assert [intent_speed(t, 0.5, 2.0) for t in (0.0, 0.125, 0.25, 0.5, 0.75, 9.0)] == [0.0, 0.3125, 1.0, 2.0, 2.0, 2.0]
 
 
-def test_a_hand_that_does_nothing_by_itself():
+def test_a_passive_hand():
     *numbers, amplitude, phase, half_turn = NO_FORCE
     assert numbers == 7 * [0.0]
     assert amplitude == phase == (0.0,) * 5
@@ -222,14 +222,14 @@ def test_the_strongest_force_that_a_hand_can_have(hand: Any, force: float):
 # --- what a control step pays ---
 
 
-def test_what_a_pace_earns_and_costs():
+def test_reward_and_cost_of_a_pace():
     ratios = (-1.0, 0.0, 0.5, 1.0, 2.0, 60.0)
     assert [pace_share(ratio) for ratio in ratios] == pytest.approx([0.0, 0.0, 0.125, 1.0, 1 / 16, 60.0**-4])
     assert [pace_cost(ratio) for ratio in ratios] == [5.0, 5.0, 2.5, 0.0, 1.0, 49.0]
 
 
 @pytest.mark.parametrize("failed", [False, True])
-def test_each_term_is_what_its_weight_says(failed: bool):
+def test_each_reward_term_is_scaled_by_its_weight(failed: bool):
     at = PathState(0.0, -0.03, -0.03, unit(0.0), 0.0, PathVector(0.0, 0.0))
     volts = PerClutch(1.0, 2.0, 3.0, 4.0)
     seen = Outcome(
@@ -261,7 +261,7 @@ def test_each_term_is_what_its_weight_says(failed: bool):
     assert total(terms) == pytest.approx(sum(expected))
 
 
-def test_weights_of_the_reward_as_they_come():
+def test_each_weight_of_the_reward():
     weights = {name: getattr(RewardWeights(), name) for name in Terms._fields}
     assert {name: weight for name, weight in weights.items() if weight != 0.0} == {
         "tracking": 1000.0,
@@ -299,7 +299,7 @@ def test_the_allowance_is_for_the_first_hundredth_of_a_path():
 # --- what is observed and told ---
 
 
-def test_an_observation_holds_what_it_says():
+def test_an_observation_has_the_declared_entries():
     q = Motion(0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
     at = PathState(0.3, 0.004, 0.004, unit(0.2), 7.0, PathVector(0.8, 0.9))
     volts, torque, force = PerClutch(1.0, 2.0, 3.0, 4.0), PerClutch(5.0, 6.0, 7.0, 8.0), PathVector(9.0, 10.0)
@@ -328,7 +328,7 @@ def test_an_observation_holds_what_it_says():
         assert observation(q, at._replace(offset=error), 1.5, 0.4, volts, torque, force).near_error == near
 
 
-def test_what_is_told_of_machine_and_task():
+def test_observed_context_of_machine_and_task():
     twice = Clutch(
         breakaway=BASELINE.clutch.breakaway.scaled(2.0), dynamic=BASELINE.clutch.dynamic.scaled(3.0), time_constant=0.07
     )

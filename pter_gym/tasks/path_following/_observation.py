@@ -30,7 +30,7 @@ CURVATURE_SCALE = 5.0
 
 
 @dataclass(frozen=True)
-class Seen(Entry):
+class ObsEntry(Entry):
     """The declaration of an observation entry, and the ``sensors`` that it needs."""
 
     sensors: tuple[Sensors, ...] = get_args(Sensors)
@@ -47,23 +47,25 @@ class Observation(NamedTuple):
     Entries that only some sensors provide come last, so the positions of the others do not depend on the sensors.
     """
 
-    cos_a: Annotated[float, Seen("1", "cosine of link A's angle")]
-    sin_a: Annotated[float, Seen("1", "sine of link A's angle")]
-    cos_b: Annotated[float, Seen("1", "cosine of link B's angle")]
-    sin_b: Annotated[float, Seen("1", "sine of link B's angle")]
-    omega_a: Annotated[float, Seen("rad/s", "angular velocity of link A", OMEGA_SCALE)]
-    omega_b: Annotated[float, Seen("rad/s", "angular velocity of link B", OMEGA_SCALE)]
-    normal_error: Annotated[float, Seen("m", "distance from the path's free band, positive to the left", ERROR_SCALE)]
-    near_error: Annotated[float, Seen("m", "distance from the path itself, limited to the scale", ERROR_SCALE)]
-    progress: Annotated[float, Seen("1", "arc length of the tip's projection on the path, over the path's length")]
-    heading: Annotated[UnitVector, Seen("1", "the path's heading at the tip's projection")]
-    curvature: Annotated[float, Seen("1/m", "curvature of the path there, positive to the left", CURVATURE_SCALE)]
-    speed: Annotated[PathVector, Seen("m/s", "the tip's velocity", SPEED_SCALE)]
-    pace: Annotated[float, Seen("m/s", "commanded mean speed along the path", SPEED_SCALE)]
-    pace_error: Annotated[float, Seen("1", "speed along the path over the commanded pace, less 1")]
-    volts: Annotated[PerClutch, Seen("V", "last voltage", largest_voltage)]
-    torque: Annotated[PerClutch, Seen("N·m", "generated torque", TORQUE_SCALE, sensors=("torque", "force"))]
-    force: Annotated[PathVector, Seen("N", "the hand's force", FORCE_SCALE, sensors=("force",))]
+    cos_a: Annotated[float, ObsEntry("1", "cosine of link A's angle")]
+    sin_a: Annotated[float, ObsEntry("1", "sine of link A's angle")]
+    cos_b: Annotated[float, ObsEntry("1", "cosine of link B's angle")]
+    sin_b: Annotated[float, ObsEntry("1", "sine of link B's angle")]
+    omega_a: Annotated[float, ObsEntry("rad/s", "angular velocity of link A", OMEGA_SCALE)]
+    omega_b: Annotated[float, ObsEntry("rad/s", "angular velocity of link B", OMEGA_SCALE)]
+    normal_error: Annotated[
+        float, ObsEntry("m", "distance from the path's free band, positive to the left", ERROR_SCALE)
+    ]
+    near_error: Annotated[float, ObsEntry("m", "distance from the path itself, limited to the scale", ERROR_SCALE)]
+    progress: Annotated[float, ObsEntry("1", "arc length of the tip's projection on the path, over the path's length")]
+    heading: Annotated[UnitVector, ObsEntry("1", "the path's heading at the tip's projection")]
+    curvature: Annotated[float, ObsEntry("1/m", "curvature of the path there, positive to the left", CURVATURE_SCALE)]
+    speed: Annotated[PathVector, ObsEntry("m/s", "the tip's velocity", SPEED_SCALE)]
+    pace: Annotated[float, ObsEntry("m/s", "commanded mean speed along the path", SPEED_SCALE)]
+    pace_error: Annotated[float, ObsEntry("1", "speed along the path over the commanded pace, less 1")]
+    volts: Annotated[PerClutch, ObsEntry("V", "last voltage", largest_voltage)]
+    torque: Annotated[PerClutch, ObsEntry("N·m", "generated torque", TORQUE_SCALE, sensors=("torque", "force"))]
+    force: Annotated[PathVector, ObsEntry("N", "the hand's force", FORCE_SCALE, sensors=("force",))]
 
 
 OBS = rows(Observation)
@@ -96,7 +98,7 @@ def observation_layout(machine: Machine | str | None, sensors: Sensors, told: La
     brought = (
         field
         for leaf, field in zip(leaves(Observation), layout_of(Observation, machine).fields, strict=True)
-        if isinstance(leaf.entries[0], Seen) and sensors in leaf.entries[0].sensors
+        if isinstance(leaf.entries[0], ObsEntry) and sensors in leaf.entries[0].sensors
     )
     return Layout((*brought, *(told.fields if told else ())))
 

@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from pter_gym._internal.checks import whole_number
-from pter_gym.benchmark._loading import load_policy
+from pter_gym.benchmark._load_policy import load_policy
 from pter_gym.errors import unknown_name
 from pter_gym.policies import TrainedPolicy, read_policy
 from pter_gym.scenarios import find_scenario

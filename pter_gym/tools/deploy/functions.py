@@ -125,5 +125,5 @@ def observe(
 
 @device
 def command(law: Any, obs: Any, scales: Any, gains: Any, memory: Any, voltage_max: float) -> PerClutch:
-    """Return the voltages [V] that go to the clutches: a law's, within the bounds."""
+    """Return the voltages [V] for the clutches: those of a law, clipped to the bounds."""
     return clipped(law(obs, scales, gains, memory), voltage_max)

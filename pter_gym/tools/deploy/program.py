@@ -31,7 +31,7 @@ from pter_gym.tasks.path_following import PathFollowing, observation_layout
 from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Observation
 from pter_gym.tools.deploy.functions import arctangent, command, cosine, encoder, observe, sine
 from pter_gym.tools.deploy.translating import Program
-from pter_gym.tools.deploy.values import Array, Expression, Region, Table
+from pter_gym.tools.deploy.values import Array, ConstantTable, Expression, Region
 
 STATIC = Path(__file__).parent / "static"
 
@@ -122,8 +122,8 @@ def source_of(
         raise ParameterError(f"policies must be laws or trained policies to become C, {name!r} is Python code")
     top = machine.clutch.voltage_max
     program = Program(ELEMENTARY, single=numbers == "float")
-    gains = Table(bound.gains, tuple(regions(bound.gains, steps)))
-    scales = Table(layout.scales, (Region("observation_scales", 0, len(layout)),))
+    gains = ConstantTable(bound.gains, tuple(regions(bound.gains, steps)))
+    scales = ConstantTable(layout.scales, (Region("observation_scales", 0, len(layout)),))
     obs, memory = (
         Array("float", "observation", "real" if program.single else "single"),
         Array("real", "memory", const=False),

@@ -33,10 +33,10 @@ from pter_gym.tools.deploy.values import (
     SUM,
     UNARY,
     Array,
+    ConstantTable,
     Expression,
     Observed,
     Region,
-    Table,
     Unsupported,
     bound,
     fields_of,
@@ -135,7 +135,7 @@ class Program:
         known: dict[str, Any] = {}
         passed: dict[str, Any] = {}
         for name, value in given.arguments.items():
-            varies = is_number(value) or not (is_known(value) or isinstance(value, Table))
+            varies = is_number(value) or not (is_known(value) or isinstance(value, ConstantTable))
             (passed if varies else known)[name] = value
         key = python, tuple(known.items()), tuple((name, self._signature(value)) for name, value in passed.items())
         if key not in self.functions:
@@ -193,7 +193,7 @@ class Program:
             self.kinds.append(kind)
         return name_of(kind)
 
-    def looked_up(self, table: Table, at: Expression) -> Expression:
+    def looked_up(self, table: ConstantTable, at: Expression) -> Expression:
         """Return a number of a table at a place that only the running program knows."""
         first = at.shift + at.least
         region = next((each for each in table.regions if each.first <= first < each.last), None)
@@ -210,7 +210,7 @@ class Program:
             else Expression("real", f"{self.literal(step, 'real')} * {text}", PRODUCT)
         )
 
-    def keep(self, table: Table, region: Region) -> None:
+    def keep(self, table: ConstantTable, region: Region) -> None:
         """Keep a region of a table as an array of C."""
         kind = "single" if region.element == "float" else "real"
         values = table.values[region.first : region.last].tolist()
@@ -513,7 +513,7 @@ class _Body:
         return (self._length(owner),) if name == "shape" else getattr(owner, name)
 
     def _length(self, owner: Any) -> Any:
-        if isinstance(owner, Table):
+        if isinstance(owner, ConstantTable):
             return len(owner.values)
         if not isinstance(owner, Array):
             return len(owner)
@@ -574,7 +574,7 @@ class _Body:
         """Return an entry of an array, a table, a record or a tuple."""
         if isinstance(owner, Array):
             return self.program.stored(self._entry(owner, at), owner.step, owner.reads)
-        if isinstance(owner, Table):
+        if isinstance(owner, ConstantTable):
             return float(owner.values[at]) if is_known(at) else self.program.looked_up(owner, at)
         parts = self._entries(owner)
         if is_known(at):
@@ -590,7 +590,7 @@ class _Body:
         return tuple(Expression(kind, f"{bound(owner, ATOM)}.{name}") for name, kind in fields_of(owner.kind))
 
     def _sliced(self, owner: Any, first: Any, last: Any) -> Any:
-        if isinstance(owner, Table):
+        if isinstance(owner, ConstantTable):
             for each in owner.regions:
                 if each.element != "real" and each.first <= first and last <= each.last:
                     self.program.keep(owner, each)

@@ -62,7 +62,7 @@ class Array:
 
 
 class Region(NamedTuple):
-    """A named part of a table, ``first`` … ``last`` − 1, which C keeps as an array of its own."""
+    """Entries ``first`` … ``last`` − 1 of a table, a separate array in C."""
 
     name: str
     first: int
@@ -72,24 +72,24 @@ class Region(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
-    """Known numbers; those in regions may be looked up by the running program."""
+class ConstantTable:
+    """Constants; the running program may index those in regions."""
 
     values: NDArray[np.float64]
     regions: tuple[Region, ...] = ()
 
-    def part(self, first: int, last: int) -> "Table":
+    def part(self, first: int, last: int) -> "ConstantTable":
         """Return a part of the table."""
         inside = (each for each in self.regions if first <= each.first and each.last <= last)
         moved = (each._replace(first=each.first - first, last=each.last - first) for each in inside)
-        return Table(self.values[first:last], tuple(moved))
+        return ConstantTable(self.values[first:last], tuple(moved))
 
 
 def is_known(value: Any) -> bool:
     """Return whether no part of a value is of the running program."""
     if isinstance(value, tuple):
         return all(map(is_known, cast("tuple[Any, ...]", value)))
-    return not isinstance(value, Expression | Array | Table)
+    return not isinstance(value, Expression | Array | ConstantTable)
 
 
 def is_number(value: Any) -> bool:

@@ -16,7 +16,8 @@ from pter_gym._version import __version__
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.boards import Leaderboard, leaderboards
 from pter_gym.benchmark.episodes import find_episodes
-from pter_gym.benchmark.runs import ScenarioRun, evaluate
+from pter_gym.benchmark.runs import evaluate
+from pter_gym.benchmark.scores import ScenarioRun
 from pter_gym.benchmark.simulation import AnyPolicy, record_episode, time_limit
 from pter_gym.errors import unknown_name
 from pter_gym.policies._stored_gains import make_guided

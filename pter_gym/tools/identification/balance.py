@@ -45,9 +45,9 @@ COARSE = tuple(product(TIME_CONSTANTS[1::3], DELAYS[:2], KNEES[1:4:2]))
 
 @dataclass(frozen=True)
 class Balance:
-    """The best regression: the share of the load that it leaves, its numbers, and its place in the grid.
+    """The best regression: the unexplained share of the load, the coefficients, and the grid point.
 
-    Its numbers are the inertias, the coupling, dry and viscous friction of both axes, four slopes and the curvature.
+    They are the inertias, the coupling, dry and viscous friction of both axes, four slopes and the curvature.
     """
 
     left: float

@@ -81,9 +81,9 @@ class LogInputs:
     force: Array
 
     def volts(self, delay: float) -> tuple[Array, Array]:
-        """Return the mean voltage of each substep [V] a time [s] after it was recorded, and its derivative by that.
+        """Return the mean voltage of each substep [V], delayed by a time [s], and its derivative by the delay.
 
-        Both of shape (substeps in all, 4).
+        Both have the shape (substeps, 4).
         """
         interval = self.step * self.substeps
         held = np.diff(self.charge, axis=0) / interval

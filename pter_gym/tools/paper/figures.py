@@ -233,11 +233,11 @@ def table_comparison(table: Mapping[str, tuple[float, ...]]) -> Figure:
     figure = Figure(figsize=(style.WIDTH, 2.9))
     panels = figure.subplots(1, 3, sharey=True)
     rows = range(len(PAPER_TABLE))
-    ours, papers = np.array([table[model] for model in PAPER_TABLE]), np.array(list(PAPER_TABLE.values()))
+    ours, published = np.array([table[model] for model in PAPER_TABLE]), np.array(list(PAPER_TABLE.values()))
     dots: dict[str, Any] = {"linestyle": "none", "markersize": 6.5}
     diamonds = dots | {"color": style.REFERENCE, "marker": "D", "markerfacecolor": "white", "capsize": 4.0}
     name = f"paper ± {style.percent(TABLE_TOLERANCE)}"
-    for axes, (what, unit), our, paper in zip(panels, COLUMNS, ours.T, papers.T, strict=True):
+    for axes, (what, unit), our, paper in zip(panels, COLUMNS, ours.T, published.T, strict=True):
         axes.errorbar(paper, rows, xerr=TABLE_TOLERANCE * paper, elinewidth=1.2, **diamonds, label=name)
         axes.plot(our, rows, color=style.COLOURS[0], marker="o", **dots, label="simulated")
         for row in rows:

@@ -140,9 +140,9 @@ def table1(study: Study) -> dict[str, dict[str, float]]:
 def table1_columns(study: Study) -> Columns:
     """Table I beside the paper's."""
     columns: dict[str, ArrayLike] = {"model": list(study.table1)}
-    ours, papers = np.array(list(study.table1.values())), np.array([PAPER_TABLE[name] for name in study.table1])
+    ours, published = np.array(list(study.table1.values())), np.array([PAPER_TABLE[name] for name in study.table1])
     for k, key in enumerate(TABLE_KEYS):
-        columns |= {key: ours[:, k], f"paper_{key}": papers[:, k]}
+        columns |= {key: ours[:, k], f"paper_{key}": published[:, k]}
     return columns
 
 

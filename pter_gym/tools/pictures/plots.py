@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
 from pter_gym.benchmark.boards import PACE_ERROR, UNRANKED, Leaderboard, Standing
 from pter_gym.benchmark.intervals import performance_profile
-from pter_gym.benchmark.runs import ScenarioRun
+from pter_gym.benchmark.scores import ScenarioRun
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.scenarios import PACES, find_pace, title_of_pace

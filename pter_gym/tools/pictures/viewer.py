@@ -116,11 +116,11 @@ class WorldsViewer:
 
     @property
     def ready(self) -> bool:
-        """Whether all worlds have been seen."""
+        """Whether all worlds have telemetry."""
         return all(self._trails)
 
-    def see(self, rows: Array, worlds: NDArray[np.bool_] | None = None) -> None:
-        """Record telemetry (N, len(TELEMETRY)) after a step, or of the worlds that were reset."""
+    def update(self, rows: Array, worlds: NDArray[np.bool_] | None = None) -> None:
+        """Record telemetry (N, len(TELEMETRY)) after a step, or only for the given worlds after their reset."""
         for world in range(len(rows)) if worlds is None else np.flatnonzero(worlds).tolist():
             self._rows[world] = rows[world]
             if self._rows[world, COLUMN.time] == 0.0:

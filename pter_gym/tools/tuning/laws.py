@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from pter_gym._internal.checks import is_finite
-from pter_gym.benchmark._naming import find_policy, is_code
+from pter_gym.benchmark._find_policy import find_policy, is_code
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.benchmark.tuned import SUFFIX, TUNABLE
 from pter_gym.controllers import PaceSchedule

@@ -9,7 +9,7 @@ from pter_gym._commands.arguments import AnyPace, MachineName, PathName
 from pter_gym._internal.terminal import say
 from pter_gym.errors import ParameterError
 
-HIGHEST_PORT = 65535
+MAX_PORT = 65535
 
 
 def play(
@@ -41,8 +41,8 @@ def play(
     from pter_gym.tools.web.site import HOST, make_server
     from pter_gym.tools.web.tables import tables
 
-    if not 0 <= port <= HIGHEST_PORT:
-        raise ParameterError(f"port must be a whole number within [0, {HIGHEST_PORT}], got {port}")
+    if not 0 <= port <= MAX_PORT:
+        raise ParameterError(f"port must be a whole number within [0, {MAX_PORT}], got {port}")
     try:
         own = None if machine is None else find_machine(machine)
         made = None if machine is path is pace is None else tables(own, path, pace)

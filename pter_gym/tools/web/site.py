@@ -18,6 +18,8 @@ from pter_gym.policies import shipped_policies
 from pter_gym.policies._files import SHIPPED
 
 STATIC = Path(__file__).parent / "static"
+MODULE = STATIC / "pter.wasm"
+TABLES = STATIC / "pter.json"
 
 HOST = "127.0.0.1"
 
@@ -74,8 +76,6 @@ def make_server(
 
 def _tables(made: Mapping[str, Any]) -> dict[str, bytes]:
     """Return the tables of a page by their address."""
-    from pter_gym.tools.web.tables import TABLES
-
     return {TABLES.name: json.dumps({**json.loads(TABLES.read_bytes()), **made}).encode()}
 
 

@@ -18,8 +18,8 @@ from pter_gym._engine.step import INSTANT
 from pter_gym._engine.world import CONFIG, ROW, ROWS
 from pter_gym._internal.palette import clutch_name
 from pter_gym._physics.friction import ClutchMode
+from pter_gym.benchmark._find_policy import find_policy
 from pter_gym.benchmark._measures import PRICE, SEGMENTS
-from pter_gym.benchmark._naming import find_policy
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS, Policy
 from pter_gym.hands import MultiSineHand, Operator, RecordedForces
@@ -35,13 +35,10 @@ from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, conte
 from pter_gym.tasks.path_following._rules import ALLOWANCE, START
 from pter_gym.tasks.path_following._specification import MAX_CURVATURE_RATIO, largest_error_max
 from pter_gym.tools.web.kernels import MAX_ARCS
-from pter_gym.tools.web.site import STATIC
 
 VOLTAGE_MAX = BASELINE.clutch.voltage_max
 """The largest voltage of a page [V]: of its sliders, and of its policies."""
 
-MODULE = STATIC / "pter.wasm"
-TABLES = STATIC / "pter.json"
 
 POINTER = RecordedForces(times=(0.0,), along=(0.0,), across=(0.0,))
 """A hand whose recording a page goes on writing while the world moves."""

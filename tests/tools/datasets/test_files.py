@@ -87,7 +87,7 @@ def test_the_same_command_writes_the_same_bytes_over_what_is_there(folder: Path,
     assert digests(tmp_path) == digests(folder)
 
 
-def test_without_a_folder_they_go_where_minari_looks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_data_sets_go_to_minaris_folder_by_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
     assert main(["record", "--scenario", "standard", "--level", "random", "--steps", "1"]) == 0
     assert minari.load_dataset("pter/standard/random-v0").total_episodes == 1
@@ -102,7 +102,7 @@ def test_the_page_loads_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     run_program(blocks, str(DATA))
 
 
-def test_a_full_disk_leaves_the_data_of_before(
+def test_a_full_disk_keeps_the_earlier_data(
     folder: Path, episodes: list[RecordedEpisode], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(folder, tmp_path, dirs_exist_ok=True)

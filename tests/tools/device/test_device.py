@@ -28,14 +28,14 @@ def test_a_free_arm_has_the_impedance_of_its_mass():
     assert found == pytest.approx(mass * 2.0 * math.pi * FREQUENCY, rel=0.05)
 
 
-def test_an_arm_that_its_own_drag_holds_does_not_move():
+def test_an_arm_held_by_drag_does_not_move():
     curve = replace(BASELINE.clutch.dynamic, off_state=20.0)
     machine = replace(BASELINE, clutch=replace(BASELINE.clutch, breakaway=curve, dynamic=curve))
     assert _free_impedance(machine, THETA) == math.inf
 
 
 @pytest.mark.slow
-def test_an_examination_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
+def test_examine_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
     pytest.importorskip("optuna")
     machine = replace(BASELINE, clutch=ACTUATORS["rough-mr-brake"].clutch)
     said: list[str] = []
@@ -62,6 +62,6 @@ def test_bad_arguments_are_refused_before_anything_is_written(tmp_path: Path, op
     assert not (tmp_path / "out").exists()
 
 
-def test_an_unknown_device_is_told_the_nearest(tmp_path: Path):
+def test_an_unknown_device_suggests_the_nearest(tmp_path: Path):
     with pytest.raises(ParameterError, match="particle-brake"):
         examine_device("particle-break", tmp_path / "out")

@@ -149,7 +149,7 @@ def test_a_log_without_noise_gives_the_machine_back(clutches: str):
 
 
 @pytest.mark.slow
-def test_what_no_clutch_shows_is_named_and_kept():
+def test_unobservable_clutch_numbers_are_named_and_kept():
     log = record_log(OTHER, replace(SHORT, levels=(4.0, 10.0)), Recorder(delay=0.006))
     first = int(np.flatnonzero(log.volts[:, 2])[0])  # what comes before was recorded without clutches 3 and 4
     found = identify(rows_of(log, slice(0, first)), BASELINE)
@@ -208,7 +208,7 @@ def drawn_machine(rng: np.random.Generator) -> Machine:
 
 @pytest.mark.long
 @pytest.mark.parametrize("number", range(10))
-def test_what_is_identified_of_any_machine_is_within_five_percent(number: int):
+def test_identified_values_are_within_five_percent(number: int):
     """Encoders of 12 or 14 bit, forces with noise, up to 20 ms of delay; at most one interval in twenty fails."""
     rng = np.random.default_rng([18, number])
     machine = drawn_machine(rng)

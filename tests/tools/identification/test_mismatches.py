@@ -2,8 +2,8 @@
 
 import pytest
 
-from oracle.mismatched import CASES, IN_THE_MODEL, Case
-from oracle.recorded import Recorded
+from oracle.mismatched import CASES, IN_THE_MODEL, Mismatch
+from oracle.recorded import RecordedMachine
 from pter_gym.params import BASELINE
 from pter_gym.tools.identification import Identification, identify
 
@@ -15,12 +15,12 @@ STIFF = 0.02
 TERMS = ("off_state", "stribeck", "fall_ratio")
 
 
-def wrong(case: Case, found: Identification) -> dict[str, str]:
+def wrong(case: Mismatch, found: Identification) -> dict[str, str]:
     """Numbers that are called identified and outside their intervals."""
     true, said = case.true_values(found.fit.shape.top), dict[str, str]()
     for finding in found.findings:
         q = finding.quantity
-        slack = STIFF if isinstance(case.machine, Recorded) else case.slack
+        slack = STIFF if isinstance(case.machine, RecordedMachine) else case.slack
         off = abs(q.value - true[q.name])
         if finding.status == "identified" and off > finding.half_width + slack * q.scale:
             said[q.name] = f"{off:.3g} > {finding.half_width:.3g} {q.unit}"
@@ -31,7 +31,7 @@ def wrong(case: Case, found: Identification) -> dict[str, str]:
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[] if name in IN_THE_GATE else pytest.mark.long) for name in CASES]
 )
-def test_nothing_wrong_is_called_identified(name: str):
+def test_wrong_values_are_never_called_identified(name: str):
     case = CASES[name]
     found = identify(case.log(), BASELINE)
     assert wrong(case, found) == {}

@@ -10,19 +10,19 @@ from functools import cache
 import numpy as np
 import pytest
 
-from oracle.recorded import Recorded, record
+from oracle.recorded import RecordedMachine, record
 from pter_gym.params import BASELINE
 from pter_gym.tools.identification import Experiment, Identification, Log, Recorder, identify, record_log
 from pter_gym.tools.identification.parameters import Shape
 from pter_gym.tools.identification.verdict import other_readings
 from pter_gym.tools.identification.windows import smooth
 
-RUBBING = Recorded(dry=(0.4, 0.3), viscous=(0.2, 0.1))
+RUBBING = RecordedMachine(dry=(0.4, 0.3), viscous=(0.2, 0.1))
 
 BROKEN = {
-    "torque that grows with the slip": Recorded(growth=0.15),
-    "hysteresis": Recorded(hysteresis=1.0),
-    "flexible links": Recorded(link=5000.0),
+    "torque that grows with the slip": RecordedMachine(growth=0.15),
+    "hysteresis": RecordedMachine(hysteresis=1.0),
+    "flexible links": RecordedMachine(link=5000.0),
 }
 
 
@@ -30,7 +30,7 @@ def states(found: Identification) -> set[str]:
     return {finding.status for finding in found.findings}
 
 
-def true_values(machine: Recorded) -> dict[str, float]:
+def true_values(machine: RecordedMachine) -> dict[str, float]:
     return {
         "inertia_a": machine.inertias[0],
         "inertia_b": machine.inertias[1],
@@ -48,8 +48,10 @@ def true_values(machine: Recorded) -> dict[str, float]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("machine", [Recorded(), RUBBING], ids=["no friction of the axes", "friction of the axes"])
-def test_a_machine_of_the_models_kind_is_explained(machine: Recorded):
+@pytest.mark.parametrize(
+    "machine", [RecordedMachine(), RUBBING], ids=["no friction of the axes", "friction of the axes"]
+)
+def test_a_machine_of_the_models_kind_is_explained(machine: RecordedMachine):
     """Each number is within 2 % of its scale, which is what the stiff springs of the generator may change."""
     found = identify(record(machine), BASELINE)
     assert found.verdict.explained
@@ -63,7 +65,7 @@ def test_a_machine_of_the_models_kind_is_explained(machine: Recorded):
 
 @pytest.mark.long
 @pytest.mark.parametrize("machine", BROKEN.values(), ids=BROKEN)
-def test_a_machine_of_another_kind_is_not(machine: Recorded):
+def test_a_machine_outside_the_model_is_not_explained(machine: RecordedMachine):
     found = identify(record(machine), BASELINE)
     assert not found.verdict.explained
     assert "identified" not in states(found)
@@ -72,7 +74,7 @@ def test_a_machine_of_another_kind_is_not(machine: Recorded):
 @pytest.mark.slow
 def test_breakaways_are_judged_by_themselves():
     """Where one clutch has a ratio of its own, windows that show it are not explained, and the clutch is named."""
-    found = identify(record(Recorded(ratios=(1.1, 1.0, 1.0, 1.0))), BASELINE)
+    found = identify(record(RecordedMachine(ratios=(1.1, 1.0, 1.0, 1.0))), BASELINE)
     (ratio,) = [each for each in found.findings if each.quantity.name == "breakaway_ratio"]
     assert found.verdict.explained
     assert not found.verdict.breakaways_explained
@@ -82,7 +84,7 @@ def test_breakaways_are_judged_by_themselves():
 
 @pytest.mark.slow
 def test_a_log_in_pounds_is_a_warning():
-    found = identify(replace(record(Recorded()), force=record(Recorded()).force / 4.448), BASELINE)
+    found = identify(replace(record(RecordedMachine()), force=record(RecordedMachine()).force / 4.448), BASELINE)
     assert found.verdict.explained
     (hint,) = found.verdict.hints
     assert "lbf" in hint
@@ -147,7 +149,7 @@ def wandering() -> Log:
 
 @pytest.mark.long
 @pytest.mark.parametrize("make", [sines, wandering, READINGS["--relative-b"]])
-def test_nonsense_ends_in_a_verdict(make: Callable[[], Log]):
+def test_a_nonsense_log_ends_in_a_verdict(make: Callable[[], Log]):
     found = identify(make(), BASELINE)
     assert not found.verdict.explained
     assert found.verdict.hints
@@ -155,7 +157,7 @@ def test_nonsense_ends_in_a_verdict(make: Callable[[], Log]):
 
 
 @pytest.mark.slow
-def test_what_no_free_number_moves_is_kept_and_few_rows_are_too_few():
+def test_unmoved_numbers_are_kept_and_too_few_rows_refused():
     """Four seconds without clutches show inertias at best, and not enough for them."""
     found = identify(rows_of(good(), slice(0, 1450)), BASELINE)
     for finding in found.findings:

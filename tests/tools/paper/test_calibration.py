@@ -24,7 +24,7 @@ def points(count: int) -> np.ndarray:
     return np.concatenate([rng.random((count, len(SPACE))), rng.integers(0, 2, (count, len(SPACE))).astype(float)])
 
 
-def test_many_candidates_at_once_give_the_same_table():
+def test_run_cases_gives_table_1():
     setups = [setup_of(preset) for preset in (decode(points(1)[0]), STUDY)]
     found = calibration.quality_of(setups, calibration.FIRST_LOOK)
     sweeps = time_constant_sweep(setups[1], setups[1].time_constants[calibration.FIRST_LOOK])

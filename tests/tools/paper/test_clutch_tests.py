@@ -90,7 +90,7 @@ def test_step_response_is_first_order(name):
         assert -1.0 / rate == pytest.approx(PAPER_MACHINES[name].clutch.time_constant, rel=1e-6)
 
 
-def test_a_lag_of_the_voltage_is_not_first_order_where_the_curve_bends():
+def test_a_lagged_voltage_is_not_a_first_order_torque_on_a_curved_characteristic():
     bent = TorqueCurve(slope=0.4, knee=0.0, curvature=0.2)
     clutch = replace(BASELINE.clutch, breakaway=bent.scaled(1.2), dynamic=bent)
     pure, other = (

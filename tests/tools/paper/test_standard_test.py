@@ -80,7 +80,7 @@ def test_equal_peaks_change_the_size_of_the_torques_alone():
     assert machines["baseline"] == BASELINE
 
 
-def test_gain_zero_is_impedance_control_and_the_gain_has_the_papers_unit():
+def test_gain_zero_is_impedance_control_and_gains_have_the_papers_unit():
     sweep = gain_sweep(SETUP, gains=[0.0, 0.06])
     controllers = {"": IMPEDANCE, "feedback": replace(CONTROLLER, feedback=0.06 / INCH_POUND)}
     runs = run_standard_test(controllers, machine=BASELINE, time_constants=[0.105], task=Setup().task).runs
@@ -101,7 +101,7 @@ def test_the_line_is_followed_from_its_start_to_its_end(study):
         assert column(run.telemetry, "arc_length")[-1] >= path.length
 
 
-def test_what_is_refused_names_its_field():
+def test_errors_name_their_field():
     with pytest.raises(ParameterError, match="machines"):
         Setup(machines={})
     with pytest.raises(ParameterError, match="feedback"):

@@ -42,9 +42,9 @@ def test_a_picture_has_the_size_that_was_asked_for(width: int, height: int):
 
 @pytest.mark.parametrize(("field", "bad"), [("width", 0), ("height", 2.5), ("height", "wide"), ("width", 10**5)])
 def test_a_bad_size_is_refused(field: str, bad: Any):
-    with pytest.raises(ParameterError, match=f"{field} must be a whole number"):
+    with pytest.raises(ParameterError, match=field):
         gymnasium.make(ID, **{**SMALL, field: bad})
-    with pytest.raises(ParameterError, match=f"{field} must be a whole number"):
+    with pytest.raises(ParameterError, match=field):
         make_vec(2, **{field: bad})
 
 
@@ -63,7 +63,7 @@ def test_many_worlds_give_a_picture_each():
 
 
 @pytest.mark.parametrize(("name", "drawn"), [(ID, {}), ("PTER/Everything-v0", {"contexts": 3, "action_unit": "volt"})])
-def test_a_world_among_many_looks_as_it_does_alone(name: str, drawn: dict[str, Any]):
+def test_a_world_is_drawn_the_same_among_many(name: str, drawn: dict[str, Any]):
     """With its own machine, task and trail, in each episode."""
     many = make_vec(2, name, max_episode_steps=4, **drawn)
     alone: Any = gymnasium.make(name, **SMALL, max_episode_steps=4, **drawn)
@@ -115,7 +115,7 @@ def test_rendering_changes_nothing_else():
 
 @pytest.mark.parametrize("copied", [deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["deepcopy", "pickle"])
 @pytest.mark.parametrize("make", [lambda: gymnasium.make(ID, **SMALL), lambda: make_vec(2)], ids=["one", "many"])
-def test_what_has_been_rendered_can_be_copied(make: Callable[[], Any], copied: Callable[[Any], Any]):
+def test_rendered_environments_can_be_copied(make: Callable[[], Any], copied: Callable[[Any], Any]):
     env = make()
     env.reset(seed=1)
     env.step(env.action_space.sample())

@@ -66,7 +66,7 @@ def test_pictures_are_new_arrays_and_depend_on_the_state_only(viewer: Viewer):
         "terminated": 1.0,
     }.items(),
 )
-def test_each_quantity_shows(viewer: Viewer, name: str, value: float):
+def test_each_quantity_changes_the_picture(viewer: Viewer, name: str, value: float):
     shown = draw(viewer, volts_1=5.0)
     assert (draw(viewer, volts_1=5.0, **{name: value}) != shown).any()
 

@@ -9,7 +9,7 @@ import pytest
 
 from pter_gym.benchmark import Assessment, Examination
 from pter_gym.benchmark._examination import MISSING, RESERVE
-from pter_gym.benchmark._naming import find_policy
+from pter_gym.benchmark._find_policy import find_policy
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, find_tuned, read_table
 from pter_gym.controllers import CONTROLLERS, Controller, Impedance, PaceSchedule
@@ -40,7 +40,7 @@ def told_by(storage: Path) -> list[tuple[int, Any, float]]:
     return [(trial.number, trial.params, trial.value) for trial in trials_in(storage)]
 
 
-def test_penalties_grow_without_a_jump() -> None:
+def test_penalties_are_continuous() -> None:
     good = Assessment(0.02, 1.0, 0.05, 0.1)
     assert good.value == 0.02
     for field, at_limit, step in (
@@ -109,7 +109,7 @@ def test_only_trials_that_keep_up_are_judged_on_all_draws(tmp_path: Path, monkey
         assert judge(exam, make_guided("impedance", gains_at(trials[-1].params, 0.5))).value == value
 
 
-def test_a_full_disk_is_told_and_the_search_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_reported_and_the_search_continues(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 

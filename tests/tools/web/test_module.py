@@ -17,7 +17,7 @@ import web_module
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import World
 from pter_gym._internal.palette import PICTURE
-from pter_gym.benchmark._naming import find_policy
+from pter_gym.benchmark._find_policy import find_policy
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.hands import read_forces
@@ -30,7 +30,8 @@ from pter_gym.scenarios import SCENARIOS
 from pter_gym.scenarios._variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._specification import MAX_CURVATURE_RATIO
-from pter_gym.tools.web.tables import MODULE, PATHS, STATIC, TABLES, pages_batch
+from pter_gym.tools.web.site import MODULE, STATIC, TABLES
+from pter_gym.tools.web.tables import PATHS, pages_batch
 
 HERE = Path(__file__).parent
 
@@ -97,7 +98,7 @@ def test_the_page_has_the_colours_of_the_pictures() -> None:
     assert dict(re.findall(r"--([\w-]+): (#\w+);", light)).items() >= PICTURE.items()
 
 
-def test_the_module_asks_for_nothing_and_holds_no_path_of_a_computer() -> None:
+def test_the_module_has_no_imports_and_no_local_paths() -> None:
     data = MODULE.read_bytes()
     assert data[:4] == b"\0asm"
     assert str(Path.home()).encode() not in data
@@ -210,21 +211,21 @@ def test_the_clutches_can_be_adjusted(page: Any, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("mistake", "kind", "told"),
     [
-        ("early", "ResetNeededError", "reset is needed"),
-        ("short", "ActionError", "four numbers"),
-        ("none", "ActionError", "four numbers"),
-        ("nan", "ActionError", "within [0, 24]"),
-        ("high", "ActionError", "within [0, 24]"),
-        ("low", "ActionError", "within [0, 24]"),
-        ("force", "ParameterError", "pointer"),
-        ("pull", "ParameterError", "finite"),
-        ("seed", "ParameterError", "whole number"),
+        ("early", "ResetNeededError", "reset"),
+        ("short", "ActionError", "volts"),
+        ("none", "ActionError", "volts"),
+        ("nan", "ActionError", "volts"),
+        ("high", "ActionError", "volts"),
+        ("low", "ActionError", "volts"),
+        ("force", "ParameterError", "force"),
+        ("pull", "ParameterError", "force"),
+        ("seed", "ParameterError", "seed"),
         ("friction", "ParameterError", "friction"),
         ("time", "ParameterError", "timeConstant"),
         ("machine", "ParameterError", "delrin_experimental"),
         ("path", "ParameterError", "sine"),
-        ("hand", "ParameterError", "one length"),
-        ("pace", "ParameterError", "m/s"),
+        ("hand", "ParameterError", "hand"),
+        ("pace", "ParameterError", "pace"),
         ("law", "ParameterError", "torque-feedback"),
     ],
 )

@@ -5,7 +5,7 @@ import { placed } from "./world.js";
 const FINE = 0.01;
 const SPACING = 4; // points of a stroke are FINE apart, those of the path SPACING times as far
 const SMOOTHED = 4; // each is the mean of so many before and behind it
-const SHORTEST = 0.2;
+const MIN_LENGTH = 0.2;
 const NARROWEST = 0.03;
 const SAMPLES = 257;
 
@@ -18,7 +18,7 @@ const distance = (a, b) => Math.hypot(b[0] - a[0], b[1] - a[1]);
  */
 export function pathThrough(tables, kernels, stroke, arm) {
   const fine = evenly(stroke.filter((point, k) => k === 0 || distance(stroke[k - 1], point) > 0));
-  if (FINE * fine.length < SHORTEST) return `the path must be at least ${SHORTEST} m long`;
+  if (FINE * fine.length < MIN_LENGTH) return `the path must be at least ${MIN_LENGTH} m long`;
   const points = smoothed(fine).filter((_, k, all) => k % SPACING === 0 && k <= all.length - 1 - SPACING / 2);
   points.push(fine.at(-1));
   const { arc: width, arcs: most } = tables.widths;

@@ -13,7 +13,7 @@ import { invitation, millimetres, sentence, verdict } from "./words.js";
 
 const byId = (id) => document.getElementById(id);
 const LAGS = [10, 200];
-const SHORTEST_PUSH = 20; // control steps
+const MIN_PUSH = 20; // control steps
 const SLOWEST_FRAME = 0.1; // [s]; what a frame takes longer is not caught up
 const POINT_SPACING = 0.012; // of a drawn path [m]
 
@@ -138,7 +138,7 @@ class Page {
   async compare(pair = null) {
     const number = ++this.#made;
     const present = this.trials[0];
-    if (present?.live && present.rows.length > SHORTEST_PUSH) this.push = present.recording;
+    if (present?.live && present.rows.length > MIN_PUSH) this.push = present.recording;
     const both = pair ?? [this.settings, { ...this.settings, control: this.settings.other }];
     const trials = await Promise.all(both.map((each) => this.workshop.trial({ ...each, hand: "paper" }, this.push)));
     if (number !== this.#made) return;

@@ -51,7 +51,7 @@ def test_gains_are_those_of_the_scenario_and_the_papers_change_in_the_damper_alo
         (3, "policies"),
     ],
 )
-def test_what_cannot_be_found_is_named_as_it_was_written(name: Any, match: str) -> None:
+def test_unknown_policies_are_named_as_written(name: Any, match: str) -> None:
     with pytest.raises(ParameterError, match=match):
         find_policy(name)
 
@@ -98,7 +98,7 @@ BAD: list[tuple[str, Any]] = [
 
 
 @pytest.mark.parametrize(("field", "value"), BAD)
-def test_what_cannot_be_run_is_refused_by_the_name_of_its_field(field: str, value: Any) -> None:
+def test_bad_arguments_of_run_scenario_are_named(field: str, value: Any) -> None:
     given: dict[str, Any] = {"scenario": "standard", "policies": "free", "paces": "brisk", "episodes": 1}
     with pytest.raises(ParameterError, match=field):
         run_scenario(**{**given, field: value})
@@ -120,5 +120,5 @@ print(*sorted(set(sys.modules) - before))
 """
     found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split()
     ours = {name.removeprefix("pter_gym.benchmark.") for name in found if name.startswith("pter_gym.benchmark.")}
-    assert ours == {"_from_sb3", "_loading", "_naming", "simulation", "tuned"}
+    assert ours == {"_from_sb3", "_load_policy", "_find_policy", "simulation", "tuned"}
     assert not {"scipy", "rich"} & set(found)

@@ -4,7 +4,7 @@ import os
 from typing import Any, cast
 
 from pter_gym._internal.files import FilePath
-from pter_gym.benchmark._naming import find_policy
+from pter_gym.benchmark._find_policy import find_policy
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.envs._acting import ActingPolicy
 from pter_gym.scenarios import find_scenario
