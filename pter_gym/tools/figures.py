@@ -35,8 +35,8 @@ MARKERS: tuple[Any, ...] = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*
 DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (4, 1.5, 1, 1.5)), (0, (1.5, 1.2)))
 
 
-SIDES = np.array([(0.0, 1.0), (0.0, -1.0), (-1.0, 0.0), (1.0, 0.0)])
-"""Where a name may stand, seen from a point of its line: above, below, to the left, to the right."""
+SIDES = np.array([(x, y) for x in (0.0, -1.0, 1.0) for y in (1.0, -1.0, 0.0)])
+"""Where a name may stand, seen from a point of its line: above, below, beside it."""
 
 
 class Look(NamedTuple):
@@ -128,7 +128,7 @@ def legend_of(figure: Figure, axes: Axes, note: str | None = None) -> None:
 def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
     """Write the name of each line beside it, or show a legend if one finds no room; a note goes below all panels."""
     figure.draw_without_rendering()  # lays out the panels
-    frame, gap = axes.get_window_extent(), 0.04 * figure.dpi
+    frame, gap = axes.get_window_extent(), 0.055 * figure.dpi
     lines = {line: _drawn(line) for line in axes.lines if len(line.get_xydata())}
     taken = [_spread(text.get_window_extent()) for text in axes.texts]
     named: list[Any] = []
@@ -154,7 +154,7 @@ def _drawn(line: Any) -> Array:
     """Return points along a line, equally far apart [px]."""
     corners = line.get_transform().transform(line.get_xydata())
     way = np.cumsum(np.hypot(*np.diff(corners, axis=0, prepend=corners[:1]).T))
-    return np.stack([np.interp(np.linspace(0.0, way[-1], 300), way, each) for each in corners.T], axis=1)
+    return np.stack([np.interp(np.linspace(0.0, way[-1], 200), way, each) for each in corners.T], axis=1)
 
 
 def _spread(box: Any) -> Array:
