@@ -140,7 +140,7 @@ def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
         inside = np.all((places - half > frame.min + gap) & (places + half < frame.max - gap), axis=1)
         room = np.where(inside & (_room(places, half, lines[line]) > gap), _room(places, half, *others, *taken), 0.0)
         best = int(room.clip(max=8.0 * gap).argmax())
-        if room[best] < gap:
+        if room[best] < 2.0 * gap:
             for text in named:
                 text.remove()
             return legend_of(figure, axes, note)
