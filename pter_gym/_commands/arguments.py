@@ -19,8 +19,13 @@ else:
     PaceName = Literal[tuple(PACES)]
     """Name of a commanded pace; the help lists all."""
 
-AnyPace = Annotated[str, tyro.conf.arg(metavar=f"{'|'.join(PACES)}|M/S")]
+_PACE = f"{'|'.join(PACES)}|M/S"
+
+AnyPace = Annotated[str, tyro.conf.arg(metavar=_PACE)]
 """A commanded pace, by its name or as a speed [m/s]."""
+
+AnyPaces = Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{_PACE} …", aliases=("--pace",))]
+"""Commanded paces, each as ``AnyPace``."""
 
 PathName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.csv")]
 """A path by its name, or a file of waypoints; None for what is usual."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from pter_gym._commands.arguments import PathName, ScenarioName, split
+from pter_gym._commands.arguments import AnyPaces, PathName, ScenarioName, split
 from pter_gym._internal.plugins import PICTURES, load_artist, registered
 from pter_gym._internal.terminal import progress_bar, say
 from pter_gym.scenarios import PACES, find_scenario
@@ -35,9 +35,7 @@ SAME = ("version", "digest", "seed")
 def benchmark(
     policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME …")] = POLICIES,
     scenario: ScenarioName = "standard",
-    paces: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{'|'.join(PACES)}|M/S …", aliases=("--pace",))] = tuple(
-        PACES
-    ),
+    paces: AnyPaces = tuple(PACES),
     path: PathName = None,
     episodes: Annotated[int | None, tyro.conf.arg(metavar="COUNT")] = None,
     seed: Annotated[int | None, tyro.conf.arg(metavar="NUMBER")] = None,
@@ -53,8 +51,8 @@ def benchmark(
     Example: pter benchmark --policies residual impedance-tuned --episodes 20
 
     Args:
-        policies: Names of controllers and trained policies, paths of exported ones, or FILE.py:attribute or
-            package.module:attribute for your own. Commas may separate them too.
+        policies: Names of controllers and trained policies, paths of exported ones or of gains from `pter tune`, or
+            FILE.py:attribute or package.module:attribute for your own. Commas may separate them too.
         scenario: Scenario whose evaluation episodes are run.
         paces: Commanded paces: slow, medium, brisk, or speeds in m/s.
         path: Path of all episodes instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's name.

@@ -17,7 +17,7 @@ from numba.core.dispatcher import Dispatcher
 from pter_gym._internal.checks import names_in
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym.benchmark.simulation import AnyPolicy
-from pter_gym.benchmark.tuned import TUNED, find_paced, find_tuned
+from pter_gym.benchmark.tuned import TUNED, find_paced, find_tuned, read_gains
 from pter_gym.controllers import CONTROLLERS, Controller
 from pter_gym.errors import ParameterError, nearest, unknown_name
 from pter_gym.policies import read_policy, shipped_policies
@@ -37,7 +37,7 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
 
         - a built-in controller, such as ``impedance``, with a damper for each commanded pace where the paper's gains
           need one;
-        - a controller with tuned gains, such as ``impedance-tuned``;
+        - a controller with tuned gains, such as ``impedance-tuned``, or the file of ``pter tune --out``;
         - a trained policy of the package, such as ``residual``, or the path of an exported one;
         - ``FILE.py:attribute`` or ``package.module:attribute``: a controller or a callable from observations to volts.
           A class is called without arguments. The file is run, or the module imported, in this process, if need be from
@@ -59,6 +59,8 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
         raise ParameterError(f"policies must name an attribute of a file, as in {example}, got {name!r:.200}")
     if is_code(name):
         return _import(name)
+    if name.endswith(".toml"):
+        return read_gains(name, scenario)
     known = (*CONTROLLERS, *TUNED, *shipped_policies())
     if is_path(name) or name in shipped_policies() or (name not in known and name and is_here(name)):
         return read_policy(name)

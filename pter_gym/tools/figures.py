@@ -9,14 +9,18 @@ from pathlib import Path
 from typing import Any, NamedTuple, ParamSpec
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from pter_gym._internal import palette as p
 from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic
 from pter_gym.errors import ParameterError
 from pter_gym.units import to_inch_pounds, to_inches
+
+Array = NDArray[np.float64]
 
 Arguments = ParamSpec("Arguments")
 
@@ -29,6 +33,10 @@ CLUTCH_COLOURS = tuple(map(p.clutch_colour, ((1, 0), (0, 1), (1, -1), (1, 1))))
 COLOURS = p.LINES
 MARKERS: tuple[Any, ...] = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "d", "h", (4, 1, 45), (6, 1, 0))
 DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (4, 1.5, 1, 1.5)), (0, (1.5, 1.2)))
+
+
+SIDES = np.array([(x, y) for x in (0.0, -1.0, 1.0) for y in (1.0, -1.0, 0.0)])
+"""Where a name may stand, seen from a point of its line: above, below, beside it."""
 
 
 class Look(NamedTuple):
@@ -115,6 +123,49 @@ def legend_below(figure: Figure, handles: Sequence[Any], names: Sequence[str], n
 def legend_of(figure: Figure, axes: Axes, note: str | None = None) -> None:
     """Show a legend below all panels, with everything that has a label in one of them."""
     legend_below(figure, *axes.get_legend_handles_labels(), note)
+
+
+def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
+    """Write the name of each line beside it, or show a legend if one finds no room; a note goes below all panels."""
+    figure.draw_without_rendering()  # lays out the panels
+    frame, gap = axes.get_window_extent(), 0.055 * figure.dpi
+    lines = {line: _drawn(line) for line in axes.lines if len(line.get_xydata())}
+    taken = [_spread(text.get_window_extent()) for text in axes.texts]
+    named: list[Any] = []
+    for line, name in zip(*axes.get_legend_handles_labels(), strict=True):
+        named.append(axes.text(0.0, 0.0, name, color=line.get_color(), fontsize=SMALL, ha="center", va="center"))
+        box = named[-1].get_window_extent()
+        half, others = box.size / 2.0, [points for other, points in lines.items() if other is not line]
+        places = (lines[line][::-1, None] + SIDES * (half + 1.5 * gap)).reshape(-1, 2)
+        inside = np.all((places - half > frame.min + gap) & (places + half < frame.max - gap), axis=1)
+        room = np.where(inside & (_room(places, half, lines[line]) > gap), _room(places, half, *others, *taken), 0.0)
+        best = int(room.clip(max=8.0 * gap).argmax())
+        if room[best] < 2.0 * gap:
+            for text in named:
+                text.remove()
+            return legend_of(figure, axes, note)
+        named[-1].set_position(axes.transData.inverted().transform(places[best]))
+        taken.append(_spread(box) - box.min + places[best] - half)
+    figure.supxlabel(note or "", fontsize=SMALL)
+    return None
+
+
+def _drawn(line: Any) -> Array:
+    """Return points along a line, equally far apart [px]."""
+    corners = line.get_transform().transform(line.get_xydata())
+    way = np.cumsum(np.hypot(*np.diff(corners, axis=0, prepend=corners[:1]).T))
+    return np.stack([np.interp(np.linspace(0.0, way[-1], 200), way, each) for each in corners.T], axis=1)
+
+
+def _spread(box: Any) -> Array:
+    """Return points on the long edges of a box [px]."""
+    return np.stack(np.meshgrid(np.linspace(box.x0, box.x1, 9), [box.y0, box.y1]), axis=-1).reshape(-1, 2)
+
+
+def _room(places: Array, half: Array, *points: Array) -> Array:
+    """Return how far boxes at places stay from points [px]."""
+    near = [np.max(np.abs(places[:, None] - each) - half, axis=2).min(axis=1) for each in points]
+    return np.min([np.full(len(places), np.inf), *near], axis=0)
 
 
 def percent(share: float, digits: int = 0, *, signed: bool = False) -> str:

@@ -29,7 +29,7 @@ def test_help_shows_the_choices(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 REFUSED = ["benchmarl", "benchmark --policies impedence", "tune impedence", "fit --out preset.json"]
-REFUSED += ["verify nowhere", "benchmark --paces slw", "benchmark --path mien.csv"]
+REFUSED += ["verify nowhere", "benchmark --paces slw", "benchmark --path mien.csv", "benchmark --policies mine.toml"]
 
 
 @pytest.mark.parametrize("line", REFUSED)

@@ -5,7 +5,6 @@ import dataclasses
 import inspect
 import re
 import shlex
-import shutil
 from pathlib import Path
 
 import fill
@@ -14,8 +13,9 @@ import pytest
 from documents import DOCS, NOTEBOOKS, README, ROOT, blocks_of, cells_of, readme, run_extending, run_program
 from pter_gym import params
 from pter_gym._commands.main import main
-from pter_gym.benchmark.tuned import TABLE
+from pter_gym.benchmark.tuned import read_table
 from pter_gym.params._preset import PRESET, format_preset
+from pter_gym.tools.tuning.gains_file import format_table
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *DOCS.glob("**/*.md")])
 PARAMETER_CLASSES = [item for _, item in inspect.getmembers(params, dataclasses.is_dataclass) if inspect.isclass(item)]
@@ -88,7 +88,8 @@ def test_the_page_on_a_machine_of_ones_own_runs(
     """What it does with a preset and gains; the log of the block before is tested elsewhere."""
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "preset.toml").write_text(format_preset(PRESET, "mine"), "utf-8")
-    shutil.copy(TABLE, tmp_path / "mine" / "gains.toml")
+    gains = {"standard": {"single-dof": read_table()["standard"]["single-dof"]}}
+    (tmp_path / "mine" / "gains.toml").write_text(format_table(gains), "utf-8")
     monkeypatch.chdir(tmp_path)
     run_program(blocks_of(DOCS / "identify.md")[1:], "identify.md")
     assert re.match(r"mine \d.*, arrives in 100 %", capsys.readouterr().out)

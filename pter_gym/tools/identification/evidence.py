@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.tools.identification import parameters as at
-from pter_gym.tools.identification.fit import BLOCK, SINGULAR, Fit
+from pter_gym.tools.identification.fit import SINGULAR, Fit, jackknife
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import COORDINATES
 from pter_gym.tools.identification.shooting import LogInputs
@@ -109,12 +109,9 @@ class Evidence:
         forces = np.sum(np.mean(np.sum(own * self._shaken, axis=2) ** 2, axis=0))
         step = np.sum(own * self._stepped) ** 2
         error = float(np.sqrt(white + forces + step)) / total
-        found = -np.sum(own * self._residual, axis=1)
-        value = float(found.sum()) / total
-        blocks = np.arange(0, len(weights), BLOCK)
-        weight, pull = np.add.reduceat([weights, found - value * weights], blocks, axis=1)
-        jackknife = float(np.linalg.norm(pull / (total * (1.0 + SINGULAR) - weight)))
-        return Amount(value, error, jackknife, along)
+        value = -float(np.sum(own * self._residual)) / total
+        changes, _ = jackknife(self._residual + value * own, own[:, :, None])
+        return Amount(value, error, float(np.linalg.norm(changes)), along)
 
 
 def admit_terms(fit: Fit, finer: LogInputs, kept: dict[int, str]) -> None:

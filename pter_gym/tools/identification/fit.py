@@ -243,25 +243,17 @@ class Fit:
     def covariance(self) -> tuple[Array, float]:
         """Return the covariance of the free coordinates, and by what quantile its roots become a 95 % interval."""
         residual, jacobian = self.weighed()
-        first = np.arange(0, len(residual), BLOCK)
-        gradients = np.add.reduceat(np.einsum("wij,wi->wj", jacobian, residual), first)
-        parts = np.add.reduceat(np.swapaxes(jacobian, 1, 2) @ jacobian, first)
-        information = parts.sum(axis=0)
-        told = gradients.any(axis=1)
+        changes, information = jackknife(residual, jacobian)
         size = np.sqrt(np.maximum(np.diag(information), 1e-30))
-        scale = np.outer(size, size)
-        # how far the coordinates would go without each block; a direction that one block alone shows goes far
-        without = (information - parts[told]) / scale + SINGULAR * np.eye(len(size))
-        changes = _LINEAR.solve(without, (gradients[told] / size)[:, :, None])[:, :, 0] / size
         covariance: Array = changes.T @ changes
-        naive = np.diag(_LINEAR.inv(information / scale + 1e-10 * np.eye(len(size)))) / size**2
+        naive = np.diag(_LINEAR.inv(information / np.outer(size, size) + 1e-10 * np.eye(len(size)))) / size**2
         variance = np.sum(residual**2) / max(self.weights.sum() * residual.shape[1], 1.0)
         places = np.diag_indices_from(covariance)
         covariance[places] = np.maximum(np.diag(covariance), variance * naive)
         covariance += self.spread[np.ix_(self.free, self.free)]
         unseen = size * at.STEPS[self.free] < 1.0
         covariance[unseen, unseen] = UNSEEN
-        return covariance, float(_STATS.t.ppf(0.975, max(int(told.sum()) - len(self.free), 1)))
+        return covariance, float(_STATS.t.ppf(0.975, max(len(changes) - len(self.free), 1)))
 
     def weakest(self) -> Array:
         """Return the change of coordinates of which the log tells least, shape (19,).
@@ -300,6 +292,20 @@ class Fit:
     def moved(self, inputs: LogInputs) -> Array:
         """Return the mean square change [rad²] of each window's angles with other inputs, shape (windows,)."""
         return np.mean(self.change(self.p, inputs) ** 2, axis=1)
+
+
+def jackknife(residual: Array, jacobian: Array) -> tuple[Array, Array]:
+    """Return how far coordinates would go without each block that tells something, to first order; the information.
+
+    A direction that one block alone shows goes far.
+    """
+    first = np.arange(0, len(residual), BLOCK)
+    gradients = np.add.reduceat(np.einsum("wij,wi->wj", jacobian, residual), first)
+    parts = np.add.reduceat(np.swapaxes(jacobian, 1, 2) @ jacobian, first)
+    information, told = parts.sum(axis=0), gradients.any(axis=1)
+    size = np.sqrt(np.maximum(np.diag(information), 1e-30))
+    without = (information - parts[told]) / np.outer(size, size) + SINGULAR * np.eye(len(size))
+    return _LINEAR.solve(without, (gradients[told] / size)[:, :, None])[:, :, 0] / size, information
 
 
 def _finite(angles: Array) -> Array:

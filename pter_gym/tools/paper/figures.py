@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pter_gym.benchmark._measures import column
 from pter_gym.tools import figures as style
-from pter_gym.tools.figures import MILLIMETRE, label, legend_of, styled
+from pter_gym.tools.figures import MILLIMETRE, label, legend_of, name_lines, styled
 from pter_gym.tools.paper.claims import COLUMNS, NAMES, TABLE_TOLERANCE
 from pter_gym.tools.paper.clutch_tests import (
     FORCE_TIME,
@@ -56,7 +56,7 @@ def single_dof_paths(result: Sequence[SingleDofTest]) -> Figure:
     grid = figure.subplots(2, 2)
     for k, (axes, test) in enumerate(zip(grid.flat, result, strict=True)):
         tip = test.trajectory.tip_position
-        axes.plot(*test.line.T, color=GUIDE["color"], linestyle="--", linewidth=1.2, label="single-DOF line")
+        axes.plot(*test.line.T, color=style.MUTED, linestyle="--", linewidth=1.2, label="single-DOF line")
         axes.plot(*tip.T, color=style.COLOURS[0], linewidth=3.0, label="path of the tip")
         axes.plot(*tip[0], color=style.COLOURS[0], marker="o", markersize=6.5, linestyle="none", label="start")
         axes.set_aspect("equal", adjustable="datalim")
@@ -66,7 +66,7 @@ def single_dof_paths(result: Sequence[SingleDofTest]) -> Figure:
             style.inches_above(axes, "x")
         if k % 2:
             style.inches_right(axes, "y")
-    legend_of(figure, grid[0, 0])
+    name_lines(figure, grid[0, 0])
     return figure
 
 
@@ -78,7 +78,7 @@ def single_dof_torques(result: Sequence[SingleDofTest]) -> Figure:
     level = BREAKAWAY_SMALL_VOLTAGE
     for k, (axes, test) in enumerate(zip(grid.flat, result, strict=True)):
         time = test.trajectory.time
-        axes.plot(time, test.input_torque, color=GUIDE["color"], linestyle="-", linewidth=1.2, label="input torque")
+        axes.plot(time, test.input_torque, color=style.MUTED, linestyle="-", linewidth=1.2, label="input torque")
         axes.plot(time, test.torque, color=style.COLOURS[0], label="clutch under test")
         axes.plot(time, np.abs(test.locked_torque), **SECOND, label="locked clutch")
         axes.axhline(level, color=style.REFERENCE, linestyle=":", linewidth=1.0)
@@ -89,7 +89,7 @@ def single_dof_torques(result: Sequence[SingleDofTest]) -> Figure:
         label(axes, "time [s]" if k > 1 else "", "torque [N·m]" if k % 2 == 0 else "")
         if k % 2:
             style.inch_pounds_right(axes)
-    legend_of(figure, grid[0, 0])
+    name_lines(figure, grid[0, 0])
     return figure
 
 
@@ -119,8 +119,8 @@ def torque_over_voltage(result: Mapping[str, MaterialCurves]) -> Figure:
     figure = Figure(figsize=(style.WIDTH, 3.1))
     panels = figure.subplots(1, len(result), sharey=True, squeeze=False)[0]
     dots: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "white", "clip_on": False, "zorder": 3.0}
-    first = {**FIRST, **dots, "marker": "o", "markersize": 7.5, "label": "bench test, first slip"}
-    slipping = {**SECOND, **dots, "marker": "s", "markersize": 4.0, "label": "bench test, slipping"}
+    first = {**FIRST, **dots, "marker": "o", "markersize": 7.5}
+    slipping = {**SECOND, **dots, "marker": "s", "markersize": 4.0}
     for k, (axes, (name, curves)) in enumerate(zip(panels, result.items(), strict=True)):
         axes.axvspan(0.0, MEASURED_FROM, color=style.REFERENCE, alpha=0.07, linewidth=0.0)
         axes.plot(curves.volts, curves.breakaway, **FIRST, label="breakaway $T_s$")
@@ -134,7 +134,7 @@ def torque_over_voltage(result: Mapping[str, MaterialCurves]) -> Figure:
     looks: dict[str, Any] = {"rotation": 90.0, "ha": "center", "va": "top", "transform": transform}
     panels[0].text(MEASURED_FROM / 2.0, 0.97, text, color=style.MUTED, fontsize=style.SMALL, **looks)
     style.inch_pounds_right(panels[-1])
-    legend_of(figure, panels[0])
+    name_lines(figure, panels[0], "bench test: circles at the first slip, squares while slipping")
     return figure
 
 
@@ -160,7 +160,7 @@ def reversal_torques(result: Mapping[str, Reversal]) -> Figure:
     style.inch_pounds_right(whole)
     first = next(iter(result.values()))
     force = f"the force at the tip steps to {first.force:.0f} N at {FORCE_TIME:g} s"
-    legend_of(figure, whole, f"clutch 1 at {first.volts:.2f} V; {force}")
+    name_lines(figure, whole, f"clutch 1 at {first.volts:.2f} V; {force}")
     return figure
 
 
@@ -183,7 +183,7 @@ def error_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
     _draw_sweeps(axes, sweeps, lambda sweep: sweep.position_error / MILLIMETRE, "average position error [mm]")
     style.inches_right(axes, "average position error", MILLIMETRE)
     mark(axes, "manufacturer", (TIME_CONSTANT, 0.0), (4.0, 5.0))
-    legend_of(figure, axes)
+    name_lines(figure, axes)
     return figure
 
 
@@ -195,7 +195,7 @@ def peak_acceleration_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
     _draw_sweeps(axes, sweeps, lambda sweep: sweep.peak_acceleration, "peak tip acceleration [m/s²]")
     style.inches_right(axes, "peak tip acceleration", per="/s²")
     mark(axes, "manufacturer", (TIME_CONSTANT, 0.0), (4.0, 5.0))
-    legend_of(figure, axes)
+    name_lines(figure, axes)
     return figure
 
 
@@ -211,7 +211,7 @@ def way_and_speed_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
     left.autoscale(axis="y")
     style.inches_right(left, "path length of the tip")
     style.inches_right(right, "mean tip speed", per="/s")
-    legend_of(figure, left)
+    name_lines(figure, right)
     return figure
 
 
@@ -290,7 +290,7 @@ def followed_lines(result: Result) -> Figure:
     label(axes, "distance along the line [m]", "distance from the line [mm]")
     style.inches_above(axes, "distance along the line")
     style.inches_right(axes, "distance from the line", MILLIMETRE)
-    legend_of(figure, axes, f"line-following test, τ = {TIME_CONSTANT:g} s")
+    name_lines(figure, axes, f"line-following test, τ = {TIME_CONSTANT:g} s")
     return figure
 
 

@@ -39,8 +39,8 @@ def tune(
         episodes: Training draws for each trial, at least 1.
         storage: Journal file of the trials; its folder must exist.
         seed: Seed of the draws and the search, at least 0.
-        out: TOML file for the best gains of a named controller; its other entries are kept. By default they are only
-            printed.
+        out: TOML file for the best gains of a named controller, which `pter benchmark --policies` and others accept;
+            its other entries are kept. By default they are only printed.
         machine: Clutch material, or the preset of a machine of your own, instead of those that the scenario draws.
     """
     from pter_gym.benchmark._find_policy import is_code

@@ -1,15 +1,17 @@
 """Figures of a scenario's scores: what they show, and files that are the same each time whatever the user has set."""
 
+import itertools
 import sys
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from pter_gym.benchmark import leaderboards, run_scenario
 from pter_gym.errors import ParameterError
-from pter_gym.tools.figures import looks, save
+from pter_gym.tools.figures import looks, name_lines, save
 from pter_gym.tools.pictures import plots
 
 POLICIES, PACES = ["impedance", "free", "locked"], ["slow", "medium"]
@@ -67,3 +69,19 @@ def test_the_same_figure_gives_the_same_bytes(scored, tmp_path: Path):
     with pytest.raises(ParameterError, match="path"):
         save(plots.error_against_pace(boards), tmp_path / "figure.svg")
     assert len(list(tmp_path.iterdir())) == 4
+
+
+@pytest.mark.parametrize("apart", [True, False])
+def test_names_stand_beside_their_lines_or_in_a_legend(apart: bool):
+    figure = Figure()
+    axes, x = figure.add_subplot(), np.linspace(0.0, 1.0, 50)
+    for name, height in {"upper": 1.0, "lower": 0.0}.items():
+        axes.plot(x, x**2 + height * apart, label=name)
+    name_lines(figure, axes)
+    assert [text.get_text() for text in axes.texts] == (["upper", "lower"] if apart else [])
+    assert bool(figure.legends) != apart
+    boxes = [text.get_window_extent() for text in axes.texts]
+    for line in axes.lines:
+        points = line.get_transform().transform(line.get_xydata())
+        assert not any(box.count_contains(points) for box in boxes)
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))

@@ -17,7 +17,7 @@ from pter_gym.errors import DataError, DependencyError, ParameterError, StorageE
 from pter_gym.params import DELRIN_EXPERIMENTAL
 from pter_gym.paths import Circle
 from pter_gym.policies._stored_gains import gains_of, make_guided
-from pter_gym.scenarios import PACES
+from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.tools.tuning.gains_file import add_gains
 from pter_gym.tools.tuning.search import TunedGains, open_journal, tune
 from pter_gym.tools.tuning.spaces import SPACES, Range, gains_at, point_at
@@ -200,6 +200,11 @@ def test_gains_are_written_beside_others_and_found(tmp_path: Path) -> None:
         find_tuned("single-dof-tuned", "standard", path=path)
     with pytest.raises(ParameterError, match="policies"):
         find_tuned("impedence-tuned", "standard", path=path)
+    assert find_policy(str(path), "standard") == PaceSchedule(((PACES["slow"], tuned),))
+    assert find_policy(path, "everything") == fallback
+    for name in (str(path), str(tmp_path / "missing.toml")):
+        with pytest.raises(ParameterError, match="policies"):  # two scenarios, or no file
+            find_policy(name, "paths")
 
 
 @pytest.mark.parametrize(
@@ -287,5 +292,5 @@ def test_gains_for_a_path_of_ones_own_are_stored_and_found(tmp_path: Path) -> No
     given: dict[str, Any] = {"trials": 1, "episodes": 2, "storage": tmp_path / "own.journal"}
     found = tune("impedance", "standard", "0.3", **given, path="circle")
     add_gains(found, tmp_path / "gains.toml")
-    ((pace, law),) = find_tuned("impedance-tuned", "standard-on-circle", path=tmp_path / "gains.toml").knots
+    ((pace, law),) = find_policy(tmp_path / "gains.toml", find_scenario("standard", path="circle").whose_gains).knots
     assert (pace, gains_of(law)["stiffness"]) == (0.3, found.gains["stiffness"])
