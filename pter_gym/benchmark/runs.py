@@ -16,6 +16,7 @@ from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
 from pter_gym.benchmark.simulation import AnyPolicy, run, sensors_of, time_limit
 from pter_gym.controllers import bind
+from pter_gym.controllers._wanted import wanted_forces
 from pter_gym.params import BASELINE, Machine
 from pter_gym.scenarios import PACES, Scenario, find_scenario, name_of_pace
 from pter_gym.tasks.path_following import PathFollowing, observation_layout
@@ -40,7 +41,7 @@ class ScenarioRun:
     digest
         Digest of a scenario of one's own, whose name may be another's; empty for those of the suite.
     strata, scores
-        A label for each episode, and an array with an entry for each episode under the name of each score.
+        A label for each episode, and an array with an entry for each episode under the name of each defined score.
     """
 
     scenario: str
@@ -145,8 +146,15 @@ def evaluate(policy: AnyPolicy, episodes: Episodes, num_threads: int = 2, *, nom
         telemetry = run(batch, acting, episodes.seeds[chunk], limits).telemetry
         for world, limit in enumerate(limits):
             telemetry[limit + 1 :, world] = np.nan
-        return score_episodes(telemetry, tasks, voltage_max=batch.machine.clutch.voltage_max)
+        return score_episodes(
+            telemetry,
+            tasks,
+            voltage_max=batch.machine.clutch.voltage_max,
+            machines=episodes.machines[chunk],
+            wanted=wanted_forces(acting, telemetry, tasks),
+        )
 
     with ThreadPoolExecutor(num_threads if acting.compiled else 1, thread_name_prefix="pter-benchmark") as pool:
         parts = list(pool.map(evaluate_from, range(0, len(episodes), CHUNK)))
-    return {name: np.concatenate([part[name] for part in parts]) for name in SCORES}
+    names = (name for name in SCORES if all(name in part for part in parts))
+    return {name: np.concatenate([part[name] for part in parts]) for name in names}

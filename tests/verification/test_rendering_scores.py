@@ -1,13 +1,23 @@
 """Scores of rendering against series whose scores are known in closed form."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
 from benchmark.handmade import TASK, episode
-from pter_gym.benchmark.scores import score
+from pter_gym._compiled.records import read
+from pter_gym.benchmark.scores import score, score_episodes
+from pter_gym.benchmark.simulation import record_episode
+from pter_gym.controllers import MEMORY, Impedance, bind
+from pter_gym.controllers._gains import NOMINAL, read_gains
+from pter_gym.controllers._laws import observed_tip, pace_integral, steps_before, wanted_force
+from pter_gym.controllers._wanted import wanted_forces
+from pter_gym.errors import ParameterError
+from pter_gym.params import ARRANGEMENTS, BASELINE
+from pter_gym.paths import Circle, Line
 from pter_gym.rendering import (
     force_error,
     impedance,
@@ -17,6 +27,7 @@ from pter_gym.rendering import (
     wall_stiffness,
     z_width,
 )
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, observation_layout
 
 PERIOD = 0.01
 TIME = PERIOD * np.arange(400)
@@ -113,3 +124,58 @@ def test_scores_of_an_episode() -> None:
     assert (found.mean_force_n, found.peak_force_n) == pytest.approx((5.0 * 8.0 / 9.0, 5.0))
     assert found.resisting_force_n == pytest.approx(4.0)
     assert found.spectral_arc_length == pytest.approx(spectral_arc_length(np.ones(90), TASK.control_period))
+
+
+def test_a_brake_of_known_torque_against_the_force_that_a_law_wants() -> None:
+    """Link A along x, B along y: brake A of τ pushes τ/l_A along y, across the path; the law wants −K·e − D·v there."""
+    law = Impedance(stiffness=200.0, damping_normal=10.0, damping_tangential=80.0)
+    length, tau, error, (along, across) = BASELINE.arm.length_a, 3.0, 0.01, (0.3, -0.2)
+    rows = episode(50, theta_b=0.5 * math.pi, torque_1=tau, normal_error=error, arc_length=0.3)
+    rows[:, TELEMETRY.index("tip_velocity_x")], rows[:, TELEMETRY.index("tip_velocity_y")] = along, across
+    rows[0] *= 100.0
+    straight = replace(TASK, path=Line(direction=0.0))
+    acting = bind(law, BASELINE, observation_layout(BASELINE, "torque"))
+    wanted = wanted_forces(acting, rows[:, None], [straight])
+    found = score_episodes(rows[:, None], [straight], machines=[BASELINE], wanted=wanted)
+    assert found["force_error_along_n"] == pytest.approx([80.0 * along])
+    assert found["force_error_across_n"] == pytest.approx([abs(tau / length + 200.0 * error + 10.0 * across)])
+
+
+@pytest.mark.parametrize("name", ["paper's clutches", "other clutches"])
+def test_the_wanted_force_is_the_one_of_the_law(name: str) -> None:
+    """Step by step, from what the law has seen, with every gain that shapes it."""
+    machine = BASELINE if name == "paper's clutches" else replace(BASELINE, clutches=ARRANGEMENTS["couplings-alone"])
+    law = Impedance(pace_fraction=0.7, pace_integral=300.0, grip=3.0)
+    task = PathFollowing(path=Circle(), pace=0.25, error_max=0.1)
+    rows, seen, _ = record_episode(law, machine, task, 1, 200, nominal=machine)
+    acting = bind(law, machine, observation_layout(machine, "torque"))
+    memory, scales = np.zeros(len(MEMORY)), observation_layout(machine, "force").scales
+    expected = []
+    for obs in seen:
+        tip, g = observed_tip(obs, scales, read(acting.gains, NOMINAL, 0)), read_gains(acting.gains, task.pace)
+        gripping = g.grip - steps_before(obs, memory) >= 0.5
+        expected.append(wanted_force(g, tip, task.pace, 0.0 if gripping else pace_integral(g, tip, task.pace, memory)))
+    found = wanted_forces(acting, rows[:, None], [task])
+    np.testing.assert_allclose(found[:, 0], expected, atol=0.02 * np.abs(expected).max())
+    assert np.abs(memory[MEMORY.brake]) > 1.0
+
+
+@pytest.mark.parametrize(("side", "sign"), [("free_left", -1.0), ("free_right", 1.0)])
+def test_a_hand_against_the_edge_of_a_fixture_feels_its_stiffness(side: str, sign: float) -> None:
+    """A spring of 700 N/m into the wall, whatever the push along it; samples outside and just inside do not count."""
+    wall = replace(TASK, path=Line(direction=0.4), **{side: 0.1})
+    depth = np.concatenate([np.zeros(20), np.linspace(5e-5, 9e-5, 10), np.linspace(1e-3, 8e-3, 40)])
+    into = np.where(depth > 1e-4, 700.0 * depth, 50.0)
+    x = 30.0 * math.cos(0.4) - sign * into * math.sin(0.4)
+    y = 30.0 * math.sin(0.4) + sign * into * math.cos(0.4)
+    rows = episode(69, force_x=x, force_y=y, normal_error=sign * depth, arc_length=0.2)
+    assert score(rows, wall).wall_stiffness_n_m == pytest.approx(700.0)
+    assert score(rows[:30], wall).wall_stiffness_n_m == 0.0, "never touched"
+    assert score(rows, TASK).wall_stiffness_n_m is None
+    assert score(rows, wall).force_error_across_n is None, "nobody says which force was wanted"
+
+
+@pytest.mark.parametrize(("wanted", "machines"), [(np.zeros((9, 1, 2)), [BASELINE]), (np.zeros((10, 1, 2)), [])])
+def test_wanted_forces_that_do_not_fit_are_refused(wanted: np.ndarray, machines: list) -> None:
+    with pytest.raises(ParameterError, match="wanted"):
+        score_episodes(episode(9)[:, None], [TASK], wanted=wanted, machines=machines)
