@@ -12,11 +12,11 @@ from pter_gym._internal.checks import names_in, whole_number
 from pter_gym._internal.files import FilePath
 from pter_gym._version import __version__
 from pter_gym.benchmark._naming import PerSeed, find_policies
+from pter_gym.benchmark._wanted import wanted_forces
 from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
 from pter_gym.benchmark.simulation import AnyPolicy, run, sensors_of, time_limit
 from pter_gym.controllers import bind
-from pter_gym.controllers._wanted import wanted_forces
 from pter_gym.params import BASELINE, Machine
 from pter_gym.scenarios import PACES, Scenario, find_scenario, name_of_pace
 from pter_gym.tasks.path_following import PathFollowing, observation_layout

@@ -9,12 +9,12 @@ from scipy.integrate import quad
 
 from benchmark.handmade import TASK, episode
 from pter_gym._compiled.records import read
+from pter_gym.benchmark._wanted import wanted_forces
 from pter_gym.benchmark.scores import score, score_episodes
 from pter_gym.benchmark.simulation import record_episode
 from pter_gym.controllers import MEMORY, Impedance, bind
 from pter_gym.controllers._gains import NOMINAL, read_gains
 from pter_gym.controllers._laws import observed_tip, pace_integral, steps_before, wanted_force
-from pter_gym.controllers._wanted import wanted_forces
 from pter_gym.errors import ParameterError
 from pter_gym.params import ARRANGEMENTS, BASELINE
 from pter_gym.paths import Circle, Line
