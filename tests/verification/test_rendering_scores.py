@@ -11,12 +11,11 @@ from benchmark.handmade import TASK, episode
 from pter_gym._compiled.records import read
 from pter_gym.benchmark._wanted import wanted_forces
 from pter_gym.benchmark.scores import score, score_episodes
-from pter_gym.benchmark.simulation import record_episode
-from pter_gym.controllers import MEMORY, Impedance, bind
+from pter_gym.controllers import Free, Impedance, bind
 from pter_gym.controllers._gains import NOMINAL, read_gains
-from pter_gym.controllers._laws import observed_tip, pace_integral, steps_before, wanted_force
+from pter_gym.controllers._laws import BRAKE_LIMIT, observed_tip, pace_integral, steps_before, wanted_force
 from pter_gym.errors import ParameterError
-from pter_gym.params import ARRANGEMENTS, BASELINE
+from pter_gym.params import BASELINE, MACHINES
 from pter_gym.paths import Circle, Line
 from pter_gym.rendering import (
     force_error,
@@ -138,26 +137,40 @@ def test_a_brake_of_known_torque_against_the_force_that_a_law_wants() -> None:
     wanted = wanted_forces(acting, rows[:, None], [straight])
     found = score_episodes(rows[:, None], [straight], machines=[BASELINE], wanted=wanted)
     assert found["force_error_along_n"] == pytest.approx([80.0 * along])
+    assert wanted_forces(bind(Free(), BASELINE, acting.layout), rows[:, None], [straight]) is None
     assert found["force_error_across_n"] == pytest.approx([abs(tau / length + 200.0 * error + 10.0 * across)])
 
 
-@pytest.mark.parametrize("name", ["paper's clutches", "other clutches"])
+@pytest.mark.parametrize("name", ["baseline", "two-brakes"])
 def test_the_wanted_force_is_the_one_of_the_law(name: str) -> None:
-    """Step by step, from what the law has seen, with every gain that shapes it."""
-    machine = BASELINE if name == "paper's clutches" else replace(BASELINE, clutches=ARRANGEMENTS["couplings-alone"])
-    law = Impedance(pace_fraction=0.7, pace_integral=300.0, grip=3.0)
-    task = PathFollowing(path=Circle(), pace=0.25, error_max=0.1)
-    rows, seen, _ = record_episode(law, machine, task, 1, 200, nominal=machine)
-    acting = bind(law, machine, observation_layout(machine, "torque"))
-    memory, scales = np.zeros(len(MEMORY)), observation_layout(machine, "force").scales
-    expected = []
+    """Step by step, from observations of the same motions, with every gain that shapes it, up to the limit."""
+    machine, task = MACHINES[name], PathFollowing(path=Circle(), error_max=0.1)
+    layout, steps = observation_layout(machine, "torque"), 300
+    acting = bind(Impedance(pace_fraction=0.7, pace_integral=300.0, grip=3.0), machine, layout)
+    rng, length = np.random.default_rng(1), task.path.length
+    theta, omega = rng.uniform(-3.0, 3.0, (steps, 2)), rng.normal(0.0, 1.0, (steps, 2))
+    error = rng.normal(0.0, 0.02, steps)
+    arc = np.linspace(0.0, length, steps)
+    heading = task.path.arcs.at(arc)[2]
+    size = np.array([machine.arm.length_a, machine.arm.length_b])
+    x, y = -(omega * size * np.sin(theta)).sum(axis=1), (omega * size * np.cos(theta)).sum(axis=1)
+    rows = episode(steps - 1, tip_velocity_x=x, tip_velocity_y=y, normal_error=error, arc_length=arc)
+    values = {"normal_error": error, "progress": arc / length, "pace": task.pace}
+    values |= {"heading_cos": np.cos(heading), "heading_sin": np.sin(heading)}
+    for k, link in enumerate("ab"):
+        values |= {f"cos_{link}": np.cos(theta[:, k]), f"sin_{link}": np.sin(theta[:, k]), f"omega_{link}": omega[:, k]}
+    seen = np.zeros((steps, len(layout)), np.float32)
+    for entry, value in values.items():
+        seen[:, layout.index(entry)] = value / layout.scales[layout.index(entry)]
+    memory, expected = acting.empty_memory(1)[0], []
     for obs in seen:
-        tip, g = observed_tip(obs, scales, read(acting.gains, NOMINAL, 0)), read_gains(acting.gains, task.pace)
+        tip, g = observed_tip(obs, layout.scales, read(acting.gains, NOMINAL, 0)), read_gains(acting.gains, task.pace)
         gripping = g.grip - steps_before(obs, memory) >= 0.5
-        expected.append(wanted_force(g, tip, task.pace, 0.0 if gripping else pace_integral(g, tip, task.pace, memory)))
-    found = wanted_forces(acting, rows[:, None], [task])
-    np.testing.assert_allclose(found[:, 0], expected, atol=0.02 * np.abs(expected).max())
-    assert np.abs(memory[MEMORY.brake]) > 1.0
+        integral = 0.0 if gripping else pace_integral(g, tip, task.pace, memory)
+        expected.append((*wanted_force(g, tip, task.pace, integral), integral))
+    assert {-BRAKE_LIMIT, 0.0, BRAKE_LIMIT} <= {each[2] for each in expected}
+    (found,) = np.moveaxis(wanted_forces(acting, rows[:, None], [task]), 1, 0)
+    np.testing.assert_allclose(found, np.array(expected)[:, :2], atol=1e-3)
 
 
 @pytest.mark.parametrize(("side", "sign"), [("free_left", -1.0), ("free_right", 1.0)])
