@@ -30,7 +30,7 @@ class Metric(NamedTuple):
     find: Callable[[Recorded], Values | None]
 
 
-def _score(unit: str, meaning: str, find: Callable[[Recorded], Values | None], **options: None) -> Any:
+def _score(unit: str, meaning: str, find: Callable[[Recorded], Values | None], **options: Any) -> Any:
     return field(metadata={"metric": Metric(unit, meaning, find)}, **options)
 
 
