@@ -353,7 +353,7 @@ class Recorded(Travel):
         if not all(task.free_left or task.free_right for task in self.tasks):
             return None
         force, error = vector(self.steps, "force"), column(self.steps, "normal_error")
-        into = np.sign(error) * (force[..., 1] * np.cos(self.heading) - force[..., 0] * np.sin(self.heading))
+        into = np.copysign(1.0, error) * (force[..., 1] * np.cos(self.heading) - force[..., 0] * np.sin(self.heading))
         depth = np.where(np.abs(error) > TOUCH, np.abs(error), 0.0)
         return np.nan_to_num([wall_stiffness(*pair) for pair in zip(np.nan_to_num(into).T, depth.T, strict=True)])
 
