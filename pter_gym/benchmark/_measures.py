@@ -8,8 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.rendering import mean_resisting_force, spectral_arc_length
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
+from pter_gym.params import Machine
+from pter_gym.rendering import (
+    force_error,
+    force_per_torque,
+    mean_resisting_force,
+    spectral_arc_length,
+    wall_stiffness,
+)
+from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._rules import ALLOWANCE, START
 
 Array = NDArray[np.float64]
@@ -125,6 +132,9 @@ def mean_over(values: ArrayLike, counted: Mask) -> Array:
 
 START_UP = 0.2
 """Start-up interval [s] that accelerations leave out, here and in the calibration: no policy causes the push's jolt."""
+
+TOUCH = 1e-4
+"""Penetration [m] of a fixture's edge from which on its stiffness counts."""
 
 PRICE = 2.0
 """Power of the time ratio by which the path error of a slow segment counts, and its slope for a fast one. With less, a
@@ -264,8 +274,16 @@ class Travel:
 class Recorded(Travel):
     """N episodes with all their telemetry; parameters as in ``score_episodes``."""
 
-    def __init__(self, telemetry: Array, tasks: Sequence[PathFollowing], voltage_max: float) -> None:
+    def __init__(
+        self,
+        telemetry: Array,
+        tasks: Sequence[PathFollowing],
+        voltage_max: float,
+        machines: Sequence[Machine] = (),
+        wanted: Array | None = None,
+    ) -> None:
         super().__init__(telemetry[..., RANKED], tasks)
+        self.tasks, self.machines, self.wanted = tasks, machines, wanted
         self.telemetry = telemetry
         self.steps = telemetry[1:]
         self.alive = np.isfinite(self.time[1:])
@@ -309,6 +327,35 @@ class Recorded(Travel):
     def force(self) -> Array:
         """Size of the hand's force on the tip [N], (T, N), 0 after the end."""
         return np.nan_to_num(norm(vector(self.steps, "force")))
+
+    @cached_property
+    def heading(self) -> Array:
+        """Heading of the path at the tip's projection [rad], (T, N)."""
+        arcs = zip(self.tasks, column(self.steps, "arc_length").T, strict=True)
+        return np.stack([task.path.arcs.at(s)[2] for task, s in arcs], axis=1)
+
+    @cached_property
+    def force_error(self) -> Array | None:
+        """Error of the clutches' force against the wanted one, along and across the path [N], (2, N), or None."""
+        if self.wanted is None:
+            return None
+        angles, torques = self.steps[..., [*COLUMN.theta]], per_clutch(self.steps, "torque")
+        heading = np.stack([np.cos(self.heading), np.sin(self.heading)], axis=-1)
+        found: list[tuple[float, float]] = []
+        for world, (machine, alive) in enumerate(zip(self.machines, self.alive.T, strict=True)):
+            theta, torque, wanted, along = (each[alive, world] for each in (angles, torques, self.wanted[1:], heading))
+            rendered = (torque[..., None] * force_per_torque(machine, theta)).sum(axis=-2)
+            found.append(force_error(rendered, wanted, along))
+        return np.transpose(found)
+
+    def wall_stiffness(self) -> Array | None:
+        """Return the stiffness of the fixtures' edges [N/m], 0 where none was touched; None without fixtures."""
+        if not all(task.free_left or task.free_right for task in self.tasks):
+            return None
+        force, error = vector(self.steps, "force"), column(self.steps, "normal_error")
+        into = np.copysign(1.0, error) * (force[..., 1] * np.cos(self.heading) - force[..., 0] * np.sin(self.heading))
+        depth = np.where(np.abs(error) > TOUCH, np.abs(error), 0.0)
+        return np.nan_to_num([wall_stiffness(*pair) for pair in zip(np.nan_to_num(into).T, depth.T, strict=True)])
 
     def resisting_force(self) -> Array:
         """Return the mean force of the clutches against the tip's motion [N]."""

@@ -366,7 +366,8 @@ def _cell(scores: Mapping[str, Interval], column: BoardColumn, pace: float) -> s
 
 def _judge(runs: Sequence[ScenarioRun]) -> Standing:
     """Return the standing of a policy from the runs of its training seeds; ranks are assigned later."""
-    scores = {name: np.stack([run.scores[name] for run in runs]) for name in SCORES}
+    names = [name for name in SCORES if all(name in run.scores for run in runs)]
+    scores = {name: np.stack([run.scores[name] for run in runs]) for name in names}
     summary = summarise(scores, runs[0].strata)
     reason = reason_below(summary, find_pace(runs[0].pace))
     undecided = reason is None and summary["completed"].holds(COMPLETION)

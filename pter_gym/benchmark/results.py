@@ -14,7 +14,7 @@ from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
 from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark.boards import Leaderboard, leaderboards, suite_scores, suites
-from pter_gym.benchmark.scores import SCORES, ScenarioRun
+from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.scenarios import name_of_pace
 
@@ -95,7 +95,7 @@ def write_run(folder: FilePath, run: ScenarioRun) -> None:
         **{name: getattr(run, name) for name in NAMES},
         "episodes": run.episodes,
         "strata": run.strata,
-        **{name: run.scores[name].tolist() for name in SCORES},
+        **{name: run.scores[name].tolist() for name in SCORES if name in run.scores},
     }
     lines = (f"{json.dumps(name)}: {json.dumps(part, allow_nan=False)}" for name, part in content.items())
     write_text_atomic(run_path(folder, run), "{\n" + ",\n".join(lines) + "\n}\n")
@@ -107,7 +107,8 @@ def read_run(path: FilePath) -> ScenarioRun:
     with reading(path.name):
         content = parse_json(read_bytes(path, MAX_JSON_SIZE))
         strata = tuple(map(str, content["strata"]))
-        scores = {name: np.array(content[name]).reshape(len(strata)) for name in SCORES}
+        names = [name for name in SCORES if name in content or name not in OPTIONAL]
+        scores = {name: np.array(content[name]).reshape(len(strata)) for name in names}
         run = ScenarioRun(**{name: content[name] for name in NAMES}, strata=strata, scores=scores)
         for name in ("training_seed", "seed"):
             whole_number(name, getattr(run, name) or 0, at_least=0)

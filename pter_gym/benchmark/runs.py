@@ -9,6 +9,7 @@ from pter_gym._engine.batch import Batch
 from pter_gym._internal.checks import names_in, whole_number
 from pter_gym._internal.files import FilePath
 from pter_gym.benchmark._find_policy import PerSeed, find_policies
+from pter_gym.benchmark._wanted import wanted_forces
 from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.results import ResultsFolder
 from pter_gym.benchmark.scores import SCORES, ScenarioRun, Scores, score_episodes
@@ -106,8 +107,15 @@ def evaluate(policy: AnyPolicy, episodes: Episodes, num_threads: int = 2, *, nom
         telemetry = run(batch, acting, episodes.seeds[chunk], limits).telemetry
         for world, limit in enumerate(limits):
             telemetry[limit + 1 :, world] = np.nan
-        return score_episodes(telemetry, tasks, voltage_max=batch.machine.clutch.voltage_max)
+        return score_episodes(
+            telemetry,
+            tasks,
+            voltage_max=batch.machine.clutch.voltage_max,
+            machines=episodes.machines[chunk],
+            wanted=wanted_forces(acting, telemetry, tasks),
+        )
 
     with ThreadPoolExecutor(num_threads if acting.compiled else 1, thread_name_prefix="pter-benchmark") as pool:
         parts = list(pool.map(evaluate_from, range(0, len(episodes), CHUNK)))
-    return {name: np.concatenate([part[name] for part in parts]) for name in SCORES}
+    names = (name for name in SCORES if all(name in part for part in parts))
+    return {name: np.concatenate([part[name] for part in parts]) for name in names}

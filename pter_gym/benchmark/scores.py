@@ -9,34 +9,38 @@ from numpy.typing import NDArray
 
 from pter_gym._physics.friction import ClutchMode
 from pter_gym._version import __version__
-from pter_gym.benchmark._measures import PRICE, Array, Recorded, column, mean_over
+from pter_gym.benchmark._measures import PRICE, TOUCH, Array, Recorded, column, mean_over
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE
+from pter_gym.params import BASELINE, Machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
 Values = NDArray[Any]
 
 Scores = dict[str, Values]
-"""The fields of ``Score`` by name, each an array (N,) over episodes; ``completed`` is bool, the others are float64."""
+"""The defined fields of ``Score`` by name, each an array (N,) over episodes; ``completed`` is bool, others float64."""
 
 
 class Metric(NamedTuple):
-    """The declaration of a score: its unit, its meaning in words, and what computes it, (N,), for N episodes."""
+    """The declaration of a score: its unit, its meaning in words, and what computes it, (N,), for N episodes.
+
+    ``find`` returns None where the score is not defined.
+    """
 
     unit: str
     meaning: str
-    find: Callable[[Recorded], Values]
+    find: Callable[[Recorded], Values | None]
 
 
-def _score(unit: str, meaning: str, find: Callable[[Recorded], Values]) -> Any:
-    return field(metadata={"metric": Metric(unit, meaning, find)})
+def _score(unit: str, meaning: str, find: Callable[[Recorded], Values | None], **options: Any) -> Any:
+    return field(metadata={"metric": Metric(unit, meaning, find)}, **options)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
     """Scores of one episode. Accelerations leave out the start-up interval and are low-pass filtered.
 
-    Every score is finite, whatever the episode. An episode that ends within the start-up interval counts in full.
+    Every score is finite, whatever the episode. An episode that ends within the start-up interval counts in full. The
+    last three are None where they are not defined.
     """
 
     path_error_m: float = _score(
@@ -93,12 +97,34 @@ class Score:
         "fraction of the time at zero degrees of freedom",
         lambda e: e.mean(column(e.steps, "mode") == ClutchMode.ZERO_DOF),
     )
+    wall_stiffness_n_m: float | None = _score(
+        "N/m",
+        "of a fixture's edge: least-squares slope of the hand's force into it over a penetration of more than "
+        f"{1e3 * TOUCH:g} mm; 0 if there was none",
+        Recorded.wall_stiffness,
+        default=None,
+    )
+    force_error_along_n: float | None = _score(
+        "N",
+        "of an impedance law: root mean square of the clutches' force less the one that it wants, along the path",
+        lambda e: None if e.force_error is None else e.force_error[0],
+        default=None,
+    )
+    force_error_across_n: float | None = _score(
+        "N",
+        "the same across the path",
+        lambda e: None if e.force_error is None else e.force_error[1],
+        default=None,
+    )
 
 
 METRICS: Mapping[str, Metric] = {item.name: item.metadata["metric"] for item in fields(Score)}
 """What each score is, by its name."""
 
 SCORES = tuple(METRICS)
+
+OPTIONAL = frozenset(item.name for item in fields(Score) if item.default is None)
+"""The scores that are not defined for every policy and scenario."""
 
 
 def score(telemetry: Array, task: PathFollowing, *, voltage_max: float = BASELINE.clutch.voltage_max) -> Score:
@@ -118,7 +144,12 @@ def score(telemetry: Array, task: PathFollowing, *, voltage_max: float = BASELIN
 
 
 def score_episodes(
-    telemetry: Array, tasks: Sequence[PathFollowing], *, voltage_max: float = BASELINE.clutch.voltage_max
+    telemetry: Array,
+    tasks: Sequence[PathFollowing],
+    *,
+    voltage_max: float = BASELINE.clutch.voltage_max,
+    machines: Sequence[Machine] = (),
+    wanted: Array | None = None,
 ) -> Scores:
     """Score many episodes at once, each independently of the others.
 
@@ -131,6 +162,9 @@ def score_episodes(
         The tasks that were followed, N of them, with one control period.
     voltage_max
         Largest voltage of the clutches [V].
+    machines, wanted
+        For the force errors: the machines, N of them, and the forces [N] of the device on the hand that the policy
+        wanted, (T + 1, N, 2); only impedance laws want any.
 
     Raises
     ------
@@ -147,8 +181,14 @@ def score_episodes(
         raise ParameterError(
             f"telemetry must hold at least one step of each episode, that of {begun.argmin()} has none"
         )
-    episodes = Recorded(telemetry, tasks, voltage_max)
-    return {name: metric.find(episodes) for name, metric in METRICS.items()}
+    if wanted is not None and (np.shape(wanted), len(machines)) != ((*shape[:2], 2), len(tasks)):
+        raise ParameterError(
+            f"wanted must have the shape {(*shape[:2], 2)} and come with {len(tasks)} machines, got {np.shape(wanted)} "
+            f"and {len(machines)}"
+        )
+    episodes = Recorded(telemetry, tasks, voltage_max, machines, wanted)
+    found = {name: metric.find(episodes) for name, metric in METRICS.items()}
+    return {name: values for name, values in found.items() if values is not None}
 
 
 @dataclass(frozen=True)
@@ -164,7 +204,7 @@ class ScenarioRun:
     digest
         Digest of a scenario of one's own, whose name may be another's; empty for those of the suite.
     strata, scores
-        A label for each episode, and an array with an entry for each episode under the name of each score.
+        A label for each episode, and an array with an entry for each episode under the name of each defined score.
     """
 
     scenario: str

@@ -63,7 +63,9 @@ def _repeat(run: ScenarioRun, policies: Policies) -> str:
     if run.training_seed >= len(versions):
         raise ParameterError(f"policies must hold {run.training_seed + 1} training seeds of {run.policy!r}")
     episodes = find_episodes(run.scenario, run.pace, run.seed).first(run.episodes)
-    for name, values in evaluate(versions[run.training_seed], episodes).items():
-        for k in np.flatnonzero(run.scores[name] != values):
-            return f"{name} of episode {k} differs: {run.scores[name][k]}, repeated {values[k]}"
+    repeated = evaluate(versions[run.training_seed], episodes)
+    for name, values in run.scores.items():
+        again = repeated.get(name, np.full(len(values), np.nan))
+        for k in np.flatnonzero(values != again):
+            return f"{name} of episode {k} differs: {values[k]}, repeated {again[k]}"
     return SAME if run.strata == episodes.strata else "strata differ"

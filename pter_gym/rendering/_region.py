@@ -1,8 +1,6 @@
 """The forces that the clutches can make at the handle, in closed form.
 
-Clutches only resist, so which forces a passive device can display depends on how it moves. The set of these forces is
-how such devices are compared since Sakaguchi, Furusho and Takesue (Passive force display using ER brakes and its
-control experiments, IEEE Virtual Reality 2001).
+Clutches only resist, so which forces a passive device can display depends on how it moves.
 
 With torques τ of the clutches, the force on the hand is F = J⁻ᵀ·Wᵀτ, and the clutches slip at W·J⁻¹·v, where v is the
 velocity of the tip: one matrix and its transpose. Each torque is within an interval, so the forces fill a zonotope, a

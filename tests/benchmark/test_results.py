@@ -2,6 +2,7 @@
 
 import json
 import logging
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from pter_gym.benchmark import PerSeed, ResultsFolder, ScenarioRun, leaderboards, run_scenario, verify
 from pter_gym.benchmark.results import read_run, run_path, write_run
+from pter_gym.benchmark.scores import OPTIONAL
 from pter_gym.controllers import Free, Locked
 from pter_gym.errors import DataError, ParameterError
 
@@ -28,6 +30,20 @@ def test_a_run_comes_back_bit_for_bit_and_is_summarised(run: ScenarioRun, tmp_pa
     assert boards == leaderboards([run])
     summary = json.loads((tmp_path / "benchmark.json").read_text())
     assert summary["leaderboards"] == json.loads(json.dumps([board.as_json() for board in boards]))
+
+
+def test_scores_that_are_not_defined_or_that_an_older_file_lacks_are_left_out(tmp_path: Path) -> None:
+    (run,) = run_scenario("wall", ["impedance"], ["brisk"], episodes=2, results=tmp_path)
+    (free,) = run_scenario("standard", ["free"], ["brisk"], episodes=2, results=tmp_path)
+    assert run.scores.keys() - free.scores.keys() == OPTIONAL
+    path = run_path(tmp_path, run)
+    older = {name: part for name, part in json.loads(path.read_text()).items() if name not in OPTIONAL}
+    path.write_text(json.dumps(older))
+    assert [found.scores.keys() for found in ResultsFolder(tmp_path).runs()] == [free.scores.keys()] * 2
+    assert [verdict.same for verdict in verify(tmp_path)] == [True, True]
+    assert len(ResultsFolder(tmp_path).summarise()) == 2
+    write_run(tmp_path, replace(free, scores={**free.scores, "wall_stiffness_n_m": np.ones(2)}))
+    assert [verdict.same for verdict in verify(tmp_path)] == [False, True], "a score that the policy has not"
 
 
 @pytest.mark.parametrize("damage", ["", "[]", '{"version": "0"}', "pace", "seed"])

@@ -95,7 +95,7 @@ def errors(name: str) -> np.ndarray:
     return np.array(rows)
 
 
-def error(theta: np.ndarray, references: list[event_driven.Motion]) -> float:
+def error(theta: np.ndarray, references: list[event_driven.ExactMotion]) -> float:
     """Largest distance of an angle from the nearer of the references."""
     seen = theta[len(theta) // len(GRID) - 1 :: len(theta) // len(GRID)]
     return min(float(np.abs(seen - each.theta).max()) for each in references)

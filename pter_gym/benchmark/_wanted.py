@@ -1,0 +1,44 @@
+"""The tip force that an impedance law wants, for whole episodes; ``wanted_force`` is that of one control step."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym.controllers._base import BoundPolicy, Policy
+from pter_gym.controllers._gains import Gains, read_gains
+from pter_gym.controllers._laws import BRAKE_LIMIT, IMPEDANCE, built_in, built_in_declared
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
+
+Array = NDArray[np.float64]
+
+
+def wanted_forces(policy: BoundPolicy, telemetry: Array, tasks: Sequence[PathFollowing]) -> Array | None:
+    """Return the force of the device on the hand that a policy wants at each control instant, (R, N, 2) [N].
+
+    None for one that wants no force: all but the impedance laws. What sensors add, noise and delay, is left out.
+
+    Parameters
+    ----------
+    policy, telemetry, tasks
+        A bound policy, its episodes from the reset on, (R, N, len(TELEMETRY)), and their tasks, N.
+    """
+    known = isinstance(policy, Policy) and policy.law in (built_in, built_in_declared)
+    if not (known and policy.gains[0] == IMPEDANCE):
+        return None
+    g = Gains(*np.transpose([read_gains(policy.gains, task.pace) for task in tasks]))
+    pace = np.array([task.pace for task in tasks])
+    (x, y), error = (telemetry[..., k] for k in COLUMN.tip_velocity), telemetry[..., COLUMN.normal_error]
+    arcs = zip(tasks, telemetry[..., COLUMN.arc_length].T, strict=True)
+    heading = np.stack([task.path.arcs.at(s)[2] for task, s in arcs], axis=1)
+    cos, sin = np.cos(heading), np.sin(heading)
+    speed, drift = x * cos + y * sin, y * cos - x * sin
+    gripping = g.grip - np.arange(len(telemetry))[:, None] >= 0.5
+    integral = np.where(gripping, 0.0, g.pace_integral * (speed - pace))
+    for before, after in pairwise(integral):
+        after[:] = np.clip(before + after, -BRAKE_LIMIT, BRAKE_LIMIT)
+    brake = np.maximum(g.damping_tangential * (speed - g.pace_fraction * pace) + integral, 0.0)
+    along = np.where(speed > 0.0, -brake, -g.damping_tangential * speed)
+    across = -g.stiffness * error - g.damping_normal * drift
+    return np.stack([along * cos - across * sin, along * sin + across * cos], axis=-1)
