@@ -35,8 +35,9 @@ MachineName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.toml")]
 
 
 def split(text: str) -> list[str]:
-    """Return the parts of a list that is separated by commas, without repeats; the path of a file is one part."""
-    if Path(text).is_file():
+    """Return the parts of a list that is separated by commas, without repeats; FILE and FILE:NAME are one part."""
+    file, _, name = text.rpartition(":")
+    if Path(text).is_file() or ("," not in name and Path(file).is_file()):
         return [text]
     return list(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
 

@@ -7,6 +7,7 @@ for the built-in laws, any other for a law that needs one (``pter_gym.controller
 
 from collections.abc import Generator
 from contextlib import contextmanager
+from numbers import Real
 from types import CellType, FunctionType
 from typing import Annotated, Any, NamedTuple
 
@@ -58,35 +59,42 @@ def no_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:  # noqa
     return PerClutch(0.0, 0.0, 0.0, 0.0)
 
 
+CHECKS = 64
+"""Calls of a user's law as Python before it is compiled: enough to enter branches and to count memory up."""
+
 _CHECKED: set[tuple[Any, ...]] = set()
 
 
 def check_law(law: Any, scales: NDArray[np.float64], gains: NDArray[np.float64], memory: NDArray[np.float64]) -> None:
-    """Call a user's law as Python, once, on rows of the lengths that it will get: compiled code checks no index.
+    """Call a user's law as Python on rows of the lengths that it will get: compiled code checks no index.
+
+    The observations are random within [−1, 1], and the memory is kept from call to call.
 
     Raises
     ------
     LawIndexError
         If the law reads or writes beyond its observation, gains or memory.
     ParameterError
-        If it cannot be called so, names what is not there, or does not return a ``PerClutch``.
+        If it cannot be called so, names what is not there, or does not return a ``PerClutch`` of numbers.
     """
     key = (law, len(scales), len(gains), len(memory))
     if key in _CHECKED or str(getattr(law, "__module__", "")).startswith("pter_gym."):
         return
-    name = getattr(law, "__name__", repr(law))
-    try:
-        with np.errstate(all="ignore"):
-            found = as_python(law, {})(np.zeros(len(scales), np.float32), scales.copy(), gains.copy(), memory.copy())
-    except IndexError as error:
-        lengths = f"obs and scales have {len(scales)} entries, gains {len(gains)}, memory {len(memory)}"
-        raise LawIndexError(f"law {name}: {error}; {lengths}") from None
-    except (AttributeError, NameError, TypeError) as error:
-        raise ParameterError(f"law {name}: {error}") from None
-    except (ArithmeticError, ValueError, NotImplementedError):  # which compiled code may allow
-        found = PerClutch(0.0, 0.0, 0.0, 0.0)
-    if not all(hasattr(found, clutch) for clutch in PerClutch._fields):
-        raise ParameterError(f"law {name} must return a PerClutch, got {found!r:.100}")
+    name, plain, memory = getattr(law, "__name__", repr(law)), as_python(law, {}), memory.copy()
+    for obs in np.random.default_rng(0).uniform(-1.0, 1.0, (CHECKS, len(scales))).astype(np.float32):
+        try:
+            with np.errstate(all="ignore"):
+                found = plain(obs, scales.copy(), gains.copy(), memory)
+        except IndexError as error:
+            lengths = f"obs and scales have {len(scales)} entries, gains {len(gains)}, memory {len(memory)}"
+            raise LawIndexError(f"law {name}: {error}; {lengths}") from None
+        except (AttributeError, NameError, TypeError) as error:
+            raise ParameterError(f"law {name}: {error}") from None
+        except (ArithmeticError, ValueError, NotImplementedError):  # which compiled code may allow
+            continue
+        if not all(isinstance(getattr(found, clutch, None), Real) for clutch in PerClutch._fields):
+            got = " ".join(repr(found).split())
+            raise ParameterError(f"law {name} must return a PerClutch of numbers, got {got:.100}")
     _CHECKED.add(key)
 
 

@@ -54,16 +54,11 @@ def from_sb3(model: Any, vec_normalize: Any = None, frame_skip: int | None = Non
     check_wrappers(env, known=own)
     normalise = _normalising(own if vec_normalize is None else vec_normalize)
     if frame_skip is None:
-        if env is None:
-            raise ParameterError(
-                "frame_skip must be given, as the model has no environment: from_sb3(model, env=env) takes it from the "
-                "environment of the training, from_sb3(model, frame_skip=3) states it"
-            )
         frame_skip = _frame_skip_of(env)
     return ModelPolicy(model, normalise, whole_number("frame_skip", frame_skip))
 
 
-def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelPolicy":
+def from_actions(act: Callable[[Observations], Any], env: Any, frame_skip: int | None = None) -> "ModelPolicy":
     """Return a policy that runs a function, from any library, that maps observations to an environment's actions.
 
     Parameters
@@ -73,13 +68,14 @@ def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelPolicy":
         memory. Its actions are clipped to the action space; they are normalised if the lower bound is negative, and
         volts otherwise.
     env
-        The environment that the function was made for: one of this package, whose ``frame_skip`` is used too, or any
-        object with its spaces.
+        The environment that the function was made for: one of this package, or any object with its spaces.
+    frame_skip
+        Number of control steps for which each action is held; by default, that of the environment.
 
     Raises
     ------
     ParameterError
-        If observations or actions are not those of an environment of this package.
+        If observations or actions are not those of an environment of this package, or ``frame_skip`` is not known.
     """
 
     def predict(observations: Observations, **_: Any) -> tuple[Any, None]:
@@ -89,7 +85,7 @@ def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelPolicy":
     spaces_of = {
         name: getattr(env, f"single_{name}", getattr(env, name, None)) for name in ("observation_space", "action_space")
     }
-    return from_sb3(SimpleNamespace(predict=predict, env=env, **spaces_of))
+    return from_sb3(SimpleNamespace(predict=predict, env=env, **spaces_of), frame_skip=frame_skip)
 
 
 class ModelPolicy(BoundPolicy):
@@ -167,12 +163,15 @@ def _has_statistics(wrapper: Any) -> bool:
 
 
 def _frame_skip_of(env: Any) -> int:
-    """Return for how many control steps an environment holds its actions, 1 for any object that does not say."""
+    """Return for how many control steps an environment holds its actions, or raise a ParameterError."""
     inner = getattr(env, "unwrapped", env)
     try:
         return inner.get_attr("frame_skip")[0] if hasattr(inner, "get_attr") else inner.frame_skip
     except AttributeError:
-        return 1
+        raise ParameterError(
+            "frame_skip must be given, or env, the environment of the training, which has it: from_sb3(model, "
+            f"frame_skip=3) or from_sb3(model, env=env); got env = {env!r:.100}"
+        ) from None
 
 
 def _normalising(wrapper: Any) -> Normalise:

@@ -17,6 +17,7 @@ from pter_gym.benchmark.intervals import (
     difference_interval,
     interquartile_mean_interval,
     mean_interval,
+    performance_profile,
     probability_of_improvement,
     rate_interval,
     worst_twentieth_interval,
@@ -40,6 +41,9 @@ IN_TIMES = 1.5
 
 UNRANKED = "†"
 """Mark of a policy that is not ranked."""
+
+PROFILED = (0.5, 1.0, 2.0)
+"""Ratios to the best tuned law's error at which the table of the suite has the profile of a policy."""
 
 FULL = 200
 """Fewest episodes for a rank that is not provisional."""
@@ -303,12 +307,13 @@ def suite_table(boards: Sequence[Leaderboard]) -> Table:
     """Return the scores over the suite of leaderboards as a table."""
     shown = _table(
         f"suite, {'stored episodes' if boards[0].seed is None else _kind(boards[0].seed)}",
-        "Interquartile mean of path error ÷ mean path error of the best tuned law, over "
+        "Interquartile mean of path error ÷ mean path error of the best tuned law, and share of episodes within, over "
         f"{', '.join(f'{board.scenario} {board.pace}' for board in boards)}",
-        ["policy", "error ÷\nbest tuned law's"],
+        ["policy", "error ÷\nbest tuned law's", *(f"≤ {each:g}\n\\[%]" for each in PROFILED)],
     )
-    for name, (ratio, _) in suite_scores(boards).items():
-        shown.add_row(escape(name), with_interval(ratio, ".3g"))
+    for name, (ratio, ratios) in suite_scores(boards).items():
+        shares = performance_profile(ratios, PROFILED).fraction
+        shown.add_row(escape(name), with_interval(ratio, ".3g"), *(f"{100 * share:.0f}" for share in shares))
     return shown
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.envs.registration import load_env_creator
 from gymnasium.vector import VectorActionWrapper, VectorObservationWrapper
 from numpy.typing import NDArray
 
@@ -19,7 +20,10 @@ Observations = NDArray[np.float32]
 Actions = NDArray[np.float32]
 
 CHANGING: Any = (gymnasium.ObservationWrapper, gymnasium.ActionWrapper, VectorObservationWrapper, VectorActionWrapper)
-"""Wrappers that change what passes between a policy and the worlds."""
+"""Kinds of wrappers that change what passes between a policy and the worlds."""
+
+CHANGING_MODULES = ("_observation", "_action", ".vec_frame_stack", ".atari_wrappers", ".atari_preprocessing")
+"""Ends of the modules of Gymnasium and Stable-Baselines3 whose wrappers change it, whatever their kind."""
 
 
 class ActingPolicy:
@@ -139,15 +143,34 @@ def attributes(env: Any, name: str) -> set[Any]:
 
 
 def check_wrappers(env: Any, known: Any = None) -> None:
-    """Raise a ParameterError if a wrapper other than ``known`` changes observations or actions."""
+    """Raise a ParameterError if a wrapper other than ``known`` changes observations or actions.
+
+    Another wrapper of one's own that overrides ``step`` cannot be told from one that only looks on, and is let through.
+    """
     normalises = hasattr(env, "normalize_obs") and getattr(env, "norm_obs", True)
-    if env is not known and (isinstance(env, CHANGING) or normalises):
-        raise ParameterError(
-            f"env must pass on observations and actions as they are: its wrapper {type(env).__name__} changes them"
-        )
-    for inner in (getattr(env, "venv", None), getattr(env, "env", None), *getattr(env, "envs", ())):
-        if inner is not None:
-            check_wrappers(inner, known)
+    if env is not known and (normalises or _changes(type(env), is_vec_wrapper=hasattr(env, "venv"))):
+        _refuse(type(env).__name__)
+    wrapped = (getattr(env, "venv", None), getattr(env, "env", None), *getattr(env, "envs", ()))
+    inner = [each for each in wrapped if each is not None]
+    for each in inner:
+        check_wrappers(each, known)
+    if not inner and hasattr(env, "get_attr"):  # its worlds are in other processes
+        for wrapper in (each for spec in env.get_attr("spec") for each in getattr(spec, "additional_wrappers", ())):
+            if _changes(load_env_creator(wrapper.entry_point)):
+                _refuse(wrapper.name)
+
+
+def _changes(kind: Any, *, is_vec_wrapper: bool = False) -> bool:
+    """Return whether wrappers of a class change observations or actions."""
+    return issubclass(kind, CHANGING) or any(
+        each.__module__.endswith(CHANGING_MODULES)
+        or (is_vec_wrapper and "step_async" in vars(each) and not each.__module__.startswith("stable_baselines3."))
+        for each in kind.__mro__
+    )
+
+
+def _refuse(wrapper: str) -> None:
+    raise ParameterError(f"env must pass on observations and actions as they are: its wrapper {wrapper} changes them")
 
 
 def has_normalised_actions(env: Any, layout: Layout, machine: Machine) -> bool:

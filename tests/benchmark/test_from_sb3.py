@@ -11,7 +11,7 @@ from gymnasium.wrappers.vector import NormalizeObservation
 
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
-from pter_gym.benchmark import from_sb3, run_scenario
+from pter_gym.benchmark import from_actions, from_sb3, run_scenario
 from pter_gym.benchmark.simulation import run
 from pter_gym.controllers import bind
 from pter_gym.envs import PathFollowingEnv
@@ -160,9 +160,34 @@ def test_other_models_and_wrappers_are_refused() -> None:
             from_sb3(Remembering(), env=vec_env.DummyVecEnv([lambda wrapper=wrapper: wrapper]))
 
 
+class Halving(vec_env.VecEnvWrapper):
+    """Wraps actions as a user may."""
+
+    def step_async(self, actions: Any) -> None:
+        self.venv.step_async(0.5 * actions)
+
+    def reset(self) -> Any:
+        return self.venv.reset()
+
+    def step_wait(self) -> Any:
+        return self.venv.step_wait()
+
+
+def test_wrappers_of_many_worlds_are_refused_by_name_and_lookers_on_are_not() -> None:
+    venv = make_sb3_vec_env(1, sensors="encoders")
+    for wrapper in (Halving(venv), vec_env.VecFrameStack(venv, 2)):
+        for env in (wrapper, vec_env.VecMonitor(wrapper)):
+            with pytest.raises(ParameterError, match=type(wrapper).__name__):
+                from_sb3(Remembering(), env=env)
+    from_sb3(Remembering(), env=vec_env.VecCheckNan(vec_env.VecMonitor(venv)))
+
+
 def test_the_period_of_a_model_without_an_environment_must_be_given() -> None:
-    with pytest.raises(ParameterError, match="frame_skip"):
-        from_sb3(Remembering())
+    spaces_alone = SimpleNamespace(**vars(Remembering()))
+    for make in (lambda: from_sb3(Remembering()), lambda: from_actions(np.zeros_like, spaces_alone)):
+        with pytest.raises(ParameterError, match="frame_skip"):
+            make()
+    assert from_actions(np.zeros_like, spaces_alone, frame_skip=3).frame_skip == 3
     venv = make_sb3_vec_env(2, sensors="encoders", frame_skip=3)
     assert from_sb3(Remembering(), env=venv).frame_skip == 3
     assert from_sb3(Remembering(), vec_env.VecNormalize(venv)).frame_skip == 3

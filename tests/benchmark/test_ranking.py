@@ -213,7 +213,9 @@ def test_the_suite_is_the_interquartile_mean_of_errors_over_those_of_the_best_tu
     assert low is not None
     assert high is not None
     assert low < 2.0 < high
-    assert suite_table(boards).row_count == 4
+    shown = suite_table(boards)
+    assert shown.row_count == 4
+    assert [[*column.cells][1] for column in shown.columns[2:]] == ["0", "50", "100"], "mine has ¾ and 3/2"
     print_boards(runs)
     assert "suite, fresh episodes, seed 3" in capsys.readouterr().out
     print_boards(runs[:4])

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from pter_gym._commands.arguments import split
 from pter_gym._commands.main import commands, load_command, main, parse
 
 EXAMPLE = re.compile(r"Example: `?pter ([^\n`]+)")
@@ -41,6 +42,15 @@ def test_an_error_is_one_line(
     printed = capsys.readouterr()
     assert printed.out == ""
     assert printed.err.startswith("error: ")
+
+
+def test_the_path_of_a_file_may_have_commas(tmp_path: Path) -> None:
+    file, other = tmp_path / "a,b.py", tmp_path / "c.py"
+    file.touch()
+    other.touch()
+    for text in (str(file), f"{file}:law"):
+        assert split(text) == [text]
+    assert split(f"{other}:law, free,{other}:law") == [f"{other}:law", "free"]
 
 
 @pytest.mark.parametrize("line", ["benchmark --scenario standad", "benchmark --polices free"])

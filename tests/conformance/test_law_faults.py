@@ -93,6 +93,12 @@ def helper(obs: Any) -> float:
     return obs[40]
 
 
+@device
+def counted(memory: Any) -> int:
+    memory[0] += 1.0
+    return int(memory[0])
+
+
 def beyond(kind: str) -> Any:
     """A law with a mistake."""
 
@@ -101,10 +107,15 @@ def beyond(kind: str) -> Any:
         return {
             "obs": lambda: PerClutch(obs[40], 0.0, 0.0, 0.0),
             "gains": lambda: PerClutch(gains[7], 0.0, 0.0, 0.0),
+            "branch": lambda: PerClutch(obs[40] if obs[3] > 0.5 else 0.0, 0.0, 0.0, 0.0),
+            "division": lambda: PerClutch(1.0 / math.floor(obs[3]) + obs[40], 0.0, 0.0, 0.0),
+            "counter": lambda: PerClutch(memory[counted(memory)], 0.0, 0.0, 0.0),
             "helper": lambda: PerClutch(helper(obs), 0.0, 0.0, 0.0),
             "memory": lambda: memory.__setitem__(9, 1.0),
             "name": lambda: PerClutch(obs[KEPT.stps], 0.0, 0.0, 0.0),  # type: ignore[attr-defined]
             "result": lambda: (0.0, 0.0, 0.0, 0.0),
+            "text": lambda: PerClutch("a", 0.0, 0.0, 0.0),  # type: ignore[arg-type]
+            "array": lambda: PerClutch(obs, 0.0, 0.0, 0.0),
         }[kind]()
 
     return law
@@ -115,11 +126,14 @@ def three_arguments(obs: Any, scales: Any, gains: Any) -> PerClutch:
     return PerClutch(0.0, 0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("kind", ["obs", "gains", "helper", "memory", "name", "result"])
+NO_INDEX = ("name", "result", "text", "array")
+
+
+@pytest.mark.parametrize("kind", ["obs", "gains", "branch", "division", "counter", "helper", "memory", *NO_INDEX])
 def test_a_mistake_in_a_law_gives_a_one_line_error_before_compilation(kind: str) -> None:
     batch = Batch(BASELINE, TASK, 3)
     obs, _ = batch.reset([0, 1, 2])
-    error = ParameterError if kind in ("name", "result") else LawIndexError
+    error = ParameterError if kind in NO_INDEX else LawIndexError
     for run in (
         lambda: Policy(np.zeros(1), batch.layout, law=beyond(kind)),
         lambda: batch.rollout(obs, beyond(kind), np.zeros(1), 1),

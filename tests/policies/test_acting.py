@@ -113,6 +113,10 @@ def test_a_policy_with_another_frame_skip_is_refused() -> None:
 BAD_ENVIRONMENTS: dict[str, Callable[[], Any]] = {
     "clipped": lambda: wrappers.ClipAction(gymnasium.make(ID)),
     "stacked": lambda: wrappers.RecordEpisodeStatistics(wrappers.FrameStackObservation(gymnasium.make(ID), 3)),
+    "held": lambda: wrappers.MaxAndSkipObservation(gymnasium.make(ID), 2),
+    "in other processes": lambda: gymnasium.make_vec(
+        ID, 1, vectorization_mode="async", wrappers=[wrappers.ClipAction, wrappers.RecordEpisodeStatistics]
+    ),
     "normalised": lambda: NormalizeObservation(gymnasium.make_vec(ID, 2)),
     "another": lambda: gymnasium.make("CartPole-v1"),
     "none": lambda: None,

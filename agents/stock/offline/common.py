@@ -50,6 +50,7 @@ def policy_network(observations: torch.Tensor) -> nn.Module:
 def score(algorithm: str, network: nn.Module, dataset_id: str, seed: int, out: Path) -> None:
     """Score a network on fresh episodes of a data set's scenario and print the leaderboards."""
     _, scenario, level = dataset_id.split("/")
-    policy = from_actions(lambda observations: network(torch.from_numpy(observations)), minari.load_dataset(dataset_id))
+    data = minari.load_dataset(dataset_id)
+    policy = from_actions(lambda observations: network(torch.from_numpy(observations)), data, frame_skip=1)
     policies = {f"{algorithm}-{level.removesuffix('-v0')}-{seed}": policy}
     print_boards(run_scenario(scenario, policies, seed=seed, results=ResultsFolder(out)))
