@@ -32,6 +32,19 @@ def test_single_and_vector_environments_have_an_entry_for_each_clutch(name: str)
         env.step(np.zeros(count + 1, np.float32))
 
 
+@pytest.mark.agents
+@pytest.mark.parametrize("name", COUNTS)
+def test_the_interface_for_stable_baselines3_steps_as_the_vector_environment(name: str):
+    make_sb3_vec_env = pytest.importorskip("pter_gym.envs.sb3", exc_type=ImportError).make_sb3_vec_env
+    worlds = make_sb3_vec_env(3, machine=name)
+    envs = gymnasium.make_vec(ID, num_envs=3, machine=name, action_unit="normalised")
+    assert worlds.action_space.shape == (COUNTS[name],)
+    worlds.seed(5)
+    np.testing.assert_array_equal(worlds.reset(), envs.reset(seed=5)[0])
+    actions = np.full((3, COUNTS[name]), -0.4, np.float32)
+    np.testing.assert_array_equal(worlds.step(actions)[0], envs.step(actions)[0])
+
+
 def test_an_empty_slot_has_no_voltage():
     env: Any = gymnasium.make(ID, machine="two-brakes", action_unit="normalised")
     env.reset(seed=1)

@@ -25,6 +25,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "all that is stored": {"env_id": "PTER/Everything-v0", "pace": "brisk", "sensors": "force"},
     "one task": {"task": PathFollowing(path=Sine(), truncation_error=0.05), "max_episode_steps": 60},
     "other clutches": {"machine": "couplings-2-1"},
+    "a corridor": {"env_id": "PTER/Corridor-v0", "action_unit": "normalised"},
 }
 
 
