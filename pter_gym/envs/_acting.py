@@ -6,7 +6,6 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from gymnasium.envs.registration import load_env_creator
 from gymnasium.vector import VectorActionWrapper, VectorObservationWrapper
 from numpy.typing import NDArray
 
@@ -154,10 +153,10 @@ def check_wrappers(env: Any, known: Any = None) -> None:
     inner = [each for each in wrapped if each is not None]
     for each in inner:
         check_wrappers(each, known)
-    if not inner and hasattr(env, "get_attr"):  # its worlds are in other processes
-        for wrapper in (each for spec in env.get_attr("spec") for each in getattr(spec, "additional_wrappers", ())):
-            if _changes(load_env_creator(wrapper.entry_point)):
-                _refuse(wrapper.name)
+    ask = getattr(env, "call", getattr(env, "env_method", None))
+    for method in ("observation", "action") if ask and not inner else ():  # of a wrapper in another process
+        if any(ask("has_wrapper_attr", method)):
+            _refuse(f"with the method {method}")
 
 
 def _changes(kind: Any, *, is_vec_wrapper: bool = False) -> bool:

@@ -30,6 +30,9 @@ MAX_INSTANTS = 1_000_000
 MAX_INTERVAL = 0.5
 """Longest usual time between rows of a recording in a file [s]."""
 
+MAX_DURATION = 600.0
+"""Longest recording in a file [s]."""
+
 _FIVE: dict[str, Any] = {"count": SINES}
 _RATES: dict[str, Any] = {"count": SINES, "at_least": 0.0}
 _UP_TO_TEN: dict[str, Any] = {"above": 0.0, "at_most": 10.0}
@@ -202,16 +205,17 @@ def read_forces(file: FilePath) -> RecordedForces:
     ------
     ParameterError
         If the file cannot be read, a column is missing, a number is not finite, the times do not rise from 0, or rows
-        are more than ``MAX_INTERVAL`` apart, as where times are milliseconds; it names the line.
+        are more than ``MAX_INTERVAL`` apart or last more than ``MAX_DURATION``, as where times are milliseconds.
     """
     columns, lines = read_table(file, ("time", "along", "across"))
     times, along, across = (tuple(columns[name].tolist()) for name in ("time", "along", "across"))
     if fault := fault_in(times, lambda k: f"line {lines[k]}"):
         raise ParameterError(f"{file}, {fault}")
-    if len(times) > 1 and np.median(np.diff(times)) > MAX_INTERVAL:
+    interval = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    if interval > MAX_INTERVAL or times[-1] > MAX_DURATION:
         raise ParameterError(
-            f"{file}: time must have rows at most {MAX_INTERVAL:g} s apart, got {np.median(np.diff(times)):g}: "
-            "are these seconds?"
+            f"{file}: time must have rows at most {MAX_INTERVAL:g} s apart and end within {MAX_DURATION:g} s, got rows "
+            f"{interval:g} s apart that end at {times[-1]:g} s: are these seconds?"
         )
     return RecordedForces(times=times, along=along, across=across)
 

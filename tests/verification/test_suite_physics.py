@@ -138,6 +138,7 @@ def test_a_recording_in_microseconds_is_refused_before_memory_is_taken() -> None
         ("time,along,across\n0.1,1,1\n0.2,1,1\n", "line 2"),
         ("time,along,across\n0,1,1\n0.2,1,1\n0.1,1,1\n", "line 4"),
         ("time,along,across\n0,1,1\n10,1,1\n20,1,1\n", "time"),
+        ("time,along,across\n" + "".join(f"{0.2 * row:.1f},1,1\n" for row in range(3100)), "time"),
         ("time,along,across\n0,1,inf\n", "line 2.*across"),
         ("time,along,across\n", "time"),
     ],
