@@ -72,28 +72,21 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
 
 
 def read_gains(path: FilePath, scenario: str | None = None) -> PaceSchedule:
-    """Return the controller in a file of ``pter tune --out``, whose gains follow the commanded pace.
+    """Return the controller in a file of ``pter tune --out``: with the gains for a scenario, or all if it has none.
 
-    They are those for a scenario or, if the file has none for it, all.
-
-    Raises
-    ------
-    ParameterError
-        If the file does not exist, or holds gains of several controllers.
-    DataError
-        If it is not as ``pter tune`` writes it.
+    Raises a ParameterError if it does not exist or has several controllers, a DataError if it is another kind of file.
     """
     path = find_path("policies", path)
     if not path.is_file():
         raise ParameterError(f"policies must name a file that exists, there is no {str(path)!r}")
     table = read_table(path)
     places = [scenario] if scenario in table else list(table)
-    found = [(name, place, entries) for place in places for name, entries in table[place].items()]
+    found = [(name, place) for place in places for name in table[place]]
     if len(found) != 1:
-        names = ", ".join(f"{name} for {place}" for name, place, _ in found) or "none"
+        names = ", ".join(f"{name} for {place}" for name, place in found) or "none"
         raise ParameterError(f"policies must name a file with gains of one controller, {str(path)!r} has {names}")
-    ((name, _, entries),) = found
-    return _schedule((pace, controller_of(name, entry, path)) for pace, entry in entries.items())
+    ((name, place),) = found
+    return _schedule((pace, controller_of(name, entry, path)) for pace, entry in table[place][name].items())
 
 
 def find_paced(name: str, scenario: str | None) -> Controller:

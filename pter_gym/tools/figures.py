@@ -129,7 +129,7 @@ def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
     """Write the name of each line beside it, or show a legend if one finds no room; a note goes below all panels."""
     figure.draw_without_rendering()  # lays out the panels
     frame, gap = axes.get_window_extent(), 0.055 * figure.dpi
-    lines = {line: _drawn(line) for line in axes.lines if len(line.get_xydata())}
+    lines = {line: points for line in axes.lines if len(points := _drawn(line))}
     taken = [_spread(text.get_window_extent()) for text in axes.texts]
     named: list[Any] = []
     for line, name in zip(*axes.get_legend_handles_labels(), strict=True):
@@ -138,9 +138,10 @@ def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
         half, others = box.size / 2.0, [points for other, points in lines.items() if other is not line]
         places = (lines[line][::-1, None] + SIDES * (half + 1.5 * gap)).reshape(-1, 2)
         inside = np.all((places - half > frame.min + gap) & (places + half < frame.max - gap), axis=1)
-        room = np.where(inside & (_room(places, half, lines[line]) > gap), _room(places, half, *others, *taken), 0.0)
-        best = int(room.clip(max=8.0 * gap).argmax())
-        if room[best] < 2.0 * gap:
+        own, rest = _room(places, half, lines[line]), _room(places, half, *others, *taken)
+        room = np.where(inside & (own > gap), rest - own, 0.0).clip(max=6.0 * gap)
+        best = int(room.argmax())
+        if room[best] < 0.3 * gap:
             for text in named:
                 text.remove()
             return legend_of(figure, axes, note)
@@ -153,6 +154,9 @@ def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
 def _drawn(line: Any) -> Array:
     """Return points along a line, equally far apart [px]."""
     corners = line.get_transform().transform(line.get_xydata())
+    corners = corners[np.isfinite(corners).all(axis=1)]
+    if not len(corners):
+        return corners
     way = np.cumsum(np.hypot(*np.diff(corners, axis=0, prepend=corners[:1]).T))
     return np.stack([np.interp(np.linspace(0.0, way[-1], 200), way, each) for each in corners.T], axis=1)
 

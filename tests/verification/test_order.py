@@ -2,9 +2,9 @@
 
 The reference (tests/oracle/event_driven.py) integrates the same equations, with the same δω band, between events
 located to rounding. The model leaves the band at 1.01 δω if a kick goes so far, else with the first kick that ends at
-δω or beyond: with long steps at 1.01 δω, with ever shorter ones at δω. So its error is the distance from the nearer of
-two references, which leave the band at either. A slip may turn round between the two edges: then they part, and the
-model follows one of them. Where breakaway and dynamic torque are equal, they are the same.
+δω or beyond: with long steps at 1.01 δω, with ever shorter ones at δω. So its error is the distance from the nearest
+motion between the two references that leave the band at either. A slip may turn round between the two edges: then the
+references part, and the model follows one of them. Where breakaway and dynamic torque are equal, they are the same.
 
 What a kick leaves of an event, and the explicit velocity term, are of first order, so the error halves with the step,
 in the mean over scenarios. Two means are used: the geometric one, to which all scenarios count alike, and the root mean
@@ -22,6 +22,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 
 from oracle import event_driven
 from oracle.plants import VoltageStep, draw, plant
@@ -89,16 +90,17 @@ def kept(name: str) -> list[tuple[VoltageStep, event_driven.ExactMotion]]:
 def errors(name: str) -> np.ndarray:
     """Largest error of an angle [rad] at the grid times: one row per scenario, one column per step."""
     machine, rows = MACHINES[name], []
-    for scenario, exact in kept(name):
-        references = [exact] if has_one_torque(machine) else [exact, reference(machine, scenario, edge=1.0)]
-        rows.append([error(ours(machine, scenario, step).theta, references) for step in STEPS])
+    for scenario, late in kept(name):
+        early = late if has_one_torque(machine) else reference(machine, scenario, edge=1.0)
+        rows.append([error(ours(machine, scenario, step).theta, early.theta, late.theta) for step in STEPS])
     return np.array(rows)
 
 
-def error(theta: np.ndarray, references: list[event_driven.ExactMotion]) -> float:
-    """Largest distance of an angle from the nearer of the references."""
-    seen = theta[len(theta) // len(GRID) - 1 :: len(theta) // len(GRID)]
-    return min(float(np.abs(seen - each.theta).max()) for each in references)
+def error(theta: np.ndarray, early: np.ndarray, late: np.ndarray) -> float:
+    """Largest distance of an angle from the nearest motion on the line from one reference to the other."""
+    every = len(theta) // len(early)
+    off = theta[every - 1 :: every] - early
+    return float(minimize_scalar(lambda part: np.abs(off - part * (late - early)).max(), bounds=(0.0, 1.0)).fun)
 
 
 def means(name: str) -> dict[str, np.ndarray]:

@@ -295,10 +295,7 @@ class Fit:
 
 
 def jackknife(residual: Array, jacobian: Array) -> tuple[Array, Array]:
-    """Return how far coordinates would go without each block that tells something, to first order; the information.
-
-    A direction that one block alone shows goes far.
-    """
+    """Return how far coordinates would go without each block that tells of them, to first order; the information."""
     first = np.arange(0, len(residual), BLOCK)
     gradients = np.add.reduceat(np.einsum("wij,wi->wj", jacobian, residual), first)
     parts = np.add.reduceat(np.swapaxes(jacobian, 1, 2) @ jacobian, first)

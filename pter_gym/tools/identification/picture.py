@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from pter_gym.tools.figures import CLUTCH_COLOURS, MUTED, REFERENCE, WIDTH, inch_pounds_right, label, name_lines, styled
+from pter_gym.tools.figures import CLUTCH_COLOURS, MUTED, REFERENCE, WIDTH, inch_pounds_right, label, styled
 from pter_gym.tools.identification.identifying import Identification
 
 
@@ -27,6 +27,7 @@ def picture(found: Identification) -> Figure:
             half = finding.half_width if np.isfinite(finding.half_width) else 0.0
             place = 0.01 * float(share) * top
             curves.errorbar(place, finding.quantity.value, yerr=half, fmt="o", markersize=3.5, color=REFERENCE)
+    curves.legend()
     curves.set_xlim(0.0, clutch.voltage_max)
     curves.set_ylim(0.0)
     inch_pounds_right(curves)
@@ -40,5 +41,4 @@ def picture(found: Identification) -> Figure:
     residuals.set_ylim(-largest, largest)
     residuals.legend(ncols=2, markerscale=6.0)
     label(residuals, "time [s]", "measured − predicted [mrad]")
-    name_lines(figure, curves)
     return figure
