@@ -15,7 +15,7 @@ hand = OneOf((MultiSineHand(), Vary(HumanArm(), eagerness=Uniform(1.3, 1.8)), fi
 scenario = Randomisation(
     machine=Vary(BASELINE, clutch=clutch),
     task=Vary(
-        PathFollowing(truncation_error=0.1, starts=STARTS["path"]),
+        PathFollowing(starts=STARTS["path"]),
         path=OneOf((Line(), Circle())),
         hand=hand,
         pace=LogUniform(0.12, 0.5),

@@ -32,7 +32,7 @@ class Truncating(PPO):
 
 def train(seed: int = 0, steps: int = 1_500_000, worlds: int = 256, horizon: int = 64):
     set_seed(seed), torch.set_num_threads(1)
-    options = {"frame_skip": 1, "autoreset_mode": "SAME_STEP", "telemetry": False}
+    options = {"frame_skip": 1, "truncation_error": 0.1, "autoreset_mode": "SAME_STEP", "telemetry": False}
     envs = gymnasium.make_vec("PTER/Standard-v0", worlds, **options)
     env = wrap_env(ClipAction(envs), wrapper="gymnasium")
     spaces = {"observation_space": env.observation_space, "action_space": env.action_space, "device": "cpu"}

@@ -20,7 +20,7 @@ def network(inputs: int, *outputs: nn.Module) -> nn.Sequential:
 
 def train(seed: int = 0, steps: int = 1_500_000, worlds: int = 256, horizon: int = 64):
     torch.manual_seed(seed), torch.set_num_threads(1)
-    options = {"frame_skip": 1, "autoreset_mode": "DISABLED", "telemetry": False}
+    options = {"frame_skip": 1, "truncation_error": 0.1, "autoreset_mode": "DISABLED", "telemetry": False}
     envs = gymnasium.make_vec("PTER/Standard-v0", worlds, **options)
     (size,) = envs.single_observation_space.shape
     world = TransformedEnv(GymWrapper(envs), RewardScaling(0.0, 0.01))

@@ -309,7 +309,6 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
     end = ending(at, q, kinetic_energy(load(w, ROW.machine.arm, i), q), task)
     failed = has_failed(end)
     terminated = end.arrived | failed
-    astray = is_astray(at, terminated, task)
     acceleration = tip_acceleration(w, i, period)
     outcome = Outcome(
         at=at,
@@ -323,10 +322,10 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
         last_volts=load(w, ROW.last_command, i),
         voltage_max=w[ROW.machine.voltage_max, i],
         energy=load(w, ROW.energy, i),
-        failed=failed | astray,
+        failed=failed,
     )
     terms = reward_terms(task.weight, outcome, period)
-    truncated = astray | (step >= limit)
+    truncated = is_astray(at, terminated, task) | (step >= limit)
     w[ROW.pace_ratio, i] = ratio
     store(w, ROW.terms, i, terms)
     w[ROW.reward, i] = total(terms)

@@ -45,7 +45,7 @@ class Arguments(TypedDict, total=False):
     context_seed: int
     reward: RewardWeights | None
     error_max: float | None
-    truncation_error: float
+    truncation_error: float | None
     starts: Starts | str
 
 

@@ -16,9 +16,6 @@ FRAME_SKIP = 3
 """Control steps for which the environments of scenarios hold an action: noise that is new at each decision then gets
 through the clutches' lag, so that stock algorithms explore."""
 
-TRUNCATION_ERROR = 0.1
-"""Distance from the path [m] at which a training episode is truncated, as there is nothing to learn beyond."""
-
 
 def training_draws(
     scenario: str,
@@ -27,7 +24,7 @@ def training_draws(
     context_seed: int = 0,
     reward: RewardWeights | None = None,
     error_max: float | None = None,
-    truncation_error: float = TRUNCATION_ERROR,
+    truncation_error: float | None = None,
     starts: Starts | str = "path",
     machine: AnyMachine | None = None,
     path: Path | str | None = None,
@@ -47,8 +44,8 @@ def training_draws(
     error_max
         Half-width of the workspace [m], where an episode is terminated; that of the evaluation episodes by default.
     truncation_error
-        Distance from the path [m] at which an episode is truncated; the algorithm has to estimate the value of the last
-        state. Evaluation episodes are not truncated like this, nor are those in a narrower workspace.
+        Distance from the path [m] at which an episode is truncated, without a cost: the algorithm has to estimate the
+        value of the last state. By default none is; evaluation episodes never are.
     starts
         How episodes begin, or its name in ``pter_gym.tasks.path_following.STARTS``: by default anywhere along the path,
         moving; with ``"rest"`` they begin like evaluation episodes, so exploration sees little of the path.

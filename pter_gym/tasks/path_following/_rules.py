@@ -161,7 +161,7 @@ class Outcome(NamedTuple):
     energy
         Work of the hand and the clutches in the control step [J].
     failed
-        Whether the tip has left the workspace, strayed to where the episode is truncated, or missed the path's end.
+        Whether the tip has left the workspace or missed the end of the path.
     """
 
     at: PathState
@@ -234,7 +234,7 @@ class RewardWeights(Checked):
     )
     failure: float = quantity(
         "1",
-        "chosen: on leaving the workspace, straying or missing the end of the path, times the part that was reached",
+        "chosen: on leaving the workspace or missing the end of the path, times the part that was reached",
         at_least=0.0,
         default=PERFECT,
     )
@@ -442,5 +442,5 @@ def has_failed(end: Ending) -> bool:
 
 @device
 def is_astray(at: PathState, terminated: bool, task: TaskModel) -> bool:
-    """Return whether an episode is truncated for its distance from the path; it pays the cost of a failure."""
+    """Return whether an episode is truncated for its distance from the path."""
     return (not terminated) & strayed(at.arc_length, at.normal_error, task.truncation_error)
