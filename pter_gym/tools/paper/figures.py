@@ -89,7 +89,7 @@ def single_dof_torques(result: Sequence[SingleDofTest]) -> Figure:
         label(axes, "time [s]" if k > 1 else "", "torque [N·m]" if k % 2 == 0 else "")
         if k % 2:
             style.inch_pounds_right(axes)
-    name_lines(figure, grid[0, 0])
+    name_lines(figure, grid[0, 1])
     return figure
 
 
