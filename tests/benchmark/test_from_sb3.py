@@ -176,10 +176,10 @@ class Halving(vec_env.VecEnvWrapper):
 def test_wrappers_of_many_worlds_are_refused_by_name_and_lookers_on_are_not() -> None:
     venv = make_sb3_vec_env(1, sensors="encoders")
     for wrapper in (Halving(venv), vec_env.VecFrameStack(venv, 2)):
-        for env in (wrapper, vec_env.VecMonitor(wrapper)):
+        for env in (wrapper, vec_env.VecCheckNan(wrapper)):
             with pytest.raises(ParameterError, match=type(wrapper).__name__):
                 from_sb3(Remembering(), env=env)
-    from_sb3(Remembering(), env=vec_env.VecCheckNan(vec_env.VecMonitor(venv)))
+    from_sb3(Remembering(), env=vec_env.VecCheckNan(venv))
 
 
 def test_the_period_of_a_model_without_an_environment_must_be_given() -> None:

@@ -115,7 +115,7 @@ BAD_ENVIRONMENTS: dict[str, Callable[[], Any]] = {
     "stacked": lambda: wrappers.RecordEpisodeStatistics(wrappers.FrameStackObservation(gymnasium.make(ID), 3)),
     "held": lambda: wrappers.MaxAndSkipObservation(gymnasium.make(ID), 2),
     "in another process": lambda: gymnasium.make_vec(
-        ID, 1, vectorization_mode="async", wrappers=[partial(wrappers.RescaleAction, min_action=0.0, max_action=24.0)]
+        ID, 1, vectorization_mode="async", wrappers=[wrappers.FlattenObservation]
     ),
     "normalised": lambda: NormalizeObservation(gymnasium.make_vec(ID, 2)),
     "another": lambda: gymnasium.make("CartPole-v1"),
