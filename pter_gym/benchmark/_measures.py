@@ -16,7 +16,7 @@ from pter_gym.rendering import (
     spectral_arc_length,
     wall_stiffness,
 )
-from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._rules import ALLOWANCE, START
 
 Array = NDArray[np.float64]
@@ -339,12 +339,13 @@ class Recorded(Travel):
         """Error of the clutches' force against the wanted one, along and across the path [N], (2, N), or None."""
         if self.wanted is None:
             return None
-        angles, torques = self.steps[..., [*COLUMN.theta]], per_clutch(self.steps, "torque")
+        angles = np.stack([column(self.steps, f"theta_{link}") for link in "ab"], axis=-1)
+        torques = per_clutch(self.steps, "torque")
         heading = np.stack([np.cos(self.heading), np.sin(self.heading)], axis=-1)
         found: list[tuple[float, float]] = []
         for world, (machine, alive) in enumerate(zip(self.machines, self.alive.T, strict=True)):
-            theta, torque, wanted, along = (each[alive, world] for each in (angles, torques, self.wanted[1:], heading))
-            rendered = (torque[..., None] * force_per_torque(machine, theta)).sum(axis=-2)
+            torque, wanted, along = (each[alive, world] for each in (torques, self.wanted[1:], heading))
+            rendered = (torque[..., None] * force_per_torque(machine, angles[alive, world])).sum(axis=-2)
             found.append(force_error(rendered, wanted, along))
         return np.transpose(found)
 

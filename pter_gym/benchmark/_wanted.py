@@ -2,14 +2,16 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym.benchmark._measures import column, vector
 from pter_gym.controllers._base import BoundPolicy, Policy
 from pter_gym.controllers._gains import Gains, read_gains
 from pter_gym.controllers._laws import BRAKE_LIMIT, IMPEDANCE, built_in, built_in_declared
-from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from pter_gym.tasks.path_following import PathFollowing
 
 Array = NDArray[np.float64]
 
@@ -24,13 +26,15 @@ def wanted_forces(policy: BoundPolicy, telemetry: Array, tasks: Sequence[PathFol
     policy, telemetry, tasks
         A bound policy, its episodes from the reset on, (R, N, len(TELEMETRY)), and their tasks, N.
     """
-    known = isinstance(policy, Policy) and policy.law in (built_in, built_in_declared)
-    if not (known and policy.gains[0] == IMPEDANCE):
+    if not isinstance(policy, Policy) or policy.law not in (built_in, built_in_declared):
         return None
-    g = Gains(*np.transpose([read_gains(policy.gains, task.pace) for task in tasks]))
+    if policy.gains[0] != IMPEDANCE:
+        return None
+    g: Any = Gains(*np.transpose([read_gains(policy.gains, task.pace) for task in tasks]))
     pace = np.array([task.pace for task in tasks])
-    (x, y), error = (telemetry[..., k] for k in COLUMN.tip_velocity), telemetry[..., COLUMN.normal_error]
-    arcs = zip(tasks, telemetry[..., COLUMN.arc_length].T, strict=True)
+    x, y = np.moveaxis(vector(telemetry, "tip_velocity"), -1, 0)
+    error = column(telemetry, "normal_error")
+    arcs = zip(tasks, column(telemetry, "arc_length").T, strict=True)
     heading = np.stack([task.path.arcs.at(s)[2] for task, s in arcs], axis=1)
     cos, sin = np.cos(heading), np.sin(heading)
     speed, drift = x * cos + y * sin, y * cos - x * sin
@@ -39,6 +43,6 @@ def wanted_forces(policy: BoundPolicy, telemetry: Array, tasks: Sequence[PathFol
     for before, after in pairwise(integral):
         after[:] = np.clip(before + after, -BRAKE_LIMIT, BRAKE_LIMIT)
     brake = np.maximum(g.damping_tangential * (speed - g.pace_fraction * pace) + integral, 0.0)
-    along = np.where(speed > 0.0, -brake, -g.damping_tangential * speed)
+    along: Any = -np.where(speed > 0.0, brake, g.damping_tangential * speed)
     across = -g.stiffness * error - g.damping_normal * drift
     return np.stack([along * cos - across * sin, along * sin + across * cos], axis=-1)

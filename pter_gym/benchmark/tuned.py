@@ -80,7 +80,7 @@ def read_gains(path: FilePath, scenario: str | None = None) -> PaceSchedule:
     if not path.is_file():
         raise ParameterError(f"policies must name a file that exists, there is no {str(path)!r}")
     table = read_table(path)
-    places = [scenario] if scenario in table else list(table)
+    places = [scenario] if scenario is not None and scenario in table else list(table)
     found = [(name, place) for place in places for name in table[place]]
     if len(found) != 1:
         names = ", ".join(f"{name} for {place}" for name, place in found) or "none"

@@ -153,7 +153,7 @@ def check_wrappers(env: Any, known: Any = None) -> None:
     inner = [each for each in wrapped if each is not None]
     for each in inner:
         check_wrappers(each, known)
-    ask = getattr(env, "call", getattr(env, "env_method", None))
+    ask: Any = getattr(env, "call", getattr(env, "env_method", None))
     for method in ("observation", "action") if ask and not inner else ():  # of a wrapper in another process
         if any(ask("has_wrapper_attr", method)):
             _refuse(f"with the method {method}")

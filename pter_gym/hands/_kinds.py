@@ -211,11 +211,11 @@ def read_forces(file: FilePath) -> RecordedForces:
     times, along, across = (tuple(columns[name].tolist()) for name in ("time", "along", "across"))
     if fault := fault_in(times, lambda k: f"line {lines[k]}"):
         raise ParameterError(f"{file}, {fault}")
-    interval = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    if interval > MAX_INTERVAL or times[-1] > MAX_DURATION:
+    interval, end = float(np.median(np.diff(times))) if len(times) > 1 else 0.0, max(times, default=0.0)
+    if interval > MAX_INTERVAL or end > MAX_DURATION:
         raise ParameterError(
             f"{file}: time must have rows at most {MAX_INTERVAL:g} s apart and end within {MAX_DURATION:g} s, got rows "
-            f"{interval:g} s apart that end at {times[-1]:g} s: are these seconds?"
+            f"{interval:g} s apart that end at {end:g} s: are these seconds?"
         )
     return RecordedForces(times=times, along=along, across=across)
 

@@ -129,15 +129,18 @@ def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
     """Write the name of each line beside it, or show a legend if one finds no room; a note goes below all panels."""
     figure.draw_without_rendering()  # lays out the panels
     frame, gap = axes.get_window_extent(), 0.055 * figure.dpi
-    lines = {line: points for line in axes.lines if len(points := _drawn(line))}
+    low, high = np.array(frame.min) + gap, np.array(frame.max) - gap
+    lines: dict[Any, Array] = {line: points for line in axes.lines if len(points := _drawn(line))}
     taken = [_spread(text.get_window_extent()) for text in axes.texts]
     named: list[Any] = []
-    for line, name in zip(*axes.get_legend_handles_labels(), strict=True):
+    handles: Any = axes.get_legend_handles_labels()
+    for line, name in zip(*handles, strict=True):
         named.append(axes.text(0.0, 0.0, name, color=line.get_color(), fontsize=SMALL, ha="center", va="center"))
         box = named[-1].get_window_extent()
-        half, others = box.size / 2.0, [points for other, points in lines.items() if other is not line]
+        half: Array = np.array(box.size) / 2.0
+        others = [points for other, points in lines.items() if other is not line]
         places = (lines[line][::-1, None] + SIDES * (half + 1.5 * gap)).reshape(-1, 2)
-        inside = np.all((places - half > frame.min + gap) & (places + half < frame.max - gap), axis=1)
+        inside = np.all((places - half > low) & (places + half < high), axis=1)
         own, rest = _room(places, half, lines[line]), _room(places, half, *others, *taken)
         room = np.where(inside & (own > gap), rest - own, 0.0).clip(max=6.0 * gap)
         best = int(room.argmax())
@@ -153,17 +156,19 @@ def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
 
 def _drawn(line: Any) -> Array:
     """Return points along a line, equally far apart [px]."""
-    corners = line.get_transform().transform(line.get_xydata())
+    corners: Array = line.get_transform().transform(line.get_xydata())
     corners = corners[np.isfinite(corners).all(axis=1)]
     if not len(corners):
         return corners
     way = np.cumsum(np.hypot(*np.diff(corners, axis=0, prepend=corners[:1]).T))
-    return np.stack([np.interp(np.linspace(0.0, way[-1], 200), way, each) for each in corners.T], axis=1)
+    even = np.linspace(0.0, float(way[-1]), 200)
+    return np.column_stack([np.interp(even, way, corners[:, k]) for k in (0, 1)])
 
 
 def _spread(box: Any) -> Array:
     """Return points on the long edges of a box [px]."""
-    return np.stack(np.meshgrid(np.linspace(box.x0, box.x1, 9), [box.y0, box.y1]), axis=-1).reshape(-1, 2)
+    edge: Any = np.linspace(box.x0, box.x1, 9).tolist()
+    return np.array([(x, y) for y in (box.y0, box.y1) for x in edge])
 
 
 def _room(places: Array, half: Array, *points: Array) -> Array:
