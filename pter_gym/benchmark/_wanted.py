@@ -43,6 +43,7 @@ def wanted_forces(policy: BoundPolicy, telemetry: Array, tasks: Sequence[PathFol
     for before, after in pairwise(integral):
         after[:] = np.clip(before + after, -BRAKE_LIMIT, BRAKE_LIMIT)
     brake = np.maximum(g.damping_tangential * (speed - g.pace_fraction * pace) + integral, 0.0)
-    along: Any = -np.where(speed > 0.0, brake, g.damping_tangential * speed)
+    forward = speed > 0.0
+    along = -(forward * brake + ~forward * g.damping_tangential * speed)
     across = -g.stiffness * error - g.damping_normal * drift
     return np.stack([along * cos - across * sin, along * sin + across * cos], axis=-1)

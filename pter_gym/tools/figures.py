@@ -167,8 +167,7 @@ def _drawn(line: Any) -> Array:
 
 def _spread(box: Any) -> Array:
     """Return points on the long edges of a box [px]."""
-    edge: Any = np.linspace(box.x0, box.x1, 9).tolist()
-    return np.array([(x, y) for y in (box.y0, box.y1) for x in edge])
+    return np.array([(box.x0 + k / 8 * box.width, y) for y in (box.y0, box.y1) for k in range(9)])
 
 
 def _room(places: Array, half: Array, *points: Array) -> Array:
