@@ -140,20 +140,34 @@ def test_constants_shared_by_worlds_are_an_argument() -> None:
     assert np.isnan(jax.vmap(env.step, in_axes=(None, None, None, 0))(key, state, action, stacked)[0]).all()
 
 
-def test_a_step_in_a_branch_has_the_bits_of_one_that_is_chosen_afterwards() -> None:
+def test_steps_and_resets_in_branches_have_the_bits_of_those_that_are_chosen_afterwards() -> None:
     env, _ = make("PTER/Standard-v0", contexts=8)
-    _, states = jax.vmap(env.reset)(jax.random.split(jax.random.key(0), 4))
-    done = jnp.arange(4) % 2 == 0
+    _, states = jax.vmap(env.reset)(jax.random.split(jax.random.key(0), 6))
+    choices = jnp.arange(6) % 3
 
-    def branch(state: Any, wait: Any) -> Any:
-        return jax.lax.cond(wait, lambda: state, lambda: env.step(None, state, jnp.zeros(4))[1])
+    def outcomes(state: Any) -> tuple[Any, ...]:
+        return (
+            lambda: state,
+            lambda: env.step(None, state, jnp.zeros(4))[1],
+            lambda: env.reset_to_seed(state.episode[:2] + jnp.uint32(9))[1],
+        )
 
-    def chosen(state: Any, wait: Any) -> Any:
-        after = env.step(None, state, jnp.zeros(4))[1]
-        return jax.tree.map(lambda x, y: jnp.where(wait, x, y), state, after)
+    def condition(state: Any, choice: Any) -> Any:
+        wait, step, restart = outcomes(state)
+        return jax.lax.cond(choice == 0, wait, lambda: jax.lax.cond(choice == 1, step, restart))
 
-    for one, two in zip(*(jax.tree.leaves(jax.vmap(f)(states, done)) for f in (branch, chosen)), strict=True):
-        np.testing.assert_array_equal(one, two)
+    def switch(state: Any, choice: Any) -> Any:
+        return jax.lax.switch(choice, outcomes(state))
+
+    def chosen(state: Any, choice: Any) -> Any:
+        return jax.tree.map(
+            lambda *each: jnp.select([choice == k for k in range(3)], each), *(f() for f in outcomes(state))
+        )
+
+    expected = jax.tree.leaves(jax.vmap(chosen)(states, choices))
+    for branching in (condition, switch):
+        for one, two in zip(jax.tree.leaves(jax.vmap(branching)(states, choices)), expected, strict=True):
+            np.testing.assert_array_equal(one, two)
 
 
 @pytest.mark.parametrize(
