@@ -31,7 +31,7 @@ from pter_gym.benchmark.boards import (
 )
 from pter_gym.benchmark.intervals import Interval
 from pter_gym.benchmark.runs import run_scenario
-from pter_gym.benchmark.scores import SCORES, ScenarioRun, Scores, score_episodes
+from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun, Scores, score_episodes
 from pter_gym.controllers import Impedance
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following._observation import OBS
@@ -148,7 +148,7 @@ def test_attacks_are_unranked_with_a_reason_and_the_papers_laws_ranked() -> None
         assert expected == "too fast" or standings[cheat].scores["path_error_m"].value > 0.2
     assert {standings[name].rank for name in names[:2]} <= {1, 2}
     plain = json.loads(json.dumps(board.as_json(), allow_nan=False))
-    assert set(plain["policies"]["free"]) >= {"rank", "reason", *SCORES}
+    assert set(plain["policies"]["free"]) >= {"rank", "reason", *SCORES} - OPTIONAL
     assert table(board).row_count == 6
 
 
