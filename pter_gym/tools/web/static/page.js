@@ -107,7 +107,7 @@ class Page {
     if (this.trials.length === 0) await this.begin(DEFAULTS);
     this.lesson = null;
     await this.use({ ...settings, beat: null }); // told once
-    if (settings.beat !== null) this.say(`${invitation(settings)} The score to beat: ${settings.beat} mm.`);
+    if (settings.beat !== null) this.say(`${invitation(settings)} The score to beat: ${settings.beat.toFixed(1)} mm.`);
     if (problems.length > 0) this.complain(problems.join(" "));
   }
 
@@ -302,7 +302,7 @@ class Page {
     const beat = this.board.best(this.settings);
     const link = new URL(location.href);
     link.hash = format({ ...this.settings, beat });
-    const what = `link to these settings${beat === null ? "" : `, with your ${beat} mm to beat,`}`;
+    const what = `link to these settings${beat === null ? "" : `, with your ${beat.toFixed(1)} mm to beat,`}`;
     try {
       await navigator.clipboard.writeText(link.href);
       this.say(`The ${what} is on the clipboard.`);
