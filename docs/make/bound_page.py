@@ -13,7 +13,7 @@ from pter_gym.benchmark.statistics import Interval, bootstrap_interval
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.policies import shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS
-from pter_gym.tools.figures import MUTED, WIDTH, label, legend_of, looks, save, styled
+from pter_gym.tools.figures import WIDTH, label, legend_of, looks, save, styled
 
 PAGE = DOCS / "bound.md"
 
@@ -22,6 +22,8 @@ Blocks = Mapping[Any, Mapping[str, Any]]
 
 TOGETHER = 1e-9
 """Difference of angles [rad] or angular velocities [rad/s] that counts as rounding."""
+
+QUARTILES = (0.25, 0.5, 0.75)
 
 BOUND, TRAINED, LAW = "bound", "best trained policy", "best tuned law"
 
@@ -119,26 +121,26 @@ def summary(blocks: Blocks) -> str:
 
 @styled
 def distances(blocks: Blocks) -> Figure:
-    """Return the path errors of the bound, the best trained policy and the best tuned law, a panel for each pace."""
+    """Return medians and quartiles of finished rides: bound, best trained policy, best tuned law; a panel each pace."""
     found = lines(blocks)
-    figure = Figure(figsize=(WIDTH, 3.0))
+    names = {BOUND: "best rollout found", TRAINED: TRAINED, LAW: LAW}
+    figure = Figure(figsize=(WIDTH, 3.2))
     panels = figure.subplots(1, len(PACES), sharey=True, sharex=True)
     for (pace, speed), axes in zip(PACES.items(), panels, strict=True):
-        there = [(row, found[name, pace]) for row, name in enumerate(SCENARIOS) if (name, pace) in found]
-        for row, line in there:
-            errors = [each.error.mean() for each in line.values()]
-            axes.plot((min(errors), max(errors)), (row, row), color=MUTED, linestyle="-", linewidth=1.0, zorder=1)
-            axes.annotate(f"× {ratio(line):.1f}", (errors[0], row), (-3.0, 5.0), textcoords="offset points")
-        for who, look in looks((BOUND, TRAINED, LAW)).items():
-            errors = [line[who].error.mean() for _, line in there]
-            axes.scatter(errors, [row for row, _ in there], 28.0, look.colour, look.marker, label=who, zorder=3)
+        for shift, (who, look) in zip((-0.2, 0.0, 0.2), looks((BOUND, TRAINED, LAW)).items(), strict=True):
+            rides = [found[name, pace][who] for name in SCENARIOS]
+            quartiles = np.array([np.quantile(each.error[each.scores["completed"] > 0], QUARTILES) for each in rides])
+            low, middle, high = quartiles.T
+            rows = np.arange(len(SCENARIOS)) + shift
+            sides = middle - low, high - middle
+            axes.errorbar(middle, rows, xerr=sides, fmt=look.marker, color=look.colour, label=names[who])
         axes.set(xscale="log", title=f"{pace}, {speed:g} m/s")
-        axes.set_xticks((0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0), ("0.1", "0.2", "0.5", "1", "2", "5", "10", "20"))
+        axes.set_xticks((0.05, 0.2, 1.0, 5.0, 20.0), ("0.05", "0.2", "1", "5", "20"))
         axes.set_xticks([], minor=True)
         axes.grid(visible=False, axis="y")
         label(axes, "path error [mm]", "")
     panels[0].set_yticks(range(len(SCENARIOS)), [*SCENARIOS])
-    panels[0].set_ylim(len(SCENARIOS) - 0.5, -0.7)
+    panels[0].set_ylim(len(SCENARIOS) - 0.5, -0.5)
     legend_of(figure, panels[0])
     return figure
 
