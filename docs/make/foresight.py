@@ -82,9 +82,9 @@ def ride(scenario: str) -> dict[str, list[list[float]]]:
         "best rollout found": scored(one, true, volts[:, known]),
         "its feedback, other phases": led(other, known),
         "best for the mean force": led(true, guess),
-        "the same, mean force alone": scored(one, mean, volts[:, guess]),
-        "best policy, mean force alone": scored(one, mean, start[:, guess]),
         "best policy": scored(one, true, start[:, known]),
+        "best rollout, mean force alone": scored(one, mean, volts[:, guess]),
+        "best policy, mean force alone": scored(one, mean, start[:, guess]),
     }
 
 
@@ -100,7 +100,7 @@ def figure_of(found: dict[str, Any]) -> Figure:
             print(scenario, kind, "mean", bootstrap_interval(errors), "median", (value, low, high))
             axes.scatter(errors, np.full(len(errors), row), 10.0, MUTED, alpha=0.4, linewidths=0.0)
             axes.errorbar(value, row, xerr=[[value - low], [high - value]], fmt="o", color=numbered(row).colour)
-            axes.annotate(f"{value:.2g}", (value, row), (0.0, 5.0), textcoords="offset points", ha="center")
+            axes.annotate(f"{value:#.2g}", (value, row), (0.0, 5.0), textcoords="offset points", ha="center")
         axes.set(xscale="log", title=f"{scenario}, {PACE}", xlabel="path error [mm]")
         axes.set_xticks((0.1, 1.0, 10.0), ("0.1", "1", "10"))
         axes.grid(visible=False, axis="y")
