@@ -17,7 +17,7 @@ from numba.core.dispatcher import Dispatcher
 from pter_gym._internal.checks import names_in
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym.benchmark.simulation import AnyPolicy
-from pter_gym.benchmark.tuned import TUNED, find_paced, find_tuned, read_gains
+from pter_gym.benchmark.tuned import TUNED, find_paced, find_tuned, read_tuned
 from pter_gym.controllers import CONTROLLERS, Controller
 from pter_gym.errors import ParameterError, nearest, unknown_name
 from pter_gym.policies import read_policy, shipped_policies
@@ -60,7 +60,7 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
     if is_code(name):
         return _import(name)
     if name.endswith(".toml"):
-        return read_gains(name, scenario)
+        return read_tuned(name, scenario)
     known = (*CONTROLLERS, *TUNED, *shipped_policies())
     if is_path(name) or name in shipped_policies() or (name not in known and name and is_here(name)):
         return read_policy(name)

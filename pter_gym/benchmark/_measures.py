@@ -125,6 +125,12 @@ def norm(vectors: Array) -> Array:
     return np.hypot(vectors[..., 0], vectors[..., 1])
 
 
+def headings(telemetry: Array, tasks: Sequence[PathFollowing]) -> Array:
+    """Return the headings of the paths at the tips' projections [rad], (R, N)."""
+    arcs = zip(tasks, column(telemetry, "arc_length").T, strict=True)
+    return np.stack([task.path.arcs.at(s)[2] for task, s in arcs], axis=1)
+
+
 def mean_over(values: ArrayLike, counted: Mask) -> Array:
     """Return the mean of the counted values over the first axis; at least one must count."""
     return np.where(counted, values, 0.0).sum(axis=0) / counted.sum(axis=0)
@@ -331,8 +337,7 @@ class Recorded(Travel):
     @cached_property
     def heading(self) -> Array:
         """Heading of the path at the tip's projection [rad], (T, N)."""
-        arcs = zip(self.tasks, column(self.steps, "arc_length").T, strict=True)
-        return np.stack([task.path.arcs.at(s)[2] for task, s in arcs], axis=1)
+        return headings(self.steps, self.tasks)
 
     @cached_property
     def force_error(self) -> Array | None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark._measures import column, vector
+from pter_gym.benchmark._measures import column, headings, vector
 from pter_gym.controllers._base import BoundPolicy, Policy
 from pter_gym.controllers._gains import Gains, read_gains
 from pter_gym.controllers._laws import BRAKE_LIMIT, IMPEDANCE, built_in, built_in_declared
@@ -34,8 +34,7 @@ def wanted_forces(policy: BoundPolicy, telemetry: Array, tasks: Sequence[PathFol
     pace = np.array([task.pace for task in tasks])
     x, y = np.moveaxis(vector(telemetry, "tip_velocity"), -1, 0)
     error = column(telemetry, "normal_error")
-    arcs = zip(tasks, column(telemetry, "arc_length").T, strict=True)
-    heading = np.stack([task.path.arcs.at(s)[2] for task, s in arcs], axis=1)
+    heading = headings(telemetry, tasks)
     cos, sin = np.cos(heading), np.sin(heading)
     speed, drift = x * cos + y * sin, y * cos - x * sin
     gripping = g.grip - np.arange(len(telemetry))[:, None] >= 0.5

@@ -71,7 +71,7 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
     )
 
 
-def read_gains(path: FilePath, scenario: str | None = None) -> PaceSchedule:
+def read_tuned(path: FilePath, scenario: str | None = None) -> PaceSchedule:
     """Return the controller in a file of ``pter tune --out``: with the gains for a scenario, or all if it has none.
 
     Raises a ParameterError if it does not exist or has several controllers, a DataError if it is another kind of file.

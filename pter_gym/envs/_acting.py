@@ -21,8 +21,10 @@ Actions = NDArray[np.float32]
 CHANGING: Any = (gymnasium.ObservationWrapper, gymnasium.ActionWrapper, VectorObservationWrapper, VectorActionWrapper)
 """Kinds of wrappers that change what passes between a policy and the worlds."""
 
+LIBRARIES = ("gymnasium.", "stable_baselines3.")
+
 CHANGING_MODULES = ("_observation", "_action", ".vec_frame_stack", ".atari_wrappers", ".atari_preprocessing")
-"""Ends of the modules of Gymnasium and Stable-Baselines3 whose wrappers change it, whatever their kind."""
+"""Ends of the names of these libraries' modules whose wrappers change it, whatever their kind."""
 
 
 class ActingPolicy:
@@ -162,8 +164,8 @@ def check_wrappers(env: Any, known: Any = None) -> None:
 def _changes(kind: Any, *, is_vec_wrapper: bool = False) -> bool:
     """Return whether wrappers of a class change observations or actions."""
     return issubclass(kind, CHANGING) or any(
-        each.__module__.endswith(CHANGING_MODULES)
-        or (is_vec_wrapper and "step_async" in vars(each) and not each.__module__.startswith("stable_baselines3."))
+        (each.__module__.startswith(LIBRARIES) and each.__module__.endswith(CHANGING_MODULES))
+        or (is_vec_wrapper and "step_async" in vars(each) and not each.__module__.startswith(LIBRARIES))
         for each in kind.__mro__
     )
 

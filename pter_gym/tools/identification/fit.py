@@ -295,7 +295,7 @@ class Fit:
 
 
 def jackknife(residual: Array, jacobian: Array) -> tuple[Array, Array]:
-    """Return how far coordinates would go without each block that tells of them, to first order; the information."""
+    """Return the coordinates' first-order changes without each informative block, and the information matrix."""
     first = np.arange(0, len(residual), BLOCK)
     gradients = np.add.reduceat(np.einsum("wij,wi->wj", jacobian, residual), first)
     parts = np.add.reduceat(np.swapaxes(jacobian, 1, 2) @ jacobian, first)
