@@ -90,7 +90,7 @@ def benchmark(
         if artist := registered(PICTURES).get("scenario"):
             written += artist.load()(boards, results.runs(), results.path)
         if film and "film" in registered(PICTURES):
-            pace = FILM_PACE if FILM_PACE in paces else paces[0]
+            pace = FILM_PACE if FILM_PACE in (run.pace for run in runs) else runs[0].pace
             (board,) = (board for board in boards if board.pace == pace)
             places = [standing.policy for standing in board.standings]
             filmed = sorted(list(named)[:MAX_FILMED], key=places.index)

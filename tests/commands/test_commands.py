@@ -71,3 +71,9 @@ def test_benchmark_writes_runs_and_verify_repeats_them(tmp_path: Path, capsys: p
     capsys.readouterr()
     assert main(["verify", out]) == 0
     assert "2 of 2" in capsys.readouterr().out
+
+
+def test_a_benchmark_at_the_speed_of_a_named_pace_has_its_film(tmp_path: Path) -> None:
+    arguments = ["--policies", "free", "--paces", "0.25", "--episodes", "2", "--out", str(tmp_path)]
+    assert main(["benchmark", *arguments]) == 0
+    assert list(tmp_path.glob("*.webp"))
