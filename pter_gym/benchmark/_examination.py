@@ -54,7 +54,7 @@ class Assessment(NamedTuple):
     def __str__(self) -> str:
         """Return the scores as text."""
         arrives, mean, segments = (f"{100 * share:.0f} %" for share in self[1:])
-        return f"{1000 * self.path_error_m:.1f} mm, arrives in {arrives}, pace error {mean}, in segments {segments}"
+        return f"{1000 * self.path_error_m:.1f} mm, arrives in {arrives}, pace error {mean} (segments {segments})"
 
 
 class Examination:
