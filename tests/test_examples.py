@@ -9,10 +9,11 @@ EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 NEEDED = {"sb3_ppo": "stable_baselines3", "jax_env": "jax", "ray_rollouts": "ray"}
 """Packages that an example needs beside the core, by its name."""
 
+MARKS = {"make_and_step": pytest.mark.smoke} | dict.fromkeys(("gradients", "own_machine", "pid"), pytest.mark.long)
+"""The long ones compile kernels that no other example needs."""
+
 RUN = [
-    pytest.param(path, id=path.stem, marks=[pytest.mark.smoke] if path.stem == "make_and_step" else [])
-    for path in EXAMPLES
-    if path.stem != "ray_rollouts"
+    pytest.param(path, id=path.stem, marks=MARKS.get(path.stem, ())) for path in EXAMPLES if path.stem != "ray_rollouts"
 ]
 
 

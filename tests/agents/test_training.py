@@ -32,7 +32,7 @@ def arguments(steps: int, algorithm: str = "residual", **changes: object) -> Tra
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_resumed_training_has_the_same_bits(tmp_path: Path) -> None:
     from pter_agents.training import train
 

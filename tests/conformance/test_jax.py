@@ -37,7 +37,13 @@ def many(env: Any) -> Any:
     return jax.vmap(env.step, in_axes=(None, 0, 0, None))
 
 
-@pytest.mark.parametrize(("kind", "wide"), [*((kind, False) for kind in KINDS), ("standard", True)])
+@pytest.mark.parametrize(
+    ("kind", "wide"),
+    [
+        *(pytest.param(kind, False, marks=pytest.mark.long if kind == "other clutches" else ()) for kind in KINDS),
+        ("standard", True),
+    ],
+)
 def test_worlds_have_the_bits_of_the_vector_environment(kind: str, wide: bool) -> None:
     with jax.enable_x64(wide):
         env, params = make(**KINDS[kind])

@@ -44,7 +44,9 @@ def test_the_first_cell_installs_from_the_projects_address(path):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*TCP without encryption.*")
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", [pytest.param(n, id=n.stem, marks=[] if "clutch" in n.stem else pytest.mark.long) for n in NOTEBOOKS]
+)
 def test_the_notebook_runs_and_shows_pictures(path, tmp_path, monkeypatch):
     if "agent" in path.stem:
         pytest.importorskip("stable_baselines3")

@@ -225,7 +225,9 @@ def changed(machine: Any, place: str, value: float) -> Any:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ALL)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(k, marks=pytest.mark.long if k == "other clutches" else ()) for k in ALL]
+)
 def test_a_rollout_has_the_gradient_of_paired_rollouts(kind: str):
     """By all that goes in, over 30 control steps of sticking and slipping in which no pair has another order of events.
 
@@ -343,7 +345,7 @@ def test_derivatives_hold_on_both_sides_of_each_switch():
         seen += 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_jax_has_the_same_motion_and_gradient():
     jax = pytest.importorskip("jax")
     from pter_gym.gradients.jax import make_rollout

@@ -133,7 +133,7 @@ def test_the_end_of_an_episode_cuts_the_gradient() -> None:
     assert [bool(np.any(each)) for each in found] == [True, False, True, False]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_gradient_through_the_end_of_an_episode_raises() -> None:
     env, _ = make("PTER/Standard-v0", max_episode_steps=1)
     _, state = env.reset_to_seed(3)
@@ -179,7 +179,7 @@ def test_bad_input_and_other_platforms_are_refused(monkeypatch: pytest.MonkeyPat
         make()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_page_on_gradients_runs() -> None:
     shown: dict[str, Any] = run_program(blocks_of(DOCS / "gradients.md"), "gradients.md")
     for found in (shown["gradient"].volts, shown["by_volts"], shown["by_action"]):

@@ -121,7 +121,7 @@ EULER = {
 }
 """Root mean square error [rad] at 1 ms of semi-implicit Euler, in which slips that jump over the band may stick."""
 
-GATED = {"equal torques", "breakaway above dynamic"}
+GATED = {"equal torques"}
 """What the gate looks at; the other machines are long."""
 
 

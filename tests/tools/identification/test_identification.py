@@ -89,7 +89,12 @@ def crossing(clutches: str, lag: str) -> tuple[Shape, np.ndarray, LogInputs, np.
 
 
 @pytest.mark.parametrize(
-    ("clutches", "lag"), [("paper", "normal_force"), ("paper", "voltage"), ("couplings-1-2", "normal_force")]
+    ("clutches", "lag"),
+    [
+        pytest.param("paper", "normal_force", marks=pytest.mark.long),
+        ("paper", "voltage"),
+        pytest.param("couplings-1-2", "normal_force", marks=pytest.mark.long),
+    ],
 )
 def test_windows_have_the_derivatives_of_central_differences(clutches: str, lag: str):
     """By each coordinate and each number of a start, over 800 substeps of stick-slip.

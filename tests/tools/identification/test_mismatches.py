@@ -7,7 +7,7 @@ from oracle.recorded import RecordedMachine
 from pter_gym.params import BASELINE
 from pter_gym.tools.identification import Identification, identify
 
-IN_THE_GATE = ("Stribeck 0.1 rad/s", "off-state torque 0.5 N·m", "T_s/T_k of clutch 3 +10 %")
+IN_THE_GATE = ("Stribeck 0.1 rad/s",)
 
 STIFF = 0.02
 """Of a number's scale: what the stiff springs of the oracle may change."""

@@ -82,7 +82,7 @@ def test_breakaways_are_judged_by_themselves():
     assert "breakaway_ratio differs where clutch 1 is on" in found.verdict.hints[0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_log_in_pounds_is_a_warning():
     found = identify(replace(record(RecordedMachine()), force=record(RecordedMachine()).force / 4.448), BASELINE)
     assert found.verdict.explained

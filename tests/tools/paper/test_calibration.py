@@ -71,7 +71,7 @@ def test_an_arm_that_the_substep_cannot_hold_is_left_out():
     assert alone[0] == beside > other
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_fit_writes_what_the_search_finds_and_is_repeatable_bit_for_bit(tmp_path: Path):
     file = tmp_path / "a.toml"
     assert cli.main(["fit", "--seed", "3", "--budget", "1000", "--out", str(file)]) == 0

@@ -86,6 +86,7 @@ def page(recorded: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
     return node("wrapper.mjs", SHIPPED, file)
 
 
+@pytest.mark.smoke
 def test_the_module_is_that_of_the_present_sources() -> None:
     assert TABLES.read_text("utf-8") == web_module.as_text(MODULE.read_bytes()), (
         "a file changed from which the module of `pter play` is made: run `python docs/make/web_module.py` (half a "

@@ -326,7 +326,7 @@ def test_a_user_machine_moves_as_in_python(opened: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["two-brakes", "double-brakes"])
+@pytest.mark.parametrize("name", ["two-brakes", pytest.param("double-brakes", marks=pytest.mark.long)])
 def test_a_machine_with_other_clutches_is_felt(name: str, opened: Any, tmp_path: Path) -> None:
     """Laws brake with what is there; policies, which were trained with the paper's clutches, are not offered."""
     import playing
