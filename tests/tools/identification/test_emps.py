@@ -53,7 +53,7 @@ def emps_log() -> Log:
     return Log(interval=INTERVAL, volts=np.zeros((len(q), 4)), theta=theta, force=force, name="EMPS, as printed")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_printed_friction_of_an_axis_is_found():
     start = replace(BASELINE, arm=replace(BASELINE.arm, length_a=LENGTH, inertia_a=50.0))
     found = identify(emps_log(), start)
