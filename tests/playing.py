@@ -51,7 +51,6 @@ class Play:
 
     def __init__(self, tab: Tab, address: str, downloads: Path) -> None:
         self.tab, self.address, self.downloads = tab, address, downloads
-        tab.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(downloads))
 
     def open(self, settings: str = "", width: int = 1280, height: int = 900, scheme: str = "light") -> "Play":
         """Load the page with settings in its address."""
@@ -132,6 +131,8 @@ class Play:
         """Press a button that saves a file, and return the file."""
         file = self.downloads / name
         file.unlink(missing_ok=True)
+        # each time, since the browser has one folder for all of its tabs
+        self.tab.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(self.downloads))
         self.click(identity)
         end = time.monotonic() + 60.0
         while not file.exists() and time.monotonic() < end:
