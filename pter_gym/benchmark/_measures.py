@@ -144,7 +144,7 @@ TOUCH = 1e-4
 
 PRICE = 2.0
 """Power of the time ratio by which the path error of a slow segment counts, and its slope for a fast one. With less, a
-slower ride within the limits would still pay, since errors grow with the speed."""
+slower rollout within the limits would still pay, since errors grow with the speed."""
 
 
 RANKED = tuple(map(TELEMETRY.index, ("time", "arc_length", "normal_error", "is_success")))

@@ -172,7 +172,7 @@ class PaceSchedule:
         Commanded pace [m/s] and controller, by rising pace. The controllers are of one kind with one torque table.
     hold
         A knot's gains hold exactly for paces within this fraction of its own. An observed pace is a float32, which is
-        hardly ever the very pace of a knot.
+        rarely the exact pace of a knot.
     """
 
     knots: tuple[tuple[float, Guided], ...]

@@ -77,7 +77,7 @@ def test_a_machine_that_cannot_do_the_paths_is_refused_before_it_is_simulated(le
     known = {}
     for source in sources[: 1 + next(k for k, each in enumerate(sources) if "def judge" in each)]:
         exec(source.partition("study = ")[0], known)
-    known["ride"] = None  # nothing is simulated
+    known["roll_out"] = None  # nothing is simulated
     point = {**known["PTER_POINT"], "length_a": lengths[0], "length_b": lengths[1]}
     trial = optuna.trial.FixedTrial(point)
     with pytest.raises(optuna.TrialPruned):

@@ -131,8 +131,8 @@ PERFECT = 1000.0
 """What the whole path at the commanded pace and without error pays."""
 
 REST = 5.0
-"""What rest costs over what twice the pace costs: an episode lasts two path times longer than a ride at the commanded
-pace, and who rests so long loses ``PERFECT``, so whoever stops for ever, however late, has earned nothing."""
+"""What rest costs over what twice the pace costs: an episode lasts two path times longer than a rollout at the
+commanded pace, which costs ``PERFECT``, so a rollout that stops for good, however late, has earned nothing."""
 
 ACCELERATION_UNIT = 10.0
 
