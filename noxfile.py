@@ -165,7 +165,7 @@ def docs_executed(session: nox.Session) -> None:
         session,
         "site-long",
         PTER_DOCS_EXECUTE="1",
-        PTER_TRAINING_STEPS="32768",
+        PTER_TRAINING_STEPS="81920",
         PTER_NOTEBOOK_EPISODES="24",
         PTER_NOTEBOOK_TRIALS="30",
     )

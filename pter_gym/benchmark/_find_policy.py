@@ -115,7 +115,8 @@ def _resolve(name: str, given: Any, scenario: str) -> AnyPolicy:
         return find_policy(cast("FilePath", given), scenario)
     if isinstance(given, type) or not (isinstance(given, Controller) or callable(given)):
         raise ParameterError(
-            f"policies must be names, have a method bind or be callable, not classes, {name!r} is {given!r:.200}"
+            "policies must be names, have a method bind or be callable, not classes (PerSeed holds those of several "
+            f"seeds), {name!r} is {given!r:.200}"
         )
     return given
 

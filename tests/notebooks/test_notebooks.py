@@ -52,7 +52,7 @@ def test_the_notebook_runs_and_shows_pictures(path, tmp_path, monkeypatch):
         pytest.importorskip("stable_baselines3")
     if "machine" in path.stem:
         pytest.importorskip("optuna")
-    monkeypatch.setenv("PTER_TRAINING_STEPS", "32768")  # two rollouts
+    monkeypatch.setenv("PTER_TRAINING_STEPS", "81920")  # trials of two rollouts
     monkeypatch.setenv("PTER_NOTEBOOK_EPISODES", "24")
     monkeypatch.setenv("PTER_NOTEBOOK_TRIALS", "30")
     notebook = nbformat.read(path, as_version=4)
