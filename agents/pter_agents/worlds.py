@@ -52,7 +52,7 @@ def draws_for(
         Number of pairs of machine and task, rounded up to equal shares of the scenarios, and the seed of their list.
     machine
         A machine in place of those that the scenarios draw.
-    **stated
+    **overrides
         Fields of the task that all episodes share, such as ``reward``, ``starts`` and ``truncation_error``.
 
     Raises
