@@ -119,7 +119,7 @@ class Scenario:
             Commanded pace [m/s] or its name in ``PACES``; None draws it between the slowest and the fastest.
         contexts, seed
             Number of pairs of machine and task, and the seed of their list.
-        **stated
+        **overrides
             Fields of the task that all episodes share, such as ``reward``, ``error_max`` and ``starts``.
 
         Raises
