@@ -85,9 +85,10 @@ class WorldsState(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Result of a step of N worlds; ``last_obs`` is the observation before a reset."""
+    """Result of a step of N worlds; ``last_obs`` is the observation before a reset, ``paces`` the commanded [m/s]."""
 
     rewards: jax.Array
+    paces: jax.Array
     terminated: jax.Array
     truncated: jax.Array
     last_obs: jax.Array
@@ -107,6 +108,7 @@ class JaxWorlds:
         self._env = JaxEnv(env)
         self._layout = env.observation_layout
         self._interface = interface
+        self._pace = self._layout.names.index("pace")
         self._ages = np.array((0, *interface.history))
         self._law = None if base is None else register_law(base.law)
         blank = np.zeros((1, 0)) if base is None else base.empty_memory(1)
@@ -146,7 +148,9 @@ class JaxWorlds:
         obs, env, rewards, terminated, truncated, told = step(None, state.env, given, shared.params)
         state = state._replace(env=env, known=self._truth(shared, env.world))
         after = self._see(shared, state, obs, terminated | truncated)
-        return after, Step(rewards, terminated, truncated, told["final_observation"])
+        last_obs = told["final_observation"]
+        paces = last_obs[:, self._pace] * shared.obs_scales[self._pace]
+        return after, Step(rewards, paces, terminated, truncated, last_obs)
 
     def inputs(self, state: WorldsState) -> jax.Array:
         """Return the networks' current inputs, (N, size): the policy's first, then those of the value network alone."""

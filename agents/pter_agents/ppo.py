@@ -8,6 +8,9 @@ any number of cores.
 The clutches' lag filters out most noise that is independent at each control step. So the noise is autoregressive:
 n = ρ·n' + σ·ε with a standard normal ε. Given n', the action a has mean μ + ρ·n' and standard deviation σ, so its
 likelihood is exact.
+
+A path pays the same at any pace, so a slow step pays a quarter of a brisk one, and its advantages would be lost among
+theirs. So rewards are divided by the commanded pace: each control step is worth the same.
 """
 
 import math
@@ -34,6 +37,7 @@ from pter_agents.settings import PARTS, Settings
 from pter_agents.worlds import Training
 from pter_gym.errors import ParameterError
 from pter_gym.policies import TrainedPolicy
+from pter_gym.scenarios import PACES
 
 PART = "part"
 """Name of the axis of the parts."""
@@ -192,9 +196,8 @@ def collect(
         carry = Carry(after, jnp.where(ends[:, None], 0.0, noise), jnp.where(ends, 0.0, returns))
         finals = jnp.where(ends & ~step.terminated, final_values, 0.0)
         finished = jnp.where(ends, returns, 0.0)
-        return carry, RolloutBuffer(
-            inputs, means + deviation * drawn, drawn, s.reward_scale * step.rewards, ends, finals, finished
-        )
+        rewards = s.reward_scale * (PACES["medium"] / step.paces) * step.rewards
+        return carry, RolloutBuffer(inputs, means + deviation * drawn, drawn, rewards, ends, finals, finished)
 
     return lax.scan(act, carry, drawn)
 

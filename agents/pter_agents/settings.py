@@ -81,7 +81,7 @@ class Settings(RewardWeights):
     persistence
         ρ of the exploration: the share of its noise that remains one step later.
     reward_scale
-        Factor of the rewards for the value network.
+        Factor of the rewards for learning at the medium pace; at other commanded paces, in inverse proportion to them.
     clip, value_weight, max_gradient
         Clip range of the likelihood ratio, weight of the value loss, and limit of the gradient norm.
     """

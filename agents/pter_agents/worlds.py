@@ -1,7 +1,7 @@
 """The worlds to train on: a scenario's training draws, and what the networks see of them."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from pter_agents.settings import ALL, NO_BASE, Settings, TrainingArguments
 from pter_gym.benchmark import PACES, find_policy
-from pter_gym.benchmark.tuned import FALLBACK
 from pter_gym.controllers import PaceSchedule
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import unknown_name
+from pter_gym.paths import Arc, Circle
 from pter_gym.policies import Input, Interface
 from pter_gym.policies._interface import available, clutch_rows, middle_volts, quantities, to_volts
 from pter_gym.scenarios import find_scenario
@@ -27,6 +27,16 @@ MIXED = ("standard", "paths", "hands", "materials", "everything")
 
 MAX_VARIED = "everything"
 """The scenario that has half of the draws of ``ALL``; the others share the rest evenly."""
+
+REPEATS = {Circle: 6, Arc: 2}
+"""How often training draws a kind of path for each path of another kind: their headings are rare elsewhere."""
+
+BASE_SCENARIO = "standard"
+"""The scenario whose gains the base controller has in a training for ``ALL``.
+
+Those for ``everything`` have four times the error on known machines at the slow pace, which the network then has to
+make up for.
+"""
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
 """Chosen scales [m, 1, m/s]: with a good policy these are far smaller than random actions make them."""
@@ -80,6 +90,18 @@ def _draws(
     return replace(drawn, task=Vary(task.base, **{**task.fields, "pace": OneOf(speeds)}))
 
 
+def _with_repeats(draws: Draws) -> Draws:
+    """Return draws with each kind of path as often as ``REPEATS`` says."""
+    if isinstance(draws, Mixture):
+        return replace(draws, parts=tuple(cast(Randomisation, _with_repeats(part)) for part in draws.parts))
+    task: Any = draws.task
+    if "path" not in task.fields:
+        return draws
+    kinds = task.fields["path"].options
+    path = OneOf(tuple(kind for kind in kinds for _ in range(REPEATS.get(type(kind.base), 1))))
+    return replace(draws, task=Vary(task.base, **{**task.fields, "path": path}))
+
+
 def all_paces() -> tuple[float, ...]:
     """Return the commanded paces [m/s], with fast ones repeated so that all take about the same share of time."""
     slowest = min(PACES.values())
@@ -126,13 +148,15 @@ def make_training(arguments: TrainingArguments) -> Training:
     """Return the worlds of a training; centers and scales of the inputs are those of a short run without a network."""
     s, nominal = arguments.settings, arguments.nominal
     overrides = {"reward": s.reward(), "starts": STARTS[s.starts], "truncation_error": s.truncation}
-    draws = draws_for(
-        arguments.scenario,
-        arguments.pace,
-        contexts=s.contexts,
-        seed=arguments.seed,
-        machine=arguments.machine,
-        **overrides,
+    draws = _with_repeats(
+        draws_for(
+            arguments.scenario,
+            arguments.pace,
+            contexts=s.contexts,
+            seed=arguments.seed,
+            machine=arguments.machine,
+            **overrides,
+        )
     )
     schedule = find_base(s.base, arguments.scenario)
     interface = Interface(
@@ -156,7 +180,7 @@ def find_base(name: str, scenario: str) -> PaceSchedule | None:
     """Return the base controller with its gains over the commanded pace, or None."""
     if name == NO_BASE:
         return None
-    policy = find_policy(name, scenario=FALLBACK if scenario == ALL else scenario)
+    policy = find_policy(name, scenario=BASE_SCENARIO if scenario == ALL else scenario)
     assert isinstance(policy, PaceSchedule)
     return policy
 
