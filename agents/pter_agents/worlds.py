@@ -90,6 +90,22 @@ def _draws(
     return replace(drawn, task=Vary(task.base, **{**task.fields, "pace": OneOf(speeds)}))
 
 
+def training_draws(arguments: TrainingArguments) -> Draws:
+    """Return the machines and tasks of a training: those of its scenario, with kinds of paths as in ``REPEATS``."""
+    s = arguments.settings
+    overrides = {"reward": s.reward(), "starts": STARTS[s.starts], "truncation_error": s.truncation}
+    return _with_repeats(
+        draws_for(
+            arguments.scenario,
+            arguments.pace,
+            contexts=s.contexts,
+            seed=arguments.seed,
+            machine=arguments.machine,
+            **overrides,
+        )
+    )
+
+
 def _with_repeats(draws: Draws) -> Draws:
     """Return draws with each kind of path as often as ``REPEATS`` says."""
     if isinstance(draws, Mixture):
@@ -147,17 +163,7 @@ class Training:
 def make_training(arguments: TrainingArguments) -> Training:
     """Return the worlds of a training; centers and scales of the inputs are those of a short run without a network."""
     s, nominal = arguments.settings, arguments.nominal
-    overrides = {"reward": s.reward(), "starts": STARTS[s.starts], "truncation_error": s.truncation}
-    draws = _with_repeats(
-        draws_for(
-            arguments.scenario,
-            arguments.pace,
-            contexts=s.contexts,
-            seed=arguments.seed,
-            machine=arguments.machine,
-            **overrides,
-        )
-    )
+    draws = training_draws(arguments)
     schedule = find_base(s.base, arguments.scenario)
     interface = Interface(
         (Input("pace"),),

@@ -1,6 +1,7 @@
 """PPO: a resumed training is the uninterrupted one, and what is exported acts."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +14,15 @@ from pter_agents.settings import SMOKE, TrainingArguments, load_settings
 from pter_gym._commands.main import main
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
+from pter_gym.paths import Circle
 from pter_gym.policies import read_policy
+from pter_gym.scenarios import PACES
 
 pytestmark = pytest.mark.agents
 
 
 def arguments(steps: int, algorithm: str = "residual", **changes: object) -> TrainingArguments:
-    settings = load_settings(algorithm, **SMOKE, **changes)
+    settings = load_settings(algorithm, **{**SMOKE, **changes})
     return TrainingArguments(
         algorithm=algorithm,
         scenario="standard",
@@ -175,6 +178,37 @@ def test_a_damaged_checkpoint_is_refused(data: bytes, tmp_path: Path) -> None:
     path.write_bytes(data or path.read_bytes()[:-1])
     with pytest.raises(DataError, match="checkpoint"):
         folder.load()
+
+
+def test_a_locked_arm_costs_the_same_at_each_commanded_pace() -> None:
+    import jax
+
+    from pter_agents.ppo import PPO, collect
+    from pter_agents.worlds import make_training
+
+    changes = {**SMOKE, "starts": "rest", "persistence": 0.0}
+    given = replace(arguments(1, "ppo"), pace="all", settings=load_settings("ppo", **changes))
+    s, training = given.settings, make_training(given)
+    model = PPO(s, training, given.steps, given.seed)
+    weights, _, carry = model._learned  # pyright: ignore[reportPrivateUsage]
+    weights.policy[-1] = (weights.policy[-1][0], weights.policy[-1][1] + 100.0)  # 24 V for all clutches
+    worlds, drawn = model._worlds, np.zeros((150, s.worlds, 4), np.float32)  # pyright: ignore[reportPrivateUsage]
+    _, rows = jax.jit(collect, static_argnums=(0, 1))(s, worlds, worlds.shared, weights, carry, drawn, 0.0)
+    task = training.env.batch.task
+    cost = 5.0 * s.pace * PACES["medium"] * task.control_period / task.path.length
+    np.testing.assert_allclose(rows.rewards[-1], -s.reward_scale * cost, rtol=1e-5)
+
+
+def test_circles_are_frequent_in_training_and_as_the_scenario_has_them_elsewhere() -> None:
+    from pter_agents.worlds import Draws, draws_for, training_draws
+
+    def share(draws: Draws) -> float:
+        return float(np.mean([isinstance(task.path, Circle) for _, task in draws.pairs()]))
+
+    for scenario in ("paths", "all"):
+        given = replace(arguments(1, contexts=600), scenario=scenario)
+        rare = share(draws_for(scenario, given.pace, contexts=600, seed=given.seed))
+        assert 2.0 * rare < share(training_draws(given))
 
 
 def test_advantages_are_those_of_a_plain_loop() -> None:
