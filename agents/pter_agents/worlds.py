@@ -113,8 +113,8 @@ def _with_repeats(draws: Draws) -> Draws:
     task: Any = draws.task
     if "path" not in task.fields:
         return draws
-    kinds = task.fields["path"].options
-    path = OneOf(tuple(kind for kind in kinds for _ in range(REPEATS.get(type(kind.base), 1))))
+    kinds: tuple[Any, ...] = task.fields["path"].options
+    path = OneOf(tuple(kind for kind in kinds for _ in range(REPEATS.get(kind.base.__class__, 1))))
     return replace(draws, task=Vary(task.base, **{**task.fields, "path": path}))
 
 
