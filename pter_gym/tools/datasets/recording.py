@@ -25,7 +25,7 @@ from pter_gym.tasks.path_following import COLUMN
 
 LEVELS = MappingProxyType(
     {
-        "expert": "the trained policy of the package that is best there, without noise",
+        "expert": "a trained policy of the package, without noise",
         "medium": "a policy that was trained for a part of the time, without noise",
         "replay": "the stages of a training from its start on, each with the noise with which it explored",
         "random": "actions drawn evenly from the action space",
@@ -34,7 +34,7 @@ LEVELS = MappingProxyType(
 """What acts in a data set, by level."""
 
 EXPERTS = MappingProxyType({"standard": "ppo-standard"})
-"""The policies with the best validation score, which is on training draws, by scenario; elsewhere ``residual``."""
+"""The experts by scenario, here one that sees one observation at a time and so can be cloned; elsewhere ``residual``."""
 
 STAGES = Path(__file__).parent / "stages"
 """The training whose stages act: a policy for each, and ``stages.toml``, which describes them."""
