@@ -32,7 +32,7 @@ REPEATS = {Circle: 6, Arc: 2}
 """How often training draws a kind of path for each path of another kind: their headings are rare elsewhere."""
 
 BASE_SCENARIO = "standard"
-"""The scenario whose gains the base has in a training for ``ALL``; those for ``everything`` are poor on known machines."""
+"""Scenario whose gains the base has in a training for ``ALL``; those for ``everything`` are poor on known machines."""
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
 """Chosen scales [m, 1, m/s]: with a good policy these are far smaller than random actions make them."""
