@@ -34,7 +34,7 @@ LEVELS = MappingProxyType(
 """What acts in a data set, by level."""
 
 EXPERTS = MappingProxyType({"standard": "ppo-standard"})
-"""The experts by scenario, here one that sees one observation at a time and so can be cloned; elsewhere ``residual``."""
+"""Experts by scenario, here one that sees one observation at a time and so can be cloned; elsewhere ``residual``."""
 
 STAGES = Path(__file__).parent / "stages"
 """The training whose stages act: a policy for each, and ``stages.toml``, which describes them."""
