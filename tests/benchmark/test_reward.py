@@ -148,7 +148,8 @@ def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: s
     judged = {name: judge(policy, course) for name, policy in found.items() if not name.endswith((*GAMES, LINGERING))}
     ranked = {name: each for name, each in judged.items() if each.ranks}
     stopped, more = 0, list[tuple[float, str, str]]()
-    for name in {"residual", "single-dof-tuned"} & ranked.keys():
+    riders = {"residual", "single-dof-tuned"}
+    for name in riders & ranked.keys() or riders:  # on `tremor` at the brisk pace neither ranks, and both are tried
         attacked = course.attacked(found[name], course.telemetry(found[name]))
         for stop, play in STOPS.items():
             early = judge(play(attacked), course)
@@ -160,7 +161,7 @@ def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: s
             more += [
                 (discount, other, f"{name} {stop}")
                 for discount, other in compared
-                if ranked[other].returned(discount) <= early.returned(discount)
+                if judged[other].returned(discount) <= early.returned(discount)
             ]
     assert more == []
     assert stopped >= sum(stop.startswith("locks") for stop in STOPS)
