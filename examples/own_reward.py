@@ -12,7 +12,7 @@ from pter_gym.tasks.path_following import RewardWeights
 class SmoothActions(gymnasium.Wrapper[Any, Any, Any, Any]):
     """Subtract a price on the change of the action from the reward."""
 
-    def __init__(self, env: gymnasium.Env[Any, Any], price: float = 0.5) -> None:
+    def __init__(self, env: gymnasium.Env[Any, Any], price: float = 0.05) -> None:
         super().__init__(env)
         self.price = price
 
@@ -28,7 +28,7 @@ class SmoothActions(gymnasium.Wrapper[Any, Any, Any, Any]):
 
 
 # half of the pay for being within 6 mm of the path, and a price on the tip's acceleration
-weights = RewardWeights(tracking=500.0, precision=500.0, acceleration=0.1)
+weights = RewardWeights(tracking=50.0, precision=50.0, acceleration=0.01)
 env = SmoothActions(gymnasium.make("PTER/Standard-v0", reward=weights))
 env.reset(seed=0)
 rewards = [env.step(env.action_space.sample())[1] for _ in range(5)]

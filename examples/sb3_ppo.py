@@ -22,7 +22,7 @@ class Anneal(BaseCallback):
 
 
 def worlds(gripped, **weights):
-    reward, starts = RewardWeights(pace=10, **weights), Starts(moving=0.2, gripped=gripped)
+    reward, starts = RewardWeights(**weights), Starts(moving=0.2, gripped=gripped)
     return make_sb3_vec_env(128, scenario="standard", error_max=0.05, reward=reward, starts=starts)
 
 

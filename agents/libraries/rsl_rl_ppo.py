@@ -53,7 +53,7 @@ def settings(horizon: int) -> dict:
 def train(seed: int = 0, steps: int = 600_000, worlds: int = 32, horizon: int = 256):
     torch.manual_seed(seed), torch.set_num_threads(1)
     options = {"frame_skip": 1, "truncation_error": 0.1, "autoreset_mode": "SAME_STEP", "telemetry": False}
-    envs = TransformReward(gymnasium.make_vec("PTER/Standard-v0", worlds, **options), lambda pay: 0.03 * pay)
+    envs = TransformReward(gymnasium.make_vec("PTER/Standard-v0", worlds, **options), lambda pay: 0.3 * pay)
     runner = OnPolicyRunner(RslRlVecEnv(envs, seed), settings(horizon))
     runner.learn(steps // (worlds * horizon))
     act = runner.get_inference_policy()

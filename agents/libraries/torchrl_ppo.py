@@ -23,7 +23,7 @@ def train(seed: int = 0, steps: int = 1_500_000, worlds: int = 256, horizon: int
     options = {"frame_skip": 1, "truncation_error": 0.1, "autoreset_mode": "DISABLED", "telemetry": False}
     envs = gymnasium.make_vec("PTER/Standard-v0", worlds, **options)
     (size,) = envs.single_observation_space.shape
-    world = TransformedEnv(GymWrapper(envs), RewardScaling(0.0, 0.01))
+    world = TransformedEnv(GymWrapper(envs), RewardScaling(0.0, 0.1))
     world.set_seed(seed)
     body = network(size, nn.Linear(64, 8), NormalParamExtractor("biased_softplus_0.5"))
     mean = TensorDictModule(body, ["observation"], ["loc", "scale"])

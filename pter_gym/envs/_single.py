@@ -54,12 +54,12 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     | `force_along`, `force_across` | the hand's force (`sensors="force"`) |
 
     ## Rewards
-    The reward is paid for new distance along the path: 1000 for the whole path if the tip stays on it and keeps the
+    The reward is paid for new distance along the path: 100 for the whole path if the tip stays on it and keeps the
     commanded pace. The pay falls with the distance from the path (to 1/e at 60 mm) and with the ratio of the pace,
     averaged over a tenth of a second, to the commanded one (with its third power below 1, its inverse fourth power
-    above). A wrong pace has a cost per unit of time: at rest, 500 in the time that the path takes at the commanded
+    above). A wrong pace has a cost per unit of time: at rest, 50 in the time that the path takes at the commanded
     pace. Leaving the workspace or missing the end of the path costs what a perfect episode would have earned so far. A
-    step pays at most what its new arc length is worth, so no episode pays more than 1000. The weights are in
+    step pays at most what its new arc length is worth, so no episode pays more than 100. The weights are in
     `task.reward`, which can also penalise the tip's acceleration and the voltages. Each term is in the telemetry.
 
     `info["telemetry"]` is a float64 array in the order of `env.unwrapped.telemetry_layout` (pose, tip, force, mode,

@@ -264,9 +264,9 @@ def test_each_reward_term_is_scaled_by_its_weight(failed: bool):
 def test_each_weight_of_the_reward():
     weights = {name: getattr(RewardWeights(), name) for name in Terms._fields}
     assert {name: weight for name, weight in weights.items() if weight != 0.0} == {
-        "tracking": 1000.0,
-        "pace": 100.0,
-        "failure": 1000.0,
+        "tracking": 100.0,
+        "pace": 10.0,
+        "failure": 100.0,
     }
 
 

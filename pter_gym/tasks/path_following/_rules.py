@@ -127,7 +127,7 @@ PACE_WINDOW = 0.1
 MAX_PACE_RATIO = 50.0
 """Ratio to the commanded pace beyond which a pace costs no more."""
 
-PERFECT = 1000.0
+PERFECT = 100.0
 """What the whole path at the commanded pace and without error pays."""
 
 REST = 5.0

@@ -122,4 +122,4 @@ def test_a_wrong_argument_is_named(field: str, arguments: dict[str, Any]) -> Non
 
 def test_reference_scores_are_those_of_the_evaluation_environment() -> None:
     low, high = (reference_score("standard", level, 1) for level in ("random", "expert"))
-    assert low < 50.0 < 700.0 < high <= 1000.0
+    assert low < 5.0 < 70.0 < high <= 100.0
