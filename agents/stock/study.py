@@ -15,9 +15,9 @@ import sb3_contrib as contrib
 import stable_baselines3 as sb3
 import torch
 import tyro
-from pter_agents.validation import Validation
 from stable_baselines3.common.callbacks import BaseCallback
 
+from pter_agents.validation import Validation
 from pter_gym.benchmark import PerSeed, ResultsFolder, from_sb3, print_boards, run_scenario
 from pter_gym.envs.sb3 import make_sb3_vec_env
 from pter_gym.scenarios import PACES

@@ -49,6 +49,15 @@ def test_a_script_trains(script: str, tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 @pytest.mark.slow
+def test_the_study_ranks_each_seed_of_what_it_chose(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study = load_script(FOLDER.parent / "stock" / "study.py").study
+    study(("A2C",), seeds=2, seconds=0.2, out=tmp_path)
+    shown = capsys.readouterr().out
+    assert shown.count("mm on training draws") == 3
+    assert all(shown.count(f"† A2C {seed} ") >= 3 for seed in (1, 2)), shown
+
+
+@pytest.mark.slow
 def test_sbx_trains_in_place_of_stable_baselines3() -> None:
     sbx = pytest.importorskip("sbx")
     worlds = make_sb3_vec_env(8, scenario="standard")
