@@ -1,8 +1,9 @@
-"""Every check of this project: `nox --list` names them, `nox -s lint` runs one, `bash .ci/run` all that must hold.
+"""Every check of this project: `nox --list` names them, `nox -s lint` runs one, `bash .ci/run` all
+that must hold.
 
-Each works in a copy of what a commit of the present files would contain, so no cache or stray file plays a part.
-Sessions with the tag `gate` must pass before a change is kept; those with the tag `long` take longer.
-"""
+Each works in a copy of what a commit of the present files would contain, so no cache or stray file
+plays a part. Sessions with the tag `gate` must pass before a change is kept; those with the tag
+`long` take longer."""
 
 import os
 import re
@@ -41,7 +42,9 @@ def copy(session: nox.Session, name: str, *, keep: str = "") -> Path:
 
 def readme_command(session: nox.Session, name: str) -> Path:
     """Type the command that README.md shows as NAME in a new copy, where `python3` is the Python that runs nox."""
-    (command,) = re.findall(rf"<!-- command: {name} -->\n```sh\n(.*)\n```", (ROOT / "README.md").read_text("utf-8"))
+    (command,) = re.findall(
+        rf"<!-- command: {name} -->\n```sh\n(.*)\n```", (ROOT / "README.md").read_text("utf-8")
+    )
     place = copy(session, name)
     with session.chdir(place):
         path = f"{sys.base_prefix}/bin{os.pathsep}{os.environ['PATH']}"
@@ -52,7 +55,11 @@ def readme_command(session: nox.Session, name: str) -> Path:
 def reported(session: nox.Session, part: str = "tests") -> dict[str, str]:
     """Return variables with which pytest writes a report, for `.ci/count.py`."""
     report = f"--junitxml={session.cache_dir / 'reports' / session.name / part}.xml"
-    return {"PYTEST_ADDOPTS": f"{report} -p no:cacheprovider", "MPLBACKEND": "Agg", "SDL_VIDEODRIVER": "dummy"}
+    return {
+        "PYTEST_ADDOPTS": f"{report} -p no:cacheprovider",
+        "MPLBACKEND": "Agg",
+        "SDL_VIDEODRIVER": "dummy",
+    }
 
 
 def workshop(session: nox.Session) -> Path:
@@ -68,7 +75,9 @@ def workshop(session: nox.Session) -> Path:
     return tools
 
 
-def pytest_in_copy(session: nox.Session, *arguments: str, pins: tuple[str, ...] = PINNED, extras: str = "test") -> None:
+def pytest_in_copy(
+    session: nox.Session, *arguments: str, pins: tuple[str, ...] = PINNED, extras: str = "test"
+) -> None:
     """Run tests in a new copy, in an environment of this session; `test` is what the core's tests need."""
     place = copy(session, session.name)
     session.install("-q", *pins, "-e", f"{place}[{extras}]")
@@ -81,13 +90,25 @@ def site(session: nox.Session, folder: str, *marks: str, **variables: str) -> No
     tools, place = workshop(session), str(session.cache_dir / folder)
     build = (str(tools / "sphinx-build"), "-q", "--fail-on-warning", "docs", place)
     look = (str(tools / "pytest"), "-n", "0", *marks, "tests/website")
-    session.run(*(look if marks else build), env=reported(session) | variables | {"PTER_SITE": place}, external=True)
+    session.run(
+        *(look if marks else build),
+        env=reported(session) | variables | {"PTER_SITE": place},
+        external=True,
+    )
 
 
 def build(session: nox.Session) -> Path:
     """Return a folder with wheel and sdist."""
     session.install("-q", *PINNED, "build")
-    session.run("python", "-m", "build", "--outdir", session.create_tmp(), str(copy(session, "build")), silent=True)
+    session.run(
+        "python",
+        "-m",
+        "build",
+        "--outdir",
+        session.create_tmp(),
+        str(copy(session, "build")),
+        silent=True,
+    )
     return Path(session.create_tmp())
 
 
@@ -95,8 +116,19 @@ def package_works(session: nox.Session, suffix: str) -> None:
     """Install the built wheel or sdist alone, and use it away from the checkout."""
     session.chdir(build(session))
     session.install("-q", *PINNED, *map(str, Path.cwd().glob(f"pter_gym*{suffix}")))
-    session.run("python", "-c", "import pter_agents, pter_gym as p; print(p.__version__, p.__file__)")
-    options = ("--scenario", "everything", "--episodes", "20", "--paces", "slow", "--policies", "impedance")
+    session.run(
+        "python", "-c", "import pter_agents, pter_gym as p; print(p.__version__, p.__file__)"
+    )
+    options = (
+        "--scenario",
+        "everything",
+        "--episodes",
+        "20",
+        "--paces",
+        "slow",
+        "--policies",
+        "impedance",
+    )
     session.run("pter", "benchmark", *options, "--out", "suite")
 
 
@@ -137,7 +169,9 @@ def website(session: nox.Session) -> None:
 def benchmark(session: nox.Session) -> None:
     """README's command that installs and runs the benchmark, and how long the first step takes."""
     place = readme_command(session, "benchmark")
-    session.run(str(place / ".venv" / "bin" / "python"), str(ROOT / ".ci" / "first_use.py"), external=True)
+    session.run(
+        str(place / ".venv" / "bin" / "python"), str(ROOT / ".ci" / "first_use.py"), external=True
+    )
 
 
 @nox.session(tags=["gate"])
@@ -176,7 +210,13 @@ def docs_executed(session: nox.Session) -> None:
 def long(session: nox.Session) -> None:
     """The tests marked `long`."""
     tools = workshop(session)
-    whole = ("-n", "auto", "-m", "long", "--ignore=tests/agents/test_libraries.py")  # `libraries` runs these
+    whole = (
+        "-n",
+        "auto",
+        "-m",
+        "long",
+        "--ignore=tests/agents/test_libraries.py",
+    )  # `libraries` runs these
     session.run(str(tools / "pytest"), *whole, env=reported(session), external=True)
 
 

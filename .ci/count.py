@@ -16,9 +16,16 @@ for session in sessions:
         for case in ET.parse(file).iter("testcase"):
             kinds = {"failure": "failed", "error": "failed", "skipped": "skipped"}
             tests[next((kinds[each.tag] for each in case if each.tag in kinds), "passed")] += 1
-    # a session that reports no tests counts as one check, and so does a failed one whose tests all passed
-    told = ", ".join(f"{tests[kind]} {kind}" for kind in ("passed", "failed", "skipped")) if tests else ""
-    print(f"| {session['name']} | {session['result']} | {told} | {session.get('duration', 0):.0f} |")
+    # a session that reports no tests counts as one check, and so does a failed one whose tests all
+    # passed
+    told = (
+        ", ".join(f"{tests[kind]} {kind}" for kind in ("passed", "failed", "skipped"))
+        if tests
+        else ""
+    )
+    print(
+        f"| {session['name']} | {session['result']} | {told} | {session.get('duration', 0):.0f} |"
+    )
     totals["passed"] += tests["passed"] or int(session["result"] == "success")
     totals["failed"] += tests["failed"] or int(session["result"] in ("failed", "aborted"))
 print(f"\n{totals['passed']} passed, {totals['failed']} failed")

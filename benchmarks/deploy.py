@@ -1,13 +1,14 @@
-"""What policies in C cost and how they score: memory, time, and episodes in which the compiled program drives the arm.
+"""What policies in C cost and how they score: memory, time, and episodes in which the compiled
+program drives the arm.
 
     python benchmarks/deploy.py [--quick]
 
 takes about ten minutes; it needs PyPI's ``ziglang``. The tables are in docs/deploy.md.
 
-A program gets observations over a pipe, one process for each world. For uneven periods and delays the worlds have
-control steps of 1 ms, and a program is asked about every tenth: each time up to 1 ms earlier or later, if the period
-is uneven, and its voltages are applied a period later, if there is a delay.
-"""
+A program gets observations over a pipe, one process for each world. For uneven periods and delays
+the worlds have control steps of 1 ms, and a program is asked about every tenth: each time up to 1
+ms earlier or later, if the period is uneven, and its voltages are applied a period later, if there
+is a delay."""
 
 import re
 import subprocess
@@ -59,7 +60,17 @@ def memory(folder: Path, cpu: str) -> tuple[int, int, int]:
     elf = folder / "program.elf"
     target = (*MICROCONTROLLER, cpu)
     files = ("-cflags", "-std=c99", "--", HERE / "deploy.c", folder / "pter.c")
-    zig("build-exe", *target, "-O", "ReleaseFast", "-fstrip", "-I", folder, *files, f"-femit-bin={elf}")
+    zig(
+        "build-exe",
+        *target,
+        "-O",
+        "ReleaseFast",
+        "-fstrip",
+        "-I",
+        folder,
+        *files,
+        f"-femit-bin={elf}",
+    )
     told = zig(
         "cc",
         *target[:2],
@@ -76,13 +87,17 @@ def memory(folder: Path, cpu: str) -> tuple[int, int, int]:
     data = elf.read_bytes()
     first, size, count = (int.from_bytes(data[at : at + 2], "little") for at in (28, 42, 44))
     headers = np.frombuffer(data, "<u4", count * size // 4, first).reshape(count, -1)
-    loaded = headers[headers[:, 0] == 1]  # PT_LOAD: type, offset, addresses, size in the file, in memory, flags
+    loaded = headers[
+        headers[:, 0] == 1
+    ]  # PT_LOAD: type, offset, addresses, size in the file, in memory, flags
     writable = (loaded[:, 6] & 2) != 0
     return int(loaded[:, 4].sum()), int(loaded[writable, 5].sum()), frames
 
 
 def costs(observations: Any) -> None:
-    print("| policy | numbers | weights | step, median / worst [µs] | M4 flash, RAM, stack [kB] | with FPU [kB] |")
+    print(
+        "| policy | numbers | weights | step, median / worst [µs] | M4 flash, RAM, stack [kB] | with FPU [kB] |"
+    )
     print("|---|---|---|---|---|---|")
     for name in POLICIES:
         for numbers, weights in TYPES if name in NETWORKS else TYPES[:2]:
@@ -90,10 +105,15 @@ def costs(observations: Any) -> None:
             rows = np.ascontiguousarray(observations[:, : len(source.policy.layout)])
             with folder_of(source) as folder:
                 times = subprocess.run(
-                    [program(folder, HERE / "deploy.c")], input=rows.tobytes(), capture_output=True, check=True
+                    [program(folder, HERE / "deploy.c")],
+                    input=rows.tobytes(),
+                    capture_output=True,
+                    check=True,
                 )
                 median, worst = (float(each) / 1e3 for each in times.stdout.split())
-                kilobytes = (" / ".join(f"{each / 1e3:.1f}" for each in memory(folder, cpu)) for cpu in CPUS)
+                kilobytes = (
+                    " / ".join(f"{each / 1e3:.1f}" for each in memory(folder, cpu)) for cpu in CPUS
+                )
                 kind = weights if name in NETWORKS else "-"
                 print(
                     f"| {name} | {numbers} | {kind} | {median:.1f} / {worst:.1f} | {' | '.join(kilobytes)} |",
@@ -105,14 +125,18 @@ class Compiled:
     """A policy in another process."""
 
     def __init__(self, path: Path, entries: int) -> None:
-        self.process = subprocess.Popen([path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self.process = subprocess.Popen(
+            [path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
         self.entries = entries
 
     def reset(self) -> None:
         self.process.stdin.write("\n")
 
     def __call__(self, observation: Any) -> Any:
-        self.process.stdin.write(",".join(f"{each:.9g}" for each in observation[: self.entries]) + "\n")
+        self.process.stdin.write(
+            ",".join(f"{each:.9g}" for each in observation[: self.entries]) + "\n"
+        )
         self.process.stdin.flush()
         return np.array(self.process.stdout.readline().split(","), np.float32)
 
@@ -123,7 +147,9 @@ class Compiled:
 class Timed(BoundPolicy):
     """One program for each world, asked every ``period`` control steps, give or take ``jitter``, and ``delay`` late."""
 
-    def __init__(self, programs: list[Any], layout: Any, period: int = 1, jitter: int = 0, delay: int = 0) -> None:
+    def __init__(
+        self, programs: list[Any], layout: Any, period: int = 1, jitter: int = 0, delay: int = 0
+    ) -> None:
         self.programs, self.layout = programs, layout
         self.period, self.jitter, self.delay = period, jitter, delay
 
@@ -157,7 +183,9 @@ def told(scores: Any) -> str:
 
 
 def closed_loop(episodes: Episodes) -> None:
-    fine = replace(episodes, tasks=tuple(replace(task, control_period=1e-3) for task in episodes.tasks))
+    fine = replace(
+        episodes, tasks=tuple(replace(task, control_period=1e-3) for task in episodes.tasks)
+    )
     print("| policy | Python | C, double | C, float | C, float, int8 |\n|---|---|---|---|---|")
     timed: list[str] = []
     for name in POLICIES:
@@ -172,8 +200,14 @@ def closed_loop(episodes: Episodes) -> None:
                     stack.callback(each.close)
                 cells.append(told(evaluate(Timed(programs, layout), episodes)))
                 if numbers == "double":
-                    times = [Timed(programs, layout, PERIOD, *timing) for timing in TIMINGS.values()]
-                    timed.append(f"| {name} | " + " | ".join(told(evaluate(each, fine)) for each in times) + " |")
+                    times = [
+                        Timed(programs, layout, PERIOD, *timing) for timing in TIMINGS.values()
+                    ]
+                    timed.append(
+                        f"| {name} | "
+                        + " | ".join(told(evaluate(each, fine)) for each in times)
+                        + " |"
+                    )
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
     print("\n| policy | " + " | ".join(TIMINGS) + " |\n|" + "---|" * (1 + len(TIMINGS)))
     print("\n".join(timed))
@@ -182,6 +216,8 @@ def closed_loop(episodes: Episodes) -> None:
 if __name__ == "__main__":
     standard = find_episodes("standard", "medium").first(10 if "--quick" in sys.argv else 64)
     task = standard.tasks[0]
-    costs(record_episode(find_policy("residual"), standard.machines[0], task, 0, time_limit(task)).obs)
+    costs(
+        record_episode(find_policy("residual"), standard.machines[0], task, 0, time_limit(task)).obs
+    )
     print(flush=True)
     closed_loop(standard)

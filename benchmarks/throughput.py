@@ -2,14 +2,14 @@
 
     python benchmarks/throughput.py [--quick]
 
-takes a minute or two on an otherwise idle machine. A rate is the median of some blocks; a ratio is the median over
-pairs of blocks, ours and the peer's in turn, so other load on the machine affects both. Peers that are not installed
-(MuJoCo, Stable-Baselines3) are skipped.
+takes a minute or two on an otherwise idle machine. A rate is the median of some blocks; a ratio is
+the median over pairs of blocks, ours and the peer's in turn, so other load on the machine affects
+both. Peers that are not installed (MuJoCo, Stable-Baselines3) are skipped.
 
-No peer does the same work. ``mujoco.rollout`` steps the same arm, clutches and load with the same step, and holds the
-voltages for 100 steps, as ours do beside it, but observes, rewards and resets nothing; "soft" has MuJoCo's default
-friction, with which a stuck clutch creeps. Reacher is another planar arm, with two motors and no clutch. CartPole's
-native environment is a few lines of NumPy.
+No peer does the same work. ``mujoco.rollout`` steps the same arm, clutches and load with the same
+step, and holds the voltages for 100 steps, as ours do beside it, but observes, rewards and resets
+nothing; "soft" has MuJoCo's default friction, with which a stuck clutch creeps. Reacher is another
+planar arm, with two motors and no clutch. CartPole's native environment is a few lines of NumPy.
 """
 
 import sys
@@ -65,7 +65,11 @@ def stepping(env: Any, worlds: int, steps: int = 1) -> Workload:
 
 def ours(worlds: int, threads: int, steps: int = 1, **keywords: Any) -> Workload:
     """Return our vector environment: whole control steps without telemetry, ended worlds reset in the same step."""
-    settings: Any = {"telemetry": False, "autoreset_mode": AutoresetMode.SAME_STEP, "num_threads": threads}
+    settings: Any = {
+        "telemetry": False,
+        "autoreset_mode": AutoresetMode.SAME_STEP,
+        "num_threads": threads,
+    }
     return stepping(gymnasium.make_vec(ID, worlds, **settings, **keywords), worlds, steps)
 
 
@@ -113,7 +117,9 @@ def sb3(*, draws: bool) -> Workload:
     from stable_baselines3.common.env_util import make_vec_env
     from stable_baselines3.common.vec_env import DummyVecEnv
 
-    return stepping(make_vec_env(ID, 8) if draws else DummyVecEnv([lambda: gymnasium.make(ID)] * 8), 8)
+    return stepping(
+        make_vec_env(ID, 8) if draws else DummyVecEnv([lambda: gymnasium.make(ID)] * 8), 8
+    )
 
 
 def vectorised(name: str, worlds: int, mode: str) -> Workload:
@@ -123,13 +129,21 @@ def vectorised(name: str, worlds: int, mode: str) -> Workload:
 
 PER_STEP = substeps(PathFollowing(), BASELINE)
 WHOLE = partial(ours, WORLDS, THREADS)
-SUBSTEPS = partial(ours, WORLDS, THREADS, HELD, task=PathFollowing(control_period=HELD * BASELINE.substep))
+SUBSTEPS = partial(
+    ours, WORLDS, THREADS, HELD, task=PathFollowing(control_period=HELD * BASELINE.substep)
+)
 PAIRS: dict[str, tuple[Callable[[], Workload], Callable[[], Workload]]] = {
     "mujoco.rollout, substeps": (SUBSTEPS, partial(mujoco_rollout, 256)),
-    "mujoco.rollout, substeps of env-steps": (partial(WHOLE, PER_STEP), partial(mujoco_rollout, 256)),
+    "mujoco.rollout, substeps of env-steps": (
+        partial(WHOLE, PER_STEP),
+        partial(mujoco_rollout, 256),
+    ),
     "mujoco.rollout, soft friction": (SUBSTEPS, partial(mujoco_rollout, 64, soft=True)),
     "Reacher-v5, sync": (WHOLE, partial(vectorised, "Reacher-v5", 16, "sync")),
-    "CartPole-v1, native": (WHOLE, partial(vectorised, "CartPole-v1", WORLDS, "vector_entry_point")),
+    "CartPole-v1, native": (
+        WHOLE,
+        partial(vectorised, "CartPole-v1", WORLDS, "vector_entry_point"),
+    ),
     "CartPole-v1, single env.step": (partial(single, ID), partial(single, "CartPole-v1")),
     "Reacher-v5, single env.step": (partial(single, ID), partial(single, "Reacher-v5")),
     "make_vec_env with rgb_array / without": (partial(sb3, draws=True), partial(sb3, draws=False)),

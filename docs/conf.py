@@ -1,8 +1,7 @@
 """Sphinx configuration: `sphinx-build docs docs/_build`.
 
-`PTER_DOCS_EXECUTE=1` runs the notebooks, which takes minutes and needs the extra `agents`; without it their pages show
-what is in them. `-b linkcheck` looks up the links that leave the site.
-"""
+`PTER_DOCS_EXECUTE=1` runs the notebooks, which takes minutes and needs the extra `agents`; without
+it their pages show what is in them. `-b linkcheck` looks up the links that leave the site."""
 
 import os
 import runpy
@@ -19,7 +18,9 @@ project = "pter_gym"
 author = "pter_gym contributors"
 copyright = f"2026, {author}"
 release = runpy.run_path(str(DOCS.parent / "pter_gym" / "_version.py"))["__version__"]
-address = tomllib.loads((DOCS.parent / "pyproject.toml").read_text("utf-8"))["project"]["urls"]["Source"]
+address = tomllib.loads((DOCS.parent / "pyproject.toml").read_text("utf-8"))["project"]["urls"][
+    "Source"
+]
 is_public = not address.endswith(".example")
 
 extensions = [
@@ -45,7 +46,9 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented"
 autodoc_typehints_format = "short"
-autodoc_mock_imports = [name for name in ("optuna", "stable_baselines3", "torch") if find_spec(name) is None]
+autodoc_mock_imports = [
+    name for name in ("optuna", "stable_baselines3", "torch") if find_spec(name) is None
+]
 add_module_names = False
 python_maximum_signature_line_length = 80
 toc_object_entries_show_parents = "hide"
@@ -55,7 +58,9 @@ html_theme = "furo"
 html_title = f"pter_gym {release}"
 html_logo = html_favicon = "../pter_gym/tools/web/static/icon.svg"
 html_theme_options = {
-    "footer_icons": [{"name": "Source", "url": address, "html": "Source", "class": ""}] if is_public else [],
+    "footer_icons": [{"name": "Source", "url": address, "html": "Source", "class": ""}]
+    if is_public
+    else [],
 }
 html_static_path = ["_static"]
 html_css_files = ["site.css"]

@@ -15,7 +15,10 @@ while not over:
 print(f"return {episode_return:.0f}, arrived: {info['is_success']}")
 
 # observations and telemetry are arrays whose entries have names, units and scales
-layout, telemetry = env.unwrapped.observation_layout, env.unwrapped.telemetry_layout.as_dict(info["telemetry"])
+layout, telemetry = (
+    env.unwrapped.observation_layout,
+    env.unwrapped.telemetry_layout.as_dict(info["telemetry"]),
+)
 print(f"{len(layout)} observations: {', '.join(layout.names)}")
 print(f"{telemetry['time']:.2f} s, {1000 * telemetry['normal_error']:.0f} mm from the path")
 env.close()

@@ -35,4 +35,6 @@ while not over:
     observation, reward, terminated, truncated, info = env.step(policy(observation))
     over = terminated or truncated
 telemetry = env.unwrapped.telemetry_layout.as_dict(info["telemetry"])
-print(f"{telemetry['reached']:.2f} of {task.path.length:.2f} m of the spiral, arrived: {info['is_success']}")
+print(
+    f"{telemetry['reached']:.2f} of {task.path.length:.2f} m of the spiral, arrived: {info['is_success']}"
+)

@@ -10,8 +10,12 @@ from pter_gym.paths import Circle, Line
 from pter_gym.scenarios.randomisation import LogUniform, OneOf, Randomisation, Uniform, Vary
 from pter_gym.tasks.path_following import STARTS, PathFollowing
 
-clutch = OneOf((BASELINE.clutch, Vary(DELRIN_EXPERIMENTAL.clutch, time_constant=LogUniform(0.02, 0.2))))
-hand = OneOf((MultiSineHand(), Vary(HumanArm(), eagerness=Uniform(1.3, 1.8)), find_hand("tremor-essential")))
+clutch = OneOf(
+    (BASELINE.clutch, Vary(DELRIN_EXPERIMENTAL.clutch, time_constant=LogUniform(0.02, 0.2)))
+)
+hand = OneOf(
+    (MultiSineHand(), Vary(HumanArm(), eagerness=Uniform(1.3, 1.8)), find_hand("tremor-essential"))
+)
 scenario = Randomisation(
     machine=Vary(BASELINE, clutch=clutch),
     task=Vary(
@@ -24,7 +28,10 @@ scenario = Randomisation(
     seed=0,
 )
 envs = gymnasium.make_vec(
-    "PTER/PathFollowing-v0", num_envs=64, randomisation=scenario, autoreset_mode=AutoresetMode.SAME_STEP
+    "PTER/PathFollowing-v0",
+    num_envs=64,
+    randomisation=scenario,
+    autoreset_mode=AutoresetMode.SAME_STEP,
 )
 policy = pter_gym.load_policy("torque-feedback-tuned", envs)
 observations, infos = envs.reset(seed=0)

@@ -29,10 +29,16 @@ class Worker:
         return returns, steps / (time.perf_counter() - begin)
 
 
-def main(workers: int = 2, worlds: int = 256, policy: str = "residual", seed: int = 0) -> np.ndarray:
-    episodes = [Worker.remote(worlds, policy).episodes.remote(seed + k * worlds) for k in range(workers)]
+def main(
+    workers: int = 2, worlds: int = 256, policy: str = "residual", seed: int = 0
+) -> np.ndarray:
+    episodes = [
+        Worker.remote(worlds, policy).episodes.remote(seed + k * worlds) for k in range(workers)
+    ]
     for k, (returns, speed) in enumerate(shares := ray.get(episodes)):
-        print(f"worker {k}: mean return {returns.mean():.1f} of {worlds} worlds, {speed:,.0f} control steps/s")
+        print(
+            f"worker {k}: mean return {returns.mean():.1f} of {worlds} worlds, {speed:,.0f} control steps/s"
+        )
     return np.concatenate([returns for returns, _ in shares])
 
 

@@ -1,4 +1,7 @@
-"""Train Stable-Baselines3's PPO and rank it. Needs the extra `agents`; about five minutes on one core."""
+"""Train Stable-Baselines3's PPO and rank it.
+
+Needs the extra `agents`; about five minutes on one core.
+"""
 
 from statistics import mean
 
@@ -18,7 +21,9 @@ class Anneal(BaseCallback):
         self.model.policy.log_std.data.fill_(-3 * self.num_timesteps / STEPS)
 
     def _on_step(self):
-        return not TRIAL <= self.num_timesteps < TRIAL + self.training_env.num_envs  # where a trial ends
+        return (
+            not TRIAL <= self.num_timesteps < TRIAL + self.training_env.num_envs
+        )  # where a trial ends
 
 
 def worlds(gripped, **weights):
@@ -27,14 +32,27 @@ def worlds(gripped, **weights):
 
 
 def trial(seed):
-    settings = {"n_steps": 32, "batch_size": 1024, "gae_lambda": 0.98, "learning_rate": lambda left: 3e-4 * left}
-    return PPO("MlpPolicy", worlds(gripped=0.6, tracking=100, failure=15), seed=seed, **settings).learn(STEPS, Anneal())
+    settings = {
+        "n_steps": 32,
+        "batch_size": 1024,
+        "gae_lambda": 0.98,
+        "learning_rate": lambda left: 3e-4 * left,
+    }
+    return PPO(
+        "MlpPolicy", worlds(gripped=0.6, tracking=100, failure=15), seed=seed, **settings
+    ).learn(STEPS, Anneal())
 
 
 torch.set_num_threads(1)
 trials = (trial(SEED + k) for k in range(100))
-model = next(each for each in trials if mean(episode["r"] for episode in each.ep_info_buffer) > 15)  # else a trap
+model = next(
+    each for each in trials if mean(episode["r"] for episode in each.ep_info_buffer) > 15
+)  # else a trap
 model.set_env(worlds(gripped=0.2, tracking=50, precision=50, failure=0))
 model.set_random_seed(SEED)
 model.learn(STEPS - TRIAL, Anneal(), reset_num_timesteps=False, progress_bar=True)
-print_boards(run_scenario("standard", {"mine": from_sb3(model), "tuned law": "torque-feedback-tuned"}, seed=0))
+print_boards(
+    run_scenario(
+        "standard", {"mine": from_sb3(model), "tuned law": "torque-feedback-tuned"}, seed=0
+    )
+)

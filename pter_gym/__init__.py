@@ -1,16 +1,22 @@
-"""PTER: a passive haptic arm with four friction clutches, as a simulator and a Gymnasium environment.
+"""PTER: a passive haptic arm with four friction clutches, as a simulator and a Gymnasium
+environment.
 
-``import pter_gym`` registers the environment ids and loads nothing heavy; the rest is imported on first use.
+``import pter_gym`` registers the environment ids and loads nothing heavy; the rest is imported on
+first use.
 """
 
 import signal
 import sys
 
 if (
-    "".join(sys.argv[:1]).endswith(("/pter", "pter.exe"))  # the command, not a program that imports the package
+    "".join(sys.argv[:1]).endswith(
+        ("/pter", "pter.exe")
+    )  # the command, not a program that imports the package
     and signal.getsignal(signal.SIGINT) is signal.default_int_handler
 ):
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C while the command imports ends it without a traceback
+    signal.signal(
+        signal.SIGINT, signal.SIG_DFL
+    )  # Ctrl-C while the command imports ends it without a traceback
 
 from typing import TYPE_CHECKING
 

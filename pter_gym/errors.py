@@ -1,4 +1,7 @@
-"""Typed errors. Each message names the field and the accepted range; no state has changed when one is raised."""
+"""Typed errors.
+
+Each message names the field and the accepted range; no state has changed when one is raised.
+"""
 
 import difflib
 import sys
@@ -57,7 +60,9 @@ def needs_extra(what: str, extra: str) -> DependencyError:
 def unknown_name(field: str, name: object, known: Iterable[str]) -> ParameterError:
     """Return the error for an unknown name, with the known ones and the nearest."""
     known = list(known)
-    return ParameterError(f"{field} must be among {', '.join(known)}, got {name!r:.200}{nearest(name, known)}")
+    return ParameterError(
+        f"{field} must be among {', '.join(known)}, got {name!r:.200}{nearest(name, known)}"
+    )
 
 
 def nearest(name: object, known: Iterable[str]) -> str:

@@ -16,7 +16,15 @@ Array = NDArray[np.float64]
 
 def _build_resolve(digest: str) -> Any:
     def kernel(
-        m11: float, m12: float, m22: float, p_a: float, p_b: float, c1: float, c2: float, c3: float, c4: float
+        m11: float,
+        m12: float,
+        m22: float,
+        p_a: float,
+        p_b: float,
+        c1: float,
+        c2: float,
+        c3: float,
+        c4: float,
     ) -> tuple[float, float, int]:
         _ = digest
         omega_a, omega_b = resolve(m11, m12, m22, p_a, p_b, PerClutch(c1, c2, c3, c4))
@@ -61,7 +69,10 @@ def resolve_friction(*numbers: float) -> tuple[float, float, ClutchMode]:
 
 
 def share_torque(
-    load_a: float, load_b: float, low: tuple[float, float, float, float], high: tuple[float, float, float, float]
+    load_a: float,
+    load_b: float,
+    low: tuple[float, float, float, float],
+    high: tuple[float, float, float, float],
 ) -> PerClutch:
     """Return the four clutch torques of least Σ τ_x² with Wᵀτ = load and low ≤ τ ≤ high [N·m]."""
     return PerClutch(*_share_kernel()(float(load_a), float(load_b), *map(float, (*low, *high))))
@@ -82,7 +93,9 @@ def _build_arranged(digest: str) -> Any:
         _ = digest
         for i in range(len(p)):
             m = mass[i]
-            omega[i, 0], omega[i, 1] = resolve(m[0], m[1], m[2], p[i, 0], p[i, 1], _four(c[i]), _own(w[i]))
+            omega[i, 0], omega[i, 1] = resolve(
+                m[0], m[1], m[2], p[i, 0], p[i, 1], _four(c[i]), _own(w[i])
+            )
 
     return kernel
 

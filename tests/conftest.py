@@ -5,11 +5,17 @@ import os
 import hypothesis
 import pytest
 
-hypothesis.settings.register_profile("gate", deadline=None)  # no test judges how long something takes
+hypothesis.settings.register_profile(
+    "gate", deadline=None
+)  # no test judges how long something takes
 hypothesis.settings.load_profile("gate")
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: else each worker's linear algebra waits for all cores
+os.environ.setdefault(
+    "OMP_NUM_THREADS", "1"
+)  # before NumPy: else each worker's linear algebra waits for all cores
 
-os.environ.setdefault("JAX_NUM_CPU_DEVICES", "2")  # those of pter_agents.ppo, for whatever uses JAX first
+os.environ.setdefault(
+    "JAX_NUM_CPU_DEVICES", "2"
+)  # those of pter_agents.ppo, for whatever uses JAX first
 
 
 @pytest.hookimpl(tryfirst=True)

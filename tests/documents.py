@@ -29,7 +29,11 @@ def cells_of(notebook: Path) -> list[str]:
 
 def readme(name: str) -> str:
     """Return the block of code below a comment of the README."""
-    (block,) = re.findall(rf"^<!-- {name} -->\n```\w+\n(.*?)^```$", README.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+    (block,) = re.findall(
+        rf"^<!-- {name} -->\n```\w+\n(.*?)^```$",
+        README.read_text("utf-8"),
+        re.MULTILINE | re.DOTALL,
+    )
     return block
 
 

@@ -35,7 +35,9 @@ AHEAD = """(() => {
 def started(*options: str) -> Iterator[str]:
     """Run ``pter play`` and give the address that it prints."""
     process = subprocess.Popen(
-        [sys.executable, "-c", PLAY, "play", "--no-open", *options], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", PLAY, "play", "--no-open", *options],
+        stdout=subprocess.PIPE,
+        text=True,
     )
     try:
         assert process.stdout is not None
@@ -52,7 +54,9 @@ class Play:
     def __init__(self, tab: Tab, address: str, downloads: Path) -> None:
         self.tab, self.address, self.downloads = tab, address, downloads
 
-    def open(self, settings: str = "", width: int = 1280, height: int = 900, scheme: str = "light") -> "Play":
+    def open(
+        self, settings: str = "", width: int = 1280, height: int = 900, scheme: str = "light"
+    ) -> "Play":
         """Load the page with settings in its address."""
         self.tab.show(width, height, scheme)
         self.tab.open("about:blank")
@@ -66,7 +70,9 @@ class Play:
     @property
     def problems(self) -> list[str]:
         """What went wrong; asking its own server is right."""
-        return [each for each in self.tab.problems if f"asks the network for {self.address}" not in each]
+        return [
+            each for each in self.tab.problems if f"asks the network for {self.address}" not in each
+        ]
 
     def text(self, identity: str) -> str:
         return self.run(f"document.getElementById({json.dumps(identity)}).textContent")
@@ -94,10 +100,14 @@ class Play:
             time.sleep(0.03)
 
     def mouse(self, kind: str, x: float, y: float) -> None:
-        self.tab.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
+        self.tab.call(
+            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1
+        )
 
     def touch(self, kind: str, *points: tuple[float, float]) -> None:
-        self.tab.call("Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": x, "y": y} for x, y in points])
+        self.tab.call(
+            "Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": x, "y": y} for x, y in points]
+        )
 
     def handle(self) -> tuple[float, float]:
         """Where the handle is on the screen [px]."""
@@ -113,7 +123,10 @@ class Play:
         else:
             self.mouse("mousePressed", *start)
         end = time.monotonic() + seconds
-        while not (place := self.run(AHEAD.replace("AWAY", str(away))))["ended"] and time.monotonic() < end:
+        while (
+            not (place := self.run(AHEAD.replace("AWAY", str(away))))["ended"]
+            and time.monotonic() < end
+        ):
             if by_touch:
                 self.touch("touchMove", (place["x"], place["y"]))
             else:
@@ -132,7 +145,9 @@ class Play:
         file = self.downloads / name
         file.unlink(missing_ok=True)
         # each time, since the browser has one folder for all of its tabs
-        self.tab.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(self.downloads))
+        self.tab.call(
+            "Page.setDownloadBehavior", behavior="allow", downloadPath=str(self.downloads)
+        )
         self.click(identity)
         end = time.monotonic() + 60.0
         while not file.exists() and time.monotonic() < end:

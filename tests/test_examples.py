@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 
 EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
-MARKS = {"make_and_step": pytest.mark.smoke} | dict.fromkeys(("gradients", "own_machine", "pid"), pytest.mark.long)
+MARKS = {"make_and_step": pytest.mark.smoke} | dict.fromkeys(
+    ("gradients", "own_machine", "pid"), pytest.mark.long
+)
 """The long ones compile kernels that no other example needs."""
 
 RUN = [

@@ -19,7 +19,14 @@ from pter_gym.params import (
     save_preset,
 )
 from pter_gym.params._fields import SHIPPED
-from pter_gym.params._preset import OPTIONAL_SECTIONS, PRESET, SECTIONS, format_preset, load_preset, parse_preset
+from pter_gym.params._preset import (
+    OPTIONAL_SECTIONS,
+    PRESET,
+    SECTIONS,
+    format_preset,
+    load_preset,
+    parse_preset,
+)
 
 TEXT = format_preset(PRESET, "for tests")
 
@@ -38,7 +45,9 @@ def test_every_number_of_a_section_has_to_be_there_and_every_section_of_a_machin
     if section in OPTIONAL_SECTIONS:
         found = parse_preset(without)
         assert getattr(found, section) == getattr(PRESET, section)
-        assert {found.provenance[f"{section}.{name}"] for name in SHIPPED[section]} == {"chosen: not in the file"}
+        assert {found.provenance[f"{section}.{name}"] for name in SHIPPED[section]} == {
+            "chosen: not in the file"
+        }
         assert f"[{section}]" not in format_preset(found, "title")
         assert parse_preset(format_preset(found, "title")) == found
     else:
@@ -57,7 +66,11 @@ def test_every_number_of_a_section_has_to_be_there_and_every_section_of_a_machin
         (r"^knee = ", "knees = ", "knees"),
         (r"^length_a = { value = [^,]*", "length_a = { value = 0.0", r"Arm\.length_a"),
         (r"^push = { value = [^,]*", "push = { value = [1.0]", r"hand\.push"),
-        (r"^table_volts = { value = [^\]]*\]", "table_volts = { value = 4.0", r"controller\.table_volts"),
+        (
+            r"^table_volts = { value = [^\]]*\]",
+            "table_volts = { value = 4.0",
+            r"controller\.table_volts",
+        ),
     ],
 )
 def test_a_wrong_entry_is_refused(old: str, new: str, named: str, tmp_path: Path):
@@ -71,7 +84,9 @@ def test_a_wrong_entry_is_refused(old: str, new: str, named: str, tmp_path: Path
 
 
 def test_a_file_without_friction_of_the_axes_means_none():
-    older = "\n".join(line for line in TEXT.splitlines() if not line.startswith(("dry_", "viscous_")))
+    older = "\n".join(
+        line for line in TEXT.splitlines() if not line.startswith(("dry_", "viscous_"))
+    )
     found = parse_preset(older)
     assert found.arm == PRESET.arm
     assert parse_preset(format_preset(found, "title")) == found
@@ -90,14 +105,21 @@ def with_clutches(section: str, scale: str = "[1.0, 0.5]") -> str:
 
 def test_a_file_declares_clutches_by_name_and_row():
     found = parse_preset(with_clutches(TWO_ROWS))
-    assert found.clutches == (Connection("A to ground", (1.0, 0.0)), Connection('gear "1:2"', (1.0, -0.5)))
+    assert found.clutches == (
+        Connection("A to ground", (1.0, 0.0)),
+        Connection('gear "1:2"', (1.0, -0.5)),
+    )
     assert found.provenance["clutches.A to ground"] == "chosen: a brake"
     assert parse_preset(format_preset(found, "title")) == found
     assert machine_of(found).slot_scale == (1.0, 0.5, 0.0, 0.0)
 
 
-FIVE = "".join(f'\n"{k}" = {{ value = [1.0, {k}.0], unit = "1", from = "chosen: x" }}' for k in range(1, 6))
-SAME = "".join(f'\n"{k}" = {{ value = [1.0, 1.0], unit = "1", from = "chosen: x" }}' for k in range(4))
+FIVE = "".join(
+    f'\n"{k}" = {{ value = [1.0, {k}.0], unit = "1", from = "chosen: x" }}' for k in range(1, 6)
+)
+SAME = "".join(
+    f'\n"{k}" = {{ value = [1.0, 1.0], unit = "1", from = "chosen: x" }}' for k in range(4)
+)
 
 
 @pytest.mark.parametrize(
@@ -121,7 +143,9 @@ def test_invalid_clutches_of_a_file_are_refused(section: str, scale: str, named:
 @pytest.mark.parametrize("name", [*ARRANGEMENTS, "delrin_theoretical"])
 def test_a_machine_is_saved_as_a_preset(name: str, tmp_path: Path):
     own = replace(
-        MACHINES[name], arm=replace(BASELINE.arm, length_a=0.5, viscous_b=0.1), clutch_scale=(0.5, 1.0, 1.0, 1.0)
+        MACHINES[name],
+        arm=replace(BASELINE.arm, length_a=0.5, viscous_b=0.1),
+        clutch_scale=(0.5, 1.0, 1.0, 1.0),
     )
     file = tmp_path / "own.toml"
     save_preset(own, file, origin="chosen: for tests", title="A machine")
@@ -134,15 +158,23 @@ def test_a_preset_holds_what_the_papers_clutches_do_not_have(tmp_path: Path):
     dynamic = replace(BASELINE.clutch.dynamic, off_state=0.3)
     terms = {"stribeck": 0.1, "viscous": 0.02, "fall_ratio": 2.0, "fade": 1e-3, "cooling": 30.0}
     clutch = replace(BASELINE.clutch, dynamic=dynamic, breakaway=dynamic.scaled(1.12), **terms)
-    save_preset(replace(BASELINE, clutch=clutch), tmp_path / "own.toml", origin="chosen: a fluid brake")
+    save_preset(
+        replace(BASELINE, clutch=clutch), tmp_path / "own.toml", origin="chosen: a fluid brake"
+    )
     found = load_preset(tmp_path / "own.toml")
     assert machine_of(found).clutch == clutch
-    changed = {where for where, origin in found.provenance.items() if origin == "chosen: a fluid brake"}
+    changed = {
+        where for where, origin in found.provenance.items() if origin == "chosen: a fluid brake"
+    }
     assert changed == {f"clutch.{name}" for name in ("off_state", *terms)}
     assert load_preset(tmp_path / "own.toml") == parse_preset(format_preset(found, "title"))
     assert "stribeck" not in TEXT
     with pytest.raises(ParameterError, match=r"Clutch\.stribeck"):
-        parse_preset(format_preset(found, "title").replace("stribeck = { value = 0.1", "stribeck = { value = -0.1"))
+        parse_preset(
+            format_preset(found, "title").replace(
+                "stribeck = { value = 0.1", "stribeck = { value = -0.1"
+            )
+        )
 
 
 OTHER_CURVE = replace(BASELINE.clutch.breakaway, curvature=1.0)
@@ -154,10 +186,15 @@ OTHER_CURVE = replace(BASELINE.clutch.breakaway, curvature=1.0)
         (replace(BASELINE, hand=Hand(mass=1.0)), r"Machine\.hand"),
         (replace(BASELINE, substep=1e-3), r"Machine\.substep"),
         (replace(BASELINE, clutch=replace(BASELINE.clutch, lag="voltage")), r"Clutch\.lag"),
-        (replace(BASELINE, clutch=replace(BASELINE.clutch, breakaway=OTHER_CURVE)), r"Clutch\.breakaway"),
+        (
+            replace(BASELINE, clutch=replace(BASELINE.clutch, breakaway=OTHER_CURVE)),
+            r"Clutch\.breakaway",
+        ),
     ],
 )
-def test_a_machine_that_a_preset_cannot_hold_is_not_saved(machine: Machine, named: str, tmp_path: Path):
+def test_a_machine_that_a_preset_cannot_hold_is_not_saved(
+    machine: Machine, named: str, tmp_path: Path
+):
     file = tmp_path / "own.toml"
     with pytest.raises(ParameterError, match=named):
         save_preset(machine, file, origin="chosen: for tests")
@@ -170,7 +207,11 @@ SHORT = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.5))
 def test_numbers_that_are_not_changed_keep_their_origin(tmp_path: Path):
     save_preset(SHORT, tmp_path / "own.toml", origin="chosen: shorter")
     found = load_preset(tmp_path / "own.toml")
-    changed = {name: origin for name, origin in found.provenance.items() if origin != PRESET.provenance.get(name)}
+    changed = {
+        name: origin
+        for name, origin in found.provenance.items()
+        if origin != PRESET.provenance.get(name)
+    }
     assert changed == {"arm.length_a": "chosen: shorter"}
 
 

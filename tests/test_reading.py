@@ -25,7 +25,11 @@ from pter_gym._internal.tables import read_table
 from pter_gym.errors import DataError, ParameterError
 
 PLAIN = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(),
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(), inner, max_size=4),
     max_leaves=12,
 )
@@ -38,7 +42,15 @@ def test_json_is_read_as_it_was_written(content: Any) -> None:
 
 @pytest.mark.parametrize(
     "data",
-    [b"[NaN]", b"[1e999]", b"9" * 5000, b"[" * 100_000, b" " * (MAX_JSON_SIZE + 1), b"[] []", "[]".encode("utf-16")],
+    [
+        b"[NaN]",
+        b"[1e999]",
+        b"9" * 5000,
+        b"[" * 100_000,
+        b" " * (MAX_JSON_SIZE + 1),
+        b"[] []",
+        "[]".encode("utf-16"),
+    ],
     ids=["NaN", "infinite", "digits", "deep", "large", "more behind it", "another encoding"],
 )
 def test_json_is_refused(data: bytes) -> None:
@@ -48,7 +60,14 @@ def test_json_is_refused(data: bytes) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["a = 1\na = 1\n", "a = nan", "a = [1.0, -inf]", "a = 1e999", "a = " + "[" * 100_000, "#" * (MAX_TOML_SIZE + 1)],
+    [
+        "a = 1\na = 1\n",
+        "a = nan",
+        "a = [1.0, -inf]",
+        "a = 1e999",
+        "a = " + "[" * 100_000,
+        "#" * (MAX_TOML_SIZE + 1),
+    ],
     ids=["twice", "NaN", "infinite", "too large a number", "deep", "large"],
 )
 def test_toml_is_refused(text: str) -> None:
@@ -91,7 +110,9 @@ def test_files_are_regular_and_within_their_bound(tmp_path: Path) -> None:
             read_bytes(path, most)
 
 
-@pytest.mark.parametrize("error", [KeyError("a"), OverflowError("a"), OSError("a"), RecursionError("a")])
+@pytest.mark.parametrize(
+    "error", [KeyError("a"), OverflowError("a"), OSError("a"), RecursionError("a")]
+)
 def test_an_error_gets_the_name_of_what_is_read(error: Exception) -> None:
     with pytest.raises(DataError, match=r"^the file: .*a"), reading("the file"):
         raise error
@@ -99,8 +120,24 @@ def test_an_error_gets_the_name_of_what_is_read(error: Exception) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["x,y,x\n1,2,3\n", "x,z\n1,2\n", "x,y\n0,5,0,6\n", "x,y\n1_0,2\n", "x,y\n\uff11,2\n", "x,y\n1\n", "x,y\n1,inf\n"],
-    ids=["a column twice", "no column", "commas in numbers", "underscores", "digits", "short", "infinite"],
+    [
+        "x,y,x\n1,2,3\n",
+        "x,z\n1,2\n",
+        "x,y\n0,5,0,6\n",
+        "x,y\n1_0,2\n",
+        "x,y\n\uff11,2\n",
+        "x,y\n1\n",
+        "x,y\n1,inf\n",
+    ],
+    ids=[
+        "a column twice",
+        "no column",
+        "commas in numbers",
+        "underscores",
+        "digits",
+        "short",
+        "infinite",
+    ],
 )
 def test_tables_that_could_be_misread_are_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / "table.csv").write_text(text, encoding="utf-8")

@@ -10,7 +10,12 @@ from tensordict import TensorDict
 
 from pter_gym.benchmark import examine, from_actions
 
-NETWORK = {"class_name": "MLPModel", "hidden_dims": [64, 64], "activation": "tanh", "obs_normalization": True}
+NETWORK = {
+    "class_name": "MLPModel",
+    "hidden_dims": [64, 64],
+    "activation": "tanh",
+    "obs_normalization": True,
+}
 
 
 class RslRlVecEnv(VecEnv):
@@ -34,12 +39,22 @@ class RslRlVecEnv(VecEnv):
         terminated, truncated = map(torch.as_tensor, flags)
         done, self.obs = terminated | truncated, self.grouped(obs)
         self.episode_length_buf = torch.where(done, 0, self.episode_length_buf + 1)
-        return self.obs, torch.as_tensor(rewards).float(), done, {"time_outs": truncated & ~terminated}
+        return (
+            self.obs,
+            torch.as_tensor(rewards).float(),
+            done,
+            {"time_outs": truncated & ~terminated},
+        )
 
 
 def settings(horizon: int) -> dict:
     spread = {"class_name": "GaussianDistribution", "init_std": 1.0}
-    learning = {"schedule": "fixed", "learning_rate": 1e-3, "num_mini_batches": 8, "entropy_coef": 0.0}
+    learning = {
+        "schedule": "fixed",
+        "learning_rate": 1e-3,
+        "num_mini_batches": 8,
+        "entropy_coef": 0.0,
+    }
     return {
         "num_steps_per_env": horizon,
         "save_interval": 1000,
@@ -52,12 +67,21 @@ def settings(horizon: int) -> dict:
 
 def train(seed: int = 0, steps: int = 600_000, worlds: int = 32, horizon: int = 256):
     torch.manual_seed(seed), torch.set_num_threads(1)
-    options = {"frame_skip": 1, "truncation_error": 0.1, "autoreset_mode": "SAME_STEP", "telemetry": False}
-    envs = TransformReward(gymnasium.make_vec("PTER/Standard-v0", worlds, **options), lambda pay: 0.3 * pay)
+    options = {
+        "frame_skip": 1,
+        "truncation_error": 0.1,
+        "autoreset_mode": "SAME_STEP",
+        "telemetry": False,
+    }
+    envs = TransformReward(
+        gymnasium.make_vec("PTER/Standard-v0", worlds, **options), lambda pay: 0.3 * pay
+    )
     runner = OnPolicyRunner(RslRlVecEnv(envs, seed), settings(horizon))
     runner.learn(steps // (worlds * horizon))
     act = runner.get_inference_policy()
-    return from_actions(lambda obs: act(TensorDict({"policy": torch.as_tensor(obs)}, [len(obs)])), envs)
+    return from_actions(
+        lambda obs: act(TensorDict({"policy": torch.as_tensor(obs)}, [len(obs)])), envs
+    )
 
 
 if __name__ == "__main__":

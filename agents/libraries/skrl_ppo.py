@@ -32,17 +32,34 @@ class Truncating(PPO):
 
 def train(seed: int = 0, steps: int = 1_500_000, worlds: int = 256, horizon: int = 64):
     set_seed(seed), torch.set_num_threads(1)
-    options = {"frame_skip": 1, "truncation_error": 0.1, "autoreset_mode": "SAME_STEP", "telemetry": False}
+    options = {
+        "frame_skip": 1,
+        "truncation_error": 0.1,
+        "autoreset_mode": "SAME_STEP",
+        "telemetry": False,
+    }
     envs = gymnasium.make_vec("PTER/Standard-v0", worlds, **options)
     env = wrap_env(ClipAction(envs), wrapper="gymnasium")
-    spaces = {"observation_space": env.observation_space, "action_space": env.action_space, "device": "cpu"}
+    spaces = {
+        "observation_space": env.observation_space,
+        "action_space": env.action_space,
+        "device": "cpu",
+    }
     policy = gaussian_model(**spaces, network=LAYERS, output="ACTIONS", initial_log_std=-0.7)
-    models = {"policy": policy, "value": deterministic_model(**spaces, network=LAYERS, output="ONE")}
+    models = {
+        "policy": policy,
+        "value": deterministic_model(**spaces, network=LAYERS, output="ONE"),
+    }
     cfg = PPO_CFG(rollouts=horizon, time_limit_bootstrap=True, **SETTINGS)
     cfg.observation_preprocessor = cfg.value_preprocessor = RunningStandardScaler
-    cfg.observation_preprocessor_kwargs, cfg.value_preprocessor_kwargs = {"size": env.observation_space}, {"size": 1}
+    cfg.observation_preprocessor_kwargs, cfg.value_preprocessor_kwargs = (
+        {"size": env.observation_space},
+        {"size": 1},
+    )
     cfg.experiment.write_interval = cfg.experiment.checkpoint_interval = 0
-    agent = Truncating(models=models, memory=RandomMemory(memory_size=horizon, num_envs=worlds), cfg=cfg, **spaces)
+    agent = Truncating(
+        models=models, memory=RandomMemory(memory_size=horizon, num_envs=worlds), cfg=cfg, **spaces
+    )
     trained = {"timesteps": steps // worlds, "headless": True, "close_environment_at_exit": False}
     SequentialTrainer(env=env, agents=agent, cfg=trained).train()
     agent.enable_training_mode(False)

@@ -20,14 +20,21 @@ def network(inputs: int, *outputs: nn.Module) -> nn.Sequential:
 
 def train(seed: int = 0, steps: int = 1_500_000, worlds: int = 256, horizon: int = 64):
     torch.manual_seed(seed), torch.set_num_threads(1)
-    options = {"frame_skip": 1, "truncation_error": 0.1, "autoreset_mode": "DISABLED", "telemetry": False}
+    options = {
+        "frame_skip": 1,
+        "truncation_error": 0.1,
+        "autoreset_mode": "DISABLED",
+        "telemetry": False,
+    }
     envs = gymnasium.make_vec("PTER/Standard-v0", worlds, **options)
     (size,) = envs.single_observation_space.shape
     world = TransformedEnv(GymWrapper(envs), RewardScaling(0.0, 0.1))
     world.set_seed(seed)
     body = network(size, nn.Linear(64, 8), NormalParamExtractor("biased_softplus_0.5"))
     mean = TensorDictModule(body, ["observation"], ["loc", "scale"])
-    actor = ProbabilisticActor(mean, in_keys=["loc", "scale"], distribution_class=TanhNormal, return_log_prob=True)
+    actor = ProbabilisticActor(
+        mean, in_keys=["loc", "scale"], distribution_class=TanhNormal, return_log_prob=True
+    )
     critic = ValueOperator(network(size, nn.Linear(64, 1)), in_keys=["observation"])
     advantage = GAE(gamma=0.99, lmbda=0.95, value_network=critic, average_gae=True)
     loss = ClipPPOLoss(actor, critic, entropy_coeff=0.0, critic_coeff=0.5, normalize_advantage=True)

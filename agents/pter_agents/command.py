@@ -27,23 +27,23 @@ def train(
 ) -> None:
     """Train a policy on a scenario's training draws by PPO.
 
-    From time to time the policy is scored on drawn episodes that are not used for training. The run's folder holds
-    these scores as progress.csv, validation.json and events for TensorBoard, the two newest checkpoints and, after the
-    training, curve.png and film.webp, which compare the policy with tuned control laws.
+    From time to time the policy is scored on drawn episodes that are not used for training. The
+    run's folder holds these scores as progress.csv, validation.json and events for TensorBoard, the
+    two newest checkpoints and, after the training, curve.png and film.webp, which compare the
+    policy with tuned control laws.
 
     Example: pter train residual --smoke --out residual-run
 
     Args:
         algo: What to train: the clutch voltages (ppo), or corrections to a controller (residual).
-        scenario: Scenario whose draws are trained on, or all.
-        pace: Commanded pace, or all of them.
-        steps: Total decisions in all worlds, each held for frame_skip control steps.
-        seed: Seed of weights, worlds, draws and actions, at least 0.
-        out: Folder of the run, created if necessary; it must not hold another run.
-        resume: Continue from the newest checkpoint in the folder; only the steps may have changed.
-        config: TOML file with hyper-parameters that replace the default ones.
-        smoke: Train for a few seconds to check that everything works.
-        machine: Clutch material, or the preset of a machine of your own, instead of those that the scenario draws.
+        scenario: Scenario whose draws are trained on, or all. pace: Commanded pace, or all of them.
+        steps: Total decisions in all worlds, each held for frame_skip control steps. seed: Seed of
+        weights, worlds, draws and actions, at least 0. out: Folder of the run, created if
+        necessary; it must not hold another run. resume: Continue from the newest checkpoint in the
+        folder; only the steps may have changed. config: TOML file with hyper-parameters that
+        replace the default ones. smoke: Train for a few seconds to check that everything works.
+        machine: Clutch material, or the preset of a machine of your own, instead of those that the
+        scenario draws.
     """
     with terminal(errors=True).status("loading"):
         from pter_agents.runs import RunFolder
@@ -87,9 +87,13 @@ def train(
     say(report.table({str(out): history[max(history)], **laws}))
     for each in written:
         say(f"wrote {each}")
-    on = "" if scenario == "standard" else f" --scenario {FALLBACK if scenario == ALL else scenario}"
+    on = (
+        "" if scenario == "standard" else f" --scenario {FALLBACK if scenario == ALL else scenario}"
+    )
     say(f"next: tensorboard --logdir {out}")
-    say(f"      pter export {out} --name mine && pter benchmark{on} --policies mine {report.LAWS[0]}")
+    say(
+        f"      pter export {out} --name mine && pter benchmark{on} --policies mine {report.LAWS[0]}"
+    )
 
 
 def export(
@@ -104,10 +108,12 @@ def export(
     path: Annotated[str, tyro.conf.arg(metavar="NAME|FILE.csv")] = "line",
     machine: MachineName = None,
 ) -> None:
-    """Turn a run of `pter train` into a policy to share, or any policy into C or ONNX for a real machine.
+    """Turn a run of `pter train` into a policy to share, or any policy into C or ONNX for a real
+    machine.
 
-    By default the folder then holds NAME.safetensors, weights without code, and README.md, a model card. That is the
-    layout of the Hugging Face Hub; nothing is uploaded. With --c or --onnx only these are written.
+    By default the folder then holds NAME.safetensors, weights without code, and README.md, a model
+    card. That is the layout of the Hugging Face Hub; nothing is uploaded. With --c or --onnx only
+    these are written.
 
     Example: pter export residual --c residual-c
 
@@ -139,7 +145,11 @@ def export(
     else:
         policy = find_policy(run, scenario)
     called = name or Path(run).stem
-    source = source_of(policy, name=called, machine=machine, path=path, numbers=numbers, weights=weights) if c else None
+    source = (
+        source_of(policy, name=called, machine=machine, path=path, numbers=numbers, weights=weights)
+        if c
+        else None
+    )
     if onnx is not None:
         say(f"wrote {write_onnx(policy, onnx, name=called, machine=machine)}")
     if source is not None and c is not None:

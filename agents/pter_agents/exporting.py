@@ -27,16 +27,19 @@ def export(source: FilePath, out: FilePath | None = None, *, name: str | None = 
     Parameters
     ----------
     source
-        Folder of a run, whose newest checkpoint is exported, or a trained policy by its name or path.
+        Folder of a run, whose newest checkpoint is exported, or a trained policy by its name or
+        path.
     out
-        Folder for the two files, which must hold nothing else; by default ``name`` in the current folder.
+        Folder for the two files, which must hold nothing else; by default ``name`` in the current
+        folder.
     name
         Name of the policy; by default, the algorithm's or the policy's own.
 
     Raises
     ------
     ParameterError
-        If there is no such run or policy, it cannot have this name, or the folder holds other files.
+        If there is no such run or policy, it cannot have this name, or the folder holds other
+        files.
     DataError
         If the run or the policy cannot be read.
     StorageError
@@ -50,7 +53,9 @@ def export(source: FilePath, out: FilePath | None = None, *, name: str | None = 
     make_folder(out)
     file = f"{name}{ENDING}"
     if others := sorted(path.name for path in out.iterdir() if path.name not in (README, file)):
-        raise ParameterError(f"out must be a folder for this policy alone, {str(out)!r} holds {', '.join(others):.200}")
+        raise ParameterError(
+            f"out must be a folder for this policy alone, {str(out)!r} holds {', '.join(others):.200}"
+        )
     write_text_atomic(out / README, model_card(name, policy))
     return write_policy(policy, out / file)
 
@@ -64,13 +69,23 @@ def read_run(path: FilePath) -> TrainedPolicy:
     return policy_of(interface, state, arguments.algorithm, about)
 
 
-def about_run(arguments: TrainingArguments, steps: int, scores: Mapping[str, Any]) -> dict[str, Any]:
+def about_run(
+    arguments: TrainingArguments, steps: int, scores: Mapping[str, Any]
+) -> dict[str, Any]:
     """Return what a card says about the training."""
     settings, usual = asdict(arguments.settings), asdict(load_settings(arguments.algorithm))
     changed = {name: value for name, value in settings.items() if value != usual[name]}
     options = {name: getattr(arguments, name) for name in ("scenario", "pace", "steps", "seed")}
-    options |= ({"config": "FILE"} if changed else {}) | ({"machine": "FILE"} if arguments.machine else {})
-    command = " ".join(("pter train", arguments.algorithm, *(f"--{name} {value}" for name, value in options.items())))
+    options |= ({"config": "FILE"} if changed else {}) | (
+        {"machine": "FILE"} if arguments.machine else {}
+    )
+    command = " ".join(
+        (
+            "pter train",
+            arguments.algorithm,
+            *(f"--{name} {value}" for name, value in options.items()),
+        )
+    )
     scenario = SCENARIOS.get(arguments.scenario)
     return {
         "algorithm": arguments.algorithm,
@@ -91,7 +106,11 @@ def model_card(name: str, policy: TrainedPolicy) -> str:
     """Return the model card in Markdown, with metadata for the Hub."""
     about, interface = policy.about, policy.interface
     *hidden, outputs = policy.sizes[1:]
-    what = f"corrects the controller `{about['corrects']}`" if about.get("corrects") else "sets the clutch voltages"
+    what = (
+        f"corrects the controller `{about['corrects']}`"
+        if about.get("corrects")
+        else "sets the clutch voltages"
+    )
     meaning = f"of ±1 is ±{interface.reach:g} V, limited to 0…{interface.voltage_max:g} V"
     if interface.normalised:
         meaning = f"a within ±1 is {interface.voltage_max:g} V · ((a + 1)/2)²"
@@ -109,7 +128,10 @@ def model_card(name: str, policy: TrainedPolicy) -> str:
         "",
         f"- Trained by `{about.get('algorithm')}` on the training draws of `{about.get('scenario')}`",
         f"- Command: `{about.get('command')}` ({about.get('steps')} decisions)",
-        *(f"- In the file: `{key} = {json.dumps(value)}`" for key, value in about.get("config", {}).items()),
+        *(
+            f"- In the file: `{key} = {json.dumps(value)}`"
+            for key, value in about.get("config", {}).items()
+        ),
         f"- Versions: {', '.join(f'{key} {number}' for key, number in about.get('versions', {}).items())}",
         f"- Network: {policy.sizes[0]} inputs, tanh layers of {', '.join(map(str, hidden))}, {outputs} outputs",
         f"- An output {meaning}",

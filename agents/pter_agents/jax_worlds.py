@@ -1,7 +1,7 @@
 """The worlds of a training as pure JAX functions, for training in one compiled call.
 
-Differences between trainings are in ``SharedConstants`` and not in the code, so one compilation serves them all.
-"""
+Differences between trainings are in ``SharedConstants`` and not in the code, so one compilation
+serves them all."""
 
 from typing import Any, NamedTuple
 
@@ -104,7 +104,12 @@ class JaxWorlds:
     """
 
     def __init__(self, training: Training) -> None:
-        interface, env, base, truth = training.interface, training.env, training.base, training.truth
+        interface, env, base, truth = (
+            training.interface,
+            training.env,
+            training.base,
+            training.truth,
+        )
         self._env = JaxEnv(env)
         self._layout = env.observation_layout
         self._interface = interface
@@ -114,7 +119,8 @@ class JaxWorlds:
         blank = np.zeros((1, 0)) if base is None else base.empty_memory(1)
         names = available(self._layout, residual=base is not None)
         places, centers, scales = zip(
-            *((names.index(each.name), each.center, each.scale) for each in interface.inputs), strict=True
+            *((names.index(each.name), each.center, each.scale) for each in interface.inputs),
+            strict=True,
         )
         self.shared = SharedConstants(
             self._env.default_params,
@@ -141,7 +147,9 @@ class JaxWorlds:
         )
         return self._see(shared, state, obs, jnp.ones(count, bool))
 
-    def step(self, shared: SharedConstants, state: WorldsState, outputs: jax.Array) -> tuple[WorldsState, Step]:
+    def step(
+        self, shared: SharedConstants, state: WorldsState, outputs: jax.Array
+    ) -> tuple[WorldsState, Step]:
         """Advance all worlds by one decision, the network's outputs (N, clutches)."""
         step = jax.vmap(self._env.step, (None, 0, 0, None))
         given = to_volts(outputs, state.base, self._interface)
@@ -157,23 +165,34 @@ class JaxWorlds:
         seen = jnp.concatenate([state.rows[:, self._ages], state.means], axis=1)
         return jnp.concatenate([seen.reshape(len(seen), -1), state.known], axis=1)
 
-    def last_inputs(self, shared: SharedConstants, before: WorldsState, obs: jax.Array) -> jax.Array:
+    def last_inputs(
+        self, shared: SharedConstants, before: WorldsState, obs: jax.Array
+    ) -> jax.Array:
         """Return the networks' inputs for a last observation, from the state one step earlier."""
         return self.inputs(self._see(shared, before, obs, jnp.zeros(len(obs), bool)))
 
-    def _see(self, shared: SharedConstants, state: WorldsState, obs: jax.Array, fresh: jax.Array) -> WorldsState:
+    def _see(
+        self, shared: SharedConstants, state: WorldsState, obs: jax.Array, fresh: jax.Array
+    ) -> WorldsState:
         """Add an observation to the past; in a new world, the past equals this observation."""
         here = fresh[:, None]
         base, memory = jnp.full((len(obs), 4), 0.5 * self._interface.voltage_max), state.memory
         if self._law is not None:
-            base, memory = call_law(self._law, obs, *shared.law, jnp.where(here, shared.blank, memory))
-        seen = quantities(obs * shared.obs_scales, base, self._layout, residual=self._law is not None)
+            base, memory = call_law(
+                self._law, obs, *shared.law, jnp.where(here, shared.blank, memory)
+            )
+        seen = quantities(
+            obs * shared.obs_scales, base, self._layout, residual=self._law is not None
+        )
         present = _scale(seen[:, shared.present.entries], shared.present)[:, None]
         rows = jnp.concatenate([present, state.rows[:, :-1]], axis=1)
         means = state.means + shared.shares[:, None] * (present - state.means)
         each = here[..., None]
         return state._replace(
-            rows=jnp.where(each, present, rows), means=jnp.where(each, present, means), memory=memory, base=base
+            rows=jnp.where(each, present, rows),
+            means=jnp.where(each, present, means),
+            memory=memory,
+            base=base,
         )
 
     def _truth(self, shared: SharedConstants, world: jax.Array) -> jax.Array:
@@ -181,7 +200,9 @@ class JaxWorlds:
         rows = world.shape[1] // 2
         entries = shared.truth.entries
         own = jnp.minimum(entries, rows - 1)
-        state = rounded(jnp.stack([world[:, 2 * own], world[:, 2 * own + 1]], axis=-1).reshape(len(world), -1))
+        state = rounded(
+            jnp.stack([world[:, 2 * own], world[:, 2 * own + 1]], axis=-1).reshape(len(world), -1)
+        )
         at = rounded(world[:, 2 * CONTEXT_AT : 2 * CONTEXT_AT + 2]).astype(jnp.int32)
         number = jnp.maximum(entries - rows, 0)
         context = shared.constants[at + number + (number >= ENERGY_MAX)]
@@ -190,7 +211,9 @@ class JaxWorlds:
 
 def _scaled(entries: Any, center: Any, scale: Any) -> ScaledAction:
     return ScaledAction(
-        jnp.asarray(entries, jnp.int32), jnp.asarray(center, jnp.float32), jnp.asarray(scale, jnp.float32)
+        jnp.asarray(entries, jnp.int32),
+        jnp.asarray(center, jnp.float32),
+        jnp.asarray(scale, jnp.float32),
     )
 
 

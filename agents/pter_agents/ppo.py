@@ -1,17 +1,18 @@
 # pyright: basic
-"""Proximal policy optimisation (Schulman et al., arXiv:1707.06347) in one compiled call, with persistent exploration.
+"""Proximal policy optimisation (Schulman et al., arXiv:1707.06347) in one compiled call, with
+persistent exploration.
 
-The worlds are split into two parts, each on its own JAX device (a CPU core), which collects their rollout and computes
-the gradients of its half of each minibatch. The sum of two does not depend on the order, so the result is the same on
-any number of cores.
+The worlds are split into two parts, each on its own JAX device (a CPU core), which collects their
+rollout and computes the gradients of its half of each minibatch. The sum of two does not depend on
+the order, so the result is the same on any number of cores.
 
-The clutches' lag filters out most noise that is independent at each control step. So the noise is autoregressive:
-n = ρ·n' + σ·ε with a standard normal ε. Given n', the action a has mean μ + ρ·n' and standard deviation σ, so its
-likelihood is exact.
+The clutches' lag filters out most noise that is independent at each control step. So the noise is
+autoregressive: n = ρ·n' + σ·ε with a standard normal ε. Given n', the action a has mean μ + ρ·n'
+and standard deviation σ, so its likelihood is exact.
 
-A path pays the same at any pace, so a slow step pays a quarter of a brisk one, and its advantages would be lost among
-theirs. So rewards are divided by the commanded pace: each control step is worth the same.
-"""
+A path pays the same at any pace, so a slow step pays a quarter of a brisk one, and its advantages
+would be lost among theirs. So rewards are divided by the commanded pace: each control step is worth
+the same."""
 
 import math
 import os
@@ -21,7 +22,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")  # small networks are slower with more threads
+os.environ.setdefault(
+    "XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false"
+)  # small networks are slower with more threads
 
 import jax
 import numpy as np
@@ -47,7 +50,8 @@ with suppress(RuntimeError):  # JAX has run already, with the devices that it ha
 
 if not getattr(jax.config, "jax_compilation_cache_dir"):  # noqa: B009  (pyright does not know it)
     jax.config.update(
-        "jax_compilation_cache_dir", str(Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "pter_gym")
+        "jax_compilation_cache_dir",
+        str(Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "pter_gym"),
     )
 
 Layers = list[tuple[jax.Array, jax.Array]]
@@ -130,7 +134,12 @@ class UpdateLog(NamedTuple):
 
 
 def estimate(
-    rewards: jax.Array, values: jax.Array, ends: jax.Array, finals: jax.Array, discount: float, trace: float
+    rewards: jax.Array,
+    values: jax.Array,
+    ends: jax.Array,
+    finals: jax.Array,
+    discount: float,
+    trace: float,
 ) -> jax.Array:
     """Return generalised advantages (T, N), Schulman et al., arXiv:1506.02438.
 
@@ -156,11 +165,15 @@ def estimate(
     return lax.scan(back, jnp.zeros_like(missed[0]), (missed, kept), reverse=True)[1]
 
 
-def loss_of(weights: Weights, samples: Samples, deviation: Any, clip: float, value_weight: float) -> jax.Array:
+def loss_of(
+    weights: Weights, samples: Samples, deviation: Any, clip: float, value_weight: float
+) -> jax.Array:
     """Return the clipped surrogate loss plus the value loss, as in Stable-Baselines3, without an entropy bonus."""
     drawn = (samples.targets - weights.act(samples.inputs)) / deviation
     ratio = jnp.exp(0.5 * (jnp.square(samples.drawn) - jnp.square(drawn)).sum(1))
-    gain = jnp.minimum(samples.advantages * ratio, samples.advantages * jnp.clip(ratio, 1.0 - clip, 1.0 + clip))
+    gain = jnp.minimum(
+        samples.advantages * ratio, samples.advantages * jnp.clip(ratio, 1.0 - clip, 1.0 + clip)
+    )
     missed = jnp.square(weights.value_of(samples.inputs) - samples.returns)
     return value_weight * missed.mean() - gain.mean()
 
@@ -197,14 +210,20 @@ def collect(
         finals = jnp.where(ends & ~step.terminated, final_values, 0.0)
         finished = jnp.where(ends, returns, 0.0)
         rewards = s.reward_scale * (PACES["medium"] / step.paces) * step.rewards
-        return carry, RolloutBuffer(inputs, means + deviation * drawn, drawn, rewards, ends, finals, finished)
+        return carry, RolloutBuffer(
+            inputs, means + deviation * drawn, drawn, rewards, ends, finals, finished
+        )
 
     return lax.scan(act, carry, drawn)
 
 
-def samples_of(s: Settings, worlds: JaxWorlds, weights: Weights, carry: Carry, rows: RolloutBuffer) -> Samples:
+def samples_of(
+    s: Settings, worlds: JaxWorlds, weights: Weights, carry: Carry, rows: RolloutBuffer
+) -> Samples:
     """Return the samples of a rollout, with advantages normalised to mean 0 and standard deviation 1 over all parts."""
-    values = jnp.concatenate([weights.value_of(rows.inputs), weights.value_of(worlds.inputs(carry.worlds))[None]])
+    values = jnp.concatenate(
+        [weights.value_of(rows.inputs), weights.value_of(worlds.inputs(carry.worlds))[None]]
+    )
     advantages = estimate(rows.rewards, values, rows.ends, rows.finals, s.discount, s.trace)
     count = lax.psum(advantages.size, PART)
     mean = lax.psum(advantages.sum(), PART) / count
@@ -288,7 +307,9 @@ class PPO:
         keys = jax.random.split(jax.random.key(seed))
         weights = jax.device_put(
             Weights(
-                layers(keys[0], (training.interface.size, *settings.hidden, self._actions), last=0.01),
+                layers(
+                    keys[0], (training.interface.size, *settings.hidden, self._actions), last=0.01
+                ),
                 layers(keys[1], (training.size, *settings.value_hidden, 1), last=1.0),
             ),
             self._whole,
@@ -318,7 +339,12 @@ class PPO:
         if not math.isfinite(loss) or not all(np.isfinite(part).all() for part in weights):
             raise FloatingPointError("a loss or a weight is not finite")
         mean_return = returns / episodes if episodes else math.nan
-        return {"loss": loss, "learning_rate": rate, "deviation": deviation, "mean_return": mean_return}
+        return {
+            "loss": loss,
+            "learning_rate": rate,
+            "deviation": deviation,
+            "mean_return": mean_return,
+        }
 
     def policy(self) -> TrainedPolicy:
         """Return the policy's mean action."""
@@ -342,7 +368,9 @@ class PPO:
         for path, leaf in leaves:
             given = state[jax.tree_util.keystr(path)]
             if given.shape != leaf.shape or given.dtype != leaf.dtype:
-                raise ValueError(f"{jax.tree_util.keystr(path)} must be {leaf.dtype} {leaf.shape}, got {given.shape}")
+                raise ValueError(
+                    f"{jax.tree_util.keystr(path)} must be {leaf.dtype} {leaf.shape}, got {given.shape}"
+                )
             found.append(jax.device_put(given, leaf.sharding))
         self._learned = jax.tree.unflatten(tree, found)
         self.steps = steps
@@ -353,7 +381,10 @@ class PPO:
         mine = s.worlds // PARTS
         rngs = [np.random.default_rng((self._seed, self.steps, part)) for part in range(PARTS)]
         drawn = [rng.standard_normal((s.steps, mine, self._actions), np.float32) for rng in rngs]
-        orders = [[rng.permutation(s.steps * mine).astype(np.int32) for _ in range(s.epochs)] for rng in rngs]
+        orders = [
+            [rng.permutation(s.steps * mine).astype(np.int32) for _ in range(s.epochs)]
+            for rng in rngs
+        ]
         shares = np.array(orders).reshape(PARTS, -1, s.minibatch // PARTS)
         return jax.device_put((np.array(drawn), shares), self._split)
 
@@ -372,7 +403,9 @@ class PPO:
     ) -> tuple[Learned, UpdateLog]:
         """Collect and learn in one part."""
         s = self._settings
-        carry, rows = collect(s, self._worlds, shared, learned.weights, learned.carry, drawn[0], deviation)
+        carry, rows = collect(
+            s, self._worlds, shared, learned.weights, learned.carry, drawn[0], deviation
+        )
         samples = samples_of(s, self._worlds, learned.weights, carry, rows)
 
         def update(kept: Any, chosen: jax.Array) -> tuple[Any, jax.Array]:

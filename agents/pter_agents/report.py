@@ -26,7 +26,9 @@ LAWS = ("single-dof-tuned", "torque-feedback-tuned")
 
 def law_scores(arguments: TrainingArguments) -> dict[str, Scores]:
     """Return the scores of ``LAWS`` on the validation episodes of a run."""
-    validation = Validation(arguments.scenario, arguments.paces, arguments.validation_episodes, arguments.machine)
+    validation = Validation(
+        arguments.scenario, arguments.paces, arguments.validation_episodes, arguments.machine
+    )
     return {name: validation.scores(_law(name, arguments), arguments.nominal) for name in LAWS}
 
 
@@ -63,33 +65,62 @@ def learning_curve(history: Mapping[int, Scores], laws: Mapping[str, Scores]) ->
     """
     paces = list(next(iter(history.values())))
     figure = Figure(figsize=(max(len(paces) / 3.0, 0.6) * WIDTH, 3.6))
-    panels = figure.subplots(2, len(paces), sharex=True, sharey="row", squeeze=False, height_ratios=(3, 1))
+    panels = figure.subplots(
+        2, len(paces), sharex=True, sharey="row", squeeze=False, height_ratios=(3, 1)
+    )
     million = np.array(list(history)) / 1e6
     for (above, below), pace, look in zip(panels.T, paces, looks(paces).values(), strict=True):
         for name, scores in laws.items():
             error = scores[pace]["path_error_m"] / MILLIMETRE
             above.axhline(error, color=MUTED, linewidth=0.8, linestyle="--")
-            _write(above, f"{name} {error:.1f}", (0.02, error), above.get_yaxis_transform(), ha="left", color=MUTED)
+            _write(
+                above,
+                f"{name} {error:.1f}",
+                (0.02, error),
+                above.get_yaxis_transform(),
+                ha="left",
+                color=MUTED,
+            )
         found = [scores[pace] for scores in history.values()]
         errors = [each["path_error_m"] / MILLIMETRE for each in found]
         faces = [look.colour if progress_of(each)["ranked"] else "white" for each in found]
         above.plot(million, errors, color=look.colour)
         above.scatter(million, errors, 14.0, faces, edgecolor=look.colour, zorder=3)
-        _write(above, f"{errors[-1]:.1f} mm", (million[-1], errors[-1]), "data", ha="right", color=look.colour)
-        below.plot(million, [100.0 * each["completed"] for each in found], color=look.colour, marker=".")
-        above.set(title=f"{pace}, {PACES[pace]:g} m/s", yscale="log", xlim=(0.0, 1.04 * million[-1]))
+        _write(
+            above,
+            f"{errors[-1]:.1f} mm",
+            (million[-1], errors[-1]),
+            "data",
+            ha="right",
+            color=look.colour,
+        )
+        below.plot(
+            million, [100.0 * each["completed"] for each in found], color=look.colour, marker="."
+        )
+        above.set(
+            title=f"{pace}, {PACES[pace]:g} m/s", yscale="log", xlim=(0.0, 1.04 * million[-1])
+        )
         below.set(ylim=(-5.0, 105.0))
     plain_ticks(panels[0, 0], "y")
     panels[0, 0].set_ylabel("path error [mm]")
     panels[1, 0].set_ylabel("arrive [%]")
-    figure.supxlabel("decisions [million]; hollow: not ranked; dashed: tuned laws on the same episodes", fontsize=SMALL)
+    figure.supxlabel(
+        "decisions [million]; hollow: not ranked; dashed: tuned laws on the same episodes",
+        fontsize=SMALL,
+    )
     return figure
 
 
 def _write(axes: Axes, text: str, at: tuple[float, float], coordinates: Any, **style: Any) -> None:
     """Write a label above a point, with a white outline so that it can be read on lines."""
     outline = [withStroke(linewidth=2.0, foreground="white")]
-    options: Any = {"fontsize": SMALL, "va": "bottom", "path_effects": outline, "zorder": 4, **style}
+    options: Any = {
+        "fontsize": SMALL,
+        "va": "bottom",
+        "path_effects": outline,
+        "zorder": 4,
+        **style,
+    }
     axes.annotate(text, at, (0.0, 2.0), coordinates, "offset points", **options)
 
 
@@ -100,7 +131,9 @@ def film(policy: Controller, arguments: TrainingArguments, path: Path) -> Path:
     machine, task = draws.pairs()[0]
     shown = {arguments.algorithm: policy, LAWS[-1]: _law(LAWS[-1], arguments)}
     episodes = {
-        name: record_episode(each, machine, task, 0, time_limit(task), nominal=arguments.nominal).telemetry
+        name: record_episode(
+            each, machine, task, 0, time_limit(task), nominal=arguments.nominal
+        ).telemetry
         for name, each in shown.items()
     }
     return write_film(machine, task, episodes, path)

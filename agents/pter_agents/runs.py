@@ -61,7 +61,9 @@ class RunFolder:
     def begin(self, arguments: TrainingArguments, interface: Interface) -> None:
         """Write what is trained, or raise a ParameterError if the folder already holds a run."""
         if (self.path / RUN).exists():
-            raise ParameterError(f"out holds a run already, {self.path}: give --resume, or another folder")
+            raise ParameterError(
+                f"out holds a run already, {self.path}: give --resume, or another folder"
+            )
         content = {**arguments.as_json(), "interface": interface_codec().to_plain(interface)}
         write_text_atomic(self.path / RUN, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
@@ -126,7 +128,10 @@ class RunFolder:
         if not file.exists():
             return {}
         with reading(f"{file} cannot be read"):
-            return {int(steps): row for steps, row in parse_json(read_bytes(file, MAX_JSON_SIZE)).items()}
+            return {
+                int(steps): row
+                for steps, row in parse_json(read_bytes(file, MAX_JSON_SIZE)).items()
+            }
 
     def add_scores(self, steps: int, scores: Mapping[str, Mapping[str, float]]) -> None:
         """Add validation scores to the file; any of later decisions are dropped."""

@@ -12,14 +12,25 @@ from pter_gym._internal.reading import MAX_TOML_SIZE, parse_toml, read_text, rea
 from pter_gym.benchmark import PACES
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.params import BASELINE, Machine, require, require_flag, require_kind, require_number, require_whole
+from pter_gym.params import (
+    BASELINE,
+    Machine,
+    require,
+    require_flag,
+    require_kind,
+    require_number,
+    require_whole,
+)
 from pter_gym.policies._trained import MAX_LAYERS, are_hidden
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.scenarios._fixed_machine import FixedMachine
 from pter_gym.tasks.path_following import STARTS, RewardWeights
 
 ALGORITHMS = ("ppo", "residual")
-"""What ``pter train`` trains: the clutch voltages, or corrections to a controller. Each has a table NAME.toml here."""
+"""What ``pter train`` trains: the clutch voltages, or corrections to a controller.
+
+Each has a table NAME.toml here.
+"""
 
 ALL = "all"
 """Name for all scenarios of ``worlds.MIXED``, and for a commanded pace that is drawn among those of the scores."""
@@ -47,19 +58,21 @@ class Settings(RewardWeights):
     Attributes
     ----------
     base
-        Controller that the policy corrects, ``"none"`` for none; its gains are those for the scenario.
+        Controller that the policy corrects, ``"none"`` for none; its gains are those for the
+        scenario.
     reach
         Voltage of an action of 1, relative to the base or to the middle of the range [V].
     normalised
         Whether its actions are the environments' normalised actions; ``reach`` is then not used.
     history, averages
-        Delays, in decisions, at which the networks also see their inputs, and time constants, in decisions, of averages
-        that they also see.
+        Delays, in decisions, at which the networks also see their inputs, and time constants, in
+        decisions, of averages that they also see.
     hidden, value_hidden
-        Units of the hidden layers of policy and value. The value network also sees the true state of a world and the
-        parameters of its machine and task.
+        Units of the hidden layers of policy and value. The value network also sees the true state
+        of a world and the parameters of its machine and task.
     frame_skip
-        Control steps for which a decision is held. Steps, discounts and the exploration's persistence count decisions.
+        Control steps for which a decision is held. Steps, discounts and the exploration's
+        persistence count decisions.
     worlds, steps
         Worlds that are simulated at once, and steps of each between two updates.
     episode
@@ -77,13 +90,16 @@ class Settings(RewardWeights):
     discount, trace
         γ, and λ of generalised advantage estimation, for one step.
     deviation, deviation_end
-        Initial and final σ of the exploration. After ``exploring``, a share of the training, it falls exponentially.
+        Initial and final σ of the exploration. After ``exploring``, a share of the training, it
+        falls exponentially.
     persistence
         ρ of the exploration: the share of its noise that remains one step later.
     reward_scale
-        Factor of the rewards for learning at the medium pace; at other commanded paces, in inverse proportion to them.
+        Factor of the rewards for learning at the medium pace; at other commanded paces, in inverse
+        proportion to them.
     clip, value_weight, max_gradient
-        Clip range of the likelihood ratio, weight of the value loss, and limit of the gradient norm.
+        Clip range of the likelihood ratio, weight of the value loss, and limit of the gradient
+        norm.
     """
 
     base: str
@@ -122,7 +138,14 @@ class Settings(RewardWeights):
                 raise unknown_name(name, getattr(self, name), known)
         for name in ("worlds", "steps", "episode", "contexts", "frame_skip", "minibatch", "epochs"):
             require_whole(self, name)
-        above_zero = ("reach", "truncation", "learning_rate", "max_gradient", "reward_scale", "deviation")
+        above_zero = (
+            "reach",
+            "truncation",
+            "learning_rate",
+            "max_gradient",
+            "reward_scale",
+            "deviation",
+        )
         for name in (*above_zero, "deviation_end"):
             require_number(self, name, above=0.0)
         for name in ("discount", "trace", "exploring"):
@@ -135,38 +158,58 @@ class Settings(RewardWeights):
         for name in ("history", "averages", "hidden", "value_hidden"):
             sizes = getattr(self, name)
             require(_are_sizes(sizes), self, name, sizes, "whole numbers from 1 to 1024")
-        require(are_hidden(self.hidden), self, "hidden", self.hidden, f"at most {MAX_LAYERS - 1} layers")
+        require(
+            are_hidden(self.hidden), self, "hidden", self.hidden, f"at most {MAX_LAYERS - 1} layers"
+        )
         require(self.worlds % PARTS == 0, self, "worlds", self.worlds, f"a multiple of {PARTS}")
         samples = self.worlds * self.steps
         even = samples % self.minibatch == 0 and self.minibatch % PARTS == 0
-        require(even, self, "minibatch", self.minibatch, f"an even divisor of worlds × steps = {samples}")
+        require(
+            even,
+            self,
+            "minibatch",
+            self.minibatch,
+            f"an even divisor of worlds × steps = {samples}",
+        )
         self.reward()
 
     def reward(self) -> RewardWeights:
         """Return the weights of the reward."""
-        return RewardWeights(**{item.name: getattr(self, item.name) for item in fields(RewardWeights)})
+        return RewardWeights(
+            **{item.name: getattr(self, item.name) for item in fields(RewardWeights)}
+        )
 
     def deviation_at(self, done: float) -> float:
         """Return σ after a share of the training."""
-        fallen = max(0.0, done - self.exploring) / (1.0 - self.exploring) if self.exploring < 1.0 else 0.0
+        fallen = (
+            max(0.0, done - self.exploring) / (1.0 - self.exploring)
+            if self.exploring < 1.0
+            else 0.0
+        )
         return self.deviation * (self.deviation_end / self.deviation) ** min(fallen, 1.0)
 
     def learning_rate_at(self, done: float) -> float:
         """Return the learning rate after a share of the training."""
-        return self.learning_rate_end + (self.learning_rate - self.learning_rate_end) * max(1.0 - done, 0.0)
+        return self.learning_rate_end + (self.learning_rate - self.learning_rate_end) * max(
+            1.0 - done, 0.0
+        )
 
 
 def _are_sizes(value: Any) -> bool:
-    return type(value) is tuple and all(type(each) is int and 1 <= each <= 1024 for each in cast(Any, value))
+    return type(value) is tuple and all(
+        type(each) is int and 1 <= each <= 1024 for each in cast(Any, value)
+    )
 
 
 def load_settings(algorithm: str, file: FilePath | None = None, **changes: Any) -> Settings:
-    """Return the hyper-parameters of an algorithm; those in a TOML file, then ``changes``, replace the defaults.
+    """Return the hyper-parameters of an algorithm; those in a TOML file, then ``changes``, replace
+    the defaults.
 
     Raises
     ------
     ParameterError
-        If there is no such algorithm or hyper-parameter (the nearest is suggested), or a value is out of range.
+        If there is no such algorithm or hyper-parameter (the nearest is suggested), or a value is
+        out of range.
     DataError
         If the file cannot be read.
     """
@@ -232,7 +275,11 @@ class TrainingArguments:
 
     def __post_init__(self) -> None:
         """Check names and numbers."""
-        for name, known in (("algorithm", ALGORITHMS), ("scenario", (ALL, *SCENARIOS)), ("pace", (ALL, *PACES))):
+        for name, known in (
+            ("algorithm", ALGORITHMS),
+            ("scenario", (ALL, *SCENARIOS)),
+            ("pace", (ALL, *PACES)),
+        ):
             if getattr(self, name) not in known:
                 raise unknown_name(name, getattr(self, name), known)
         for name in ("steps", "checkpoint_every", "validate_every", "validation_episodes"):
@@ -259,4 +306,6 @@ def arguments_from(content: Mapping[str, Any]) -> TrainingArguments:
     """Return arguments from plain data, as made by ``Arguments.as_json``."""
     values = dict(content)
     settings = settings_from(values.pop("settings"))
-    return TrainingArguments(settings=settings, machine=CODEC.from_plain(values.pop("machine", None)), **values)
+    return TrainingArguments(
+        settings=settings, machine=CODEC.from_plain(values.pop("machine", None)), **values
+    )

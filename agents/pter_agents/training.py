@@ -42,7 +42,8 @@ def train(
     Parameters
     ----------
     arguments
-        What to train. With ``resume``, they must equal those of the run in the folder, except for the steps.
+        What to train. With ``resume``, they must equal those of the run in the folder, except for
+        the steps.
     out
         Folder of the run.
     resume
@@ -55,8 +56,8 @@ def train(
     Raises
     ------
     ParameterError
-        If the folder already holds a run, or none to resume, or a different one, or another process trains in it; or if
-        the policy could not be exported.
+        If the folder already holds a run, or none to resume, or a different one, or another process
+        trains in it; or if the policy could not be exported.
     DataError
         If a file of the run to resume cannot be read.
     StorageError
@@ -92,7 +93,9 @@ def _learn(
     on_scores: Callable[[int, Scores], None],
 ) -> Path:
     """Train a model for all its steps, with checkpoints and validation, and return its last checkpoint."""
-    validation = Validation(arguments.scenario, arguments.paces, arguments.validation_episodes, arguments.machine)
+    validation = Validation(
+        arguments.scenario, arguments.paces, arguments.validation_episodes, arguments.machine
+    )
     before = folder.progress(model.steps)
     begin = time.perf_counter() - (float(before[-1]["seconds"]) if before else 0.0)
     events = Writer(str(folder.path))
@@ -104,7 +107,9 @@ def _learn(
         scores = validation.scores(model.policy(), arguments.nominal)
         folder.add_scores(model.steps, scores)
         spent = {"seconds": round(time.perf_counter() - begin, 1), "decisions": model.steps}
-        folder.add_progress([{**spent, "pace": pace, **progress_of(values)} for pace, values in scores.items()])
+        folder.add_progress(
+            [{**spent, "pace": pace, **progress_of(values)} for pace, values in scores.items()]
+        )
         for pace, values in scores.items():
             for name in ("path_error_m", "completed"):
                 events.add_scalar(f"{name}/{pace}", values[name], model.steps)
@@ -135,7 +140,11 @@ def progress_of(scores: Mapping[str, float]) -> dict[str, Any]:
     """Return the path error [m], the share of arrivals, and whether the scores are good enough for a rank."""
     off_pace = max(scores["mean_pace_error"], scores["segment_pace_error"])
     ranked = scores["completed"] >= COMPLETION and off_pace <= PACE_ERROR
-    return {"path_error_m": scores["path_error_m"], "completed": scores["completed"], "ranked": ranked}
+    return {
+        "path_error_m": scores["path_error_m"],
+        "completed": scores["completed"],
+        "ranked": ranked,
+    }
 
 
 def _stopped(model: PPO, folder: RunFolder, error: Exception) -> str:
@@ -145,9 +154,14 @@ def _stopped(model: PPO, folder: RunFolder, error: Exception) -> str:
 
 def check_same(known: TrainingArguments, given: TrainingArguments) -> None:
     """Raise a ParameterError if a run is resumed with different arguments; only the steps may differ."""
-    pairs: list[tuple[Any, Any]] = [(replace(known, steps=given.steps), given), (known.settings, given.settings)]
+    pairs: list[tuple[Any, Any]] = [
+        (replace(known, steps=given.steps), given),
+        (known.settings, given.settings),
+    ]
     for before, after in pairs:
         for name in before.__dataclass_fields__.keys() - {"settings"}:
             one, other = getattr(before, name), getattr(after, name)
             if one != other:
-                raise ParameterError(f"{name} is {one!r:.200} in the run that is in the folder, got {other!r:.200}")
+                raise ParameterError(
+                    f"{name} is {one!r:.200} in the run that is in the folder, got {other!r:.200}"
+                )

@@ -20,7 +20,13 @@ SEED = 2**31 + 1
 FIRST_RESET = 2**50
 """Seed of the first episode's reset."""
 
-SCORES = ("path_error_m", "completed", "mean_pace_error", "segment_pace_error", "peak_acceleration_m_s2")
+SCORES = (
+    "path_error_m",
+    "completed",
+    "mean_pace_error",
+    "segment_pace_error",
+    "peak_acceleration_m_s2",
+)
 """Those that a rank needs, and the acceleration."""
 
 
@@ -39,7 +45,13 @@ class Validation:
         A machine in place of those that the scenario draws.
     """
 
-    def __init__(self, scenario: str, paces: Sequence[str], episodes: int, machine: FixedMachine | None = None) -> None:
+    def __init__(
+        self,
+        scenario: str,
+        paces: Sequence[str],
+        episodes: int,
+        machine: FixedMachine | None = None,
+    ) -> None:
         self._tasks: dict[str, Any] = {}
         self._batches: dict[str, Batch] = {}
         for pace in paces:
@@ -48,13 +60,17 @@ class Validation:
             self._tasks[pace] = tasks
             self._batches[pace] = Batch(machines, tasks, sensors="torque")
 
-    def scores(self, policy: Controller, nominal: Machine = BASELINE) -> dict[str, dict[str, float]]:
+    def scores(
+        self, policy: Controller, nominal: Machine = BASELINE
+    ) -> dict[str, dict[str, float]]:
         """Return the mean scores for each pace of a policy that is bound to a nominal machine."""
         found: dict[str, dict[str, float]] = {}
         for pace, batch in self._batches.items():
             tasks = self._tasks[pace]
             seeds = list(range(FIRST_RESET, FIRST_RESET + len(tasks)))
-            telemetry = simulate(batch, policy.bind(nominal, batch.layout), seeds, max(map(time_limit, tasks)))
+            telemetry = simulate(
+                batch, policy.bind(nominal, batch.layout), seeds, max(map(time_limit, tasks))
+            )
             values = score_episodes(telemetry, tasks)
             found[pace] = {name: float(values[name].mean()) for name in SCORES}
         return found

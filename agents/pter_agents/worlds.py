@@ -44,7 +44,13 @@ DEVIATION = 0.4
 
 
 def draws_for(
-    scenario: str, pace: str, *, contexts: int, seed: int, machine: FixedMachine | None = None, **overrides: Any
+    scenario: str,
+    pace: str,
+    *,
+    contexts: int,
+    seed: int,
+    machine: FixedMachine | None = None,
+    **overrides: Any,
 ) -> Draws:
     """Return machines and tasks of a scenario at a pace.
 
@@ -55,11 +61,13 @@ def draws_for(
     pace
         Name of a commanded pace, or ``"all"``.
     contexts, seed
-        Number of pairs of machine and task, rounded up to equal shares of the scenarios, and the seed of their list.
+        Number of pairs of machine and task, rounded up to equal shares of the scenarios, and the
+        seed of their list.
     machine
         A machine in place of those that the scenarios draw.
     **overrides
-        Fields of the task that all episodes share, such as ``reward``, ``starts`` and ``truncation_error``.
+        Fields of the task that all episodes share, such as ``reward``, ``starts`` and
+        ``truncation_error``.
 
     Raises
     ------
@@ -72,16 +80,27 @@ def draws_for(
         return _draws(scenario, pace, machine, contexts=contexts, seed=seed, **overrides)
     share = -(-contexts // (2 * (len(MIXED) - 1)))
     shares = {each: (len(MIXED) - 1) * share if each == MAX_VARIED else share for each in MIXED}
-    parts = (_draws(each, pace, machine, contexts=own, seed=seed, **overrides) for each, own in shares.items())
+    parts = (
+        _draws(each, pace, machine, contexts=own, seed=seed, **overrides)
+        for each, own in shares.items()
+    )
     return Mixture(parts=tuple(parts))
 
 
 def _draws(
-    scenario: str, pace: str, machine: FixedMachine | None, *, contexts: int, seed: int, **overrides: Any
+    scenario: str,
+    pace: str,
+    machine: FixedMachine | None,
+    *,
+    contexts: int,
+    seed: int,
+    **overrides: Any,
 ) -> Randomisation:
     """Return machines and tasks of one scenario."""
     speeds = all_paces() if pace == ALL else (PACES[pace],)
-    drawn = find_scenario(scenario, machine).randomisation(None, contexts=contexts, seed=seed, **overrides)
+    drawn = find_scenario(scenario, machine).randomisation(
+        None, contexts=contexts, seed=seed, **overrides
+    )
     task: Any = drawn.task
     return replace(drawn, task=Vary(task.base, **{**task.fields, "pace": OneOf(speeds)}))
 
@@ -105,7 +124,9 @@ def training_draws(arguments: TrainingArguments) -> Draws:
 def _with_repeats(draws: Draws) -> Draws:
     """Return draws with each kind of path as often as ``REPEATS`` says."""
     if isinstance(draws, Mixture):
-        return replace(draws, parts=tuple(cast(Randomisation, _with_repeats(part)) for part in draws.parts))
+        return replace(
+            draws, parts=tuple(cast(Randomisation, _with_repeats(part)) for part in draws.parts)
+        )
     task: Any = draws.task
     if "path" not in task.fields:
         return draws
@@ -200,7 +221,9 @@ def _make_worlds(draws: Draws, count: int, settings: Settings) -> PathFollowingV
     )
 
 
-def _sample(env: PathFollowingVectorEnv, interface: Interface, base: Any, seed: int) -> tuple[tuple[Input, ...], Truth]:
+def _sample(
+    env: PathFollowingVectorEnv, interface: Interface, base: Any, seed: int
+) -> tuple[tuple[Input, ...], Truth]:
     """Return all inputs and the truth, with the mean and standard deviation of each under random actions."""
     layout, rng = env.observation_layout, np.random.default_rng(seed)
     residual = base is not None
@@ -217,7 +240,9 @@ def _sample(env: PathFollowingVectorEnv, interface: Interface, base: Any, seed: 
     center, scale, varies = _moments(seen)
     names = available(layout, residual=residual)
     inputs = (
-        Input(name, 0.0, FIXED[name]) if name in FIXED else Input(name, _rounded(c), _rounded(s) if v else 1.0)
+        Input(name, 0.0, FIXED[name])
+        if name in FIXED
+        else Input(name, _rounded(c), _rounded(s) if v else 1.0)
         for name, c, s, v in zip(names, center, scale, varies, strict=True)
     )
     center, scale, varies = _moments(true)

@@ -1,9 +1,9 @@
-"""What algorithms of Stable-Baselines3 and sb3-contrib learn in equal CPU time: `python agents/stock/study.py`.
+"""What algorithms of Stable-Baselines3 and sb3-contrib learn in equal CPU time: `python
+agents/stock/study.py`.
 
-For each algorithm, three settings are tried with a seed of their own, and the one with the smallest path errors on
-held-out training draws is trained with further seeds. Ends with leaderboards on fresh episodes, with a row for all
-seeds and one for each.
-"""
+For each algorithm, three settings are tried with a seed of their own, and the one with the smallest
+path errors on held-out training draws is trained with further seeds. Ends with leaderboards on
+fresh episodes, with a row for all seeds and one for each."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +26,11 @@ ON_POLICY = {"n_steps": 64, "gae_lambda": 0.98}
 ENTROPY = ({}, {"ent_coef": 0.05}, {"ent_coef": 0.005})
 CANDIDATES: dict[str, tuple[Any, int, tuple[dict[str, Any], ...]]] = {
     "PPO": (sb3.PPO, 64, ({"n_steps": 64}, ON_POLICY, {**ON_POLICY, "batch_size": 1024})),
-    "A2C": (sb3.A2C, 64, ({}, {"gae_lambda": 0.98}, {**ON_POLICY, "n_steps": 16, "normalize_advantage": True})),
+    "A2C": (
+        sb3.A2C,
+        64,
+        ({}, {"gae_lambda": 0.98}, {**ON_POLICY, "n_steps": 16, "normalize_advantage": True}),
+    ),
     "TRPO": (contrib.TRPO, 64, ({"n_steps": 64}, ON_POLICY, {**ON_POLICY, "target_kl": 0.03})),
     "SAC": (sb3.SAC, 8, ENTROPY),
     "TQC": (contrib.TQC, 8, ENTROPY),
@@ -51,7 +55,9 @@ class CpuTime(BaseCallback):
 def train(algorithm: str, settings: dict[str, Any], seed: int, seconds: float) -> Any:
     made, worlds, _ = CANDIDATES[algorithm]
     venv = make_sb3_vec_env(worlds, scenario="standard", truncation_error=0.1)
-    return made("MlpPolicy", venv, seed=seed, device="cpu", **settings).learn(10**9, CpuTime(seconds))
+    return made("MlpPolicy", venv, seed=seed, device="cpu", **settings).learn(
+        10**9, CpuTime(seconds)
+    )
 
 
 def study(
@@ -69,15 +75,25 @@ def study(
         return float(np.exp(np.log(errors).mean()))
 
     for algorithm in algorithms:
-        tried = [(merit(train(algorithm, each, TUNING_SEED, seconds)), each) for each in CANDIDATES[algorithm][2]]
+        tried = [
+            (merit(train(algorithm, each, TUNING_SEED, seconds)), each)
+            for each in CANDIDATES[algorithm][2]
+        ]
         for error, settings in tried:
-            print(f"{algorithm} with {settings}: {1e3 * error:.1f} mm on training draws", flush=True)
+            print(
+                f"{algorithm} with {settings}: {1e3 * error:.1f} mm on training draws", flush=True
+            )
         chosen = min(tried, key=lambda each: each[0])[1]
         models = [train(algorithm, chosen, seed, seconds) for seed in range(1, 1 + seeds)]
         print(f"{algorithm}: {[model.num_timesteps for model in models]} decisions", flush=True)
         policies = {algorithm: PerSeed([from_sb3(model) for model in models])}
-        runs = run_scenario("standard", policies, seed=fresh, results=ResultsFolder(out / algorithm))
-        alone = [replace(run, policy=f"{algorithm} {1 + run.training_seed}", training_seed=0) for run in runs]
+        runs = run_scenario(
+            "standard", policies, seed=fresh, results=ResultsFolder(out / algorithm)
+        )
+        alone = [
+            replace(run, policy=f"{algorithm} {1 + run.training_seed}", training_seed=0)
+            for run in runs
+        ]
         print_boards([*runs, *alone])
 
 

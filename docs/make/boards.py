@@ -17,7 +17,14 @@ Board = dict[str, Any]
 LEFT_OUT = ("free", "locked", "random")
 """Policies that any other beats, shown on the scenarios' own pages only."""
 
-README = ("residual", "ppo-standard", "single-dof-tuned", "torque-feedback-tuned", "torque-feedback", "impedance")
+README = (
+    "residual",
+    "ppo-standard",
+    "single-dof-tuned",
+    "torque-feedback-tuned",
+    "torque-feedback",
+    "impedance",
+)
 """Policies whose scores README shows."""
 
 ERRORS = {
@@ -87,7 +94,9 @@ def by_pace(results: Path, scenario: str, names: Sequence[str] | None = None) ->
     """Return path errors of policies over paces, the best at the first pace first."""
     found = boards_of(results, scenario)
     policies = [each["policies"] for each in found.values()]
-    shown = [name for name in policies[0] if (name not in LEFT_OUT if names is None else name in names)]
+    shown = [
+        name for name in policies[0] if (name not in LEFT_OUT if names is None else name in names)
+    ]
     shown.sort(key=lambda name: policies[0][name]["path_error_m"]["value"])
     rows = [[code(name), *(path_error(each[name]) for each in policies)] for name in shown]
     header = ["Policy", *(f"{pace} ({speed:g} m/s)" for pace, speed in PACES.items())]
@@ -98,7 +107,12 @@ def by_pace(results: Path, scenario: str, names: Sequence[str] | None = None) ->
 def scores(results: Path, scenario: str) -> str:
     """Return all leaderboards of a scenario, and why some policies have no rank."""
     header = ["Policy", "Rank", "Path error [mm]", *(f"{title} [mm]" for title in ERRORS)]
-    header += ["Completed [%]", "Mean pace error [%]", "Segment pace error [%]", "RMS acceleration [m/s²]"]
+    header += [
+        "Completed [%]",
+        "Mean pace error [%]",
+        "Segment pace error [%]",
+        "RMS acceleration [m/s²]",
+    ]
     parts: list[str] = []
     for pace, found in boards_of(results, scenario).items():
         rows = [
@@ -108,13 +122,20 @@ def scores(results: Path, scenario: str) -> str:
                 with_interval(intervals(scores)["path_error_m"], factor=1000.0),
                 *(millimetres(scores, name) for name in ERRORS.values()),
                 f"{100 * scores['completed']['value']:.3g}",
-                *(pace_error(intervals(scores), f"{of}_pace_error", found["pace_m_s"]) for of in ("mean", "segment")),
+                *(
+                    pace_error(intervals(scores), f"{of}_pace_error", found["pace_m_s"])
+                    for of in ("mean", "segment")
+                ),
                 f"{scores['rms_acceleration_m_s2']['value']:.2f}",
             ]
             for policy, scores in found["policies"].items()
         ]
         text = f"## {pace.capitalize()}: {found['pace_m_s']:g} m/s\n\n{episodes_text(found)}:\n\n"
-        below = [f"- `{name}` {scores['reason']}.\n" for name, scores in found["policies"].items() if scores["reason"]]
+        below = [
+            f"- `{name}` {scores['reason']}.\n"
+            for name, scores in found["policies"].items()
+            if scores["reason"]
+        ]
         text += table(header, rows, "---:")
         parts.append(f"{text}\n{UNRANKED} Not ranked:\n\n{''.join(below)}" if below else text)
     return "\n".join(parts)
@@ -130,7 +151,9 @@ def best(results: Path) -> str:
             cells: list[str] = []
             for error in ("path_error_m", *ERRORS.values()):
                 first = min(ranked, key=lambda name: ranked[name][error]["value"], default=None)
-                cells.append(joined(f"`{first}` {millimetres(ranked[first], error)}") if first else "–")
+                cells.append(
+                    joined(f"`{first}` {millimetres(ranked[first], error)}") if first else "–"
+                )
             rows.append([code(scenario), pace, *cells])
     return table(["Scenario", "Pace", "Path error", *ERRORS], rows)
 
@@ -141,11 +164,14 @@ def suite(results: Path) -> str:
     found = {scenario: boards_of(results, scenario) for scenario in SCENARIOS}
     first = found["standard"]["slow"]["policies"]
     names = sorted(
-        (name for name in first if name not in LEFT_OUT), key=lambda name: first[name]["path_error_m"]["value"]
+        (name for name in first if name not in LEFT_OUT),
+        key=lambda name: first[name]["path_error_m"]["value"],
     )
 
     def errors(of_scenario: dict[str, Board], name: str) -> str:
-        scores = [each["policies"][name] for each in of_scenario.values() if name in each["policies"]]
+        scores = [
+            each["policies"][name] for each in of_scenario.values() if name in each["policies"]
+        ]
         shown = ((millimetres(each, "path_error_m"), each["rank"]) for each in scores)
         return ", ".join(error if ranked else f"{error} {UNRANKED}" for error, ranked in shown)
 

@@ -29,7 +29,15 @@ BELOW = {
     "scenarios/index": tuple(f"scenarios/{name}" for name in SCENARIOS),
     "development/index": tuple(
         f"development/{name}"
-        for name in ("architecture", "verification", "robustness", "tables", "contributing", "listing", "changelog")
+        for name in (
+            "architecture",
+            "verification",
+            "robustness",
+            "tables",
+            "contributing",
+            "listing",
+            "changelog",
+        )
     ),
 }
 """Pages by the page that links to them."""
@@ -37,12 +45,16 @@ BELOW = {
 
 def add_contents(app: Sphinx, page: str, source: list[str]) -> None:
     """Append to a page the pages below it; in its file they would look like code."""
-    source[0] = re.sub(r"\]\((\.\./)+notebooks/", "](/notebooks/", source[0])  # of which the site has a copy
+    source[0] = re.sub(
+        r"\]\((\.\./)+notebooks/", "](/notebooks/", source[0]
+    )  # of which the site has a copy
     source[0] = source[0].replace("](../docs/", "](/")
     if page == "index":
         source[0] += "".join(toctree(pages, caption) for caption, pages in CHAPTERS.items())
     elif page == "commands":
-        source[0] += toctree(sorted(name for name in app.env.found_docs if name.startswith("commands/")))
+        source[0] += toctree(
+            sorted(name for name in app.env.found_docs if name.startswith("commands/"))
+        )
     elif page in BELOW:
         source[0] += toctree(BELOW[page])
 
@@ -50,4 +62,10 @@ def add_contents(app: Sphinx, page: str, source: list[str]) -> None:
 def toctree(pages: "list[str] | tuple[str, ...]", caption: str = "") -> str:
     """Return a hidden table of contents in MyST."""
     told = f":caption: {caption}\n" if caption else ""
-    return "\n```{toctree}\n:hidden:\n" + told + "\n" + "\n".join(f"/{page}" for page in pages) + "\n```\n"
+    return (
+        "\n```{toctree}\n:hidden:\n"
+        + told
+        + "\n"
+        + "\n".join(f"/{page}" for page in pages)
+        + "\n```\n"
+    )

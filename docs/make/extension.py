@@ -27,7 +27,9 @@ def inline_formula(translator: Any, node: nodes.math) -> None:
 
 def formula(translator: Any, node: nodes.math_block) -> None:
     """Write a formula on lines of its own."""
-    translator.body.append(f'<div class="equation">{tex2mathml(node.astext(), as_block=True)}</div>')
+    translator.body.append(
+        f'<div class="equation">{tex2mathml(node.astext(), as_block=True)}</div>'
+    )
     raise nodes.SkipNode
 
 
@@ -53,7 +55,12 @@ def process(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: li
     """Change the lines of a docstring in place."""
     if inspect.isclass(obj) and f"{obj.__module__}.{obj.__qualname__}" in PAGES:
         page = PAGES[f"{obj.__module__}.{obj.__qualname__}"]
-        lines[:] = [lines[0], "", f":doc:`{page}` has actions, observations, rewards and episodes.", ""]
+        lines[:] = [
+            lines[0],
+            "",
+            f":doc:`{page}` has actions, observations, rewards and episodes.",
+            "",
+        ]
     elif what == "data":
         lines[:] = data_docstring(name)
     elif inspect.isclass(obj) and is_dataclass(obj):
@@ -66,7 +73,11 @@ def data_docstring(name: str) -> list[str]:
     """Return the lines below the definition of a name, in the module that is named or in one of its package."""
     module, _, variable = name.rpartition(".")
     path = Path(ModuleAnalyzer.get_module_source(module)[0] or "")
-    inside = sorted(f"{module}.{each.stem}" for each in path.parent.glob("*.py")) if path.stem == "__init__" else []
+    inside = (
+        sorted(f"{module}.{each.stem}" for each in path.parent.glob("*.py"))
+        if path.stem == "__init__"
+        else []
+    )
     for each in [module, *(inner for inner in inside if not inner.endswith("__init__"))]:
         if found := ModuleAnalyzer.for_module(each).find_attr_docs().get(("", variable)):
             return found
@@ -76,11 +87,16 @@ def data_docstring(name: str) -> list[str]:
 def fields_table(owner: Any) -> Iterable[str]:
     """Yield a table of the fields that say their unit and where their value comes from."""
     told = [item for item in fields(owner) if "provenance" in item.metadata]
-    rows = [(f"``{item.name}``", item.metadata["unit"], default(item), item.metadata["provenance"]) for item in told]
+    rows = [
+        (f"``{item.name}``", item.metadata["unit"], default(item), item.metadata["provenance"])
+        for item in told
+    ]
     yield from ("", ".. list-table::", "   :header-rows: 1", "") if rows else ()
     for row in [("Field", "Unit", "Default", "Provenance"), *rows] if rows else ():
         cells = (cell.replace("|", r"\|") for cell in row)
-        yield from (f"   {'* -' if place == 0 else '  -'} {cell}" for place, cell in enumerate(cells))
+        yield from (
+            f"   {'* -' if place == 0 else '  -'} {cell}" for place, cell in enumerate(cells)
+        )
     yield ""
 
 
@@ -90,14 +106,20 @@ def default(item: Any) -> str:
         return "none"
     if isinstance(item.default, (int, float)):
         return f"{item.default:g}"
-    return f"``{item.default!r}``" if isinstance(item.default, (str, tuple)) else f"``{type(item.default).__name__}()``"
+    return (
+        f"``{item.default!r}``"
+        if isinstance(item.default, (str, tuple))
+        else f"``{type(item.default).__name__}()``"
+    )
 
 
 def choose(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
     """Show public data of a module, whose docstring `process` finds; leave out what NamedTuple says of its fields."""
     if isinstance(obj, type(Sample.field)):
         return True
-    is_data = what == "module" and not (inspect.ismodule(obj) or inspect.isroutine(obj) or inspect.isclass(obj))
+    is_data = what == "module" and not (
+        inspect.ismodule(obj) or inspect.isroutine(obj) or inspect.isclass(obj)
+    )
     return False if is_data and not name.startswith("_") and name.isupper() else None
 
 
@@ -110,11 +132,17 @@ def follow(app: Sphinx, module: str, attribute: str) -> str | None:
 def unlink(app: Sphinx, doctree: nodes.document) -> None:
     """Leave names of results and attributes alone: Sphinx would link each to anything that is called the same."""
     for link in list(doctree.findall(addnodes.pending_xref)):
-        if link["refdomain"] == "py" and link["reftarget"].islower() and "." not in link["reftarget"]:
+        if (
+            link["refdomain"] == "py"
+            and link["reftarget"].islower()
+            and "." not in link["reftarget"]
+        ):
             link.replace_self(link.children)
 
 
-def shorten_side_bar(app: Sphinx, page: str, template: str, context: dict[str, Any], tree: Any) -> None:
+def shorten_side_bar(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], tree: Any
+) -> None:
     """Show the chapters' pages in the side bar, none of those below them."""
     if whole := context.get("toctree"):
         context["toctree"] = lambda **options: whole(**options | {"maxdepth": 1})

@@ -1,11 +1,12 @@
 """Fill the generated blocks of README.md and docs.
 
-    python docs/make/fill.py                     blocks `<!-- made: … -->`, from the code; a test checks them
-    python docs/make/fill.py --results FOLDER    blocks `<!-- board: … -->` too, from a folder of `pter benchmark`
-    python docs/make/fill.py --results FOLDER --score-first    runs that benchmark before, in some minutes
+    python docs/make/fill.py                     blocks `<!-- made: … -->`, from the code; a test
+    checks them python docs/make/fill.py --results FOLDER    blocks `<!-- board: … -->` too, from a
+    folder of `pter benchmark` python docs/make/fill.py --results FOLDER --score-first    runs that
+    benchmark before, in some minutes
 
-A block asks for a function of `made` or `boards` by name, with arguments, and ends with `<!-- /made: … -->`.
-"""
+A block asks for a function of `made` or `boards` by name, with arguments, and ends with `<!--
+/made: … -->`."""
 
 import re
 from collections.abc import Iterator
@@ -19,7 +20,9 @@ from markup import DOCS, README
 
 from pter_gym._internal.files import write_text_atomic
 
-BLOCK = re.compile(r"^<!-- (made|board): (.+?) -->\n(.*?)^<!-- /\1: \2 -->$", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(
+    r"^<!-- (made|board): (.+?) -->\n(.*?)^<!-- /\1: \2 -->$", re.MULTILINE | re.DOTALL
+)
 
 SEED = 2026
 """Of the fresh episodes on which all boards are scored."""
@@ -53,7 +56,9 @@ def write(block: Block, content: str) -> None:
     """Replace the content of a block in its page."""
     text = block.page.read_text("utf-8")
     first, last = (f"<!-- {slash}{block.source}: {block.asked} -->" for slash in ("", "/"))
-    write_text_atomic(block.page, text.replace(f"{first}\n{block.content}{last}", f"{first}\n{content}{last}"))
+    write_text_atomic(
+        block.page, text.replace(f"{first}\n{block.content}{last}", f"{first}\n{content}{last}")
+    )
 
 
 def score(results: Path) -> None:
@@ -63,7 +68,9 @@ def score(results: Path) -> None:
     from pter_gym.policies import shipped_policies
     from pter_gym.scenarios import SCENARIOS
 
-    policies = ",".join((*boards.LEFT_OUT, "impedance", "torque-feedback", *TUNED, *shipped_policies()))
+    policies = ",".join(
+        (*boards.LEFT_OUT, "impedance", "torque-feedback", *TUNED, *shipped_policies())
+    )
     for scenario in SCENARIOS:
         options = ["--scenario", scenario, "--seed", str(SEED), "--no-film", "--policies", policies]
         if status := pter(["benchmark", *options, "--out", str(results)]):

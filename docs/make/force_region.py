@@ -1,10 +1,11 @@
-"""How well the force region predicts the errors of which-clutches.md: `python docs/make/force_region.py`, in a minute.
+"""How well the force region predicts the errors of which-clutches.md: `python
+docs/make/force_region.py`, in a minute.
 
-The arrangements, their rows of W and their errors are those of the page's table. For each, two measures are averaged
-over poses on the paths where the errors were measured: `along`, the steering force to the side that has less while the
-tip moves along the path, and `worst`, the same in the worst direction of motion. Both were chosen before a correlation
-was computed. Forces count in whole newtons, so what is below half a newton is a tie at 0.
-"""
+The arrangements, their rows of W and their errors are those of the page's table. For each, two
+measures are averaged over poses on the paths where the errors were measured: `along`, the steering
+force to the side that has less while the tip moves along the path, and `worst`, the same in the
+worst direction of motion. Both were chosen before a correlation was computed. Forces count in whole
+newtons, so what is below half a newton is a tie at 0."""
 
 import re
 from collections.abc import Iterator
@@ -45,8 +46,13 @@ def rows() -> Iterator[PageRow]:
     for line in PAGE.read_text("utf-8").splitlines():
         if found := re.match(r"\| `([\w-]+)` \| (\([^|]*\)) \|(.*)", line):
             pairs = re.findall(r"\((\S+), (\S+)\)", found[2].replace("−", "-"))
-            clutches = tuple(Connection(str(k), (float(a), float(b))) for k, (a, b) in enumerate(pairs))
-            errors = tuple(float(re.match(r"[\d.]+", cell.strip())[0]) for cell in found[3].split("|")[: len(COLUMNS)])
+            clutches = tuple(
+                Connection(str(k), (float(a), float(b))) for k, (a, b) in enumerate(pairs)
+            )
+            errors = tuple(
+                float(re.match(r"[\d.]+", cell.strip())[0])
+                for cell in found[3].split("|")[: len(COLUMNS)]
+            )
             yield PageRow(found[1], replace(BASELINE, clutches=clutches), errors)
 
 
@@ -71,7 +77,10 @@ def correlations(found: list[PageRow], forces: dict[str, Array]) -> Iterator[lis
     """Yield a row for each column of errors: Spearman's rank correlation with each measure, and its p-value."""
     for name, errors in zip(COLUMNS, zip(*(row.errors for row in found), strict=True), strict=True):
         tests = [spearmanr(values, errors) for values in forces[name.split("`")[1]].T]
-        yield [name, *(f"{test.statistic:.2f} (p = {test.pvalue:.3f})".replace("-", "−") for test in tests)]
+        yield [
+            name,
+            *(f"{test.statistic:.2f} (p = {test.pvalue:.3f})".replace("-", "−") for test in tests),
+        ]
 
 
 def main() -> None:
@@ -81,7 +90,10 @@ def main() -> None:
     for scenario, poses in POSES.items():
         paths = paths_of(scenario)
         forces[scenario] = np.array([measured(row.machine, paths, poses) for row in found])
-    header = ["Arrangement", *(f"`{scenario}`: {measure}" for scenario in forces for measure in MEASURES)]
+    header = [
+        "Arrangement",
+        *(f"`{scenario}`: {measure}" for scenario in forces for measure in MEASURES),
+    ]
     listed = zip(found, np.hstack([*forces.values()]), strict=True)
     print(table(header, ([code(row.name), *map(number, values)] for row, values in listed)))
     print(table(["Errors", *MEASURES], correlations(found, forces)))

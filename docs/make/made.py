@@ -74,7 +74,11 @@ def default(item: Field[Any]) -> str:
         return "none"
     if isinstance(item.default, tuple):
         return ", ".join(getattr(each, "name", None) or f"{each:g}" for each in item.default)
-    return f"{item.default:g}" if isinstance(item.default, (int, float)) else code(f"{type(item.default).__name__}()")
+    return (
+        f"{item.default:g}"
+        if isinstance(item.default, (int, float))
+        else code(f"{type(item.default).__name__}()")
+    )
 
 
 @made
@@ -94,7 +98,9 @@ def observation() -> str:
 @made
 def context() -> str:
     """Return the entries that `observe_context` appends to an observation."""
-    plain, whole = (PathFollowingEnv(observe_context=each).observation_layout for each in (False, True))
+    plain, whole = (
+        PathFollowingEnv(observe_context=each).observation_layout for each in (False, True)
+    )
     return table(["Name", "Unit", "Scale", "Meaning"], map(entry, whole.fields[len(plain) :]))
 
 
@@ -106,7 +112,10 @@ def entry(each: Any) -> list[str]:
 @made
 def telemetry() -> str:
     """Return the entries of telemetry."""
-    return table(["Name", "Unit", "Meaning"], ([code(each.name), each.unit, each.meaning] for each in TELEMETRY.fields))
+    return table(
+        ["Name", "Unit", "Meaning"],
+        ([code(each.name), each.unit, each.meaning] for each in TELEMETRY.fields),
+    )
 
 
 @made
@@ -126,7 +135,9 @@ def scenario(name: str) -> str:
     """Picture, id, episodes and what varies of a scenario."""
     found = find_scenario(name)
     drawn = [*varied("machine", found.machine), *varied("task", found.task)]
-    drawn.append(["task: pace", "m/s", described(LogUniform(min(PACES.values()), max(PACES.values())))])
+    drawn.append(
+        ["task: pace", "m/s", described(LogUniform(min(PACES.values()), max(PACES.values())))]
+    )
     return f"""\
 ![An episode of {name}](/images/moving/{name}.webp)
 
@@ -147,13 +158,22 @@ def varied(name: str, value: Any, unit: str = "1") -> Iterable[list[str]]:
     if isinstance(value, Vary):
         for item in fields(value.base):
             if item.name in value.fields:
-                yield from varied(f"{name}: {item.name}", value.fields[item.name], item.metadata["unit"])
+                yield from varied(
+                    f"{name}: {item.name}", value.fields[item.name], item.metadata["unit"]
+                )
     elif isinstance(value, OneOf) and any(isinstance(each, Vary) for each in leaves(value)):
-        kinds = [type(each.base if isinstance(each, Vary) else each).__name__ for each in leaves(value)]
-        counted = (f"{kinds.count(kind)} " * (kinds.count(kind) > 1) + code(kind) for kind in dict.fromkeys(kinds))
+        kinds = [
+            type(each.base if isinstance(each, Vary) else each).__name__ for each in leaves(value)
+        ]
+        counted = (
+            f"{kinds.count(kind)} " * (kinds.count(kind) > 1) + code(kind)
+            for kind in dict.fromkeys(kinds)
+        )
         yield [name, "–", "one of " + ", ".join(counted)]
         rows = [
-            row for kind, each in zip(kinds, leaves(value), strict=True) for row in varied(f"{name} ({kind})", each)
+            row
+            for kind, each in zip(kinds, leaves(value), strict=True)
+            for row in varied(f"{name} ({kind})", each)
         ]
         yield from (row for place, row in enumerate(rows) if row not in rows[:place])
     elif hasattr(value, "draw") or isinstance(value, tuple):
@@ -162,7 +182,11 @@ def varied(name: str, value: Any, unit: str = "1") -> Iterable[list[str]]:
 
 def leaves(value: Any) -> list[Any]:
     """Options of a choice, and of choices among its options."""
-    return [leaf for each in value.options for leaf in leaves(each)] if isinstance(value, OneOf) else [value]
+    return (
+        [leaf for each in value.options for leaf in leaves(each)]
+        if isinstance(value, OneOf)
+        else [value]
+    )
 
 
 def described(value: Any) -> str:
@@ -221,7 +245,16 @@ def arms() -> str:
         ]
         for arm in sorted(LIBRARY_ARMS.values(), key=lambda arm: get_args(Grade).index(arm.grade))
     )
-    header = ["Grade", "Name", "Mass [kg]", "Damping [N·s/m]", "Stiffness [N/m]", "Axes", "The person", "Source"]
+    header = [
+        "Grade",
+        "Name",
+        "Mass [kg]",
+        "Damping [N·s/m]",
+        "Stiffness [N/m]",
+        "Axes",
+        "The person",
+        "Source",
+    ]
     return table(header, rows)
 
 
@@ -241,7 +274,16 @@ def actuators() -> str:
         ]
         for each in ACTUATORS.values()
     )
-    header = ["Grade", "Name", "Torque [N·m]", "At 0 V", "Lag [ms]", "Viscous [N·m·s]", "Unknown", "Source"]
+    header = [
+        "Grade",
+        "Name",
+        "Torque [N·m]",
+        "At 0 V",
+        "Lag [ms]",
+        "Viscous [N·m·s]",
+        "Unknown",
+        "Source",
+    ]
     return table(header, rows)
 
 
@@ -276,12 +318,17 @@ def claims() -> str:
 @made
 def claim_table() -> str:
     """Return the paper's claims with what the run measured that docs/images/paper holds."""
-    verdicts = {"prediction": "✓ prediction", "calibration": "≈ calibration", "not met": "✗ not met"}
+    verdicts = {
+        "prediction": "✓ prediction",
+        "calibration": "≈ calibration",
+        "not met": "✗ not met",
+    }
     rows = [
         [
             verdicts[each["kind"]],
             f"{each['claim']} {each['section']}",
-            " ".join([number(each["measured"]), each["unit"].removeprefix("1")]).strip() + f": {each['what']}",
+            " ".join([number(each["measured"]), each["unit"].removeprefix("1")]).strip()
+            + f": {each['what']}",
             each["condition"],
         ]
         for each in json.loads((IMAGES / "paper" / "claims.json").read_text("utf-8"))
@@ -311,8 +358,16 @@ def policy_text(name: str) -> str:
     """What a policy is, in its own words."""
     if name in shipped_policies():
         about = read_policy(name).about
-        below = f"Corrections to `{about['corrects']}`" if about.get("corrects") else "The four voltages"
-        where = "all scenarios except `tremor`" if about["scenario"] == "all" else f"`{about['scenario']}`"
+        below = (
+            f"Corrections to `{about['corrects']}`"
+            if about.get("corrects")
+            else "The four voltages"
+        )
+        where = (
+            "all scenarios except `tremor`"
+            if about["scenario"] == "all"
+            else f"`{about['scenario']}`"
+        )
         return f"{below}, learned by `{about['algorithm']}` on {where}."
     law = name.removesuffix("-tuned")
     if law != name and law in pictures.policy_names():
@@ -336,7 +391,8 @@ def scenarios() -> str:
 def commands() -> str:
     """Return all commands, with what each is for."""
     rows = (
-        [f"[`pter {name}`](/commands/{name}.md)", documented(name).short_description or ""] for name in find_commands()
+        [f"[`pter {name}`](/commands/{name}.md)", documented(name).short_description or ""]
+        for name in find_commands()
     )
     return table(["Command", "What it does"], rows)
 
@@ -350,14 +406,18 @@ def documented(name: str) -> docstring_parser.Docstring:
 def command(name: str) -> str:
     """Return what a command does, an example and its arguments."""
     function, doc = load_command(name), documented(name)
-    text, example = re.fullmatch(r"(.*?)\s*Example: `?(.*?)`?", doc.description or "", re.DOTALL).groups()  # type: ignore[union-attr]
+    text, example = re.fullmatch(
+        r"(.*?)\s*Example: `?(.*?)`?", doc.description or "", re.DOTALL
+    ).groups()  # type: ignore[union-attr]
     meanings = {each.arg_name: each.description or "" for each in doc.params}
     hints = get_type_hints(function, include_extras=True)
     rows = (
         argument(hints[each.name], each, meanings.get(each.name, ""))
         for each in inspect.signature(function).parameters.values()
     )
-    return "\n\n".join([text, f"```sh\n{example}\n```", table(["Argument", "Default", "What it is"], rows)])
+    return "\n\n".join(
+        [text, f"```sh\n{example}\n```", table(["Argument", "Default", "What it is"], rows)]
+    )
 
 
 def argument(hint: Any, parameter: inspect.Parameter, meaning: str) -> list[str]:
@@ -371,7 +431,12 @@ def argument(hint: Any, parameter: inspect.Parameter, meaning: str) -> list[str]
         option = name.upper()
     elif kind is bool:
         option += f", --no-{option[2:]}"
-    choices = [str(each) for part in (kind, *get_args(kind)) if get_origin(part) is Literal for each in get_args(part)]
+    choices = [
+        str(each)
+        for part in (kind, *get_args(kind))
+        if get_origin(part) is Literal
+        for each in get_args(part)
+    ]
     meaning += f" One of {', '.join(map(code, choices))}." if choices else ""
     return [code(option), default_text(parameter.default), " ".join(meaning.split())]
 

@@ -1,10 +1,11 @@
-"""Make the pictures of README and the pages: `python docs/make/pictures.py [NAME …]`, all by default.
+"""Make the pictures of README and the pages: `python docs/make/pictures.py [NAME …]`, all by
+default.
 
     python docs/make/pictures.py error-against-pace.png --results FOLDER
 
-needs a folder of `pter benchmark`; all others need the extra `render`. A name below `moving` is a film, `policies` a
-still picture of each policy at the end of one episode, `paper` the paper's figures and claims.
-"""
+needs a folder of `pter benchmark`; all others need the extra `render`. A name below `moving` is a
+film, `policies` a still picture of each policy at the end of one episode, `paper` the paper's
+figures and claims."""
 
 import io
 import re
@@ -71,24 +72,37 @@ def policy_names() -> list[str]:
 def error_against_pace(results: Path) -> Figure:
     """Return path errors over commanded paces on `standard`; markers are hollow where a policy has no rank."""
     found = boards.boards_of(results, "standard")
-    names = [name for name in policy_names() if name not in FALLING and name in found["slow"]["policies"]]
+    names = [
+        name for name in policy_names() if name not in FALLING and name in found["slow"]["policies"]
+    ]
     figure = Figure(figsize=(WIDTH, 4.0))
     axes, ends, colours = figure.add_subplot(), dict[str, tuple[float, float]](), dict[str, str]()
     paces = np.array(list(PACES.values()))
     for place, (name, marker) in enumerate(zip(names, MARKERS, strict=False)):
         scores = [board["policies"][name] for board in found.values()]
-        at = paces * 1.022 ** (place - 0.5 * (len(names) - 1))  # apart, so that intervals do not cover each other
+        at = paces * 1.022 ** (
+            place - 0.5 * (len(names) - 1)
+        )  # apart, so that intervals do not cover each other
         low, value, high = (
-            1000 * np.array([each["path_error_m"][key] for each in scores]) for key in ("low", "value", "high")
+            1000 * np.array([each["path_error_m"][key] for each in scores])
+            for key in ("low", "value", "high")
         )
-        (line,) = axes.plot(at, value, marker=marker, linestyle="--" if name in {*CONTROLLERS, *TUNED} else "-")
+        (line,) = axes.plot(
+            at, value, marker=marker, linestyle="--" if name in {*CONTROLLERS, *TUNED} else "-"
+        )
         colour = colours[name] = str(line.get_color())
         ends[name] = float(at[-1]), float(value[-1])
-        axes.errorbar(at, value, (value - low, high - value), fmt="none", ecolor=colour, elinewidth=1.2)
+        axes.errorbar(
+            at, value, (value - low, high - value), fmt="none", ecolor=colour, elinewidth=1.2
+        )
         faces = [colour if each["rank"] else "white" for each in scores]
         axes.scatter(at, value, 40.0, faces, marker, edgecolors=colour, zorder=4)
-        for x, y in ((x, y) for x, y, each in zip(at, value, scores, strict=True) if not each["rank"]):
-            axes.annotate(boards.UNRANKED, (x, y), xytext=(3.0, 3.0), textcoords="offset points", color=colour)
+        for x, y in (
+            (x, y) for x, y, each in zip(at, value, scores, strict=True) if not each["rank"]
+        ):
+            axes.annotate(
+                boards.UNRANKED, (x, y), xytext=(3.0, 3.0), textcoords="offset points", color=colour
+            )
     axes.set(xscale="log", yscale="log", xlim=(min(paces) / 1.25, max(paces) * 1.25))
     axes.set_xticks(paces, [f"{pace:g}\n{name}" for name, pace in PACES.items()])
     axes.set_xticks([], minor=True)
@@ -96,7 +110,9 @@ def error_against_pace(results: Path) -> Figure:
     label(axes, "commanded pace [m/s]", "path error [mm]")
     label_ends(axes, ends, colours)
     note = f"standard, {boards.episodes_text(found['slow'])}; bars: 95 % intervals"
-    figure.supxlabel(f"{note}; dashed: control laws; hollow {boards.UNRANKED}: not ranked", fontsize=8.5)
+    figure.supxlabel(
+        f"{note}; dashed: control laws; hollow {boards.UNRANKED}: not ranked", fontsize=8.5
+    )
     return figure
 
 
@@ -135,7 +151,12 @@ def paper() -> None:
 
 
 def frames(
-    names: tuple[str, ...], scenario: str, draw: int, size: tuple[int, int] = FILM_SIZE, *, last: bool = False
+    names: tuple[str, ...],
+    scenario: str,
+    draw: int,
+    size: tuple[int, int] = FILM_SIZE,
+    *,
+    last: bool = False,
 ) -> list[np.ndarray]:
     """Return the pictures of a scenario's draw under some policies, side by side: all of them, or the last."""
     from pter_gym.tools.pictures.film import PAUSE, Film
@@ -145,7 +166,9 @@ def frames(
     drawn = what_is_drawn(scenario, machine, task)
     episodes = {f"{name}{drawn}": telemetry(name, scenario, machine, task) for name in names}
     film = Film(machine, task, episodes, RATE, size=size)
-    return [film.pixels(frame) for frame in range(len(film) + round(PAUSE * RATE))[-1 if last else 0 :]]
+    return [
+        film.pixels(frame) for frame in range(len(film) + round(PAUSE * RATE))[-1 if last else 0 :]
+    ]
 
 
 def what_is_drawn(scenario: str, machine: Machine, task: PathFollowing) -> str:
@@ -168,7 +191,11 @@ def write_webp(shown: list[np.ndarray], path: Path, quality: int) -> None:
 
     first, *others = map(Image.fromarray, shown)
     content = io.BytesIO()
-    moving = {"save_all": True, "append_images": others, "duration": round(1000 / RATE), "loop": 0} if others else {}
+    moving = (
+        {"save_all": True, "append_images": others, "duration": round(1000 / RATE), "loop": 0}
+        if others
+        else {}
+    )
     first.save(content, "WEBP", quality=quality, method=4, **moving)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_bytes_atomic(path, content.getvalue())
@@ -194,7 +221,9 @@ def policies() -> None:
     """Draw each policy at the end of the same episode of the paper's setting."""
     for name in policy_names():
         write_webp(
-            frames((name,), "standard", EPISODE["standard"], last=True), IMAGES / "policies" / f"{name}.webp", 80
+            frames((name,), "standard", EPISODE["standard"], last=True),
+            IMAGES / "policies" / f"{name}.webp",
+            80,
         )
 
 

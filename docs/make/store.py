@@ -30,7 +30,9 @@ MIN_DAMPER, MAX_DAMPER = 10.0, 3000.0
 """Range of the search [N·s/m]."""
 
 
-def episodes(names: tyro.conf.Positional[tuple[str, ...]] = tuple(SCENARIOS), folder: Path = stored.FOLDER) -> None:
+def episodes(
+    names: tyro.conf.Positional[tuple[str, ...]] = tuple(SCENARIOS), folder: Path = stored.FOLDER
+) -> None:
     """Store the evaluation episodes of scenarios, of all by default, in pter_gym/episodes.
 
     They change every published score: raise the version of a scenario whose episodes change.
@@ -40,7 +42,11 @@ def episodes(names: tyro.conf.Positional[tuple[str, ...]] = tuple(SCENARIOS), fo
         machines, tasks, strata = zip(*evaluation_draws(scenario), strict=True)
         drawn = stored.Episodes(name, machines, tasks, tuple(range(scenario.episodes)), strata)
         path = stored.store_episodes(drawn, version=scenario.version, folder=folder)
-        print(path.name, path.stat().st_size, {kind: strata.count(kind) for kind in sorted(set(strata))})
+        print(
+            path.name,
+            path.stat().st_size,
+            {kind: strata.count(kind) for kind in sorted(set(strata))},
+        )
 
 
 def paces() -> None:
@@ -53,8 +59,11 @@ def paces() -> None:
     write_text_atomic(tuned.DAMPERS, text)
 
 
-def damping_for_pace(controller: Impedance, pace: float, scenario: str = "standard", *, draws: int = DRAWS) -> float:
-    """Return the damper along the path [N·s/m] with which a controller keeps a pace on training draws.
+def damping_for_pace(
+    controller: Impedance, pace: float, scenario: str = "standard", *, draws: int = DRAWS
+) -> float:
+    """Return the damper along the path [N·s/m] with which a controller keeps a pace on training
+    draws.
 
     If no damper from 10 to 3000 N·s/m gives that pace, the nearer end of this range is returned.
 
@@ -63,13 +72,16 @@ def damping_for_pace(controller: Impedance, pace: float, scenario: str = "standa
     controller
         Its other gains are kept.
     pace
-        Commanded mean speed along the path [m/s]. It applies after the first segment, which contains the start-up.
+        Commanded mean speed along the path [m/s]. It applies after the first segment, which
+        contains the start-up.
     scenario
         Name of the scenario.
     draws
         Number of the training draws over which the pace is averaged.
     """
-    machines, tasks = zip(*find_scenario(scenario).randomisation(pace, contexts=draws, seed=SEED).pairs(), strict=True)
+    machines, tasks = zip(
+        *find_scenario(scenario).randomisation(pace, contexts=draws, seed=SEED).pairs(), strict=True
+    )
     batch = Batch(machines, tasks)
     low, high = math.log(MIN_DAMPER), math.log(MAX_DAMPER)
     while high - low > 1e-4:
@@ -86,7 +98,10 @@ def solve_table() -> dict[str, dict[str, dict[str, float]]]:
     laws = {"impedance": Impedance(), "torque-feedback": TorqueFeedback()}
     return {
         scenario: {
-            name: {pace: float(f"{damping_for_pace(law, speed, scenario):.4g}") for pace, speed in PACES.items()}
+            name: {
+                pace: float(f"{damping_for_pace(law, speed, scenario):.4g}")
+                for pace, speed in PACES.items()
+            }
             for name, law in laws.items()
         }
         for scenario in SCENARIOS

@@ -1,8 +1,9 @@
-"""Compile the simulator's kernels to WebAssembly: pter_gym/tools/web/static/pter.wasm and its tables.
+"""Compile the simulator's kernels to WebAssembly: pter_gym/tools/web/static/pter.wasm and its
+tables.
 
-Numba makes LLVM code of the kernels for this computer, unoptimised; LLVM makes an object for WebAssembly of it, and Zig
-(the package ``ziglang``) links it with the mathematical functions in ``functions.zig``.
-"""
+Numba makes LLVM code of the kernels for this computer, unoptimised; LLVM makes an object for
+WebAssembly of it, and Zig (the package ``ziglang``) links it with the mathematical functions in
+``functions.zig``."""
 
 import os
 
@@ -61,7 +62,14 @@ def main(folder: Path) -> None:
 
 def linked(code: bytes) -> bytes:
     """Return the module that Zig makes of the kernels' object file."""
-    target = ["-target", "wasm32-freestanding", "-fno-entry", "--stack", str(STACK), "--export=__heap_base"]
+    target = [
+        "-target",
+        "wasm32-freestanding",
+        "-fno-entry",
+        "--stack",
+        str(STACK),
+        "--export=__heap_base",
+    ]
     exports = [f"--export={kernel.function.__name__}" for kernel in KERNELS]
     with tempfile.TemporaryDirectory() as folder:
         kernels, module = Path(folder) / "kernels.o", Path(folder) / "module.wasm"
@@ -74,7 +82,12 @@ def as_text(module: bytes) -> str:
     """Return the tables of a module as JSON, with hashes of the module and of what it is made of."""
     content = tables()
     hashes = {"module": hashlib.sha256(module).hexdigest(), "sources": digest(content)}
-    return json.dumps({**hashes, **content}, ensure_ascii=False, separators=(",", ":"), allow_nan=False) + "\n"
+    return (
+        json.dumps(
+            {**hashes, **content}, ensure_ascii=False, separators=(",", ":"), allow_nan=False
+        )
+        + "\n"
+    )
 
 
 def digest(content: dict[str, Any]) -> str:
@@ -102,18 +115,26 @@ def _meaning(node: object) -> object:
         return [_meaning(each) for each in cast("list[object]", node) if not _is_docstring(each)]
     if not isinstance(node, ast.AST):
         return repr(node)
-    parts = ((name, _meaning(value)) for name, value in ast.iter_fields(node) if value not in (None, []))
+    parts = (
+        (name, _meaning(value)) for name, value in ast.iter_fields(node) if value not in (None, [])
+    )
     return [type(node).__name__, *parts]
 
 
 def _is_docstring(node: object) -> bool:
-    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
 
 
 def zig(command: str, *arguments: str) -> None:
     """Run Zig on the mathematical functions."""
     release = ("-O", "ReleaseFast", "-fstrip", "-mcpu", "baseline")
-    subprocess.run([sys.executable, "-m", "ziglang", command, str(FUNCTIONS), *release, *arguments], check=True)
+    subprocess.run(
+        [sys.executable, "-m", "ziglang", command, str(FUNCTIONS), *release, *arguments], check=True
+    )
 
 
 def native_functions(path: Path) -> None:

@@ -44,20 +44,23 @@ def benchmark(
 ) -> None:
     """Rank policies on a scenario, and film them.
 
-    Prints a leaderboard for each pace, then one score over all scenarios and paces in the folder: path error ÷ the best
-    tuned law's. Writes benchmark.json, a file for each run, pictures, and a film: the errors of up to four
-    policies, and the arm under the best and the last of them. Several benchmarks may share a folder.
+    Prints a leaderboard for each pace, then one score over all scenarios and paces in the folder:
+    path error ÷ the best tuned law's. Writes benchmark.json, a file for each run, pictures, and a
+    film: the errors of up to four policies, and the arm under the best and the last of them.
+    Several benchmarks may share a folder.
 
     Example: pter benchmark --policies residual impedance-tuned --episodes 20
 
     Args:
-        policies: Names of controllers and trained policies, paths of exported ones or of gains from `pter tune`, or
-            FILE.py:attribute or package.module:attribute for your own. Commas may separate them too.
-        scenario: Scenario whose evaluation episodes are run.
-        paces: Commanded paces: slow, medium, brisk, or speeds in m/s.
-        path: Path of all episodes instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's name.
-        episodes: How many of the scenario's episodes to run; all by default. Ranks from fewer than 200 are provisional.
-        seed: Seed of fresh episodes, as many as the stored ones; by default the stored episodes are run, or with
+        policies: Names of controllers and trained policies, paths of exported ones or of gains from
+        `pter tune`, or
+            FILE.py:attribute or package.module:attribute for your own. Commas may separate them
+            too.
+        scenario: Scenario whose evaluation episodes are run. paces: Commanded paces: slow, medium,
+        brisk, or speeds in m/s. path: Path of all episodes instead of the scenario's: a CSV file of
+        waypoints x, y in metres, or a path's name. episodes: How many of the scenario's episodes to
+        run; all by default. Ranks from fewer than 200 are provisional. seed: Seed of fresh
+        episodes, as many as the stored ones; by default the stored episodes are run, or with
             --path, where there are none, those of seed 0.
         film: Whether to film the policies on a training draw of the scenario.
         out: Folder for the results, created if necessary.
@@ -68,7 +71,9 @@ def benchmark(
     drawn = find_scenario(scenario, path=path)
     results = ResultsFolder(out)
     results.make()
-    named = {name: find_policy(name, drawn.whose_gains) for each in policies for name in split(each)}
+    named = {
+        name: find_policy(name, drawn.whose_gains) for each in policies for name in split(each)
+    }
     with progress_bar() as progress:
         task = progress.add_task(drawn.name, total=len(named) * len(paces))
         runs = run_scenario(
@@ -83,7 +88,11 @@ def benchmark(
         progress.remove_task(task)
         everything = results.summarise()
         boards = [board for board in everything if board.has_episodes_of(runs[0])]
-        same = [board for board in everything if all(getattr(board, name) == getattr(runs[0], name) for name in SAME)]
+        same = [
+            board
+            for board in everything
+            if all(getattr(board, name) == getattr(runs[0], name) for name in SAME)
+        ]
         print_tables(boards, suites(same))
         progress.add_task("drawing", total=None)
         written = [results.summary]
@@ -101,7 +110,11 @@ def benchmark(
 
 
 def film_policies(
-    policies: "Mapping[str, AnyPolicy]", scenario: "Scenario", pace: str, folder: Path, progress: "Progress"
+    policies: "Mapping[str, AnyPolicy]",
+    scenario: "Scenario",
+    pace: str,
+    folder: Path,
+    progress: "Progress",
 ) -> Path:
     """Film policies, the best first, on a training draw into a folder; return the path."""
     from pter_gym.benchmark.simulation import record_episode, time_limit

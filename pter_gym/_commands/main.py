@@ -16,7 +16,13 @@ import tyro
 from rich.table import Table
 
 from pter_gym._internal.plugins import COMMANDS, registered
-from pter_gym._internal.terminal import accept_all_characters, close_output, end_on_interrupt, say, terminal
+from pter_gym._internal.terminal import (
+    accept_all_characters,
+    close_output,
+    end_on_interrupt,
+    say,
+    terminal,
+)
 from pter_gym._version import __version__
 from pter_gym.errors import PterError, unknown_name
 
@@ -33,7 +39,9 @@ INTERRUPTED = 130
 
 def commands() -> dict[str, EntryPoint]:
     """Return where each command is, by name in the order of the help: the core's own, then what is registered."""
-    core = {name: EntryPoint(name, f"{__package__}.{name}:{name}", COMMANDS) for name in CORE_COMMANDS}
+    core = {
+        name: EntryPoint(name, f"{__package__}.{name}:{name}", COMMANDS) for name in CORE_COMMANDS
+    }
     return core | registered(COMMANDS)
 
 
@@ -59,10 +67,14 @@ def main(arguments: list[str] | None = None) -> int:
     """Run ``pter`` and return its exit status: the command's, else 0; 2 after an error, 130 after Ctrl-C."""
     accept_all_characters()
     if arguments is None:
-        if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # as pter_gym/__init__.py sets it for the imports
+        if (
+            signal.getsignal(signal.SIGINT) is signal.SIG_DFL
+        ):  # as pter_gym/__init__.py sets it for the imports
             signal.signal(signal.SIGINT, signal.default_int_handler)
         end_on_interrupt(INTERRUPTED)
-        os.environ.pop("MPLBACKEND", None)  # a notebook's, which may be installed for the notebook only
+        os.environ.pop(
+            "MPLBACKEND", None
+        )  # a notebook's, which may be installed for the notebook only
     try:
         status = _run(sys.argv[1:] if arguments is None else arguments)
         sys.stdout.flush()
@@ -74,7 +86,11 @@ def main(arguments: list[str] | None = None) -> int:
         if arguments is None:
             close_output()
         with suppress(OSError):
-            complain(str(error) if error.filename else f"not everything could be printed: {error.strerror}")
+            complain(
+                str(error)
+                if error.filename
+                else f"not everything could be printed: {error.strerror}"
+            )
         return 2
 
 
@@ -116,7 +132,9 @@ def _print_overview() -> None:
     for name, entry in commands().items():
         table.add_row(f"  {name}", summary(entry))
     console.print(table)
-    console.print("\n`pter COMMAND --help` explains a command; `pter --version` prints the version.")
+    console.print(
+        "\n`pter COMMAND --help` explains a command; `pter --version` prints the version."
+    )
 
 
 if __name__ == "__main__":

@@ -11,8 +11,9 @@ from pter_gym._internal.terminal import progress_bar, say
 def verify(results: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RESULTS")]) -> int:
     """Repeat the runs in a results folder and compare scores bit for bit.
 
-    Prints for each file whether it is the same, what differs, or why it cannot be run again; the exit status is 1
-    unless all are the same. Policies are found by name, as in `pter benchmark`, but no code is imported.
+    Prints for each file whether it is the same, what differs, or why it cannot be run again; the
+    exit status is 1 unless all are the same. Policies are found by name, as in `pter benchmark`,
+    but no code is imported.
 
     Example: pter verify pter-benchmark
 

@@ -1,8 +1,8 @@
 """The one wrapper around numba.
 
-``device`` marks a scalar function on one world. ``compile_kernel`` turns a function that loops over worlds into machine
-code. Arithmetic is strict (no fast-math, no contraction), so a world in a vectorised loop has the bits of a world
-alone.
+``device`` marks a scalar function on one world. ``compile_kernel`` turns a function that loops over
+worlds into machine code. Arithmetic is strict (no fast-math, no contraction), so a world in a
+vectorised loop has the bits of a world alone.
 """
 
 import inspect
@@ -37,7 +37,8 @@ _NUMBA.reload_config()
 class Device(CPUDispatcher):
     """A function that is compiled for compiled callers; from Python, calls the original function.
 
-    Without the wrappers by which Python calls compiled code, kernels compile in three quarters of the time.
+    Without the wrappers by which Python calls compiled code, kernels compile in three quarters of
+    the time.
     """
 
     def add_overload(self, cres: Any) -> None:
@@ -52,14 +53,18 @@ class Device(CPUDispatcher):
 def _for_compiled_callers(function: Function, **options: Any) -> Function:
     if _NUMBA.DISABLE_JIT:
         return function
-    return cast(Function, Device(function, {}, {"nopython": True, "boundscheck": None, **options}, pipeline.Part))
+    return cast(
+        Function,
+        Device(function, {}, {"nopython": True, "boundscheck": None, **options}, pipeline.Part),
+    )
 
 
 def device(function: Function) -> Function:
     """Compile a scalar function so that it is always inlined into the kernel that calls it.
 
-    It may read and write the arrays that it gets and makes none of its own: numba then counts no references to arrays,
-    which would cost more than the arithmetic and keep loops from being vectorised.
+    It may read and write the arrays that it gets and makes none of its own: numba then counts no
+    references to arrays, which would cost more than the arithmetic and keep loops from being
+    vectorised.
     """
     return _for_compiled_callers(function, **WITHOUT_ARRAYS)
 
@@ -77,24 +82,27 @@ def inlined(function: Function) -> Function:
 def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Function:
     """Compile a kernel with a cache that notices a change in any function that it inlines.
 
-    Numba's cache sees only the file of the kernel itself (numba issue 1833). So ``build`` gets a digest of everything
-    that the kernel reaches and returns the kernel with that digest in its closure, which is part of numba's cache key.
-    A kernel without a digest is compiled by each process, in memory.
+    Numba's cache sees only the file of the kernel itself (numba issue 1833). So ``build`` gets a
+    digest of everything that the kernel reaches and returns the kernel with that digest in its
+    closure, which is part of numba's cache key. A kernel without a digest is compiled by each
+    process, in memory.
 
     Parameters
     ----------
     build
         A factory: ``build(digest)`` returns a function whose body names ``digest``.
     **inlined
-        Global names of the kernel to bind to other values: a control law, for example. A closure over a compiled
-        function would give a new cache key in each process; a global name does not.
+        Global names of the kernel to bind to other values: a control law, for example. A closure
+        over a compiled function would give a new cache key in each process; a global name does not.
     """
     digest = digest_of(_bind(cast(FunctionType, build("")), inlined))
     function = _bind(cast(FunctionType, build(digest or "")), inlined)
     kernel: Any = numba.njit(**_KERNEL)(function)
     if not _NUMBA.DISABLE_JIT:
         # a cache could not load functions that are in no module, as after exec
-        if digest and all(inspect.getmodule(value) for value in inlined.values() if callable(value)):
+        if digest and all(
+            inspect.getmodule(value) for value in inlined.values() if callable(value)
+        ):
             with suppress(RuntimeError):  # there is no folder to write to
                 kernel.enable_caching()
         pipeline.announce(kernel)

@@ -1,7 +1,7 @@
 """What compiled code depends on, as a digest: equal digests mean equal code, in any process.
 
-Within the package, it covers all source files of the rooms that kernels are made of. Of any other function, such as a
-user's law, it covers the bytecode, the module and the values that it reads.
+Within the package, it covers all source files of the rooms that kernels are made of. Of any other
+function, such as a user's law, it covers the bytecode, the module and the values that it reads.
 """
 
 import builtins
@@ -39,13 +39,16 @@ _CONSTANTS = (bool, int, float, complex, str, bytes, type(None), type(...))
 
 
 def digest_of(function: Callable[..., Any]) -> str | None:
-    """Return a hash of a function, compiled or not, of all that it reads and of the package's sources.
+    """Return a hash of a function, compiled or not, of all that it reads and of the package's
+    sources.
 
-    It is None where it reads an object, a list, or a module that is neither a library's nor of ``ROOMS``. What is of a
-    library or of ``ROOMS`` counts by its name alone.
+    It is None where it reads an object, a list, or a module that is neither a library's nor of
+    ``ROOMS``. What is of a library or of ``ROOMS`` counts by its name alone.
     """
     try:
-        return hashlib.sha256("\n".join([_SOURCES_DIGEST, *texts_of(function)]).encode()).hexdigest()
+        return hashlib.sha256(
+            "\n".join([_SOURCES_DIGEST, *texts_of(function)]).encode()
+        ).hexdigest()
     except _UnknownError:
         return None
 
@@ -57,7 +60,8 @@ class _UnknownError(Exception):
 def texts_of(function: Any, reached: list[FunctionType] | None = None) -> list[str]:
     """Return texts of a function and of all that it reads, which differ where these do.
 
-    ``reached`` gains the functions: each is known by its number there, since functions may call each other.
+    ``reached`` gains the functions: each is known by its number there, since functions may call
+    each other.
     """
     found = [] if reached is None else reached
     texts = [_text(function, found)]
@@ -135,7 +139,10 @@ def _reads(function: FunctionType) -> Iterator[tuple[str, Any]]:
 def _globals(code: CodeType) -> Iterator[str]:
     """Yield the global names that code and the functions within it read."""
     for each in dis.get_instructions(code):
-        if each.opname in ("IMPORT_NAME", "LOAD_BUILD_CLASS"):  # after which it is unknown what it reads
+        if each.opname in (
+            "IMPORT_NAME",
+            "LOAD_BUILD_CLASS",
+        ):  # after which it is unknown what it reads
             raise _UnknownError
         if each.opname == "LOAD_GLOBAL":
             yield each.argval

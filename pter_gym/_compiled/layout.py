@@ -29,7 +29,9 @@ class Layout:
         """Check that each name means one field."""
         repeated = sorted({name for name in self.names if self.names.count(name) > 1})
         if repeated:
-            raise ParameterError(f"fields must have different names, got several called {', '.join(repeated)}")
+            raise ParameterError(
+                f"fields must have different names, got several called {', '.join(repeated)}"
+            )
 
     def __len__(self) -> int:
         """Return the number of entries."""
@@ -59,4 +61,6 @@ class Layout:
 
     def as_dict(self, values: NDArray[np.floating]) -> dict[str, float]:
         """Return one row (len(layout),) as a dictionary of physical values in their units."""
-        return {f.name: float(value) * f.scale for f, value in zip(self.fields, values, strict=True)}
+        return {
+            f.name: float(value) * f.scale for f, value in zip(self.fields, values, strict=True)
+        }

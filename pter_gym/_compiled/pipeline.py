@@ -1,8 +1,8 @@
 """How numba compiles kernels and their parts: in half of its usual time.
 
-Numba optimises each function and makes machine code of it, even where the function is copied into every kernel that
-calls it. Here only kernels get that far. Numba also rebuilds a constant record wherever an entry of it is read; here
-only the entry is read.
+Numba optimises each function and makes machine code of it, even where the function is copied into
+every kernel that calls it. Here only kernels get that far. Numba also rebuilds a constant record
+wherever an entry of it is read; here only the entry is read.
 """
 
 import functools
@@ -85,7 +85,11 @@ def _fold(blocks: Any) -> set[str]:
         value: Any = each.value
         if isinstance(value, ir.Global | ir.FreeVar):
             found = cast(Any, value).value
-        elif isinstance(value, ir.Expr) and value.op == "getattr" and cast(Any, value).value.name in records:
+        elif (
+            isinstance(value, ir.Expr)
+            and value.op == "getattr"
+            and cast(Any, value).value.name in records
+        ):
             expression = cast(Any, value)
             record = records[expression.value.name]
             if expression.attr not in record._fields:
@@ -113,7 +117,11 @@ def _drop_unused(blocks: Any, records: set[str]) -> None:
     set_here = Counter(each.target.name for each in _assignments(blocks))
     unused = {name for name in records if named[name] == set_here[name]}
     for block in blocks.values():
-        block.body = [each for each in block.body if not (isinstance(each, ir.Assign) and each.target.name in unused)]
+        block.body = [
+            each
+            for each in block.body
+            if not (isinstance(each, ir.Assign) and each.target.name in unused)
+        ]
 
 
 class Kernel(CompilerBase):

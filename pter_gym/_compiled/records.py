@@ -1,14 +1,15 @@
 """Records: numbers with names, which lie in the rows of an array.
 
-A record is a ``NamedTuple`` of floats and of other records. Its declaration is its layout: ``rows`` numbers its entries
-in their order and returns a record of the same class that holds row numbers instead of values. So compiled code reads
-and writes by name::
+A record is a ``NamedTuple`` of floats and of other records. Its declaration is its layout: ``rows``
+numbers its entries in their order and returns a record of the same class that holds row numbers
+instead of values. So compiled code reads and writes by name::
 
     ROW = rows(World)
     w[ROW.step, i] += 1.0
     store(w, ROW.motion, i, advance_position(load(w, ROW.motion, i), omega_a, omega_b, h))
 
-``Annotated[float, Entry(unit, meaning, scale)]`` says what an entry is; ``layout_of`` makes a ``Layout`` of it.
+``Annotated[float, Entry(unit, meaning, scale)]`` says what an entry is; ``layout_of`` makes a
+``Layout`` of it.
 """
 
 import inspect
@@ -35,8 +36,8 @@ class Entry:
     Attributes
     ----------
     unit, meaning
-        Its unit, and what it says in a few words. Within a record, ``{}`` is what the record's own entry says:
-        ``"clutch 1's {}"``.
+        Its unit, and what it says in a few words. Within a record, ``{}`` is what the record's own
+        entry says: ``"clutch 1's {}"``.
     scale
         The value that is stored as 1, or a function that finds it for a machine.
     name
@@ -94,7 +95,9 @@ def leaves(kind: type[Any]) -> list[Leaf]:
             found.append(Leaf(called, entries))
         else:
             before = f"{called}_" if entry else ""
-            found.extend(Leaf(before + leaf.name, (*entries, *leaf.entries)) for leaf in leaves(inner))
+            found.extend(
+                Leaf(before + leaf.name, (*entries, *leaf.entries)) for leaf in leaves(inner)
+            )
     return found
 
 
@@ -115,7 +118,11 @@ def _field(name: str, entries: tuple[Entry, ...], machine: Any) -> Field:
 def flat(value: Any) -> tuple[Any, ...]:
     """Return the numbers of a record in their order; of a number, itself alone."""
     record: Any = value
-    return tuple(number for part in record for number in flat(part)) if isinstance(value, tuple) else (value,)
+    return (
+        tuple(number for part in record for number in flat(part))
+        if isinstance(value, tuple)
+        else (value,)
+    )
 
 
 def load(w: Any, at: R, i: Any) -> R:
@@ -133,7 +140,11 @@ def store(w: Any, at: R, i: Any, value: R) -> None:
 def read(array: Any, at: R, first: Any) -> R:
     """Read a record from an array (numbers,) in which it begins at ``first``; ``at`` holds its places from there."""
     places: Any = at
-    return type(places)(*(read(array, x, first) for x in places)) if isinstance(at, tuple) else array[first + places]
+    return (
+        type(places)(*(read(array, x, first) for x in places))
+        if isinstance(at, tuple)
+        else array[first + places]
+    )
 
 
 def write(array: Any, at: R, value: R) -> None:
@@ -163,7 +174,9 @@ def _made(kind: Any, number: str, names: dict[str, Any], before: str = "") -> st
     return f"{called}({', '.join(_made(inner, number, names, f'{before}.{name}') for name, inner in parts)})"
 
 
-def _compiled(function: Any, arguments: str, number: str, record: str = "at", *, returns: bool) -> None:
+def _compiled(
+    function: Any, arguments: str, number: str, record: str = "at", *, returns: bool
+) -> None:
     """Give a function its compiled form: ``number`` for each entry of the record among its arguments."""
 
     def source(**kinds: Any) -> Any:
@@ -172,7 +185,9 @@ def _compiled(function: Any, arguments: str, number: str, record: str = "at", *,
             lines = [f"return {_made(kinds[record], number, names)}"]
         else:
             lines = [number.replace("AT", path) for path in _paths(kinds[record])]
-        return compile_source("\n    ".join([f"def written({arguments}):", *lines]), "written", names)
+        return compile_source(
+            "\n    ".join([f"def written({arguments}):", *lines]), "written", names
+        )
 
     _overload(function, arguments, source)
 
@@ -181,7 +196,9 @@ def _overload(function: Any, arguments: str, source: Callable[..., Any]) -> None
     """Give a function the compiled form that ``source`` returns for the types of its arguments."""
     # numba passes types by the names of the function's arguments
     given = ", ".join(f"{name}={name}" for name in arguments.split(", "))
-    build = compile_source(f"def build({arguments}):\n    return source({given})", "build", {"source": source})
+    build = compile_source(
+        f"def build({arguments}):\n    return source({given})", "build", {"source": source}
+    )
     options: Any = {**WITHOUT_ARRAYS, "pipeline_class": Part}
     overload(function, jit_options=options)(build)
 
@@ -195,7 +212,8 @@ _compiled(write, "array, at, value", "array[atAT] = valueAT", returns=False)
 def entrywise(function: Callable[..., float]) -> Any:
     """Return a function that applies a scalar one to each entry of records of one class.
 
-    Records may take the place of what is annotated as ``float``; all else is the same for each entry::
+    Records may take the place of what is annotated as ``float``; all else is the same for each
+    entry::
 
         @entrywise
         @device
@@ -206,23 +224,37 @@ def entrywise(function: Callable[..., float]) -> Any:
     """
     scalar: Any = function
     names = tuple(inspect.signature(function).parameters)
-    varies = tuple(each.annotation is float for each in inspect.signature(function).parameters.values())
+    varies = tuple(
+        each.annotation is float for each in inspect.signature(function).parameters.values()
+    )
 
     def each(*given: Any) -> Any:
-        columns = [varying and isinstance(value, tuple) for value, varying in zip(given, varies, strict=True)]
+        columns = [
+            varying and isinstance(value, tuple)
+            for value, varying in zip(given, varies, strict=True)
+        ]
         if not any(columns):
             return scalar(*given)
         record = given[columns.index(True)]
-        rows = (value if is_column else (value,) * len(record) for value, is_column in zip(given, columns, strict=True))
+        rows = (
+            value if is_column else (value,) * len(record)
+            for value, is_column in zip(given, columns, strict=True)
+        )
         return type(record)(*(each(*row) for row in zip(*rows, strict=True)))
 
     def source(**kinds: Any) -> Any:
         given = zip(names, varies, strict=True)
-        records = [name for name, varying in given if varying and isinstance(kinds[name], types.BaseNamedTuple)]
+        records = [
+            name
+            for name, varying in given
+            if varying and isinstance(kinds[name], types.BaseNamedTuple)
+        ]
         entry = f"scalar({', '.join(f'{name}AT' if name in records else name for name in names)})"
         space: dict[str, Any] = {"scalar": scalar}
         made = _made(kinds[records[0]], entry, space)
-        return compile_source(f"def written({', '.join(names)}):\n    return {made}", "written", space)
+        return compile_source(
+            f"def written({', '.join(names)}):\n    return {made}", "written", space
+        )
 
     _overload(each, ", ".join(names), source)
     each.__doc__ = function.__doc__

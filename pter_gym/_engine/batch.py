@@ -38,15 +38,15 @@ class Returns(NamedTuple):
     obs
         Observations, float32 (N, len(layout)).
     final_obs
-        With ``SAME_STEP``, the last observations of the worlds that ended and were reset in this step, float32
-        (N, len(layout)); other rows hold anything, and the next step changes all.
+        With ``SAME_STEP``, the last observations of the worlds that ended and were reset in this
+        step, float32 (N, len(layout)); other rows hold anything, and the next step changes all.
     rewards
         float64 (N,).
     flags
         bool (FLAGS, N): terminated, truncated, success.
     telemetry
-        float64 (1, N, len(TELEMETRY)), or (0, …) without telemetry; with ``SAME_STEP`` a second layer holds the last
-        ones of the worlds that ended.
+        float64 (1, N, len(TELEMETRY)), or (0, …) without telemetry; with ``SAME_STEP`` a second
+        layer holds the last ones of the worlds that ended.
     """
 
     obs: Observations
@@ -62,22 +62,23 @@ class Batch(WorldArrays):
     Parameters
     ----------
     machines, tasks
-        One for all worlds, or a sequence with one for each. The machines share the substep and the largest voltage, the
-        tasks the control period.
+        One for all worlds, or a sequence with one for each. The machines share the substep and the
+        largest voltage, the tasks the control period.
     num_worlds
         N; may be left out where ``machines`` or ``tasks`` is a sequence.
     draws
-        Whether each world draws one of the given pairs of machine and task at each reset, by its seed and episode
-        alone. Otherwise each world keeps its own.
+        Whether each world draws one of the given pairs of machine and task at each reset, by its
+        seed and episode alone. Otherwise each world keeps its own.
     sensors
         What the observation holds; see ``observation_layout``.
     observe_context
         Whether the observation ends with what is told of machine and task.
     action_unit
-        ``"volt"``: actions within [0, voltage_max]; ``"normalised"``: a within [−1, 1] for voltage_max·((a + 1)/2)².
+        ``"volt"``: actions within [0, voltage_max]; ``"normalised"``: a within [−1, 1] for
+        voltage_max·((a + 1)/2)².
     frame_skip
-        Control steps for which an action is held. Rewards add up, and what else a step returns is of the last of them;
-        an episode that ends earlier ends the step of its world.
+        Control steps for which an action is held. Rewards add up, and what else a step returns is
+        of the last of them; an episode that ends earlier ends the step of its world.
     max_steps
         Control steps after which an episode is truncated; none by default.
     telemetry
@@ -120,20 +121,28 @@ class Batch(WorldArrays):
         num_threads: int = 1,
     ) -> None:
         if action_unit not in get_args(ActionUnit):
-            raise ParameterError(f"action_unit must be one of {', '.join(get_args(ActionUnit))}, got {action_unit!r}")
+            raise ParameterError(
+                f"action_unit must be one of {', '.join(get_args(ActionUnit))}, got {action_unit!r}"
+            )
         self._threads = Threads(whole_number("num_threads", num_threads))
         limit = NO_LIMIT if max_steps is None else whole_number("max_steps", max_steps)
         all_machines, all_tasks = listed(machines, tasks, None if draws else num_worlds)
         drawing = whole_number("num_worlds", num_worlds) if draws else None
         self.machine, self.task = all_machines[0], all_tasks[0]
-        self.layout = observation_layout(self.machine, sensors, OBSERVED_CONTEXT if observe_context else None)
+        self.layout = observation_layout(
+            self.machine, sensors, OBSERVED_CONTEXT if observe_context else None
+        )
         voltage_max = self.machine.clutch.voltage_max
-        self.action_low, self.action_high = (0.0, voltage_max) if action_unit == "volt" else (-1.0, 1.0)
+        self.action_low, self.action_high = (
+            (0.0, voltage_max) if action_unit == "volt" else (-1.0, 1.0)
+        )
         self.frame_skip = whole_number("frame_skip", frame_skip)
         self._config = np.array([*flat(self._shared(observe_context, limit)), *self.layout.scales])
         super().__init__(all_machines, all_tasks, drawing)
         self.num_actions = len(self.machine.clutches)
-        self._slots = np.full((self.num_worlds, SLOTS), self.action_low)  # an empty slot has no voltage
+        self._slots = np.full(
+            (self.num_worlds, SLOTS), self.action_low
+        )  # an empty slot has no voltage
         self._declared = not self.machine.has_paper_clutches
         self._records = int(telemetry)
         self._final_obs = np.empty((0, len(self.layout)), np.float32)
@@ -166,16 +175,16 @@ class Batch(WorldArrays):
         Parameters
         ----------
         seeds
-            One seed ≥ 0 for each world, or None for an unseeded reset, which goes on to the next episode of the world's
-            present seed (drawn from the operating system at first).
+            One seed ≥ 0 for each world, or None for an unseeded reset, which goes on to the next
+            episode of the world's present seed (drawn from the operating system at first).
         chosen
             Which worlds to reset, shape (N,); all by default. The others stay as they are.
 
         Returns
         -------
         observations, telemetry
-            Of all worlds: float32 (N, len(layout)) and float64 (N or 0, len(TELEMETRY)), fresh arrays. The telemetry
-            holds the pose, and zero for what only a step tells.
+            Of all worlds: float32 (N, len(layout)) and float64 (N or 0, len(TELEMETRY)), fresh
+            arrays. The telemetry holds the pose, and zero for what only a step tells.
         """
         chosen = np.ones(self.num_worlds, np.bool_) if chosen is None else chosen
         words = self.next_words(seeds, chosen)
@@ -192,19 +201,21 @@ class Batch(WorldArrays):
         Parameters
         ----------
         actions
-            Clutch voltages in the action unit, shape (N, num_actions). Up to four float32 ulp beyond a bound are
-            clipped.
+            Clutch voltages in the action unit, shape (N, num_actions). Up to four float32 ulp
+            beyond a bound are clipped.
         ended
-            What to do with a world whose episode has ended, from ``pter_gym._engine.world``: ``REFUSE`` to step,
-            ``SKIP`` it (its rows are zero, and NaN in the telemetry), reset it in the ``NEXT_STEP``, ignoring that
-            step's action, or in the ``SAME_STEP``.
+            What to do with a world whose episode has ended, from ``pter_gym._engine.world``:
+            ``REFUSE`` to step, ``SKIP`` it (its rows are zero, and NaN in the telemetry), reset it
+            in the ``NEXT_STEP``, ignoring that step's action, or in the ``SAME_STEP``.
 
         Raises
         ------
         ActionError
-            If an action has a wrong shape or type, is not finite, or is out of bounds; no world has moved.
+            If an action has a wrong shape or type, is not finite, or is out of bounds; no world has
+            moved.
         ResetNeededError
-            If a world was never reset, or its episode has ended with ``REFUSE`` or ``SAME_STEP``; no world has moved.
+            If a world was never reset, or its episode has ended with ``REFUSE`` or ``SAME_STEP``;
+            no world has moved.
         """
         n = self.num_worlds
         self._slots[:, : self.num_actions] = checked_actions(actions, (n, self.num_actions))
@@ -213,7 +224,9 @@ class Batch(WorldArrays):
         flags = np.empty((FLAGS, n), np.bool_)
         telemetry = np.empty((self._records * (2 if ended == SAME_STEP else 1), n, COLUMNS))
         if ended == NEXT_STEP and not self._seeded.all():
-            raise ResetNeededError(f"world {self._seeded.argmin()} needs a reset: it was never reset")
+            raise ResetNeededError(
+                f"world {self._seeded.argmin()} needs a reset: it was never reset"
+            )
         if ended == SAME_STEP and not len(self._final_obs):
             self._final_obs = np.empty_like(obs)
         if ended == SKIP:
@@ -250,7 +263,8 @@ class Batch(WorldArrays):
     def rollout(
         self, obs: Observations, law: Any, gains: Array, steps: int, memory: Array | None = None
     ) -> tuple[Observations, Array]:
-        """Run a compiled control law in all worlds, from their present state, for at most ``steps`` control periods.
+        """Run a compiled control law in all worlds, from their present state, for at most ``steps``
+        control periods.
 
         Parameters
         ----------
@@ -261,19 +275,20 @@ class Batch(WorldArrays):
         steps
             Number of control periods.
         memory
-            What the law keeps, from ``empty_memory``; it is changed, so a further rollout may go on with it. Empty
-            by default.
+            What the law keeps, from ``empty_memory``; it is changed, so a further rollout may go on
+            with it. Empty by default.
 
         Returns
         -------
         observations, telemetry
-            The last observations, and float64 (steps, N, len(TELEMETRY)); NaN after the end of an episode.
+            The last observations, and float64 (steps, N, len(TELEMETRY)); NaN after the end of an
+            episode.
 
         Raises
         ------
         ActionError
-            If the law returns a voltage that is not finite; worlds and memory are as before. One beyond the range is
-            clipped.
+            If the law returns a voltage that is not finite; worlds and memory are as before. One
+            beyond the range is clipped.
         """
         telemetry = np.full((steps, self.num_worlds, COLUMNS), np.nan)
         obs = obs.copy()
@@ -289,7 +304,9 @@ class Batch(WorldArrays):
         if refused >= 0:
             volts = self._row(refused)[[*ROW.command]]
             self._worlds[:], memory[:] = worlds, kept
-            raise ActionError(f"the law's voltages of world {refused} must be finite, got {volts.tolist()}")
+            raise ActionError(
+                f"the law's voltages of world {refused} must be finite, got {volts.tolist()}"
+            )
         return obs, telemetry
 
     def empty_memory(self) -> Array:
@@ -300,11 +317,22 @@ class Batch(WorldArrays):
         """Return the arrays that kernels get: worlds, words, config and constants, and which worlds have begun."""
         return {**self._changing, "config": self._config, "constants": self._constants}
 
-    def _run(self, law: Any, given: Array, outputs: Outputs, config: Array, ended: int, steps: int) -> int:
+    def _run(
+        self, law: Any, given: Array, outputs: Outputs, config: Array, ended: int, steps: int
+    ) -> int:
         """Run the kernel with a law inside over all blocks, in one thread or several; return a refused world or −1."""
         kernel = advance_kernel(law, self._declared)
         obs, *others = outputs
-        arrays = (self._worlds, self._words, given, obs, self._final_obs, *others, config, self._constants)
+        arrays = (
+            self._worlds,
+            self._words,
+            given,
+            obs,
+            self._final_obs,
+            *others,
+            config,
+            self._constants,
+        )
         shares = self._threads.shares(len(self._worlds))
         if len(shares) == 1:
             return kernel(*arrays, ended, steps, *shares[0])
@@ -329,7 +357,9 @@ class Batch(WorldArrays):
         if world < 0:
             return
         if self._row(world)[ROW.alive] == 0.0:
-            raise ResetNeededError(f"world {world} needs a reset: it was never reset or its episode has ended")
+            raise ResetNeededError(
+                f"world {world} needs a reset: it was never reset or its episode has ended"
+            )
         raise ActionError(
             f"action of world {world} must be finite and within [{self.action_low:g}, {self.action_high:g}], "
             f"got {self._slots[world, : self.num_actions].tolist()}"
@@ -340,7 +370,11 @@ def checked_actions(actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[Any]:
     """Return actions as an array of real numbers of a shape, or raise an ActionError."""
     try:
         array = np.asarray(actions)
-    except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor that is not plain CPU memory
+    except (
+        ValueError,
+        TypeError,
+        RuntimeError,
+    ) as error:  # ragged, or a tensor that is not plain CPU memory
         raise ActionError(f"action must be an array of numbers: {error}") from None
     if array.shape != shape:
         raise ActionError(f"action must have the shape {shape}, got {array.shape}")

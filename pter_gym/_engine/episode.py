@@ -32,14 +32,32 @@ from pter_gym._engine.world import (
     Arrays,
     Target,
 )
-from pter_gym._physics.arm import PerLink, UnitVector, Vector, kinetic_energy, moving, tip_position, tip_velocity
+from pter_gym._physics.arm import (
+    PerLink,
+    UnitVector,
+    Vector,
+    kinetic_energy,
+    moving,
+    tip_position,
+    tip_velocity,
+)
 from pter_gym._physics.clutch import PerClutch, product, scaled, steady_torques
 from pter_gym._physics.friction import mode_of, slip_velocities
 from pter_gym.hands._model import SINES, unit_vector
 from pter_gym.paths._projection import Foot, point_at, project, segment_at, segment_of
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
-from pter_gym.tasks.path_following._rules import PathVector, beyond_band, motion_at, singular, strayed, to_world
-from pter_gym.tasks.path_following._specification import MAX_START_SPEED_ACROSS, MAX_START_SPEED_ALONG
+from pter_gym.tasks.path_following._rules import (
+    PathVector,
+    beyond_band,
+    motion_at,
+    singular,
+    strayed,
+    to_world,
+)
+from pter_gym.tasks.path_following._specification import (
+    MAX_START_SPEED_ACROSS,
+    MAX_START_SPEED_ALONG,
+)
 from pter_gym.tasks.path_following._telemetry import COLUMN
 
 _RESET_STREAM, _START_STREAM = np.uint64(0x5245534554), np.uint64(0x5354415254)
@@ -86,7 +104,9 @@ def take_context(w: Any, i: int, constants: Any) -> None:
 
 
 @outlined
-def start_episode(w: Any, i: int, seed: np.uint64, episode: np.uint64, config: Any, constants: Any) -> None:
+def start_episode(
+    w: Any, i: int, seed: np.uint64, episode: np.uint64, config: Any, constants: Any
+) -> None:
     """Start an episode: the arm at rest at the start of the path, clutches released, draws from seed and episode."""
     for row in range(int(ROW.context_at)):
         w[row, i] = 0.0
@@ -98,7 +118,11 @@ def start_episode(w: Any, i: int, seed: np.uint64, episode: np.uint64, config: A
     take_context(w, i, constants)
     draws = (u1, u2, u3, v0, v1)
     for k in range(SINES):
-        angle = 2.0 * np.pi * draws[k] if w[ROW.hand.random_phases, i] != 0.0 else w[ROW.hand.phase[k], i]
+        angle = (
+            2.0 * np.pi * draws[k]
+            if w[ROW.hand.random_phases, i] != 0.0
+            else w[ROW.hand.phase[k], i]
+        )
         store(w, ROW.sines[k], i, unit_vector(angle))
     arc = segment_at(constants, int(w[ROW.task.path.first, i]), 0)
     place(
@@ -115,7 +139,13 @@ def start_episode(w: Any, i: int, seed: np.uint64, episode: np.uint64, config: A
     w[ROW.alive, i] = 1.0
     locate(w, i, constants)
     if plans(w, i):
-        plan_hand(w, i, constants, config[CONFIG.substep] * config[CONFIG.substeps], config[CONFIG.substeps])
+        plan_hand(
+            w,
+            i,
+            constants,
+            config[CONFIG.substep] * config[CONFIG.substeps],
+            config[CONFIG.substeps],
+        )
     if w[ROW.task.sensing.is_ideal, i] == 0.0:
         take_first_readings(w, i, seed, episode, config[CONFIG.substep] * config[CONFIG.substeps])
 
@@ -143,7 +173,12 @@ def explore(w: Any, i: int, seed: np.uint64, episode: np.uint64, constants: Any)
     starts = load(w, ROW.task.starts, i)
     if kind < starts.moving:
         foot = beside(w, i, along, spread(aside, starts.offset), constants)
-        set_going(w, i, foot, PathVector(MAX_START_SPEED_ALONG * speed, spread(across, MAX_START_SPEED_ACROSS)))
+        set_going(
+            w,
+            i,
+            foot,
+            PathVector(MAX_START_SPEED_ALONG * speed, spread(across, MAX_START_SPEED_ACROSS)),
+        )
     if kind < starts.moving + starts.gripped:
         grip(w, i, gripping(PerClutch(grips[0], grips[1], grips[2], grips[3])))
 
@@ -152,8 +187,8 @@ def explore(w: Any, i: int, seed: np.uint64, episode: np.uint64, constants: Any)
 def beside(w: Any, i: int, along: float, offset: float, constants: Any) -> Foot:
     """Put the tip at rest beside the path and return its projection.
 
-    ``along`` is a share of ``COVERED`` of the path, ``offset`` the distance from it [m], taken as 0 where the workspace
-    has no such place.
+    ``along`` is a share of ``COVERED`` of the path, ``offset`` the distance from it [m], taken as 0
+    where the workspace has no such place.
     """
     path = load(w, ROW.task.path, i)
     first, count = int(path.first), int(path.arcs)
@@ -162,7 +197,9 @@ def beside(w: Any, i: int, along: float, offset: float, constants: Any) -> Foot:
     foot = project(constants, first, count, segment_of(constants, first, count, s), x, y)
     place(w, i, Vector(x, y), foot.heading, offset)
     width = min(w[ROW.task.error_max, i], w[ROW.task.truncation_error, i])
-    if strayed(s, offset, width) | singular(load(w, ROW.motion, i), w[ROW.task.singularity_margin, i]):
+    if strayed(s, offset, width) | singular(
+        load(w, ROW.motion, i), w[ROW.task.singularity_margin, i]
+    ):
         place(w, i, Vector(x, y), foot.heading, 0.0)
     w[ROW.foot.segment, i] = foot.segment
     w[ROW.reached, i] = s
@@ -192,7 +229,12 @@ def settle(w: Any, i: int, volts: PerClutch) -> None:
     machine = load(w, ROW.machine, i)
     store(w, ROW.command, i, volts)
     store(w, ROW.lagged_volts, i, volts)
-    store(w, ROW.torques, i, scaled(steady_torques(machine.breakaway, machine.dynamic, volts), machine.scale, WHOLE))
+    store(
+        w,
+        ROW.torques,
+        i,
+        scaled(steady_torques(machine.breakaway, machine.dynamic, volts), machine.scale, WHOLE),
+    )
 
 
 @entrywise
@@ -231,14 +273,20 @@ def record_pose(w: Any, i: int, row: Any, time: float, constants: Any) -> None:
     row[COLUMN.context] = (context_at - w[ROW.draws_from, i]) / CONTEXT_WIDTH
     arrangement = read(constants, CONTEXT.arrangement, int(w[ROW.context_at, i]))
     paper_clutches = arrangement.number == 0.0
-    row[COLUMN.mode] = mode_of(q.omega_a, q.omega_b) if paper_clutches else mode_of(q.omega_a, q.omega_b, arrangement)
+    row[COLUMN.mode] = (
+        mode_of(q.omega_a, q.omega_b)
+        if paper_clutches
+        else mode_of(q.omega_a, q.omega_b, arrangement)
+    )
     row[COLUMN.kinetic_energy] = kinetic_energy(arm, q)
     write(row, COLUMN.volts, load(w, ROW.command, i))
     write(row, COLUMN.told, read(constants, CONTEXT.told, int(context_at)))
 
 
 @outlined
-def record_step(w: Any, i: int, telemetry: Any, t: int, world: int, period: float, constants: Any) -> None:
+def record_step(
+    w: Any, i: int, telemetry: Any, t: int, world: int, period: float, constants: Any
+) -> None:
     """Write the telemetry (T, N, K) of a control step."""
     row = telemetry[t, world]
     record_pose(w, i, row, w[ROW.step, i] * period, constants)
@@ -246,7 +294,9 @@ def record_step(w: Any, i: int, telemetry: Any, t: int, world: int, period: floa
     arrangement = read(constants, CONTEXT.arrangement, int(w[ROW.context_at, i]))
     paper_clutches = arrangement.number == 0.0
     slip = (
-        slip_velocities(q.omega_a, q.omega_b) if paper_clutches else slip_velocities(q.omega_a, q.omega_b, arrangement)
+        slip_velocities(q.omega_a, q.omega_b)
+        if paper_clutches
+        else slip_velocities(q.omega_a, q.omega_b, arrangement)
     )
     torque = load(w, ROW.torque, i)
     write(row, COLUMN.acceleration, tip_acceleration(w, i, period))
@@ -267,7 +317,9 @@ def total_force(w: Any, i: int) -> Vector:
     q = load(w, ROW.motion, i)
     force = load(w, ROW.force, i)
     to = load(w, ROW.target.position, i)
-    pull = passive_force(arm, q, Target(to, Vector(0.0, 0.0)))  # the target's velocity is in ``force``
+    pull = passive_force(
+        arm, q, Target(to, Vector(0.0, 0.0))
+    )  # the target's velocity is in ``force``
     return Vector(force.x + pull.x, force.y + pull.y)
 
 
@@ -289,8 +341,8 @@ def next_episode(w: Any, i: int, world: int, a: Arrays, t: int) -> None:
 def end_step(w: Any, i: int, world: int, a: Arrays, t: int, ended: int) -> None:
     """Write what a control step of one world returns, and begin its next episode as ``ended`` says.
 
-    The world was judged and observed. Its rows of the arrays are written; with SAME_STEP the final observations and the
-    second layer of the telemetry get the last ones of a world that has ended.
+    The world was judged and observed. Its rows of the arrays are written; with SAME_STEP the final
+    observations and the second layer of the telemetry get the last ones of a world that has ended.
     """
     records = a.telemetry.shape[0] > 0
     period = a.config[CONFIG.substep] * a.config[CONFIG.substeps]

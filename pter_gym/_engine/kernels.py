@@ -1,9 +1,9 @@
 """The block kernel: whole control steps of many worlds on a CPU.
 
-Worlds are stored in blocks of up to ``LANES``, (blocks, rows, lanes). A block is copied into one scratch array, whose
-innermost loops over lanes are vectorised, and back; the next one is fetched from memory meanwhile. Worlds that share
-constants read them from one place. Lanes without a world start at zero, with the constants of another one, and run
-along; nothing reads them.
+Worlds are stored in blocks of up to ``LANES``, (blocks, rows, lanes). A block is copied into one
+scratch array, whose innermost loops over lanes are vectorised, and back; the next one is fetched
+from memory meanwhile. Worlds that share constants read them from one place. Lanes without a world
+start at zero, with the constants of another one, and run along; nothing reads them.
 """
 
 from functools import cache
@@ -13,7 +13,14 @@ import numpy as np
 
 from pter_gym._compiled.compiler import compile_kernel, device, inlined
 from pter_gym._compiled.records import store
-from pter_gym._engine.episode import end_step, fetch_world, put_back, record_reset, start_episode, take_context
+from pter_gym._engine.episode import (
+    end_step,
+    fetch_world,
+    put_back,
+    record_reset,
+    start_episode,
+    take_context,
+)
 from pter_gym._engine.law import no_law
 from pter_gym._engine.step import (
     are_finite,
@@ -63,7 +70,9 @@ def _first_refused(worlds: Any, actions: Any, low: float, high: float, ended: in
     """Return the first world whose step is refused, or −1."""
     width = worlds.shape[2]
     for world in range(actions.shape[0]):
-        if is_refused(worlds[world // width, ROW.alive, world % width], actions, low, high, ended, world):
+        if is_refused(
+            worlds[world // width, ROW.alive, world % width], actions, low, high, ended, world
+        ):
             return world
     return -1
 
@@ -89,15 +98,22 @@ def _clear(w: Any, worlds: Any) -> None:
 
 @device
 def _take_contexts(w: Any, width: int, constants: Any, present: float) -> float:
-    """Read the constants of all lanes; those of ``present`` are there. Return whose they are, or −1 for several."""
+    """Read the constants of all lanes; those of ``present`` are there.
+
+    Return whose they are, or −1 for several.
+    """
     first = w[ROW.context_at, 0]
     others = 0
     for i in range(width):
         others += 1 if w[ROW.context_at, i] != first else 0
     if others > 0:
         for row in range(CONSTANT_ROWS):
-            for i in range(width):  # one row of all lanes at a time: to write rows is faster than to write columns
-                w[STORED_ROWS + row, i] = constants[np.uint64(w[ROW.context_at, i]) + np.uint64(row)]
+            for i in range(
+                width
+            ):  # one row of all lanes at a time: to write rows is faster than to write columns
+                w[STORED_ROWS + row, i] = constants[
+                    np.uint64(w[ROW.context_at, i]) + np.uint64(row)
+                ]
         return -1.0
     if first != present:
         begin = int(first)
@@ -133,19 +149,26 @@ def _after_resets(w: Any, lanes: int, present: float) -> float:
 def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high: float) -> None:
     """Begin a control step with the actions of the worlds from ``begin`` on."""
     for i in range(lanes):
-        take_command(w, i, given_volts(actions, begin + i, low, high, w[ROW.machine.voltage_max, i]))
+        take_command(
+            w, i, given_volts(actions, begin + i, low, high, w[ROW.machine.voltage_max, i])
+        )
 
 
 @device
-def _close(w: Any, worlds: Any, b: int, lanes: int, a: Arrays, t: int, ended: int, k: int, held: int) -> None:
+def _close(
+    w: Any, worlds: Any, b: int, lanes: int, a: Arrays, t: int, ended: int, k: int, held: int
+) -> None:
     """End a control step of a block, and write back the worlds that ended.
 
-    It is step ``k`` of the ``held`` ones of an action, whose rewards add up. A world that ends earlier than the last of
-    them, or begins a new episode, is done: it is written back, and runs along in its lane like one that has ended.
+    It is step ``k`` of the ``held`` ones of an action, whose rewards add up. A world that ends
+    earlier than the last of them, or begins a new episode, is done: it is written back, and runs
+    along in its lane like one that has ended.
     """
     width = worlds.shape[2]
     begin = b * width
-    conclude_step(w, width, lanes, a.words, begin, a.config, a.constants, worlds.shape[1] > BASIC_ROWS)
+    conclude_step(
+        w, width, lanes, a.words, begin, a.config, a.constants, worlds.shape[1] > BASIC_ROWS
+    )
     for i in range(lanes):
         began = was_alive(w, i)
         earned = w[ROW.reward, i] + (a.rewards[begin + i] if k > 0 else 0.0)
@@ -223,7 +246,9 @@ def _build_advance(digest: str) -> Any:
 
 
 def _build_reset(digest: str) -> Any:
-    def reset(worlds: Any, words: Any, chosen: Any, obs: Any, telemetry: Any, config: Any, constants: Any) -> None:
+    def reset(
+        worlds: Any, words: Any, chosen: Any, obs: Any, telemetry: Any, config: Any, constants: Any
+    ) -> None:
         _ = digest
         w = _scratch()  # of the same type as above, for which all functions are compiled already
         for world in range(obs.shape[0]):
@@ -244,21 +269,26 @@ def _build_reset(digest: str) -> Any:
 
 @cache
 def advance_kernel(inlined: Any, declared: bool, /) -> Any:
-    """Return the compiled ``advance`` with a control law inside, for the paper's clutches or ``declared`` others.
+    """Return the compiled ``advance`` with a control law inside, for the paper's clutches or
+    ``declared`` others.
 
-    ``advance(worlds, words, given, obs, final_obs, rewards, flags, telemetry, config, constants, ended, steps, first,
-    last)`` runs ``steps`` steps of the worlds in the blocks first … last − 1: control steps of a law, or ``frame_skip``
-    of them with one action. ``worlds`` has the shape (B, BASIC_ROWS or STORED_ROWS, lanes), ``ended`` is REFUSE, SKIP,
-    NEXT_STEP or SAME_STEP, and ``Arrays`` describes what is not described here.
+    ``advance(worlds, words, given, obs, final_obs, rewards, flags, telemetry, config, constants,
+    ended, steps, first, last)`` runs ``steps`` steps of the worlds in the blocks first … last − 1:
+    control steps of a law, or ``frame_skip`` of them with one action. ``worlds`` has the shape (B,
+    BASIC_ROWS or STORED_ROWS, lanes), ``ended`` is REFUSE, SKIP, NEXT_STEP or SAME_STEP, and
+    ``Arrays`` describes what is not described here.
 
-    ``given`` holds the actions (N, 4), or where the voltages come from the law its memory (N, M). A call for all blocks
-    or for none looks at the actions of all worlds first; the number of the first that is refused is returned before
-    anything is touched, −1 when all went well. A call for some blocks does not look.
+    ``given`` holds the actions (N, 4), or where the voltages come from the law its memory (N, M). A
+    call for all blocks or for none looks at the actions of all worlds first; the number of the
+    first that is refused is returned before anything is touched, −1 when all went well. A call for
+    some blocks does not look.
 
-    Where a law returns a voltage that is not finite, the number of its world is returned. That world's command then
-    holds the voltages, and other worlds have moved.
+    Where a law returns a voltage that is not finite, the number of its world is returned. That
+    world's command then holds the voltages, and other worlds have moved.
     """
-    others: dict[str, Any] = {"move_worlds": move_declared, "arrange": take_arrangements} if declared else {}
+    others: dict[str, Any] = (
+        {"move_worlds": move_declared, "arrange": take_arrangements} if declared else {}
+    )
     return compile_kernel(_build_advance, law=inlined, **others)
 
 
@@ -266,7 +296,8 @@ def advance_kernel(inlined: Any, declared: bool, /) -> Any:
 def reset_kernel() -> Any:
     """Return the compiled ``reset``.
 
-    ``reset(worlds, words, chosen, obs, telemetry, config, constants)`` starts new episodes of the worlds in ``chosen``,
-    (N,), from their seeds and episode counts, and writes the present observation of all worlds; see ``Arrays``.
+    ``reset(worlds, words, chosen, obs, telemetry, config, constants)`` starts new episodes of the
+    worlds in ``chosen``, (N,), from their seeds and episode counts, and writes the present
+    observation of all worlds; see ``Arrays``.
     """
     return compile_kernel(_build_reset)

@@ -1,8 +1,10 @@
-"""The interface between the engine and a compiled control law: a function that is inlined, and its memory per world.
+"""The interface between the engine and a compiled control law: a function that is inlined, and its
+memory per world.
 
-A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation, ``obs·scales`` is in
-physical units, ``gains`` belongs to the law and ``memory`` to one world. What the memory holds is a record: ``Memory``
-for the built-in laws, any other for a law that needs one (``pter_gym.controllers.Policy`` takes it).
+A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation,
+``obs·scales`` is in physical units, ``gains`` belongs to the law and ``memory`` to one world. What
+the memory holds is a record: ``Memory`` for the built-in laws, any other for a law that needs one
+(``pter_gym.controllers.Policy`` takes it).
 """
 
 from collections.abc import Generator
@@ -38,7 +40,8 @@ CLUTCHES = rows(PerClutch)
 
 
 def empty_memory(worlds: int, kind: type[Any] = Memory) -> NDArray[np.float64]:
-    """Return what a law keeps at the start of an episode, a row for each world: (N, numbers of the record).
+    """Return what a law keeps at the start of an episode, a row for each world: (N, numbers of the
+    record).
 
     Parameters
     ----------
@@ -65,8 +68,11 @@ CHECKS = 64
 _CHECKED: set[tuple[Any, ...]] = set()
 
 
-def check_law(law: Any, scales: NDArray[np.float64], gains: NDArray[np.float64], memory: NDArray[np.float64]) -> None:
-    """Call a user's law as Python on rows of the lengths that it will get: compiled code checks no index.
+def check_law(
+    law: Any, scales: NDArray[np.float64], gains: NDArray[np.float64], memory: NDArray[np.float64]
+) -> None:
+    """Call a user's law as Python on rows of the lengths that it will get: compiled code checks no
+    index.
 
     The observations are random within [−1, 1], and the memory is kept from call to call.
 
@@ -75,13 +81,16 @@ def check_law(law: Any, scales: NDArray[np.float64], gains: NDArray[np.float64],
     LawIndexError
         If the law reads or writes beyond its observation, gains or memory.
     ParameterError
-        If it cannot be called so, names what is not there, or does not return a ``PerClutch`` of numbers.
+        If it cannot be called so, names what is not there, or does not return a ``PerClutch`` of
+        numbers.
     """
     key = (law, len(scales), len(gains), len(memory))
     if key in _CHECKED or str(getattr(law, "__module__", "")).startswith("pter_gym."):
         return
     name, plain, memory = getattr(law, "__name__", repr(law)), as_python(law, {}), memory.copy()
-    for obs in np.random.default_rng(0).uniform(-1.0, 1.0, (CHECKS, len(scales))).astype(np.float32):
+    for obs in (
+        np.random.default_rng(0).uniform(-1.0, 1.0, (CHECKS, len(scales))).astype(np.float32)
+    ):
         try:
             with np.errstate(all="ignore"):
                 found = plain(obs, scales.copy(), gains.copy(), memory)
@@ -106,7 +115,11 @@ def as_python(function: Any, made: dict[Any, Any]) -> Any:
     if plain not in made:
 
         def of(value: Any) -> Any:
-            return as_python(value, made) if isinstance(value, Dispatcher) and not isinstance(value, Device) else value
+            return (
+                as_python(value, made)
+                if isinstance(value, Dispatcher) and not isinstance(value, Device)
+                else value
+            )
 
         names = dict(plain.__globals__)
         cells = tuple(CellType(of(cell.cell_contents)) for cell in plain.__closure__ or ())
@@ -122,5 +135,10 @@ def compiling(law: Any) -> Generator[None]:
         yield
     except NumbaError as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        told = next((line for line in lines if not line.startswith(("Failed", "Compilation", "- "))), lines[0])
-        raise ParameterError(f"law {getattr(law, '__name__', law)!s} cannot be compiled: {told:.300}") from error
+        told = next(
+            (line for line in lines if not line.startswith(("Failed", "Compilation", "- "))),
+            lines[0],
+        )
+        raise ParameterError(
+            f"law {getattr(law, '__name__', law)!s} cannot be compiled: {told:.300}"
+        ) from error

@@ -1,8 +1,10 @@
-"""One control step of a world: functions on column ``i``, or the first columns, of an array with the rows ``ROW``.
+"""One control step of a world: functions on column ``i``, or the first columns, of an array with
+the rows ``ROW``.
 
-``take_command`` takes an action, ``move_worlds`` moves hand and arm through the substeps, and ``conclude_step`` finds
-what that has led to. The two last functions of this file list the stages in their order. Each loads what it needs from
-a world, calls the physics or the task's rules, and stores what these return.
+``take_command`` takes an action, ``move_worlds`` moves hand and arm through the substeps, and
+``conclude_step`` finds what that has led to. The two last functions of this file list the stages in
+their order. Each loads what it needs from a world, calls the physics or the task's rules, and
+stores what these return.
 """
 
 import math
@@ -38,8 +40,21 @@ from pter_gym._physics.arm import (
 )
 from pter_gym._physics.clutch import PerClutch, faded, heated, product
 from pter_gym._physics.friction import between, slip_velocities
-from pter_gym._physics.step import Energy, arrangement_from, control_step_on, count_nonzero, paper_clutches, torques_at
-from pter_gym.hands._model import advance_sines, intent_speed, renew_sines, sum_of_sines, unit_vector
+from pter_gym._physics.step import (
+    Energy,
+    arrangement_from,
+    control_step_on,
+    count_nonzero,
+    paper_clutches,
+    torques_at,
+)
+from pter_gym.hands._model import (
+    advance_sines,
+    intent_speed,
+    renew_sines,
+    sum_of_sines,
+    unit_vector,
+)
 from pter_gym.paths._projection import point_at, project
 from pter_gym.tasks.path_following._context import CONTEXT
 from pter_gym.tasks.path_following._observation import BOUND, ENTRIES, observation
@@ -93,8 +108,9 @@ def is_refused(alive: float, actions: Any, low: float, high: float, ended: int, 
 def scaled_volts(action: float, low: float, high: float, voltage_max: float) -> float:
     """Return the voltage [V] of an action, from its share of the bounds.
 
-    A lower bound of 0 is that of a voltage. Of a normalised action, whose lower bound is negative, the square of the
-    share counts: steps are fine where clutches slip, and exploring noise about 0 V brakes little.
+    A lower bound of 0 is that of a voltage. Of a normalised action, whose lower bound is negative,
+    the square of the share counts: steps are fine where clutches slip, and exploring noise about 0
+    V brakes little.
     """
     linear = (action - low) * (voltage_max / (high - low))
     return linear * (linear / voltage_max) if low < 0.0 else linear
@@ -110,7 +126,12 @@ def given_volts(actions: Any, world: int, low: float, high: float, voltage_max: 
 @device
 def are_finite(volts: PerClutch) -> bool:
     """Return whether all voltages are finite numbers."""
-    return math.isfinite(volts.x1) & math.isfinite(volts.x2) & math.isfinite(volts.x3) & math.isfinite(volts.x4)
+    return (
+        math.isfinite(volts.x1)
+        & math.isfinite(volts.x2)
+        & math.isfinite(volts.x3)
+        & math.isfinite(volts.x4)
+    )
 
 
 @device
@@ -149,7 +170,9 @@ def recorded(w: Any, i: int, constants: Any, count: float) -> Drive:
     begin = int(w[ROW.hand.record_first, i]) + INSTANT * (now if now < last else last)
     force = read(constants, FORCES, begin)
     then = read(constants, FORCES, begin + (INSTANT if now < last else 0))
-    return Drive(force, PathVector((then.along - force.along) / count, (then.across - force.across) / count))
+    return Drive(
+        force, PathVector((then.along - force.along) / count, (then.across - force.across) / count)
+    )
 
 
 @device
@@ -158,7 +181,9 @@ def intended(w: Any, i: int, constants: Any, period: float) -> Target:
     hand = load(w, ROW.hand, i)
     path = load(w, ROW.task.path, i)
     at = w[ROW.intent, i]
-    moved = at + period * intent_speed(period * (w[ROW.step, i] + 0.5), hand.intent_rise, hand.intent_speed)
+    moved = at + period * intent_speed(
+        period * (w[ROW.step, i] + 0.5), hand.intent_rise, hand.intent_speed
+    )
     leash = w[ROW.foot.arc_length, i] + hand.intent_lead
     moved = moved if moved < leash else leash
     moved = moved if moved > at else at
@@ -197,7 +222,8 @@ def active_force(w: Any, i: int, guides: bool) -> PathVector:
 
 @device
 def push_tip(w: Any, i: int, guides: bool) -> None:
-    """Find the force on the tip [N], but for the spring and what the damper makes of the tip's own velocity.
+    """Find the force on the tip [N], but for the spring and what the damper makes of the tip's own
+    velocity.
 
     The directions along and across the path are those at the control instant.
     """
@@ -265,7 +291,9 @@ def no_arrangements(w: Any, lanes: int, constants: Any) -> None:
 def take_arrangements(w: Any, lanes: int, constants: Any) -> None:
     """Read the arrangement of the first ``lanes`` worlds."""
     for i in range(lanes):
-        store(w, ROW.arrangement, i, read(constants, CONTEXT.arrangement, int(w[ROW.context_at, i])))
+        store(
+            w, ROW.arrangement, i, read(constants, CONTEXT.arrangement, int(w[ROW.context_at, i]))
+        )
 
 
 # --- the judgement ---
@@ -295,17 +323,24 @@ def present_state(w: Any, i: int) -> PathState:
 def tip_acceleration(w: Any, i: int, period: float) -> Vector:
     """Return the mean acceleration of the tip over a control step [m/s²]."""
     v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
-    return Vector((v_x - w[ROW.start_velocity.x, i]) / period, (v_y - w[ROW.start_velocity.y, i]) / period)
+    return Vector(
+        (v_x - w[ROW.start_velocity.x, i]) / period, (v_y - w[ROW.start_velocity.y, i]) / period
+    )
 
 
 @device
 def judge_step(w: Any, i: int, period: float, limit: float) -> None:
-    """Count the step, and find the reward and whether the episode ends. A world that had ended stays so."""
+    """Count the step, and find the reward and whether the episode ends.
+
+    A world that had ended stays so.
+    """
     w[ROW.began, i] = w[ROW.alive, i]
     w[ROW.step, i] += 1.0
     task, q, step = load(w, ROW.task, i), load(w, ROW.motion, i), w[ROW.step, i]
     at, reached = present_state(w, i), w[ROW.reached, i]
-    ratio = recent_pace(w[ROW.pace_ratio, i], w[ROW.travel, i], reached, step * period, period, task)
+    ratio = recent_pace(
+        w[ROW.pace_ratio, i], w[ROW.travel, i], reached, step * period, period, task
+    )
     end = ending(at, q, kinetic_energy(load(w, ROW.machine.arm, i), q), task)
     failed = has_failed(end)
     terminated = end.arrived | failed
@@ -330,7 +365,9 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
     store(w, ROW.terms, i, terms)
     w[ROW.reward, i] = total(terms)
     w[ROW.alive, i] = 1.0 if (w[ROW.began, i] != 0.0) & (not terminated) & (not truncated) else 0.0
-    flags = Flags(1.0 if terminated else 0.0, 1.0 if truncated else 0.0, 1.0 if end.arrived else 0.0)
+    flags = Flags(
+        1.0 if terminated else 0.0, 1.0 if truncated else 0.0, 1.0 if end.arrived else 0.0
+    )
     store(w, ROW.end, i, flags)
 
 
@@ -380,7 +417,9 @@ def coasted(theta: float, omega: float, time: float) -> float:
 
 @entrywise
 @device
-def measured_velocity(theta: float, before: float, omega: float, period: float, differs: bool) -> float:
+def measured_velocity(
+    theta: float, before: float, omega: float, period: float, differs: bool
+) -> float:
     """Return what a velocity sensor reads, or the difference of two angle readings over a control period."""
     return (theta - before) / period if differs else omega
 
@@ -437,7 +476,16 @@ def observe_reading(w: Any, i: int, constants: Any) -> None:
     """Find the present observation from what the sensors read, now or earlier, in SI units."""
     reading = load(w, ROW.readings[int(w[ROW.task.sensing.delay, i])], i)
     a, b = unit_vector(reading.theta.a), unit_vector(reading.theta.b)
-    q = Motion(reading.theta.a, reading.theta.b, reading.omega.a, reading.omega.b, a.cos, a.sin, b.cos, b.sin)
+    q = Motion(
+        reading.theta.a,
+        reading.theta.b,
+        reading.omega.a,
+        reading.omega.b,
+        a.cos,
+        a.sin,
+        b.cos,
+        b.sin,
+    )
     arm = load(w, ROW.machine.arm, i)
     path = load(w, ROW.task.path, i)
     x, y = tip_position(arm, q)
@@ -503,19 +551,28 @@ def _mover(arrangement_at: Any) -> Any:
     @device
     def sense_torques(w: Any, i: int) -> None:
         """Find the torques [N·m] that the clutches generate now."""
-        q, machine, torques = load(w, ROW.motion, i), load(w, ROW.machine, i), load(w, ROW.torques, i)
-        store(w, ROW.torque, i, torques_at(q, machine, load_on(w, i), torques, arrangement_at(w, i)))
+        q, machine, torques = (
+            load(w, ROW.motion, i),
+            load(w, ROW.machine, i),
+            load(w, ROW.torques, i),
+        )
+        store(
+            w, ROW.torque, i, torques_at(q, machine, load_on(w, i), torques, arrangement_at(w, i))
+        )
 
     @device
     def move(w: Any, lanes: int, config: Any, guides: bool) -> None:
-        """Move the worlds in the first ``lanes`` columns, which have taken their commands, through a control step.
+        """Move the worlds in the first ``lanes`` columns, which have taken their commands, through
+        a control step.
 
         ``guides`` says that hands may have more than a push and sines, and that clutches may fade.
         """
         h, count = config[CONFIG.substep], int(config[CONFIG.substeps])
         for i in range(lanes):
             drift_torques(w, i, h * count)
-        control_step(w, lanes, h, count, count_nonzero(w, ROW.machine.voltage_decay.rise, lanes) > 0, guides)
+        control_step(
+            w, lanes, h, count, count_nonzero(w, ROW.machine.voltage_decay.rise, lanes) > 0, guides
+        )
         for i in range(lanes):
             sense_torques(w, i)
             store(w, ROW.sines, i, renew_sines(load(w, ROW.sines, i)))
@@ -533,7 +590,14 @@ move_worlds, move_declared = _mover(paper_clutches), _mover(arrangement_from(ROW
 
 @device
 def conclude_step(
-    w: Any, width: int, lanes: int, words: Any, first: int, config: Any, constants: Any, with_extras: bool
+    w: Any,
+    width: int,
+    lanes: int,
+    words: Any,
+    first: int,
+    config: Any,
+    constants: Any,
+    with_extras: bool,
 ) -> None:
     """Find what a control step has led to: place, reward, end, the hand's next plan, observation.
 
@@ -542,7 +606,8 @@ def conclude_step(
     w, width, lanes
         The first ``width`` columns are looked at; the first ``lanes`` of them are worlds.
     words, first
-        Seed and episode count of all worlds (N, 2), and the number of the world in the first column.
+        Seed and episode count of all worlds (N, 2), and the number of the world in the first
+        column.
     with_extras
         Whether there may be hands that plan or sensors that are not ideal.
     """

@@ -37,7 +37,8 @@ class Threads:
         return [(first, min(first + share, blocks)) for first in range(0, blocks, share)]
 
     def run_parallel(self, call: Callable[[int, int], int], shares: list[Share]) -> list[int]:
-        """Return what a compiled function does of each share, in any order; it is called in all threads at once.
+        """Return what a compiled function does of each share, in any order; it is called in all
+        threads at once.
 
         An interrupt (Ctrl-C) waits for all.
         """

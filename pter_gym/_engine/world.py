@@ -48,8 +48,13 @@ class Readings(NamedTuple):
 class Flags(NamedTuple):
     """How an episode ends; the rows of the flags (FLAGS, N)."""
 
-    terminated: Annotated[float, Entry("1", "1 at the end of the path and on leaving the workspace")]
-    truncated: Annotated[float, Entry("1", "1 at the time limit, and where the task ends an episode that has strayed")]
+    terminated: Annotated[
+        float, Entry("1", "1 at the end of the path and on leaving the workspace")
+    ]
+    truncated: Annotated[
+        float,
+        Entry("1", "1 at the time limit, and where the task ends an episode that has strayed"),
+    ]
     success: Annotated[float, Entry("1", "1 at the end of the path")]
 
 
@@ -67,7 +72,9 @@ class World(NamedTuple):
     alive: Annotated[float, Entry("1", "1 while the episode goes on")]
     foot: Foot
     reached: Annotated[float, Entry("m", "largest arc length so far")]
-    pace_ratio: Annotated[float, Entry("1", "recent mean of the pace along the path, over the commanded pace")]
+    pace_ratio: Annotated[
+        float, Entry("1", "recent mean of the pace along the path, over the commanded pace")
+    ]
     context_at: Annotated[float, Entry("1", "where its context begins in the constants")]
     draws_from: Annotated[float, Entry("1", "where the contexts that it draws from begin")]
     draws: Annotated[float, Entry("1", "number of contexts that it draws from")]
@@ -85,7 +92,9 @@ class World(NamedTuple):
     last_command: Annotated[PerClutch, Entry("V", "command before the last")]
     start_velocity: Annotated[Vector, Entry("m/s", "the tip's velocity at the start of the step")]
     energy: Energy
-    strength: Annotated[PerClutch, Entry("1", "torque, relative to that at the start of the episode")]
+    strength: Annotated[
+        PerClutch, Entry("1", "torque, relative to that at the start of the episode")
+    ]
     steady: Torques
     impact: Impact
     omega: Annotated[PerLink, Entry("rad/s", "angular velocity after friction")]
@@ -113,7 +122,10 @@ BASIC_ROWS = int(ROW.drive.force.along)
 """Rows that every world stores: those before ``drive``."""
 
 STORED_ROWS = int(ROW.machine.arm.length_a)
-"""Rows of a world that change: those before its constants. Not all worlds need those from ``BASIC_ROWS`` on."""
+"""Rows of a world that change: those before its constants.
+
+Not all worlds need those from ``BASIC_ROWS`` on.
+"""
 
 CONSTANT_ROWS = int(ROW.last_command.x1) - STORED_ROWS
 """Rows of a world's constants."""
@@ -128,7 +140,8 @@ LANES = 32
 """Largest number of worlds in a block."""
 
 REFUSE, SKIP, NEXT_STEP, SAME_STEP = range(4)
-"""What to do with a world that has ended: refuse to step, leave it out, reset it at the next step or at once.
+"""What to do with a world that has ended: refuse to step, leave it out, reset it at the next step
+or at once.
 
 With SAME_STEP no world stays ended: a world that is not alive was never reset, and is refused.
 """
@@ -154,7 +167,8 @@ CONFIG_WIDTH = width(Config)
 
 
 class Arrays(NamedTuple):
-    """The arrays that a kernel works on in addition to the worlds: N worlds, O entries, T steps, K columns.
+    """The arrays that a kernel works on in addition to the worlds: N worlds, O entries, T steps, K
+    columns.
 
     Attributes
     ----------
@@ -165,7 +179,8 @@ class Arrays(NamedTuple):
     rewards, flags
         (N,) and (FLAGS, N).
     telemetry
-        (T, N, K); T may be 0, for no telemetry. With SAME_STEP a second layer holds the last of an episode.
+        (T, N, K); T may be 0, for no telemetry. With SAME_STEP a second layer holds the last of an
+        episode.
     config
         ``Config``, the scales of the observation, a law's gains.
     constants

@@ -23,18 +23,24 @@ Pair = tuple[Machine, PathFollowing]
 
 
 def listed(
-    machines: Machine | Sequence[Machine], tasks: PathFollowing | Sequence[PathFollowing], num_worlds: int | None
+    machines: Machine | Sequence[Machine],
+    tasks: PathFollowing | Sequence[PathFollowing],
+    num_worlds: int | None,
 ) -> tuple[list[Machine], list[PathFollowing]]:
     """Return machines and tasks as lists of one length, or raise a ParameterError where they disagree."""
     for field, items, kind in (("machines", machines, Machine), ("tasks", tasks, PathFollowing)):
         given = cast("Sequence[object]", items if isinstance(items, Sequence) else (items,))
         if not all(isinstance(item, kind) for item in given):
-            raise ParameterError(f"{field} must be a {kind.__name__} or a sequence of them, got {items!r:.200}")
+            raise ParameterError(
+                f"{field} must be a {kind.__name__} or a sequence of them, got {items!r:.200}"
+            )
     lengths = {len(items) for items in (machines, tasks) if isinstance(items, Sequence)}
     lengths |= set() if num_worlds is None else {num_worlds}
     lengths = lengths or {1}
     if len(lengths) > 1 or min(lengths) < 1:
-        raise ParameterError(f"num_worlds must be ≥ 1 and the number of machines and of tasks, got {sorted(lengths)}")
+        raise ParameterError(
+            f"num_worlds must be ≥ 1 and the number of machines and of tasks, got {sorted(lengths)}"
+        )
     count = lengths.pop()
     return (
         list(machines) if isinstance(machines, Sequence) else [machines] * count,
@@ -42,7 +48,9 @@ def listed(
     )
 
 
-def distinct(machines: Sequence[Machine], tasks: Sequence[PathFollowing]) -> tuple[list[Pair], Array]:
+def distinct(
+    machines: Sequence[Machine], tasks: Sequence[PathFollowing]
+) -> tuple[list[Pair], Array]:
     """Return the pairs of machine and task without repeats, and the number of each world's, (N,)."""
     pairs: dict[tuple[int, int], tuple[int, Pair]] = {}
     index = [
@@ -66,7 +74,10 @@ def constants_of(pairs: Sequence[Pair]) -> Array:
             begins[item] = (end, len(table)) if len(table) else (0, 0)
             shared.append(table.ravel())
             end += table.size
-    rows = [flat(context_of(task, machine, begins[task.path], begins[task.hand])) for machine, task in pairs]
+    rows = [
+        flat(context_of(task, machine, begins[task.path], begins[task.hand]))
+        for machine, task in pairs
+    ]
     return np.concatenate([np.array(rows).ravel(), *shared])
 
 
@@ -74,12 +85,17 @@ def check_shared(pairs: Sequence[Pair]) -> None:
     """Check that machines and tasks fit together and share what the worlds of a batch must share."""
     first, goal = pairs[0]
     for machine, task in pairs:
-        if (machine.substep, machine.clutch.voltage_max) != (first.substep, first.clutch.voltage_max):
+        if (machine.substep, machine.clutch.voltage_max) != (
+            first.substep,
+            first.clutch.voltage_max,
+        ):
             raise ParameterError("machines of one batch must share substep and clutch.voltage_max")
         if machine.has_paper_clutches != first.has_paper_clutches:
             raise ParameterError("Machine.clutches of one batch must all be the paper's, or none")
         if len(machine.clutches) != len(first.clutches):
-            raise ParameterError("Machine.clutches of one batch must be equally many: an action has an entry for each")
+            raise ParameterError(
+                "Machine.clutches of one batch must be equally many: an action has an entry for each"
+            )
         if task.control_period != goal.control_period:
             raise ParameterError("tasks of one batch must share control_period")
         check_machine(task, machine)
@@ -98,9 +114,9 @@ def empty_blocks(contexts: Array, draws: int, rows: int) -> Array:
     width = min(LANES, -(-n // 8) * 8)
     blocks = -(-n // width)
     worlds: Any = np.zeros((blocks, rows, width))
-    worlds[:, ROW.context_at] = np.concatenate([contexts, np.repeat(contexts[-1:], blocks * width - n)]).reshape(
-        -1, width
-    )
+    worlds[:, ROW.context_at] = np.concatenate(
+        [contexts, np.repeat(contexts[-1:], blocks * width - n)]
+    ).reshape(-1, width)
     worlds[:, ROW.draws_from] = worlds[:, ROW.context_at]
     worlds[:, ROW.draws] = draws
     return worlds
@@ -109,16 +125,24 @@ def empty_blocks(contexts: Array, draws: int, rows: int) -> Array:
 class WorldArrays:
     """N worlds that have not begun, without the kernels that move them: what ``Batch`` is built on.
 
-    ``machines`` and ``tasks`` hold one for each world, or one for each pair of which ``drawing`` worlds draw.
+    ``machines`` and ``tasks`` hold one for each world, or one for each pair of which ``drawing``
+    worlds draw.
     """
 
-    def __init__(self, machines: Sequence[Machine], tasks: Sequence[PathFollowing], drawing: int | None = None) -> None:
+    def __init__(
+        self,
+        machines: Sequence[Machine],
+        tasks: Sequence[PathFollowing],
+        drawing: int | None = None,
+    ) -> None:
         self.num_worlds = len(machines) if drawing is None else drawing
         self.draws = drawing is not None
         self.pairs, numbers = distinct(machines, tasks)
         checked = checked_constants.__wrapped__ if drawing is None else checked_constants
         self._constants: Any = checked(tuple(self.pairs))
-        extras = any(t.hand.plans or t.sensing != IDEAL_SENSING or m.clutch.fade > 0.0 for m, t in self.pairs)
+        extras = any(
+            t.hand.plans or t.sensing != IDEAL_SENSING or m.clutch.fade > 0.0 for m, t in self.pairs
+        )
         self._worlds: Any = empty_blocks(
             float(CONTEXT_WIDTH) * numbers if drawing is None else np.zeros(drawing),
             1 if drawing is None else len(self.pairs),
@@ -127,7 +151,9 @@ class WorldArrays:
         self._words = np.zeros((self.num_worlds, 2), np.uint64)
         self._seeded = np.zeros(self.num_worlds, np.bool_)
 
-    def next_words(self, seeds: Sequence[int | None] | None, chosen: NDArray[np.bool_]) -> NDArray[np.uint64]:
+    def next_words(
+        self, seeds: Sequence[int | None] | None, chosen: NDArray[np.bool_]
+    ) -> NDArray[np.uint64]:
         """Return seed and episode count of each world after a reset of the chosen ones, (N, 2)."""
         words = self._words.copy()
         given = np.zeros(self.num_worlds, np.bool_)
@@ -138,7 +164,9 @@ class WorldArrays:
                 if seed is not None and not 0 <= seed < 2**64:
                     raise ParameterError(f"seeds must lie within [0, 2⁶⁴), got {seed!r}")
             given = chosen & np.array([seed is not None for seed in seeds])
-            words[given, 0] = np.array([0 if seed is None else seed for seed in seeds], np.uint64)[given]
+            words[given, 0] = np.array([0 if seed is None else seed for seed in seeds], np.uint64)[
+                given
+            ]
             words[given, 1] = 0
         words[chosen & ~given & self._seeded, 1] += np.uint64(1)
         fresh = chosen & ~given & ~self._seeded
@@ -160,13 +188,20 @@ class WorldArrays:
         Raises
         ------
         ParameterError
-            If a part is missing, has another shape or type, belongs to other machines or tasks, or holds numbers that
-            are not finite or an arm faster than the integrator can hold; nothing has changed.
+            If a part is missing, has another shape or type, belongs to other machines or tasks, or
+            holds numbers that are not finite or an arm faster than the integrator can hold; nothing
+            has changed.
         """
         for name, mine in self._changing.items():
             part = state.get(name)
-            if not isinstance(part, np.ndarray) or part.shape != mine.shape or part.dtype != mine.dtype:
-                raise ParameterError(f"state[{name!r}] must be an array of {mine.dtype} with the shape {mine.shape}")
+            if (
+                not isinstance(part, np.ndarray)
+                or part.shape != mine.shape
+                or part.dtype != mine.dtype
+            ):
+                raise ParameterError(
+                    f"state[{name!r}] must be an array of {mine.dtype} with the shape {mine.shape}"
+                )
         if not np.isfinite(state["worlds"]).all():
             raise ParameterError("state['worlds'] must hold finite numbers only")
         if not self._fits(state["worlds"]):
@@ -189,9 +224,17 @@ class WorldArrays:
         arm: Any = read(self._constants, CONTEXT.machine.arm, places)
         motions: Any = [worlds[:, row] for row in ROW.motion]
         energy = kinetic_energy(arm, Motion(*motions))
-        held = (energy <= self._constants[places + CONTEXT.task.energy_max]) | (worlds[:, ROW.alive] == 0.0)
-        segments, arcs = worlds[:, ROW.foot.segment], self._constants[places + CONTEXT.task.path.arcs]
-        return bool(held.all() and ((segments >= 0.0) & (segments < arcs) & (segments == segments.round())).all())
+        held = (energy <= self._constants[places + CONTEXT.task.energy_max]) | (
+            worlds[:, ROW.alive] == 0.0
+        )
+        segments, arcs = (
+            worlds[:, ROW.foot.segment],
+            self._constants[places + CONTEXT.task.path.arcs],
+        )
+        return bool(
+            held.all()
+            and ((segments >= 0.0) & (segments < arcs) & (segments == segments.round())).all()
+        )
 
     @property
     def context(self) -> list[int]:
@@ -200,12 +243,15 @@ class WorldArrays:
         return numbers.astype(np.intp).tolist()
 
     def truth(self) -> Array:
-        """Return all that is true of each world, (N, entries): its state, then the numbers of its machine and task.
+        """Return all that is true of each world, (N, entries): its state, then the numbers of its
+        machine and task.
 
-        In no particular units and order, and without the limit of the energy, which follows from the rest; for critics,
-        which may know more than the policies that they judge.
+        In no particular units and order, and without the limit of the energy, which follows from
+        the rest; for critics, which may know more than the policies that they judge.
         """
-        worlds = self._worlds.transpose(0, 2, 1).reshape(-1, self._worlds.shape[1])[: self.num_worlds]
+        worlds = self._worlds.transpose(0, 2, 1).reshape(-1, self._worlds.shape[1])[
+            : self.num_worlds
+        ]
         entries = np.delete(np.arange(CONTEXT_WIDTH), int(CONTEXT.task.energy_max))
         context = worlds[:, ROW.context_at, None].astype(np.intp) + entries
         return np.concatenate([worlds, self._constants[context]], axis=1)

@@ -1,8 +1,10 @@
-"""The block kernels as calls of XLA's foreign-function interface: a world is a row, and no Python runs in a step.
+"""The block kernels as calls of XLA's foreign-function interface: a world is a row, and no Python
+runs in a step.
 
-A handler gets XLA's call frame, a C structure whose fields are machine words: the version of the interface's header is
-in ``jaxlib``. Everything it is given lies in memory that XLA keeps: it reads blocks of rows, runs the kernels on them
-and writes them back. A row is opaque, pairs of 32-bit words, so JAX needs no 64-bit types for it.
+A handler gets XLA's call frame, a C structure whose fields are machine words: the version of the
+interface's header is in ``jaxlib``. Everything it is given lies in memory that XLA keeps: it reads
+blocks of rows, runs the kernels on them and writes them back. A row is opaque, pairs of 32-bit
+words, so JAX needs no 64-bit types for it.
 """
 
 import re
@@ -92,7 +94,9 @@ def _double_rows(buffers: int, number: int) -> Any:
     rows = 1
     for axis in range(_whole(_whole(buffers)[number])[_RANK] - 1):
         rows *= _dimension(buffers, number, axis)
-    return _numba.carray(_double(_data(buffers, number)), (rows, _dimension(buffers, number, -1) // 2))
+    return _numba.carray(
+        _double(_data(buffers, number)), (rows, _dimension(buffers, number, -1) // 2)
+    )
 
 
 @_njit
@@ -175,15 +179,18 @@ def _installed_version() -> int:
     """Return the version of the interface that the installed jaxlib speaks, as a word."""
     header = Path(jaxlib.__file__).parent / "include/xla/ffi/api/c_api.h"
     text = header.read_text("utf-8")
-    major, minor = (int(re.findall(rf"#define XLA_FFI_API_{part} (\d+)", text)[0]) for part in ("MAJOR", "MINOR"))
+    major, minor = (
+        int(re.findall(rf"#define XLA_FFI_API_{part} (\d+)", text)[0])
+        for part in ("MAJOR", "MINOR")
+    )
     return major | minor << 32
 
 
 def _step_handler(advance: Any) -> Any:
     """Return what advances worlds.
 
-    Its arguments are worlds, seeds and episodes, actions, config and constants; its results worlds, seeds and episodes,
-    observations, last observations, rewards and flags.
+    Its arguments are worlds, seeds and episodes, actions, config and constants; its results worlds,
+    seeds and episodes, observations, last observations, rewards and flags.
     """
 
     @inlined
@@ -197,11 +204,19 @@ def _step_handler(advance: Any) -> Any:
         flags = _flags(results, 5, n)
         block = np.zeros((1, rows, LANES))
         words, given = np.empty((LANES, 2), np.uint64), np.empty((LANES, 4))
-        earned, told, telemetry = np.empty(LANES), np.empty((FLAGS, LANES), np.bool_), np.empty((0, LANES, 1))
+        earned, told, telemetry = (
+            np.empty(LANES),
+            np.empty((FLAGS, LANES), np.bool_),
+            np.empty((0, LANES, 1)),
+        )
         ended, steps, first_block = np.int64(SAME_STEP), np.int64(1), np.int64(0)
         for first in range(0, n, LANES):
             lanes = min(LANES, n - first)
-            mine, seen, last = words[:lanes], obs[first : first + lanes], last_obs[first : first + lanes]
+            mine, seen, last = (
+                words[:lanes],
+                obs[first : first + lanes],
+                last_obs[first : first + lanes],
+            )
             _gather(block, mine, _data(arguments, 0), _data(arguments, 1), first)
             given[:lanes] = actions[first : first + lanes]
             outputs = seen, last, earned[:lanes], told, telemetry, config, constants
@@ -221,8 +236,8 @@ def _step_handler(advance: Any) -> Any:
 def _reset_handler(start: Any) -> Any:
     """Return what starts worlds.
 
-    Its arguments are worlds that have not begun, seeds and episodes, config and constants; its results worlds, seeds
-    and episodes, and observations.
+    Its arguments are worlds that have not begun, seeds and episodes, config and constants; its
+    results worlds, seeds and episodes, and observations.
     """
 
     @inlined
@@ -236,7 +251,15 @@ def _reset_handler(start: Any) -> Any:
         for first in range(0, n, LANES):
             lanes = min(LANES, n - first)
             _gather(block, words[:lanes], _data(arguments, 0), _data(arguments, 1), first)
-            start(block, words[:lanes], chosen[:lanes], obs[first : first + lanes], telemetry, config, constants)
+            start(
+                block,
+                words[:lanes],
+                chosen[:lanes],
+                obs[first : first + lanes],
+                telemetry,
+                config,
+                constants,
+            )
             _scatter(block, words[:lanes], _data(results, 0), _data(results, 1), first)
 
     return reset
@@ -245,14 +268,17 @@ def _reset_handler(start: Any) -> Any:
 def _law_handler(law: Any) -> Any:
     """Return what follows a controller's law.
 
-    Its arguments are observations, scales and gains, and what the law keeps of each world; its results voltages [V],
-    and what it keeps after that.
+    Its arguments are observations, scales and gains, and what the law keeps of each world; its
+    results voltages [V], and what it keeps after that.
     """
 
     @inlined
     def follow(arguments: int, results: int) -> None:
         n = _dimension(arguments, 0, 0)
-        obs, volts = _singles(arguments, 0, n, _dimension(arguments, 0, -1)), _singles(results, 0, n, 4)
+        obs, volts = (
+            _singles(arguments, 0, n, _dimension(arguments, 0, -1)),
+            _singles(results, 0, n, 4),
+        )
         scales, gains = _doubles(arguments, 1), _doubles(arguments, 2)
         before, memory = _double_rows(arguments, 3), _double_rows(results, 1)
         for world in range(n):
@@ -282,7 +308,9 @@ def register_law(law: Callable[..., Any]) -> str:
     return name
 
 
-def call_law(name: str, obs: jax.Array, scales: jax.Array, gains: jax.Array, memory: jax.Array) -> Any:
+def call_law(
+    name: str, obs: jax.Array, scales: jax.Array, gains: jax.Array, memory: jax.Array
+) -> Any:
     """Return the voltages [V] of a law, float32 (N, 4), and its memory after them.
 
     Parameters
@@ -296,7 +324,10 @@ def call_law(name: str, obs: jax.Array, scales: jax.Array, gains: jax.Array, mem
     memory
         What the law keeps of each world, as words (N, M).
     """
-    results = jax.ShapeDtypeStruct((len(obs), 4), jnp.float32), jax.ShapeDtypeStruct(memory.shape, memory.dtype)
+    results = (
+        jax.ShapeDtypeStruct((len(obs), 4), jnp.float32),
+        jax.ShapeDtypeStruct(memory.shape, memory.dtype),
+    )
     ffi: Any = jax.ffi
     return ffi.ffi_call(name, results)(obs, scales, gains, memory)
 
@@ -311,4 +342,6 @@ def rounded(words: jax.Array) -> jax.Array:
     low, high = words[..., ::2], words[..., 1::2]
     exponent = ((high >> 20) & 0x7FF).astype(jnp.int32) - (1023 - 127)
     size = jnp.clip(exponent, 0, 254).astype(jnp.uint32) << 23 | (high & 0xFFFFF) << 3 | low >> 29
-    return lax.bitcast_convert_type((high >> 31) << 31 | jnp.where(exponent > 0, size, 0), jnp.float32)
+    return lax.bitcast_convert_type(
+        (high >> 31) << 31 | jnp.where(exponent > 0, size, 0), jnp.float32
+    )

@@ -22,7 +22,11 @@ def whole_number(field: str, value: Any, *, at_least: int = 1) -> int:
 
 def is_finite(value: object) -> bool:
     """Return whether a value is a number that a float64 holds; True and False are not."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+    return (
+        isinstance(value, (int, float))
+        and not isinstance(value, bool)
+        and abs(value) <= sys.float_info.max
+    )
 
 
 def names_in(field: str, names: Iterable[Any]) -> list[Any]:

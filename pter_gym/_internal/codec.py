@@ -1,7 +1,8 @@
-"""Frozen dataclasses as plain data, and back: what can be stored as JSON and read without running it.
+"""Frozen dataclasses as plain data, and back: what can be stored as JSON and read without running
+it.
 
-A dataclass becomes a dictionary with its name under ``"type"`` and its fields, a tuple a list. Floats keep every bit,
-since JSON writes them by ``repr``. A field that data lack takes its default.
+A dataclass becomes a dictionary with its name under ``"type"`` and its fields, a tuple a list.
+Floats keep every bit, since JSON writes them by ``repr``. A field that data lack takes its default.
 """
 
 import math
@@ -22,7 +23,8 @@ Plain = None | bool | int | float | str | list["Plain"] | dict[str, "Plain"]
 
 
 class Codec:
-    """Turns values of some dataclasses into plain data and back; no other class is ever made from data.
+    """Turns values of some dataclasses into plain data and back; no other class is ever made from
+    data.
 
     Parameters
     ----------
@@ -39,11 +41,15 @@ class Codec:
             items = [item for item in fields(kind) if item.init]
             hooks: Any = {
                 item.name: override(
-                    struct_hook=self._read, unstruct_hook=self.to_plain, omit_if_default=item.metadata.get("later")
+                    struct_hook=self._read,
+                    unstruct_hook=self.to_plain,
+                    omit_if_default=item.metadata.get("later"),
                 )
                 for item in items
             }
-            self._readers[name] = make_dict_structure_fn(kind, converter, _cattrs_forbid_extra_keys=True, **hooks)
+            self._readers[name] = make_dict_structure_fn(
+                kind, converter, _cattrs_forbid_extra_keys=True, **hooks
+            )
             self._writers[name] = make_dict_unstructure_fn(kind, converter, **hooks)
 
     def to_plain(self, value: Any) -> Plain:
@@ -52,7 +58,8 @@ class Codec:
         Raises
         ------
         ParameterError
-            If it holds anything but these dataclasses, tuples, finite numbers, strings, booleans and None.
+            If it holds anything but these dataclasses, tuples, finite numbers, strings, booleans
+            and None.
         """
         if value is None or isinstance(value, (bool, str, int)):
             return value
@@ -68,17 +75,21 @@ class Codec:
         return {TYPE: name, **self._writers[name](value)}
 
     def from_plain(self, data: object) -> Any:
-        """Return the value that ``to_plain`` made the data from; dataclasses check themselves as always.
+        """Return the value that ``to_plain`` made the data from; dataclasses check themselves as
+        always.
 
         Raises
         ------
         ParameterError
-            If a type or field is unknown, a field without a default is missing, or a dataclass refuses a value.
+            If a type or field is unknown, a field without a default is missing, or a dataclass
+            refuses a value.
         """
         try:
             return self._read(data)
         except BaseValidationError as error:
-            raise ParameterError("; ".join(transform_error(error, format_exception=_message))) from None
+            raise ParameterError(
+                "; ".join(transform_error(error, format_exception=_message))
+            ) from None
 
     def _read(self, data: Any, _: Any = None) -> Any:
         if data is None or isinstance(data, (bool, int, float, str)):
@@ -86,7 +97,9 @@ class Codec:
         if isinstance(data, list):
             return tuple(map(self._read, cast("list[Any]", data)))
         if not isinstance(data, dict):
-            raise ParameterError(f"stored data must be of the types that JSON has, got {type(data).__name__}")
+            raise ParameterError(
+                f"stored data must be of the types that JSON has, got {type(data).__name__}"
+            )
         given = dict(cast("dict[str, Any]", data))
         name = given.pop(TYPE, None)
         if not isinstance(name, str) or name not in self._kinds:
@@ -103,7 +116,11 @@ def dataclasses_in(*modules: ModuleType) -> Iterator[type[Any]]:
     for module in modules:
         within = f"{module.__name__}."
         for kind in vars(module).values():
-            if isinstance(kind, type) and is_dataclass(kind) and f"{kind.__module__}.".startswith(within):
+            if (
+                isinstance(kind, type)
+                and is_dataclass(kind)
+                and f"{kind.__module__}.".startswith(within)
+            ):
                 yield kind
 
 

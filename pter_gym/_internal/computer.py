@@ -9,7 +9,11 @@ def available_memory() -> int:
     """Return how much memory [B] this machine has, or this process's container if that is less."""
     limit = Path("/sys/fs/cgroup/memory.max")
     text = limit.read_text("ascii").strip() if limit.is_file() else "max"
-    pages = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else sys.maxsize
+    pages = (
+        os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        if hasattr(os, "sysconf")
+        else sys.maxsize
+    )
     return min(int(text), pages) if text.isdigit() else pages
 
 

@@ -18,12 +18,16 @@ MAX_NAME_BYTES = 255
 def find_path(field: str, path: FilePath) -> Path:
     """Return a path that a user gave, with ``~`` expanded, or raise a ParameterError that names the field."""
     found = None
-    with suppress(TypeError, ValueError, RuntimeError):  # not a path, a name that files cannot have, no such user
+    with suppress(
+        TypeError, ValueError, RuntimeError
+    ):  # not a path, a name that files cannot have, no such user
         expanded = Path(path).expanduser()
         if all(len(os.fsencode(part)) <= MAX_NAME_BYTES for part in expanded.parts):
             found = expanded
     if found is None or os.fspath(path) == "" or "\0" in str(found):
-        raise ParameterError(f"{field} must be a path, as a string or a pathlib.Path, got {path!r:.200}")
+        raise ParameterError(
+            f"{field} must be a path, as a string or a pathlib.Path, got {path!r:.200}"
+        )
     return found
 
 
@@ -31,14 +35,16 @@ def check_target(field: str, path: Path) -> None:
     """Raise a ParameterError unless a file can be written: its folder exists and takes files."""
     folder = path.resolve().parent
     if path.is_dir() or not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
-        raise ParameterError(f"{field} must be a file in a folder that can be written to, got {str(path)!r}")
+        raise ParameterError(
+            f"{field} must be a file in a folder that can be written to, got {str(path)!r}"
+        )
 
 
 def write_bytes_atomic(path: FilePath, data: bytes) -> None:
     """Write or replace a file whole or not at all: no other process ever sees a part of it.
 
-    The data go to a temporary file in the same folder, which must exist, then to the disk, and only then to their name.
-    A symbolic link is followed.
+    The data go to a temporary file in the same folder, which must exist, then to the disk, and only
+    then to their name. A symbolic link is followed.
 
     Raises
     ------
@@ -61,7 +67,10 @@ def write_bytes_atomic(path: FilePath, data: bytes) -> None:
 
 
 def write_text_atomic(path: FilePath, text: str) -> None:
-    """Write text in UTF-8, whole or not at all; see ``write_bytes_atomic``. Line ends stay as they are."""
+    """Write text in UTF-8, whole or not at all; see ``write_bytes_atomic``.
+
+    Line ends stay as they are.
+    """
     write_bytes_atomic(path, text.encode())
 
 

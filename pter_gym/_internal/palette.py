@@ -28,7 +28,8 @@ LINES = (
 
 
 def clutch_name(row: tuple[float, float]) -> str:
-    """Return the name in the style sheet of a clutch's colour: of the link that it brakes, or of its coupling.
+    """Return the name in the style sheet of a clutch's colour: of the link that it brakes, or of
+    its coupling.
 
     The clutch slips at row·ω. Clutches 3 and 4 of the paper have the colours of force and trail.
     """

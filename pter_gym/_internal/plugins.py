@@ -18,5 +18,7 @@ def registered(group: str) -> dict[str, EntryPoint]:
 def load_artist(name: str) -> Any:
     """Return what draws, or raise a DependencyError if nothing that can is installed."""
     if name not in (artists := registered(PICTURES)):
-        raise DependencyError(f"nothing can draw {name!r}: run `{sys.executable} -m pip install -e .` in its source")
+        raise DependencyError(
+            f"nothing can draw {name!r}: run `{sys.executable} -m pip install -e .` in its source"
+        )
     return artists[name].load()

@@ -1,6 +1,7 @@
 """Files that others may have written, read within bounds.
 
-Nothing here names a file: what is refused raises a ValueError or an OSError, which ``reading`` turns into a DataError.
+Nothing here names a file: what is refused raises a ValueError or an OSError, which ``reading``
+turns into a DataError.
 """
 
 import gzip
@@ -21,7 +22,16 @@ MAX_JSON_SIZE, MAX_TOML_SIZE = 1 << 22, 1 << 18
 """Largest texts that are parsed [B]."""
 
 READ_ERRORS = (
-    *(ValueError, TypeError, LookupError, AttributeError, ArithmeticError, OSError, EOFError, zlib.error),
+    *(
+        ValueError,
+        TypeError,
+        LookupError,
+        AttributeError,
+        ArithmeticError,
+        OSError,
+        EOFError,
+        zlib.error,
+    ),
     RecursionError,  # from data that are nested too deeply
 )
 """What reading damaged data can raise."""
@@ -40,7 +50,9 @@ def reading(what: str) -> Generator[None, None, None]:
 def read_bytes(path: Path, most: int) -> bytes:
     """Return the content of a regular file of at most ``most`` [B], or raise an OSError or a ValueError."""
     if not path.is_file():
-        raise ValueError("it is not a regular file" if os.path.lexists(path) else "there is no such file")
+        raise ValueError(
+            "it is not a regular file" if os.path.lexists(path) else "there is no such file"
+        )
     with path.open("rb") as file:
         size = min(os.fstat(file.fileno()).st_size, most)
         return _bounded(file.read(size + 1), most)  # read allocates as much as it is asked for
@@ -59,7 +71,9 @@ def inflate(data: bytes, most: int) -> bytes:
 
 def parse_json(data: bytes, most: int = MAX_JSON_SIZE) -> Any:
     """Return the values in a JSON text of at most ``most`` [B] in UTF-8, all numbers finite, or raise a ValueError."""
-    return json.loads(_bounded(data, most).decode("utf-8"), parse_float=_finite, parse_constant=_finite)
+    return json.loads(
+        _bounded(data, most).decode("utf-8"), parse_float=_finite, parse_constant=_finite
+    )
 
 
 def parse_toml(text: str) -> dict[str, Any]:

@@ -33,25 +33,32 @@ def read_table(
     blanks: bool = False,
     max_size: int = MAX_CSV_SIZE,
 ) -> Table:
-    """Return the named columns of a CSV file and those of the optional ones that it has; others are left out.
+    """Return the named columns of a CSV file and those of the optional ones that it has; others are
+    left out.
 
-    Columns are separated by commas, or by semicolons, after which numbers may have decimal commas. Their names are in
-    the first line, or in the last one of those that begin with ``#``. With a ``unit`` they may carry it (``x_m``,
-    ``X [m]``), and a file of as many columns, or one more, may have no names. With ``blanks``, an empty entry is NaN.
+    Columns are separated by commas, or by semicolons, after which numbers may have decimal commas.
+    Their names are in the first line, or in the last one of those that begin with ``#``. With a
+    ``unit`` they may carry it (``x_m``, ``X [m]``), and a file of as many columns, or one more, may
+    have no names. With ``blanks``, an empty entry is NaN.
 
     Raises
     ------
     ParameterError
-        If the file cannot be read or is larger than ``max_size`` [B], a column is missing or occurs twice, a line has
-        more entries than there are names, or an entry is not a finite number; it names the line.
+        If the file cannot be read or is larger than ``max_size`` [B], a column is missing or occurs
+        twice, a line has more entries than there are names, or an entry is not a finite number; it
+        names the line.
     """
     file = find_path("file", file)
     try:
         text = read_bytes(file, max_size).decode("utf-8-sig")
         separator = ";" if ";" in text else ","
-        reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True)
+        reader = csv.reader(
+            io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True
+        )
         rows = [(reader.line_num, [entry.strip() for entry in row]) for row in reader if row]
-        begin = next((k for k, (_, row) in enumerate(rows) if not row[0].startswith("#")), len(rows))
+        begin = next(
+            (k for k, (_, row) in enumerate(rows) if not row[0].startswith("#")), len(rows)
+        )
         header = rows[begin - 1][1] if begin else []
         header[:1] = [name.lstrip("# ") for name in header[:1]]
         first = rows[begin][1] if begin < len(rows) else []
@@ -62,7 +69,8 @@ def read_table(
         names = [*names, *(name for name in optional if name in header)]
         places = [_place(name, header, unit) for name in names]
         values = [
-            _numbers(row, names, places, line, len(header), separator, blanks=blanks) for line, row in rows[begin:]
+            _numbers(row, names, places, line, len(header), separator, blanks=blanks)
+            for line, row in rows[begin:]
         ]
     except (OSError, ValueError, csv.Error) as error:
         raise ParameterError(f"{file} cannot be read as CSV: {error}") from None
@@ -72,10 +80,19 @@ def read_table(
 
 def _place(name: str, header: Sequence[str], unit: str) -> int:
     """Return the number of the column of a name."""
-    forms = {f"{name}{before}{unit}{after}" for before, after in (("_", ""), (" [", "]"), (" (", ")"), ("[", "]"))}
-    found = [k for k, each in enumerate(header) if each == name or (unit and each.lower() in {name, *forms})]
+    forms = {
+        f"{name}{before}{unit}{after}"
+        for before, after in (("_", ""), (" [", "]"), (" (", ")"), ("[", "]"))
+    }
+    found = [
+        k
+        for k, each in enumerate(header)
+        if each == name or (unit and each.lower() in {name, *forms})
+    ]
     if len(found) != 1:
-        raise ValueError(f"there must be one column {name}; the columns are {', '.join(header):.200}")
+        raise ValueError(
+            f"there must be one column {name}; the columns are {', '.join(header):.200}"
+        )
     return found[0]
 
 

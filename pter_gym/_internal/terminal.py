@@ -52,7 +52,13 @@ def progress_bar() -> Progress:
     console = terminal(errors=True)
     text = TextColumn("{task.description}", markup=False)
     columns = (text, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=console, transient=True, redirect_stdout=False, disable=not console.is_terminal)
+    return Progress(
+        *columns,
+        console=console,
+        transient=True,
+        redirect_stdout=False,
+        disable=not console.is_terminal,
+    )
 
 
 def close_output() -> None:
@@ -65,9 +71,11 @@ def close_output() -> None:
 
 
 def end_on_interrupt(status: int) -> None:
-    """Let Ctrl-C end this process with an exit status after ``GRACE``, even while compiled code runs.
+    """Let Ctrl-C end this process with an exit status after ``GRACE``, even while compiled code
+    runs.
 
-    Until then Python may end by itself: the main thread gets a KeyboardInterrupt as usual. Call it in the main thread.
+    Until then Python may end by itself: the main thread gets a KeyboardInterrupt as usual. Call it
+    in the main thread.
     """
     heard, signals = socket.socketpair()
     signals.setblocking(False)

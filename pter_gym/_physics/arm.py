@@ -1,6 +1,8 @@
-"""The five-bar arm: kinematics, mass matrix, velocity terms and energy (paper Eqs. 3 and 4). It knows no clutch.
+"""The five-bar arm: kinematics, mass matrix, velocity terms and energy (paper Eqs. 3 and 4). It
+knows no clutch.
 
-Both angles are absolute. With a coaxial drive and a parallelogram the mass matrix depends on θA − θB alone::
+Both angles are absolute. With a coaxial drive and a parallelogram the mass matrix depends on θA −
+θB alone::
 
     M(θ)·θ̈ + V(θ, θ̇) = Wᵀτ + JᵀF      M12 = c·cos(θA − θB)   V = c·sin(θA − θB)·(θ̇B², −θ̇A²)
 """
@@ -50,16 +52,24 @@ class Linkage(NamedTuple):
     length_b: Annotated[float, Entry("m", "length of link B")]
     m11: Annotated[float, Entry("kg·m²", "inertia about axis A, with the hand's mass")]
     m22: Annotated[float, Entry("kg·m²", "inertia about axis B, with the hand's mass")]
-    coupling: Annotated[float, Entry("kg·m²", "M12 over cos(θA − θB) in the mass matrix, with the hand's mass")]
+    coupling: Annotated[
+        float, Entry("kg·m²", "M12 over cos(θA − θB) in the mass matrix, with the hand's mass")
+    ]
     damping: Annotated[float, Entry("N·s/m", "the hand's damping, the mean over all directions")]
     stiffness: Annotated[float, Entry("N/m", "the hand's stiffness, the mean over all directions")]
-    implicit: Annotated[float, Entry("1", "share of the hand's damping by the velocity after a kick, not before it")]
+    implicit: Annotated[
+        float, Entry("1", "share of the hand's damping by the velocity after a kick, not before it")
+    ]
     dry_a: Annotated[float, Entry("N·m", "dry friction of axis A against the base")] = 0.0
     dry_b: Annotated[float, Entry("N·m", "dry friction of axis B against the base")] = 0.0
     viscous_a: Annotated[float, Entry("N·m·s", "viscous friction of axis A against the base")] = 0.0
     viscous_b: Annotated[float, Entry("N·m·s", "viscous friction of axis B against the base")] = 0.0
-    damping_by: Annotated[Deviator, Entry("N·s/m", "the hand's damping", name="damping")] = ISOTROPIC
-    stiffness_by: Annotated[Deviator, Entry("N/m", "the hand's stiffness", name="stiffness")] = ISOTROPIC
+    damping_by: Annotated[Deviator, Entry("N·s/m", "the hand's damping", name="damping")] = (
+        ISOTROPIC
+    )
+    stiffness_by: Annotated[Deviator, Entry("N/m", "the hand's stiffness", name="stiffness")] = (
+        ISOTROPIC
+    )
 
 
 class Motion(NamedTuple):
@@ -99,7 +109,10 @@ class Load(NamedTuple):
 @device
 def tip_position(arm: Linkage, q: Motion) -> tuple[float, float]:
     """Return the tip position (x, y) [m], from the axis of the drive."""
-    return arm.length_a * q.cos_a + arm.length_b * q.cos_b, arm.length_a * q.sin_a + arm.length_b * q.sin_b
+    return (
+        arm.length_a * q.cos_a + arm.length_b * q.cos_b,
+        arm.length_a * q.sin_a + arm.length_b * q.sin_b,
+    )
 
 
 @device
@@ -152,7 +165,11 @@ def damper_matrix(arm: Linkage, q: Motion, isotropic: bool = False) -> tuple[flo
     b_x, b_y = -arm.length_b * q.sin_b, arm.length_b * q.cos_b
     on_a = directed(0.0, arm.damping_by, a_x, a_y)
     on_b = directed(0.0, arm.damping_by, b_x, b_y)
-    return b11 + a_x * on_a.x + a_y * on_a.y, b12 + a_x * on_b.x + a_y * on_b.y, b22 + b_x * on_b.x + b_y * on_b.y
+    return (
+        b11 + a_x * on_a.x + a_y * on_a.y,
+        b12 + a_x * on_b.x + a_y * on_b.y,
+        b22 + b_x * on_b.x + b_y * on_b.y,
+    )
 
 
 @device
@@ -179,7 +196,10 @@ def velocity_torque(arm: Linkage, q: Motion) -> tuple[float, float]:
 def kinetic_energy(arm: Linkage, q: Motion) -> float:
     """Return ½·θ̇ᵀMθ̇ [J]."""
     m12 = arm.coupling * cos_difference(q)
-    return 0.5 * (arm.m11 * q.omega_a * q.omega_a + arm.m22 * q.omega_b * q.omega_b) + m12 * q.omega_a * q.omega_b
+    return (
+        0.5 * (arm.m11 * q.omega_a * q.omega_a + arm.m22 * q.omega_b * q.omega_b)
+        + m12 * q.omega_a * q.omega_b
+    )
 
 
 @device
@@ -187,7 +207,9 @@ def rotated(cos: float, sin: float, angle: float) -> tuple[float, float]:
     """Turn a unit vector by a small angle [rad]: series to order 7, then one renormalisation to unit length."""
     square = angle * angle
     cos_angle = 1.0 - square * (0.5 - square * (1.0 / 24.0 - square * (1.0 / 720.0)))
-    sin_angle = angle * (1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0 - square * (1.0 / 5040.0))))
+    sin_angle = angle * (
+        1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0 - square * (1.0 / 5040.0)))
+    )
     x = cos * cos_angle - sin * sin_angle
     y = sin * cos_angle + cos * sin_angle
     scale = 1.5 - 0.5 * (x * x + y * y)
@@ -201,4 +223,6 @@ def advance_position(q: Motion, omega_a: float, omega_b: float, h: float) -> Mot
     turn_b = h * omega_b
     cos_a, sin_a = rotated(q.cos_a, q.sin_a, turn_a)
     cos_b, sin_b = rotated(q.cos_b, q.sin_b, turn_b)
-    return Motion(q.theta_a + turn_a, q.theta_b + turn_b, omega_a, omega_b, cos_a, sin_a, cos_b, sin_b)
+    return Motion(
+        q.theta_a + turn_a, q.theta_b + turn_b, omega_a, omega_b, cos_a, sin_a, cos_b, sin_b
+    )

@@ -14,14 +14,17 @@ FAR = 1e300
 class Arrangement(NamedTuple):
     """W of a machine: a row (a, b) for each slot, which is (1, b) or (0, 1).
 
-    So (−b·s, a·s) is on a slot's line for every speed s: its slip a·ω_a + b·ω_b is exactly zero there, in floating
-    point too. A slot without a clutch has a row, and no torque but dry friction's.
+    So (−b·s, a·s) is on a slot's line for every speed s: its slip a·ω_a + b·ω_b is exactly zero
+    there, in floating point too. A slot without a clutch has a row, and no torque but dry
+    friction's.
     """
 
     a: Annotated[PerClutch, Entry("1", "slip velocity over that of link A")]
     b: Annotated[PerClutch, Entry("1", "slip velocity over that of link B")]
     dry: Annotated[PerClutch, Entry("N·m", "dry friction of the axis that slips with it")]
-    number: Annotated[float, Entry("1", "number of clutches, in the first slots; 0 for the paper's four")]
+    number: Annotated[
+        float, Entry("1", "number of clutches, in the first slots; 0 for the paper's four")
+    ]
 
 
 OptionalArrangement = Arrangement | None
@@ -29,9 +32,11 @@ OptionalArrangement = Arrangement | None
 
 
 class OnLine(NamedTuple):
-    """The minimum on a clutch's line, (−b, a)·speed [rad/s]: whether it moves, and the sign of its speed if so.
+    """The minimum on a clutch's line, (−b, a)·speed [rad/s]: whether it moves, and the sign of its
+    speed if so.
 
-    ``side`` is the sign of the clutch's slip in the solution, 0 where the solution is this minimum; valid if it moves.
+    ``side`` is the sign of the clutch's slip in the solution, 0 where the solution is this minimum;
+    valid if it moves.
     """
 
     moves: bool
@@ -63,7 +68,9 @@ def side(multiplier: float, capacity: float) -> float:
 @device
 def combined(x: PerClutch, u: float, y: PerClutch, v: float) -> PerClutch:
     """Return u·x + v·y, for each clutch."""
-    return PerClutch(u * x.x1 + v * y.x1, u * x.x2 + v * y.x2, u * x.x3 + v * y.x3, u * x.x4 + v * y.x4)
+    return PerClutch(
+        u * x.x1 + v * y.x1, u * x.x2 + v * y.x2, u * x.x3 + v * y.x3, u * x.x4 + v * y.x4
+    )
 
 
 @device
@@ -87,7 +94,14 @@ def cross(arrangement: Arrangement, x: int, y: int) -> float:
 
 @device
 def on_line(
-    x: int, m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerClutch, arrangement: Arrangement
+    x: int,
+    m11: float,
+    m12: float,
+    m22: float,
+    p_a: float,
+    p_b: float,
+    c: PerClutch,
+    arrangement: Arrangement,
 ) -> OnLine:
     """Return the minimum on the line of slot x; slots with equal rows hold together what one alone would hold."""
     a, b = arrangement.a[x], arrangement.b[x]
@@ -110,7 +124,13 @@ def on_line(
 
 @device
 def resolve_any(
-    m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerClutch, arrangement: Arrangement
+    m11: float,
+    m12: float,
+    m22: float,
+    p_a: float,
+    p_b: float,
+    c: PerClutch,
+    arrangement: Arrangement,
 ) -> tuple[float, float]:
     """Return what ``friction.resolve`` does and as it does, for rows of which two differ."""
     lines = (
@@ -145,10 +165,14 @@ def resolve_any(
 
 
 @device
-def least_torques(load_a: float, load_b: float, fixed: int, torque: float, arrangement: Arrangement) -> PerClutch:
-    """Return the torques of least Σ τ_x² with Wᵀτ = load, where slot ``fixed`` has a given torque; −1 for none.
+def least_torques(
+    load_a: float, load_b: float, fixed: int, torque: float, arrangement: Arrangement
+) -> PerClutch:
+    """Return the torques of least Σ τ_x² with Wᵀτ = load, where slot ``fixed`` has a given torque;
+    −1 for none.
 
-    They are NaN if the other rows are equal: then they cannot balance the load for every given torque.
+    They are NaN if the other rows are equal: then they cannot balance the load for every given
+    torque.
     """
     g11, g12, g22, det = 0.0, 0.0, 0.0, 0.0
     for x in range(4):
@@ -184,12 +208,18 @@ def opposed(fixed: int, arrangement: Arrangement) -> PerClutch:
 
 @device
 def share_any(
-    load_a: float, load_b: float, low: PerClutch, high: PerClutch, rounding: float, arrangement: Arrangement
+    load_a: float,
+    load_b: float,
+    low: PerClutch,
+    high: PerClutch,
+    rounding: float,
+    arrangement: Arrangement,
 ) -> PerClutch:
     """Return what ``friction.share`` does, for rows of which two differ.
 
-    The torques that are possible are a convex polygon, each edge of which is a bound of one slot. If the least torques
-    without bounds are not among them, the nearest possible ones are on an edge beyond which those lie.
+    The torques that are possible are a convex polygon, each edge of which is a bound of one slot.
+    If the least torques without bounds are not among them, the nearest possible ones are on an edge
+    beyond which those lie.
     """
     least = least_torques(load_a, load_b, -1, 0.0, arrangement)
     slack = abs(load_a) + abs(load_b)
@@ -205,7 +235,9 @@ def share_any(
             if along[y] != 0.0:
                 to_low, to_high = (low[y] - at[y]) / along[y], (high[y] - at[y]) / along[y]
                 first, last = max(first, min(to_low, to_high)), min(last, max(to_low, to_high))
-        found = combined(at, 1.0, along, between(0.0, first, last) if first <= last else 0.5 * (first + last))
+        found = combined(
+            at, 1.0, along, between(0.0, first, last) if first <= last else 0.5 * (first + last)
+        )
         missed, shift = 0.0, combined(found, 1.0, least, -1.0)
         for y in range(4):
             missed = max(missed, low[y] - found[y], found[y] - high[y])

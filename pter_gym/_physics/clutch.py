@@ -46,8 +46,14 @@ OptionalSliding = Sliding | None
 class Decay(NamedTuple):
     """What half a substep leaves of a first-order lag, 0 where there is none."""
 
-    rise: Annotated[float, Entry("1", "part of the {}'s lag that half a substep leaves as it rises, 0 for no lag")]
-    fall: Annotated[float, Entry("1", "part of the {}'s lag that half a substep leaves as it falls, 0 for no lag")]
+    rise: Annotated[
+        float,
+        Entry("1", "part of the {}'s lag that half a substep leaves as it rises, 0 for no lag"),
+    ]
+    fall: Annotated[
+        float,
+        Entry("1", "part of the {}'s lag that half a substep leaves as it falls, 0 for no lag"),
+    ]
 
 
 @device
@@ -123,7 +129,9 @@ def relax(value: PerClutch, target: PerClutch, decay: Decay) -> PerClutch:
 @device
 def relax_torques(value: Torques, target: Torques, decay: Decay) -> Torques:
     """Advance the lag of the normal force, to which both torque limits are proportional, as ``relax``."""
-    return Torques(relax(value.breakaway, target.breakaway, decay), relax(value.dynamic, target.dynamic, decay))
+    return Torques(
+        relax(value.breakaway, target.breakaway, decay), relax(value.dynamic, target.dynamic, decay)
+    )
 
 
 @entrywise
@@ -170,7 +178,9 @@ def paper_capacity(slip: float, threshold: float, breakaway: float, dynamic: flo
 
 
 @device
-def capacity(slip: float, threshold: float, breakaway: float, dynamic: float, part: float, viscous: float) -> float:
+def capacity(
+    slip: float, threshold: float, breakaway: float, dynamic: float, part: float, viscous: float
+) -> float:
     """Return the same for a clutch whose dynamic torque depends on its slip velocity."""
     held = holding(breakaway, dynamic)
     return held if abs(slip) < threshold else sliding(slip, breakaway, dynamic, part, viscous)
@@ -185,7 +195,8 @@ def squared_slip(slip: float, threshold: float) -> float:
 
 @device
 def falling(slip: PerClutch, threshold: float, stribeck: float) -> PerClutch:
-    """Return ω_s²/(ω_s² + ω²) of the four clutches, from ω_s²; within the stick band, as at its edge.
+    """Return ω_s²/(ω_s² + ω²) of the four clutches, from ω_s²; within the stick band, as at its
+    edge.
 
     There is one division for all, since they cost more than the products.
     """
@@ -200,7 +211,9 @@ def falling(slip: PerClutch, threshold: float, stribeck: float) -> PerClutch:
 
 
 @device
-def capacities(slip: PerClutch, threshold: float, torques: Torques, by: OptionalSliding = None) -> PerClutch:
+def capacities(
+    slip: PerClutch, threshold: float, torques: Torques, by: OptionalSliding = None
+) -> PerClutch:
     """Return the torque limits [N·m] of the four clutches for the next substep (paper Eq. 2)."""
     ts, tk = torques.breakaway, torques.dynamic
     if by is None:
@@ -220,7 +233,9 @@ def capacities(slip: PerClutch, threshold: float, torques: Torques, by: Optional
 
 
 @device
-def changes(before: float, after: float, threshold: float, breakaway: float, dynamic: float) -> bool:
+def changes(
+    before: float, after: float, threshold: float, breakaway: float, dynamic: float
+) -> bool:
     """Return whether a slip velocity passes zero from outside the stick band, or leaves one that can hold more."""
     leaves = (abs(after) >= threshold) & (breakaway > dynamic)
     return leaves if abs(before) < threshold else before * after <= 0.0
@@ -241,7 +256,8 @@ def any_changes(before: PerClutch, after: PerClutch, threshold: float, torques: 
 
 @device
 def share_before(before: float, slid: float, threshold: float) -> float:
-    """Return the share of a kick after which a clutch changes that ``changes`` within it, 1 if another one does first.
+    """Return the share of a kick after which a clutch changes that ``changes`` within it, 1 if
+    another one does first.
 
     Parameters
     ----------
@@ -252,7 +268,9 @@ def share_before(before: float, slid: float, threshold: float) -> float:
     threshold
         The stick band δω [rad/s].
     """
-    edge = 1.01 * threshold  # not short of it by rounding, nor by how far the motion is from a straight line
+    edge = (
+        1.01 * threshold
+    )  # not short of it by rounding, nor by how far the motion is from a straight line
     if abs(before) >= threshold:
         return before / (before - slid) if before * slid < 0.0 else 1.0
     return ((edge if slid > 0.0 else -edge) - before) / (slid - before) if abs(slid) > edge else 1.0

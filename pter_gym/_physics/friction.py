@@ -1,12 +1,14 @@
 """Joint dry friction of up to four clutches on two axes, from plain numbers. It knows no arm.
 
-One substep asks for the velocity that minimises ``½·ωᵀMω − pᵀω + Σ c_x·|W_x·ω|``: implicit Euler with maximum
-dissipation, strictly convex. Here p is the momentum without clutches, c_x the largest impulse of clutch x, and W_x its
-row in W, see ``COUPLING``. This is the paper's W, which needs no numbers here; functions that depend on it take the
-``Arrangement`` of a machine with other clutches as ``arrangement``.
+One substep asks for the velocity that minimises ``½·ωᵀMω − pᵀω + Σ c_x·|W_x·ω|``: implicit Euler
+with maximum dissipation, strictly convex. Here p is the momentum without clutches, c_x the largest
+impulse of clutch x, and W_x its row in W, see ``COUPLING``. This is the paper's W, which needs no
+numbers here; functions that depend on it take the ``Arrangement`` of a machine with other clutches
+as ``arrangement``.
 
-The four lines W_x·ω = 0 cut the plane into one point (the paper's zero-DOF mode), four lines (its one-DOF modes) and
-eight sectors (its two-DOF mode). Line x has the direction d_x with W_x·d_x = 0, see ``LINES``.
+The four lines W_x·ω = 0 cut the plane into one point (the paper's zero-DOF mode), four lines (its
+one-DOF modes) and eight sectors (its two-DOF mode). Line x has the direction d_x with W_x·d_x = 0,
+see ``LINES``.
 """
 
 from enum import IntEnum
@@ -46,7 +48,9 @@ class ClutchMode(IntEnum):
 
 
 @device
-def slip_velocities(omega_a: float, omega_b: float, arrangement: OptionalArrangement = None) -> PerClutch:
+def slip_velocities(
+    omega_a: float, omega_b: float, arrangement: OptionalArrangement = None
+) -> PerClutch:
     """Return W·ω [rad/s], the slip velocity of each clutch."""
     if arrangement is not None:
         return combined(arrangement.a, omega_a, arrangement.b, omega_b)
@@ -54,7 +58,9 @@ def slip_velocities(omega_a: float, omega_b: float, arrangement: OptionalArrange
 
 
 @device
-def torques_on_links(torque: PerClutch, arrangement: OptionalArrangement = None) -> tuple[float, float]:
+def torques_on_links(
+    torque: PerClutch, arrangement: OptionalArrangement = None
+) -> tuple[float, float]:
     """Return Wᵀτ [N·m], what torques of the clutches make together on each link."""
     if arrangement is not None:
         return dot(arrangement.a, torque), dot(arrangement.b, torque)
@@ -62,7 +68,9 @@ def torques_on_links(torque: PerClutch, arrangement: OptionalArrangement = None)
 
 
 @device
-def with_dry(limit: PerClutch, dry_a: float, dry_b: float, arrangement: OptionalArrangement = None) -> PerClutch:
+def with_dry(
+    limit: PerClutch, dry_a: float, dry_b: float, arrangement: OptionalArrangement = None
+) -> PerClutch:
     """Return the torque limits [N·m] of clutches 1 and 2 with the axes' dry friction, which brakes the same slips."""
     if arrangement is not None:
         return combined(limit, 1.0, arrangement.dry, 1.0)
@@ -70,11 +78,16 @@ def with_dry(limit: PerClutch, dry_a: float, dry_b: float, arrangement: Optional
 
 
 @device
-def without_dry(torque: PerClutch, dry_a: float, dry_b: float, arrangement: OptionalArrangement = None) -> PerClutch:
+def without_dry(
+    torque: PerClutch, dry_a: float, dry_b: float, arrangement: OptionalArrangement = None
+) -> PerClutch:
     """Return the clutches' own part of torques [N·m] under limits with dry friction, which holds what it can first."""
     if arrangement is not None:
         return combined(
-            torque, 1.0, within(torque, combined(arrangement.dry, -1.0, arrangement.dry, 0.0), arrangement.dry), -1.0
+            torque,
+            1.0,
+            within(torque, combined(arrangement.dry, -1.0, arrangement.dry, 0.0), arrangement.dry),
+            -1.0,
         )
     return PerClutch(
         torque.x1 - between(torque.x1, -dry_a, dry_a),
@@ -115,14 +128,21 @@ def rest_sides(
 
 @device
 def resolve(
-    m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerClutch, arrangement: OptionalArrangement = None
+    m11: float,
+    m12: float,
+    m22: float,
+    p_a: float,
+    p_b: float,
+    c: PerClutch,
+    arrangement: OptionalArrangement = None,
 ) -> tuple[float, float]:
     """Return the angular velocities [rad/s] after friction. Exact, without iteration or branch.
 
-    Along line x the minimum is a soft threshold, s = max(|p·d| − h(d), 0)/dᵀMd. If clutch x can hold the multiplier
-    found there, that is the solution. If not, the multiplier's sign tells on which side of the line the solution lies,
-    and four signs name the sector. On a line whose minimum is at rest, any other line's overload tells the side. Where
-    rounding puts the sector's solution on the wrong side of a line, it belongs to that line.
+    Along line x the minimum is a soft threshold, s = max(|p·d| − h(d), 0)/dᵀMd. If clutch x can
+    hold the multiplier found there, that is the solution. If not, the multiplier's sign tells on
+    which side of the line the solution lies, and four signs name the sector. On a line whose
+    minimum is at rest, any other line's overload tells the side. Where rounding puts the sector's
+    solution on the wrong side of a line, it belongs to that line.
     """
     if arrangement is not None:
         return resolve_any(m11, m12, m22, p_a, p_b, c, arrangement)
@@ -174,7 +194,9 @@ def resolve(
     stuck3 = stuck3 | (sector & moves3 & (side3 * (omega_a - omega_b) < 0.0))
     stuck4 = stuck4 | (sector & moves4 & (side4 * (omega_a + omega_b) < 0.0))
     omega_a = 0.0 if stuck1 else (s2 if stuck2 else (s3 if stuck3 else (s4 if stuck4 else omega_a)))
-    omega_b = s1 if stuck1 else (0.0 if stuck2 else (s3 if stuck3 else (-s4 if stuck4 else omega_b)))
+    omega_b = (
+        s1 if stuck1 else (0.0 if stuck2 else (s3 if stuck3 else (-s4 if stuck4 else omega_b)))
+    )
     moves = moves1 | moves2 | moves3 | moves4
     return (omega_a if moves else 0.0), (omega_b if moves else 0.0)
 
@@ -194,12 +216,15 @@ def smallest(x: float, y: float, z: float) -> float:
 
 
 @device
-def along_edge(beyond: float, across: float, low: float, high: float, slack: float) -> tuple[float, float]:
+def along_edge(
+    beyond: float, across: float, low: float, high: float, slack: float
+) -> tuple[float, float]:
     """Return where an edge of a convex region comes nearest to a point, and the squared distance.
 
-    ``beyond`` is how far the point lies beyond the edge's line (0: inside), ``across`` its coordinate along that line,
-    on which the edge runs from ``low`` to ``high``. A point that faces the inside of an edge has found its projection,
-    so its distance is given as −1; it is infinite where the edge does not count.
+    ``beyond`` is how far the point lies beyond the edge's line (0: inside), ``across`` its
+    coordinate along that line, on which the edge runs from ``low`` to ``high``. A point that faces
+    the inside of an edge has found its projection, so its distance is given as −1; it is infinite
+    where the edge does not count.
     """
     nearest = between(across, low, high)
     shift = across - nearest
@@ -214,7 +239,11 @@ def nearer(
 ) -> tuple[float, float, float]:
     """Return the nearer of two points with its squared distance, the first one if they are equally far."""
     closer = other_distance < distance
-    return (other_u if closer else u), (other_v if closer else v), (other_distance if closer else distance)
+    return (
+        (other_u if closer else u),
+        (other_v if closer else v),
+        (other_distance if closer else distance),
+    )
 
 
 @device
@@ -226,13 +255,14 @@ def share(
     rounding: float = 0.0,
     arrangement: OptionalArrangement = None,
 ) -> PerClutch:
-    """Return the four torques of least Σ τ_x² with Wᵀτ = load and low ≤ τ ≤ high; the load must be reachable.
+    """Return the four torques of least Σ τ_x² with Wᵀτ = load and low ≤ τ ≤ high; the load must be
+    reachable.
 
     A load that is known to a ``rounding`` [N·m] only may be as far out of reach.
 
-    With (u, v) = (τ3, τ4) the equations leave τ1 = load_a − u − v and τ2 = load_b + u − v, and the sum of squares is
-    3·|(u, v) − (u0, v0)|² + constant. So the answer is the Euclidean projection of (u0, v0) onto an octagon whose
-    edges bound u, v, u + v and u − v.
+    With (u, v) = (τ3, τ4) the equations leave τ1 = load_a − u − v and τ2 = load_b + u − v, and the
+    sum of squares is 3·|(u, v) − (u0, v0)|² + constant. So the answer is the Euclidean projection
+    of (u0, v0) onto an octagon whose edges bound u, v, u + v and u − v.
     """
     if arrangement is not None:
         return share_any(load_a, load_b, low, high, rounding, arrangement)
@@ -272,7 +302,9 @@ def share(
         smallest(diff_high, 2.0 * high.x3 - edge_sum, edge_sum - 2.0 * low.x4),
         slack,
     )
-    u, v, best = nearer(u, v, best, 0.5 * (edge_sum + nearest), 0.5 * (edge_sum - nearest), 0.5 * distance)
+    u, v, best = nearer(
+        u, v, best, 0.5 * (edge_sum + nearest), 0.5 * (edge_sum - nearest), 0.5 * distance
+    )
     nearest, distance = along_edge(
         u0 - v0 - edge_diff,
         u0 + v0,
@@ -280,12 +312,16 @@ def share(
         smallest(sum_high, 2.0 * high.x3 - edge_diff, edge_diff + 2.0 * high.x4),
         slack,
     )
-    u, v, best = nearer(u, v, best, 0.5 * (nearest + edge_diff), 0.5 * (nearest - edge_diff), 0.5 * distance)
+    u, v, best = nearer(
+        u, v, best, 0.5 * (nearest + edge_diff), 0.5 * (nearest - edge_diff), 0.5 * distance
+    )
 
     inside = best >= 0.5 * FAR
     u = between(u0 if inside else u, low.x3, high.x3)
     v = between(v0 if inside else v, low.x4, high.x4)
-    return PerClutch(between(load_a - u - v, low.x1, high.x1), between(load_b + u - v, low.x2, high.x2), u, v)
+    return PerClutch(
+        between(load_a - u - v, low.x1, high.x1), between(load_b + u - v, low.x2, high.x2), u, v
+    )
 
 
 @device
@@ -310,10 +346,12 @@ def generated_torques(
     rounding: float = 0.0,
     arrangement: OptionalArrangement = None,
 ) -> PerClutch:
-    """Return the torque of each clutch on the arm [N·m], given what all four exert on the two links, to a rounding.
+    """Return the torque of each clutch on the arm [N·m], given what all four exert on the two
+    links, to a rounding.
 
-    A slipping clutch generates its limit against the slip. Stuck ones share the rest with the least Σ τ_x², each
-    within its limit; where the paper's equations are statically indeterminate (section III-A) this picks one answer.
+    A slipping clutch generates its limit against the slip. Stuck ones share the rest with the least
+    Σ τ_x², each within its limit; where the paper's equations are statically indeterminate (section
+    III-A) this picks one answer.
     """
     w = slip_velocities(omega_a, omega_b, arrangement)
     low = PerClutch(

@@ -20,7 +20,9 @@ class Model(NamedTuple):
     breakaway: Annotated[Curve, Entry("", "breakaway torque")]
     dynamic: Annotated[Curve, Entry("", "dynamic torque")]
     sliding: Sliding
-    is_plain: Annotated[float, Entry("1", "1 if torques depend on neither slip velocity nor direction")]
+    is_plain: Annotated[
+        float, Entry("1", "1 if torques depend on neither slip velocity nor direction")
+    ]
     voltage_decay: Annotated[Decay, Entry("1", "{} voltage", name="voltage_decay")]
     torque_decay: Annotated[Decay, Entry("1", "{} torque", name="torque_decay")]
     fade: Annotated[float, Entry("1/J", "torque lost with the heat of a clutch")]
@@ -36,7 +38,10 @@ def model_of(machine: Machine) -> Model:
     hand = machine.hand
     clutch = machine.clutch
     half = 0.5 * machine.substep
-    decay = Decay(lag_left(half, clutch.time_constant), lag_left(half, clutch.time_constant * clutch.fall_ratio))
+    decay = Decay(
+        lag_left(half, clutch.time_constant),
+        lag_left(half, clutch.time_constant * clutch.fall_ratio),
+    )
     lags_voltage = clutch.lag == "voltage"
     return Model(
         arm=Linkage(
@@ -58,7 +63,8 @@ def model_of(machine: Machine) -> Model:
         breakaway=curve_of(clutch.breakaway),
         dynamic=curve_of(clutch.dynamic),
         sliding=Sliding(
-            clutch.stribeck * clutch.stribeck, PerClutch(*(clutch.viscous * scale for scale in machine.slot_scale))
+            clutch.stribeck * clutch.stribeck,
+            PerClutch(*(clutch.viscous * scale for scale in machine.slot_scale)),
         ),
         is_plain=is_plain(machine),
         voltage_decay=decay if lags_voltage else NO_LAG,
@@ -104,8 +110,8 @@ def optional_arrangement(machine: Machine) -> OptionalArrangement:
 def implicit_share(machine: Machine) -> float:
     """Return the share of the hand's damping that must be implicit.
 
-    Half of it, for second order, or more where a substep takes so much of the motion that its sign would alternate:
-    the share before a kick takes at most all of it.
+    Half of it, for second order, or more where a substep takes so much of the motion that its sign
+    would alternate: the share before a kick takes at most all of it.
     """
     taken = machine.substep * max_damping(machine.hand)
     return 1.0 - min(0.5, tip_mass(machine.arm) / taken) if taken > 0.0 else 0.5

@@ -9,11 +9,26 @@ from numpy.typing import ArrayLike, NDArray
 
 from pter_gym._compiled.compiler import compile_kernel, device, inlined, outlined
 from pter_gym._compiled.records import load, rows, store, width, write
-from pter_gym._physics.arm import Load, Motion, PerLink, Vector, kinetic_energy, tip_position, tip_velocity
+from pter_gym._physics.arm import (
+    Load,
+    Motion,
+    PerLink,
+    Vector,
+    kinetic_energy,
+    tip_position,
+    tip_velocity,
+)
 from pter_gym._physics.clutch import PerClutch, Torques, faded, heated, product
 from pter_gym._physics.friction import mode_of, slip_velocities, without_dry
 from pter_gym._physics.model import arrangement_of, model_of
-from pter_gym._physics.step import Body, Energy, arrangement_from, control_step_on, kick_torques, paper_clutches
+from pter_gym._physics.step import (
+    Body,
+    Energy,
+    arrangement_from,
+    control_step_on,
+    kick_torques,
+    paper_clutches,
+)
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.params import Machine, find_machine
 
@@ -52,7 +67,8 @@ class State:
     torque_breakaway, torque_dynamic
         Present torque limits of the four clutches [N·m], shape (4,).
     lagged_volts
-        Lagged clutch voltages [V], shape (4,); they differ from the command with ``lag="voltage"`` only.
+        Lagged clutch voltages [V], shape (4,); they differ from the command with ``lag="voltage"``
+        only.
     heat
         Heat of the clutches [J], shape (4,); it changes with a ``fade`` only.
     """
@@ -80,7 +96,8 @@ class Trajectory:
     mode
         ClutchMode after the substep, int8, shape (T,).
     torque
-        Torque that each clutch generated on the arm during the substep [N·m], shape (T, 4). It opposes the slip.
+        Torque that each clutch generated on the arm during the substep [N·m], shape (T, 4). It
+        opposes the slip.
     slip_velocity, power
         Slip velocity of each clutch [rad/s] and ``torque·slip_velocity`` ≤ 0 [W], shape (T, 4).
     torque_breakaway, torque_dynamic
@@ -134,7 +151,8 @@ def initial_state(
     Raises
     ------
     ParameterError
-        If there is no such machine, a shape is wrong, a number is not finite, or a voltage is out of range.
+        If there is no such machine, a shape is wrong, a number is not finite, or a voltage is out
+        of range.
     """
     machine = find_machine(machine)
     settled = _volts(machine, volts, 1)[0]
@@ -174,7 +192,8 @@ def simulate(
     joint_torque
         Torques on links A and B [N·m], shape (2,) or (T, 2).
     hand_target
-        Tip position to which the hand's spring pulls [m], shape (2,) or (T, 2); needed if it has a stiffness.
+        Tip position to which the hand's spring pulls [m], shape (2,) or (T, 2); needed if it has a
+        stiffness.
     duration
         Length of the simulation [s]; needed if no input has a time axis.
 
@@ -186,7 +205,8 @@ def simulate(
     Raises
     ------
     ParameterError
-        If shapes disagree, a number is not finite, a voltage is out of range, or an argument is missing.
+        If shapes disagree, a number is not finite, a voltage is out of range, or an argument is
+        missing.
     DivergenceError
         If the motion diverges: the substep is too long for so fast a motion.
     """
@@ -260,7 +280,9 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
         """Advance one machine, from ``body_of``, by a substep of h [s] at a command [V] under a load."""
         store(body, BODY.command, 0, command)
         store(body, BODY.load, 0, on)
-        store(body, BODY.energy, 0, Energy(-0.0, -0.0, -0.0, -0.0))  # the sum with −0 keeps the sign of a zero
+        store(
+            body, BODY.energy, 0, Energy(-0.0, -0.0, -0.0, -0.0)
+        )  # the sum with −0 keeps the sign of a zero
         control_step(body, 1, h, 1, True, False)
         if body[BODY.machine.fade, 0] > 0.0:
             heat_clutches(body, h)
@@ -268,7 +290,11 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
     @outlined
     def heat_clutches(body: Any, h: float) -> None:
         """Add what the clutches have dissipated in a substep, and find what that leaves of their torques."""
-        q, impact, limit = load(body, BODY.motion, 0), load(body, BODY.impact, 0), load(body, BODY.limit, 0)
+        q, impact, limit = (
+            load(body, BODY.motion, 0),
+            load(body, BODY.impact, 0),
+            load(body, BODY.limit, 0),
+        )
         arm, arrangement = load(body, BODY.machine.arm, 0), arrangement_at(body, 0)
         exerted = kick_torques(impact, q.omega_a, q.omega_b, limit, body[BODY.span, 0], arrangement)
         torque = without_dry(exerted, arm.dry_a, arm.dry_b, arrangement)
@@ -305,12 +331,21 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
     return advance, row_of
 
 
-(advance, row_of), (advance_declared, row_of_declared) = _functions(paper_clutches), _functions(arrangement_from(BODY))
+(advance, row_of), (advance_declared, row_of_declared) = (
+    _functions(paper_clutches),
+    _functions(arrangement_from(BODY)),
+)
 
 
 def _build(digest: str) -> Any:
     def kernel(
-        given: Any, volts: Any, hand_force: Any, joint_torque: Any, hand_target: Any, h: float, record: Any
+        given: Any,
+        volts: Any,
+        hand_force: Any,
+        joint_torque: Any,
+        hand_target: Any,
+        h: float,
+        record: Any,
     ) -> None:
         _ = digest
         body = scratch(given)
@@ -339,12 +374,15 @@ def _kernel(*, paper_clutches: bool) -> Any:
 def _check_finite(record: Array) -> None:
     diverged = ~np.isfinite(record).all(axis=1)
     if diverged.any():
-        raise DivergenceError(f"the motion diverged in substep {int(diverged.argmax())}: make machine.substep smaller")
+        raise DivergenceError(
+            f"the motion diverged in substep {int(diverged.argmax())}: make machine.substep smaller"
+        )
 
 
 def _trajectory(record: Array, h: float, initial: State, final: State) -> Trajectory:
     columns: dict[str, Any] = {
-        name: record[:, at if isinstance(at, int) else [*at]] for name, at in COLUMN._asdict().items()
+        name: record[:, at if isinstance(at, int) else [*at]]
+        for name, at in COLUMN._asdict().items()
     }
     energies = dict(zip(Energy._fields, columns.pop("energy").T, strict=True))
     columns["mode"] = columns["mode"].astype(np.int8)
@@ -376,7 +414,9 @@ def numbers(name: str, values: ArrayLike) -> Array:
     try:
         array = np.asarray(values, np.float64)
     except (TypeError, ValueError):
-        raise ParameterError(f"{name} must be an array of finite numbers, got {values!r:.200}") from None
+        raise ParameterError(
+            f"{name} must be an array of finite numbers, got {values!r:.200}"
+        ) from None
     if not np.isfinite(array).all():
         raise ParameterError(f"{name} must hold finite numbers only")
     return array
@@ -392,7 +432,9 @@ def _vector(name: str, values: ArrayLike, width: int) -> Array:
 def _rows(name: str, values: ArrayLike, steps: int, width: int) -> Array:
     array = numbers(name, values)
     if array.shape not in ((width,), (steps, width)):
-        raise ParameterError(f"{name} must have the shape ({width},) or ({steps}, {width}), got {array.shape}")
+        raise ParameterError(
+            f"{name} must have the shape ({width},) or ({steps}, {width}), got {array.shape}"
+        )
     # a copy: a read-only view is another type, for which the kernel would be compiled again
     return np.array(np.broadcast_to(array, (steps, width)), order="C")
 
@@ -419,5 +461,7 @@ def _steps(machine: Machine, duration: float | None, *inputs: ArrayLike) -> int:
         lengths.add(round(duration / machine.substep))
     if len(lengths) != 1:
         found = ", ".join(map(str, sorted(lengths))) or "none"
-        raise ParameterError(f"inputs and duration must agree on one number of substeps, found {found}")
+        raise ParameterError(
+            f"inputs and duration must agree on one number of substeps, found {found}"
+        )
     return lengths.pop()

@@ -1,9 +1,11 @@
-"""The only place where clutches, arm and friction meet: one substep, drift–kick–drift with friction in the kick.
+"""The only place where clutches, arm and friction meet: one substep, drift–kick–drift with friction
+in the kick.
 
-Arm and lags move freely for half a substep, forces and friction of its middle change the velocity at once, and arm and
-lags move freely for the other half: of second order but for the explicit velocity term V and the implicit viscous
-friction. Where a clutch changes between sticking and slipping, the kick is made in parts, each up to the next change,
-and Karnopp's rule (paper Eq. 2) holds in each.
+Arm and lags move freely for half a substep, forces and friction of its middle change the velocity
+at once, and arm and lags move freely for the other half: of second order but for the explicit
+velocity term V and the implicit viscous friction. Where a clutch changes between sticking and
+slipping, the kick is made in parts, each up to the next change, and Karnopp's rule (paper Eq. 2)
+holds in each.
 """
 
 from typing import Annotated, Any, NamedTuple
@@ -65,8 +67,12 @@ class Impact(NamedTuple):
     m22: Annotated[float, Entry("kg·m²", "effective mass matrix")]
     p_a: Annotated[float, Entry("N·m·s", "momentum of link A without clutches")]
     p_b: Annotated[float, Entry("N·m·s", "momentum of link B without clutches")]
-    hand_a: Annotated[float, Entry("N·m", "torque of the hand on link A, less its implicit damping")]
-    hand_b: Annotated[float, Entry("N·m", "torque of the hand on link B, less its implicit damping")]
+    hand_a: Annotated[
+        float, Entry("N·m", "torque of the hand on link A, less its implicit damping")
+    ]
+    hand_b: Annotated[
+        float, Entry("N·m", "torque of the hand on link B, less its implicit damping")
+    ]
     fictitious_a: Annotated[float, Entry("N·m", "velocity term V on link A")]
     fictitious_b: Annotated[float, Entry("N·m", "velocity term V on link B")]
 
@@ -105,9 +111,9 @@ class Body(NamedTuple):
 def free_motion(q: Motion, arm: Linkage, on: Load, h: float, isotropic: bool = False) -> Impact:
     """Return the velocity problem of a kick that stands for a time h [s], without clutches.
 
-    What is implicit adds to the mass matrix: the axes' viscous friction, and a share of the hand's damping, h·JᵀBJ if
-    it is all of it; the rest and the spring are explicit. ``isotropic`` says that the hand is the same in all
-    directions, which takes fewer products for the same bits.
+    What is implicit adds to the mass matrix: the axes' viscous friction, and a share of the hand's
+    damping, h·JᵀBJ if it is all of it; the rest and the spring are explicit. ``isotropic`` says
+    that the hand is the same in all directions, which takes fewer products for the same bits.
     """
     x, y = tip_position(arm, q)
     e_x, e_y = on.target_x - x, on.target_y - y
@@ -158,7 +164,10 @@ def against(slip: float, limit: float) -> float:
 def sliding_torques(slip: PerClutch, limit: PerClutch) -> PerClutch:
     """Return the torques [N·m] of those clutches that slip."""
     return PerClutch(
-        against(slip.x1, limit.x1), against(slip.x2, limit.x2), against(slip.x3, limit.x3), against(slip.x4, limit.x4)
+        against(slip.x1, limit.x1),
+        against(slip.x2, limit.x2),
+        against(slip.x3, limit.x3),
+        against(slip.x4, limit.x4),
     )
 
 
@@ -183,8 +192,8 @@ def torques_at(
 ) -> PerClutch:
     """Return the torque of each clutch on the arm at an instant [N·m].
 
-    Clutches that slip exert their limit; stuck ones what keeps them so, if they can, by the friction problem of the
-    accelerations.
+    Clutches that slip exert their limit; stuck ones what keeps them so, if they can, by the
+    friction problem of the accelerations.
     """
     arm = machine.arm
     slip = slip_velocities(q.omega_a, q.omega_b, arrangement)
@@ -192,8 +201,12 @@ def torques_at(
     limit = with_dry(limit, arm.dry_a, arm.dry_b, arrangement)
     impact = free_motion(q, arm, on, 0.0)
     damper_a, damper_b = damper_torque(arm, q)
-    free_a = impact.hand_a - impact.fictitious_a - arm.implicit * damper_a - arm.viscous_a * q.omega_a
-    free_b = impact.hand_b - impact.fictitious_b - arm.implicit * damper_b - arm.viscous_b * q.omega_b
+    free_a = (
+        impact.hand_a - impact.fictitious_a - arm.implicit * damper_a - arm.viscous_a * q.omega_a
+    )
+    free_b = (
+        impact.hand_b - impact.fictitious_b - arm.implicit * damper_b - arm.viscous_b * q.omega_b
+    )
     slide_a, slide_b = torques_on_links(sliding_torques(slip, limit), arrangement)
     held = stuck_limits(slip, limit)
     alpha_a, alpha_b = resolve(
@@ -221,7 +234,8 @@ def slid_velocities(
     h: float,
     arrangement: OptionalArrangement = None,
 ) -> PerClutch:
-    """Return the slip velocities [rad/s] after a kick in which clutches whose slip passes zero never cease to slide.
+    """Return the slip velocities [rad/s] after a kick in which clutches whose slip passes zero
+    never cease to slide.
 
     They exert their limit against the slip of before, so the slip passes zero on a straight line.
     """
@@ -255,10 +269,26 @@ def share_before_change(
     v = slip_velocities(omega.a, omega.b, arrangement)
     slid = slid_velocities(impact, w, v, limit, threshold, h, arrangement)
     ts, tk = torques.breakaway, torques.dynamic
-    s1 = share_before(w.x1, slid.x1, threshold) if changes(w.x1, v.x1, threshold, ts.x1, tk.x1) else 1.0
-    s2 = share_before(w.x2, slid.x2, threshold) if changes(w.x2, v.x2, threshold, ts.x2, tk.x2) else 1.0
-    s3 = share_before(w.x3, slid.x3, threshold) if changes(w.x3, v.x3, threshold, ts.x3, tk.x3) else 1.0
-    s4 = share_before(w.x4, slid.x4, threshold) if changes(w.x4, v.x4, threshold, ts.x4, tk.x4) else 1.0
+    s1 = (
+        share_before(w.x1, slid.x1, threshold)
+        if changes(w.x1, v.x1, threshold, ts.x1, tk.x1)
+        else 1.0
+    )
+    s2 = (
+        share_before(w.x2, slid.x2, threshold)
+        if changes(w.x2, v.x2, threshold, ts.x2, tk.x2)
+        else 1.0
+    )
+    s3 = (
+        share_before(w.x3, slid.x3, threshold)
+        if changes(w.x3, v.x3, threshold, ts.x3, tk.x3)
+        else 1.0
+    )
+    s4 = (
+        share_before(w.x4, slid.x4, threshold)
+        if changes(w.x4, v.x4, threshold, ts.x4, tk.x4)
+        else 1.0
+    )
     return min(s1, s2, s3, s4)
 
 
@@ -273,17 +303,26 @@ def clutch_load(impact: Impact, omega_a: float, omega_b: float, h: float) -> tup
 
 @device
 def kick_torques(
-    impact: Impact, omega_a: float, omega_b: float, limit: PerClutch, h: float, arrangement: OptionalArrangement = None
+    impact: Impact,
+    omega_a: float,
+    omega_b: float,
+    limit: PerClutch,
+    h: float,
+    arrangement: OptionalArrangement = None,
 ) -> PerClutch:
-    """Return the torque of each clutch, with dry friction, on the arm [N·m] over a kick of h [s] or a part of one.
+    """Return the torque of each clutch, with dry friction, on the arm [N·m] over a kick of h [s] or
+    a part of one.
 
-    What they exert together is a difference of momenta over h, so the shorter the time, the coarser its rounding.
+    What they exert together is a difference of momenta over h, so the shorter the time, the coarser
+    its rounding.
     """
     load_a, load_b = clutch_load(impact, omega_a, omega_b, h)
     m11, m12, m22 = impact.m11, impact.m12, impact.m22
     momentum = abs(impact.p_a) + abs(impact.p_b) + h * (limit.x1 + limit.x2 + limit.x3 + limit.x4)
     condition = (m11 + m22) * (m11 + m22) / (m11 * m22 - m12 * m12)
-    return generated_torques(omega_a, omega_b, load_a, load_b, limit, 1e-15 * condition * momentum / h, arrangement)
+    return generated_torques(
+        omega_a, omega_b, load_a, load_b, limit, 1e-15 * condition * momentum / h, arrangement
+    )
 
 
 @device
@@ -303,13 +342,24 @@ def kick_energy(
     change_b = omega_b - q.omega_b
     m12 = arm.coupling * cos_difference(q)
     b11, b22 = impact.m11 - arm.m11 - h * arm.viscous_a, impact.m22 - arm.m22 - h * arm.viscous_b
-    damped = b11 * omega_a * omega_a + 2.0 * (impact.m12 - m12) * omega_a * omega_b + b22 * omega_b * omega_b
+    damped = (
+        b11 * omega_a * omega_a
+        + 2.0 * (impact.m12 - m12) * omega_a * omega_b
+        + b22 * omega_b * omega_b
+    )
     w = slip_velocities(omega_a, omega_b, arrangement)
     return Energy(
         h * (omega_a * impact.hand_a + omega_b * impact.hand_b) - damped,
-        h * (limit.x1 * abs(w.x1) + limit.x2 * abs(w.x2) + limit.x3 * abs(w.x3) + limit.x4 * abs(w.x4))
+        h
+        * (
+            limit.x1 * abs(w.x1)
+            + limit.x2 * abs(w.x2)
+            + limit.x3 * abs(w.x3)
+            + limit.x4 * abs(w.x4)
+        )
         + h * (arm.viscous_a * omega_a * omega_a + arm.viscous_b * omega_b * omega_b),
-        0.5 * (arm.m11 * change_a * change_a + arm.m22 * change_b * change_b) + m12 * change_a * change_b,
+        0.5 * (arm.m11 * change_a * change_a + arm.m22 * change_b * change_b)
+        + m12 * change_a * change_b,
         -h * (omega_a * impact.fictitious_a + omega_b * impact.fictitious_b),
     )
 
@@ -317,7 +367,12 @@ def kick_energy(
 @device
 def turning_energy(before: Motion, after: Motion, arm: Linkage) -> float:
     """Return the kinetic energy [J] that the arm gains while it moves freely, for its mass matrix turns with it."""
-    return arm.coupling * (cos_difference(after) - cos_difference(before)) * before.omega_a * before.omega_b
+    return (
+        arm.coupling
+        * (cos_difference(after) - cos_difference(before))
+        * before.omega_a
+        * before.omega_b
+    )
 
 
 @device
@@ -338,11 +393,12 @@ def arrangement_from(at: Any) -> Any:
 def substep_on(
     at: Any, load_on: Any, arrangement_at: Any = paper_clutches, *, plain: bool = False
 ) -> tuple[Any, Any, Any]:
-    """Return what makes a substep for machines in the columns of an array: ``aim``, ``drift`` and ``kick``.
+    """Return what makes a substep for machines in the columns of an array: ``aim``, ``drift`` and
+    ``kick``.
 
-    A substep is half a drift, a kick and half a drift; between two kicks the halves make a whole one. There are two
-    kinds of such arrays: the worlds of the engine, many or one, and the machine of an open-loop simulation. Each stage
-    is for a loop over all machines, so LLVM vectorises it.
+    A substep is half a drift, a kick and half a drift; between two kicks the halves make a whole
+    one. There are two kinds of such arrays: the worlds of the engine, many or one, and the machine
+    of an open-loop simulation. Each stage is for a loop over all machines, so LLVM vectorises it.
 
     Parameters
     ----------
@@ -351,20 +407,22 @@ def substep_on(
     load_on
         ``load_on(w, i)`` returns the ``Load`` on the arm of machine ``i``.
     arrangement_at
-        ``paper_clutches``, or ``arrangement_from(at)`` for machines with other clutches than the paper's.
+        ``paper_clutches``, or ``arrangement_from(at)`` for machines with other clutches than the
+        paper's.
     plain
         Whether all machines are ``Model.is_plain``, which takes fewer operations for the same bits.
 
     Returns
     -------
     aim
-        ``aim(w, i, whole)`` finds the torques that clutches tend to, half a substep after the last ones or a whole
-        one; needed before a drift where commands have changed or voltages lag.
+        ``aim(w, i, whole)`` finds the torques that clutches tend to, half a substep after the last
+        ones or a whole one; needed before a drift where commands have changed or voltages lag.
     drift
-        ``drift(w, i, h, whole)`` lets arm and lags move freely for half a substep or a whole one, h in all [s].
+        ``drift(w, i, h, whole)`` lets arm and lags move freely for half a substep or a whole one, h
+        in all [s].
     kick
-        ``kick(w, lanes, h)`` changes the velocities of the first ``lanes`` machines by the forces and the friction of
-        the present instant over a time h [s].
+        ``kick(w, lanes, h)`` changes the velocities of the first ``lanes`` machines by the forces
+        and the friction of the present instant over a time h [s].
     """
 
     @device
@@ -408,8 +466,11 @@ def no_hands(w: Any, lanes: int, h: float, whole: bool, guides: bool) -> None:
     """Leave the loads as they are."""
 
 
-def control_step_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches, move_hands: Any = no_hands) -> Any:
-    """Return what moves machines through a control step: the one place for the order of a substep's stages.
+def control_step_on(
+    at: Any, load_on: Any, arrangement_at: Any = paper_clutches, move_hands: Any = no_hands
+) -> Any:
+    """Return what moves machines through a control step: the one place for the order of a substep's
+    stages.
 
     Parameters
     ----------
@@ -421,8 +482,9 @@ def control_step_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches,
     Returns
     -------
     Callable
-        ``control_step(w, lanes, h, count, aims, guides)`` makes ``count`` substeps of h [s] for the first ``lanes``
-        machines. ``aims`` says that steady torques change within the step, as with voltages that lag.
+        ``control_step(w, lanes, h, count, aims, guides)`` makes ``count`` substeps of h [s] for the
+        first ``lanes`` machines. ``aims`` says that steady torques change within the step, as with
+        voltages that lag.
     """
     aim, drift, kick = substep_on(at, load_on, arrangement_at)
     _, plain_drift, plain_kick = substep_on(at, load_on, arrangement_at, plain=True)
@@ -470,7 +532,9 @@ def _parts_on(at: Any, load_on: Any, arrangement_at: Any, plain: bool) -> tuple[
             limit = capacities(before, threshold, torques, load(w, at.machine.sliding, i))
         limit = with_dry(limit, arm.dry_a, arm.dry_b, arrangement)
         most = impulses(limit, h)
-        omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, most, arrangement)
+        omega_a, omega_b = resolve(
+            impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, most, arrangement
+        )
         after = slip_velocities(omega_a, omega_b, arrangement)
         store(w, at.impact, i, impact)
         store(w, at.omega, i, PerLink(omega_a, omega_b))

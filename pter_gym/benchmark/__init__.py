@@ -1,10 +1,11 @@
 """Run policies on the evaluation episodes of the scenarios, score and rank them.
 
-``episodes`` → ``simulation``, ``runs`` → ``scores`` → ``intervals`` → ``boards``: episodes are simulated with policies,
-each run is scored, scores become intervals, and these a leaderboard. ``results`` stores runs in a folder, and
-``verification`` repeats them.
+``episodes`` → ``simulation``, ``runs`` → ``scores`` → ``intervals`` → ``boards``: episodes are
+simulated with policies, each run is scored, scores become intervals, and these a leaderboard.
+``results`` stores runs in a folder, and ``verification`` repeats them.
 
-The names are imported when they are first used, so a policy can act without loading the code for scores.
+The names are imported when they are first used, so a policy can act without loading the code for
+scores.
 """
 
 from typing import TYPE_CHECKING
@@ -17,7 +18,13 @@ from pter_gym.scenarios import PACES
 if TYPE_CHECKING:
     from pter_gym.benchmark._examination import Assessment, Examination, examine
     from pter_gym.benchmark._find_policy import PerSeed, find_policy
-    from pter_gym.benchmark.boards import Leaderboard, leaderboards, print_boards, suite_scores, suites
+    from pter_gym.benchmark.boards import (
+        Leaderboard,
+        leaderboards,
+        print_boards,
+        suite_scores,
+        suites,
+    )
     from pter_gym.benchmark.results import ResultsFolder
     from pter_gym.benchmark.runs import run_scenario
     from pter_gym.benchmark.scores import ScenarioRun, Score, score, score_episodes

@@ -16,11 +16,12 @@ from pter_gym.scenarios._fixed_machine import AnyMachine
 from pter_gym.tasks.path_following import PathFollowing
 
 RESERVE, MISSING = 0.97, 0.75
-"""Parts of the leaderboard's limits on pace errors and on missing completions that the search keeps to.
+"""Parts of the leaderboard's limits on pace errors and on missing completions that the search keeps
+to.
 
-Gains that just keep a limit on its draws may miss it on others: the mean pace error over 400 draws of `everything` has
-a standard error of 3 % of the limit, and among completions a single draw weighs much.
-"""
+Gains that just keep a limit on its draws may miss it on others: the mean pace error over 400 draws
+of `everything` has a standard error of 3 % of the limit, and among completions a single draw weighs
+much. """
 
 PENALTY = 1.0
 """Path error [m] that counts for each unit over a limit."""
@@ -70,7 +71,9 @@ class Examination:
     ) -> None:
         drawn = find_scenario(scenario, machine)
         pairs = drawn.randomisation(pace, contexts=episodes, seed=seed).pairs()
-        pairs.sort(key=lambda pair: time_limit(pair[1]))  # blocks of worlds then end at about one time
+        pairs.sort(
+            key=lambda pair: time_limit(pair[1])
+        )  # blocks of worlds then end at about one time
         self.tasks = [task for _, task in pairs]
         self.limits = [time_limit(task) for task in self.tasks]
         self.seeds = [seed * episodes + k for k in range(episodes)]
@@ -80,10 +83,17 @@ class Examination:
     def judge(self, policy: AnyPolicy) -> Assessment:
         """Return the means of the scores that decide ranks, as in the benchmark."""
         acting = bind(policy, self.nominal, self.batch.layout)
-        telemetry = run(self.batch, acting, self.seeds, self.limits, columns=[*RANKED], stride=SEGMENT).telemetry
+        telemetry = run(
+            self.batch, acting, self.seeds, self.limits, columns=[*RANKED], stride=SEGMENT
+        ).telemetry
         telemetry[np.arange(len(telemetry))[:, None] > np.array(self.limits)] = np.nan
         travel = Travel(telemetry, self.tasks)
-        scores = travel.path_error(), travel.completed(), travel.mean_pace_error(), travel.segment_pace_error()
+        scores = (
+            travel.path_error(),
+            travel.completed(),
+            travel.mean_pace_error(),
+            travel.segment_pace_error(),
+        )
         return Assessment(*(float(values.mean()) for values in scores))
 
 
@@ -96,7 +106,8 @@ def examine(
     seed: int = UNSEEN,
     machine: AnyMachine | None = None,
 ) -> dict[str, Assessment]:
-    """Score policies on training draws, together with ``free``, ``locked`` and ``random``; the best comes first.
+    """Score policies on training draws, together with ``free``, ``locked`` and ``random``; the best
+    comes first.
 
     Evaluation episodes are not read, so the results may guide further training.
 
@@ -109,14 +120,17 @@ def examine(
     episodes, seed
         Number of draws, and their seed, ≥ 0; training uses ``context_seed``, 0 by default.
     machine
-        One machine in place of those that the scenario draws, as in ``find_scenario``; policies know about it.
+        One machine in place of those that the scenario draws, as in ``find_scenario``; policies
+        know about it.
     """
     drawn = find_scenario(scenario, machine)
     examination = Examination(drawn, pace, episodes, seed)
     gains = drawn.whose_gains
     named = find_policies(BASELINES, gains) | (find_policies(policies, gains) if policies else {})
     found = {
-        name: Assessment(*np.mean([examination.judge(policy) for policy in versions], axis=0).tolist())
+        name: Assessment(
+            *np.mean([examination.judge(policy) for policy in versions], axis=0).tolist()
+        )
         for name, versions in named.items()
     }
     return dict(sorted(found.items(), key=lambda item: item[1].value))

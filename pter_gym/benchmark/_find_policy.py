@@ -35,16 +35,18 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
     name
         One of:
 
-        - a built-in controller, such as ``impedance``, with a damper for each commanded pace where the paper's gains
-          need one;
-        - a controller with tuned gains, such as ``impedance-tuned``, or the file of ``pter tune --out``;
+        - a built-in controller, such as ``impedance``, with a damper for each commanded pace where
+          the paper's gains need one;
+        - a controller with tuned gains, such as ``impedance-tuned``, or the file of ``pter tune
+          --out``;
         - a trained policy of the package, such as ``residual``, or the path of an exported one;
-        - ``FILE.py:attribute`` or ``package.module:attribute``: a controller or a callable from observations to volts.
-          A class is called without arguments. The file is run, or the module imported, in this process, if need be from
-          the current folder, which is then appended to ``sys.path``.
+        - ``FILE.py:attribute`` or ``package.module:attribute``: a controller or a callable from
+          observations to volts. A class is called without arguments. The file is run, or the module
+          imported, in this process, if need be from the current folder, which is then appended to
+          ``sys.path``.
     scenario
-        Scenario whose gains and dampers to use. With None, as in the paper's standard test, controllers have their
-        default gains.
+        Scenario whose gains and dampers to use. With None, as in the paper's standard test,
+        controllers have their default gains.
 
     Raises
     ------
@@ -56,13 +58,19 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
     name = _text_of(name)
     if name.endswith((".py", ".py:")):
         example = f"{name.removesuffix(':')}:policy"
-        raise ParameterError(f"policies must name an attribute of a file, as in {example}, got {name!r:.200}")
+        raise ParameterError(
+            f"policies must name an attribute of a file, as in {example}, got {name!r:.200}"
+        )
     if is_code(name):
         return _import(name)
     if name.endswith(".toml"):
         return read_tuned(name, scenario)
     known = (*CONTROLLERS, *TUNED, *shipped_policies())
-    if is_path(name) or name in shipped_policies() or (name not in known and name and is_here(name)):
+    if (
+        is_path(name)
+        or name in shipped_policies()
+        or (name not in known and name and is_here(name))
+    ):
         return read_policy(name)
     if name not in known:
         raise unknown_name("policies", name, known)
@@ -78,7 +86,9 @@ def is_code(name: str) -> bool:
 def find_policies(policies: Any, scenario: str) -> dict[str, tuple[AnyPolicy, ...]]:
     """Return policies by name, those of each training seed, or raise a ParameterError; see ``run_scenario``."""
     if callable(policies) or isinstance(policies, Controller | PerSeed):
-        raise ParameterError(f"policies must have names, as in {{'mine': policy}}, got {policies!r:.200}")
+        raise ParameterError(
+            f"policies must have names, as in {{'mine': policy}}, got {policies!r:.200}"
+        )
     if not isinstance(policies, Mapping):
         policies = {_text_of(given): given for given in names_in("policies", policies)}
     if not policies:
@@ -97,16 +107,21 @@ class PerSeed:
     Parameters
     ----------
     policies
-        A policy for each seed, all of them different, as ``run_scenario`` takes them: a copy is not another seed.
+        A policy for each seed, all of them different, as ``run_scenario`` takes them: a copy is not
+        another seed.
     """
 
     def __init__(self, policies: Iterable[AnyPolicy | FilePath]) -> None:
         given = cast("object", policies)
         if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
-            raise ParameterError(f"policies must be a sequence of policies, one for each seed, got {given!r:.200}")
+            raise ParameterError(
+                f"policies must be a sequence of policies, one for each seed, got {given!r:.200}"
+            )
         self.policies = tuple(cast("Iterable[AnyPolicy | FilePath]", given))
         if not self.policies or len({id(each) for each in self.policies}) < len(self.policies):
-            raise ParameterError(f"policies must be one or more, all of them different, got {self.policies!r:.200}")
+            raise ParameterError(
+                f"policies must be one or more, all of them different, got {self.policies!r:.200}"
+            )
 
 
 def _resolve(name: str, given: Any, scenario: str) -> AnyPolicy:
@@ -126,7 +141,11 @@ def _text_of(name: object) -> str:
     if isinstance(name, str):
         return name
     if not isinstance(name, os.PathLike):
-        hint = "; give a policy of your own under a name, as in {'mine': policy}" if callable(name) else ""
+        hint = (
+            "; give a policy of your own under a name, as in {'mine': policy}"
+            if callable(name)
+            else ""
+        )
         raise ParameterError(f"policies must be names or paths, got {name!r:.200}{hint}")
     text = str(find_path("policies", cast("FilePath", name)))
     return text if is_path(text) else f"./{text}"
@@ -136,7 +155,9 @@ def _check_name(name: object) -> None:
     """Raise a ParameterError unless something can name a policy in tables and in file names."""
     good = isinstance(name, str) and name.strip() == name != "" and name.isprintable()
     if not good or len(quote(str(name), safe=" ")) > MAX_NAME:
-        raise ParameterError(f"policies must have printable names of 1 to {MAX_NAME} characters, got {name!r:.60}")
+        raise ParameterError(
+            f"policies must have printable names of 1 to {MAX_NAME} characters, got {name!r:.60}"
+        )
 
 
 def _import(name: str) -> Any:
@@ -146,14 +167,20 @@ def _import(name: str) -> Any:
     place, _, attribute = name.rpartition(":")
     entry = EntryPoint(name, name, "")
     if not place.endswith(".py") and not entry.pattern.fullmatch(name):
-        raise ParameterError(f"policies must be written as package.module:attribute, got {name!r:.200}")
+        raise ParameterError(
+            f"policies must be written as package.module:attribute, got {name!r:.200}"
+        )
     try:
         found = _attribute_of(Path(place), attribute) if place.endswith(".py") else entry.load()
         if isinstance(found, Dispatcher):
-            raise ParameterError(f"policies must name a class whose bind returns the law, {name!r} is the law itself")
+            raise ParameterError(
+                f"policies must name a class whose bind returns the law, {name!r} is the law itself"
+            )
         return found() if isinstance(found, type) else found
     except (ImportError, AttributeError) as error:
-        raise ParameterError(f"policies must name code that can be imported, got {name!r}: {error}") from None
+        raise ParameterError(
+            f"policies must name code that can be imported, got {name!r}: {error}"
+        ) from None
     except TypeError as error:
         raise ParameterError(
             f"policies must name an instance, or a class that needs no arguments, got {name!r}: {error}"
@@ -162,9 +189,15 @@ def _import(name: str) -> Any:
 
 def _attribute_of(file: Path, name: str) -> Any:
     """Return an attribute of a file of Python."""
-    known = {each: value for each, value in vars(_run_file(file.resolve())).items() if not each.startswith("_")}
+    known = {
+        each: value
+        for each, value in vars(_run_file(file.resolve())).items()
+        if not each.startswith("_")
+    }
     if name not in known:
-        raise ParameterError(f"policies must name what is in {file}, there is no {name!r}{nearest(name, known)}")
+        raise ParameterError(
+            f"policies must name what is in {file}, there is no {name!r}{nearest(name, known)}"
+        )
     return known[name]
 
 
@@ -179,7 +212,9 @@ def _run_file(path: Path) -> ModuleType:
     try:
         spec.loader.exec_module(module)
     except Exception as error:
-        lines = [frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == str(path)]
+        lines = [
+            frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == str(path)
+        ]
         line = error.lineno if isinstance(error, SyntaxError) else lines[-1]
         told = f"{path.name}, line {line}: {type(error).__name__}: {error}"
         raise ParameterError(f"policies must name code that runs, {told}") from error

@@ -23,33 +23,41 @@ Observations = NDArray[np.float32]
 Normalise = Callable[[Observations], Observations]
 
 
-def from_sb3(model: Any, vec_normalize: Any = None, frame_skip: int | None = None, *, env: Any = None) -> "ModelPolicy":
-    """Return a policy that runs a model deterministically in ``run_scenario``, with a recurrent state for each world.
+def from_sb3(
+    model: Any, vec_normalize: Any = None, frame_skip: int | None = None, *, env: Any = None
+) -> "ModelPolicy":
+    """Return a policy that runs a model deterministically in ``run_scenario``, with a recurrent
+    state for each world.
 
     Parameters
     ----------
     model
-        A model of any algorithm whose ``predict`` takes observations, states and episode starts. Its actions are
-        clipped to its action space; they are normalised if the lower bound is negative, and volts otherwise.
+        A model of any algorithm whose ``predict`` takes observations, states and episode starts.
+        Its actions are clipped to its action space; they are normalised if the lower bound is
+        negative, and volts otherwise.
     vec_normalize
         The wrapper that normalised observations in training: a ``VecNormalize`` or Gymnasium's
-        ``NormalizeObservation``. By default, the ``VecNormalize`` of the environment, if any. Its statistics are used
-        but not changed.
+        ``NormalizeObservation``. By default, the ``VecNormalize`` of the environment, if any. Its
+        statistics are used but not changed.
     frame_skip
-        Number of control steps for which each action was held in training, and is held here; by default, that of the
-        environment.
+        Number of control steps for which each action was held in training, and is held here; by
+        default, that of the environment.
     env
-        The environment in which the model was trained, or one like it; by default, the one attached to the model,
-        otherwise that of ``vec_normalize``. A model that was loaded without either needs this or ``frame_skip``.
+        The environment in which the model was trained, or one like it; by default, the one attached
+        to the model, otherwise that of ``vec_normalize``. A model that was loaded without either
+        needs this or ``frame_skip``.
 
     Raises
     ------
     ParameterError
-        If observations or actions of the model are not those of an environment of this package, another wrapper of
-        the environment changes them, or ``frame_skip`` is not known or not a whole number ≥ 1.
+        If observations or actions of the model are not those of an environment of this package,
+        another wrapper of the environment changes them, or ``frame_skip`` is not known or not a
+        whole number ≥ 1.
     """
     if env is None:
-        env = getattr(model, "env", None) or getattr(vec_normalize, "venv", getattr(vec_normalize, "env", None))
+        env = getattr(model, "env", None) or getattr(
+            vec_normalize, "venv", getattr(vec_normalize, "env", None)
+        )
     own = next((each for each in _wrappers(env) if _has_statistics(each)), None)
     check_wrappers(env, known=own)
     normalise = _normalising(own if vec_normalize is None else vec_normalize)
@@ -58,24 +66,29 @@ def from_sb3(model: Any, vec_normalize: Any = None, frame_skip: int | None = Non
     return ModelPolicy(model, normalise, whole_number("frame_skip", frame_skip))
 
 
-def from_actions(act: Callable[[Observations], Any], env: Any, frame_skip: int | None = None) -> "ModelPolicy":
-    """Return a policy that runs a function, from any library, that maps observations to an environment's actions.
+def from_actions(
+    act: Callable[[Observations], Any], env: Any, frame_skip: int | None = None
+) -> "ModelPolicy":
+    """Return a policy that runs a function, from any library, that maps observations to an
+    environment's actions.
 
     Parameters
     ----------
     act
-        Maps observations, float32 (N, entries), to actions, (N, clutches): an array or a torch tensor. It has no
-        memory. Its actions are clipped to the action space; they are normalised if the lower bound is negative, and
-        volts otherwise.
+        Maps observations, float32 (N, entries), to actions, (N, clutches): an array or a torch
+        tensor. It has no memory. Its actions are clipped to the action space; they are normalised
+        if the lower bound is negative, and volts otherwise.
     env
-        The environment that the function was made for: one of this package, or any object with its spaces.
+        The environment that the function was made for: one of this package, or any object with its
+        spaces.
     frame_skip
         Number of control steps for which each action is held; by default, that of the environment.
 
     Raises
     ------
     ParameterError
-        If observations or actions are not those of an environment of this package, or ``frame_skip`` is not known.
+        If observations or actions are not those of an environment of this package, or
+        ``frame_skip`` is not known.
     """
 
     def predict(observations: Observations, **_: Any) -> tuple[Any, None]:
@@ -83,13 +96,15 @@ def from_actions(act: Callable[[Observations], Any], env: Any, frame_skip: int |
         return (actions.detach().cpu().numpy() if hasattr(actions, "detach") else actions), None
 
     spaces_of = {
-        name: getattr(env, f"single_{name}", getattr(env, name, None)) for name in ("observation_space", "action_space")
+        name: getattr(env, f"single_{name}", getattr(env, name, None))
+        for name in ("observation_space", "action_space")
     }
     return from_sb3(SimpleNamespace(predict=predict, env=env, **spaces_of), frame_skip=frame_skip)
 
 
 class ModelPolicy(BoundPolicy):
-    """A model as a policy of a machine with this largest voltage [V]; ``bind`` makes one for another machine.
+    """A model as a policy of a machine with this largest voltage [V]; ``bind`` makes one for
+    another machine.
 
     ``sensors`` names the sensors whose readings the observations must include.
     """
@@ -97,13 +112,19 @@ class ModelPolicy(BoundPolicy):
     any_frame_skip = False
 
     def __init__(
-        self, model: Any, normalise: Normalise, frame_skip: int, voltage_max: float = BASELINE.clutch.voltage_max
+        self,
+        model: Any,
+        normalise: Normalise,
+        frame_skip: int,
+        voltage_max: float = BASELINE.clutch.voltage_max,
     ) -> None:
         self.sensors, self.layout = _observed_by(model)
         space = getattr(model, "action_space", None)
         shapes = [(clutches,) for clutches in range(1, SLOTS + 1)]
         if not isinstance(space, spaces.Box) or space.shape not in shapes or not space.is_bounded():
-            raise ParameterError(f"model.action_space must be a Box with bounds for 1 to {SLOTS} clutches, got {space}")
+            raise ParameterError(
+                f"model.action_space must be a Box with bounds for 1 to {SLOTS} clutches, got {space}"
+            )
         self._low, self._high = space.low.astype(np.float64), space.high.astype(np.float64)
         self._model, self._normalise, self._voltage_max = model, normalise, voltage_max
         self.frame_skip = frame_skip
@@ -117,8 +138,16 @@ class ModelPolicy(BoundPolicy):
                 f"observations must have the {len(self.layout)} entries of the model, got {len(layout)}"
             )
         rows = [clutch.row for clutch in machine.clutches]
-        require(len(rows) == len(self._low), machine, "clutches", rows, f"{len(self._low)}, as the model's actions")
-        bound = ModelPolicy(self._model, self._normalise, self.frame_skip, machine.clutch.voltage_max)
+        require(
+            len(rows) == len(self._low),
+            machine,
+            "clutches",
+            rows,
+            f"{len(self._low)}, as the model's actions",
+        )
+        bound = ModelPolicy(
+            self._model, self._normalise, self.frame_skip, machine.clutch.voltage_max
+        )
         bound.layout = layout
         return bound
 
@@ -132,7 +161,10 @@ class ModelPolicy(BoundPolicy):
         """Return clutch voltages [V], (N, clutches), for observations, float32 (N, entries)."""
         begins, self._begins = np.full(len(observations), self._begins), False
         actions, self._state = self._model.predict(
-            self._normalise(observations), state=self._state, episode_start=begins, deterministic=True
+            self._normalise(observations),
+            state=self._state,
+            episode_start=begins,
+            deterministic=True,
         )
         most, low, high = self._voltage_max, self._low, self._high
         linear = (np.clip(np.asarray(actions, np.float64), low, high) - low) * (most / (high - low))
@@ -142,7 +174,9 @@ class ModelPolicy(BoundPolicy):
 def _observed_by(model: Any) -> tuple[Sensors, Layout]:
     """Return the sensors whose observations have as many entries as a model's, and their layout."""
     space = getattr(model, "observation_space", None)
-    layouts: dict[Sensors, Layout] = {each: observation_layout(BASELINE, each) for each in get_args(Sensors)}
+    layouts: dict[Sensors, Layout] = {
+        each: observation_layout(BASELINE, each) for each in get_args(Sensors)
+    }
     for sensors, layout in layouts.items():
         if isinstance(space, spaces.Box) and space.shape == (len(layout),):
             return sensors, layout
@@ -159,7 +193,9 @@ def _wrappers(env: Any) -> Iterator[Any]:
 
 def _has_statistics(wrapper: Any) -> bool:
     """Return whether a wrapper is a ``VecNormalize`` or a ``NormalizeObservation``."""
-    return isinstance(wrapper, NormalizeObservation | VectorNormalizeObservation) or hasattr(wrapper, "normalize_obs")
+    return isinstance(wrapper, NormalizeObservation | VectorNormalizeObservation) or hasattr(
+        wrapper, "normalize_obs"
+    )
 
 
 def _frame_skip_of(env: Any) -> int:
@@ -179,7 +215,9 @@ def _normalising(wrapper: Any) -> Normalise:
     if wrapper is None:
         return lambda obs: obs
     if not _has_statistics(wrapper):
-        raise ParameterError(f"vec_normalize must be a VecNormalize or a NormalizeObservation, got {wrapper!r}")
+        raise ParameterError(
+            f"vec_normalize must be a VecNormalize or a NormalizeObservation, got {wrapper!r}"
+        )
     if hasattr(wrapper, "normalize_obs"):
         return wrapper.normalize_obs
     seen = wrapper.obs_rms

@@ -13,19 +13,20 @@ from pter_gym.scenarios import find_scenario
 def load_policy(policy: FilePath | AnyPolicy, env: Any) -> ActingPolicy:
     """Return a policy that is ready to act in an environment: ``action = policy(observation)``.
 
-    It returns actions in the environment's unit. Call its ``reset()`` after ``env.reset()``, and ``reset(worlds)`` with
-    a mask where worlds of a vector environment begin new episodes.
+    It returns actions in the environment's unit. Call its ``reset()`` after ``env.reset()``, and
+    ``reset(worlds)`` with a mask where worlds of a vector environment begin new episodes.
 
     Parameters
     ----------
     policy
-        What ``pter benchmark --policies`` takes: the name of a trained policy or of a controller, the path of an
-        exported policy (a string or a ``pathlib.Path``), or ``package.module:attribute``. Or a policy itself: a
-        controller, what ``from_sb3`` returns, or a function from observations, float32 (N, entries), to volts, (N, 4).
+        What ``pter benchmark --policies`` takes: the name of a trained policy or of a controller,
+        the path of an exported policy (a string or a ``pathlib.Path``), or
+        ``package.module:attribute``. Or a policy itself: a controller, what ``from_sb3`` returns,
+        or a function from observations, float32 (N, entries), to volts, (N, 4).
     env
-        Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or ``make_sb3_vec_env``, with
-        its wrappers. Tuned gains are those for its scenario or, if it has none, for ``standard``; on a path of your
-        own, for ``paths``.
+        Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or
+        ``make_sb3_vec_env``, with its wrappers. Tuned gains are those for its scenario or, if it
+        has none, for ``standard``; on a path of your own, for ``paths``.
 
     Raises
     ------

@@ -30,9 +30,11 @@ SEGMENTS = 10
 
 
 class Marks(NamedTuple):
-    """The instants when the running maximum of the arc length passed K marks on each of N paths, (K, N) each.
+    """The instants when the running maximum of the arc length passed K marks on each of N paths,
+    (K, N) each.
 
-    Each was passed between the rows ``before`` and ``after``, after ``part`` of the interval, NaN if it never was.
+    Each was passed between the rows ``before`` and ``after``, after ``part`` of the interval, NaN
+    if it never was.
     """
 
     before: NDArray[np.intp]
@@ -41,7 +43,9 @@ class Marks(NamedTuple):
 
     def find(self, values: Array) -> Array:
         """Interpolate values, one row for each arc length, linearly at the marks; NaN where a mark was never passed."""
-        first, last = (np.take_along_axis(values, rows, axis=0) for rows in (self.before, self.after))
+        first, last = (
+            np.take_along_axis(values, rows, axis=0) for rows in (self.before, self.after)
+        )
         return first + self.part * (last - first)
 
 
@@ -73,14 +77,18 @@ def find_marks(furthest: Array, marks: Array) -> Marks:
 
 
 def path_integral(furthest: Array, errors: Array) -> Array:
-    """Return ∫|e|ds [m²] up to each row, shape (T + 2, N); each increment has the largest error since the previous one.
+    """Return ∫|e|ds [m²] up to each row, shape (T + 2, N); each increment has the largest error
+    since the previous one.
 
-    ``furthest``, (T + 2, N) [m], is the running maximum of the arc length, from 0 on; ``errors``, (T + 1, N) [m], are
+    ``furthest``, (T + 2, N) [m], is the running maximum of the arc length, from 0 on; ``errors``,
+    (T + 1, N) [m], are
     |normal error| at each control instant, NaN after the end of an episode.
     """
     parts = np.zeros_like(furthest)
     worst_since = np.zeros_like(furthest[0])
-    for part, increment, error in zip(parts[1:], np.diff(furthest, axis=0), np.nan_to_num(errors), strict=True):
+    for part, increment, error in zip(
+        parts[1:], np.diff(furthest, axis=0), np.nan_to_num(errors), strict=True
+    ):
         worst_since = np.maximum(worst_since, error)
         part[:] = worst_since * increment
         worst_since[increment > 0.0] = 0.0
@@ -94,20 +102,25 @@ def pace_errors(relative_times: Array, finished: Mask) -> Array:
 
 
 def smoothness(speed: Array, acceleration: Array, counted: Mask, period: float) -> Array:
-    """Return −ln(D) of the dimensionless jerk D = T³/v_peak²·∫|jerk|²dt, shape (N,); D below 1 counts as 1.
+    """Return −ln(D) of the dimensionless jerk D = T³/v_peak²·∫|jerk|²dt, shape (N,); D below 1
+    counts as 1.
 
-    Hogan and Sternad, Journal of Motor Behavior 41 (2009); the logarithm as in Balasubramanian, Melendez-Calderon and
-    Burdet, IEEE Transactions on Biomedical Engineering 59 (2012).
+    Hogan and Sternad, Journal of Motor Behavior 41 (2009); the logarithm as in Balasubramanian,
+    Melendez-Calderon and Burdet, IEEE Transactions on Biomedical Engineering 59 (2012).
 
-    Speed [m/s] and acceleration [m/s²] of the tip have the shapes (T, N) and (T, N, 2); ``counted``, (T, N), says which
-    control steps count, and ``period`` is theirs [s].
+    Speed [m/s] and acceleration [m/s²] of the tip have the shapes (T, N) and (T, N, 2);
+    ``counted``, (T, N), says which control steps count, and ``period`` is theirs [s].
     """
     both = counted[1:] & counted[:-1]
     squares = np.where(both, (np.diff(acceleration, axis=0) ** 2).sum(axis=-1), 0.0)
     duration = counted.sum(axis=0) * period
     peak = np.where(counted, speed, 0.0).max(axis=0)
     jerk = duration**3 * squares.sum(axis=0) / period
-    return -np.log(np.maximum(jerk, peak**2) / np.where(peak > 0.0, peak**2, 1.0), where=peak > 0.0, out=0.0 * peak)
+    return -np.log(
+        np.maximum(jerk, peak**2) / np.where(peak > 0.0, peak**2, 1.0),
+        where=peak > 0.0,
+        out=0.0 * peak,
+    )
 
 
 def low_pass(values: Array, period: float) -> Array:
@@ -143,8 +156,9 @@ TOUCH = 1e-4
 """Penetration [m] of a fixture's edge from which on its stiffness counts."""
 
 PRICE = 2.0
-"""Power of the time ratio by which the path error of a slow segment counts, and its slope for a fast one. With less, a
-slower rollout within the limits would still pay, since errors grow with the speed."""
+"""Power of the time ratio by which the path error of a slow segment counts, and its slope for a
+fast one. With less, a slower rollout within the limits would still pay, since errors grow with the
+speed."""
 
 
 RANKED = tuple(map(TELEMETRY.index, ("time", "arc_length", "normal_error", "is_success")))
@@ -154,7 +168,8 @@ RANKED = tuple(map(TELEMETRY.index, ("time", "arc_length", "normal_error", "is_s
 class Travel:
     """N episodes along their paths: everything needed for the scores that decide ranks.
 
-    ``ranked`` is telemetry, (T + 1, N, len(RANKED)), starting with the reset and NaN after the ends of the episodes.
+    ``ranked`` is telemetry, (T + 1, N, len(RANKED)), starting with the reset and NaN after the ends
+    of the episodes.
     """
 
     def __init__(self, ranked: Array, tasks: Sequence[PathFollowing]) -> None:
@@ -163,7 +178,9 @@ class Travel:
         self.length = np.array([task.path.length for task in tasks])
         self.error_max = np.array([task.error_max for task in tasks])
         self.pace = np.array([task.pace for task in tasks])
-        self.furthest = np.fmax.accumulate(np.concatenate([np.zeros_like(arc_length[:1]), arc_length]), axis=0)
+        self.furthest = np.fmax.accumulate(
+            np.concatenate([np.zeros_like(arc_length[:1]), arc_length]), axis=0
+        )
         self.clock = np.concatenate([time[:1], time])
         self.end = np.nanmax(time, axis=0)
 
@@ -192,7 +209,9 @@ class Travel:
 
     def rms_error(self) -> Array:
         """Return the root mean square of the path error over the path [m]."""
-        return np.sqrt(self._average_on_path(path_integral(self.furthest, self.errors**2), self.worst**2))
+        return np.sqrt(
+            self._average_on_path(path_integral(self.furthest, self.errors**2), self.worst**2)
+        )
 
     def _average_on_path(self, integral: Array, missed: Array) -> Array:
         """Return an integral over the path (T + 2, N) divided by its length, with a value for the part not reached."""
@@ -205,7 +224,9 @@ class Travel:
         """Time that does not count [s]: the delay on the first ``START`` of the path, at most ``ALLOWANCE``."""
         start = self.length * START
         begun: Array = find_marks(self.furthest, start[None]).find(self.clock)[0]
-        return np.clip(np.where(np.isfinite(begun), begun, self.end) - start / self.pace, 0.0, ALLOWANCE)
+        return np.clip(
+            np.where(np.isfinite(begun), begun, self.end) - start / self.pace, 0.0, ALLOWANCE
+        )
 
     @cached_property
     def passed(self) -> Array:
@@ -227,12 +248,15 @@ class Travel:
     def segment_errors(self) -> Array:
         """Return the path errors of the segments [m], (SEGMENTS, N).
 
-        Each is the larger of the averages of |e| over the time and over the length of the segment, times its
-        ``pace_factor``. An unfinished segment counts with ``worst`` and with at least its time at the pace.
+        Each is the larger of the averages of |e| over the time and over the length of the segment,
+        times its ``pace_factor``. An unfinished segment counts with ``worst`` and with at least its
+        time at the pace.
         """
         steps = np.nan_to_num(np.diff(self.clock, axis=0) * self.errors)
         time_integral = np.concatenate([np.zeros_like(steps[:1]), steps.cumsum(axis=0)])
-        in_time, on_path = (np.diff(self.marks.find(each), axis=0) for each in (time_integral, self.path_integral))
+        in_time, on_path = (
+            np.diff(self.marks.find(each), axis=0) for each in (time_integral, self.path_integral)
+        )
         spent = self.relative_times * (self.length / SEGMENTS / self.pace)
         in_time = np.divide(in_time, spent, where=spent > 0.0, out=np.zeros_like(spent))
         larger = np.maximum(in_time, on_path * SEGMENTS / self.length)
@@ -349,8 +373,12 @@ class Recorded(Travel):
         heading = np.stack([np.cos(self.heading), np.sin(self.heading)], axis=-1)
         found: list[tuple[float, float]] = []
         for world, (machine, alive) in enumerate(zip(self.machines, self.alive.T, strict=True)):
-            torque, wanted, along = (each[alive, world] for each in (torques, self.wanted[1:], heading))
-            rendered = (torque[..., None] * force_per_torque(machine, angles[alive, world])).sum(axis=-2)
+            torque, wanted, along = (
+                each[alive, world] for each in (torques, self.wanted[1:], heading)
+            )
+            rendered = (torque[..., None] * force_per_torque(machine, angles[alive, world])).sum(
+                axis=-2
+            )
             found.append(force_error(rendered, wanted, along))
         return np.transpose(found)
 
@@ -359,9 +387,13 @@ class Recorded(Travel):
         if not all(task.free_left or task.free_right for task in self.tasks):
             return None
         force, error = vector(self.steps, "force"), column(self.steps, "normal_error")
-        into = np.copysign(1.0, error) * (force[..., 1] * np.cos(self.heading) - force[..., 0] * np.sin(self.heading))
+        into = np.copysign(1.0, error) * (
+            force[..., 1] * np.cos(self.heading) - force[..., 0] * np.sin(self.heading)
+        )
         depth = np.where(np.abs(error) > TOUCH, np.abs(error), 0.0)
-        return np.nan_to_num([wall_stiffness(*pair) for pair in zip(np.nan_to_num(into).T, depth.T, strict=True)])
+        return np.nan_to_num(
+            [wall_stiffness(*pair) for pair in zip(np.nan_to_num(into).T, depth.T, strict=True)]
+        )
 
     def resisting_force(self) -> Array:
         """Return the mean force of the clutches against the tip's motion [N]."""
@@ -380,6 +412,7 @@ class Recorded(Travel):
 def pace_factor(ratios: Array) -> Array:
     """Return the weight of a segment's error, given its time over the time at the pace.
 
-    For a ratio r, the weight is r to the power of ``PRICE`` if too slow, r > 1, and 1 + ``PRICE``·(1 − r) if too fast.
+    For a ratio r, the weight is r to the power of ``PRICE`` if too slow, r > 1, and 1 +
+    ``PRICE``·(1 − r) if too fast.
     """
     return np.where(ratios > 1.0, ratios**PRICE, 1.0 + PRICE * (1.0 - ratios))

@@ -16,13 +16,16 @@ from pter_gym.tasks.path_following import TELEMETRY
 def write_trajectories(episodes: Mapping[str, NDArray[np.float64]], path: Path) -> None:
     """Write episodes one below another to a CSV file, atomically, with all digits of each number.
 
-    ``episodes`` holds telemetry from the reset on, float64 (T + 1, len(TELEMETRY)), by the name of the policy. Headings
-    are such as ``policy`` and ``time [s]``. Raises a ParameterError if the path does not end in .csv.
+    ``episodes`` holds telemetry from the reset on, float64 (T + 1, len(TELEMETRY)), by the name of
+    the policy. Headings are such as ``policy`` and ``time [s]``. Raises a ParameterError if the
+    path does not end in .csv.
     """
     check_table(path)
     text = io.StringIO(newline="")
     rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(["policy", *(f.name if f.unit == "1" else f"{f.name} [{f.unit}]" for f in TELEMETRY.fields)])
+    rows.writerow(
+        ["policy", *(f.name if f.unit == "1" else f"{f.name} [{f.unit}]" for f in TELEMETRY.fields)]
+    )
     for name, telemetry in episodes.items():
         rows.writerows([name, *row] for row in telemetry.tolist())
     write_text_atomic(path, text.getvalue())

@@ -16,10 +16,14 @@ from pter_gym.tasks.path_following import PathFollowing
 Array = NDArray[np.float64]
 
 
-def wanted_forces(policy: BoundPolicy, telemetry: Array, tasks: Sequence[PathFollowing]) -> Array | None:
-    """Return the force of the device on the hand that a policy wants at each control instant, (R, N, 2) [N].
+def wanted_forces(
+    policy: BoundPolicy, telemetry: Array, tasks: Sequence[PathFollowing]
+) -> Array | None:
+    """Return the force of the device on the hand that a policy wants at each control instant, (R,
+    N, 2) [N].
 
-    None for one that wants no force: all but the impedance laws. What sensors add, noise and delay, is left out.
+    None for one that wants no force: all but the impedance laws. What sensors add, noise and delay,
+    is left out.
 
     Parameters
     ----------

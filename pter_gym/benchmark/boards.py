@@ -27,11 +27,14 @@ from pter_gym.benchmark.tuned import TUNED
 from pter_gym.scenarios import find_pace, title_of_pace
 
 COMPLETION = 0.99
-"""Fraction of completed episodes that a policy with a rank needs. A policy is undecided if its interval holds this."""
+"""Fraction of completed episodes that a policy with a rank needs.
+
+A policy is undecided if its interval holds this.
+"""
 
 LOST = 0.05
-"""Path error [m] of the worst twentieth of the episodes from which on a policy ranks behind those with less. So a
-policy that gets lost in one of twenty episodes ranks below all that never do."""
+"""Path error [m] of the worst twentieth of the episodes from which on a policy ranks behind those
+with less. So a policy that gets lost in one of twenty episodes ranks below all that never do."""
 
 PACE_ERROR = 0.15
 """Largest pace errors of a policy with a rank, as means over the episodes."""
@@ -80,18 +83,20 @@ class Standing:
     policy
         Its name.
     rank
-        From 1, or None if not ranked; policies share a rank if the interval of their difference contains 0.
+        From 1, or None if not ranked; policies share a rank if the interval of their difference
+        contains 0.
     reason
         Why it is not ranked, in words.
     undecided
-        Whether it has a rank but may miss ``COMPLETION``, which is in the interval of its completed episodes.
+        Whether it has a rank but may miss ``COMPLETION``, which is in the interval of its completed
+        episodes.
     scores
         Scores over all episodes, as ``summarise`` returns them.
     errors
         Path errors [m], (S, N) for S training seeds and N episodes.
     difference, probability
-        Path error minus the best policy's [m], and the probability of a smaller one on the same episode; None without
-        a best policy.
+        Path error minus the best policy's [m], and the probability of a smaller one on the same
+        episode; None without a best policy.
     """
 
     policy: str
@@ -122,10 +127,11 @@ class Standing:
 
 @dataclass(frozen=True)
 class Leaderboard:
-    """The policies, the best first and unranked ones last, on so many episodes of a scenario at a pace.
+    """The policies, the best first and unranked ones last, on so many episodes of a scenario at a
+    pace.
 
-    ``seed`` is that of fresh episodes, None for the stored ones; ``version`` that of the package that made the runs;
-    ``digest`` that of a scenario of one's own.
+    ``seed`` is that of fresh episodes, None for the stored ones; ``version`` that of the package
+    that made the runs; ``digest`` that of a scenario of one's own.
     """
 
     scenario: str
@@ -151,7 +157,15 @@ class Leaderboard:
         return {
             **{
                 name: getattr(self, name)
-                for name in ("version", "scenario", "digest", "pace", "episodes", "seed", "provisional")
+                for name in (
+                    "version",
+                    "scenario",
+                    "digest",
+                    "pace",
+                    "episodes",
+                    "seed",
+                    "provisional",
+                )
             },
             "pace_m_s": find_pace(self.pace),
             "policies": {standing.policy: standing.as_json() for standing in self.standings},
@@ -159,10 +173,11 @@ class Leaderboard:
 
 
 class SuiteScore(NamedTuple):
-    """A policy over the suite: its path errors divided by the mean of the best tuned law at the same scenario and pace.
+    """A policy over the suite: its path errors divided by the mean of the best tuned law at the
+    same scenario and pace.
 
-    ``ratios`` has the shape (S, N) for S training seeds and the N episodes of all scenarios and paces, as
-    ``performance_profile`` takes them; ``ratio`` is their interquartile mean.
+    ``ratios`` has the shape (S, N) for S training seeds and the N episodes of all scenarios and
+    paces, as ``performance_profile`` takes them; ``ratio`` is their interquartile mean.
     """
 
     ratio: Interval
@@ -180,13 +195,17 @@ def leaderboards(runs: Sequence[ScenarioRun]) -> tuple[Leaderboard, ...]:
 
 
 def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
-    """Return the leaderboard of runs on one set of episodes at one pace; a policy's training seeds count as one.
+    """Return the leaderboard of runs on one set of episodes at one pace; a policy's training seeds
+    count as one.
 
-    A policy shares the rank of the leading one unless the interval of their difference excludes 0, or only one of them
-    is ``lost``.
+    A policy shares the rank of the leading one unless the interval of their difference excludes 0,
+    or only one of them is ``lost``.
     """
     run, strata = runs[0], runs[0].strata
-    judged = sorted((_judge([r for r in runs if r.policy == name]) for name in {r.policy for r in runs}), key=_place)
+    judged = sorted(
+        (_judge([r for r in runs if r.policy == name]) for name in {r.policy for r in runs}),
+        key=_place,
+    )
     first, leader, number = judged[0], judged[0], 1
     standings: list[Standing] = []
     for place, standing in enumerate(judged):
@@ -198,18 +217,23 @@ def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
             against["difference"] = difference_interval(standing.errors, first.errors, strata)
             against["probability"] = probability_of_improvement(standing.errors, first.errors)
         standings.append(replace(standing, rank=None if standing.reason else number, **against))
-    return Leaderboard(run.scenario, run.pace, run.episodes, run.seed, tuple(standings), run.version, run.digest)
+    return Leaderboard(
+        run.scenario, run.pace, run.episodes, run.seed, tuple(standings), run.version, run.digest
+    )
 
 
 def suites(boards: Iterable[Leaderboard]) -> list[tuple[Leaderboard, ...]]:
-    """Return the leaderboards with a tuned law of each version and seed of the episodes; one's own are apart.
+    """Return the leaderboards with a tuned law of each version and seed of the episodes; one's own
+    are apart.
 
     Of several at a scenario and pace, that of the most episodes counts.
     """
     groups: dict[tuple[str, str, int | None], dict[tuple[str, str], Leaderboard]] = {}
     for board in sorted(boards, key=lambda board: board.episodes):
         if any(standing.policy in TUNED for standing in board.standings):
-            groups.setdefault((board.version, board.digest, board.seed), {})[board.scenario, board.pace] = board
+            groups.setdefault((board.version, board.digest, board.seed), {})[
+                board.scenario, board.pace
+            ] = board
     return [tuple(group.values()) for group in groups.values()]
 
 
@@ -230,7 +254,8 @@ def suite_scores(boards: Sequence[Leaderboard]) -> dict[str, SuiteScore]:
 
 
 def summarise(scores: Scores, strata: Strata = None) -> dict[str, Interval]:
-    """Return the mean of each score, and ``worst_path_error_m``, the mean of the worst twentieth of the episodes.
+    """Return the mean of each score, and ``worst_path_error_m``, the mean of the worst twentieth of
+    the episodes.
 
     Scores have the shape (N,), or (S, N) for S training seeds on the same episodes.
     """
@@ -248,7 +273,9 @@ def reason_below(scores: dict[str, Interval], pace: float) -> str | None:
     mean_pace, segments = (scores[name].value for name in ("mean_pace_error", "segment_pace_error"))
     ratio, limit = scores["mean_pace_m_s"].value / pace, f"limit {100 * PACE_ERROR:g} %"
     if completed.value < COMPLETION and not completed.holds(COMPLETION):
-        reasons.append(f"completes {100 * completed.value:.3g} % of the episodes ({100 * COMPLETION:g} % needed)")
+        reasons.append(
+            f"completes {100 * completed.value:.3g} % of the episodes ({100 * COMPLETION:g} % needed)"
+        )
     if mean_pace > PACE_ERROR and abs(ratio - 1.0) > PACE_ERROR:
         reasons.append(f"{tempo(ratio)} ({limit})")
     elif mean_pace > PACE_ERROR:
@@ -278,7 +305,9 @@ def pace_error(scores: Mapping[str, Interval], name: str, pace: float) -> str:
     return f"×{_times(ratio)}" if ratio > 1.0 else f"÷{_times(1.0 / ratio)}"
 
 
-def with_interval(interval: tuple[float | None, ...], text: str = ".1f", factor: float = 1.0) -> str:
+def with_interval(
+    interval: tuple[float | None, ...], text: str = ".1f", factor: float = 1.0
+) -> str:
     """Return a value and its 95 % interval, if it has one, as in ``1.6 (1.5 … 1.7)``."""
     value, low, high = (None if end is None else format(factor * end, text) for end in interval)
     return f"{value} ({low} … {high})" if low else str(value)
@@ -297,7 +326,11 @@ def table(board: Leaderboard) -> Table:
         ["#", "policy", *(column.title for column in COLUMNS)],
     )
     for standing in board.standings:
-        place = UNRANKED if standing.rank is None else f"{standing.rank}{'?' if standing.undecided else ''}"
+        place = (
+            UNRANKED
+            if standing.rank is None
+            else f"{standing.rank}{'?' if standing.undecided else ''}"
+        )
         cells = (_cell(standing.scores, column, find_pace(board.pace)) for column in COLUMNS)
         shown.add_row(place, escape(standing.policy), *cells)
     return shown
@@ -313,7 +346,9 @@ def suite_table(boards: Sequence[Leaderboard]) -> Table:
     )
     for name, (ratio, ratios) in suite_scores(boards).items():
         shares = performance_profile(ratios, PROFILED).fraction
-        shown.add_row(escape(name), with_interval(ratio, ".3g"), *(f"{100 * share:.0f}" for share in shares))
+        shown.add_row(
+            escape(name), with_interval(ratio, ".3g"), *(f"{100 * share:.0f}" for share in shares)
+        )
     return shown
 
 
@@ -380,4 +415,9 @@ def _judge(runs: Sequence[ScenarioRun]) -> Standing:
 
 
 def _place(standing: Standing) -> tuple[bool, bool, float, str]:
-    return standing.reason is not None, standing.lost, standing.scores["path_error_m"].value, standing.policy
+    return (
+        standing.reason is not None,
+        standing.lost,
+        standing.scores["path_error_m"].value,
+        standing.policy,
+    )

@@ -1,6 +1,7 @@
 """The evaluation episodes: stored ones, which everybody can see, and fresh ones, drawn from a seed.
 
-``pter_gym/episodes`` holds a file of stored episodes for each scenario; ``docs/make/store.py episodes`` writes them.
+``pter_gym/episodes`` holds a file of stored episodes for each scenario; ``docs/make/store.py
+episodes`` writes them.
 """
 
 import gzip
@@ -33,7 +34,8 @@ MAX_SEED = 2**64 - 1
 
 @dataclass(frozen=True)
 class Episodes:
-    """Evaluation episodes of a scenario, one entry each: machines, tasks that command a pace, and seeds of the resets.
+    """Evaluation episodes of a scenario, one entry each: machines, tasks that command a pace, and
+    seeds of the resets.
 
     ``strata`` labels the strata within which the bootstrap resamples episodes.
     """
@@ -51,7 +53,9 @@ class Episodes:
     def first(self, count: int) -> "Episodes":
         """Return the first ``count`` episodes, or raise a ParameterError if there are fewer."""
         if whole_number("episodes", count) > len(self):
-            raise ParameterError(f"episodes must be from 1 to {len(self)} for {self.scenario}, got {count!r}")
+            raise ParameterError(
+                f"episodes must be from 1 to {len(self)} for {self.scenario}, got {count!r}"
+            )
         parts = ("machines", "tasks", "seeds", "strata")
         return replace(self, **{name: getattr(self, name)[:count] for name in parts})
 
@@ -63,7 +67,12 @@ class Episodes:
 
 def scenarios(folder: FilePath = FOLDER) -> tuple[str, ...]:
     """Return the names of the scenarios that have stored episodes."""
-    return tuple(sorted(path.name.removesuffix(ENDING) for path in find_path("folder", folder).glob(f"*{ENDING}")))
+    return tuple(
+        sorted(
+            path.name.removesuffix(ENDING)
+            for path in find_path("folder", folder).glob(f"*{ENDING}")
+        )
+    )
 
 
 def load_episodes(scenario: str, pace: str, *, folder: FilePath = FOLDER) -> Episodes:
@@ -84,13 +93,17 @@ def load_episodes(scenario: str, pace: str, *, folder: FilePath = FOLDER) -> Epi
 
 
 def find_episodes(
-    scenario: str | Scenario, pace: str, seed: int | None = None, machine: FixedMachine | None = None
+    scenario: str | Scenario,
+    pace: str,
+    seed: int | None = None,
+    machine: FixedMachine | None = None,
 ) -> Episodes:
-    """Return a scenario's stored evaluation episodes at a pace, or fresh ones from a seed within [0, 2⁶⁴).
+    """Return a scenario's stored evaluation episodes at a pace, or fresh ones from a seed within
+    [0, 2⁶⁴).
 
-    There are as many fresh episodes as stored ones in each stratum, in an order given by the seed; each pace has its
-    own draws. A machine replaces those that fresh episodes would draw. Raises as ``load_episodes``, and a
-    ParameterError if the seed is out of range.
+    There are as many fresh episodes as stored ones in each stratum, in an order given by the seed;
+    each pace has its own draws. A machine replaces those that fresh episodes would draw. Raises as
+    ``load_episodes``, and a ParameterError if the seed is out of range.
     """
     found = find_scenario(scenario, machine)
     if seed is None:
@@ -102,14 +115,18 @@ def find_episodes(
 
 
 def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDER) -> Path:
-    """Write the evaluation episodes of a scenario to a folder, created if needed, and return the path of the file.
+    """Write the evaluation episodes of a scenario to a folder, created if needed, and return the
+    path of the file.
 
-    Equal machines and tasks are stored once, and the same episodes give the same bytes. ``version`` is the scenario's.
+    Equal machines and tasks are stored once, and the same episodes give the same bytes. ``version``
+    is the scenario's.
     """
     parts: dict[str, int] = {}
 
     def number(part: object) -> int:
-        return parts.setdefault(json.dumps(codec().to_plain(part), sort_keys=True, ensure_ascii=False), len(parts))
+        return parts.setdefault(
+            json.dumps(codec().to_plain(part), sort_keys=True, ensure_ascii=False), len(parts)
+        )
 
     draws = zip(episodes.machines, episodes.tasks, episodes.seeds, episodes.strata, strict=True)
     entries = [
@@ -117,7 +134,12 @@ def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDE
         for machine, task, seed, stratum in draws
     ]
     plain = [json.loads(part) for part in parts]
-    content = {"scenario": episodes.scenario, "version": version, "parts": plain, "episodes": entries}
+    content = {
+        "scenario": episodes.scenario,
+        "version": version,
+        "parts": plain,
+        "episodes": entries,
+    }
     data = json.dumps(content, ensure_ascii=False, allow_nan=False).encode()
     path = find_path("folder", folder) / f"{episodes.scenario}{ENDING}"
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -128,7 +150,9 @@ def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDE
 @lru_cache(8)
 def _draw(scenario: Scenario, seed: int, pace: str) -> Episodes:
     machines, tasks, strata = zip(*evaluation_draws(scenario, (seed, pace)), strict=True)
-    return Episodes(scenario.name, machines, tasks, tuple(fresh_reset_seeds(scenario, (seed, pace))), strata)
+    return Episodes(
+        scenario.name, machines, tasks, tuple(fresh_reset_seeds(scenario, (seed, pace))), strata
+    )
 
 
 @lru_cache(16)

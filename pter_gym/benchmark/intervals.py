@@ -1,12 +1,15 @@
-"""95 % intervals of means, rates and the worst twentieth over episodes and training seeds; performance profiles.
+"""95 % intervals of means, rates and the worst twentieth over episodes and training seeds;
+performance profiles.
 
-Values have the shape (N,) for N episodes, or (S, N) for S training seeds that met the same ones. Path errors are
-skewed, as a lost episode costs a hundred times a good one, so a mean has a studentised bootstrap interval (Efron and
-Tibshirani, "An Introduction to the Bootstrap", 1993, section 12.5), and a rate has Wilson's. The interquartile mean
-and the profiles follow Agarwal et al., "Deep reinforcement learning at the edge of the statistical precipice", NeurIPS
+Values have the shape (N,) for N episodes, or (S, N) for S training seeds that met the same ones.
+Path errors are skewed, as a lost episode costs a hundred times a good one, so a mean has a
+studentised bootstrap interval (Efron and Tibshirani, "An Introduction to the Bootstrap", 1993,
+section 12.5), and a rate has Wilson's. The interquartile mean and the profiles follow Agarwal et
+al., "Deep reinforcement learning at the edge of the statistical precipice", NeurIPS
 2021.
 
-``strata`` holds one label per episode: episodes are resampled within their stratum, and small strata are pooled.
+``strata`` holds one label per episode: episodes are resampled within their stratum, and small
+strata are pooled.
 """
 
 import math
@@ -93,9 +96,11 @@ def worst_twentieth(values: ArrayLike) -> Array:
 
 
 def worst_twentieth_interval(values: ArrayLike) -> Interval:
-    """Return the mean of the worst twentieth of all episodes with its interval: that of q + 20·max(0, x − q).
+    """Return the mean of the worst twentieth of all episodes with its interval: that of q +
+    20·max(0, x − q).
 
-    q is the smallest value of the worst twentieth; the mean of this is the worst twentieth's to first order.
+    q is the smallest value of the worst twentieth; the mean of this is the worst twentieth's to
+    first order.
     """
     seeds = _by_seed(values)
     worst = math.ceil(seeds.size / 20)
@@ -116,7 +121,9 @@ def interquartile_mean_interval(values: ArrayLike, strata: Strata = None) -> Int
     groups = _groups(episodes, strata)
     samples: list[Array] = []
     for _ in range(RESAMPLES // (2 * BLOCK)):
-        drawn = np.concatenate([generator.choice(group, (BLOCK, len(group))) for group in groups], axis=1)
+        drawn = np.concatenate(
+            [generator.choice(group, (BLOCK, len(group))) for group in groups], axis=1
+        )
         chosen = generator.integers(count, size=(BLOCK, count))
         values = seeds[chosen[:, :, None], drawn[:, None, :]].reshape(BLOCK, -1)
         samples.append(stats.trim_mean(values, 0.25, axis=1))
@@ -148,14 +155,18 @@ def _by_seed(values: ArrayLike) -> Array:
     """Return values as (S, N)."""
     seeds = np.atleast_2d(np.asarray(values, np.float64))
     if seeds.ndim != 2 or not seeds.size:
-        raise ValueError(f"statistics need at least one episode, of each training seed, got the shape {seeds.shape}")
+        raise ValueError(
+            f"statistics need at least one episode, of each training seed, got the shape {seeds.shape}"
+        )
     return seeds
 
 
 def _paired(a: ArrayLike, b: ArrayLike) -> tuple[Array, Array]:
     first, second = _by_seed(a), _by_seed(b)
     if first.shape[1] != second.shape[1]:
-        raise ValueError(f"two policies must have met the same episodes, got shapes {first.shape} and {second.shape}")
+        raise ValueError(
+            f"two policies must have met the same episodes, got shapes {first.shape} and {second.shape}"
+        )
     return first, second
 
 
@@ -163,7 +174,9 @@ def _groups(episodes: int, strata: Strata) -> tuple[tuple[int, ...], ...]:
     """Return the places of the episodes in each stratum, with small strata pooled."""
     labels = [None] * episodes if strata is None else list(strata)
     if len(labels) != episodes:
-        raise ValueError(f"strata must hold one label for each of {episodes} episodes, got {len(labels)}")
+        raise ValueError(
+            f"strata must hold one label for each of {episodes} episodes, got {len(labels)}"
+        )
     places: dict[Hashable, list[int]] = {}
     for place, label in enumerate(labels):
         places.setdefault(label, []).append(place)
@@ -180,10 +193,14 @@ def _groups(episodes: int, strata: Strata) -> tuple[tuple[int, ...], ...]:
 def _drawn(count: int, groups: tuple[tuple[int, ...], ...]) -> tuple[Array, Array]:
     """Return how often each bootstrap sample draws each seed, (RESAMPLES, S), and each episode, (RESAMPLES, N)."""
     generator = np.random.default_rng(SEED)
-    seeds = generator.multinomial(count, np.full(count, 1.0 / count), size=RESAMPLES).astype(np.float64)
+    seeds = generator.multinomial(count, np.full(count, 1.0 / count), size=RESAMPLES).astype(
+        np.float64
+    )
     episodes = np.empty((RESAMPLES, sum(map(len, groups))))
     for group in groups:
-        episodes[:, list(group)] = generator.multinomial(len(group), np.full(len(group), 1 / len(group)), RESAMPLES)
+        episodes[:, list(group)] = generator.multinomial(
+            len(group), np.full(len(group), 1 / len(group)), RESAMPLES
+        )
     return seeds, episodes
 
 
@@ -193,10 +210,14 @@ def _standard_error(seeds: Array, groups: Sequence[Sequence[int]]) -> float:
     return float(_moments(seeds, of_seeds, of_episodes, groups)[1][0])
 
 
-def _moments(seeds: Array, of_seeds: Array, of_episodes: Array, groups: Sequence[Sequence[int]]) -> tuple[Array, Array]:
-    """Return the mean and its standard error, (B,) each, of B samples that hold seeds and episodes so many times.
+def _moments(
+    seeds: Array, of_seeds: Array, of_episodes: Array, groups: Sequence[Sequence[int]]
+) -> tuple[Array, Array]:
+    """Return the mean and its standard error, (B,) each, of B samples that hold seeds and episodes
+    so many times.
 
-    The error has a part from the means of the seeds, and one from the means of the episodes within their strata.
+    The error has a part from the means of the seeds, and one from the means of the episodes within
+    their strata.
     """
     count, episodes = seeds.shape
     by_episode = of_seeds @ seeds / count
@@ -205,7 +226,9 @@ def _moments(seeds: Array, of_seeds: Array, of_episodes: Array, groups: Sequence
         size, times, centre = len(group), of_episodes[:, group], seeds[:, group].mean()
         mine = by_episode[:, group] - centre
         mean = np.einsum("be,be->b", times, mine) / size
-        spread = np.maximum(np.einsum("be,be,be->b", times, mine, mine) - size * mean**2, 0.0) / max(size - 1, 1)
+        spread = np.maximum(
+            np.einsum("be,be,be->b", times, mine, mine) - size * mean**2, 0.0
+        ) / max(size - 1, 1)
         means += (centre + mean) * size / episodes
         variances += spread * size / episodes**2
     if count > 1:

@@ -36,7 +36,9 @@ class ResultsFolder:
         """Make the folder if needed; raise a ParameterError if it is not writable, or if links lead elsewhere."""
         for path in (*self.path.glob("*"), *self.path.glob("runs/*")):
             if path.is_symlink():
-                raise ParameterError(f"results must be in a folder without symbolic links, {str(path)!r} is one")
+                raise ParameterError(
+                    f"results must be in a folder without symbolic links, {str(path)!r} is one"
+                )
         make_folder(self.path / "runs")
 
     def add(self, runs: Sequence[ScenarioRun]) -> None:
@@ -70,7 +72,9 @@ class ResultsFolder:
             {
                 **{name: getattr(mine[0], name) for name in ("version", "digest", "seed")},
                 "boards": [[board.scenario, board.pace] for board in mine],
-                "policies": {name: score.ratio._asdict() for name, score in suite_scores(mine).items()},
+                "policies": {
+                    name: score.ratio._asdict() for name, score in suite_scores(mine).items()
+                },
             }
             for mine in suites(boards)
         ]
@@ -97,7 +101,9 @@ def write_run(folder: FilePath, run: ScenarioRun) -> None:
         "strata": run.strata,
         **{name: run.scores[name].tolist() for name in SCORES if name in run.scores},
     }
-    lines = (f"{json.dumps(name)}: {json.dumps(part, allow_nan=False)}" for name, part in content.items())
+    lines = (
+        f"{json.dumps(name)}: {json.dumps(part, allow_nan=False)}" for name, part in content.items()
+    )
     write_text_atomic(run_path(folder, run), "{\n" + ",\n".join(lines) + "\n}\n")
 
 

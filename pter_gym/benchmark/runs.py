@@ -44,18 +44,22 @@ def run_scenario(
     scenario
         Its name, or a scenario or a task of your own, as ``find_scenario`` takes them.
     policies
-        By name: controllers, which are bound to the nominal machine, any ``policy(observations) -> volts``, float32
-        (N, entries) to (N, 4), a ``PerSeed``, or what ``find_policy`` takes. Or a list of names that it takes.
+        By name: controllers, which are bound to the nominal machine, any ``policy(observations) ->
+        volts``, float32 (N, entries) to (N, 4), a ``PerSeed``, or what ``find_policy`` takes. Or a
+        list of names that it takes.
     paces
-        Names of commanded paces or speeds [m/s], or one of them; by default all that have names, or a task's own.
+        Names of commanded paces or speeds [m/s], or one of them; by default all that have names, or
+        a task's own.
     episodes
         How many episodes to run, starting with the first; all by default.
     seed
-        Seed of fresh episodes, within [0, 2⁶⁴); by default, the stored ones, or 0 where there are none.
+        Seed of fresh episodes, within [0, 2⁶⁴); by default, the stored ones, or 0 where there are
+        none.
     results
         A folder of results or its path, where each run is stored.
     num_threads
-        Threads that share the episodes of a compiled law, ≥ 1; scores do not depend on their number.
+        Threads that share the episodes of a compiled law, ≥ 1; scores do not depend on their
+        number.
     on_progress
         Called with the name of each policy and pace when it is done.
 
@@ -72,19 +76,28 @@ def run_scenario(
         paces = scenario.pace if isinstance(scenario, PathFollowing) else tuple(PACES)
     listed = names_in("paces", [paces] if isinstance(paces, int | float) else paces)
     seed = 0 if seed is None and found.digest else seed
-    sets = {pace: find_episodes(found, pace, seed) for pace in (name_of_pace(each, "paces") for each in listed)}
+    sets = {
+        pace: find_episodes(found, pace, seed)
+        for pace in (name_of_pace(each, "paces") for each in listed)
+    }
     named = find_policies(policies, found.whose_gains)
     if episodes is not None:
         sets = {pace: full.first(episodes) for pace, full in sets.items()}
-    folder = results if results is None or isinstance(results, ResultsFolder) else ResultsFolder(results)
+    folder = (
+        results if results is None or isinstance(results, ResultsFolder) else ResultsFolder(results)
+    )
     if folder:
         folder.make()
     runs: list[ScenarioRun] = []
     for pace, drawn in sets.items():
         for name, versions in named.items():
-            scored = [evaluate(policy, drawn, num_threads, nominal=found.nominal) for policy in versions]
+            scored = [
+                evaluate(policy, drawn, num_threads, nominal=found.nominal) for policy in versions
+            ]
             trained = [
-                ScenarioRun(found.name, pace, name, number, seed, drawn.strata, scores, digest=found.digest)
+                ScenarioRun(
+                    found.name, pace, name, number, seed, drawn.strata, scores, digest=found.digest
+                )
                 for number, scores in enumerate(scored)
             ]
             if folder:
@@ -94,7 +107,9 @@ def run_scenario(
     return tuple(runs)
 
 
-def evaluate(policy: AnyPolicy, episodes: Episodes, num_threads: int = 2, *, nominal: Machine = BASELINE) -> Scores:
+def evaluate(
+    policy: AnyPolicy, episodes: Episodes, num_threads: int = 2, *, nominal: Machine = BASELINE
+) -> Scores:
     """Return the scores of a policy, bound to the nominal machine, on episodes."""
     sensors = sensors_of(policy)
     acting = bind(policy, nominal, observation_layout(nominal, sensors))
@@ -115,7 +130,9 @@ def evaluate(policy: AnyPolicy, episodes: Episodes, num_threads: int = 2, *, nom
             wanted=wanted_forces(acting, telemetry, tasks),
         )
 
-    with ThreadPoolExecutor(num_threads if acting.compiled else 1, thread_name_prefix="pter-benchmark") as pool:
+    with ThreadPoolExecutor(
+        num_threads if acting.compiled else 1, thread_name_prefix="pter-benchmark"
+    ) as pool:
         parts = list(pool.map(evaluate_from, range(0, len(episodes), CHUNK)))
     names = (name for name in SCORES if all(name in part for part in parts))
     return {name: np.concatenate([part[name] for part in parts]) for name in names}

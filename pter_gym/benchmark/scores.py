@@ -21,7 +21,8 @@ Scores = dict[str, Values]
 
 
 class Metric(NamedTuple):
-    """The declaration of a score: its unit, its meaning in words, and what computes it, (N,), for N episodes.
+    """The declaration of a score: its unit, its meaning in words, and what computes it, (N,), for N
+    episodes.
 
     ``find`` returns None where the score is not defined.
     """
@@ -31,16 +32,19 @@ class Metric(NamedTuple):
     find: Callable[[Recorded], Values | None]
 
 
-def _score(unit: str, meaning: str, find: Callable[[Recorded], Values | None], **options: Any) -> Any:
+def _score(
+    unit: str, meaning: str, find: Callable[[Recorded], Values | None], **options: Any
+) -> Any:
     return field(metadata={"metric": Metric(unit, meaning, find)}, **options)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """Scores of one episode. Accelerations leave out the start-up interval and are low-pass filtered.
+    """Scores of one episode. Accelerations leave out the start-up interval and are low-pass
+    filtered.
 
-    Every score is finite, whatever the episode. An episode that ends within the start-up interval counts in full. The
-    last three are None where they are not defined.
+    Every score is finite, whatever the episode. An episode that ends within the start-up interval
+    counts in full. The last three are None where they are not defined.
     """
 
     path_error_m: float = _score(
@@ -53,24 +57,42 @@ class Score:
         "m", "the same without the first segment; ranks do not use it", Recorded.later_path_error
     )
     rms_error_m: float = _score("m", "√(∫e²ds/L); ranks do not use it", Recorded.rms_error)
-    mean_error_m: float = _score("m", "time average of |e|; ranks do not use it", Recorded.mean_error)
-    path_average_error_m: float = _score("m", "path average ∫|e|ds/L; ranks do not use it", Recorded.path_average)
-    mean_pace_error: float = _score("1", "|T·v/L − 1| with the commanded pace v", Recorded.mean_pace_error)
-    segment_pace_error: float = _score("1", "mean of |t·v/(L/10) − 1| over ten segments", Recorded.segment_pace_error)
+    mean_error_m: float = _score(
+        "m", "time average of |e|; ranks do not use it", Recorded.mean_error
+    )
+    path_average_error_m: float = _score(
+        "m", "path average ∫|e|ds/L; ranks do not use it", Recorded.path_average
+    )
+    mean_pace_error: float = _score(
+        "1", "|T·v/L − 1| with the commanded pace v", Recorded.mean_pace_error
+    )
+    segment_pace_error: float = _score(
+        "1", "mean of |t·v/(L/10) − 1| over ten segments", Recorded.segment_pace_error
+    )
     mean_pace_m_s: float = _score("m/s", "mean speed along the path", Recorded.mean_pace)
-    mean_speed_m_s: float = _score("m/s", "time average of the tip's speed", lambda e: e.mean(e.speed))
-    mean_acceleration_m_s2: float = _score("m/s²", "time average", lambda e: mean_over(e.acceleration, e.counted))
+    mean_speed_m_s: float = _score(
+        "m/s", "time average of the tip's speed", lambda e: e.mean(e.speed)
+    )
+    mean_acceleration_m_s2: float = _score(
+        "m/s²", "time average", lambda e: mean_over(e.acceleration, e.counted)
+    )
     rms_acceleration_m_s2: float = _score(
-        "m/s²", "root of the mean square", lambda e: np.sqrt(mean_over(e.acceleration**2, e.counted))
+        "m/s²",
+        "root of the mean square",
+        lambda e: np.sqrt(mean_over(e.acceleration**2, e.counted)),
     )
     peak_acceleration_m_s2: float = _score(
         "m/s²", "largest", lambda e: np.where(e.counted, e.acceleration, 0.0).max(axis=0)
     )
-    smoothness: float = _score("1", "−ln of the dimensionless jerk; larger is smoother", Recorded.smoothness)
+    smoothness: float = _score(
+        "1", "−ln of the dimensionless jerk; larger is smoother", Recorded.smoothness
+    )
     spectral_arc_length: float = _score(
         "1", "SPARC of the tip's speed; nearer to 0 is smoother", Recorded.spectral_arc_length
     )
-    mean_force_n: float = _score("N", "time average of the size of the hand's force", lambda e: e.mean(e.force))
+    mean_force_n: float = _score(
+        "N", "time average of the size of the hand's force", lambda e: e.mean(e.force)
+    )
     peak_force_n: float = _score("N", "its largest size", lambda e: e.force.max(axis=0))
     resisting_force_n: float = _score(
         "N",
@@ -85,7 +107,9 @@ class Score:
         "mean of (V/V_max)² over time and clutches",
         lambda e: e.mean(((e.volts / e.voltage_max) ** 2).mean(axis=-1)),
     )
-    dissipated_j: float = _score("J", "energy taken by the clutches", lambda e: e.total("dissipated"))
+    dissipated_j: float = _score(
+        "J", "energy taken by the clutches", lambda e: e.total("dissipated")
+    )
     hand_work_j: float = _score("J", "work of the hand", lambda e: e.total("hand_work"))
     saturated: float = _score(
         "1",
@@ -127,7 +151,9 @@ OPTIONAL = frozenset(item.name for item in fields(Score) if item.default is None
 """The scores that are not defined for every policy and scenario."""
 
 
-def score(telemetry: Array, task: PathFollowing, *, voltage_max: float = BASELINE.clutch.voltage_max) -> Score:
+def score(
+    telemetry: Array, task: PathFollowing, *, voltage_max: float = BASELINE.clutch.voltage_max
+) -> Score:
     """Score one episode.
 
     Parameters
@@ -156,15 +182,15 @@ def score_episodes(
     Parameters
     ----------
     telemetry
-        Shape (T + 1, N, len(TELEMETRY)): the rows of the reset, then one per control step, NaN after the end of an
-        episode.
+        Shape (T + 1, N, len(TELEMETRY)): the rows of the reset, then one per control step, NaN
+        after the end of an episode.
     tasks
         The tasks that were followed, N of them, with one control period.
     voltage_max
         Largest voltage of the clutches [V].
     machines, wanted
-        For the force errors: the machines, N of them, and the forces [N] of the device on the hand that the policy
-        wanted, (T + 1, N, 2); only impedance laws want any.
+        For the force errors: the machines, N of them, and the forces [N] of the device on the hand
+        that the policy wanted, (T + 1, N, 2); only impedance laws want any.
 
     Raises
     ------
@@ -202,9 +228,11 @@ class ScenarioRun:
     seed
         Seed of fresh episodes; None for the stored ones.
     digest
-        Digest of a scenario of one's own, whose name may be another's; empty for those of the suite.
+        Digest of a scenario of one's own, whose name may be another's; empty for those of the
+        suite.
     strata, scores
-        A label for each episode, and an array with an entry for each episode under the name of each defined score.
+        A label for each episode, and an array with an entry for each episode under the name of each
+        defined score.
     """
 
     scenario: str

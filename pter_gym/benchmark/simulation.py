@@ -27,14 +27,21 @@ class BatchRollout:
     Attributes
     ----------
     obs
-        The latest observations, float32 (N, entries); ``seen`` has those at all control steps decided one by one.
+        The latest observations, float32 (N, entries); ``seen`` has those at all control steps
+        decided one by one.
     steps
         Control steps so far.
     ended
         Which episodes have ended, bool (N,).
     """
 
-    def __init__(self, batch: Batch, policy: BoundPolicy, seeds: Sequence[int], columns: Columns = slice(None)) -> None:
+    def __init__(
+        self,
+        batch: Batch,
+        policy: BoundPolicy,
+        seeds: Sequence[int],
+        columns: Columns = slice(None),
+    ) -> None:
         self.batch, self.policy = batch, policy
         self.obs, first = batch.reset(seeds)
         policy.reset()
@@ -43,7 +50,11 @@ class BatchRollout:
         self.seen: list[Observations] = [self.obs]
         self._columns = columns
         self._rows = [first[None][..., columns]]
-        self._memory = policy.empty_memory(batch.num_worlds) if isinstance(policy, Policy) else batch.empty_memory()
+        self._memory = (
+            policy.empty_memory(batch.num_worlds)
+            if isinstance(policy, Policy)
+            else batch.empty_memory()
+        )
         self._volts: Any = None
 
     def advance(self, steps: int) -> None:
@@ -90,23 +101,28 @@ def run(
     Parameters
     ----------
     batch, policy
-        The worlds, and a policy, bound to the nominal machine unless it is already bound or a plain callable.
+        The worlds, and a policy, bound to the nominal machine unless it is already bound or a plain
+        callable.
     seeds, limits
         Seeds of the resets, and control steps after which an episode is truncated, N each.
     columns
         Columns of the telemetry that are kept; all by default.
     stride
-        For a compiled law, control steps between checks for ended episodes; by default, it runs to the largest limit.
+        For a compiled law, control steps between checks for ended episodes; by default, it runs to
+        the largest limit.
     """
     episodes = BatchRollout(batch, bind(policy, BASELINE, batch.layout), seeds, columns)
     last = max(limits)
-    while episodes.steps < last and not (episodes.ended | (np.array(limits) <= episodes.steps)).all():
+    while (
+        episodes.steps < last and not (episodes.ended | (np.array(limits) <= episodes.steps)).all()
+    ):
         episodes.advance(stride or last)
     return episodes
 
 
 def simulate(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_steps: int) -> Array:
-    """Return the telemetry of new episodes, (steps + 1, N, len(TELEMETRY)), NaN after the end of an episode.
+    """Return the telemetry of new episodes, (steps + 1, N, len(TELEMETRY)), NaN after the end of an
+    episode.
 
     Arguments are those of ``run``; all episodes are truncated after ``max_steps`` control steps.
     """
@@ -114,7 +130,8 @@ def simulate(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_steps: i
 
 
 class Episode(NamedTuple):
-    """One episode with everything that a policy saw and did; each row but the last is followed by a control step.
+    """One episode with everything that a policy saw and did; each row but the last is followed by a
+    control step.
 
     Attributes
     ----------
@@ -132,7 +149,13 @@ class Episode(NamedTuple):
 
 
 def record_episode(
-    policy: AnyPolicy, machine: Machine, task: PathFollowing, seed: int, max_steps: int, *, nominal: Machine = BASELINE
+    policy: AnyPolicy,
+    machine: Machine,
+    task: PathFollowing,
+    seed: int,
+    max_steps: int,
+    *,
+    nominal: Machine = BASELINE,
 ) -> Episode:
     """Return an episode in a world of its own, truncated after ``max_steps`` control steps.
 
@@ -143,7 +166,9 @@ def record_episode(
     while episode.steps < max_steps and not episode.ended.all():
         episode.step()
     telemetry: Any = episode.telemetry[:, 0]
-    return Episode(telemetry, np.concatenate(episode.seen), telemetry[1:, [*COLUMN.volts]].astype(np.float32))
+    return Episode(
+        telemetry, np.concatenate(episode.seen), telemetry[1:, [*COLUMN.volts]].astype(np.float32)
+    )
 
 
 def sensors_of(policy: AnyPolicy) -> Sensors:

@@ -1,9 +1,11 @@
-"""Controllers with shipped gains: tuned ones, and the paper's with a damper for each commanded pace.
+"""Controllers with shipped gains: tuned ones, and the paper's with a damper for each commanded
+pace.
 
-``presets/tuned.toml`` has a table for each scenario, controller and pace: the gains that ``pter tune`` found on
-training draws, the defaults of all others, the search command, and scores on draws that the search had not seen.
-``presets/paces.toml``, which ``docs/make/store.py paces`` writes, has the damper along the path with which the paper's
-gains, made for about 0.5 m/s, keep a commanded pace on a scenario's training draws.
+``presets/tuned.toml`` has a table for each scenario, controller and pace: the gains that ``pter
+tune`` found on training draws, the defaults of all others, the search command, and scores on draws
+that the search had not seen. ``presets/paces.toml``, which ``docs/make/store.py paces`` writes, has
+the damper along the path with which the paper's gains, made for about 0.5 m/s, keep a commanded
+pace on a scenario's training draws.
 """
 
 import tomllib
@@ -29,7 +31,9 @@ SUFFIX = "-tuned"
 FALLBACK = "everything"
 """The scenario whose gains serve where there are none for another."""
 
-TUNABLE: tuple[str, ...] = tuple(name for name, kind in CONTROLLERS.items() if issubclass(kind, Guided))
+TUNABLE: tuple[str, ...] = tuple(
+    name for name, kind in CONTROLLERS.items() if issubclass(kind, Guided)
+)
 """Names of the controllers that have gains."""
 
 TUNED = tuple(name + SUFFIX for name in TUNABLE)
@@ -42,14 +46,16 @@ Table = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
 
 
 def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE) -> PaceSchedule:
-    """Return a controller, such as ``torque-feedback-tuned``, whose tuned gains follow the commanded pace.
+    """Return a controller, such as ``torque-feedback-tuned``, whose tuned gains follow the
+    commanded pace.
 
     Parameters
     ----------
     name, path
         Its name, and the file of the gains.
     scenario
-        Scenario whose gains to use; by default, or if there are none for it, as for one's own, those of ``everything``.
+        Scenario whose gains to use; by default, or if there are none for it, as for one's own,
+        those of ``everything``.
 
     Raises
     ------
@@ -64,7 +70,9 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
     table = read_table(path)
     for place in (scenario or FALLBACK, FALLBACK):
         if entries := table.get(place, {}).get(controller):
-            return _schedule((pace, controller_of(controller, entry, path)) for pace, entry in entries.items())
+            return _schedule(
+                (pace, controller_of(controller, entry, path)) for pace, entry in entries.items()
+            )
     raise ParameterError(
         f"policies: there are no tuned gains of {controller!r} for {scenario or FALLBACK!r} or {FALLBACK!r}; "
         f"`pter tune {controller}` finds some"
@@ -72,9 +80,11 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
 
 
 def read_tuned(path: FilePath, scenario: str | None = None) -> PaceSchedule:
-    """Return the controller in a file of ``pter tune --out``: with the gains for a scenario, or all if it has none.
+    """Return the controller in a file of ``pter tune --out``: with the gains for a scenario, or all
+    if it has none.
 
-    Raises a ParameterError if it does not exist or has several controllers, a DataError if it is another kind of file.
+    Raises a ParameterError if it does not exist or has several controllers, a DataError if it is
+    another kind of file.
     """
     path = find_path("policies", path)
     if not path.is_file():
@@ -84,9 +94,13 @@ def read_tuned(path: FilePath, scenario: str | None = None) -> PaceSchedule:
     found = [(name, place) for place in places for name in table[place]]
     if len(found) != 1:
         names = ", ".join(f"{name} for {place}" for name, place in found) or "none"
-        raise ParameterError(f"policies must name a file with gains of one controller, {str(path)!r} has {names}")
+        raise ParameterError(
+            f"policies must name a file with gains of one controller, {str(path)!r} has {names}"
+        )
     ((name, place),) = found
-    return _schedule((pace, controller_of(name, entry, path)) for pace, entry in table[place][name].items())
+    return _schedule(
+        (pace, controller_of(name, entry, path)) for pace, entry in table[place][name].items()
+    )
 
 
 def find_paced(name: str, scenario: str | None) -> Controller:
@@ -95,7 +109,9 @@ def find_paced(name: str, scenario: str | None) -> Controller:
     dampers = scenario and damping_table().get(scenario, damping_table()[FALLBACK]).get(name)
     if not dampers or not isinstance(controller, Impedance):
         return controller
-    laws = ((pace, replace(controller, damping_tangential=damping)) for pace, damping in dampers.items())
+    laws = (
+        (pace, replace(controller, damping_tangential=damping)) for pace, damping in dampers.items()
+    )
     return _schedule(laws, hold=HOLD)
 
 
@@ -108,7 +124,8 @@ def damping_table() -> Mapping[str, Mapping[str, Mapping[str, float]]]:
 def read_table(path: FilePath = TABLE) -> Table:
     """Return the tuned gains by scenario, controller and pace; empty if there is no file.
 
-    Raises a DataError if it cannot be read, names an unknown controller or pace, or does not hold tables.
+    Raises a DataError if it cannot be read, names an unknown controller or pace, or does not hold
+    tables.
     """
     path = find_path("path", path)
     with reading(f"tuned gains {path} cannot be read"):
@@ -116,13 +133,20 @@ def read_table(path: FilePath = TABLE) -> Table:
         for scenario, controllers in table.items():
             for controller, paces in controllers.items():
                 for pace, entry in paces.items():
-                    if controller not in TUNABLE or not find_pace(pace) or not isinstance(entry["gains"], dict):
-                        raise ValueError(f"{scenario}.{controller}.{pace} must hold gains of a controller at a pace")
+                    if (
+                        controller not in TUNABLE
+                        or not find_pace(pace)
+                        or not isinstance(entry["gains"], dict)
+                    ):
+                        raise ValueError(
+                            f"{scenario}.{controller}.{pace} must hold gains of a controller at a pace"
+                        )
     return table
 
 
 def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
-    """Return a controller with the gains of an entry, or raise a DataError if one is unknown or out of range.
+    """Return a controller with the gains of an entry, or raise a DataError if one is unknown or out
+    of range.
 
     Unnamed gains take the defaults stored with it.
     """

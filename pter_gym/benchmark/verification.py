@@ -33,14 +33,17 @@ def verify(
     policies: Policies = (),
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[Comparison, ...]:
-    """Repeat the runs in a folder, or raise a ParameterError if it has none; return a verdict for each file.
+    """Repeat the runs in a folder, or raise a ParameterError if it has none; return a verdict for
+    each file.
 
-    Policies that are not given, as for ``run_scenario``, are looked up as ``find_policy`` does, but no code is
-    imported. ``on_progress`` is called with the name of each file before it is repeated.
+    Policies that are not given, as for ``run_scenario``, are looked up as ``find_policy`` does, but
+    no code is imported. ``on_progress`` is called with the name of each file before it is repeated.
     """
     results = results if isinstance(results, ResultsFolder) else ResultsFolder(results)
     if not results.files():
-        raise ParameterError(f"results must be a folder with files in runs, {str(results.path)!r} has none")
+        raise ParameterError(
+            f"results must be a folder with files in runs, {str(results.path)!r} has none"
+        )
     verdicts: list[Comparison] = []
     for path in results.files():
         on_progress(path.name)
@@ -61,7 +64,9 @@ def _repeat(run: ScenarioRun, policies: Policies) -> str:
     if run.digest:
         raise ParameterError(f"scenario must be one of the suite's, {run.scenario!r} is your own")
     if run.training_seed >= len(versions):
-        raise ParameterError(f"policies must hold {run.training_seed + 1} training seeds of {run.policy!r}")
+        raise ParameterError(
+            f"policies must hold {run.training_seed + 1} training seeds of {run.policy!r}"
+        )
     episodes = find_episodes(run.scenario, run.pace, run.seed).first(run.episodes)
     repeated = evaluate(versions[run.training_seed], episodes)
     for name, values in run.scores.items():

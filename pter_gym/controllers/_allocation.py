@@ -1,7 +1,9 @@
-"""The clutch torques that come closest to the desired joint torques (paper section III-A), solved exactly.
+"""The clutch torques that come closest to the desired joint torques (paper section III-A), solved
+exactly.
 
-The reachable joint torques form the same zonotope as in the friction problem, so finding the nearest one is a friction
-problem too, with the metric in place of the mass matrix and the unreached remainder in place of the velocity.
+The reachable joint torques form the same zonotope as in the friction problem, so finding the
+nearest one is a friction problem too, with the metric in place of the mass matrix and the unreached
+remainder in place of the velocity.
 """
 
 from pter_gym._compiled.compiler import device
@@ -38,16 +40,20 @@ def allocate(
 ) -> PerClutch:
     """Return the clutch torques within bounds that come closest to the desired joint torques [N·m].
 
-    Minimises ``(Wᵀτ − want)ᵀ·M⁻¹·(Wᵀτ − want)``, then Σ τ_x² among the minimisers. M is the identity for distances in
-    joint torque, or JᵀJ for distances in tip force.
+    Minimises ``(Wᵀτ − want)ᵀ·M⁻¹·(Wᵀτ − want)``, then Σ τ_x² among the minimisers. M is the
+    identity for distances in joint torque, or JᵀJ for distances in tip force.
     """
     middle_a, middle_b = torques_on_links(mean(low, high), arrangement)
     half = mean(negative(low), high)
-    short_a, short_b = resolve(m11, m12, m22, want_a - middle_a, want_b - middle_b, half, arrangement)
+    short_a, short_b = resolve(
+        m11, m12, m22, want_a - middle_a, want_b - middle_b, half, arrangement
+    )
     got_a = want_a - (m11 * short_a + m12 * short_b)
     got_b = want_b - (m12 * short_a + m22 * short_b)
     short = slip_velocities(short_a, short_b, arrangement)
-    return share(got_a, got_b, pinned(short, high, low), pinned(negative(short), low, high), 0.0, arrangement)
+    return share(
+        got_a, got_b, pinned(short, high, low), pinned(negative(short), low, high), 0.0, arrangement
+    )
 
 
 @entrywise

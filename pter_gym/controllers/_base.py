@@ -1,7 +1,9 @@
-"""Policies: a *controller* has ``bind``; the *bound policy* that it returns turns observations into volts.
+"""Policies: a *controller* has ``bind``; the *bound policy* that it returns turns observations into
+volts.
 
-A controller is a frozen set of gains, a trained network, or anything else that fits a nominal machine and the layout of
-its observations. ``bind`` also turns a plain callable into a bound policy.
+A controller is a frozen set of gains, a trained network, or anything else that fits a nominal
+machine and the layout of its observations. ``bind`` also turns a plain callable into a bound
+policy.
 """
 
 from abc import ABC, abstractmethod
@@ -55,7 +57,8 @@ class BoundPolicy(ABC):
 
     @abstractmethod
     def act(self, observations: Observations) -> Any:
-        """Return clutch voltages [V], (N, clutches), for observations, float32 (N, entries), contiguous.
+        """Return clutch voltages [V], (N, clutches), for observations, float32 (N, entries),
+        contiguous.
 
         A compiled law has four, and those of clutches that a machine lacks have no effect.
         """
@@ -80,7 +83,9 @@ class BoundPolicy(ABC):
         """
         rows = np.ascontiguousarray(np.atleast_2d(observation), np.float32)
         if rows.ndim != 2 or rows.shape[1] != len(self.layout):
-            raise ParameterError(f"observation must have {len(self.layout)} entries, got the shape {rows.shape}")
+            raise ParameterError(
+                f"observation must have {len(self.layout)} entries, got the shape {rows.shape}"
+            )
         volts = np.asarray(self.act(rows), np.float32)
         return volts[0] if np.ndim(observation) == 1 else volts
 
@@ -90,10 +95,11 @@ class Controller(Protocol):
     """A control law with its gains, or anything else that acts once bound."""
 
     def bind(self, machine: Machine, layout: Layout) -> Callable[[Observations], Volts]:
-        """Return the policy for a nominal machine and the layout of the observations that it will get.
+        """Return the policy for a nominal machine and the layout of the observations that it will
+        get.
 
-        It is a ``BoundPolicy``, or any callable that takes observations, float32 (N, entries), and returns volts,
-        (N, clutches). The law of a ``Policy`` runs compiled.
+        It is a ``BoundPolicy``, or any callable that takes observations, float32 (N, entries), and
+        returns volts, (N, clutches). The law of a ``Policy`` runs compiled.
         """
         ...
 
@@ -119,14 +125,17 @@ class PlainPolicy(BoundPolicy):
 
 
 def bind(
-    policy: Controller | Callable[[Observations], Any], machine: Machine | str | None, layout: Layout
+    policy: Controller | Callable[[Observations], Any],
+    machine: Machine | str | None,
+    layout: Layout,
 ) -> BoundPolicy:
     """Return a policy that is ready to act; this is where plain callables become policies.
 
     Parameters
     ----------
     policy
-        A controller, a bound policy, or any ``policy(observations) -> volts``, float32 (N, entries) to (N, clutches).
+        A controller, a bound policy, or any ``policy(observations) -> volts``, float32 (N, entries)
+        to (N, clutches).
     machine
         The nominal machine or its name; None for the default PTER.
     layout
@@ -137,7 +146,9 @@ def bind(
     ParameterError
         If it is none of these, or it cannot be bound to this machine and layout.
     """
-    acting = policy.bind(find_machine(machine), layout) if isinstance(policy, Controller) else policy
+    acting = (
+        policy.bind(find_machine(machine), layout) if isinstance(policy, Controller) else policy
+    )
     if isinstance(acting, BoundPolicy):
         return acting
     if not callable(acting):
@@ -158,8 +169,8 @@ class Policy(BoundPolicy):
     law
         The scalar law; see ``pter_gym.controllers._laws``. The batch kernel inlines it.
     memory
-        Record of the law's state in each world, a ``NamedTuple`` of floats; all are zero when an episode begins, except
-        an entry ``world``, which is the number of the world.
+        Record of the law's state in each world, a ``NamedTuple`` of floats; all are zero when an
+        episode begins, except an entry ``world``, which is the number of the world.
     """
 
     gains: NDArray[np.float64]

@@ -1,8 +1,9 @@
-"""The array of gains that guiding laws read: their nominal machine, a torque table, and rows of gains by pace.
+"""The array of gains that guiding laws read: their nominal machine, a torque table, and rows of
+gains by pace.
 
-In this order: ``Nominal``; the voltages, then the torques of the table; the paces of the rows; the rows, each a
-``Gains``. Between two paces the gains are interpolated; beyond them the nearest row applies. If the nominal machine has
-clutches other than the paper's, its ``Arrangement`` comes last.
+In this order: ``Nominal``; the voltages, then the torques of the table; the paces of the rows; the
+rows, each a ``Gains``. Between two paces the gains are interpolated; beyond them the nearest row
+applies. If the nominal machine has clutches other than the paper's, its ``Arrangement`` comes last.
 """
 
 from collections.abc import Sequence
@@ -29,11 +30,14 @@ class Nominal(NamedTuple):
     arm: Linkage
     torque_limit: Annotated[float, Entry("N·m", "torque at the largest voltage")]
     voltage_max: Annotated[float, Entry("V", "largest voltage")]
-    scale: Annotated[PerClutch, Entry("1", "torque over that of the table, 0 for a clutch that is not there")]
+    scale: Annotated[
+        PerClutch, Entry("1", "torque over that of the table, 0 for a clutch that is not there")
+    ]
 
 
 class Gains(NamedTuple):
-    """Gains of all guiding laws; a law leaves those of other laws at zero. Switches are on from 0.5.
+    """Gains of all guiding laws; a law leaves those of other laws at zero. Switches are on from
+    0.5.
 
     The laws' classes declare units and meanings; see ``Guided`` and its subclasses.
     """
@@ -72,7 +76,10 @@ WIDTH = width(Gains)
 
 
 def gains_array(
-    kind: float, machine: Machine, table_volts: Sequence[float], rows_by_pace: Sequence[tuple[float, Gains]]
+    kind: float,
+    machine: Machine,
+    table_volts: Sequence[float],
+    rows_by_pace: Sequence[tuple[float, Gains]],
 ) -> NDArray[np.float64]:
     """Return the array of gains.
 
@@ -83,20 +90,25 @@ def gains_array(
     machine
         The nominal machine.
     table_volts
-        Knots of the torque table [V], from 0 to the machine's largest voltage; the torques are those of its curve.
+        Knots of the torque table [V], from 0 to the machine's largest voltage; the torques are
+        those of its curve.
     rows_by_pace
         Commanded pace [m/s] and gains, in order of rising pace.
     """
     arm, clutch = machine.arm, machine.clutch
     torques = [clutch.dynamic.torque(volts) for volts in table_volts]
     without_hand = 0.0, 0.0, 0.5
-    linkage = Linkage(arm.length_a, arm.length_b, arm.inertia_a, arm.inertia_b, arm.coupling, *without_hand)
+    linkage = Linkage(
+        arm.length_a, arm.length_b, arm.inertia_a, arm.inertia_b, arm.coupling, *without_hand
+    )
     scale = PerClutch(*machine.slot_scale)
     nominal = Nominal(kind, len(table_volts), linkage, torques[-1], clutch.voltage_max, scale)
     paces = [pace for pace, _ in rows_by_pace]
     table = (*table_volts, *torques)
     gains = (gain for _, row in rows_by_pace for gain in row)
-    return np.array([*flat(nominal), *table, *paces, *gains, *flat(optional_arrangement(machine) or ())])
+    return np.array(
+        [*flat(nominal), *table, *paces, *gains, *flat(optional_arrangement(machine) or ())]
+    )
 
 
 @device
@@ -109,7 +121,9 @@ def read_gains(gains: Any, pace: float) -> Gains:
     for k in range(count - 1):
         if pace > gains[paces + k]:
             low = k
-            part = between((pace - gains[paces + k]) / (gains[paces + k + 1] - gains[paces + k]), 0.0, 1.0)
+            part = between(
+                (pace - gains[paces + k]) / (gains[paces + k + 1] - gains[paces + k]), 0.0, 1.0
+            )
     here = paces + count + low * WIDTH
     there = here + (WIDTH if count > 1 else 0)
     return lerp(read(gains, GAIN, here), read(gains, GAIN, there), part)
@@ -130,12 +144,15 @@ def table_voltage(gains: Any, torque: float) -> float:
 
 
 @device
-def clutch_voltage(gains: Any, g: Gains, scale: float, wanted: float, slip: float, generated: float) -> float:
-    """Return the voltage [V] for a desired clutch torque: from the table, and the loop of Fig. 6 if it has a gain.
+def clutch_voltage(
+    gains: Any, g: Gains, scale: float, wanted: float, slip: float, generated: float
+) -> float:
+    """Return the voltage [V] for a desired clutch torque: from the table, and the loop of Fig. 6 if
+    it has a gain.
 
-    Torques are magnitudes, since a voltage cannot choose a sign. A clutch with scale 0 is missing and gets 0 V.
-    ``hold_when_stuck`` disables the loop while the clutch is stuck and carries less than desired, where a higher
-    voltage has no effect.
+    Torques are magnitudes, since a voltage cannot choose a sign. A clutch with scale 0 is missing
+    and gets 0 V. ``hold_when_stuck`` disables the loop while the clutch is stuck and carries less
+    than desired, where a higher voltage has no effect.
     """
     error = abs(wanted) - abs(generated)
     idle = (g.hold_when_stuck >= 0.5) & (abs(slip) <= g.slip_threshold) & (error > 0.0)

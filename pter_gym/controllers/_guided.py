@@ -1,9 +1,10 @@
 """Guiding controllers: a damper along the path, a torque table, and gains that may follow the pace.
 
-``Impedance`` and ``TorqueFeedback`` are the paper's (sections III-A and IV-B.3, Fig. 6). ``SingleDof`` and
-``VelocityRatio`` follow later work on PTER in their ideas: Swanson and Book, "Path-following control for dissipative
-passive haptic displays", Symposium on Haptic Interfaces 2003, and Swanson's dissertation, Georgia Institute of
-Technology 2003. Their laws and gains are chosen here; none of those works' results is reproduced.
+``Impedance`` and ``TorqueFeedback`` are the paper's (sections III-A and IV-B.3, Fig. 6).
+``SingleDof`` and ``VelocityRatio`` follow later work on PTER in their ideas: Swanson and Book,
+"Path-following control for dissipative passive haptic displays", Symposium on Haptic Interfaces
+2003, and Swanson's dissertation, Georgia Institute of Technology 2003. Their laws and gains are
+chosen here; none of those works' results is reproduced.
 """
 
 from dataclasses import dataclass, fields
@@ -13,7 +14,13 @@ from typing import Any, ClassVar
 from pter_gym._compiled.layout import Layout
 from pter_gym.controllers._base import Policy
 from pter_gym.controllers._gains import Gains, gains_array
-from pter_gym.controllers._laws import IMPEDANCE, SINGLE_DOF, VELOCITY_RATIO, built_in, built_in_declared
+from pter_gym.controllers._laws import (
+    IMPEDANCE,
+    SINGLE_DOF,
+    VELOCITY_RATIO,
+    built_in,
+    built_in_declared,
+)
 from pter_gym.errors import ParameterError
 from pter_gym.params import (
     Machine,
@@ -30,23 +37,30 @@ from pter_gym.tasks.path_following._observation import OBS
 
 @dataclass(frozen=True, kw_only=True)
 class Guided:
-    """A controller that computes a desired tip force, clutch torques for it, and their voltages from a table.
+    """A controller that computes a desired tip force, clutch torques for it, and their voltages
+    from a table.
 
-    The controller knows the nominal machine that it is bound to: its link lengths and inertias, and the dynamic torque
-    curve at ``table_volts``. Between these it interpolates, so its table is not the plant's curve. Below 4 V,
-    where the paper could not measure, the table is extrapolated to (0 V, 0 N·m). It ends at the machine's largest
-    voltage, which replaces all knots from there on.
+    The controller knows the nominal machine that it is bound to: its link lengths and inertias, and
+    the dynamic torque curve at ``table_volts``. Between these it interpolates, so its table is not
+    the plant's curve. Below 4 V, where the paper could not measure, the table is extrapolated to (0
+    V, 0 N·m). It ends at the machine's largest voltage, which replaces all knots from there on.
     """
 
     damping_tangential: float = preset("controller", "damping_tangential")
     pace_fraction: float = quantity(
-        "1", "chosen: the damper along the path leaves this fraction of the commanded pace alone; paper: 0", default=0.0
+        "1",
+        "chosen: the damper along the path leaves this fraction of the commanded pace alone; paper: 0",
+        default=0.0,
     )
     pace_integral: float = quantity(
-        "N·s/m", "chosen: braking force that a control step adds for each m/s above the pace; paper: 0", default=0.0
+        "N·s/m",
+        "chosen: braking force that a control step adds for each m/s above the pace; paper: 0",
+        default=0.0,
     )
     grip: float = quantity(
-        "1", "chosen: control steps at the start of an episode with all clutches fully engaged; paper: 0", default=0.0
+        "1",
+        "chosen: control steps at the start of an episode with all clutches fully engaged; paper: 0",
+        default=0.0,
     )
     table_volts: tuple[float, ...] = preset("controller", "table_volts")
     slip_threshold: float = preset("controller", "slip_threshold")
@@ -54,7 +68,9 @@ class Guided:
     kind: ClassVar[float]
     """Number of the law, from ``pter_gym.controllers._laws``."""
 
-    ranges: ClassVar[dict[str, dict[str, float]]] = {"pace_fraction": {"at_least": 0.0, "at_most": 1.0}}
+    ranges: ClassVar[dict[str, dict[str, float]]] = {
+        "pace_fraction": {"at_least": 0.0, "at_most": 1.0}
+    }
     """What the gains accept that are not merely ≥ 0."""
 
     def __post_init__(self) -> None:
@@ -65,13 +81,17 @@ class Guided:
             elif item.type is float:
                 require_number(self, item.name, **self.ranges.get(item.name, {"at_least": 0.0}))
         require_numbers(self, "table_volts")
-        rising = self.table_volts[:1] == (0.0,) and all(a < b for a, b in pairwise(self.table_volts))
+        rising = self.table_volts[:1] == (0.0,) and all(
+            a < b for a, b in pairwise(self.table_volts)
+        )
         require(rising, self, "table_volts", self.table_volts, "a tuple of rising voltages from 0")
 
     def gains(self) -> Gains:
         """Return the gains as the law reads them: the fields of the same names, and 0 for gains of other laws."""
         arrangement = vars(self)
-        return Gains(**{name: float(arrangement[name]) for name in Gains._fields if name in arrangement})
+        return Gains(
+            **{name: float(arrangement[name]) for name in Gains._fields if name in arrangement}
+        )
 
     def at(self, pace: float) -> "Guided":  # noqa: ARG002
         """Return itself, whose gains are the same at every commanded pace [m/s]; see ``PaceSchedule.at``."""
@@ -83,8 +103,8 @@ class Guided:
         Raises
         ------
         ParameterError
-            If the table does not end at the machine's largest voltage, or there is a torque loop and the observation
-            has no torque sensors.
+            If the table does not end at the machine's largest voltage, or there is a torque loop
+            and the observation has no torque sensors.
         """
         return bind_rows(self, [(1.0, self.gains())], machine, layout)
 
@@ -97,7 +117,9 @@ class Impedance(Guided):
 
     stiffness: float = preset("controller", "stiffness")
     damping_normal: float = preset("controller", "damping_normal")
-    tip_space: bool = quantity("1", "chosen: allocate for tip force, not joint torque", default=False)
+    tip_space: bool = quantity(
+        "1", "chosen: allocate for tip force, not joint torque", default=False
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,25 +127,39 @@ class TorqueFeedback(Impedance):
     """The impedance controller with a proportional torque loop around each clutch (Fig. 6)."""
 
     feedback: float = preset("controller", "feedback")
-    hold_when_stuck: bool = quantity("1", "chosen: leave the loop out where it has no effect", default=False)
+    hold_when_stuck: bool = quantity(
+        "1", "chosen: leave the loop out where it has no effect", default=False
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Steering(Guided):
-    """A damper along the path for the pace, and a law that turns the tip's velocity u·t towards a desired direction.
+    """A damper along the path for the pace, and a law that turns the tip's velocity u·t towards a
+    desired direction.
 
-    With the distance e from the path, its tangent t, normal n and curvature κ, and the speed v along it, the desired
-    direction is t + (lead·κ·v − approach·e)·n. The torque loop is that of ``TorqueFeedback``.
+    With the distance e from the path, its tangent t, normal n and curvature κ, and the speed v
+    along it, the desired direction is t + (lead·κ·v − approach·e)·n. The torque loop is that of
+    ``TorqueFeedback``.
     """
 
-    approach: float = quantity("1/m", "chosen: this inverse distance turns the tip back by 45 degrees", default=8.0)
-    strength: float = quantity(
-        "N·m", "chosen: torque against a velocity at right angles to the wanted direction", default=40.0
+    approach: float = quantity(
+        "1/m", "chosen: this inverse distance turns the tip back by 45 degrees", default=8.0
     )
-    slow: float = quantity("m/s or rad/s", "chosen: a slower tip is turned less, in proportion to its speed")
-    lead: float = quantity("s", "chosen: the wanted direction is turned so much ahead of the path", default=0.0)
+    strength: float = quantity(
+        "N·m",
+        "chosen: torque against a velocity at right angles to the wanted direction",
+        default=40.0,
+    )
+    slow: float = quantity(
+        "m/s or rad/s", "chosen: a slower tip is turned less, in proportion to its speed"
+    )
+    lead: float = quantity(
+        "s", "chosen: the wanted direction is turned so much ahead of the path", default=0.0
+    )
     feedback: float = quantity("V/(N·m)", "chosen: gain of the torque loop", default=0.0)
-    hold_when_stuck: bool = quantity("1", "chosen: leave the torque loop out where it has no effect", default=False)
+    hold_when_stuck: bool = quantity(
+        "1", "chosen: leave the torque loop out where it has no effect", default=False
+    )
 
     ranges = Guided.ranges | {"slow": {"above": 0.0}, "reluctance": {"at_least": 0.0, "below": 1.0}}
 
@@ -132,47 +168,59 @@ class Steering(Guided):
 class SingleDof(Steering):
     """Single-DOF lines: engage the clutch whose line of motion is closest to the desired direction.
 
-    While one clutch is stuck, the tip has a single degree of freedom, along a line that the pose and the clutch
-    determine. Some clutches turn the tip's velocity towards the desired direction, by the nominal mass matrix. Of these
-    the law engages the clutch with the largest cos² of the angle between its line and that direction. Its torque is
-    ``strength·|sin δ|`` with the angle δ between velocity and desired direction, and adds to what the damper along the
-    path asks of it. ``reluctance`` is added to the cos² of the clutch engaged last, against chatter.
+    While one clutch is stuck, the tip has a single degree of freedom, along a line that the pose
+    and the clutch determine. Some clutches turn the tip's velocity towards the desired direction,
+    by the nominal mass matrix. Of these the law engages the clutch with the largest cos² of the
+    angle between its line and that direction. Its torque is ``strength·|sin δ|`` with the angle δ
+    between velocity and desired direction, and adds to what the damper along the path asks of it.
+    ``reluctance`` is added to the cos² of the clutch engaged last, against chatter.
     """
 
     kind = SINGLE_DOF
 
-    slow: float = quantity("m/s", "chosen: a slower tip is turned less, in proportion to its speed", default=0.05)
+    slow: float = quantity(
+        "m/s", "chosen: a slower tip is turned less, in proportion to its speed", default=0.05
+    )
     reluctance: float = quantity("1", "chosen: advantage of the clutch engaged last", default=0.05)
 
 
 @dataclass(frozen=True, kw_only=True)
 class VelocityRatio(Steering):
-    """Velocity ratio: couple the axes so that the ratio of their velocities moves the tip in the desired direction.
+    """Velocity ratio: couple the axes so that the ratio of their velocities moves the tip in the
+    desired direction.
 
-    J⁻¹ turns the desired direction into a ratio of joint velocities. A joint torque normal to it, strength·sin δ with
-    the angle δ between joint velocity and desired ratio, turns the joint velocity there; together with the damper along
-    the path it goes through the allocation of the paper's controller.
+    J⁻¹ turns the desired direction into a ratio of joint velocities. A joint torque normal to it,
+    strength·sin δ with the angle δ between joint velocity and desired ratio, turns the joint
+    velocity there; together with the damper along the path it goes through the allocation of the
+    paper's controller.
     """
 
     kind = VELOCITY_RATIO
 
-    slow: float = quantity("rad/s", "chosen: a slower arm is turned less, in proportion to its speed", default=0.1)
-    tip_space: bool = quantity("1", "chosen: allocate for tip force, not joint torque", default=False)
+    slow: float = quantity(
+        "rad/s", "chosen: a slower arm is turned less, in proportion to its speed", default=0.1
+    )
+    tip_space: bool = quantity(
+        "1", "chosen: allocate for tip force, not joint torque", default=False
+    )
 
 
 @dataclass(frozen=True)
 class PaceSchedule:
-    """One controller for all paces: gains piecewise linear in the commanded pace, between those of its knots.
+    """One controller for all paces: gains piecewise linear in the commanded pace, between those of
+    its knots.
 
-    Below the first pace and above the last, the gains of that knot apply. Boolean gains are those of the nearer knot.
+    Below the first pace and above the last, the gains of that knot apply. Boolean gains are those
+    of the nearer knot.
 
     Attributes
     ----------
     knots
-        Commanded pace [m/s] and controller, by rising pace. The controllers are of one kind with one torque table.
+        Commanded pace [m/s] and controller, by rising pace. The controllers are of one kind with
+        one torque table.
     hold
-        A knot's gains hold exactly for paces within this fraction of its own. An observed pace is a float32, which is
-        rarely the exact pace of a knot.
+        A knot's gains hold exactly for paces within this fraction of its own. An observed pace is a
+        float32, which is rarely the exact pace of a knot.
     """
 
     knots: tuple[tuple[float, Guided], ...]
@@ -187,9 +235,13 @@ class PaceSchedule:
         require(are_knots, self, "knots", knots, accepted)
         require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", knots, accepted)
         alike = {(type(controller), controller.table_volts) for _, controller in knots}
-        require(len(alike) == 1, self, "knots", knots, "controllers of one kind with one table_volts")
+        require(
+            len(alike) == 1, self, "knots", knots, "controllers of one kind with one table_volts"
+        )
         require_number(self, "hold", at_least=0.0, below=1.0)
-        apart = all(a * (1.0 + self.hold) < b * (1.0 - self.hold) for (a, _), (b, _) in pairwise(knots))
+        apart = all(
+            a * (1.0 + self.hold) < b * (1.0 - self.hold) for (a, _), (b, _) in pairwise(knots)
+        )
         require(apart, self, "hold", self.hold, "small enough to leave room between the knots")
 
     def at(self, pace: float) -> Guided:
@@ -202,13 +254,17 @@ class PaceSchedule:
         """
         found = dict(self.knots)
         if pace not in found:
-            raise ParameterError(f"pace must be one of {', '.join(f'{knot:g}' for knot in found)} m/s, got {pace!r}")
+            raise ParameterError(
+                f"pace must be one of {', '.join(f'{knot:g}' for knot in found)} m/s, got {pace!r}"
+            )
         return found[pace]
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy for a nominal machine; raises like the controllers' own ``bind``."""
         edges = (1.0 - self.hold, 1.0 + self.hold) if self.hold else (1.0,)
-        rows = [(pace * edge, controller.gains()) for pace, controller in self.knots for edge in edges]
+        rows = [
+            (pace * edge, controller.gains()) for pace, controller in self.knots for edge in edges
+        ]
         return bind_rows(self.knots[0][1], rows, machine, layout)
 
 
@@ -221,13 +277,17 @@ def _is_knot(knot: Any) -> bool:
             return False
 
 
-def bind_rows(first: Guided, rows: list[tuple[float, Gains]], machine: Machine, layout: Layout) -> Policy:
+def bind_rows(
+    first: Guided, rows: list[tuple[float, Gains]], machine: Machine, layout: Layout
+) -> Policy:
     """Return the policy for rows of gains by pace, with the first controller's law and table."""
     machine = find_machine(machine)
     top = machine.clutch.voltage_max
     volts = (*(knot for knot in first.table_volts if knot < top), top)
     feeds_back = any(gains.feedback != 0.0 for _, gains in rows)
     if feeds_back and ("torque_1" not in layout.names or layout.index("torque_1") != OBS.torque.x1):
-        raise ParameterError('torque feedback needs torque sensors: sensors="torque" or sensors="force"')
+        raise ParameterError(
+            'torque feedback needs torque sensors: sensors="torque" or sensors="force"'
+        )
     law = built_in if machine.has_paper_clutches else built_in_declared
     return Policy(gains_array(first.kind, machine, volts, rows), layout, law)

@@ -1,8 +1,9 @@
 """Control laws as scalar functions: one observation in, four voltages out.
 
-A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation, ``obs·scales`` is in
-physical units, ``gains`` belongs to the law (its first entry is its kind) and ``memory`` to one world (see ``Memory``).
-The batch kernel inlines a law; plain Python may call it too.
+A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation,
+``obs·scales`` is in physical units, ``gains`` belongs to the law (its first entry is its kind) and
+``memory`` to one world (see ``Memory``). The batch kernel inlines a law; plain Python may call it
+too.
 """
 
 from typing import Any
@@ -13,12 +14,26 @@ from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.philox import uniform4
 from pter_gym._compiled.records import entrywise, read
 from pter_gym._engine.law import MEMORY
-from pter_gym._physics.arm import Motion, UnitVector, Vector, cos_difference, joint_torque, tip_velocity
+from pter_gym._physics.arm import (
+    Motion,
+    UnitVector,
+    Vector,
+    cos_difference,
+    joint_torque,
+    tip_velocity,
+)
 from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between, slip_velocities
 from pter_gym.controllers._allocation import allocate, largest_torque, least_torque
-from pter_gym.controllers._gains import ARRANGEMENT, NOMINAL, Gains, Nominal, clutch_voltage, read_gains
+from pter_gym.controllers._gains import (
+    ARRANGEMENT,
+    NOMINAL,
+    Gains,
+    Nominal,
+    clutch_voltage,
+    read_gains,
+)
 from pter_gym.controllers._network import HEADER, HEADER_WIDTH, NETWORK, decide
 from pter_gym.controllers._steering import Tip, speed_along, steered, turning_torques
 from pter_gym.tasks.path_following._observation import OBS
@@ -75,8 +90,8 @@ def observed_tip(obs: Any, scales: Any, nominal: Nominal) -> Tip:
 def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[float, float]:
     """Return the tip force [N] of a spring and a damper normal to the path and a brake along it.
 
-    The brake is a damper on the excess of the speed over a fraction of the commanded pace, plus ``integral`` [N]. It
-    never pushes. Backwards it is a plain damper.
+    The brake is a damper on the excess of the speed over a fraction of the commanded pace, plus
+    ``integral`` [N]. It never pushes. Backwards it is a plain damper.
     """
     speed = speed_along(tip)
     brake = g.damping_tangential * (speed - g.pace_fraction * pace) + integral
@@ -95,15 +110,20 @@ def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[floa
 def steps_before(obs: Any, memory: Any) -> float:
     """Return the number of earlier control steps in the episode, and count this one.
 
-    An episode begins when a tip that was under way is back at the start, even without a reset of the policy; the memory
-    of the previous episode is then cleared. An episode that the law joins midway has had ``JOINED_MIDWAY`` steps.
+    An episode begins when a tip that was under way is back at the start, even without a reset of
+    the policy; the memory of the previous episode is then cleared. An episode that the law joins
+    midway has had ``JOINED_MIDWAY`` steps.
     """
     progress = float(obs[OBS.progress])
     if (progress < START_PROGRESS) & (memory[MEMORY.progress] >= 2.0 * START_PROGRESS):
         memory[MEMORY.kept] = 0.0
         memory[MEMORY.brake] = 0.0
         memory[MEMORY.steps] = 0.0
-    before = JOINED_MIDWAY if (memory[MEMORY.steps] == 0.0) & (progress >= START_PROGRESS) else memory[MEMORY.steps]
+    before = (
+        JOINED_MIDWAY
+        if (memory[MEMORY.steps] == 0.0) & (progress >= START_PROGRESS)
+        else memory[MEMORY.steps]
+    )
     memory[MEMORY.steps] = before + 1.0
     memory[MEMORY.progress] = progress
     return before
@@ -130,13 +150,16 @@ def guide_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 
 @device
-def guide_by(obs: Any, scales: Any, gains: Any, memory: Any, arrangement: OptionalArrangement) -> PerClutch:
+def guide_by(
+    obs: Any, scales: Any, gains: Any, memory: Any, arrangement: OptionalArrangement
+) -> PerClutch:
     """Return the voltages of a guiding law: impedance, single-DOF lines or velocity ratio.
 
-    Each law has a desired tip force (for the latter two, only the brake along the path), which Jᵀ maps to the joints.
-    The velocity-ratio law adds joint torques; the allocation then finds the closest torques that passive clutches can
-    exert (paper section III-A). The single-DOF law then adds a torque of one clutch. The table and, if it has a gain,
-    the torque loop convert them to voltages.
+    Each law has a desired tip force (for the latter two, only the brake along the path), which Jᵀ
+    maps to the joints. The velocity-ratio law adds joint torques; the allocation then finds the
+    closest torques that passive clutches can exert (paper section III-A). The single-DOF law then
+    adds a torque of one clutch. The table and, if it has a gain, the torque loop convert them to
+    voltages.
     """
     pace = physical(obs, scales, OBS.pace)
     nominal = read(gains, NOMINAL, 0)
@@ -153,7 +176,9 @@ def guide_by(obs: Any, scales: Any, gains: Any, memory: Any, arrangement: Option
     slip = slip_velocities(tip.q.omega_a, tip.q.omega_b, arrangement)
     wanted = passive_torques(g, tip, slip, nominal, want_a, want_b, arrangement)
     if nominal.kind == SINGLE_DOF:
-        wanted, memory[MEMORY.kept] = steered(g, tip, nominal.scale, wanted, memory[MEMORY.kept], arrangement)
+        wanted, memory[MEMORY.kept] = steered(
+            g, tip, nominal.scale, wanted, memory[MEMORY.kept], arrangement
+        )
     least = nominal.voltage_max if gripping else 0.0
     return looped_voltage(obs, scales, gains, g, least, nominal.scale, wanted, slip, OBS.torque)
 
@@ -174,21 +199,36 @@ def passive_torques(
     m11, m12, m22 = 1.0, 0.0, 1.0
     if g.tip_space >= 0.5:
         length_a, length_b = tip.arm.length_a, tip.arm.length_b
-        m11, m12, m22 = length_a * length_a, length_a * length_b * cos_difference(tip.q), length_b * length_b
+        m11, m12, m22 = (
+            length_a * length_a,
+            length_a * length_b * cos_difference(tip.q),
+            length_b * length_b,
+        )
     return allocate(want_a, want_b, low, high, m11, m12, m22, arrangement)
 
 
 @entrywise
 @device
 def looped_voltage(
-    obs: Any, scales: Any, gains: Any, g: Gains, least: float, scale: float, wanted: float, slip: float, sensor: float
+    obs: Any,
+    scales: Any,
+    gains: Any,
+    g: Gains,
+    least: float,
+    scale: float,
+    wanted: float,
+    slip: float,
+    sensor: float,
 ) -> float:
-    """Return the voltage [V] of a clutch, after the torque loop if it has a gain; only then is its sensor read.
+    """Return the voltage [V] of a clutch, after the torque loop if it has a gain; only then is its
+    sensor read.
 
     It is at least ``least``, except for a missing clutch.
     """
     generated = physical(obs, scales, sensor) if g.feedback != 0.0 else 0.0
-    return max(least if scale > 0.0 else 0.0, clutch_voltage(gains, g, scale, wanted, slip, generated))
+    return max(
+        least if scale > 0.0 else 0.0, clutch_voltage(gains, g, scale, wanted, slip, generated)
+    )
 
 
 @device
@@ -196,7 +236,9 @@ def random_volts(gains: Any, memory: Any) -> PerClutch:
     """Return voltages drawn uniformly from 0 to each clutch's largest; gains hold the seed and these."""
     draw = np.uint64(memory[MEMORY.kept])
     memory[MEMORY.kept] += 1.0
-    u1, u2, u3, u4 = uniform4(np.uint64(gains[1]), _RANDOM_STREAM, draw, np.uint64(memory[MEMORY.world]))
+    u1, u2, u3, u4 = uniform4(
+        np.uint64(gains[1]), _RANDOM_STREAM, draw, np.uint64(memory[MEMORY.world])
+    )
     return PerClutch(gains[2] * u1, gains[3] * u2, gains[4] * u3, gains[5] * u4)
 
 

@@ -1,12 +1,13 @@
-"""A trained network as a law: its inputs from an observation and its history, its layers, and the voltages.
+"""A trained network as a law: its inputs from an observation and its history, its layers, and the
+voltages.
 
-Sizes and weights are entries of the gains, so one compiled law runs every network. In this order: ``Network``; the
-gains of the base controller, if any; for each input its source, its center and its scale; the delays; the weights of
-the present in the averages; the sizes of the layers, from the inputs on; and for each layer its biases, then its
-weights, input by input.
+Sizes and weights are entries of the gains, so one compiled law runs every network. In this order:
+``Network``; the gains of the base controller, if any; for each input its source, its center and its
+scale; the delays; the weights of the present in the averages; the sizes of the layers, from the
+inputs on; and for each layer its biases, then its weights, input by input.
 
-The memory of a world is ``Memory`` of the base controller's law, ``InputHistory``, a ring of recent inputs, the
-averages and two vectors of ``width`` entries for the layers.
+The memory of a world is ``Memory`` of the base controller's law, ``InputHistory``, a ring of recent
+inputs, the averages and two vectors of ``width`` entries for the layers.
 """
 
 from typing import Annotated, Any, NamedTuple
@@ -45,7 +46,9 @@ class Network(NamedTuple):
     ring: Annotated[float, Entry("1", "instants that are remembered")]
     layers: Annotated[float, Entry("1", "layers")]
     width: Annotated[float, Entry("1", "entries of the largest layer, inputs included")]
-    normalised: Annotated[float, Entry("1", "whether the outputs are the environments' normalised actions")]
+    normalised: Annotated[
+        float, Entry("1", "whether the outputs are the environments' normalised actions")
+    ]
     reach: Annotated[float, Entry("V", "voltage of an output of 1")]
     voltage_max: Annotated[float, Entry("V", "largest voltage")]
 
@@ -78,9 +81,11 @@ def memory_width(network: Network) -> int:
 
 @device
 def tanh(x: float) -> float:
-    """Return tanh x to 1e-13, from arithmetic alone: a math library's bits would depend on the computer.
+    """Return tanh x to 1e-13, from arithmetic alone: a math library's bits would depend on the
+    computer.
 
-    With e = exp(−2|x|), which is the 64th power of a Taylor series for exp(−|x|/32), tanh |x| = (1 − e)/(1 + e).
+    With e = exp(−2|x|), which is the 64th power of a Taylor series for exp(−|x|/32), tanh |x| = (1
+    − e)/(1 + e).
     """
     z = (abs(x) if abs(x) < TANH_MAX else TANH_MAX) / -32.0
     e = 1.0
@@ -127,7 +132,12 @@ def add_product(out: Any, weights: Any, values: Any, count: int) -> None:
 def decide(obs: Any, scales: Any, gains: Any, memory: Any, base: PerClutch) -> PerClutch:
     """Return a network's voltages [V]; ``base`` are those that it corrects."""
     net = read(gains, HEADER, 0)
-    inputs, delays, averages, ring = int(net.inputs), int(net.delays), int(net.averages), int(net.ring)
+    inputs, delays, averages, ring = (
+        int(net.inputs),
+        int(net.delays),
+        int(net.averages),
+        int(net.ring),
+    )
     table = HEADER_WIDTH + int(net.base)
     ages = table + 3 * inputs
     shares = ages + delays

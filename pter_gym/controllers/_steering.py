@@ -1,9 +1,11 @@
-"""Steering by the tip's direction: the torques that the single-DOF and the velocity-ratio law demand of the clutches.
+"""Steering by the tip's direction: the torques that the single-DOF and the velocity-ratio law
+demand of the clutches.
 
-Both want the tip to move in a direction that leads back to the path: along t + (lead·κ·v − approach·e)·n, with the
-path's tangent t, normal n and curvature κ at the tip's foot, its distance e from it and its speed v along it. ``lead``
-is a time: the clutches lag, so the tip has to turn before the path does. The laws differ in how clutches turn the tip's
-velocity there. Passive clutches cannot choose a speed, so the damper along the path has that for itself.
+Both want the tip to move in a direction that leads back to the path: along t + (lead·κ·v −
+approach·e)·n, with the path's tangent t, normal n and curvature κ at the tip's foot, its distance e
+from it and its speed v along it. ``lead`` is a time: the clutches lag, so the tip has to turn
+before the path does. The laws differ in how clutches turn the tip's velocity there. Passive
+clutches cannot choose a speed, so the damper along the path has that for itself.
 """
 
 import math
@@ -58,11 +60,13 @@ def wanted_direction(g: Gains, tip: Tip) -> tuple[float, float]:
 
 @device
 def turning_torques(g: Gains, tip: Tip) -> tuple[float, float]:
-    """Return the joint torques [N·m] that turn the ratio of the joint velocities towards the desired one.
+    """Return the joint torques [N·m] that turn the ratio of the joint velocities towards the
+    desired one.
 
-    r = J⁻¹u/|J⁻¹u| is the direction of joint velocities that moves the tip as desired, and n is normal to it. With
-    σ = ω·n, the part of ω with the wrong ratio, the torques are −strength·σ/max(|ω|, slow)·n: proportional to the
-    sine of the angle between ω and r, unless the arm is slower than ``slow``.
+    r = J⁻¹u/|J⁻¹u| is the direction of joint velocities that moves the tip as desired, and n is
+    normal to it. With σ = ω·n, the part of ω with the wrong ratio, the torques are
+    −strength·σ/max(|ω|, slow)·n: proportional to the sine of the angle between ω and r, unless the
+    arm is slower than ``slow``.
     """
     q = tip.q
     u_x, u_y = wanted_direction(g, tip)
@@ -83,26 +87,35 @@ def at_speed(q: Motion, omega_a: float, omega_b: float) -> Motion:
 
 
 @device
-def matching(tip: Tip, u_x: float, u_y: float, turn: float, line: tuple[float, float], w: tuple[float, float]) -> float:
-    """Return cos² of the angle between a clutch's line and the desired direction, −1 if the clutch turns away from it.
+def matching(
+    tip: Tip, u_x: float, u_y: float, turn: float, line: tuple[float, float], w: tuple[float, float]
+) -> float:
+    """Return cos² of the angle between a clutch's line and the desired direction, −1 if the clutch
+    turns away from it.
 
-    The tip moves along this line while the clutch is stuck, with joint velocities along ``line``. ``turn`` is
-    positive if the tip should turn to the left; the clutch with the row w of W brakes its slip w·ω and so changes the
-    joint velocities by −sign(w·ω)·M⁻¹w.
+    The tip moves along this line while the clutch is stuck, with joint velocities along ``line``.
+    ``turn`` is positive if the tip should turn to the left; the clutch with the row w of W brakes
+    its slip w·ω and so changes the joint velocities by −sign(w·ω)·M⁻¹w.
     """
     arm, q = tip.arm, tip.q
     line_x, line_y = tip_velocity(arm, at_speed(q, line[0], line[1]))
     along = line_x * u_x + line_y * u_y
     m12 = arm.coupling * cos_difference(q)
-    drive = -sign(w[0] * q.omega_a + w[1] * q.omega_b)  # M⁻¹ without the factor 1/det M, which is positive
-    change = at_speed(q, drive * (arm.m22 * w[0] - m12 * w[1]), drive * (arm.m11 * w[1] - m12 * w[0]))
+    drive = -sign(
+        w[0] * q.omega_a + w[1] * q.omega_b
+    )  # M⁻¹ without the factor 1/det M, which is positive
+    change = at_speed(
+        q, drive * (arm.m22 * w[0] - m12 * w[1]), drive * (arm.m11 * w[1] - m12 * w[0])
+    )
     change_x, change_y = tip_velocity(arm, change)
     helps = (tip.velocity.x * change_y - tip.velocity.y * change_x) * turn > 0.0
     return along * along / (line_x * line_x + line_y * line_y) if helps else -1.0
 
 
 @device
-def line_and_row(k: int, arrangement: OptionalArrangement) -> tuple[tuple[float, float], tuple[float, float]]:
+def line_and_row(
+    k: int, arrangement: OptionalArrangement
+) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the line of a slot, the joint velocities at which it does not slip, and its row of W."""
     if arrangement is not None:
         return (-arrangement.b[k], arrangement.a[k]), (arrangement.a[k], arrangement.b[k])
@@ -111,14 +124,21 @@ def line_and_row(k: int, arrangement: OptionalArrangement) -> tuple[tuple[float,
 
 @device
 def steered(
-    g: Gains, tip: Tip, scale: PerClutch, wanted: PerClutch, last: float, arrangement: OptionalArrangement = None
+    g: Gains,
+    tip: Tip,
+    scale: PerClutch,
+    wanted: PerClutch,
+    last: float,
+    arrangement: OptionalArrangement = None,
 ) -> tuple[PerClutch, float]:
-    """Return the clutch torques [N·m] with the torque of the best line's clutch added, and its number, 0 for none.
+    """Return the clutch torques [N·m] with the torque of the best line's clutch added, and its
+    number, 0 for none.
 
-    Of the clutches that turn the tip's velocity towards the desired direction, the one whose single-DOF line matches it
-    best is engaged, with strength·|sin of the angle between velocity and desired direction|. Below the speed ``slow``
-    the torque is reduced in proportion to the speed. The clutch engaged last gets ``reluctance`` added to its cos². A
-    clutch with ``scale`` 0 is missing.
+    Of the clutches that turn the tip's velocity towards the desired direction, the one whose
+    single-DOF line matches it best is engaged, with strength·|sin of the angle between velocity and
+    desired direction|. Below the speed ``slow`` the torque is reduced in proportion to the speed.
+    The clutch engaged last gets ``reluctance`` added to its cos². A clutch with ``scale`` 0 is
+    missing.
     """
     u_x, u_y = wanted_direction(g, tip)
     speed = math.sqrt(tip.velocity.x * tip.velocity.x + tip.velocity.y * tip.velocity.y)
@@ -127,7 +147,9 @@ def steered(
     best = 0.0
     for k in range(4):
         line, row = line_and_row(k, arrangement)
-        match = matching(tip, u_x, u_y, turn, line, row) + (g.reluctance if last == k + 1.0 else 0.0)
+        match = matching(tip, u_x, u_y, turn, line, row) + (
+            g.reluctance if last == k + 1.0 else 0.0
+        )
         better = (scale[k] > 0.0) & (match >= 0.0 if chosen == 0.0 else match > best)
         chosen = k + 1.0 if better else chosen
         best = match if better else best

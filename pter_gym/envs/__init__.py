@@ -1,6 +1,8 @@
-"""Interfaces to the simulator: Gymnasium's single and vector environments, and those of other libraries.
+"""Interfaces to the simulator: Gymnasium's single and vector environments, and those of other
+libraries.
 
-``scenario`` has the training draws of the scenarios' ids; ``sb3`` is for Stable-Baselines3, ``jax`` for JAX.
+``scenario`` has the training draws of the scenarios' ids; ``sb3`` is for Stable-Baselines3, ``jax``
+for JAX.
 """
 
 from typing import TYPE_CHECKING

@@ -18,33 +18,46 @@ from pter_gym.params import Machine
 Observations = NDArray[np.float32]
 Actions = NDArray[np.float32]
 
-CHANGING: Any = (gymnasium.ObservationWrapper, gymnasium.ActionWrapper, VectorObservationWrapper, VectorActionWrapper)
+CHANGING: Any = (
+    gymnasium.ObservationWrapper,
+    gymnasium.ActionWrapper,
+    VectorObservationWrapper,
+    VectorActionWrapper,
+)
 """Kinds of wrappers that change what passes between a policy and the worlds."""
 
 LIBRARIES = ("gymnasium.", "stable_baselines3.")
 
-CHANGING_MODULES = ("_observation", "_action", ".vec_frame_stack", ".atari_wrappers", ".atari_preprocessing")
+CHANGING_MODULES = (
+    "_observation",
+    "_action",
+    ".vec_frame_stack",
+    ".atari_wrappers",
+    ".atari_preprocessing",
+)
 """Ends of the names of these libraries' modules whose wrappers change it, whatever their kind."""
 
 
 class ActingPolicy:
-    """A policy in one environment: ``policy(observation) -> action``; ``pter_gym.load_policy`` makes one.
+    """A policy in one environment: ``policy(observation) -> action``; ``pter_gym.load_policy``
+    makes one.
 
     Call it once per step of the environment, and ``reset`` where episodes begin.
 
     Parameters
     ----------
     policy
-        A controller, a trained policy, or any function from observations, float32 (N, entries), to volts,
-        (N, clutches). It is bound to ``nominal_machine`` of the environment.
+        A controller, a trained policy, or any function from observations, float32 (N, entries), to
+        volts, (N, clutches). It is bound to ``nominal_machine`` of the environment.
     env
-        The environment, with its wrappers: a single one, a vector environment, or a ``VecEnv`` of Stable-Baselines3.
+        The environment, with its wrappers: a single one, a vector environment, or a ``VecEnv`` of
+        Stable-Baselines3.
 
     Raises
     ------
     ParameterError
-        If the environment is not one of this package, a wrapper changes observations or actions, or the policy needs
-        something that the observations lack, or another ``frame_skip``.
+        If the environment is not one of this package, a wrapper changes observations or actions, or
+        the policy needs something that the observations lack, or another ``frame_skip``.
     """
 
     def __init__(self, policy: Controller | Callable[[Observations], Any], env: Any) -> None:
@@ -68,9 +81,9 @@ class ActingPolicy:
     def reset(self, worlds: NDArray[np.bool_] | None = None) -> None:
         """Forget past episodes in these worlds, a bool array (N,), or in all by default.
 
-        Call it after ``env.reset``, and in a vector environment for the worlds whose latest observation is the first
-        of an episode: with ``AutoresetMode.SAME_STEP`` those whose episode has just ended, with ``NEXT_STEP`` those
-        whose episode ended a step ago.
+        Call it after ``env.reset``, and in a vector environment for the worlds whose latest
+        observation is the first of an episode: with ``AutoresetMode.SAME_STEP`` those whose episode
+        has just ended, with ``NEXT_STEP`` those whose episode ended a step ago.
 
         Raises
         ------
@@ -82,7 +95,9 @@ class ActingPolicy:
             return
         mask = np.asarray(worlds)
         if mask.dtype != np.bool_ or mask.shape != (self._worlds,):
-            raise ParameterError(f"worlds must be a bool array with the shape ({self._worlds},), got {worlds!r:.200}")
+            raise ParameterError(
+                f"worlds must be a bool array with the shape ({self._worlds},), got {worlds!r:.200}"
+            )
         if mask.any():
             self._policy.reset(mask)
 
@@ -97,7 +112,8 @@ class ActingPolicy:
         Returns
         -------
         action
-            In the unit of the environment, volts or normalised: float32 (clutches,) or (N, clutches), a fresh array.
+            In the unit of the environment, volts or normalised: float32 (clutches,) or (N,
+            clutches), a fresh array.
 
         Raises
         ------
@@ -108,11 +124,17 @@ class ActingPolicy:
         """
         try:
             rows = np.array(observation, np.float32, order="C")
-        except (ValueError, TypeError, RuntimeError):  # ragged, as what reset returns, or a tensor on another device
+        except (
+            ValueError,
+            TypeError,
+            RuntimeError,
+        ):  # ragged, as what reset returns, or a tensor on another device
             rows = np.empty(0, np.float32)
         if rows.shape != self._shape:
             found = rows.shape if rows.size else f"a {type(observation).__name__}"
-            raise ParameterError(f"observation must be an array of the shape {self._shape}, got {found}")
+            raise ParameterError(
+                f"observation must be an array of the shape {self._shape}, got {found}"
+            )
         volts = np.array(self._policy.act(rows.reshape(self._worlds, -1)), np.float32)
         most = self._voltage_max
         if self._policy.compiled:  # clipped in the kernel, too
@@ -146,17 +168,22 @@ def attributes(env: Any, name: str) -> set[Any]:
 def check_wrappers(env: Any, known: Any = None) -> None:
     """Raise a ParameterError if a wrapper other than ``known`` changes observations or actions.
 
-    Another wrapper of one's own that overrides ``step`` cannot be told from one that only looks on, and is let through.
+    Another wrapper of one's own that overrides ``step`` cannot be told from one that only looks on,
+    and is let through.
     """
     normalises = hasattr(env, "normalize_obs") and getattr(env, "norm_obs", True)
-    if env is not known and (normalises or _changes(type(env), is_vec_wrapper=hasattr(env, "venv"))):
+    if env is not known and (
+        normalises or _changes(type(env), is_vec_wrapper=hasattr(env, "venv"))
+    ):
         _refuse(type(env).__name__)
     wrapped = (getattr(env, "venv", None), getattr(env, "env", None), *getattr(env, "envs", ()))
     inner = [each for each in wrapped if each is not None]
     for each in inner:
         check_wrappers(each, known)
     ask: Any = getattr(env, "call", getattr(env, "env_method", None))
-    for method in ("observation", "action") if ask and not inner else ():  # of a wrapper in another process
+    for method in (
+        ("observation", "action") if ask and not inner else ()
+    ):  # of a wrapper in another process
         if any(ask("has_wrapper_attr", method)):
             _refuse(f"with the method {method}")
 
@@ -165,13 +192,19 @@ def _changes(kind: Any, *, is_vec_wrapper: bool = False) -> bool:
     """Return whether wrappers of a class change observations or actions."""
     return issubclass(kind, CHANGING) or any(
         (each.__module__.startswith(LIBRARIES) and each.__module__.endswith(CHANGING_MODULES))
-        or (is_vec_wrapper and "step_async" in vars(each) and not each.__module__.startswith(LIBRARIES))
+        or (
+            is_vec_wrapper
+            and "step_async" in vars(each)
+            and not each.__module__.startswith(LIBRARIES)
+        )
         for each in kind.__mro__
     )
 
 
 def _refuse(wrapper: str) -> None:
-    raise ParameterError(f"env must pass on observations and actions as they are: its wrapper {wrapper} changes them")
+    raise ParameterError(
+        f"env must pass on observations and actions as they are: its wrapper {wrapper} changes them"
+    )
 
 
 def has_normalised_actions(env: Any, layout: Layout, machine: Machine) -> bool:
@@ -180,6 +213,10 @@ def has_normalised_actions(env: Any, layout: Layout, machine: Machine) -> bool:
     observed, acted = (getattr(env, f"{many}{name}_space") for name in ("observation", "action"))
     clutches = (len(machine.clutches),)
     for is_normalised, low, high in ((False, 0.0, machine.clutch.voltage_max), (True, -1.0, 1.0)):
-        if observed.shape == (len(layout),) and acted == spaces.Box(low, high, clutches, np.float32):
+        if observed.shape == (len(layout),) and acted == spaces.Box(
+            low, high, clutches, np.float32
+        ):
             return is_normalised
-    raise ParameterError(f"env must pass on observations and actions as they are: it has {observed} and {acted}")
+    raise ParameterError(
+        f"env must pass on observations and actions as they are: it has {observed} and {acted}"
+    )

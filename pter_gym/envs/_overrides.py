@@ -11,7 +11,8 @@ from pter_gym.tasks.path_following._specification import largest_error_max
 def overrides_of_task(**given: Any) -> dict[str, Any]:
     """Return the fields of a task that are given; paths, paces and starts may be names.
 
-    About a path that is given without ``error_max``, the workspace is at most as wide as its curvature allows.
+    About a path that is given without ``error_max``, the workspace is at most as wide as its
+    curvature allows.
     """
     found = {name: value for name, value in given.items() if value is not None}
     for name, find in {"path": find_path, "pace": find_pace, "starts": find_starts}.items():

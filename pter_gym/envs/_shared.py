@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 class Arguments(TypedDict, total=False):
     """Arguments of all environments, which ``PathFollowingEnv`` describes.
 
-    Vector environments take one machine and task for all worlds, or a sequence with one for each. Those after
-    ``scenario`` belong to it; ``pter_gym.envs.scenario.training_draws`` describes them.
+    Vector environments take one machine and task for all worlds, or a sequence with one for each.
+    Those after ``scenario`` belong to it; ``pter_gym.envs.scenario.training_draws`` describes them.
     """
 
     machine: "AnyMachine | Sequence[Machine | str] | None"
@@ -59,18 +59,23 @@ class Worlds:
     def _make_worlds(
         self, num_envs: int, render_mode: str | None, arguments: Arguments, **engine: Any
     ) -> tuple[Any, Any]:
-        """Make the worlds, and return the spaces of one world's observation and action, each a ``Box``.
+        """Make the worlds, and return the spaces of one world's observation and action, each a
+        ``Box``.
 
-        ``engine`` holds ``max_episode_steps``, and arguments of ``Batch`` that not all environments have.
+        ``engine`` holds ``max_episode_steps``, and arguments of ``Batch`` that not all environments
+        have.
 
         Raises
         ------
         ParameterError
-            If a value is out of range, or a scenario or randomisation is given with something that it draws.
+            If a value is out of range, or a scenario or randomisation is given with something that
+            it draws.
         """
         modes = self.metadata["render_modes"]
         if render_mode is not None and render_mode not in modes:
-            raise ParameterError(f"render_mode must be {', '.join(modes)} or None, got {render_mode!r}")
+            raise ParameterError(
+                f"render_mode must be {', '.join(modes)} or None, got {render_mode!r}"
+            )
         given: dict[str, Any] = {name: _from_plain(value) for name, value in arguments.items()}
         if "scenario" in given or isinstance(given.get("randomisation"), str):
             from pter_gym.envs import scenario  # imports what a fixed task doesn't need
@@ -81,7 +86,9 @@ class Worlds:
         self.metadata = {**self.metadata, "render_fps": max(1, round(rate))}
         return (
             spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32),
-            spaces.Box(self.batch.action_low, self.batch.action_high, (self.batch.num_actions,), np.float32),
+            spaces.Box(
+                self.batch.action_low, self.batch.action_high, (self.batch.num_actions,), np.float32
+            ),
         )
 
     @property
@@ -91,7 +98,9 @@ class Worlds:
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        kwargs = {} if spec is None else {name: _to_plain(value) for name, value in spec.kwargs.items()}
+        kwargs = (
+            {} if spec is None else {name: _to_plain(value) for name, value in spec.kwargs.items()}
+        )
         self._spec = spec and replace(spec, kwargs=kwargs)
 
     @property
@@ -111,7 +120,8 @@ class Worlds:
 
     @property
     def nominal_machine(self) -> Machine:
-        """The machine of all episodes, or the paper's with their clutches and largest voltage if they have several.
+        """The machine of all episodes, or the paper's with their clutches and largest voltage if
+        they have several.
 
         Raises
         ------
@@ -127,7 +137,9 @@ def nominal_machine(machines: set[Machine]) -> Machine:
     if not others:
         return first
     if any(machine.clutches != first.clutches for machine in others):
-        raise ParameterError("Machine.clutches of all worlds must be the same for a policy that is bound to a machine")
+        raise ParameterError(
+            "Machine.clutches of all worlds must be the same for a policy that is bound to a machine"
+        )
     clutch = replace(BASELINE.clutch, voltage_max=first.clutch.voltage_max)
     return replace(BASELINE, clutches=first.clutches, clutch=clutch)
 
@@ -148,17 +160,23 @@ def _make_batch(
 ) -> Batch:
     overrides = overrides_of_task(path=path, pace=pace)
     if overrides and not (task is None and randomisation is None):
-        raise ParameterError("path and pace must not be given with a task or a Randomisation, which bring both")
+        raise ParameterError(
+            "path and pace must not be given with a task or a Randomisation, which bring both"
+        )
     if randomisation is not None:
         if task is not None or machine not in (None, "baseline"):
-            raise ParameterError("task and machine must not be given with a randomisation, which brings both")
+            raise ParameterError(
+                "task and machine must not be given with a randomisation, which brings both"
+            )
         if not hasattr(randomisation, "pairs"):
             raise ParameterError(
                 f"randomisation must be a Randomisation, a Mixture or a scenario's name, got {randomisation!r:.200}"
             )
         machine, task = zip(*randomisation.pairs(), strict=True)
     else:
-        machine = [find_machine(each) for each in machine] if _several(machine) else find_machine(machine)
+        machine = (
+            [find_machine(each) for each in machine] if _several(machine) else find_machine(machine)
+        )
         task = PathFollowing(**overrides) if task is None else task
         for each in task if _several(task) else [task]:
             if not isinstance(each, PathFollowing):

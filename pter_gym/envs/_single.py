@@ -20,24 +20,27 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     """A hand pushes a passive planar arm along a path; four friction clutches keep it there.
 
     ## Description
-    PTER is a planar five-bar arm without motors (Swanson, Romagna, Book and Barraco, Georgia Tech, 1999). A person
-    pushes its handle. Four electromagnetic friction clutches brake or couple its two axes: clutch 1 brakes link A
-    against the ground, clutch 2 link B, clutch 3 couples A to B, and clutch 4 couples A to B through a gear that
-    inverts the motion. A clutch only removes energy, so no action of an agent can push the hand. Clutches stick
-    and slip (Karnopp's model), and their torque lags the voltage with a time constant of about 0.1 s.
+    PTER is a planar five-bar arm without motors (Swanson, Romagna, Book and Barraco, Georgia Tech,
+    1999). A person pushes its handle. Four electromagnetic friction clutches brake or couple its
+    two axes: clutch 1 brakes link A against the ground, clutch 2 link B, clutch 3 couples A to B,
+    and clutch 4 couples A to B through a gear that inverts the motion. A clutch only removes
+    energy, so no action of an agent can push the hand. Clutches stick and slip (Karnopp's model),
+    and their torque lags the voltage with a time constant of about 0.1 s.
 
-    The hand's force is the paper's: a constant push along the path and the multi-sine of Eq. 5 across it.
+    The hand's force is the paper's: a constant push along the path and the multi-sine of Eq. 5
+    across it.
 
     ## Action Space
-    `Box(0, 24, (4,), float32)` with `action_unit="volt"`: the voltages of the four clutches, up to the machine's
-    largest voltage. `Box(-1, 1, (4,), float32)` with `action_unit="normalised"`: `a` stands for the largest
-    voltage times `((a + 1) / 2)**2`, which gives fine resolution where the clutches slip. Values up to four float32
-    ulp out of bounds are clipped; values further out, NaN or a wrong shape raise `ActionError`, and nothing moves.
-    A machine with fewer clutches has as many entries: two brakes have `Box(0, 24, (2,), float32)`.
+    `Box(0, 24, (4,), float32)` with `action_unit="volt"`: the voltages of the four clutches, up to
+    the machine's largest voltage. `Box(-1, 1, (4,), float32)` with `action_unit="normalised"`: `a`
+    stands for the largest voltage times `((a + 1) / 2)**2`, which gives fine resolution where the
+    clutches slip. Values up to four float32 ulp out of bounds are clipped; values further out, NaN
+    or a wrong shape raise `ActionError`, and nothing moves. A machine with fewer clutches has as
+    many entries: two brakes have `Box(0, 24, (2,), float32)`.
 
     ## Observation Space
-    `Box(-25, 25, (20,), float32)` with encoders only, 24 entries with torque sensors, 26 with force sensors. Entries
-    are scaled so that typical values are between -1 and 1, and clipped to ±25;
+    `Box(-25, 25, (20,), float32)` with encoders only, 24 entries with torque sensors, 26 with force
+    sensors. Entries are scaled so that typical values are between -1 and 1, and clipped to ±25;
     `env.unwrapped.observation_layout` names them and holds the scales:
 
     | entries | meaning |
@@ -54,57 +57,63 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     | `force_along`, `force_across` | the hand's force (`sensors="force"`) |
 
     ## Rewards
-    The reward is paid for new distance along the path: 100 for the whole path if the tip stays on it and keeps the
-    commanded pace. The pay falls with the distance from the path (to 1/e at 60 mm) and with the ratio of the pace,
-    averaged over a tenth of a second, to the commanded one (with its third power below 1, its inverse fourth power
-    above). A wrong pace has a cost per unit of time: at rest, 50 in the time that the path takes at the commanded
-    pace. Leaving the workspace or missing the end of the path costs what a perfect episode would have earned so far. A
-    step pays at most what its new arc length is worth, so no episode pays more than 100. The weights are in
-    `task.reward`, which can also penalise the tip's acceleration and the voltages. Each term is in the telemetry.
+    The reward is paid for new distance along the path: 100 for the whole path if the tip stays on
+    it and keeps the commanded pace. The pay falls with the distance from the path (to 1/e at 60 mm)
+    and with the ratio of the pace, averaged over a tenth of a second, to the commanded one (with
+    its third power below 1, its inverse fourth power above). A wrong pace has a cost per unit of
+    time: at rest, 50 in the time that the path takes at the commanded pace. Leaving the workspace
+    or missing the end of the path costs what a perfect episode would have earned so far. A step
+    pays at most what its new arc length is worth, so no episode pays more than 100. The weights are
+    in `task.reward`, which can also penalise the tip's acceleration and the voltages. Each term is
+    in the telemetry.
 
-    `info["telemetry"]` is a float64 array in the order of `env.unwrapped.telemetry_layout` (pose, tip, force, mode,
-    volts, generated torques and powers, energy terms, reward terms); `info["is_success"]` says whether the end of
-    the path has been reached.
+    `info["telemetry"]` is a float64 array in the order of `env.unwrapped.telemetry_layout` (pose,
+    tip, force, mode, volts, generated torques and powers, energy terms, reward terms);
+    `info["is_success"]` says whether the end of the path has been reached.
 
     ## Starting State
-    At rest at the start of the path, with the clutches released. With `task.start_offset` the tip starts at a uniformly
-    drawn distance from the path, and with `task.hand.random_phases` the phases of the disturbance are drawn; both
-    depend only on the seed. A reset without a seed starts the next episode of the current seed.
+    At rest at the start of the path, with the clutches released. With `task.start_offset` the tip
+    starts at a uniformly drawn distance from the path, and with `task.hand.random_phases` the
+    phases of the disturbance are drawn; both depend only on the seed. A reset without a seed starts
+    the next episode of the current seed.
 
-    With `task.starts`, for training, a share of the episodes begins anywhere along the path, off it and moving, and
-    another share at its start with clutches that have settled at drawn voltages; see
-    `pter_gym.tasks.path_following.Starts`. Evaluation episodes never do.
+    With `task.starts`, for training, a share of the episodes begins anywhere along the path, off it
+    and moving, and another share at its start with clutches that have settled at drawn voltages;
+    see `pter_gym.tasks.path_following.Starts`. Evaluation episodes never do.
 
     ## Episode End
     ### Termination
-    The tip reaches the end of the path (`is_success` if it is within `task.arrival`, 0.125 m, of it), or leaves the
-    workspace: too far from the path, behind its start, or near a singular pose. An episode also ends if the arm becomes
-    too fast for the simulator, many times faster than ordinary hands move it.
-    `pter_gym.tasks.path_following.reason_of` says why an episode has ended.
+    The tip reaches the end of the path (`is_success` if it is within `task.arrival`, 0.125 m, of
+    it), or leaves the workspace: too far from the path, behind its start, or near a singular pose.
+    An episode also ends if the arm becomes too fast for the simulator, many times faster than
+    ordinary hands move it. `pter_gym.tasks.path_following.reason_of` says why an episode has ended.
 
     ### Truncation
     After 1000 steps of the environment, by Gymnasium's `TimeLimit`; or when the tip is further than
-    `task.truncation_error` from the path, or that far behind its start. By default that is beyond any workspace, so the
-    workspace ends the episode first.
+    `task.truncation_error` from the path, or that far behind its start. By default that is beyond
+    any workspace, so the workspace ends the episode first.
 
     ## Arguments
     - `machine`: a `Machine`, or the name of one of `pter_gym.params.MACHINES`.
-    - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, truncation error, arrival,
-      starts, sensing, reward weights.
+    - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, truncation error,
+      arrival, starts, sensing, reward weights.
     - `path`, `pace`: without a `task`, what is followed, and how fast [m/s]: a `Path`, its name in
-      `pter_gym.paths.PATHS` or a CSV file of waypoints, and a number or its name in `pter_gym.scenarios.PACES`. The
-      workspace about a curved path is as wide as its curvature allows.
-    - `randomisation`: a `Randomisation` or `Mixture` from which each episode draws its machine and task instead, or the
-      name of a scenario.
-    - `scenario`: the name of a scenario from which training episodes are drawn instead, as for `PTER/Standard-v0`, with
-      the arguments of `pter_gym.envs.scenario.training_draws`; actions are then normalised and held for 3 control
-      steps by default.
-    - `observe_context`: whether the observation ends with the context of machine and task (time constant, torque and
-      drift of the clutches, what the hand adds). The telemetry always includes it.
+      `pter_gym.paths.PATHS` or a CSV file of waypoints, and a number or its name in
+      `pter_gym.scenarios.PACES`. The workspace about a curved path is as wide as its curvature
+      allows.
+    - `randomisation`: a `Randomisation` or `Mixture` from which each episode draws its machine and
+      task instead, or the name of a scenario.
+    - `scenario`: the name of a scenario from which training episodes are drawn instead, as for
+      `PTER/Standard-v0`, with the arguments of `pter_gym.envs.scenario.training_draws`; actions are
+      then normalised and held for 3 control steps by default.
+    - `observe_context`: whether the observation ends with the context of machine and task (time
+      constant, torque and drift of the clutches, what the hand adds). The telemetry always includes
+      it.
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
     - `action_unit`: `"volt"` (default) or `"normalised"`.
-    - `frame_skip`: control steps (of 10 ms) for which an action is held, 1 by default. The rewards of these steps
-      add up, and observation and `info` are those of the last of them. An episode that ends within them ends the step.
+    - `frame_skip`: control steps (of 10 ms) for which an action is held, 1 by default. The rewards
+      of these steps add up, and observation and `info` are those of the last of them. An episode
+      that ends within them ends the step.
     - `render_mode`: `"human"` (needs the extra `render`) or `"rgb_array"`.
     - `width`, `height`: size of the pictures, 840 × 600 pixels by default.
 
@@ -143,9 +152,11 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start a new episode; without a seed, the next one of the current seed. There are no options.
+        """Start a new episode; without a seed, the next one of the current seed. There are no
+        options.
 
-        A generator that was assigned to ``np_random`` gives the seed of the next episode, ``np_random_seed``.
+        A generator that was assigned to ``np_random`` gives the seed of the next episode,
+        ``np_random_seed``.
 
         Raises
         ------
@@ -177,7 +188,8 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         Raises
         ------
         ActionError
-            If the action has a wrong shape or type, is not finite, or is out of bounds; nothing has moved.
+            If the action has a wrong shape or type, is not finite, or is out of bounds; nothing has
+            moved.
         ResetNeededError
             Before the first reset and after the end of an episode.
         """
@@ -189,7 +201,9 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture (height, width, 3) in the mode ``rgb_array``; ``human`` shows each step by itself."""
         if self._viewer is None:
-            gymnasium.logger.warn("render_mode was not given to gymnasium.make; nothing is rendered")
+            gymnasium.logger.warn(
+                "render_mode was not given to gymnasium.make; nothing is rendered"
+            )
             return None
         if not self._rows:
             raise gymnasium.error.ResetNeeded("render needs a reset before it")

@@ -30,9 +30,10 @@ _ENDED = {
 class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):  # pyright: ignore[reportIncompatibleVariableOverride]
     """N worlds of ``PathFollowingEnv`` in one compiled call.
 
-    A world with seed s goes through the same episodes, bit for bit, as a single environment that is reset with seed s,
-    whatever the number of worlds and threads. ``infos`` holds ``telemetry`` (N, len(telemetry_layout)) and
-    ``is_success`` (N,) with their masks, and with ``AutoresetMode.SAME_STEP`` the final entries that Gymnasium defines.
+    A world with seed s goes through the same episodes, bit for bit, as a single environment that is
+    reset with seed s, whatever the number of worlds and threads. ``infos`` holds ``telemetry`` (N,
+    len(telemetry_layout)) and ``is_success`` (N,) with their masks, and with
+    ``AutoresetMode.SAME_STEP`` the final entries that Gymnasium defines.
 
     Parameters
     ----------
@@ -41,8 +42,8 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
     autoreset_mode
         When a world whose episode has ended is reset; an ``AutoresetMode`` or its value.
     max_episode_steps
-        Steps of the environment, of ``frame_skip`` control steps each, after which an episode is truncated; None for no
-        limit.
+        Steps of the environment, of ``frame_skip`` control steps each, after which an episode is
+        truncated; None for no limit.
     telemetry
         Whether ``infos`` holds telemetry.
     render_mode
@@ -50,9 +51,11 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
     width, height
         Size of the picture of one world [px].
     num_threads
-        Threads for large batches; by default one per core that this process may use. Results do not depend on it.
+        Threads for large batches; by default one per core that this process may use. Results do not
+        depend on it.
     **arguments
-        Those of ``PathFollowingEnv``; ``machine`` and ``task`` for all worlds, or a sequence with one for each.
+        Those of ``PathFollowingEnv``; ``machine`` and ``task`` for all worlds, or a sequence with
+        one for each.
 
     Raises
     ------
@@ -91,24 +94,33 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
         self.render_mode = render_mode
         self._records = telemetry
         self._ended = _ENDED[self.autoreset_mode]
-        self._viewer = load_artist("worlds")(self.batch.pairs, num_envs, width, height) if render_mode else None
+        self._viewer = (
+            load_artist("worlds")(self.batch.pairs, num_envs, width, height)
+            if render_mode
+            else None
+        )
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[Observations, dict[str, Any]]:
         """Start new episodes.
 
         Parameters
         ----------
         seed
-            None for the next episode of each world's seed, an int s for the seeds s, s + 1, …, or one for each world.
+            None for the next episode of each world's seed, an int s for the seeds s, s + 1, …, or
+            one for each world.
         options
             ``{"reset_mask": mask}`` with a bool array (N,) resets only the chosen worlds.
 
         Raises
         ------
         ParameterError
-            If there is an unknown option, or the mask has a wrong shape or type or selects no world.
+            If there is an unknown option, or the mask has a wrong shape or type or selects no
+            world.
         """
         self._check_open()
         chosen = self._mask(options)
@@ -123,9 +135,11 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
         Raises
         ------
         ActionError
-            If an action has a wrong shape or type, is not finite, or is out of bounds; no world has moved.
+            If an action has a wrong shape or type, is not finite, or is out of bounds; no world has
+            moved.
         ResetNeededError
-            If a world was never reset, or its episode has ended with ``AutoresetMode.DISABLED``; no world has moved.
+            If a world was never reset, or its episode has ended with ``AutoresetMode.DISABLED``; no
+            world has moved.
         """
         self._check_open()
         returns = self.batch.step(actions, self._ended)
@@ -141,7 +155,9 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return a picture of each world, uint8 (height, width, 3); None without a ``render_mode``."""
         if self._viewer is None:
-            gymnasium.logger.warn("render_mode was not given to gymnasium.make_vec; nothing is rendered")
+            gymnasium.logger.warn(
+                "render_mode was not given to gymnasium.make_vec; nothing is rendered"
+            )
             return None
         if not self._viewer.ready:
             raise gymnasium.error.ResetNeeded("render needs a reset of all worlds before it")
@@ -192,19 +208,25 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
         if seed is None:
             return None
         if np.ndim(seed) == 1:
-            return [None if each is None else whole_number("seed", each, at_least=0) for each in seed]
+            return [
+                None if each is None else whole_number("seed", each, at_least=0) for each in seed
+            ]
         first = whole_number("seed", seed, at_least=0)
         return list(range(first, first + self.num_envs))
 
     def _mask(self, options: dict[str, Any] | None) -> Mask:
         options = {} if options is None else options
         if not isinstance(cast("object", options), dict) or options.keys() - {"reset_mask"}:
-            raise ParameterError(f"options must be a dict that may hold reset_mask only, got {options!r:.200}")
+            raise ParameterError(
+                f"options must be a dict that may hold reset_mask only, got {options!r:.200}"
+            )
         mask: Any = options.get("reset_mask")
         if mask is None:
             return np.ones(self.num_envs, np.bool_)
         if getattr(mask, "dtype", None) != np.bool_ or mask.shape != (self.num_envs,):
-            raise ParameterError(f"options['reset_mask'] must be a bool array with the shape ({self.num_envs},)")
+            raise ParameterError(
+                f"options['reset_mask'] must be a bool array with the shape ({self.num_envs},)"
+            )
         if not mask.any():
             raise ParameterError("options['reset_mask'] must choose at least one world")
         return np.array(mask, np.bool_)
@@ -215,7 +237,9 @@ def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     for known in AutoresetMode:
         if mode in (known, known.value, known.name):
             return known
-    raise ParameterError(f"autoreset_mode must be one of {', '.join(m.name for m in AutoresetMode)}, got {mode!r}")
+    raise ParameterError(
+        f"autoreset_mode must be one of {', '.join(m.name for m in AutoresetMode)}, got {mode!r}"
+    )
 
 
 BYTES_PER_WORLD, BYTES_OF_TELEMETRY = 1800, 2000
@@ -226,4 +250,6 @@ def check_memory(worlds: int, telemetry: bool) -> None:
     """Raise a ParameterError if this many worlds would not fit into memory."""
     most = available_memory() // (BYTES_PER_WORLD + BYTES_OF_TELEMETRY * telemetry)
     if worlds > most:
-        raise ParameterError(f"num_envs must be ≤ {most}, which fit into this machine's memory, got {worlds}")
+        raise ParameterError(
+            f"num_envs must be ≤ {most}, which fit into this machine's memory, got {worlds}"
+        )

@@ -1,8 +1,8 @@
 """The worlds as pure functions of JAX, in the style of gymnax 1.0, on the same compiled kernel.
 
-``reset`` and ``step`` are of one world; ``jax.vmap`` makes them those of many, in one call of the kernel, and
-``jax.jit`` and ``jax.lax.scan`` take them as they are. A world with seed s goes through the same episodes, bit for bit,
-as one of ``gymnasium.make_vec`` with that seed.
+``reset`` and ``step`` are of one world; ``jax.vmap`` makes them those of many, in one call of the
+kernel, and ``jax.jit`` and ``jax.lax.scan`` take them as they are. A world with seed s goes through
+the same episodes, bit for bit, as one of ``gymnasium.make_vec`` with that seed.
 """
 
 from functools import cache
@@ -83,7 +83,9 @@ class JaxEnv:
 
     def __init__(self, env: PathFollowingVectorEnv) -> None:
         if jax.default_backend() != "cpu":
-            raise ParameterError(f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu")
+            raise ParameterError(
+                f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu"
+            )
         step = STEP if env.batch.machine.has_paper_clutches else DECLARED_STEP
         register_calls(step)
         self._step = _stepping(step)
@@ -98,7 +100,12 @@ class JaxEnv:
     @classmethod
     def from_id(cls, env_id: str, keywords: dict[str, Any], **own: Any) -> Self:
         """Return the environment of an id, with keywords of ``make`` and those of this class."""
-        fixed: dict[str, Any] = {"autoreset_mode": "SAME_STEP", "telemetry": False, "num_threads": 1, "num_envs": 1}
+        fixed: dict[str, Any] = {
+            "autoreset_mode": "SAME_STEP",
+            "telemetry": False,
+            "num_threads": 1,
+            "num_envs": 1,
+        }
         for name in (*fixed, "render_mode"):
             if name in keywords:
                 raise ParameterError(f"{name} must not be given: JAX has its own way")
@@ -107,7 +114,8 @@ class JaxEnv:
         return cls(cast(Any, gymnasium.make_vec(env_id, **fixed, **keywords).unwrapped), **own)
 
     def reset(self, key: jax.Array, params: EnvParams | None = None) -> tuple[jax.Array, EnvState]:
-        """Return the first observation, float32 (len(observation_layout),), and the state of a world.
+        """Return the first observation, float32 (len(observation_layout),), and the state of a
+        world.
 
         Its seed follows from the key, and its later episodes from its seed.
         """
@@ -121,19 +129,27 @@ class JaxEnv:
         Parameters
         ----------
         seed
-            A whole number from 0 to 2³² − 1, or the two halves of a longer one, the lower first, uint32 (2,).
+            A whole number from 0 to 2³² − 1, or the two halves of a longer one, the lower first,
+            uint32 (2,).
         params
             What worlds share; ``default_params`` by default.
         """
-        low, high = jnp.broadcast_to(jnp.asarray(seed, jnp.uint32), (2,)) if jnp.ndim(seed) else (seed, 0)
+        low, high = (
+            jnp.broadcast_to(jnp.asarray(seed, jnp.uint32), (2,)) if jnp.ndim(seed) else (seed, 0)
+        )
         episode = jnp.stack([jnp.asarray(each, jnp.uint32) for each in (low, high, 0, 0)])
         world, episode, obs = _one(_reset, (self._empty, episode), self._shared(params))
         return obs, EnvState(world, episode)
 
     def step(
-        self, key: jax.Array | None, state: EnvState, action: jax.Array, params: EnvParams | None = None
+        self,
+        key: jax.Array | None,
+        state: EnvState,
+        action: jax.Array,
+        params: EnvParams | None = None,
     ) -> tuple[jax.Array, EnvState, jax.Array, jax.Array, jax.Array, Info]:
-        """Advance a world by ``frame_skip`` control periods; one whose episode ends begins the next one.
+        """Advance a world by ``frame_skip`` control periods; one whose episode ends begins the next
+        one.
 
         Parameters
         ----------
@@ -142,8 +158,8 @@ class JaxEnv:
         state
             The world.
         action
-            A number for each clutch; those outside of ``action_space`` are clipped. If one is not finite, the clutches
-            get no voltage, and observation and reward are NaN.
+            A number for each clutch; those outside of ``action_space`` are clipped. If one is not
+            finite, the clutches get no voltage, and observation and reward are NaN.
         params
             What worlds share; ``default_params`` by default.
 
@@ -156,7 +172,8 @@ class JaxEnv:
         terminated, truncated
             bool ().
         info
-            ``terminated`` and ``truncated`` too, ``is_success``, and ``final_observation``: before such a reset.
+            ``terminated`` and ``truncated`` too, ``is_success``, and ``final_observation``: before
+            such a reset.
         """
         del key
         space = self.action_space()
@@ -166,7 +183,12 @@ class JaxEnv:
         state, obs, final, reward, flags = self._advance(state, given, self._shared(params))
         obs, final, reward = (jnp.where(known, each, jnp.nan) for each in (obs, final, reward))
         terminated, truncated, success = (flags[each] for each in FLAG)
-        told = {"terminated": terminated, "truncated": truncated, "is_success": success, "final_observation": final}
+        told = {
+            "terminated": terminated,
+            "truncated": truncated,
+            "is_success": success,
+            "final_observation": final,
+        }
         return obs, state, reward, terminated, truncated, told
 
     def action_space(self, params: EnvParams | None = None) -> spaces.Box:  # noqa: ARG002  (as gymnax has it)
@@ -179,7 +201,9 @@ class JaxEnv:
 
     def _advance(self, state: EnvState, given: jax.Array, shared: EnvParams) -> Any:
         """Return a state, observation, last observation, reward and flags after a step with an action in bounds."""
-        empty = jnp.full(SLOTS - self.num_actions, self.env.batch.action_low, given.dtype)  # has no voltage
+        empty = jnp.full(
+            SLOTS - self.num_actions, self.env.batch.action_low, given.dtype
+        )  # has no voltage
         world, episode, *rest = _one(self._step, (*state, jnp.concatenate([given, empty])), shared)
         return EnvState(world, episode), *rest
 
@@ -195,8 +219,8 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
     env_id
         An id of ``PTER``, as ``gymnasium.make`` takes it.
     **keywords
-        As there: those of the scenario, and ``sensors``, ``action_unit``, ``observe_context``, ``frame_skip`` and
-        ``max_episode_steps``.
+        As there: those of the scenario, and ``sensors``, ``action_unit``, ``observe_context``,
+        ``frame_skip`` and ``max_episode_steps``.
 
     Raises
     ------
@@ -210,19 +234,25 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
 def _many(run: Any) -> Any:
     """Return a function of many worlds whose ``vmap`` is the same function of more of them.
 
-    Its arguments are a tuple of the worlds' own arrays, worlds first, and what they share. A branch of ``lax.cond``
-    maps that too, in equal rows; where rows differ, observations and rewards are NaN.
+    Its arguments are a tuple of the worlds' own arrays, worlds first, and what they share. A branch
+    of ``lax.cond`` maps that too, in equal rows; where rows differ, observations and rewards are
+    NaN.
     """
     call = custom_vmap(run)
 
     @call.def_vmap
     def _(size: int, mapped: Any, own: Any, shared: Any) -> Any:
-        repeated = [x if has_axis else x[None] for x, has_axis in zip(shared, mapped[1], strict=True)]
+        repeated = [
+            x if has_axis else x[None] for x, has_axis in zip(shared, mapped[1], strict=True)
+        ]
         same = jnp.array([(x == x[:1]).all() for x in repeated]).all()
         spread = [
-            x if has_axis else jnp.broadcast_to(x, (size, *x.shape)) for x, has_axis in zip(own, mapped[0], strict=True)
+            x if has_axis else jnp.broadcast_to(x, (size, *x.shape))
+            for x, has_axis in zip(own, mapped[0], strict=True)
         ]
-        found = call(tuple(x.reshape(-1, *x.shape[2:]) for x in spread), EnvParams(*(x[0] for x in repeated)))
+        found = call(
+            tuple(x.reshape(-1, *x.shape[2:]) for x in spread), EnvParams(*(x[0] for x in repeated))
+        )
         if any(mapped[1]):
             found = [jnp.where(same, x, jnp.nan) if x.dtype == jnp.float32 else x for x in found]
         return tuple(x.reshape(size, -1, *x.shape[1:]) for x in found), (True,) * len(found)
@@ -235,13 +265,17 @@ def _one(call: Any, own: Any, shared: EnvParams) -> Any:
     return (x[0] for x in call(tuple(x[None] for x in own), shared))
 
 
-def _called(name: str, own: Any, shared: EnvParams, *further: Any, **options: Any) -> tuple[jax.Array, ...]:
+def _called(
+    name: str, own: Any, shared: EnvParams, *further: Any, **options: Any
+) -> tuple[jax.Array, ...]:
     """Return worlds, episodes and observations after a call of the kernel, and further results."""
     entries = (shared.config.size - 2 * CONFIG_WIDTH) // 2
     state = [jax.ShapeDtypeStruct(x.shape, x.dtype) for x in own[:2]]
     obs = jax.ShapeDtypeStruct((len(own[0]), entries), jnp.float32)
     ffi: Any = jax.ffi
-    return tuple(ffi.ffi_call(name, (*state, obs, *(further and (obs, *further))), **options)(*own, *shared))
+    return tuple(
+        ffi.ffi_call(name, (*state, obs, *(further and (obs, *further))), **options)(*own, *shared)
+    )
 
 
 @_many

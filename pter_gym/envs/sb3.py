@@ -25,8 +25,9 @@ Indices = int | Iterable[int] | None
 class PterVecEnv(VecEnv):
     """A ``VecEnv`` of Stable-Baselines3; make one with ``make_sb3_vec_env``.
 
-    A world that ends is reset at once; ``infos[i]`` then holds ``terminal_observation``, ``TimeLimit.truncated``,
-    ``is_success``, and ``episode`` with return, length and time as from ``VecMonitor``, which isn't needed.
+    A world that ends is reset at once; ``infos[i]`` then holds ``terminal_observation``,
+    ``TimeLimit.truncated``, ``is_success``, and ``episode`` with return, length and time as from
+    ``VecMonitor``, which isn't needed.
     """
 
     def __init__(self, env: PathFollowingVectorEnv) -> None:
@@ -52,11 +53,15 @@ class PterVecEnv(VecEnv):
         """Keep the actions (N, clutches) for ``step_wait``."""
         self._actions = actions
 
-    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+    def step_wait(
+        self,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Advance all worlds by ``frame_skip`` control periods."""
         obs, rewards, terminated, truncated, infos = self.env.step(self._actions)
         done = terminated | truncated
-        listed: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(self.num_envs)]
+        listed: list[dict[str, Any]] = [
+            {"TimeLimit.truncated": False} for _ in range(self.num_envs)
+        ]
         self._returns += rewards
         self._lengths += 1
         if done.any():
@@ -91,7 +96,9 @@ class PterVecEnv(VecEnv):
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:  # noqa: ARG002
         """Raise an error: the worlds of a batch share their attributes."""
-        raise ParameterError(f"{attr_name!r} cannot be set: the worlds of a batch share their attributes")
+        raise ParameterError(
+            f"{attr_name!r} cannot be set: the worlds of a batch share their attributes"
+        )
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: Indices = None, **method_kwargs: Any
@@ -105,7 +112,9 @@ class PterVecEnv(VecEnv):
         return [wrapper_class is Monitor for _ in self._get_indices(indices)]
 
 
-def make_sb3_vec_env(num_envs: int, *, action_unit: ActionUnit = "normalised", **arguments: Any) -> PterVecEnv:
+def make_sb3_vec_env(
+    num_envs: int, *, action_unit: ActionUnit = "normalised", **arguments: Any
+) -> PterVecEnv:
     """Return N worlds as a ``VecEnv`` of Stable-Baselines3.
 
     Parameters
@@ -115,10 +124,12 @@ def make_sb3_vec_env(num_envs: int, *, action_unit: ActionUnit = "normalised", *
     action_unit
         ``"normalised"``, which suits Stable-Baselines3, or ``"volt"``.
     **arguments
-        Those of ``PathFollowingVectorEnv``, such as ``scenario="standard"`` for the worlds of ``PTER/Standard-v0``;
-        by default the worlds are those of ``PTER/PathFollowing-v0``.
+        Those of ``PathFollowingVectorEnv``, such as ``scenario="standard"`` for the worlds of
+        ``PTER/Standard-v0``; by default the worlds are those of ``PTER/PathFollowing-v0``.
     """
     mode = AutoresetMode.SAME_STEP
     return PterVecEnv(
-        PathFollowingVectorEnv(num_envs, autoreset_mode=mode, telemetry=False, action_unit=action_unit, **arguments)
+        PathFollowingVectorEnv(
+            num_envs, autoreset_mode=mode, telemetry=False, action_unit=action_unit, **arguments
+        )
     )

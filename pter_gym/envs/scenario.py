@@ -13,8 +13,8 @@ from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import RewardWeights, Starts
 
 FRAME_SKIP = 3
-"""Control steps for which the environments of scenarios hold an action: noise that is new at each decision then gets
-through the clutches' lag, so that stock algorithms explore."""
+"""Control steps for which the environments of scenarios hold an action: noise that is new at each
+decision then gets through the clutches' lag, so that stock algorithms explore."""
 
 
 def training_draws(
@@ -36,24 +36,29 @@ def training_draws(
     scenario
         Its name in ``pter_gym.scenarios.SCENARIOS``.
     pace
-        Commanded pace [m/s] or its name in ``PACES``; None draws it between the slowest and the fastest of them.
+        Commanded pace [m/s] or its name in ``PACES``; None draws it between the slowest and the
+        fastest of them.
     contexts, context_seed
         Number of pairs of machine and task to draw from, and the seed of their list.
     reward
         Weights of the reward; the scenario's by default.
     error_max
-        Half-width of the workspace [m], where an episode is terminated; that of the evaluation episodes by default.
+        Half-width of the workspace [m], where an episode is terminated; that of the evaluation
+        episodes by default.
     truncation_error
-        Distance from the path [m] at which an episode is truncated, without a cost: the algorithm has to estimate the
-        value of the last state. By default none is; evaluation episodes never are.
+        Distance from the path [m] at which an episode is truncated, without a cost: the algorithm
+        has to estimate the value of the last state. By default none is; evaluation episodes never
+        are.
     starts
-        How episodes begin, or its name in ``pter_gym.tasks.path_following.STARTS``: by default anywhere along the path,
-        moving; with ``"rest"`` they begin like evaluation episodes, so exploration sees little of the path.
+        How episodes begin, or its name in ``pter_gym.tasks.path_following.STARTS``: by default
+        anywhere along the path, moving; with ``"rest"`` they begin like evaluation episodes, so
+        exploration sees little of the path.
     machine
-        One machine for all episodes, its name, or the path of a preset; by default the scenario draws machines.
+        One machine for all episodes, its name, or the path of a preset; by default the scenario
+        draws machines.
     path
-        One path for all episodes, its name in ``pter_gym.paths.PATHS``, or a CSV file of waypoints, where the scenario
-        does not draw paths.
+        One path for all episodes, its name in ``pter_gym.paths.PATHS``, or a CSV file of waypoints,
+        where the scenario does not draw paths.
 
     Raises
     ------
@@ -61,7 +66,11 @@ def training_draws(
         If an argument is out of range; the message names it.
     """
     given = overrides_of_task(
-        path=path, reward=reward, error_max=error_max, truncation_error=truncation_error, starts=starts
+        path=path,
+        reward=reward,
+        error_max=error_max,
+        truncation_error=truncation_error,
+        starts=starts,
     )
     seed = whole_number("context_seed", context_seed, at_least=0)
     found = find_scenario(scenario, machine)
@@ -76,7 +85,8 @@ _randomisation = lru_cache(maxsize=32)(Scenario.randomisation)
 
 
 def find_arguments(**given: Any) -> dict[str, Any]:
-    """Return arguments that name a scenario, as ``scenario`` or ``randomisation``, with what it draws in its place.
+    """Return arguments that name a scenario, as ``scenario`` or ``randomisation``, with what it
+    draws in its place.
 
     Actions of a ``scenario`` are normalised and held for ``FRAME_SKIP`` control steps by default.
 

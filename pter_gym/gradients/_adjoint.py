@@ -1,8 +1,10 @@
-"""The adjoint of a rollout: control steps forward on the simulator's own functions, and backward through each substep.
+"""The adjoint of a rollout: control steps forward on the simulator's own functions, and backward
+through each substep.
 
-Forward, the state at each control instant is kept. Backward, a control step is simulated again from there, and its
-stages are gone through from the last to the first: drift, kick, and what the clutches tend to. A divided kick is gone
-through part by part, with the derivative of the instant at which it was divided.
+Forward, the state at each control instant is kept. Backward, a control step is simulated again from
+there, and its stages are gone through from the last to the first: drift, kick, and what the
+clutches tend to. A divided kick is gone through part by part, with the derivative of the instant at
+which it was divided.
 """
 
 from functools import cache
@@ -16,7 +18,13 @@ from pter_gym._physics import step as _step
 from pter_gym._physics.arm import Load, PerLink
 from pter_gym._physics.clutch import PerClutch, Torques
 from pter_gym._physics.open_loop import BODY, scratch
-from pter_gym._physics.step import MAX_PARTS, arrangement_from, paper_clutches, share_before_change, substep_on
+from pter_gym._physics.step import (
+    MAX_PARTS,
+    arrangement_from,
+    paper_clutches,
+    share_before_change,
+    substep_on,
+)
 from pter_gym.gradients._tracing import adjoint_of
 
 _STEP: Any = _step
@@ -42,7 +50,8 @@ aim, drift, _ = substep_on(BODY, load_on)
 
 
 class Kick(NamedTuple):
-    """A kick's stages, as ``substep_on`` makes them, each of a column of an array with the rows ``BODY``.
+    """A kick's stages, as ``substep_on`` makes them, each of a column of an array with the rows
+    ``BODY``.
 
     Attributes
     ----------
@@ -51,7 +60,8 @@ class Kick(NamedTuple):
     find
         Its velocities over a time.
     share
-        ``share(w, i)`` is the share of a kick after which a clutch changes, if ``find`` has found that one does.
+        ``share(w, i)`` is the share of a kick after which a clutch changes, if ``find`` has found
+        that one does.
     """
 
     whole: Any
@@ -108,8 +118,8 @@ def _take_adjoint(bar: Any) -> None:
 def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
     """Return the adjoint of a kick that was not divided, and that of any.
 
-    Each takes a column with the motion before the kick, which has it again afterwards, ``bar`` and the time that the
-    kick stands for, and returns the adjoint of that time.
+    Each takes a column with the motion before the kick, which has it again afterwards, ``bar`` and
+    the time that the kick stands for, and returns the adjoint of that time.
     """
     find, share = stages.find, stages.share
     find_adjoint, share_adjoint = adjoint_of(find, "h"), adjoint_of(share)
@@ -187,7 +197,8 @@ def _steps(arrangement_at: Any) -> tuple[Any, Any]:
     def forward(body: Any, h: float, force: Any, target: Any, tape: Any) -> None:
         """Move a body, which has its command, through a control step with substeps of h [s].
 
-        ``tape`` (substeps + 1, 2, entries) gets what there is before each drift and before each kick; it may be empty.
+        ``tape`` (substeps + 1, 2, entries) gets what there is before each drift and before each
+        kick; it may be empty.
         """
         count = len(force)
         for k in range(count + 1):
@@ -204,7 +215,14 @@ def _steps(arrangement_at: Any) -> tuple[Any, Any]:
 
     @device
     def backward(
-        body: Any, bar: Any, h: float, force: Any, target: Any, tape: Any, by_force: Any, by_target: Any
+        body: Any,
+        bar: Any,
+        h: float,
+        force: Any,
+        target: Any,
+        tape: Any,
+        by_force: Any,
+        by_target: Any,
     ) -> None:
         """Pull adjoints back through a control step, from what ``forward`` has kept of it."""
         count = len(force)
@@ -216,8 +234,14 @@ def _steps(arrangement_at: Any) -> tuple[Any, Any]:
                     whole_adjoint(body, 0, bar, h)
                 else:
                     kick_adjoint(body, 0, bar, h)
-                by_force[k, 0], by_force[k, 1] = bar[BODY.load.force_x, 0], bar[BODY.load.force_y, 0]
-                by_target[k, 0], by_target[k, 1] = bar[BODY.load.target_x, 0], bar[BODY.load.target_y, 0]
+                by_force[k, 0], by_force[k, 1] = (
+                    bar[BODY.load.force_x, 0],
+                    bar[BODY.load.force_y, 0],
+                )
+                by_target[k, 0], by_target[k, 1] = (
+                    bar[BODY.load.target_x, 0],
+                    bar[BODY.load.target_y, 0],
+                )
                 store(bar, BODY.load, 0, Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
             _bring_back(body, tape[k, 0], 0)
             _drift_adjoint(body, bar, h, (k > 0) & (k < count), lags(body) | (k == 0))
@@ -239,7 +263,9 @@ def _build_forward(digest: str) -> Any:
             states[0, row - FIRST] = body[row, 0]
         nothing = np.empty((0, 2, 0))
         for n in range(volts.shape[0]):
-            store(body, BODY.command, 0, PerClutch(volts[n, 0], volts[n, 1], volts[n, 2], volts[n, 3]))
+            store(
+                body, BODY.command, 0, PerClutch(volts[n, 0], volts[n, 1], volts[n, 2], volts[n, 3])
+            )
             forward_step(body, h, force[n], target[n], nothing)
             for row in range(FIRST, LAST):
                 states[n + 1, row - FIRST] = body[row, 0]
@@ -270,7 +296,9 @@ def _build_backward(digest: str) -> Any:
             for row in range(FIRST, LAST):
                 bar[row, 0] += by_states[n + 1, row - FIRST]
                 body[row, 0] = states[n, row - FIRST]
-            store(body, BODY.command, 0, PerClutch(volts[n, 0], volts[n, 1], volts[n, 2], volts[n, 3]))
+            store(
+                body, BODY.command, 0, PerClutch(volts[n, 0], volts[n, 1], volts[n, 2], volts[n, 3])
+            )
             forward_step(body, h, force[n], target[n], tape)
             backward_step(body, bar, h, force[n], target[n], tape, by_force[n], by_target[n])
             for clutch in range(4):

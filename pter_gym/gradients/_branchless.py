@@ -1,7 +1,8 @@
-"""Functions of the simulator without branches, for values that have no truth of their own: a trace's, or JAX's.
+"""Functions of the simulator without branches, for values that have no truth of their own: a
+trace's, or JAX's.
 
-The functions of a substep are straight-line code but for conditional expressions. ``branchless`` makes the same
-function with calls in place of those.
+The functions of a substep are straight-line code but for conditional expressions. ``branchless``
+makes the same function with calls in place of those.
 """
 
 import ast
@@ -14,7 +15,8 @@ from typing import Any
 from pter_gym._compiled.generated import compile_source
 
 _REWRITTEN = tuple(
-    f"pter_gym.{room}" for room in ("_physics", "gradients", "params._machine", "hands", "paths", "tasks", "_engine")
+    f"pter_gym.{room}"
+    for room in ("_physics", "gradients", "params._machine", "hands", "paths", "tasks", "_engine")
 )
 """Where functions are rewritten; others are called as they are."""
 
@@ -42,7 +44,9 @@ class _Branchless(ast.NodeTransformer):
             match part, last:
                 case ast.If(test, [ast.Return(ast.expr() as x)], []), ast.Return(ast.expr() as y):
                     if part is before[-1] or _compares(test):
-                        chosen = _call("_choose", test, ast.Lambda(_NOTHING, x), ast.Lambda(_NOTHING, y))
+                        chosen = _call(
+                            "_choose", test, ast.Lambda(_NOTHING, x), ast.Lambda(_NOTHING, y)
+                        )
                         node.body = [*before[:k], *before[k + 1 :], ast.Return(chosen)]
                         break
                 case _:
@@ -66,14 +70,16 @@ def _call(name: str, *arguments: ast.expr) -> ast.Call:
 
 
 def branchless(function: Any, meaning: Mapping[str, Any], made: dict[Any, Any]) -> Any:
-    """Return a function of the simulator, and all that it calls, as Python code for any kind of number.
+    """Return a function of the simulator, and all that it calls, as Python code for any kind of
+    number.
 
     Parameters
     ----------
     function
         Compiled or not.
     meaning
-        What ``_where(c, a, b)``, ``_not(c)`` and ``_divide(a, b)`` are, and built-in names that the numbers need.
+        What ``_where(c, a, b)``, ``_not(c)`` and ``_divide(a, b)`` are, and built-in names that the
+        numbers need.
     made
         Functions by what they replace, by Python function; gains those that are made.
     """
@@ -95,10 +101,15 @@ def branchless(function: Any, meaning: Mapping[str, Any], made: dict[Any, Any]) 
         cells = zip(plain.__code__.co_freevars, plain.__closure__ or (), strict=True)
         known = {**plain.__globals__, **{name: cell.cell_contents for name, cell in cells}}
         space: dict[str, Any] = {**meaning, "_choose": choose}
-        made[plain] = compile_source(ast.unparse(ast.fix_missing_locations(tree)), tree.body[0].name, space)
+        made[plain] = compile_source(
+            ast.unparse(ast.fix_missing_locations(tree)), tree.body[0].name, space
+        )
         made[plain].__defaults__ = plain.__defaults__
         used = {*plain.__code__.co_names, *plain.__code__.co_freevars}  # perhaps its own name, too
-        space |= {name: branchless(known[name], meaning, made) for name in used & known.keys() - meaning.keys()}
+        space |= {
+            name: branchless(known[name], meaning, made)
+            for name in used & known.keys() - meaning.keys()
+        }
     return made[plain]
 
 
@@ -107,12 +118,15 @@ def _parsed(function: FunctionType) -> ast.Module:
     tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
     for node in ast.walk(tree):
         if isinstance(node, ast.Lambda) and function.__name__ == "<lambda>":
-            return ast.Module([ast.FunctionDef("given", node.args, [ast.Return(node.body)], [])], [])
+            return ast.Module(
+                [ast.FunctionDef("given", node.args, [ast.Return(node.body)], [])], []
+            )
     return tree
 
 
 class Column:
-    """One column of an array as a stage of a substep reads and writes it, with any kind of numbers in its rows.
+    """One column of an array as a stage of a substep reads and writes it, with any kind of numbers
+    in its rows.
 
     Attributes
     ----------

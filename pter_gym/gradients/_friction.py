@@ -9,11 +9,20 @@ from pter_gym._physics.step import sliding_torques
 
 @device
 def momentum_bar(
-    m11: float, m12: float, m22: float, omega_a: float, omega_b: float, by_a: float, by_b: float, slip: PerClutch
+    m11: float,
+    m12: float,
+    m22: float,
+    omega_a: float,
+    omega_b: float,
+    by_a: float,
+    by_b: float,
+    slip: PerClutch,
 ) -> tuple[float, float]:
-    """Return the adjoint of the momentum before friction, given the adjoint λ of the velocities ω after it.
+    """Return the adjoint of the momentum before friction, given the adjoint λ of the velocities ω
+    after it.
 
-    It is M⁻¹·λ where all clutches slip, d·dᵀ·λ/(dᵀM·d) if a clutch sticks and ω has the direction d, and 0 at rest.
+    It is M⁻¹·λ where all clutches slip, d·dᵀ·λ/(dᵀM·d) if a clutch sticks and ω has the direction
+    d, and 0 at rest.
     """
     if (slip.x1 == 0.0) | (slip.x2 == 0.0) | (slip.x3 == 0.0) | (slip.x4 == 0.0):
         size = max(abs(omega_a), abs(omega_b))
@@ -41,7 +50,8 @@ def resolve_adjoint(
     by_a: float,
     by_b: float,
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
-    """Return the adjoints of M (3), p (2) and c (4) of ``friction.resolve``, by those of the velocities ω.
+    """Return the adjoints of M (3), p (2) and c (4) of ``friction.resolve``, by those of the
+    velocities ω.
 
     With P of ``momentum_bar``, ω changes by P·(dp − dM·ω − Σ_x W_xᵀ·sign(W_x·ω)·dc_x).
     """

@@ -23,9 +23,17 @@ MAX_SUBSTEPS = 10_000
 def divided(machine: Machine | str | None, period: float) -> tuple[Machine, int]:
     """Return a machine whose substeps fill a control step of a period [s], and their number."""
     found = find_machine(machine)
-    require(found.clutch.fade == 0.0, found.clutch, "fade", found.clutch.fade, "0: heat has no derivatives")
+    require(
+        found.clutch.fade == 0.0,
+        found.clutch,
+        "fade",
+        found.clutch.fade,
+        "0: heat has no derivatives",
+    )
     if not 0.0 < period <= MAX_SUBSTEPS * found.substep:
-        raise ParameterError(f"period must be > 0 s and at most {MAX_SUBSTEPS * found.substep:g} s, got {period!r}")
+        raise ParameterError(
+            f"period must be > 0 s and at most {MAX_SUBSTEPS * found.substep:g} s, got {period!r}"
+        )
     count = math.ceil(period / found.substep * (1.0 - 1e-9))
     substep = period / count
     return found if substep == found.substep else replace(found, substep=substep), count
@@ -45,7 +53,9 @@ def by_machine(machine: Machine, bar: Any) -> dict[str, float]:
     w, found = np.zeros((rows, 1)), np.zeros((rows, 1))
     w[BODY_WIDTH:, 0] = [*places.values()]
     found[:BODY_WIDTH] = bar
-    with np.errstate(divide="ignore", invalid="ignore"):  # in the branch of a hand that has no damping
+    with np.errstate(
+        divide="ignore", invalid="ignore"
+    ):  # in the branch of a hand that has no damping
         _adjoint(machine.clutch.lag, len(machine.clutches))(w, 0, found)
     by = dict(zip(places, found[BODY_WIDTH:, 0].tolist(), strict=True))
     del by["substep"]  # what a longer substep does is no change of the machine
@@ -77,12 +87,18 @@ def copied(value: Any, place: str, number: Any) -> Any:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return number(place, float(value))
     if place.startswith("hand.") and isinstance(value, tuple):
-        return tuple(number(f"{place}.{k}", each) for k, each in enumerate(cast("tuple[float, ...]", value), 1))
+        return tuple(
+            number(f"{place}.{k}", each)
+            for k, each in enumerate(cast("tuple[float, ...]", value), 1)
+        )
     if not is_dataclass(value):
         return value
     inner = {item.name: getattr(value, item.name) for item in fields(value)}
     copy = SimpleNamespace(
-        **{name: copied(each, f"{place}.{name}" if place else name, number) for name, each in inner.items()}
+        **{
+            name: copied(each, f"{place}.{name}" if place else name, number)
+            for name, each in inner.items()
+        }
     )
     if isinstance(value, Machine):
         scale = value.slot_scale

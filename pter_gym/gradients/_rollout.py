@@ -40,18 +40,21 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Gradient:
-    """Derivatives of a scalar with respect to the inputs of a rollout of N control steps with S substeps each.
+    """Derivatives of a scalar with respect to the inputs of a rollout of N control steps with S
+    substeps each.
 
     Attributes
     ----------
     volts
         With respect to the voltages of each control step [1/V], shape (N, 4).
     hand_force, hand_target
-        With respect to the hand's force [1/N] and its spring's target [1/m] in each substep, shape (N, S, 2).
+        With respect to the hand's force [1/N] and its spring's target [1/m] in each substep, shape
+        (N, S, 2).
     state
         With respect to the initial state; a change of an angle also turns the link's unit vector.
     machine
-        With respect to each parameter that the motion depends on, by its name, such as ``clutch.time_constant``.
+        With respect to each parameter that the motion depends on, by its name, such as
+        ``clutch.time_constant``.
     """
 
     volts: Array
@@ -93,13 +96,15 @@ class Rollout:
         return _state_of(self._states[-1])
 
     def gradient(self, **by: ArrayLike) -> Gradient:
-        """Return the gradient of a scalar, given its derivatives with respect to attributes of this rollout.
+        """Return the gradient of a scalar, given its derivatives with respect to attributes of this
+        rollout.
 
         Parameters
         ----------
         **by
-            The derivatives with respect to ``theta``, ``omega``, ``tip_position`` and so on, each an array of that
-            attribute's shape. Attributes that are left out have a derivative of zero.
+            The derivatives with respect to ``theta``, ``omega``, ``tip_position`` and so on, each
+            an array of that attribute's shape. Attributes that are left out have a derivative of
+            zero.
 
         Raises
         ------
@@ -116,11 +121,15 @@ class Rollout:
     def _derivative(self, name: str, values: ArrayLike) -> Array:
         known = (*STATE, "tip_position", "tip_velocity")
         if name not in known:
-            raise ParameterError(f"the derivative must be by one of {', '.join(known)}, got {name!r}")
+            raise ParameterError(
+                f"the derivative must be by one of {', '.join(known)}, got {name!r}"
+            )
         array = numbers(name, values)
         wanted = getattr(self, name).shape
         if array.shape != wanted:
-            raise ParameterError(f"the derivative by {name} must have the shape {wanted}, got {array.shape}")
+            raise ParameterError(
+                f"the derivative by {name} must have the shape {wanted}, got {array.shape}"
+            )
         return array
 
     def _by_states(self, by: dict[str, Array]) -> tuple[Array, dict[str, float]]:
@@ -153,7 +162,8 @@ def rollout(
 ) -> Rollout:
     """Simulate one machine with given voltages and forces, and keep what its gradient needs.
 
-    The motion is the same as in ``pter_gym.simulate``, in control steps of equal substeps as in an environment.
+    The motion is the same as in ``pter_gym.simulate``, in control steps of equal substeps as in an
+    environment.
 
     Parameters
     ----------
@@ -164,12 +174,14 @@ def rollout(
     volts
         Clutch voltages [V] of each control step, shape (N, 4), within [0, voltage_max].
     hand_force
-        Force on the tip [N], world frame, shape (2,), (N, 2), or (N, S, 2) for each of a control step's S substeps.
+        Force on the tip [N], world frame, shape (2,), (N, 2), or (N, S, 2) for each of a control
+        step's S substeps.
     hand_target
-        Tip position to which the hand's spring pulls [m], of a shape that ``hand_force`` may have; needed if it has a
-        stiffness.
+        Tip position to which the hand's spring pulls [m], of a shape that ``hand_force`` may have;
+        needed if it has a stiffness.
     period
-        Length of a control step [s]; it has the fewest equal substeps that are no longer than ``machine.substep``.
+        Length of a control step [s]; it has the fewest equal substeps that are no longer than
+        ``machine.substep``.
 
     Raises
     ------
@@ -213,13 +225,17 @@ def run(inputs: Inputs) -> Rollout:
     states = np.empty((len(inputs.volts) + 1, LAST - FIRST))
     forward, _ = kernels(has_paper_clutches=inputs.machine.has_paper_clutches)
     machine = inputs.machine
-    forward(inputs.body, inputs.volts, inputs.hand_force, inputs.hand_target, machine.substep, states)
+    forward(
+        inputs.body, inputs.volts, inputs.hand_force, inputs.hand_target, machine.substep, states
+    )
     diverged = ~np.isfinite(states).all(axis=1)
     if diverged.any():
         raise DivergenceError(
             f"the motion diverged in control step {int(diverged.argmax()) - 1}: make substeps shorter"
         )
-    position, velocity = tip_motion(states, np.array([machine.arm.length_a, machine.arm.length_b]), np)
+    position, velocity = tip_motion(
+        states, np.array([machine.arm.length_a, machine.arm.length_b]), np
+    )
     return Rollout(
         **{name: states[:, begin:end] for name, (begin, end) in STATE.items()},
         tip_position=position,
@@ -238,7 +254,9 @@ def tip_motion(states: Any, lengths: Any, library: Any) -> tuple[Any, Any]:
 
 def gradient_of(inputs: Inputs, states: Array, by_states: Array) -> Gradient:
     """Return the gradient of a scalar by its derivatives with respect to what is kept of each control instant."""
-    volts, force, target = (np.empty_like(each) for each in (inputs.volts, inputs.hand_force, inputs.hand_target))
+    volts, force, target = (
+        np.empty_like(each) for each in (inputs.volts, inputs.hand_force, inputs.hand_target)
+    )
     bar: Any = np.empty((BODY_WIDTH, 1))
     given = inputs.body, inputs.volts, inputs.hand_force, inputs.hand_target, inputs.machine.substep
     _, backward = kernels(has_paper_clutches=inputs.machine.has_paper_clutches)
@@ -252,7 +270,9 @@ def gradient_of(inputs: Inputs, states: Array, by_states: Array) -> Gradient:
 def _in_substeps(name: str, values: ArrayLike, shape: tuple[int, int, int]) -> Array:
     array, (steps, _, width) = numbers(name, values), shape
     if array.shape not in ((width,), (steps, width), shape):
-        raise ParameterError(f"{name} must have the shape ({width},), ({steps}, {width}) or {shape}, got {array.shape}")
+        raise ParameterError(
+            f"{name} must have the shape ({width},), ({steps}, {width}) or {shape}, got {array.shape}"
+        )
     spread = array[:, None] if array.ndim == 2 else array
     return np.array(np.broadcast_to(spread, shape), order="C")
 

@@ -45,9 +45,10 @@ def substep_tangents(arrangement_at: Any, lanes: int, torque_lanes: int) -> Any:
     Returns
     -------
     Callable
-        ``advance(body, dot, h, aims)`` does to a body with its command and its load what ``open_loop.advance`` does,
-        energies apart, and to ``dot`` (entries, lanes), the tangents of its entries by numbers of the motion, the
-        clutches, the inertias and the friction of the axes. ``aims`` tells whether commands may have changed.
+        ``advance(body, dot, h, aims)`` does to a body with its command and its load what
+        ``open_loop.advance`` does, energies apart, and to ``dot`` (entries, lanes), the tangents of
+        its entries by numbers of the motion, the clutches, the inertias and the friction of the
+        axes. ``aims`` tells whether commands may have changed.
     """
     kick = _kick_tangents(arrangement_at, lanes)
     aim_torques = tangent_of(aim, constants=(False,), active=TORQUES, lanes=torque_lanes)

@@ -1,7 +1,9 @@
-"""Derivatives from the simulator's own source: the adjoint and the tangents of a stage, from a trace of it.
+"""Derivatives from the simulator's own source: the adjoint and the tangents of a stage, from a
+trace of it.
 
-``adjoint_of`` and ``tangent_of`` run a stage of a substep once, without branches, on values that note each operation,
-and write out the vector–Jacobian product, or the Jacobian–vector products, as a function that numba compiles.
+``adjoint_of`` and ``tangent_of`` run a stage of a substep once, without branches, on values that
+note each operation, and write out the vector–Jacobian product, or the Jacobian–vector products, as
+a function that numba compiles.
 """
 
 import math
@@ -75,7 +77,12 @@ class _Value:
     __sub__, __rsub__ = _operator("-"), _operator("-", swapped=True)
     __mul__, __rmul__ = _operator("*"), _operator("*", swapped=True)
     __truediv__, __rtruediv__ = _operator("/"), _operator("/", swapped=True)
-    __lt__, __le__, __gt__, __ge__ = _operator("<"), _operator("<="), _operator(">"), _operator(">=")
+    __lt__, __le__, __gt__, __ge__ = (
+        _operator("<"),
+        _operator("<="),
+        _operator(">"),
+        _operator(">="),
+    )
     __eq__, __ne__ = _operator("=="), _operator("!=")  # pyright: ignore[reportAssignmentType]
     __and__, __or__ = _operator("&"), _operator("|")
 
@@ -87,7 +94,9 @@ def _where(condition: Any, x: Any, y: Any) -> Any:
 
 
 def _not(condition: Any) -> Any:
-    return condition.trace.note("not", condition) if isinstance(condition, _Value) else not condition
+    return (
+        condition.trace.note("not", condition) if isinstance(condition, _Value) else not condition
+    )
 
 
 def _min(*values: Any) -> Any:
@@ -131,18 +140,21 @@ _PULLS: dict[str, tuple[str, ...]] = {
     "-": ("{g}", "-{g}"),
     "*": ("{g} * {1}", "{0} * {g}"),
     # a branch that is not taken may divide by zero; its adjoint is zero
-    "/": ("({g} / {1} if {g} != 0.0 else 0.0)", "(-{g} * {0} / ({1} * {1}) if {g} != 0.0 else 0.0)"),
+    "/": (
+        "({g} / {1} if {g} != 0.0 else 0.0)",
+        "(-{g} * {0} / ({1} * {1}) if {g} != 0.0 else 0.0)",
+    ),
     "neg": ("-{g}",),
     "abs": ("({g} if {0} >= 0.0 else -{g})",),
     "exp": ("{g} * math.exp({0})",),
     "hypot": ("{g} * {0} / math.hypot({0}, {1})", "{g} * {1} / math.hypot({0}, {1})"),
     "where": ("", "({g} if {0} else 0.0)", "(0.0 if {0} else {g})"),
 }
-"""What an operation adds to the adjoint of each of its operands, by its own adjoint g; truths have none.
+"""What an operation adds to the adjoint of each of its operands, by its own adjoint g; truths have
+none.
 
-That is linear in g with the operand's derivative as its factor, so it is also what an operand's tangent g adds to that
-of the operation.
-"""
+That is linear in g with the operand's derivative as its factor, so it is also what an operand's
+tangent g adds to that of the operation. """
 
 
 def _traced(*given: Any) -> Any:
@@ -158,7 +170,8 @@ _NUMBERS = 9
 """How many numbers ``resolve`` takes that have derivatives, the first."""
 
 _NAMES: dict[str, Any] = {
-    each.__name__: each for each in (math, resolve, resolve_adjoint, resolve_tangent, PerClutch, Arrangement)
+    each.__name__: each
+    for each in (math, resolve, resolve_adjoint, resolve_tangent, PerClutch, Arrangement)
 }
 """What generated code may name."""
 
@@ -175,8 +188,12 @@ class _Stage:
         self.read: dict[int, _Value] = {}
         self.scalars = tuple(_Value(trace, name) for name in scalars)
         column = Column({}, lambda row: self.read.setdefault(row, trace.new()))
-        self.returned = branchless(stage, _MEANING, dict(_RULES))(column, 0, *self.scalars, *constants)
-        self.written = {row: value for row, value in column.rows.items() if value is not self.read.get(row)}
+        self.returned = branchless(stage, _MEANING, dict(_RULES))(
+            column, 0, *self.scalars, *constants
+        )
+        self.written = {
+            row: value for row, value in column.rows.items() if value is not self.read.get(row)
+        }
 
     @property
     def lines(self) -> list[str]:
@@ -193,17 +210,18 @@ def adjoint_of(stage: Any, *scalars: str, constants: tuple[Any, ...] = ()) -> An
     Parameters
     ----------
     stage
-        ``stage(w, i, *scalars, *constants)`` reads and writes rows of column ``i`` of an array ``w``. It may return a
-        number.
+        ``stage(w, i, *scalars, *constants)`` reads and writes rows of column ``i`` of an array
+        ``w``. It may return a number.
     scalars, constants
         Names of its further arguments that are numbers; values of those that do not vary.
 
     Returns
     -------
     Callable
-        ``adjoint(w, i, bar, *scalars, seed)``: takes the column as it was before the stage, and turns ``bar``
-        (entries, 1), the adjoints of its entries after it but the energies, into those before it. ``seed`` is the
-        adjoint of the returned number, if there is one. Returns the adjoint of the only scalar, 0 if there is none.
+        ``adjoint(w, i, bar, *scalars, seed)``: takes the column as it was before the stage, and
+        turns ``bar`` (entries, 1), the adjoints of its entries after it but the energies, into
+        those before it. ``seed`` is the adjoint of the returned number, if there is one. Returns
+        the adjoint of the only scalar, 0 if there is none.
     """
     made = _Stage(stage, scalars, constants)
     adjoints = _Adjoints()
@@ -219,12 +237,18 @@ def adjoint_of(stage: Any, *scalars: str, constants: tuple[Any, ...] = ()) -> An
         lines += adjoints.through(*step)
     for row, value in made.read.items():
         lines += [f"bar[{row}, 0] += {pull}" for pull in adjoints.of(value)]
-    lines.append(f"return {' + '.join(pull for name in made.scalars for pull in adjoints.of(name)) or '0.0'}")
+    lines.append(
+        f"return {' + '.join(pull for name in made.scalars for pull in adjoints.of(name)) or '0.0'}"
+    )
     return _compiled("adjoint", ("bar", *scalars, *seeds), lines)
 
 
 def tangent_of(
-    stage: Any, *scalars: str, constants: tuple[Any, ...] = (), active: Collection[float], lanes: int
+    stage: Any,
+    *scalars: str,
+    constants: tuple[Any, ...] = (),
+    active: Collection[float],
+    lanes: int,
 ) -> Any:
     """Return a stage of a substep with its Jacobian–vector products, compiled.
 
@@ -240,8 +264,9 @@ def tangent_of(
     Returns
     -------
     Callable
-        ``tangent(w, i, dot, *scalars)``: does to the active rows of column ``i`` of ``w`` what the stage does, and
-        turns ``dot`` (entries, at least ``lanes``), the tangents of the entries before it, into those after it.
+        ``tangent(w, i, dot, *scalars)``: does to the active rows of column ``i`` of ``w`` what the
+        stage does, and turns ``dot`` (entries, at least ``lanes``), the tangents of the entries
+        before it, into those after it.
     """
     made = _Stage(stage, scalars, constants)
     inner = [f"d{value} = dot[{row}, j]" for row, value in made.read.items() if row in active]
@@ -253,11 +278,17 @@ def tangent_of(
     for results, kind, of in made.trace.steps:
         numbers = flat(of)[:_NUMBERS] if kind == "resolve" else of
         if kind == "resolve":
-            given = [*map(repr, of), *map(repr, results), *(dot(value) or "0.0" for value in numbers)]
+            given = [
+                *map(repr, of),
+                *map(repr, results),
+                *(dot(value) or "0.0" for value in numbers),
+            ]
             line = f"resolve_tangent({', '.join(given)})"
         else:
             pulls = zip(of, _PULLS.get(kind, ("",) * len(of)), strict=True)
-            line = " + ".join(pull.format(*of, g=dot(value)) for value, pull in pulls if pull and dot(value))
+            line = " + ".join(
+                pull.format(*of, g=dot(value)) for value, pull in pulls if pull and dot(value)
+            )
         if line and any(map(dot, numbers)):
             inner.append(f"{', '.join(f'd{value}' for value in results)} = {line}")
             varying |= {value.name for value in results}

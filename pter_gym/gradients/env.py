@@ -1,8 +1,8 @@
 """The environment for ``jax.grad``: ``pter_gym.envs.jax`` with a rule for the derivative of a step.
 
-A step has the same bits as ``JaxEnv``. Its derivative repeats the step: the arm by the compiled kernels of
-``pter_gym.gradients.jax``; the hand, the projection onto the path, reward and observation as functions of JAX made from
-their source.
+A step has the same bits as ``JaxEnv``. Its derivative repeats the step: the arm by the compiled
+kernels of ``pter_gym.gradients.jax``; the hand, the projection onto the path, reward and
+observation as functions of JAX made from their source.
 """
 
 from typing import Any, Literal, NamedTuple, cast, get_args
@@ -27,7 +27,16 @@ from pter_gym._physics.open_loop import BODY, BODY_WIDTH
 from pter_gym.envs import jax as jax_env
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.gradients._branchless import Column, branchless
-from pter_gym.gradients.jax import MEANING, custom_vmap, first_order, floats_of, jax, jnp, lax, rolling
+from pter_gym.gradients.jax import (
+    MEANING,
+    custom_vmap,
+    first_order,
+    floats_of,
+    jax,
+    jnp,
+    lax,
+    rolling,
+)
 from pter_gym.paths._projection import foot_on, project, segment_at
 from pter_gym.tasks.path_following._observation import BOUND
 
@@ -40,8 +49,8 @@ class DifferentiableEnvState(NamedTuple):
     world, episode
         Those of ``pter_gym.envs.jax.EnvState``.
     numbers
-        What ``world`` says, as floating-point numbers (51,): angles, velocities, torques and so on, in the order of
-        ``pter_gym._engine.world.World``. A step does not read them.
+        What ``world`` says, as floating-point numbers (51,): angles, velocities, torques and so on,
+        in the order of ``pter_gym._engine.world.World``. A step does not read them.
     """
 
     world: jax.Array
@@ -54,17 +63,20 @@ EpisodeEnd = Literal["raise", "constant"]
 
 
 class DifferentiableEnv(jax_env.JaxEnv):
-    """Pure functions of one world as ``JaxEnv`` has them, whose ``step`` has a derivative; make one with ``make``.
+    """Pure functions of one world as ``JaxEnv`` has them, whose ``step`` has a derivative; make one
+    with ``make``.
 
-    Observation, reward and next state are differentiated by the action and the state. ``params`` counts as constant;
-    ``step`` takes its constants alone.
+    Observation, reward and next state are differentiated by the action and the state. ``params``
+    counts as constant; ``step`` takes its constants alone.
     """
 
     def __init__(self, env: Any, episode_end: EpisodeEnd) -> None:
         if episode_end not in get_args(EpisodeEnd):
             raise unknown_name("episode_end", episode_end, get_args(EpisodeEnd))
         if not env.batch.machine.has_paper_clutches:
-            raise ParameterError("machine must have the paper's clutches for a step to be differentiated")
+            raise ParameterError(
+                "machine must have the paper's clutches for a step to be differentiated"
+            )
         if env.batch.device_arrays()["worlds"].shape[1] != BASIC_ROWS:
             raise ParameterError(
                 "hand must be a push and sines, and sensing ideal, for a step to be differentiated: "
@@ -88,19 +100,26 @@ class DifferentiableEnv(jax_env.JaxEnv):
         Raises
         ------
         ParameterError
-            If the action is not of floating-point numbers, or the state is not a ``DifferentiableEnvState``.
+            If the action is not of floating-point numbers, or the state is not a
+            ``DifferentiableEnvState``.
         """
         kind = jnp.result_type(action)
         if not jnp.issubdtype(kind, jnp.floating):
-            raise ParameterError(f"action must be floating-point numbers, which have derivatives, got {kind}")
+            raise ParameterError(
+                f"action must be floating-point numbers, which have derivatives, got {kind}"
+            )
         if not isinstance(state, DifferentiableEnvState):
-            raise ParameterError(f"state must be from reset or step of this environment, got {type(state).__name__}")
+            raise ParameterError(
+                f"state must be from reset or step of this environment, got {type(state).__name__}"
+            )
         door_state: Any = state
         return super().step(key, door_state, action, params)
 
     def _advance(self, state: Any, given: jax.Array, shared: Any) -> Any:
         shared = jax_env.EnvParams(self.default_params.config, shared.constants)
-        state, obs, final, reward, flags = self._advance_one(state.numbers, given, state[:2], shared)
+        state, obs, final, reward, flags = self._advance_one(
+            state.numbers, given, state[:2], shared
+        )
         over = flags[FLAG.terminated] | flags[FLAG.truncated]
         return state, obs, jnp.where(over, final, obs), reward, flags
 
@@ -115,9 +134,9 @@ def make(
     env_id, **keywords
         As ``pter_gym.envs.jax.make`` takes them; ``sensors`` is ``"encoders"`` by default.
     episode_end
-        A derivative that would pass through a step in which an episode ends raises an error: a ``ParameterError``, or
-        within ``jit``, ``vmap`` and ``scan`` the error of JAX that quotes it. With ``"constant"``, state, observations
-        and reward after such a step count as constant.
+        A derivative that would pass through a step in which an episode ends raises an error: a
+        ``ParameterError``, or within ``jit``, ``vmap`` and ``scan`` the error of JAX that quotes
+        it. With ``"constant"``, state, observations and reward after such a step count as constant.
 
     Raises
     ------
@@ -154,7 +173,17 @@ def _clipped(volts: PerClutch, most: Any) -> PerClutch:
 
 
 _MADE: dict[Any, Any] = {clipped: _clipped, getattr(project, "py_func", project): _project}
-_foot_on, _given_volts, _take_command, _drift_torques, _move_hand, _push_tip, _locate, _judge, _observe = (
+(
+    _foot_on,
+    _given_volts,
+    _take_command,
+    _drift_torques,
+    _move_hand,
+    _push_tip,
+    _locate,
+    _judge,
+    _observe,
+) = (
     branchless(each, MEANING, _MADE)
     for each in (
         foot_on,
@@ -186,8 +215,8 @@ class _Words:
 def _following(config: Config, frame_skip: int) -> Any:
     """Return the function of JAX whose derivative is that of a step.
 
-    From a world's numbers, an action and the constants, it returns the numbers, the observation and the reward that a
-    step leads to where the episode goes on.
+    From a world's numbers, an action and the constants, it returns the numbers, the observation and
+    the reward that a step leads to where the episode goes on.
     """
     count = int(config.substeps)
     period = config.substep * count
@@ -203,7 +232,9 @@ def _following(config: Config, frame_skip: int) -> Any:
         body = Column({})
         for name in ("machine", "motion", "torques", "lagged_volts", "strength"):
             store(body, getattr(BODY, name), 0, load(w, getattr(ROW, name), 0))
-        column = jnp.stack([jnp.asarray(body.rows.get(row, 0.0), float) for row in range(BODY_WIDTH)])
+        column = jnp.stack(
+            [jnp.asarray(body.rows.get(row, 0.0), float) for row in range(BODY_WIDTH)]
+        )
         volts, push = jnp.stack(load(w, ROW.command, 0)), jnp.stack(force[:-1])
         states = roll(column, volts[None], push[None], jnp.zeros_like(push)[None])
         w.rows |= enumerate(jnp.unstack(states[1]))
@@ -225,7 +256,9 @@ def _following(config: Config, frame_skip: int) -> Any:
             move(w)
             _locate(w, 0, constants)
             _judge(w, 0, period, config.limit)
-            return jnp.stack([jnp.asarray(w[row, 0], numbers.dtype) for row in range(BASIC_ROWS)]), w[ROW.reward, 0]
+            return jnp.stack(
+                [jnp.asarray(w[row, 0], numbers.dtype) for row in range(BASIC_ROWS)]
+            ), w[ROW.reward, 0]
 
         numbers, earned = lax.scan(hold, numbers, length=frame_skip)
         w = world(numbers)
@@ -270,7 +303,12 @@ def _advancing(advance: Any, config: Config, frame_skip: int, episode_end: Episo
     def keep(numbers: Any, action: Any, state: Any, shared: Any) -> Any:
         found = run(numbers, action, state, shared)
         flags = found[-1]
-        return found, (numbers, action, shared.constants, flags[FLAG.terminated] | flags[FLAG.truncated])
+        return found, (
+            numbers,
+            action,
+            shared.constants,
+            flags[FLAG.terminated] | flags[FLAG.truncated],
+        )
 
     def pull(kept: Any, by: Any) -> Any:
         *given, constants, over = kept

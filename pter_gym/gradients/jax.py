@@ -84,7 +84,9 @@ def first_order(function: Any) -> Any:
     once = custom(function)
 
     def refuse(*_: Any) -> None:
-        raise ParameterError("derivatives must be first ones in reverse mode (jax.grad, jax.vjp, jax.jacrev)")
+        raise ParameterError(
+            "derivatives must be first ones in reverse mode (jax.grad, jax.vjp, jax.jacrev)"
+        )
 
     once.defjvp(refuse)
     return once
@@ -102,8 +104,11 @@ class JaxMotion(NamedTuple):
     tip_velocity: jax.Array
 
 
-def make_rollout(machine: Machine | str | None = None, period: float = 0.01) -> Callable[..., JaxMotion]:
-    """Return ``pter_gym.gradients.rollout`` of a machine as a JAX function, for ``grad``, ``jit`` and ``vmap``.
+def make_rollout(
+    machine: Machine | str | None = None, period: float = 0.01
+) -> Callable[..., JaxMotion]:
+    """Return ``pter_gym.gradients.rollout`` of a machine as a JAX function, for ``grad``, ``jit``
+    and ``vmap``.
 
     Parameters
     ----------
@@ -115,18 +120,21 @@ def make_rollout(machine: Machine | str | None = None, period: float = 0.01) -> 
     Returns
     -------
     Callable
-        ``rollout(state, volts, hand_force, hand_target=(0.0, 0.0), numbers=None)`` takes a ``State`` or a dict of its
-        fields, and what ``rollout`` takes; voltages out of range are clipped. ``numbers`` replaces numbers of the
-        machine by their places, such as ``{"clutch.time_constant": 0.1}``. It returns a ``JaxMotion``.
+        ``rollout(state, volts, hand_force, hand_target=(0.0, 0.0), numbers=None)`` takes a
+        ``State`` or a dict of its fields, and what ``rollout`` takes; voltages out of range are
+        clipped. ``numbers`` replaces numbers of the machine by their places, such as
+        ``{"clutch.time_constant": 0.1}``. It returns a ``JaxMotion``.
 
     Raises
     ------
     ParameterError
-        If JAX would run this on anything but a CPU, an argument is out of range, or in the call a shape is
-        wrong or an array is not of numbers.
+        If JAX would run this on anything but a CPU, an argument is out of range, or in the call a
+        shape is wrong or an array is not of numbers.
     """
     if jax.default_backend() != "cpu":
-        raise ParameterError(f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu")
+        raise ParameterError(
+            f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu"
+        )
     held, substeps = divided(machine, period)
     known = {place: value for place, value in numbers_of(held).items() if place != "substep"}
     fixed = jnp.asarray(flat(arrangement_of(held)))
@@ -141,21 +149,33 @@ def make_rollout(machine: Machine | str | None = None, period: float = 0.01) -> 
         numbers: dict[str, Any] | None = None,
     ) -> JaxMotion:
         given = vars(state) if isinstance(state, State) else state
-        at = {name: _floats(f"state.{name}", given[name], (end - begin,)) for name, (begin, end) in STATE.items()}
+        at = {
+            name: _floats(f"state.{name}", given[name], (end - begin,))
+            for name, (begin, end) in STATE.items()
+        }
         volts = jnp.clip(_floats("volts", volts, (len(volts), 4)), 0.0, held.clutch.voltage_max)
         shape = len(volts), substeps, 2
-        force, target = _spread("hand_force", hand_force, shape), _spread("hand_target", hand_target, shape)
+        force, target = (
+            _spread("hand_force", hand_force, shape),
+            _spread("hand_target", hand_target, shape),
+        )
         unknown = set(numbers or {}) - set(known)
         if unknown:
-            raise ParameterError(f"numbers must be among {', '.join(known)}, got {', '.join(sorted(unknown))}")
-        values = known | {place: _floats(place, each, ()) for place, each in (numbers or {}).items()}
+            raise ParameterError(
+                f"numbers must be among {', '.join(known)}, got {', '.join(sorted(unknown))}"
+            )
+        values = known | {
+            place: _floats(place, each, ()) for place, each in (numbers or {}).items()
+        }
         model = to_model(copied(held, "", values.get))
         a, b = at["theta"]
         units = jnp.stack([jnp.cos(a), jnp.sin(a), jnp.cos(b), jnp.sin(b)])
         motion = jnp.concatenate([at["theta"], at["omega"], units])
         limits = [at[name] for name in ("torque_breakaway", "torque_dynamic", "lagged_volts")]
         body = jnp.zeros(BODY_WIDTH).at[FIRST:LAST].set(jnp.concatenate([motion, *limits]))
-        body = body.at[:FIRST].set(jnp.stack([*map(jnp.asarray, flat(model))])).at[STRENGTH].set(1.0)
+        body = (
+            body.at[:FIRST].set(jnp.stack([*map(jnp.asarray, flat(model))])).at[STRENGTH].set(1.0)
+        )
         states = roll(body.at[BODY.arrangement.a.x1 :].set(fixed), volts, force, target)
         return _motion(states, jnp.stack([model.arm.length_a, model.arm.length_b]))
 
@@ -194,11 +214,19 @@ def rolling(has_paper_clutches: bool, substep: float) -> Any:
     names = {name: _registered(name, has_paper_clutches) for name in ("forward", "backward")}
     h = words_of(np.array([substep]))
 
-    def call(name: str, shapes: tuple[tuple[int, ...], ...], given: tuple[Any, ...]) -> tuple[Any, ...]:
+    def call(
+        name: str, shapes: tuple[tuple[int, ...], ...], given: tuple[Any, ...]
+    ) -> tuple[Any, ...]:
         ffi: Any = jax.ffi
-        results = tuple(jax.ShapeDtypeStruct((2 * math.prod(shape),), jnp.uint32) for shape in shapes)
-        found = ffi.ffi_call(names[name], results, vmap_method="broadcast_all")(h, *map(_words, given))
-        return tuple(floats_of(words).reshape(shape) for words, shape in zip(found, shapes, strict=True))
+        results = tuple(
+            jax.ShapeDtypeStruct((2 * math.prod(shape),), jnp.uint32) for shape in shapes
+        )
+        found = ffi.ffi_call(names[name], results, vmap_method="broadcast_all")(
+            h, *map(_words, given)
+        )
+        return tuple(
+            floats_of(words).reshape(shape) for words, shape in zip(found, shapes, strict=True)
+        )
 
     @first_order
     def run(body: Any, volts: Any, force: Any, target: Any) -> Any:
@@ -246,7 +274,9 @@ def _registered(name: str, has_paper_clutches: bool) -> str:
     """Register the call ``forward`` or ``backward``, once; return the name by which XLA knows it."""
     forward, backward = kernels(has_paper_clutches=has_paper_clutches)
     called = f"pter_rollout_{name}_{'paper' if has_paper_clutches else 'declared'}"
-    _XLA.register(called, _forward_handler(forward) if name == "forward" else _backward_handler(backward))
+    _XLA.register(
+        called, _forward_handler(forward) if name == "forward" else _backward_handler(backward)
+    )
     return called
 
 
@@ -257,7 +287,12 @@ def _rollout(buffers: int, first: int, i: int) -> tuple[Any, Any, Any, Any]:
     force, target = _double_rows(buffers, first + 2)[i], _double_rows(buffers, first + 3)[i]
     steps = len(volts) // 4
     acting = steps, len(force) // (2 * steps), 2
-    return body.reshape((BODY_WIDTH, 1)), volts.reshape((steps, 4)), force.reshape(acting), target.reshape(acting)
+    return (
+        body.reshape((BODY_WIDTH, 1)),
+        volts.reshape((steps, 4)),
+        force.reshape(acting),
+        target.reshape(acting),
+    )
 
 
 @inlined
@@ -268,7 +303,10 @@ def _states(buffers: int, number: int, i: int) -> Any:
 
 
 def _forward_handler(forward: Any) -> Any:
-    """Return what simulates. Its arguments are the substep, bodies, voltages, forces and targets; its result states."""
+    """Return what simulates.
+
+    Its arguments are the substep, bodies, voltages, forces and targets; its result states.
+    """
 
     @inlined
     def handler(arguments: int, results: int) -> None:
@@ -282,8 +320,8 @@ def _forward_handler(forward: Any) -> Any:
 def _backward_handler(backward: Any) -> Any:
     """Return what pulls adjoints back.
 
-    Its arguments are those of the other call, the states, and their adjoints; its results are the adjoints of all of
-    them but the substep.
+    Its arguments are those of the other call, the states, and their adjoints; its results are the
+    adjoints of all of them but the substep.
     """
 
     @inlined
@@ -292,6 +330,15 @@ def _backward_handler(backward: Any) -> Any:
         for i in range(len(_double_rows(arguments, 1))):
             by_body, by_volts, by_force, by_target = _rollout(results, 0, i)
             states, by_states = _states(arguments, 5, i), _states(arguments, 6, i)
-            backward(*_rollout(arguments, 1, i), h, states, by_states, by_volts, by_force, by_target, by_body)
+            backward(
+                *_rollout(arguments, 1, i),
+                h,
+                states,
+                by_states,
+                by_volts,
+                by_force,
+                by_target,
+                by_body,
+            )
 
     return handler

@@ -16,7 +16,13 @@ from pter_gym.hands._kinds import (
 )
 from pter_gym.hands._library import LIBRARY_ARMS, LIBRARY_TREMORS, LibraryArm, LibraryTremor
 from pter_gym.hands._model import SINES, HandModel
-from pter_gym.hands._tremor import EssentialTremor, ParkinsonianTremor, PhysiologicalTremor, TremorArm, find_hand
+from pter_gym.hands._tremor import (
+    EssentialTremor,
+    ParkinsonianTremor,
+    PhysiologicalTremor,
+    TremorArm,
+    find_hand,
+)
 
 __all__ = [
     "EQ5_FREQUENCIES",

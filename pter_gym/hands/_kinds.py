@@ -1,7 +1,7 @@
 """The hand that holds the tip: prescribed forces, or a human arm with an intent.
 
-All hands push along the path and disturb across it with up to five sines. A human arm also pulls the tip towards a
-point that moves along the path; recorded forces add to the rest.
+All hands push along the path and disturb across it with up to five sines. A human arm also pulls
+the tip towards a point that moves along the path; recorded forces add to the rest.
 """
 
 import math
@@ -42,7 +42,8 @@ NO_HAND = Hand()
 
 
 class Operator(Checked, ABC):
-    """A kind of hand: its impedance, added to the arm, and its own forces. Each is a frozen dataclass.
+    """A kind of hand: its impedance, added to the arm, and its own forces. Each is a frozen
+    dataclass.
 
     Attributes
     ----------
@@ -76,9 +77,11 @@ class Operator(Checked, ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class MultiSineHand(Operator):
-    """A constant force along the path and a sum of five sines across it (paper section IV-A, Eq. 5).
+    """A constant force along the path and a sum of five sines across it (paper section IV-A, Eq.
+    5).
 
-    The default is Eq. 5: equal amplitudes Fmax/5, frequencies 2ⁿ/2 Hz, phases 0. Neither force is printed in the paper.
+    The default is Eq. 5: equal amplitudes Fmax/5, frequencies 2ⁿ/2 Hz, phases 0. Neither force is
+    printed in the paper.
     """
 
     push: float = preset("hand", "push")
@@ -88,9 +91,13 @@ class MultiSineHand(Operator):
         **_FIVE,
         default=(SHIPPED["hand"]["force_max"]["value"] / SINES,) * SINES,
     )
-    frequencies: tuple[float, ...] = quantity("Hz", "published: Eq. 5", **_RATES, default=EQ5_FREQUENCIES)
+    frequencies: tuple[float, ...] = quantity(
+        "Hz", "published: Eq. 5", **_RATES, default=EQ5_FREQUENCIES
+    )
     phases: tuple[float, ...] = quantity("rad", "published: Eq. 5", **_FIVE, default=(0.0,) * SINES)
-    random_phases: bool = quantity("1", "chosen: False is Eq. 5; True draws the phases at each reset", default=False)
+    random_phases: bool = quantity(
+        "1", "chosen: False is Eq. 5; True draws the phases at each reset", default=False
+    )
 
     plans: ClassVar[bool] = False
 
@@ -105,7 +112,10 @@ class MultiSineHand(Operator):
 
 
 def eq5(force_max: float, push: float) -> MultiSineHand:
-    """Return the hand of the paper's standard test: ``Fmax`` of Eq. 5 [N] and the constant tangential force [N]."""
+    """Return the hand of the paper's standard test: ``Fmax`` of Eq.
+
+    5 [N] and the constant tangential force [N].
+    """
     return MultiSineHand(push=push, amplitudes=(force_max / SINES,) * SINES)
 
 
@@ -124,34 +134,53 @@ HUMAN_ARMS = {"relaxed": RELAXED, "normal": NORMAL, "tense": TENSE}
 
 @dataclass(frozen=True, kw_only=True)
 class HumanArm(Operator):
-    """A human arm: mass, damper and spring between the tip and a point that the person intends to follow.
+    """A human arm: mass, damper and spring between the tip and a point that the person intends to
+    follow.
 
-    The point moves along the path. It starts from rest with minimum jerk, so with the velocity 3u² − 2u³ over its
-    rise time (Flash and Hogan, J. Neurosci. 5, 1985, with a free end point), to ``eagerness`` times the commanded pace:
-    a passive arm can only slow a hand down. It never leads the tip by more than ``lead``. Sines across the path are the
-    person's error and tremor.
+    The point moves along the path. It starts from rest with minimum jerk, so with the velocity 3u²
+    − 2u³ over its rise time (Flash and Hogan, J. Neurosci. 5, 1985, with a free end point), to
+    ``eagerness`` times the commanded pace: a passive arm can only slow a hand down. It never leads
+    the tip by more than ``lead``. Sines across the path are the person's error and tremor.
 
-    Orders of magnitude for human arms at the hand are 0.55 to 2 kg, 5 to 30 N·s/m and 100 to 600 N/m, taken as
-    isotropic here. These ranges were not read from the studies that measure such arms: Mussa-Ivaldi, Hogan
-    and Bizzi (J. Neurosci. 5, 1985), Dolan, Friedman and Nagurka (IEEE Trans. SMC 23, 1993), Tsuji, Morasso, Goto and
-    Ito (Biol. Cybern. 72, 1995).
+    Orders of magnitude for human arms at the hand are 0.55 to 2 kg, 5 to 30 N·s/m and 100 to 600
+    N/m, taken as isotropic here. These ranges were not read from the studies that measure such
+    arms: Mussa-Ivaldi, Hogan and Bizzi (J. Neurosci. 5, 1985), Dolan, Friedman and Nagurka (IEEE
+    Trans. SMC 23, 1993), Tsuji, Morasso, Goto and Ito (Biol. Cybern. 72, 1995).
     """
 
-    impedance: Hand = quantity("1", "chosen: within the order of magnitude of human arms", default=NORMAL)
-    eagerness: float = quantity("1", "chosen: intended over commanded pace", **_UP_TO_TEN, default=1.4)
-    rise: float = quantity("s", "chosen: time in which the intent gathers speed", **_UP_TO_TEN, default=0.3)
-    lead: float = quantity("m", "chosen: how far the intent may run ahead of the tip", **_UP_TO_TEN, default=0.12)
+    impedance: Hand = quantity(
+        "1", "chosen: within the order of magnitude of human arms", default=NORMAL
+    )
+    eagerness: float = quantity(
+        "1", "chosen: intended over commanded pace", **_UP_TO_TEN, default=1.4
+    )
+    rise: float = quantity(
+        "s", "chosen: time in which the intent gathers speed", **_UP_TO_TEN, default=0.3
+    )
+    lead: float = quantity(
+        "m", "chosen: how far the intent may run ahead of the tip", **_UP_TO_TEN, default=0.12
+    )
     amplitudes: tuple[float, ...] = quantity(
         "N", "chosen: error and tremor", **_FIVE, default=(3.0, 3.0, 2.0, 1.0, 1.0)
     )
-    frequencies: tuple[float, ...] = quantity("Hz", "chosen: as Eq. 5", **_RATES, default=EQ5_FREQUENCIES)
+    frequencies: tuple[float, ...] = quantity(
+        "Hz", "chosen: as Eq. 5", **_RATES, default=EQ5_FREQUENCIES
+    )
     phases: tuple[float, ...] = quantity("rad", "chosen", **_FIVE, default=(0.0,) * SINES)
-    random_phases: bool = quantity("1", "chosen: whether the phases are drawn at each reset", default=False)
+    random_phases: bool = quantity(
+        "1", "chosen: whether the phases are drawn at each reset", default=False
+    )
 
     def __post_init__(self) -> None:
         """Check that the arm has a spring."""
         super().__post_init__()
-        require(self.impedance.stiffness > 0.0, self, "impedance.stiffness", self.impedance.stiffness, "> 0 N/m")
+        require(
+            self.impedance.stiffness > 0.0,
+            self,
+            "impedance.stiffness",
+            self.impedance.stiffness,
+            "> 0 N/m",
+        )
 
     def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:  # noqa: ARG002
         """Return its constants for the kernels; see ``Operator``."""
@@ -164,7 +193,8 @@ class HumanArm(Operator):
 class RecordedForces(Operator):
     """Forces over time from a recording: along the path, and across it, positive to the left.
 
-    The forces are interpolated at the control instants and linear in between; after the last time they stay constant.
+    The forces are interpolated at the control instants and linear in between; after the last time
+    they stay constant.
     """
 
     times: tuple[float, ...] = quantity("s", "recorded")
@@ -185,7 +215,8 @@ class RecordedForces(Operator):
         return NO_FORCE._replace(record_first=first, record_count=count)
 
     def sampled(self, period: float) -> NDArray[np.float64]:
-        """Return the forces along and across at the control instants 0, period, … up to the end, shape (T, 2) [N].
+        """Return the forces along and across at the control instants 0, period, … up to the end,
+        shape (T, 2) [N].
 
         Raises
         ------
@@ -193,25 +224,38 @@ class RecordedForces(Operator):
             If there are more than ``MAX_INSTANTS``.
         """
         longest = MAX_INSTANTS * period
-        require(self.times[-1] <= longest, self, "times", self.times[-1], f"in seconds, up to {longest:g} s")
+        require(
+            self.times[-1] <= longest,
+            self,
+            "times",
+            self.times[-1],
+            f"in seconds, up to {longest:g} s",
+        )
         instants = period * np.arange(math.ceil(self.times[-1] / period) + 1)
-        return np.stack([np.interp(instants, self.times, force) for force in (self.along, self.across)], axis=1)
+        return np.stack(
+            [np.interp(instants, self.times, force) for force in (self.along, self.across)], axis=1
+        )
 
 
 def read_forces(file: FilePath) -> RecordedForces:
-    """Return the recording in a CSV file with the columns ``time`` [s], ``along`` and ``across`` [N].
+    """Return the recording in a CSV file with the columns ``time`` [s], ``along`` and ``across``
+    [N].
 
     Raises
     ------
     ParameterError
-        If the file cannot be read, a column is missing, a number is not finite, the times do not rise from 0, or rows
-        are more than ``MAX_INTERVAL`` apart or last more than ``MAX_DURATION``, as where times are milliseconds.
+        If the file cannot be read, a column is missing, a number is not finite, the times do not
+        rise from 0, or rows are more than ``MAX_INTERVAL`` apart or last more than
+        ``MAX_DURATION``, as where times are milliseconds.
     """
     columns, lines = read_table(file, ("time", "along", "across"))
     times, along, across = (tuple(columns[name].tolist()) for name in ("time", "along", "across"))
     if fault := fault_in(times, lambda k: f"line {lines[k]}"):
         raise ParameterError(f"{file}, {fault}")
-    interval, end = float(np.median(np.diff(times))) if len(times) > 1 else 0.0, max(times, default=0.0)
+    interval, end = (
+        float(np.median(np.diff(times))) if len(times) > 1 else 0.0,
+        max(times, default=0.0),
+    )
     if interval > MAX_INTERVAL or end > MAX_DURATION:
         raise ParameterError(
             f"{file}: time must have rows at most {MAX_INTERVAL:g} s apart and end within {MAX_DURATION:g} s, got rows "
@@ -227,7 +271,13 @@ def fault_in(times: Sequence[float], label: Callable[[int], str]) -> str | None:
     if times[0] != 0.0:
         return f"{label(0)}: time must begin at 0, got {times[0]:.9g}"
     falls = (k for k in range(1, len(times)) if not times[k - 1] < times[k])
-    return next((f"{label(k)}: time {times[k]:.9g} does not rise from that of {label(k - 1)}" for k in falls), None)
+    return next(
+        (
+            f"{label(k)}: time {times[k]:.9g} does not rise from that of {label(k - 1)}"
+            for k in falls
+        ),
+        None,
+    )
 
 
 def with_sines(hand: MultiSineHand | HumanArm, substep: float) -> HandModel:

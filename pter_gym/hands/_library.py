@@ -27,8 +27,8 @@ class LibraryArm:
     mass, damping, stiffness
         Symmetric positive definite matrices [kg], [N·s/m], [N/m].
     axes
-        Whether they are in body axes (x to the right, y ahead) or in principal axes: then only the smallest and largest
-        values over all directions are known, and the matrices are diagonal.
+        Whether they are in body axes (x to the right, y ahead) or in principal axes: then only the
+        smallest and largest values over all directions are known, and the matrices are diagonal.
     posture
         Posture or activity of the person.
     grade, provenance
@@ -51,12 +51,16 @@ class LibraryArm:
     def hand(self) -> Hand:
         """The hand for the simulator, with its axes, ``own`` ones too, along the world's; of the mass, the mean."""
         damping, stiffness = _anisotropy(self.damping), _anisotropy(self.stiffness)
-        return replace(self.isotropic_hand, damping_anisotropy=damping, stiffness_anisotropy=stiffness)
+        return replace(
+            self.isotropic_hand, damping_anisotropy=damping, stiffness_anisotropy=stiffness
+        )
 
     @property
     def isotropic_hand(self) -> Hand:
         """The same with damping and stiffness that are their means over all directions, half of each trace."""
-        mass, damping, stiffness = (0.5 * (m[0][0] + m[1][1]) for m in (self.mass, self.damping, self.stiffness))
+        mass, damping, stiffness = (
+            0.5 * (m[0][0] + m[1][1]) for m in (self.mass, self.damping, self.stiffness)
+        )
         return Hand(mass=mass, damping=damping, stiffness=stiffness)
 
 
@@ -97,7 +101,10 @@ class LibraryTremor:
 
 def _entries(kind: type[Any], tables: dict[str, dict[str, Any]]) -> Mapping[str, Any]:
     """Return the entries of one kind by name."""
-    entries = {name: {key: tuple_of(value) for key, value in table.items()} for name, table in tables.items()}
+    entries = {
+        name: {key: tuple_of(value) for key, value in table.items()}
+        for name, table in tables.items()
+    }
     return MappingProxyType({name: kind(name=name, **entry) for name, entry in entries.items()})
 
 

@@ -69,7 +69,9 @@ def unit_vector(angle: float) -> UnitVector:
 @device
 def turned(vector: UnitVector, by: UnitVector) -> UnitVector:
     """Turn a unit vector by another one."""
-    return UnitVector(vector.cos * by.cos - vector.sin * by.sin, vector.sin * by.cos + vector.cos * by.sin)
+    return UnitVector(
+        vector.cos * by.cos - vector.sin * by.sin, vector.sin * by.cos + vector.cos * by.sin
+    )
 
 
 @device
@@ -103,4 +105,10 @@ def advance_sines(sines: Sines, turn: Sines) -> Sines:
 @device
 def renew_sines(sines: Sines) -> Sines:
     """Bring the unit vectors of sines back to unit length."""
-    return Sines(renewed(sines.n0), renewed(sines.n1), renewed(sines.n2), renewed(sines.n3), renewed(sines.n4))
+    return Sines(
+        renewed(sines.n0),
+        renewed(sines.n1),
+        renewed(sines.n2),
+        renewed(sines.n3),
+        renewed(sines.n4),
+    )

@@ -25,36 +25,49 @@ _FREQUENCY: dict[str, Any] = {"above": 0.0, "at_most": 25.0}
 class TremorArm(HumanArm):
     """A human arm with tremor: a force in addition to the intended motion.
 
-    Modelling choice. Sources give the acceleration a of the free hand. The free hand is modelled as the arm's
-    mass, damper and spring, driven by a tremor force. With ω = 2π·frequency, its amplitude is ::
+    Modelling choice. Sources give the acceleration a of the free hand. The free hand is modelled as
+    the arm's mass, damper and spring, driven by a tremor force. With ω = 2π·frequency, its
+    amplitude is ::
 
         force = a·|k − mω² + ibω| / ω²
 
-    The same force acts when the hand holds the tip, whose motion then follows from hand, arm and clutches together. It
-    acts along one line, at an angle from the path, and waxes and wanes around its mean amplitude::
+    The same force acts when the hand holds the tip, whose motion then follows from hand, arm and
+    clutches together. It acts along one line, at an angle from the path, and waxes and wanes around
+    its mean amplitude::
 
         F(t) = force·(1 + swell·cos(2π·swell_frequency·t + swell_phase))·sin(ωt + phase)
 
-    The whole arm is assumed to tremble. If only the wrist does, with less mass, the force is too large: it is an upper
-    bound. Reflexes, fatigue and the effect of load on a tremor's frequency are left out.
+    The whole arm is assumed to tremble. If only the wrist does, with less mass, the force is too
+    large: it is an upper bound. Reflexes, fatigue and the effect of load on a tremor's frequency
+    are left out.
 
-    Forces are stored at the control instants and linear in between, which attenuates a sine by sinc²(frequency·period);
-    this is compensated. After ``lasts`` there is no tremor.
+    Forces are stored at the control instants and linear in between, which attenuates a sine by
+    sinc²(frequency·period); this is compensated. After ``lasts`` there is no tremor.
     """
 
     amplitudes: tuple[float, ...] = quantity(
         "N", "chosen: the person's error, below all tremor", count=SINES, default=ERROR
     )
     frequency: float = quantity("Hz", "see LIBRARY_TREMORS", **_FREQUENCY)
-    acceleration: float = quantity("m/s²", "amplitude of the free hand: see LIBRARY_TREMORS", at_least=0.0)
-    direction: float = quantity("rad", "chosen: from the path, positive to the left", default=0.5 * math.pi)
+    acceleration: float = quantity(
+        "m/s²", "amplitude of the free hand: see LIBRARY_TREMORS", at_least=0.0
+    )
+    direction: float = quantity(
+        "rad", "chosen: from the path, positive to the left", default=0.5 * math.pi
+    )
     phase: float = quantity("rad", "chosen", default=0.0)
     swell: float = quantity(
-        "1", "chosen: how much the amplitude waxes and wanes", at_least=0.0, at_most=1.0, default=0.3
+        "1",
+        "chosen: how much the amplitude waxes and wanes",
+        at_least=0.0,
+        at_most=1.0,
+        default=0.3,
     )
     swell_frequency: float = quantity("Hz", "chosen: how often it does", default=0.5)
     swell_phase: float = quantity("rad", "chosen", default=0.0)
-    lasts: float = quantity("s", "chosen: longer than every scored episode", above=0.0, at_most=3600.0, default=30.0)
+    lasts: float = quantity(
+        "s", "chosen: longer than every scored episode", above=0.0, at_most=3600.0, default=30.0
+    )
 
     def __post_init__(self) -> None:
         """Check that the amplitude does not swell faster than the tremor."""
@@ -66,20 +79,27 @@ class TremorArm(HumanArm):
         """Mean amplitude of the force [N] that gives the free hand its acceleration."""
         squared = (2.0 * math.pi * self.frequency) ** 2
         arm = self.impedance
-        return self.acceleration * math.hypot(arm.stiffness / squared - arm.mass, arm.damping / math.sqrt(squared))
+        return self.acceleration * math.hypot(
+            arm.stiffness / squared - arm.mass, arm.damping / math.sqrt(squared)
+        )
 
     def tremor(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the force of the tremor along its line at times, shape (T,) [N]."""
-        swell = 1.0 + self.swell * np.cos(2.0 * np.pi * self.swell_frequency * times + self.swell_phase)
+        swell = 1.0 + self.swell * np.cos(
+            2.0 * np.pi * self.swell_frequency * times + self.swell_phase
+        )
         return self.force * swell * np.sin(2.0 * np.pi * self.frequency * times + self.phase)
 
     def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:
         """Return its constants for the kernels; see ``Operator``."""
         first, count = recording
-        return super().model(pace, substep, recording)._replace(record_first=first, record_count=count)
+        return (
+            super().model(pace, substep, recording)._replace(record_first=first, record_count=count)
+        )
 
     def sampled(self, period: float) -> NDArray[np.float64]:
-        """Return the tremor's forces along and across at the control instants 0, period, …, shape (T, 2) [N].
+        """Return the tremor's forces along and across at the control instants 0, period, …, shape
+        (T, 2) [N].
 
         Raises
         ------
@@ -87,10 +107,16 @@ class TremorArm(HumanArm):
             If there are more than ``MAX_INSTANTS``, or a period of the tremor has less than four.
         """
         longest = MAX_INSTANTS * period
-        require(self.lasts <= longest, self, "lasts", self.lasts, f"in seconds, up to {longest:g} s")
+        require(
+            self.lasts <= longest, self, "lasts", self.lasts, f"in seconds, up to {longest:g} s"
+        )
         fastest = 0.25 / period
         require(
-            self.frequency <= fastest, self, "frequency", self.frequency, f"≤ {fastest:g} Hz at this control period"
+            self.frequency <= fastest,
+            self,
+            "frequency",
+            self.frequency,
+            f"≤ {fastest:g} Hz at this control period",
         )
         kept = float(np.sinc(self.frequency * period)) ** 2
         force = self.tremor(np.arange(math.ceil(self.lasts / period) + 1.0) * period) / kept
@@ -101,13 +127,17 @@ class TremorArm(HumanArm):
 def _frequency(name: str) -> Any:
     """Declare the frequency of a library tremor."""
     middle, _ = LIBRARY_TREMORS[name].middle
-    return quantity("Hz", f"derived: geometric middle of the band of {name}", **_FREQUENCY, default=middle)
+    return quantity(
+        "Hz", f"derived: geometric middle of the band of {name}", **_FREQUENCY, default=middle
+    )
 
 
 def _acceleration(name: str) -> Any:
     """Declare the acceleration of a library tremor."""
     _, middle = LIBRARY_TREMORS[name].middle
-    return quantity("m/s²", f"derived: geometric middle of the range of {name}", at_least=0.0, default=middle)
+    return quantity(
+        "m/s²", f"derived: geometric middle of the range of {name}", at_least=0.0, default=middle
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,8 +177,8 @@ KINDS: Mapping[str, type[TremorArm]] = MappingProxyType(
 def find_hand(name: str) -> HumanArm:
     """Return a hand of the library by its name in ``LIBRARY_ARMS`` or ``LIBRARY_TREMORS``.
 
-    A library arm becomes a human arm with its mass, damper and spring; a tremor becomes a human arm that trembles with
-    the middle of the tremor's ranges.
+    A library arm becomes a human arm with its mass, damper and spring; a tremor becomes a human arm
+    that trembles with the middle of the tremor's ranges.
 
     Raises
     ------

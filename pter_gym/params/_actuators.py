@@ -26,7 +26,8 @@ class Actuator:
     source
         What prints them, or has suggested them.
     unknown
-        Parameters that the source does not give; they have the value of a clutch without the effect.
+        Parameters that the source does not give; they have the value of a clutch without the
+        effect.
     """
 
     name: str
@@ -39,8 +40,12 @@ class Actuator:
 
 def read_actuators(shipped: Mapping[str, Clutch]) -> Mapping[str, Actuator]:
     """Return the library by name; ``shipped`` are the clutches of the machine's own preset, by their names in it."""
-    tables = parse_toml((Path(__file__).parents[1] / "presets" / "actuators.toml").read_text("utf-8"))
-    return MappingProxyType({name: _actuator(name, dict(table), shipped) for name, table in tables.items()})
+    tables = parse_toml(
+        (Path(__file__).parents[1] / "presets" / "actuators.toml").read_text("utf-8")
+    )
+    return MappingProxyType(
+        {name: _actuator(name, dict(table), shipped) for name, table in tables.items()}
+    )
 
 
 def _actuator(name: str, table: dict[str, Any], shipped: Mapping[str, Clutch]) -> Actuator:

@@ -1,8 +1,8 @@
 """Parameters of the machine: frozen dataclasses in SI.
 
-Each field names its unit and the source of its value: ``published`` in the paper, ``derived`` from published values,
-``fitted`` to the paper's results, or ``chosen`` by us. A fitted value is not a fact about PTER. Values that the paper
-does not print are in one file, ``presets/pter.toml``.
+Each field names its unit and the source of its value: ``published`` in the paper, ``derived`` from
+published values, ``fitted`` to the paper's results, or ``chosen`` by us. A fitted value is not a
+fact about PTER. Values that the paper does not print are in one file, ``presets/pter.toml``.
 """
 
 import math
@@ -11,7 +11,15 @@ from itertools import pairwise
 from typing import Literal, cast
 
 from pter_gym.params._connection import BRAKE_A, BRAKE_B, PAPER_CLUTCHES, SLOTS, Connection
-from pter_gym.params._fields import SHIPPED, Checked, preset, quantity, require, require_kind, require_number
+from pter_gym.params._fields import (
+    SHIPPED,
+    Checked,
+    preset,
+    quantity,
+    require,
+    require_kind,
+    require_number,
+)
 
 Lag = Literal["normal_force", "voltage"]
 
@@ -25,8 +33,9 @@ _ISOTROPIC = "chosen: the same in all directions"
 class Arm(Checked):
     """The five-bar arm as a two-axis mechanism (paper Eqs. 3 and 4).
 
-    Angles are absolute; M12 = coupling·cos(θA − θB). We found no source for link lengths and inertias. Each axis may
-    have dry and viscous friction against the base, which the paper's equations leave out.
+    Angles are absolute; M12 = coupling·cos(θA − θB). We found no source for link lengths and
+    inertias. Each axis may have dry and viscous friction against the base, which the paper's
+    equations leave out.
     """
 
     length_a: float = preset("arm", "length_a", above=0.0)
@@ -48,16 +57,19 @@ class Arm(Checked):
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueCurve(Checked):
-    """Steady torque of a clutch over voltage: a linear and a quadratic segment, C1 (paper section IV-B.1, Fig. 5).
+    """Steady torque of a clutch over voltage: a linear and a quadratic segment, C1 (paper section
+    IV-B.1, Fig. 5).
 
-    ``T(v) = off_state + slope·v + curvature·max(v − knee, 0)²``. The paper assumes no torque without voltage; the fluid
-    or powder of other brakes leaves some.
+    ``T(v) = off_state + slope·v + curvature·max(v − knee, 0)²``. The paper assumes no torque
+    without voltage; the fluid or powder of other brakes leaves some.
     """
 
     slope: float = quantity("N·m/V", _CLUTCH["slope"]["from"], above=0.0)
     knee: float = quantity("V", _CLUTCH["knee"]["from"], at_least=0.0)
     curvature: float = quantity("N·m/V²", _CLUTCH["curvature"]["from"])
-    off_state: float = quantity("N·m", "published: section III-A takes it as 0", at_least=0.0, default=0.0, later=True)
+    off_state: float = quantity(
+        "N·m", "published: section III-A takes it as 0", at_least=0.0, default=0.0, later=True
+    )
 
     def torque(self, volts: float) -> float:
         """Return the torque [N·m] at a voltage [V]."""
@@ -87,24 +99,31 @@ class TorqueCurve(Checked):
 class Clutch(Checked):
     """One electromagnetic friction clutch; PTER has four identical ones.
 
-    While it slips at ω it exerts ``T_k + (T_s − T_k)·ω_s²/(ω_s² + ω²) + viscous·|ω|``, a case of the paper's g(ω, v)
-    (Eq. 2). With ``stribeck`` ω_s = 0 and without ``viscous``, as for PTER, that is T_k at any speed. A torque that
-    falls does so with ``fall_ratio`` times the time constant of one that rises. A clutch that has taken up the heat H
-    keeps 1/(1 + fade·H) of its torque, and H decays with the time constant ``cooling``.
+    While it slips at ω it exerts ``T_k + (T_s − T_k)·ω_s²/(ω_s² + ω²) + viscous·|ω|``, a case of
+    the paper's g(ω, v) (Eq. 2). With ``stribeck`` ω_s = 0 and without ``viscous``, as for PTER,
+    that is T_k at any speed. A torque that falls does so with ``fall_ratio`` times the time
+    constant of one that rises. A clutch that has taken up the heat H keeps 1/(1 + fade·H) of its
+    torque, and H decays with the time constant ``cooling``.
     """
 
     breakaway: TorqueCurve = quantity("N·m", _CLUTCH["breakaway_ratio"]["from"])
     dynamic: TorqueCurve = quantity("N·m", "see TorqueCurve")
     time_constant: float = preset("clutch", "time_constant", above=0.0)
     voltage_max: float = preset("clutch", "voltage_max", above=0.0)
-    lag: Lag = quantity("1", "published: section II-B, from voltage to normal force", default="normal_force")
-    stribeck: float = quantity("rad/s", _CONSTANT, at_least=0.0, at_most=1e3, default=0.0, later=True)
+    lag: Lag = quantity(
+        "1", "published: section II-B, from voltage to normal force", default="normal_force"
+    )
+    stribeck: float = quantity(
+        "rad/s", _CONSTANT, at_least=0.0, at_most=1e3, default=0.0, later=True
+    )
     viscous: float = quantity("N·m·s", _CONSTANT, at_least=0.0, default=0.0, later=True)
     fall_ratio: float = quantity(
         "1", "published: one time constant (section IV-C.3)", above=0.0, default=1.0, later=True
     )
     fade: float = quantity("1/J", "chosen: no fade", at_least=0.0, default=0.0, later=True)
-    cooling: float = quantity("s", "chosen: of no effect without fade", above=0.0, default=60.0, later=True)
+    cooling: float = quantity(
+        "s", "chosen: of no effect without fade", above=0.0, default=60.0, later=True
+    )
 
     def __post_init__(self) -> None:
         """Check that both curves are finite, monotone and invertible up to the largest voltage."""
@@ -112,24 +131,32 @@ class Clutch(Checked):
         for name in ("breakaway", "dynamic"):
             curve: TorqueCurve = getattr(self, name)
             end = curve.slope + 2.0 * curve.curvature * max(self.voltage_max - curve.knee, 0.0)
-            require(end > 0.0, self, name, curve, f"monotone up to voltage_max = {self.voltage_max:g} V")
+            require(
+                end > 0.0, self, name, curve, f"monotone up to voltage_max = {self.voltage_max:g} V"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hand(Checked):
-    """Mass, damper and spring that the hand adds at the tip, besides its force. The paper's tests have none of them.
+    """Mass, damper and spring that the hand adds at the tip, besides its force. The paper's tests
+    have none of them.
 
-    The mass is added to the arm's exactly; the damping is integrated implicitly, the spring explicitly. Damping and
-    stiffness may depend on the direction: with an anisotropy (e, f), the matrix in the world frame is the number times
-    [[1 + e, f], [f, 1 − e]], and √(e² + f²) ≤ 1. The mass is isotropic, since only then does the mass matrix remain a
-    function of θA − θB alone; the limits of the integrator and its speed rest on that.
+    The mass is added to the arm's exactly; the damping is integrated implicitly, the spring
+    explicitly. Damping and stiffness may depend on the direction: with an anisotropy (e, f), the
+    matrix in the world frame is the number times [[1 + e, f], [f, 1 − e]], and √(e² + f²) ≤ 1. The
+    mass is isotropic, since only then does the mass matrix remain a function of θA − θB alone; the
+    limits of the integrator and its speed rest on that.
     """
 
     mass: float = quantity("kg", _NO_HAND, at_least=0.0, default=0.0)
     damping: float = quantity("N·s/m", _NO_HAND, at_least=0.0, default=0.0)
     stiffness: float = quantity("N/m", _NO_HAND, at_least=0.0, default=0.0)
-    damping_anisotropy: tuple[float, ...] = quantity("1", _ISOTROPIC, count=2, default=(0.0, 0.0), later=True)
-    stiffness_anisotropy: tuple[float, ...] = quantity("1", _ISOTROPIC, count=2, default=(0.0, 0.0), later=True)
+    damping_anisotropy: tuple[float, ...] = quantity(
+        "1", _ISOTROPIC, count=2, default=(0.0, 0.0), later=True
+    )
+    stiffness_anisotropy: tuple[float, ...] = quantity(
+        "1", _ISOTROPIC, count=2, default=(0.0, 0.0), later=True
+    )
 
     def __post_init__(self) -> None:
         """Check that neither matrix has a negative eigenvalue."""
@@ -141,9 +168,11 @@ class Hand(Checked):
 
 @dataclass(frozen=True, kw_only=True)
 class Machine(Checked):
-    """A PTER: arm, clutches and the hand that holds the tip, with the parameters of its friction model.
+    """A PTER: arm, clutches and the hand that holds the tip, with the parameters of its friction
+    model.
 
-    A machine with fewer than the paper's four clutches has empty slots, whose voltages have no effect.
+    A machine with fewer than the paper's four clutches has empty slots, whose voltages have no
+    effect.
     """
 
     arm: Arm = quantity("1", "see Arm", default=Arm())
@@ -157,9 +186,14 @@ class Machine(Checked):
         default=(1.0,) * SLOTS,
     )
     clutches: tuple[Connection, ...] = quantity(
-        "1", "published: Eqs. 3 and 4; other arrangements were never built", default=PAPER_CLUTCHES, later=True
+        "1",
+        "published: Eqs. 3 and 4; other arrangements were never built",
+        default=PAPER_CLUTCHES,
+        later=True,
     )
-    slip_threshold: float = quantity("rad/s", "chosen: δω of Karnopp's model (Eq. 2)", above=0.0, default=1e-3)
+    slip_threshold: float = quantity(
+        "rad/s", "chosen: δω of Karnopp's model (Eq. 2)", above=0.0, default=1e-3
+    )
     substep: float = quantity(
         "s",
         "chosen: longest step of the integrator; a control period has equal ones",
@@ -190,7 +224,13 @@ class Machine(Checked):
         require(declared and 0 < len(found) <= SLOTS, self, "clutches", found, accepted)
         require(len({each.name for each in found}) == len(found), self, "clutches", found, accepted)
         rows = self.slot_rows
-        require(len({*rows}) > 1, self, "clutches", found, f"of at least two different rows, if there are {SLOTS}")
+        require(
+            len({*rows}) > 1,
+            self,
+            "clutches",
+            found,
+            f"of at least two different rows, if there are {SLOTS}",
+        )
         ratios = sorted({b for a, b in rows if a != 0.0})
         apart = all(high - low >= 0.01 * max(abs(low), abs(high)) for low, high in pairwise(ratios))
         require(apart, self, "clutches", found, "of rows that are equal or differ by 1 % at least")
@@ -209,12 +249,16 @@ class Machine(Checked):
     @property
     def slot_scale(self) -> tuple[float, ...]:
         """The ratios of the slots' torques to those of the curves, 0 where there is no clutch."""
-        return tuple(scale if x < len(self.clutches) else 0.0 for x, scale in enumerate(self.clutch_scale))
+        return tuple(
+            scale if x < len(self.clutches) else 0.0 for x, scale in enumerate(self.clutch_scale)
+        )
 
     @property
     def has_paper_clutches(self) -> bool:
         """Whether W is the paper's."""
-        return tuple(each.row for each in self.clutches) == tuple(each.row for each in PAPER_CLUTCHES)
+        return tuple(each.row for each in self.clutches) == tuple(
+            each.row for each in PAPER_CLUTCHES
+        )
 
 
 def require_paper_clutches(machine: Machine, why: str) -> None:
@@ -226,7 +270,8 @@ def require_paper_clutches(machine: Machine, why: str) -> None:
 def tip_mass(arm: Arm) -> float:
     """Return the smallest effective mass of the tip over all poses and directions [kg].
 
-    It is at least λ_min(M)/λ_max(JᵀJ), taken at the pose where cos(θA − θB) = ±1 makes both extreme.
+    It is at least λ_min(M)/λ_max(JᵀJ), taken at the pose where cos(θA − θB) = ±1 makes both
+    extreme.
     """
     half_sum = 0.5 * (arm.inertia_a + arm.inertia_b)
     half_difference = 0.5 * (arm.inertia_a - arm.inertia_b)

@@ -18,7 +18,9 @@ _MU_STATIC_DELRIN, _MU_DYNAMIC_DELRIN = 0.20, 0.35
 
 def with_friction(clutch: Clutch, breakaway: float, dynamic: float) -> Clutch:
     """Return a clutch of another friction material, given factors on its breakaway and dynamic torque."""
-    return replace(clutch, breakaway=clutch.breakaway.scaled(breakaway), dynamic=clutch.dynamic.scaled(dynamic))
+    return replace(
+        clutch, breakaway=clutch.breakaway.scaled(breakaway), dynamic=clutch.dynamic.scaled(dynamic)
+    )
 
 
 def paper_machines_of(preset: Preset) -> dict[str, Machine]:
@@ -27,13 +29,19 @@ def paper_machines_of(preset: Preset) -> dict[str, Machine]:
     scale, mu_dynamic = delrin["dynamic_scale"], delrin["mu_dynamic_present"]
     factors = {
         "baseline": (1.0, 1.0),
-        "delrin_experimental": (scale * delrin["breakaway_ratio"] / preset.clutch["breakaway_ratio"], scale),
+        "delrin_experimental": (
+            scale * delrin["breakaway_ratio"] / preset.clutch["breakaway_ratio"],
+            scale,
+        ),
         "delrin_theoretical": (
             _MU_STATIC_DELRIN / _MU_STATIC_PRESENT,
             _MU_DYNAMIC_DELRIN / mu_dynamic,
         ),
     }
-    return {name: replace(baseline, clutch=with_friction(baseline.clutch, *each)) for name, each in factors.items()}
+    return {
+        name: replace(baseline, clutch=with_friction(baseline.clutch, *each))
+        for name, each in factors.items()
+    }
 
 
 PAPER_MACHINES = paper_machines_of(PRESET)
@@ -51,8 +59,18 @@ ARRANGEMENTS = {
     "two-brakes": (BRAKE_A, BRAKE_B),
     "brakes-and-coupling": (BRAKE_A, BRAKE_B, COUPLED),
     "brakes-and-inverter": (BRAKE_A, BRAKE_B, INVERTED),
-    "couplings-1-2": (BRAKE_A, BRAKE_B, replace(COUPLED, row=(1.0, -0.5)), replace(INVERTED, row=(1.0, 0.5))),
-    "couplings-2-1": (BRAKE_A, BRAKE_B, replace(COUPLED, row=(1.0, -2.0)), replace(INVERTED, row=(1.0, 2.0))),
+    "couplings-1-2": (
+        BRAKE_A,
+        BRAKE_B,
+        replace(COUPLED, row=(1.0, -0.5)),
+        replace(INVERTED, row=(1.0, 0.5)),
+    ),
+    "couplings-2-1": (
+        BRAKE_A,
+        BRAKE_B,
+        replace(COUPLED, row=(1.0, -2.0)),
+        replace(INVERTED, row=(1.0, 2.0)),
+    ),
     "double-brakes": (
         BRAKE_A,
         BRAKE_B,
@@ -60,31 +78,39 @@ ARRANGEMENTS = {
         replace(BRAKE_B, name="B to ground, 2"),
     ),
 }
-"""Clutches other than the paper's, by name. None of these machines was ever built: PTER has ``PAPER_CLUTCHES``.
+"""Clutches other than the paper's, by name. None of these machines was ever built: PTER has
+``PAPER_CLUTCHES``.
 
-In ``couplings-1-2`` axis B turns twice as fast as axis A while a coupling is stuck, in ``couplings-2-1`` half as fast.
-"""
+In ``couplings-1-2`` axis B turns twice as fast as axis A while a coupling is stuck, in
+``couplings-2-1`` half as fast. """
 
-MACHINES = PAPER_MACHINES | {name: replace(BASELINE, clutches=clutches) for name, clutches in ARRANGEMENTS.items()}
+MACHINES = PAPER_MACHINES | {
+    name: replace(BASELINE, clutches=clutches) for name, clutches in ARRANGEMENTS.items()
+}
 """Machines that environments and commands know by name; another clutch material is one more entry.
 
-The first three are the paper's; the others are ``BASELINE`` with ``ARRANGEMENTS``, which were never built.
-"""
+The first three are the paper's; the others are ``BASELINE`` with ``ARRANGEMENTS``, which were never
+built. """
 
 
-ACTUATORS = read_actuators({"pter-clutch": BASELINE.clutch, "delrin-clutch": DELRIN_EXPERIMENTAL.clutch})
+ACTUATORS = read_actuators(
+    {"pter-clutch": BASELINE.clutch, "delrin-clutch": DELRIN_EXPERIMENTAL.clutch}
+)
 """Clutches and brakes by name, with what is known of them."""
 
 
 def find_machine(machine: Machine | str | None) -> Machine:
-    """Return a machine given as itself, by its name, or by the path of a preset; ``BASELINE`` for None.
+    """Return a machine given as itself, by its name, or by the path of a preset; ``BASELINE`` for
+    None.
 
-    A name is one of ``MACHINES``, or of ``ACTUATORS`` for PTER with four of these in place of its clutches.
+    A name is one of ``MACHINES``, or of ``ACTUATORS`` for PTER with four of these in place of its
+    clutches.
 
     Raises
     ------
     ParameterError
-        If it is neither a machine nor a known name (the nearest names are suggested), or a preset cannot be read.
+        If it is neither a machine nor a known name (the nearest names are suggested), or a preset
+        cannot be read.
     DataError
         If a preset is damaged, incomplete or out of range.
     """

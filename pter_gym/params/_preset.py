@@ -1,7 +1,7 @@
 """A machine, and the numbers of the paper's standard test, in a human-readable TOML file.
 
-Every number in the file has its unit and source. ``PRESET`` is the shipped file; ``pter fit``, ``pter identify`` and
-``save_preset`` write others.
+Every number in the file has its unit and source. ``PRESET`` is the shipped file; ``pter fit``,
+``pter identify`` and ``save_preset`` write others.
 """
 
 import json
@@ -43,14 +43,20 @@ CLUTCHES = "clutches"
 """The section after them, of machines with other clutches than the paper's: the row of W of each clutch by its name."""
 
 TERMS = {
-    item.name: {"value": item.default, "unit": item.metadata["unit"], "from": item.metadata["provenance"]}
+    item.name: {
+        "value": item.default,
+        "unit": item.metadata["unit"],
+        "from": item.metadata["provenance"],
+    }
     for owner in (TorqueCurve, Clutch)
     for item in fields(owner)
     if item.metadata["later"]
 }
 """Fields of the section ``clutch`` for what the paper's clutches do not have."""
 
-KNOWN: Mapping[str, Section] = {name: SHIPPED[name] | (TERMS if name == "clutch" else {}) for name in SECTIONS}
+KNOWN: Mapping[str, Section] = {
+    name: SHIPPED[name] | (TERMS if name == "clutch" else {}) for name in SECTIONS
+}
 """The fields of each section with unit and usual value."""
 
 OPTIONAL = ("dry_a", "dry_b", "viscous_a", "viscous_b", *TERMS)
@@ -62,13 +68,14 @@ LEFT_OUT = "chosen: not in the file"
 
 @dataclass(frozen=True, kw_only=True)
 class Preset:
-    """A complete set of numbers in SI: the sections of a file by field, and where each number comes from.
+    """A complete set of numbers in SI: the sections of a file by field, and where each number comes
+    from.
 
     Attributes
     ----------
     arm, clutch, sensing
-        Of a machine: fields of ``Arm``; the curve of dynamic torque, T_s/T_k, each clutch's torques over those of the
-        curve, and other fields of ``Clutch``; a delay [s].
+        Of a machine: fields of ``Arm``; the curve of dynamic torque, T_s/T_k, each clutch's torques
+        over those of the curve, and other fields of ``Clutch``; a delay [s].
     delrin, path, hand, controller, runs
         Of the paper's standard test.
     clutches
@@ -106,8 +113,8 @@ def load_preset(path: FilePath) -> Preset:
     ParameterError
         If the file cannot be read.
     DataError
-        If it is not TOML, or a section or field is unknown, missing, not a finite number, out of range, in another
-        unit, or without a provenance.
+        If it is not TOML, or a section or field is unknown, missing, not a finite number, out of
+        range, in another unit, or without a provenance.
     """
     file = find_path("path", path)
     try:
@@ -123,15 +130,24 @@ def parse_preset(text: str) -> Preset:
     tables = parse_toml(text)
     _check_names("section", tables, (*SECTIONS, CLUTCHES), {CLUTCHES, *OPTIONAL_SECTIONS})
     provenance = {f"{name}.{each}": LEFT_OUT for name, known in KNOWN.items() for each in known}
-    sections: dict[str, Any] = {name: {each: _usual(name, each) for each in known} for name, known in KNOWN.items()}
+    sections: dict[str, Any] = {
+        name: {each: _usual(name, each) for each in known} for name, known in KNOWN.items()
+    }
     for name in [each for each in SECTIONS if each in tables]:
         _check_names(f"field of {name}", tables[name], KNOWN[name], OPTIONAL)
-        sections[name] |= {each: _value(name, each, entry, provenance) for each, entry in tables[name].items()}
+        sections[name] |= {
+            each: _value(name, each, entry, provenance) for each, entry in tables[name].items()
+        }
     if CLUTCHES in tables:
         _check_names(CLUTCHES, tables[CLUTCHES], tables[CLUTCHES], ())
-        rows: Any = {each: _value(CLUTCHES, each, entry, provenance) for each, entry in tables[CLUTCHES].items()}
+        rows: Any = {
+            each: _value(CLUTCHES, each, entry, provenance)
+            for each, entry in tables[CLUTCHES].items()
+        }
         if not 0 < len(rows) <= SLOTS or len(sections["clutch"]["scale"]) != len(rows):
-            raise ParameterError(f"{CLUTCHES} and clutch.scale must be of 1 to {SLOTS} clutches, equally many")
+            raise ParameterError(
+                f"{CLUTCHES} and clutch.scale must be of 1 to {SLOTS} clutches, equally many"
+            )
         sections[CLUTCHES] = tuple(Connection(name, row) for name, row in rows.items())
     return Preset(**sections, provenance=provenance)
 
@@ -164,10 +180,14 @@ def _value(section: str, name: str, entry: Any, provenance: dict[str, str]) -> V
     if unit != like["unit"]:
         raise ParameterError(f"{where}.unit must be {like['unit']!r}, got {unit!r}")
     if not isinstance(origin, str) or origin.split(":")[0] not in ORIGINS:
-        raise ParameterError(f"{where}.from must begin with one of {', '.join(ORIGINS)}, got {origin!r}")
+        raise ParameterError(
+            f"{where}.from must begin with one of {', '.join(ORIGINS)}, got {origin!r}"
+        )
     several = isinstance(like["value"], list)
     if isinstance(value, list) != several:
-        raise ParameterError(f"{where} must be {'a list of numbers' if several else 'a number'}, got {value!r:.200}")
+        raise ParameterError(
+            f"{where} must be {'a list of numbers' if several else 'a number'}, got {value!r:.200}"
+        )
     for each in value if several else [value]:
         check_number(where, each)
     provenance[where] = origin
@@ -175,7 +195,8 @@ def _value(section: str, name: str, entry: Any, provenance: dict[str, str]) -> V
 
 
 def format_preset(preset: Preset, title: str) -> str:
-    """Return the TOML text of a preset, which ``parse_preset`` reads back to the same numbers, under heading lines.
+    """Return the TOML text of a preset, which ``parse_preset`` reads back to the same numbers,
+    under heading lines.
 
     What the preset's own file left out is left out.
     """
@@ -192,13 +213,20 @@ def format_preset(preset: Preset, title: str) -> str:
         written = [
             name
             for name in KNOWN[section]
-            if preset.provenance[f"{section}.{name}"] != LEFT_OUT or found[name] != _usual(section, name)
+            if preset.provenance[f"{section}.{name}"] != LEFT_OUT
+            or found[name] != _usual(section, name)
         ]
         lines += ["", f"# {heading}", f"[{section}]"] if written else []
         for name in written:
             add(section, name, found[name], KNOWN[section][name]["unit"])
-    if preset.clutches != PAPER_CLUTCHES or any(where.startswith(f"{CLUTCHES}.") for where in preset.provenance):
-        lines += ["", "# What each clutch connects: its row (a, b) of W. It slips at a·ω_A + b·ω_B.", f"[{CLUTCHES}]"]
+    if preset.clutches != PAPER_CLUTCHES or any(
+        where.startswith(f"{CLUTCHES}.") for where in preset.provenance
+    ):
+        lines += [
+            "",
+            "# What each clutch connects: its row (a, b) of W. It slips at a·ω_A + b·ω_B.",
+            f"[{CLUTCHES}]",
+        ]
         for each in preset.clutches:
             add(CLUTCHES, each.name, each.row, "1")
     return "\n".join(lines) + "\n"
@@ -215,7 +243,9 @@ def machine_of(preset: Preset) -> Machine:
     own = {item.name: values[item.name] for item in fields(Clutch) if item.name in KNOWN["clutch"]}
     clutch = Clutch(breakaway=dynamic.scaled(values["breakaway_ratio"]), dynamic=dynamic, **own)
     scale = (*values["scale"], *[1.0] * (SLOTS - len(preset.clutches)))
-    return Machine(arm=Arm(**preset.arm), clutch=clutch, clutch_scale=scale, clutches=preset.clutches)
+    return Machine(
+        arm=Arm(**preset.arm), clutch=clutch, clutch_scale=scale, clutches=preset.clutches
+    )
 
 
 PRESET = load_preset(Path(__file__).parents[1] / "presets" / "pter.toml")
@@ -223,7 +253,8 @@ PRESET = load_preset(Path(__file__).parents[1] / "presets" / "pter.toml")
 
 
 def preset_of(machine: Machine, base: Preset = PRESET, *, origin: str | None = None) -> Preset:
-    """Return a preset for ``machine_of``, without a hand and with breakaway torque a multiple of dynamic torque.
+    """Return a preset for ``machine_of``, without a hand and with breakaway torque a multiple of
+    dynamic torque.
 
     Parameters
     ----------
@@ -244,24 +275,28 @@ def preset_of(machine: Machine, base: Preset = PRESET, *, origin: str | None = N
     provenance = dict(base.provenance)
     if origin is not None:
         for section, now, was in (("arm", arm, base.arm), ("clutch", clutch, base.clutch)):
-            provenance |= {f"{section}.{name}": origin for name, value in now.items() if value != was[name]}
+            provenance |= {
+                f"{section}.{name}": origin for name, value in now.items() if value != was[name]
+            }
         if machine.clutches != base.clutches:
             provenance |= {f"{CLUTCHES}.{each.name}": origin for each in machine.clutches}
     return replace(base, arm=arm, clutch=clutch, clutches=machine.clutches, provenance=provenance)
 
 
 def save_preset(machine: Machine, path: FilePath, *, origin: str, title: str = "") -> None:
-    """Write a machine as a preset; commands and ``find_machine`` accept its path in place of a machine.
+    """Write a machine as a preset; commands and ``find_machine`` accept its path in place of a
+    machine.
 
     Parameters
     ----------
     machine
-        What to write. A preset cannot hold a hand, or non-default ``slip_threshold``, ``substep`` or ``lag``.
+        What to write. A preset cannot hold a hand, or non-default ``slip_threshold``, ``substep``
+        or ``lag``.
     path
         The file, whose name ends in ``.toml``.
     origin
-        Provenance of the numbers that differ from the package's own preset: one line that begins with ``published:``,
-        ``derived:``, ``fitted:``, ``identified:`` or ``chosen:``.
+        Provenance of the numbers that differ from the package's own preset: one line that begins
+        with ``published:``, ``derived:``, ``fitted:``, ``identified:`` or ``chosen:``.
     title
         Heading of the file.
 
@@ -275,12 +310,21 @@ def save_preset(machine: Machine, path: FilePath, *, origin: str, title: str = "
         raise ParameterError(f"path must end in .toml, got {str(file)!r}")
     text = format_preset(preset_of(machine, origin=origin), title)
     read = machine_of(parse_preset(text))  # which checks it
-    held = (machine, read, ("hand", "slip_threshold", "substep")), (machine.clutch, read.clutch, ("lag",))
+    held = (
+        (machine, read, ("hand", "slip_threshold", "substep")),
+        (machine.clutch, read.clutch, ("lag",)),
+    )
     for owner, usual, names in held:
         for name in names:
             value, there = getattr(owner, name), getattr(usual, name)
             require(value == there, owner, name, value, f"{there!r} in a preset")
     curve, like = (vars(each.clutch.breakaway) for each in (machine, read))
     alike = all(math.isclose(curve[name], like[name], rel_tol=1e-9) for name in curve)
-    require(alike, machine.clutch, "breakaway", machine.clutch.breakaway, "a multiple of dynamic in a preset")
+    require(
+        alike,
+        machine.clutch,
+        "breakaway",
+        machine.clutch.breakaway,
+        "a multiple of dynamic in a preset",
+    )
     write_text_atomic(file, text)

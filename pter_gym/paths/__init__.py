@@ -1,7 +1,17 @@
 """Paths to follow: planar curves parametrised by arc length, stored as chains of circular arcs."""
 
 from pter_gym.paths._arcs import Arcs, Path, chain, fit_arcs
-from pter_gym.paths._shapes import PATHS, Arc, Circle, Line, Polyline, Sine, Spline, find_path, read_path
+from pter_gym.paths._shapes import (
+    PATHS,
+    Arc,
+    Circle,
+    Line,
+    Polyline,
+    Sine,
+    Spline,
+    find_path,
+    read_path,
+)
 
 __all__ = [
     "PATHS",

@@ -1,7 +1,8 @@
 """Chains of circular arcs: a path as data, with a continuous heading and normal at each joint.
 
-A straight segment is an arc of curvature 0. Chains represent lines, arcs and rounded corners exactly and any smooth
-curve to a tolerance, by pairs of arcs with the curve's points and headings at their ends (biarcs; Bolton 1975).
+A straight segment is an arc of curvature 0. Chains represent lines, arcs and rounded corners
+exactly and any smooth curve to a tolerance, by pairs of arcs with the curve's points and headings
+at their ends (biarcs; Bolton 1975).
 """
 
 import cmath
@@ -68,12 +69,16 @@ class Arcs:
 
     def numbers_at(self, s: ArrayLike) -> NDArray[np.intp]:
         """Return the numbers of the arcs at arc lengths [m] of any shape."""
-        return np.searchsorted(self.table[1:, int(SEGMENT.start)], np.asarray(s, np.float64), side="right")
+        return np.searchsorted(
+            self.table[1:, int(SEGMENT.start)], np.asarray(s, np.float64), side="right"
+        )
 
     def at(self, s: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """Return x, y [m], heading [rad] and curvature [1/m] at arc lengths [m] of any shape, also beyond the ends."""
         lengths = np.asarray(s, np.float64)
-        x, y, cos, sin, curvature, start, _ = np.moveaxis(self.table[self.numbers_at(lengths)], -1, 0)
+        x, y, cos, sin, curvature, start, _ = np.moveaxis(
+            self.table[self.numbers_at(lengths)], -1, 0
+        )
         along = lengths - start
         half = 0.5 * curvature * along
         chord = along * np.sinc(half / np.pi)
@@ -86,9 +91,11 @@ class Arcs:
         )
 
     def extremes(self) -> Array:
-        """Return points of the chain [m] that include the nearest to the origin and the farthest, shape (3 S + 1, 2).
+        """Return points of the chain [m] that include the nearest to the origin and the farthest,
+        shape (3 S + 1, 2).
 
-        They are the joints, and the points of each arc on the line through its centre and the origin.
+        They are the joints, and the points of each arc on the line through its centre and the
+        origin.
         """
         x, y, cos, sin, curvature, start, length = self.table.T
         begin, heading = x + 1j * y, cos + 1j * sin
@@ -102,7 +109,8 @@ class Arcs:
 
 
 class Path(Checked, ABC):
-    """A planar curve parametrised by its arc length s [m]; normal errors are positive to the left of the heading.
+    """A planar curve parametrised by its arc length s [m]; normal errors are positive to the left
+    of the heading.
 
     A kind of path is a frozen dataclass that returns its arcs from ``make_arcs``.
     """
@@ -123,7 +131,9 @@ class Path(Checked, ABC):
         try:
             return self.make_arcs()
         except (ArithmeticError, RecursionError):
-            raise ParameterError(f"path must be a smooth curve that arcs can follow, got {self!r:.400}") from None
+            raise ParameterError(
+                f"path must be a smooth curve that arcs can follow, got {self!r:.400}"
+            ) from None
 
     @property
     def length(self) -> float:
@@ -167,7 +177,11 @@ def chain(pieces: Sequence[Piece]) -> Arcs:
         parts = parts_of(curvature, length)
         step = length / parts
         for _ in range(parts):
-            rows.append(ArcSegment(point.real, point.imag, heading.real, heading.imag, curvature, start, step))
+            rows.append(
+                ArcSegment(
+                    point.real, point.imag, heading.real, heading.imag, curvature, start, step
+                )
+            )
             point, heading = end_of(point, heading, curvature, step)
             start += step
     return Arcs(np.array(rows))
@@ -180,10 +194,14 @@ def parts_of(curvature: float, length: float) -> int:
 
 
 @device
-def end_of(point: complex, heading: complex, curvature: float, length: float) -> tuple[complex, complex]:
+def end_of(
+    point: complex, heading: complex, curvature: float, length: float
+) -> tuple[complex, complex]:
     """Return the end point and end heading of an arc from a point with a unit heading."""
     half = cmath.exp(0.5j * curvature * length)
-    return point + heading * half * length * _sinc(0.5 * curvature * length), heading * (half * half)
+    return point + heading * half * length * _sinc(0.5 * curvature * length), heading * (
+        half * half
+    )
 
 
 @device
@@ -200,10 +218,13 @@ def arc_between(begin: complex, heading: complex, end: complex) -> Piece:
 
 
 @device
-def biarc(begin: complex, from_heading: complex, end: complex, to_heading: complex) -> tuple[Piece, Piece]:
+def biarc(
+    begin: complex, from_heading: complex, end: complex, to_heading: complex
+) -> tuple[Piece, Piece]:
     """Return two arcs with a common heading between two points with unit headings.
 
-    The control arms have equal lengths d, which solve 2d²(1 − h₀·h₁) + 2d·c·(h₀ + h₁) = c², where c is the chord.
+    The control arms have equal lengths d, which solve 2d²(1 − h₀·h₁) + 2d·c·(h₀ + h₁) = c², where c
+    is the chord.
     """
     chord = end - begin
     across = chord * (from_heading + to_heading).conjugate()

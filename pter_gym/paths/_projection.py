@@ -1,9 +1,8 @@
 """Projection of a moving point onto a chain of arcs, for the kernels.
 
-The flat array of constants holds the chain, an ``ArcSegment`` for each arc.
-A point keeps its arc and moves to a neighbour when its foot leaves that arc. Neighbours share a normal
-at their joint, so the foot moves continuously while the point stays nearer to the path than its centre of
-curvature.
+The flat array of constants holds the chain, an ``ArcSegment`` for each arc. A point keeps its arc
+and moves to a neighbour when its foot leaves that arc. Neighbours share a normal at their joint, so
+the foot moves continuously while the point stays nearer to the path than its centre of curvature.
 """
 
 import math
@@ -42,7 +41,9 @@ def foot_on(arc: ArcSegment, segment: int, x: float, y: float) -> Foot:
     left = from_y * arc.heading_cos - from_x * arc.heading_sin
     k = arc.curvature
     if k == 0.0:
-        return Foot(arc.start + along, left, UnitVector(arc.heading_cos, arc.heading_sin), k, segment)
+        return Foot(
+            arc.start + along, left, UnitVector(arc.heading_cos, arc.heading_sin), k, segment
+        )
     radial = 1.0 - k * left
     tangential = k * along
     reach = math.sqrt(radial * radial + tangential * tangential)
@@ -51,7 +52,10 @@ def foot_on(arc: ArcSegment, segment: int, x: float, y: float) -> Foot:
     return Foot(
         arc.start + math.atan2(tangential, radial) / k,
         (2.0 * left - k * (along * along + left * left)) / (1.0 + reach),
-        UnitVector(arc.heading_cos * cos - arc.heading_sin * sin, arc.heading_sin * cos + arc.heading_cos * sin),
+        UnitVector(
+            arc.heading_cos * cos - arc.heading_sin * sin,
+            arc.heading_sin * cos + arc.heading_cos * sin,
+        ),
         k,
         segment,
     )
@@ -59,7 +63,8 @@ def foot_on(arc: ArcSegment, segment: int, x: float, y: float) -> Foot:
 
 @device
 def project(constants: Any, first: int, count: int, segment: int, x: float, y: float) -> Foot:
-    """Return the projection of a point (x, y) [m] onto a chain of ``count`` arcs, from the arc that it was on.
+    """Return the projection of a point (x, y) [m] onto a chain of ``count`` arcs, from the arc that
+    it was on.
 
     Beyond the ends of the chain, its first and last arc are extended.
     """

@@ -56,7 +56,9 @@ class Arc(Path):
     y: float = preset("path", "y", **WITHIN)
     direction: float = preset("path", "direction")
     radius: float = quantity("m", "chosen", above=0.0, default=0.4)
-    angle: float = quantity("rad", "chosen", at_least=-2.0 * math.pi, at_most=2.0 * math.pi, default=-1.0)
+    angle: float = quantity(
+        "rad", "chosen", at_least=-2.0 * math.pi, at_most=2.0 * math.pi, default=-1.0
+    )
 
     def __post_init__(self) -> None:
         """Check that it turns."""
@@ -85,7 +87,9 @@ class Circle(Path):
         turn = -1.0 if self.clockwise else 1.0
         outward = cmath.rect(1.0, self.start)
         begin = complex(self.center_x, self.center_y) + self.radius * outward
-        return chain([(begin, turn * 1j * outward, turn / self.radius, 2.0 * math.pi * self.radius)])
+        return chain(
+            [(begin, turn * 1j * outward, turn / self.radius, 2.0 * math.pi * self.radius)]
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,19 +115,23 @@ class Sine(Path):
                 axis * complex(1.0, self.amplitude * wave * math.cos(angle)),
             )
 
-        return _fitted(self, curve, np.linspace(0.0, self.extent, math.ceil(4.0 * self.periods) + 1).tolist())
+        return _fitted(
+            self, curve, np.linspace(0.0, self.extent, math.ceil(4.0 * self.periods) + 1).tolist()
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Spline(Path):
     """A natural cubic spline through waypoints (x, y) [m], parametrised by chord length.
 
-    With ``smooth`` it passes by the waypoints, by that many metres (root mean square) in x and in y: the noise of a
-    recorded path (Dierckx's smoothing spline).
+    With ``smooth`` it passes by the waypoints, by that many metres (root mean square) in x and in
+    y: the noise of a recorded path (Dierckx's smoothing spline).
     """
 
     points: Points = quantity("m", "chosen")
-    smooth: float = quantity("m", "chosen: 0 passes through all", at_least=0.0, default=0.0, later=True)
+    smooth: float = quantity(
+        "m", "chosen: 0 passes through all", at_least=0.0, default=0.0, later=True
+    )
 
     def __post_init__(self) -> None:
         """Check that there are two different finite points or more, and none twice in a row."""
@@ -185,7 +193,12 @@ class Polyline(Path):
             pieces.append((begin, heading, 0.0, straight))
             if turn != 0.0:
                 pieces.append(
-                    (corner - cut * heading, heading, math.copysign(1.0 / self.radius, turn), self.radius * abs(turn))
+                    (
+                        corner - cut * heading,
+                        heading,
+                        math.copysign(1.0 / self.radius, turn),
+                        self.radius * abs(turn),
+                    )
                 )
             begin = corner + cut * following
         straight = ((corners[-1] - begin) * headings[-1].conjugate()).real
@@ -195,7 +208,13 @@ class Polyline(Path):
 
     def _fits(self, straight: float, turn: float) -> None:
         fits = straight >= 0.0 and abs(turn) < math.pi - 1e-6
-        require(fits, self, "radius", self.radius, "small enough for the rounded corners to fit between the points")
+        require(
+            fits,
+            self,
+            "radius",
+            self.radius,
+            "small enough for the rounded corners to fit between the points",
+        )
 
 
 def _fitted(path: Path, curve: Curve, knots: Sequence[float]) -> Arcs:
@@ -220,7 +239,9 @@ def check_points(path: "Spline | Polyline") -> None:
     """Turn lists and arrays of points into tuples; raise a ParameterError unless these can be waypoints of a path."""
     given = cast("object", path.points)
     rows = given.tolist() if isinstance(given, np.ndarray) else given
-    points: Any = tuple(map(tuple_of, cast("list[Any]", rows))) if isinstance(rows, list | tuple) else ()
+    points: Any = (
+        tuple(map(tuple_of, cast("list[Any]", rows))) if isinstance(rows, list | tuple) else ()
+    )
     object.__setattr__(path, "points", points)
     accepted = f"2 to {MAX_POINTS} points (x, y) of finite numbers up to {MAX_COORDINATE:g} m, none twice in a row"
     require(2 <= len(points) <= MAX_POINTS, path, "points", path.points, accepted)
@@ -245,8 +266,8 @@ def fault_in(points: Sequence[Any], label: Callable[[int], str]) -> str | None:
 def read_path(file: FilePath, *, smooth: float = 0.0) -> Spline:
     """Return the spline through the points of a CSV file with the columns ``x`` and ``y`` [m].
 
-    Files as people have them are read: names such as ``x_m`` or none, behind ``#`` or not, columns separated by commas
-    or semicolons, decimal commas after semicolons, and further columns.
+    Files as people have them are read: names such as ``x_m`` or none, behind ``#`` or not, columns
+    separated by commas or semicolons, decimal commas after semicolons, and further columns.
 
     Parameters
     ----------
@@ -258,8 +279,9 @@ def read_path(file: FilePath, *, smooth: float = 0.0) -> Spline:
     Raises
     ------
     ParameterError
-        If the file cannot be read, a column is missing, a number is not finite, there are fewer than two points, a
-        point occurs twice in a row, or the spline turns back on itself; it names the line.
+        If the file cannot be read, a column is missing, a number is not finite, there are fewer
+        than two points, a point occurs twice in a row, or the spline turns back on itself; it names
+        the line.
     """
     columns, lines = read_table(file, ("x", "y"), unit="m")
     points = tuple(zip(columns["x"].tolist(), columns["y"].tolist(), strict=True))
@@ -273,12 +295,15 @@ def read_path(file: FilePath, *, smooth: float = 0.0) -> Spline:
         raise ParameterError(f"{file}: {error}") from None
 
 
-PATHS: Mapping[str, Path] = MappingProxyType({"line": Line(), "arc": Arc(), "circle": Circle(), "sine": Sine()})
+PATHS: Mapping[str, Path] = MappingProxyType(
+    {"line": Line(), "arc": Arc(), "circle": Circle(), "sine": Sine()}
+)
 """Paths by name."""
 
 
 def find_path(path: Path | str) -> Path:
-    """Return a path given as itself, by its name in ``PATHS``, or as a CSV file of waypoints, see ``read_path``.
+    """Return a path given as itself, by its name in ``PATHS``, or as a CSV file of waypoints, see
+    ``read_path``.
 
     If there is none, it raises a ParameterError that lists the names.
     """

@@ -5,7 +5,13 @@ from typing import TYPE_CHECKING, Any
 import lazy_loader
 
 if TYPE_CHECKING:
-    from pter_gym.policies._files import SHIPPED, policies_in, read_policy, shipped_policies, write_policy
+    from pter_gym.policies._files import (
+        SHIPPED,
+        policies_in,
+        read_policy,
+        shipped_policies,
+        write_policy,
+    )
     from pter_gym.policies._interface import Input, Interface
     from pter_gym.policies._trained import NetworkPolicy, TrainedPolicy
 

@@ -1,7 +1,8 @@
-"""Trained policies as files: ``NAME.safetensors`` holds the weights and, as metadata, the card in JSON.
+"""Trained policies as files: ``NAME.safetensors`` holds the weights and, as metadata, the card in
+JSON.
 
-The card says how the network is connected (``interface``) and how it was trained (``about``). Nothing in a file is
-executed.
+The card says how the network is connected (``interface``) and how it was trained (``about``).
+Nothing in a file is executed.
 """
 
 import json
@@ -59,7 +60,9 @@ def policies_in(folder: FilePath = Path()) -> tuple[str, ...]:
 
 def is_path(name: str) -> bool:
     """Return whether a name is the path of a policy: it has a folder or the ending."""
-    return "/" in name or name != Path(name).name or name.endswith(ENDING) or name in ("~", ".", "..")
+    return (
+        "/" in name or name != Path(name).name or name.endswith(ENDING) or name in ("~", ".", "..")
+    )
 
 
 def is_here(name: str) -> bool:
@@ -75,8 +78,8 @@ def read_policy(name: FilePath) -> "TrainedPolicy":
     Parameters
     ----------
     name
-        The name of a shipped policy or of one in the current folder; or a path, ``folder/name`` with or without
-        ``.safetensors``, or that of a folder with only one policy.
+        The name of a shipped policy or of one in the current folder; or a path, ``folder/name``
+        with or without ``.safetensors``, or that of a folder with only one policy.
 
     Raises
     ------
@@ -137,12 +140,17 @@ def encode_policy(policy: "TrainedPolicy") -> bytes:
     """Return the bytes of a policy's file, or raise a ParameterError if they could not be read again."""
     tensors: dict[str, NDArray[Any]] = {}
     for k, (weight, bias) in enumerate(policy.layers):
-        tensors |= {f"layer_{k}.weight": np.ascontiguousarray(weight), f"layer_{k}.bias": np.ascontiguousarray(bias)}
+        tensors |= {
+            f"layer_{k}.weight": np.ascontiguousarray(weight),
+            f"layer_{k}.bias": np.ascontiguousarray(bias),
+        }
     card = {"interface": interface_codec().to_plain(policy.interface), "about": dict(policy.about)}
     text = json.dumps(card, ensure_ascii=False, allow_nan=False)
     data = save_tensors(tensors, {"format": FORMAT, "card": text})
     if len(data) > MAX_FILE:
-        raise ParameterError(f"layers must fit into a file of {MAX_FILE} bytes, got {policy.sizes} with {len(data)}")
+        raise ParameterError(
+            f"layers must fit into a file of {MAX_FILE} bytes, got {policy.sizes} with {len(data)}"
+        )
     _parse(data, policy.name)
     return data
 
@@ -182,7 +190,9 @@ def _parse(data: bytes, name: str) -> "TrainedPolicy":
     count = len(tensors) // 2
     known = {f"layer_{k}.{part}" for k in range(count) for part in ("weight", "bias")}
     if set(tensors) != known:
-        raise ValueError(f"it must hold weight and bias of each layer, it holds {', '.join(sorted(tensors)):.200}")
+        raise ValueError(
+            f"it must hold weight and bias of each layer, it holds {', '.join(sorted(tensors)):.200}"
+        )
     layers = tuple((tensors[f"layer_{k}.weight"], tensors[f"layer_{k}.bias"]) for k in range(count))
     return TrainedPolicy(interface, layers, name, dict(card["about"]))
 

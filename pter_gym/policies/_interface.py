@@ -1,8 +1,9 @@
 """How an observation becomes a network's inputs, and how its outputs become voltages.
 
-The inputs are quantities in the observation or derived from it, each shifted and scaled. The outputs, one for each
-clutch and within [−1, 1], are voltages relative to the middle of the range or to a base controller's voltages (a
-residual policy), or they are the environments' normalised actions.
+The inputs are quantities in the observation or derived from it, each shifted and scaled. The
+outputs, one for each clutch and within [−1, 1], are voltages relative to the middle of the range or
+to a base controller's voltages (a residual policy), or they are the environments' normalised
+actions.
 """
 
 from dataclasses import dataclass
@@ -48,8 +49,8 @@ class Input:
     Attributes
     ----------
     name
-        An entry of the observation, a heading relative to a link such as ``heading_a_cos``, or ``base_1`` to
-        ``base_4``, the voltages of the base controller.
+        An entry of the observation, a heading relative to a link such as ``heading_a_cos``, or
+        ``base_1`` to ``base_4``, the voltages of the base controller.
     center, scale
         In the unit of the quantity; the scale is positive.
     """
@@ -74,17 +75,19 @@ class Interface:
     inputs
         Its inputs, in order.
     reach
-        Voltage of an output of 1, relative to the middle of the range or to the base controller [V].
+        Voltage of an output of 1, relative to the middle of the range or to the base controller
+        [V].
     base
         The controller that the outputs correct; None for the middle of the range.
     history
-        Delays in decisions, rising, at which the network also sees its inputs. Before the start of an episode, they
-        equal those at the start.
+        Delays in decisions, rising, at which the network also sees its inputs. Before the start of
+        an episode, they equal those at the start.
     averages
-        Time constants in decisions, rising, of first-order low-passes of its inputs, which the network also sees.
+        Time constants in decisions, rising, of first-order low-passes of its inputs, which the
+        network also sees.
     normalised
-        Whether the outputs a are the environments' normalised actions, for voltage_max·((a + 1)/2)². Then there is no
-        base, and ``reach`` is not used.
+        Whether the outputs a are the environments' normalised actions, for voltage_max·((a +
+        1)/2)². Then there is no base, and ``reach`` is not used.
     frame_skip
         Control steps for which a decision is held.
     voltage_max
@@ -118,7 +121,13 @@ class Interface:
             steps: tuple[int, ...] = getattr(self, name)
             accepted = f"rising whole numbers from 1 to {largest}"
             whole = type(steps) is tuple and all(type(step) is int for step in steps)
-            require(whole and all(a < b for a, b in pairwise((0, *steps, largest + 1))), self, name, steps, accepted)
+            require(
+                whole and all(a < b for a, b in pairwise((0, *steps, largest + 1))),
+                self,
+                name,
+                steps,
+                accepted,
+            )
         require_kind(self, "clutches", tuple)
         for row in self.clutches:
             require(type(row) is tuple and len(row) == 2, self, "clutches", row, "pairs of numbers")
@@ -140,7 +149,8 @@ def quantities(physical: Any, base: Any, layout: Layout, *, residual: bool) -> A
     Parameters
     ----------
     physical
-        Observations in their units, (N, entries); a NumPy array or one from a library with the same interface.
+        Observations in their units, (N, entries); a NumPy array or one from a library with the same
+        interface.
     base
         Voltages of the base controller [V], (N, 4).
     layout
@@ -169,7 +179,8 @@ def to_volts(outputs: Any, base: Any, interface: Interface) -> Any:
 
 
 def squared(linear: Any, voltage_max: float) -> Any:
-    """Return the voltages [V] of normalised actions, from their share of the bounds times the largest voltage [V].
+    """Return the voltages [V] of normalised actions, from their share of the bounds times the
+    largest voltage [V].
 
     Bitwise identical to the kernel's ``scaled_volts``, without numba.
     """

@@ -24,7 +24,10 @@ def make_guided(name: str, gains: Mapping[str, Any]) -> "Guided":
     ParameterError
         If there is no such controller or gain (the nearest is suggested), or a gain is rejected.
     """
-    from pter_gym.controllers import CONTROLLERS, Guided  # loads numba, which policies without a base do not need
+    from pter_gym.controllers import (
+        CONTROLLERS,
+        Guided,
+    )  # loads numba, which policies without a base do not need
 
     guided = {known: kind for known, kind in CONTROLLERS.items() if issubclass(kind, Guided)}
     if name not in guided:
@@ -32,5 +35,7 @@ def make_guided(name: str, gains: Mapping[str, Any]) -> "Guided":
     known = [item.name for item in fields(guided[name])]
     for gain in gains:
         if gain not in known:
-            raise ParameterError(f"{name} has no gain {gain!r}: {unknown_name('gains', gain, known)}")
+            raise ParameterError(
+                f"{name} has no gain {gain!r}: {unknown_name('gains', gain, known)}"
+            )
     return guided[name](**{gain: tuple_of(value) for gain, value in gains.items()})

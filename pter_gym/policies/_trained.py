@@ -31,19 +31,21 @@ def are_hidden(sizes: tuple[int, ...]) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class TrainedPolicy:
-    """A trained policy; like a controller, it is bound to a nominal machine and a layout before it acts.
+    """A trained policy; like a controller, it is bound to a nominal machine and a layout before it
+    acts.
 
     Attributes
     ----------
     interface
         Inputs and outputs of its network.
     layers
-        Weights, float32 (outputs, inputs), and biases, float32 (outputs,), of each layer; tanh follows all but the
-        last.
+        Weights, float32 (outputs, inputs), and biases, float32 (outputs,), of each layer; tanh
+        follows all but the last.
     name
         Its name.
     about
-        Scenario, training command, versions, scores: for people; they do not affect how the policy acts.
+        Scenario, training command, versions, scores: for people; they do not affect how the policy
+        acts.
 
     Raises
     ------
@@ -64,10 +66,21 @@ class TrainedPolicy:
             raise DataError(
                 f"layers must be 1 to {MAX_LAYERS} of at most {MAX_UNITS} units that end in {outputs}, got {sizes}"
             )
-        for k, ((weight, bias), (before, after)) in enumerate(zip(self.layers, pairwise(sizes), strict=True)):
-            for what, array, shape in (("weight", weight, (after, before)), ("bias", bias, (after,))):
-                if array.dtype != np.float32 or array.shape != shape or not np.isfinite(array).all():
-                    raise DataError(f"layer_{k}.{what} must be finite float32 {shape}, got {array.dtype} {array.shape}")
+        for k, ((weight, bias), (before, after)) in enumerate(
+            zip(self.layers, pairwise(sizes), strict=True)
+        ):
+            for what, array, shape in (
+                ("weight", weight, (after, before)),
+                ("bias", bias, (after,)),
+            ):
+                if (
+                    array.dtype != np.float32
+                    or array.shape != shape
+                    or not np.isfinite(array).all()
+                ):
+                    raise DataError(
+                        f"layer_{k}.{what} must be finite float32 {shape}, got {array.dtype} {array.shape}"
+                    )
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -75,17 +88,31 @@ class TrainedPolicy:
         return (self.interface.size, *(bias.size for _, bias in self.layers))
 
     def bind(self, machine: Machine, layout: Layout) -> "NetworkPolicy":
-        """Return the policy for a nominal machine and the layout of the observations that it will get.
+        """Return the policy for a nominal machine and the layout of the observations that it will
+        get.
 
         Raises
         ------
         ParameterError
-            If the observations lack an input, or the machine's largest voltage or W differs from those in training.
+            If the observations lack an input, or the machine's largest voltage or W differs from
+            those in training.
         """
         machine, interface = find_machine(machine), self.interface
         top, rows = machine.clutch.voltage_max, clutch_rows(machine)
-        require(top == interface.voltage_max, machine.clutch, "voltage_max", top, f"{interface.voltage_max:g} V")
-        require(rows == interface.clutches, machine, "clutches", rows, f"{interface.clutches}, as in its training")
+        require(
+            top == interface.voltage_max,
+            machine.clutch,
+            "voltage_max",
+            top,
+            f"{interface.voltage_max:g} V",
+        )
+        require(
+            rows == interface.clutches,
+            machine,
+            "clutches",
+            rows,
+            f"{interface.clutches}, as in its training",
+        )
         names = available(layout, residual=interface.base is not None)
         for each in interface.inputs:
             if each.name not in names:
@@ -94,7 +121,9 @@ class TrainedPolicy:
         law = built_in if machine.has_paper_clutches else built_in_declared
         return NetworkPolicy(*self._gains(base, layout), layout, interface.frame_skip, law)
 
-    def _gains(self, base: NDArray[np.float64], layout: Layout) -> tuple[NDArray[np.float64], Network]:
+    def _gains(
+        self, base: NDArray[np.float64], layout: Layout
+    ) -> tuple[NDArray[np.float64], Network]:
         """Return the network as gains of its law; see ``pter_gym.controllers._network``."""
         interface, sizes = self.interface, (*self.sizes[:-1], SLOTS)
         inputs = interface.inputs
@@ -122,11 +151,14 @@ class TrainedPolicy:
         for k, (weight, bias) in enumerate(self.layers):
             empty = missing if k == last else 0  # slots without a clutch
             weights += [np.pad(bias, (0, empty)), np.pad(weight, ((0, empty), (0, 0))).T.ravel()]
-        return np.concatenate([flat(header), base, table, times, sizes, *weights], dtype=np.float64), header
+        return np.concatenate(
+            [flat(header), base, table, times, sizes, *weights], dtype=np.float64
+        ), header
 
 
 class NetworkPolicy(Policy):
-    """A trained policy that is ready to act: ``policy(observation) -> volts``; its network runs compiled.
+    """A trained policy that is ready to act: ``policy(observation) -> volts``; its network runs
+    compiled.
 
     Parameters
     ----------
@@ -144,7 +176,14 @@ class NetworkPolicy(Policy):
 
     any_frame_skip = False
 
-    def __init__(self, gains: NDArray[np.float64], network: Network, layout: Layout, frame_skip: int, law: Any) -> None:
+    def __init__(
+        self,
+        gains: NDArray[np.float64],
+        network: Network,
+        layout: Layout,
+        frame_skip: int,
+        law: Any,
+    ) -> None:
         self.frame_skip = frame_skip
         self._network = network
         super().__init__(gains, layout, law)

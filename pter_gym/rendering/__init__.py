@@ -1,7 +1,8 @@
 """What a passive haptic device can render, and how well it did.
 
-``force_region`` and its relatives say which forces at the handle the clutches of a machine can make, from geometry and
-torque curves alone. The other functions are scores of time series, logged or simulated.
+``force_region`` and its relatives say which forces at the handle the clutches of a machine can
+make, from geometry and torque curves alone. The other functions are scores of time series, logged
+or simulated.
 """
 
 from pter_gym.rendering._region import (

@@ -1,7 +1,8 @@
 """Scores of what a device rendered, as functions of time series.
 
-A series has T samples at equal intervals along its first axis; vectors are in the world frame. ``force`` is that of the
-hand on the device, as a sensor in the handle reads it, unless a function says otherwise.
+A series has T samples at equal intervals along its first axis; vectors are in the world frame.
+``force`` is that of the hand on the device, as a sensor in the handle reads it, unless a function
+says otherwise.
 """
 
 import math
@@ -28,8 +29,8 @@ def force_error(rendered: ArrayLike, desired: ArrayLike, direction: ArrayLike) -
     rendered, desired
         Forces of the device on the hand, (T, 2) [N].
     direction
-        The direction along which errors are told apart, such as the heading of a path: vectors (T, 2) or (2,) of any
-        length.
+        The direction along which errors are told apart, such as the heading of a path: vectors (T,
+        2) or (2,) of any length.
     """
     error: Array = np.subtract(rendered, desired)
     unit = np.asarray(direction, np.float64)
@@ -40,18 +41,22 @@ def force_error(rendered: ArrayLike, desired: ArrayLike, direction: ArrayLike) -
 
 
 def mean_resisting_force(power: ArrayLike, speed: ArrayLike, slowest: float = 1e-3) -> Array:
-    """Return the mean force of a device against the motion [N], shape (…): at 0 V, its drag in free motion.
+    """Return the mean force of a device against the motion [N], shape (…): at 0 V, its drag in free
+    motion.
 
     Parameters
     ----------
     power
-        Power of the device on the handle, (T, …) [W]: the force of the device on the hand times the velocity, or the
-        power of the clutches on the arm.
+        Power of the device on the handle, (T, …) [W]: the force of the device on the hand times the
+        velocity, or the power of the clutches on the arm.
     speed
-        Speed of the handle, (T, …) [m/s]. Samples that are not above ``slowest`` do not count; 0 if none does.
+        Speed of the handle, (T, …) [m/s]. Samples that are not above ``slowest`` do not count; 0 if
+        none does.
     """
     moves = np.asarray(speed) > slowest
-    force = np.divide(-np.asarray(power, np.float64), speed, where=moves, out=np.zeros(np.shape(speed)))
+    force = np.divide(
+        -np.asarray(power, np.float64), speed, where=moves, out=np.zeros(np.shape(speed))
+    )
     return force.sum(axis=0) / np.maximum(moves.sum(axis=0), 1)
 
 
@@ -67,8 +72,8 @@ def wall_stiffness(force: ArrayLike, penetration: ArrayLike) -> float:
     Parameters
     ----------
     force, penetration
-        Force of the hand into the wall, (T,) [N], and how deep the handle is behind its surface, (T,) [m]. Samples
-        at a penetration ≤ 0 are ignored; NaN if no others exist.
+        Force of the hand into the wall, (T,) [N], and how deep the handle is behind its surface,
+        (T,) [m]. Samples at a penetration ≤ 0 are ignored; NaN if no others exist.
     """
     depth = np.maximum(penetration, 0.0)
     square = float(depth @ depth)
@@ -76,7 +81,8 @@ def wall_stiffness(force: ArrayLike, penetration: ArrayLike) -> float:
 
 
 def impedance(force: ArrayLike, velocity: ArrayLike, period: float, frequency: float) -> float:
-    """Return ``|F/V|`` [N·s/m] at a frequency: b for a damper, m·ω for a mass, k/ω for a spring, ω = 2π·frequency.
+    """Return ``|F/V|`` [N·s/m] at a frequency: b for a damper, m·ω for a mass, k/ω for a spring, ω
+    = 2π·frequency.
 
     Parameters
     ----------
@@ -90,11 +96,13 @@ def impedance(force: ArrayLike, velocity: ArrayLike, period: float, frequency: f
 
 
 def z_width(stiffness: float, free_impedance: float, frequency: float) -> float:
-    """Return the Z-width [dB]: the impedance of the stiffest wall over that in free motion, at one frequency.
+    """Return the Z-width [dB]: the impedance of the stiffest wall over that in free motion, at one
+    frequency.
 
-    Colgate and Brown, Factors affecting the Z-width of a haptic display (IEEE ICRA 1994); Hayward and Astley,
-    Performance measures for haptic interfaces (Robotics Research: The Seventh International Symposium, 1996). A width
-    holds for its frequency alone: a wall's impedance falls with it, and a mass's rises.
+    Colgate and Brown, Factors affecting the Z-width of a haptic display (IEEE ICRA 1994); Hayward
+    and Astley, Performance measures for haptic interfaces (Robotics Research: The Seventh
+    International Symposium, 1996). A width holds for its frequency alone: a wall's impedance falls
+    with it, and a mass's rises.
 
     Parameters
     ----------
@@ -105,22 +113,29 @@ def z_width(stiffness: float, free_impedance: float, frequency: float) -> float:
 
 
 def spectral_arc_length(
-    speed: ArrayLike, period: float, *, cutoff: float = 10.0, threshold: float = 0.05, padding: int = 4
+    speed: ArrayLike,
+    period: float,
+    *,
+    cutoff: float = 10.0,
+    threshold: float = 0.05,
+    padding: int = 4,
 ) -> float:
-    """Return SPARC, the arc length of a movement's normalised spectrum, negative: nearer to 0 is smoother; 0 at rest.
+    """Return SPARC, the arc length of a movement's normalised spectrum, negative: nearer to 0 is
+    smoother; 0 at rest.
 
-    Balasubramanian, Melendez-Calderon, Roby-Brami and Burdet, On the analysis of movement smoothness (Journal of
-    NeuroEngineering and Rehabilitation 12:112, 2015): −∫√((1/ω_c)² + (dV̂/dω)²)dω up to ω_c, where V̂ is the magnitude of
-    the spectrum of the speed over its value at 0, and ω_c the last frequency up to ``cutoff`` at which it is at least
-    ``threshold``. It is meant for movements from rest to rest, and compares movements of about the same duration.
+    Balasubramanian, Melendez-Calderon, Roby-Brami and Burdet, On the analysis of movement
+    smoothness (Journal of NeuroEngineering and Rehabilitation 12:112, 2015): −∫√((1/ω_c)² +
+    (dV̂/dω)²)dω up to ω_c, where V̂ is the magnitude of the spectrum of the speed over its value at
+    0, and ω_c the last frequency up to ``cutoff`` at which it is at least ``threshold``. It is
+    meant for movements from rest to rest, and compares movements of about the same duration.
 
     Parameters
     ----------
     speed, period
         Speed of the handle, (T,) [m/s], and the sampling interval [s].
     cutoff, threshold, padding
-        Highest frequency [Hz], smallest relative magnitude, and how often the length of the series is doubled by zeros
-        after the next power of two. The defaults are the authors'.
+        Highest frequency [Hz], smallest relative magnitude, and how often the length of the series
+        is doubled by zeros after the next power of two. The defaults are the authors'.
     """
     values = np.asarray(speed, np.float64)
     length = 2 ** (math.ceil(math.log2(len(values))) + padding)

@@ -10,4 +10,12 @@ from pter_gym.scenarios._suite import (
     title_of_pace,
 )
 
-__all__ = ["PACES", "SCENARIOS", "Scenario", "find_pace", "find_scenario", "name_of_pace", "title_of_pace"]
+__all__ = [
+    "PACES",
+    "SCENARIOS",
+    "Scenario",
+    "find_pace",
+    "find_scenario",
+    "name_of_pace",
+    "title_of_pace",
+]

@@ -27,27 +27,37 @@ class EvaluationDraw(NamedTuple):
     stratum: str
 
 
-def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -> list[EvaluationDraw]:
+def evaluation_draws(
+    scenario: Scenario, fresh: tuple[int, str] | None = None
+) -> list[EvaluationDraw]:
     """Return evaluation episodes of a scenario, always the same for the same seed.
 
-    The phases of the hand's sines are drawn here, so the reset's seed only determines the sensor noise.
+    The phases of the hand's sines are drawn here, so the reset's seed only determines the sensor
+    noise.
 
     Parameters
     ----------
     scenario
         The scenario.
     fresh
-        Seed ≥ 0 of fresh episodes, and the name of their pace: as many in each stratum as stored ones. They differ from
-        pace to pace, so a policy cannot use what it remembers from another pace. None draws the stored ones.
+        Seed ≥ 0 of fresh episodes, and the name of their pace: as many in each stratum as stored
+        ones. They differ from pace to pace, so a policy cannot use what it remembers from another
+        pace. None draws the stored ones.
     """
-    draws = Randomisation(machine=scenario.machine, task=scenario.task, fixed_machine=scenario.fixed_machine)
-    rng = np.random.default_rng([STREAM, *_name(scenario)] if scenario.place is None else [STREAM, scenario.place])
+    draws = Randomisation(
+        machine=scenario.machine, task=scenario.task, fixed_machine=scenario.fixed_machine
+    )
+    rng = np.random.default_rng(
+        [STREAM, *_name(scenario)] if scenario.place is None else [STREAM, scenario.place]
+    )
     pairs = [draws.draw(rng) for _ in range(scenario.episodes)]
     stored = [_finished(scenario, pair, rng) for pair in pairs]
     if fresh is None:
         return stored
     free: dict[str, list[int]] = {}
-    order = _fresh_rng(FRESH_ORDER, scenario, fresh).permutation(len(stored))  # so position does not reveal the stratum
+    order = _fresh_rng(FRESH_ORDER, scenario, fresh).permutation(
+        len(stored)
+    )  # so position does not reveal the stratum
     for place, k in reversed(list(enumerate(order))):
         free.setdefault(stored[int(k)].stratum, []).append(place)
     rng = _fresh_rng(FRESH, scenario, fresh)
@@ -61,7 +71,9 @@ def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -
 
 def fresh_reset_seeds(scenario: Scenario, fresh: tuple[int, str]) -> list[int]:
     """Return the seeds of the resets of fresh episodes, from their seed and the name of their pace."""
-    return _fresh_rng(FRESH_RESETS, scenario, fresh).integers(2**63, size=scenario.episodes).tolist()
+    return (
+        _fresh_rng(FRESH_RESETS, scenario, fresh).integers(2**63, size=scenario.episodes).tolist()
+    )
 
 
 def _finished(scenario: Scenario, pair: Pair, rng: np.random.Generator) -> EvaluationDraw:

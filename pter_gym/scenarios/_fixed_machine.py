@@ -2,7 +2,15 @@
 
 from dataclasses import dataclass, replace
 
-from pter_gym.params import Checked, Machine, find_machine, is_preset, machine_of, require, require_number
+from pter_gym.params import (
+    Checked,
+    Machine,
+    find_machine,
+    is_preset,
+    machine_of,
+    require,
+    require_number,
+)
 from pter_gym.params._preset import load_preset
 from pter_gym.tasks.path_following import MAX_DELAY, PathFollowing
 
@@ -54,5 +62,11 @@ def with_delay(task: PathFollowing, fixed: FixedMachine) -> PathFollowing:
     if fixed.delay is None:
         return task
     steps, longest = round(fixed.delay / task.control_period), MAX_DELAY * task.control_period
-    require(steps <= MAX_DELAY, fixed, "delay", fixed.delay, f"at most {longest:g} s, {MAX_DELAY} control steps")
+    require(
+        steps <= MAX_DELAY,
+        fixed,
+        "delay",
+        fixed.delay,
+        f"at most {longest:g} s, {MAX_DELAY} control steps",
+    )
     return replace(task, sensing=replace(task.sensing, delay=steps))

@@ -1,10 +1,12 @@
-"""The suite: named and versioned scenarios, each a randomisation of machine and task at a commanded pace.
+"""The suite: named and versioned scenarios, each a randomisation of machine and task at a commanded
+pace.
 
-``PTER/<Scenario>-v0`` is ``PTER/PathFollowing-v0`` on a scenario's training draws. The episodes on which policies are
-compared are stored data; see ``pter_gym.benchmark``.
+``PTER/<Scenario>-v0`` is ``PTER/PathFollowing-v0`` on a scenario's training draws. The episodes on
+which policies are compared are stored data; see ``pter_gym.benchmark``.
 
-To add a scenario, add an entry to ``_SUITE`` here and to ``VARIED`` in ``_variations``: its id, its stored episodes and
-their strata follow from these. This module imports nothing heavy, since ``import pter_gym`` reads it.
+To add a scenario, add an entry to ``_SUITE`` here and to ``VARIED`` in ``_variations``: its id, its
+stored episodes and their strata follow from these. This module imports nothing heavy, since
+``import pter_gym`` reads it.
 """
 
 import hashlib
@@ -42,13 +44,13 @@ class Scenario:
     stratum
         The part of the task whose kind defines an evaluation episode's stratum.
     place
-        Number from which the seed of its evaluation episodes is derived; by default, the seed is derived from name and
-        version.
+        Number from which the seed of its evaluation episodes is derived; by default, the seed is
+        derived from name and version.
     fixed_machine
         The machine in place of those that it would draw, if any; see ``find_scenario``.
     varied
-        Machine and task of a user-defined scenario, or their distributions; by default those of the suite's scenario of
-        this name.
+        Machine and task of a user-defined scenario, or their distributions; by default those of the
+        suite's scenario of this name.
     gains
         The scenario whose gains control laws have, by default this one.
     """
@@ -109,18 +111,25 @@ class Scenario:
         return (self.varied or VARIED[self.name])[1]
 
     def randomisation(
-        self, pace: float | str | None = None, *, contexts: int = 512, seed: int = 0, **overrides: Any
+        self,
+        pace: float | str | None = None,
+        *,
+        contexts: int = 512,
+        seed: int = 0,
+        **overrides: Any,
     ) -> "Randomisation":
         """Return the training draws.
 
         Parameters
         ----------
         pace
-            Commanded pace [m/s] or its name in ``PACES``; None draws it between the slowest and the fastest.
+            Commanded pace [m/s] or its name in ``PACES``; None draws it between the slowest and the
+            fastest.
         contexts, seed
             Number of pairs of machine and task, and the seed of their list.
         **overrides
-            Fields of the task that all episodes share, such as ``reward``, ``error_max`` and ``starts``.
+            Fields of the task that all episodes share, such as ``reward``, ``error_max`` and
+            ``starts``.
 
         Raises
         ------
@@ -129,7 +138,11 @@ class Scenario:
         """
         from pter_gym.scenarios.randomisation import LogUniform, Randomisation, Vary
 
-        commanded = LogUniform(min(PACES.values()), max(PACES.values())) if pace is None else find_pace(pace)
+        commanded = (
+            LogUniform(min(PACES.values()), max(PACES.values()))
+            if pace is None
+            else find_pace(pace)
+        )
         base, drawn = self.task.base, self.task.fields
         known = [item.name for item in fields(base) if item.name not in (*drawn, "pace")]
         for name in overrides:
@@ -139,7 +152,9 @@ class Scenario:
                 )
         task = Vary(replace(base, **overrides), **drawn, pace=commanded)
         fixed = self.fixed_machine
-        return Randomisation(machine=self.machine, task=task, contexts=contexts, seed=seed, fixed_machine=fixed)
+        return Randomisation(
+            machine=self.machine, task=task, contexts=contexts, seed=seed, fixed_machine=fixed
+        )
 
 
 def find_pace(pace: float | str, field: str = "pace") -> float:
@@ -159,7 +174,9 @@ def find_pace(pace: float | str, field: str = "pace") -> float:
         except ValueError:
             raise unknown_name(field, pace, (*PACES, "a speed > 0 m/s")) from None
     if not is_finite(speed) or speed <= 0.0:
-        raise ParameterError(f"{field} must be one of {', '.join(PACES)}, or a speed > 0 m/s, got {pace!r}")
+        raise ParameterError(
+            f"{field} must be one of {', '.join(PACES)}, or a speed > 0 m/s, got {pace!r}"
+        )
     return float(speed)
 
 
@@ -188,17 +205,17 @@ def find_scenario(
         Its name, or itself. Or a task: its episodes, 200, differ in the phases of its hand's sines.
     machine
         A machine for all its episodes, in place of those that it draws: the machine, its name in
-        ``pter_gym.params.MACHINES``, or the path of a preset, whose delay applies to all observations. Paths and hands
-        are drawn as usual.
+        ``pter_gym.params.MACHINES``, or the path of a preset, whose delay applies to all
+        observations. Paths and hands are drawn as usual.
     path
-        A path for all its episodes: the path, its name in ``pter_gym.paths.PATHS``, or a CSV file of waypoints. The
-        workspace about it is at most as wide as its bends allow.
+        A path for all its episodes: the path, its name in ``pter_gym.paths.PATHS``, or a CSV file
+        of waypoints. The workspace about it is at most as wide as its bends allow.
 
     Raises
     ------
     ParameterError
-        If there is no such scenario, machine or path (the nearest is suggested), a preset's delay is too long for a
-        task, or the arm cannot follow the path.
+        If there is no such scenario, machine or path (the nearest is suggested), a preset's delay
+        is too long for a task, or the arm cannot follow the path.
     DataError
         If a preset is malformed.
     """
@@ -228,10 +245,16 @@ def _find(name: Any) -> Scenario:
     from pter_gym.scenarios.randomisation import Vary
 
     hand: Any = name.hand
-    task = replace(name, hand=replace(hand, random_phases=True)) if hasattr(hand, "random_phases") else name
+    task = (
+        replace(name, hand=replace(hand, random_phases=True))
+        if hasattr(hand, "random_phases")
+        else name
+    )
     gains = "paths" if isinstance(name.hand, MultiSineHand) else "everything"
     called = type(name.path).__name__.lower()
-    return Scenario(called, 0, "A task of your own.", episodes=200, varied=(BASELINE, Vary(task)), gains=gains)
+    return Scenario(
+        called, 0, "A task of your own.", episodes=200, varied=(BASELINE, Vary(task)), gains=gains
+    )
 
 
 def _on_path(scenario: Scenario, given: "Path | str") -> Scenario:
@@ -242,16 +265,23 @@ def _on_path(scenario: Scenario, given: "Path | str") -> Scenario:
 
     path = find_path(given)
     called = PurePath(given).stem if isinstance(given, str) else type(path).__name__.lower()
-    base, band = scenario.task.base, max(scenario.task.base.free_left, scenario.task.base.free_right)
+    base, band = (
+        scenario.task.base,
+        max(scenario.task.base.free_left, scenario.task.base.free_right),
+    )
     widest = largest_error_max(path) - band
     if widest <= 0.0:
-        raise ParameterError(f"path must bend less for a free band of {band:g} m: {called} turns within that radius")
+        raise ParameterError(
+            f"path must bend less for a free band of {band:g} m: {called} turns within that radius"
+        )
     task = replace(base, path=path, error_max=min(base.error_max, widest))
     check_machine(task, scenario.nominal)
     varied = {name: drawn for name, drawn in scenario.task.fields.items() if name != "path"}
     drawn = (scenario.machine, Vary(task, **varied))
     gains = scenario.gains_on(path)
-    return replace(scenario, name=f"{scenario.name}-on-{called}", place=None, varied=drawn, gains=gains)
+    return replace(
+        scenario, name=f"{scenario.name}-on-{called}", place=None, varied=drawn, gains=gains
+    )
 
 
 _SUITE = (
@@ -262,7 +292,13 @@ _SUITE = (
         episodes=200,
         place=0,
     ),
-    Scenario("paths", 0, "Other paths, most of them curved; the paper's hand and clutches.", episodes=300, place=1),
+    Scenario(
+        "paths",
+        0,
+        "Other paths, most of them curved; the paper's hand and clutches.",
+        episodes=300,
+        place=1,
+    ),
     Scenario(
         "hands",
         0,

@@ -116,7 +116,10 @@ CURVES = OneOf(
         Vary(
             Spline(points=((-0.5, 0.65), (0.4, 0.65))),
             points=_points(
-                (-0.6, -0.45, 0.55, 0.75), (-0.3, -0.1, 0.5, 0.75), (0.1, 0.3, 0.5, 0.75), (0.45, 0.6, 0.55, 0.75)
+                (-0.6, -0.45, 0.55, 0.75),
+                (-0.3, -0.1, 0.5, 0.75),
+                (0.1, 0.3, 0.5, 0.75),
+                (0.45, 0.6, 0.55, 0.75),
             ),
         ),
         Vary(
@@ -183,13 +186,24 @@ VARIED = MappingProxyType(
         ),
         "everything": (
             Vary(BASELINE, arm=ARMS, clutch=CLUTCHES, clutch_scale=TORQUE_ERRORS),
-            Vary(CURVED, path=CURVES, hand=OneOf((EQ5, FORCES, HUMANS)), friction_drift=DRIFT, sensing=SENSORS),
+            Vary(
+                CURVED,
+                path=CURVES,
+                hand=OneOf((EQ5, FORCES, HUMANS)),
+                friction_drift=DRIFT,
+                sensing=SENSORS,
+            ),
         ),
         "tremor": (BASELINE, Vary(STANDARD, hand=TREMBLING)),
         "corridor": (BASELINE, Vary(CORRIDOR)),
         "wall": (
             BASELINE,
-            Vary(WALL, hand=Vary(LEANING, phases=(-0.5 * math.pi, *[Uniform(-math.pi, math.pi)] * (SINES - 1)))),
+            Vary(
+                WALL,
+                hand=Vary(
+                    LEANING, phases=(-0.5 * math.pi, *[Uniform(-math.pi, math.pi)] * (SINES - 1))
+                ),
+            ),
         ),
     }
 )

@@ -1,8 +1,9 @@
 """Distributions over machines and tasks: what varies from episode to episode.
 
-``Vary(base, field=distribution, …)`` draws some fields of a frozen dataclass ``base``; a field's value may itself be a
-``Vary``. ``Randomisation`` draws a list of pairs of machine and task from one seed; a world draws one pair at each
-reset. Each distribution has ``draw(rng)``, and ``extremes()``, with which a ``Vary`` is checked when it is built.
+``Vary(base, field=distribution, …)`` draws some fields of a frozen dataclass ``base``; a field's
+value may itself be a ``Vary``. ``Randomisation`` draws a list of pairs of machine and task from one
+seed; a world draws one pair at each reset. Each distribution has ``draw(rng)``, and ``extremes()``,
+with which a ``Vary`` is checked when it is built.
 """
 
 import math
@@ -106,7 +107,11 @@ class Shared:
 
     def extremes(self) -> Sequence[tuple[float, ...]]:
         """Return tuples of the products of extremes."""
-        return [(a * b,) * self.count for a in self.common.extremes() for b in self.individual.extremes()]
+        return [
+            (a * b,) * self.count
+            for a in self.common.extremes()
+            for b in self.individual.extremes()
+        ]
 
 
 @dataclass(frozen=True)
@@ -141,8 +146,8 @@ class Vary(Generic[Drawn]):
     Raises
     ------
     ParameterError
-        If there is no such field, or the dataclass rejects an extreme value, of one field or of all fields together.
-        The message names the field.
+        If there is no such field, or the dataclass rejects an extreme value, of one field or of all
+        fields together. The message names the field.
     """
 
     def __init__(self, base: Drawn, **fields: Any) -> None:
@@ -151,12 +156,17 @@ class Vary(Generic[Drawn]):
         known = getattr(base, "__dataclass_fields__", {})
         for name in fields:
             if name not in known:
-                raise ParameterError(f"{type(base).__name__} has no field {name!r}; it has {', '.join(known)}")
+                raise ParameterError(
+                    f"{type(base).__name__} has no field {name!r}; it has {', '.join(known)}"
+                )
         self.extremes()
 
     def draw(self, rng: np.random.Generator) -> Drawn:
         """Return the base with its drawn fields."""
-        return cast(Drawn, replace(cast(Any, self.base), **{k: drawn(v, rng) for k, v in self.fields.items()}))
+        return cast(
+            Drawn,
+            replace(cast(Any, self.base), **{k: drawn(v, rng) for k, v in self.fields.items()}),
+        )
 
     def extremes(self) -> Sequence[Drawn]:
         """Return draws with one field at an end, and with all at their first and at their last ends."""
@@ -184,7 +194,8 @@ class Randomisation(Checked):
     seed
         Seed ≥ 0 of the list.
     fixed_machine
-        A machine and the delay of its sensors in place of drawn ones; everything else is drawn as before.
+        A machine and the delay of its sensors in place of drawn ones; everything else is drawn as
+        before.
     """
 
     machine: Machine | Vary[Machine] = BASELINE
@@ -209,10 +220,24 @@ class Randomisation(Checked):
             machine, task = drawn(self.machine, rng), drawn(self.task, rng)
             if self.fixed_machine is not None:
                 machine, task = self.fixed_machine.machine, with_delay(task, self.fixed_machine)
-            require(isinstance(machine, Machine), self, "machine", self.machine, "a Machine, or draw one")
-            require(isinstance(task, PathFollowing), self, "task", self.task, "a PathFollowing, or draw one")
+            require(
+                isinstance(machine, Machine),
+                self,
+                "machine",
+                self.machine,
+                "a Machine, or draw one",
+            )
+            require(
+                isinstance(task, PathFollowing),
+                self,
+                "task",
+                self.task,
+                "a PathFollowing, or draw one",
+            )
             try:
-                check_machine(replace(task, singularity_margin=ROOM * task.singularity_margin), machine)
+                check_machine(
+                    replace(task, singularity_margin=ROOM * task.singularity_margin), machine
+                )
             except ParameterError:
                 if attempt == TRIES - 1:
                     raise
@@ -229,7 +254,8 @@ def _pairs(randomisation: Randomisation) -> tuple[Pair, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class Mixture:
-    """Several randomisations as one, with the pairs of all: each is weighted by its own number of pairs.
+    """Several randomisations as one, with the pairs of all: each is weighted by its own number of
+    pairs.
 
     Attributes
     ----------

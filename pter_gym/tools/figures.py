@@ -31,7 +31,23 @@ MILLIMETRE = 1e-3
 INK, MUTED, REFERENCE = "#1f2328", "#646b75", "#3b4048"
 CLUTCH_COLOURS = tuple(map(p.clutch_colour, ((1, 0), (0, 1), (1, -1), (1, 1))))
 COLOURS = p.LINES
-MARKERS: tuple[Any, ...] = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "d", "h", (4, 1, 45), (6, 1, 0))
+MARKERS: tuple[Any, ...] = (
+    "o",
+    "s",
+    "^",
+    "D",
+    "v",
+    "P",
+    "X",
+    "<",
+    ">",
+    "p",
+    "*",
+    "d",
+    "h",
+    (4, 1, 45),
+    (6, 1, 0),
+)
 DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (4, 1.5, 1, 1.5)), (0, (1.5, 1.2)))
 
 
@@ -99,7 +115,9 @@ def inches_right(axes: Axes, name: str, unit: float = 1.0, per: str = "") -> Non
 
 def inch_pounds_right(axes: Axes, name: str = "torque") -> None:
     """Add an axis in the paper's in·lbf on the right of an axis in N·m."""
-    axes.secondary_yaxis("right", functions=scaled(to_inch_pounds(1.0))).set_ylabel(f"{name} [in·lbf]")
+    axes.secondary_yaxis("right", functions=scaled(to_inch_pounds(1.0))).set_ylabel(
+        f"{name} [in·lbf]"
+    )
 
 
 def scaled(factor: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
@@ -107,11 +125,15 @@ def scaled(factor: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
     return lambda value: value * factor, lambda value: value / factor
 
 
-def legend_below(figure: Figure, handles: Sequence[Any], names: Sequence[str], note: str | None = None) -> None:
+def legend_below(
+    figure: Figure, handles: Sequence[Any], names: Sequence[str], note: str | None = None
+) -> None:
     """Show a legend below all axes, in as many columns as fit, with a note above its entries; grow the figure by it."""
     renderer, columns = FigureCanvasAgg(figure).get_renderer(), min(len(names), 6)
     while True:
-        legend = figure.legend(handles, names, loc="outside lower center", ncols=columns, title=note)
+        legend = figure.legend(
+            handles, names, loc="outside lower center", ncols=columns, title=note
+        )
         box = legend.get_window_extent(renderer)
         if columns == 1 or box.width <= 0.98 * figure.bbox.width:
             break
@@ -135,7 +157,11 @@ def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
     named: list[Any] = []
     handles: Any = axes.get_legend_handles_labels()
     for line, name in zip(*handles, strict=True):
-        named.append(axes.text(0.0, 0.0, name, color=line.get_color(), fontsize=SMALL, ha="center", va="center"))
+        named.append(
+            axes.text(
+                0.0, 0.0, name, color=line.get_color(), fontsize=SMALL, ha="center", va="center"
+            )
+        )
         box = named[-1].get_window_extent()
         half: Array = np.array(box.size) / 2.0
         others = [points for other, points in lines.items() if other is not line]

@@ -25,7 +25,9 @@ NEEDS = {
     "torchrl_ppo": "torchrl",
     "zoo": "huggingface_sb3",  # which comes with the zoo; to import that would change Gymnasium's TimeLimit
 }
-TINY: dict[str, dict[str, Any]] = {name: {"steps": 512, "worlds": 8, "horizon": 32} for name in NEEDS}
+TINY: dict[str, dict[str, Any]] = {
+    name: {"steps": 512, "worlds": 8, "horizon": 32} for name in NEEDS
+}
 TINY |= {"zoo": {"steps": 64}}
 LEARNERS: dict[str, tuple[str, dict[str, Any]]] = {
     **{name: (f"{name}_ppo", {}) for name in ("rsl_rl", "skrl", "torchrl")},
@@ -49,7 +51,9 @@ def test_a_script_trains(script: str, tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 @pytest.mark.slow
-def test_the_study_ranks_each_seed_of_what_it_chose(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_study_ranks_each_seed_of_what_it_chose(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     study = load_script(FOLDER.parent / "stock" / "study.py").study
     study(("A2C",), seeds=2, seconds=0.2, out=tmp_path)
     shown = capsys.readouterr().out
@@ -62,14 +66,24 @@ def test_sbx_trains_in_place_of_stable_baselines3() -> None:
     sbx = pytest.importorskip("sbx")
     worlds = make_sb3_vec_env(8, scenario="standard")
     model = sbx.PPO("MlpPolicy", worlds, n_steps=16, batch_size=64, seed=0).learn(256)
-    assert examine({"sbx": from_sb3(model)}, episodes=2).keys() == {"sbx", "free", "locked", "random"}
+    assert examine({"sbx": from_sb3(model)}, episodes=2).keys() == {
+        "sbx",
+        "free",
+        "locked",
+        "random",
+    }
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", LEARNERS)
-def test_most_seeds_learn_within_a_minute(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_most_seeds_learn_within_a_minute(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     script, options = LEARNERS[name]
-    trained = {f"{name} {seed}": train(script, tmp_path, monkeypatch, **options, seed=seed) for seed in range(SEEDS)}
+    trained = {
+        f"{name} {seed}": train(script, tmp_path, monkeypatch, **options, seed=seed)
+        for seed in range(SEEDS)
+    }
     verdicts = examine(trained)
     known = min(verdicts[other].path_error_m for other in ("free", "random"))
     assert np.median([verdicts[each].path_error_m for each in trained]) < 0.5 * known, verdicts

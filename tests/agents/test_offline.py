@@ -21,13 +21,30 @@ SCRIPTS = sorted(path for path in OFFLINE.glob("*.py") if path.stem != "common")
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # torchrl's own
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
-def test_a_script_trains_and_scores(script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_script_trains_and_scores(
+    script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert (
-        main(["record", "--scenario", "standard", "--level", "random", "--steps", "300", "--out", str(tmp_path)]) == 0
+        main(
+            [
+                "record",
+                "--scenario",
+                "standard",
+                "--level",
+                "random",
+                "--steps",
+                "300",
+                "--out",
+                str(tmp_path),
+            ]
+        )
+        == 0
     )
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     monkeypatch.setattr(sys, "path", [str(OFFLINE), *sys.path])
-    load_script(script).train("pter/standard/random-v0", seed=3, steps=4, batch=8, out=tmp_path / "results")
+    load_script(script).train(
+        "pter/standard/random-v0", seed=3, steps=4, batch=8, out=tmp_path / "results"
+    )
     name = f"{script.stem.replace('_', '-')}-random-3"
     found = {(run.policy, run.pace) for run in ResultsFolder(tmp_path / "results").runs()}
     assert found == {(name, pace) for pace in PACES}

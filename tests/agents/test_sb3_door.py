@@ -26,7 +26,9 @@ vec_env = pytest.importorskip("stable_baselines3.common.vec_env")
 ID = "PTER/PathFollowing-v0"
 COUNT = 6
 LIMIT = 19
-TASK = PathFollowing(path=Line(length=0.55), start_offset=0.02, hand=MultiSineHand(random_phases=True))
+TASK = PathFollowing(
+    path=Line(length=0.55), start_offset=0.02, hand=MultiSineHand(random_phases=True)
+)
 
 
 def make(count: int = COUNT, **options: Any) -> Any:
@@ -65,9 +67,14 @@ def test_same_episodes_as_stable_baselines_own_vec_env_of_single_environments() 
         returns += [rewards, their_rewards]
         for info, their_info, done in zip(infos, their_infos, dones, strict=True):
             assert info["TimeLimit.truncated"] is their_info["TimeLimit.truncated"]
-            assert ("terminal_observation" in info) == ("terminal_observation" in their_info) == done
+            assert (
+                ("terminal_observation" in info) == ("terminal_observation" in their_info) == done
+            )
             if done:
-                assert info["terminal_observation"].tobytes() == their_info["terminal_observation"].tobytes()
+                assert (
+                    info["terminal_observation"].tobytes()
+                    == their_info["terminal_observation"].tobytes()
+                )
                 assert info["is_success"] is their_info["is_success"]
                 mine, other = info["episode"], their_info["episode"]
                 assert (mine.keys(), mine["r"], mine["l"]) == (other.keys(), other["r"], other["l"])
@@ -159,14 +166,18 @@ def test_missing_stable_baselines_says_what_to_install() -> None:
         "try: import pter_gym.envs.sb3\n"
         "except ImportError as error: print(error)\n"
     )
-    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    result = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
     assert "'.[agents]'" in result.stdout
 
 
 def test_a_trained_policy_acts_in_it_and_is_reset_by_its_user() -> None:
     from pter_gym.envs.sb3 import make_sb3_vec_env
 
-    env = make_sb3_vec_env(3, task=replace(TASK, start_offset=0.0, truncation_error=0.02, starts=STARTS["path"]))
+    env = make_sb3_vec_env(
+        3, task=replace(TASK, start_offset=0.0, truncation_error=0.02, starts=STARTS["path"])
+    )
     watched = vec_env.VecCheckNan(env)
     policy = pter_gym.load_policy("residual", watched)
     alone = [read_policy("residual").bind(BASELINE, env.env.observation_layout) for _ in range(3)]

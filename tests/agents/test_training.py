@@ -52,7 +52,9 @@ def test_resumed_training_has_the_same_bits(tmp_path: Path) -> None:
         train(arguments(2, reach=3.0, **constant), tmp_path / "parts", resume=True)
     with (tmp_path / "parts" / "progress.csv").open() as text:
         table = list(csv.DictReader(text))
-    assert [int(row["decisions"]) for row in table] == sorted(RunFolder(tmp_path / "parts").scores())
+    assert [int(row["decisions"]) for row in table] == sorted(
+        RunFolder(tmp_path / "parts").scores()
+    )
     seconds = [float(row["seconds"]) for row in table]
     assert seconds == sorted(seconds)
     assert set(table[0]) == {"seconds", "decisions", "pace", "path_error_m", "completed", "ranked"}
@@ -73,22 +75,34 @@ def test_a_run_ends_with_scores_a_curve_and_the_next_command(
     assert main(["train", "ppo", "--smoke", "--pace", "medium", "--out", str(tmp_path)]) == 0
     *_, scores, law, other, _, _, _, export = capsys.readouterr().out.splitlines()
     assert scores.startswith(str(tmp_path))
-    assert [line.split()[0] for line in (law, other)] == ["single-dof-tuned", "torque-feedback-tuned"]
+    assert [line.split()[0] for line in (law, other)] == [
+        "single-dof-tuned",
+        "torque-feedback-tuned",
+    ]
     assert export.split()[:2] == ["pter", "export"]
     with Image.open(tmp_path / "curve.png") as picture:
         assert picture.width > 500
     ((steps, found),) = RunFolder(tmp_path).scores().items()
     (event,) = EventAccumulator(str(tmp_path)).Reload().Tensors("path_error_m/medium")
-    assert (event.step, make_ndarray(event.tensor_proto)) == (steps, pytest.approx(found["medium"]["path_error_m"]))
+    assert (event.step, make_ndarray(event.tensor_proto)) == (
+        steps,
+        pytest.approx(found["medium"]["path_error_m"]),
+    )
 
 
 def test_a_learning_curve_has_a_column_for_each_pace_and_lines_for_the_laws() -> None:
     from pter_agents.report import learning_curve
 
-    scores = {"path_error_m": 0.02, "completed": 1.0, "mean_pace_error": 0.1, "segment_pace_error": 0.2}
+    scores = {
+        "path_error_m": 0.02,
+        "completed": 1.0,
+        "mean_pace_error": 0.1,
+        "segment_pace_error": 0.2,
+    }
     both = {"slow": scores, "brisk": {**scores, "path_error_m": 0.05}}
     figure = learning_curve(
-        {1_000_000: both, 2_000_000: both}, {"law": {pace: {"path_error_m": 0.004} for pace in both}}
+        {1_000_000: both, 2_000_000: both},
+        {"law": {pace: {"path_error_m": 0.004} for pace in both}},
     )
     for axes, error in zip(figure.axes[:2], (20.0, 50.0), strict=True):
         reference, mine = (np.asarray(line.get_ydata()).tolist() for line in axes.lines)
@@ -101,7 +115,9 @@ def test_a_learning_curve_has_a_column_for_each_pace_and_lines_for_the_laws() ->
 def test_a_film_shows_the_policy_beside_a_law(tmp_path: Path) -> None:
     from pter_agents.report import film
 
-    with Image.open(film(read_policy("ppo-standard"), arguments(1, "ppo"), tmp_path / "film.webp")) as moving:
+    with Image.open(
+        film(read_policy("ppo-standard"), arguments(1, "ppo"), tmp_path / "film.webp")
+    ) as moving:
         assert moving.n_frames > 30
 
 
@@ -191,9 +207,14 @@ def test_a_locked_arm_costs_the_same_at_each_commanded_pace() -> None:
     s, training = given.settings, make_training(given)
     model = PPO(s, training, given.steps, given.seed)
     weights, _, carry = model._learned  # pyright: ignore[reportPrivateUsage]
-    weights.policy[-1] = (weights.policy[-1][0], weights.policy[-1][1] + 100.0)  # 24 V for all clutches
+    weights.policy[-1] = (
+        weights.policy[-1][0],
+        weights.policy[-1][1] + 100.0,
+    )  # 24 V for all clutches
     worlds, drawn = model._worlds, np.zeros((150, s.worlds, 4), np.float32)  # pyright: ignore[reportPrivateUsage]
-    _, rows = jax.jit(collect, static_argnums=(0, 1))(s, worlds, worlds.shared, weights, carry, drawn, 0.0)
+    _, rows = jax.jit(collect, static_argnums=(0, 1))(
+        s, worlds, worlds.shared, weights, carry, drawn, 0.0
+    )
     task = training.env.batch.task
     cost = 5.0 * s.pace * PACES["medium"] * task.control_period / task.path.length
     np.testing.assert_allclose(rows.rewards[-1], -s.reward_scale * cost, rtol=1e-5)

@@ -1,7 +1,8 @@
-"""Ways to ride that look better than one is: none gives a policy a rank with a smaller path error than its own.
+"""Ways to ride that look better than one is: none gives a policy a rank with a smaller path error
+than its own.
 
-An attack takes an honest policy to one that makes something of a hole; a further one is one more line of ``ATTACKS``.
-"""
+An attack takes an honest policy to one that makes something of a hole; a further one is one more
+line of ``ATTACKS``."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -25,7 +26,10 @@ EPISODES = 32
 SEED = 77
 """Of the draws, which are no stored episodes."""
 
-HONEST = {"standard": ("residual", "ppo-standard", "single-dof-tuned"), "paths": ("residual", "single-dof-tuned")}
+HONEST = {
+    "standard": ("residual", "ppo-standard", "single-dof-tuned"),
+    "paths": ("residual", "single-dof-tuned"),
+}
 """Policies by the scenario on which they are attacked."""
 
 Array = NDArray[np.float64]
@@ -86,7 +90,9 @@ def tells(pace: When = lambda *_: 1.0, error: When = lambda *_: 0.0) -> Attack:
 
 def rides(factor: Factor) -> Attack:
     """Ride at the pace times a function of progress and the hardest segment."""
-    return tells(pace=lambda self, obs: factor(self.honest.observe(obs, "progress"), self.honest.hardest))
+    return tells(
+        pace=lambda self, obs: factor(self.honest.observe(obs, "progress"), self.honest.hardest)
+    )
 
 
 def sets(volts: float, when: When) -> Attack:
@@ -178,14 +184,18 @@ ON_BENDS = ("cuts the corners", "rides 60 mm beside the path and dashes to its e
 """What is tried on the paths that bend."""
 
 COURSES = [
-    pytest.param(scenario, pace, marks=() if (scenario, pace) == ("standard", "brisk") else pytest.mark.long)
+    pytest.param(
+        scenario, pace, marks=() if (scenario, pace) == ("standard", "brisk") else pytest.mark.long
+    )
     for scenario in HONEST
     for pace in PACES
 ]
 """Scenarios and paces; the long run has all of them."""
 
 ATTACKED = [
-    pytest.param(*course.values, name, marks=course.marks if name == "residual" else pytest.mark.long)
+    pytest.param(
+        *course.values, name, marks=course.marks if name == "residual" else pytest.mark.long
+    )
     for course in COURSES
     for name in HONEST[str(course.values[0])]
 ]
@@ -195,10 +205,13 @@ ATTACKED = [
 class Course:
     """Fresh draws of a scenario at a pace, and how policies do on them."""
 
-    def __init__(self, scenario: str, pace: str, episodes: int = EPISODES, seed: int = SEED) -> None:
+    def __init__(
+        self, scenario: str, pace: str, episodes: int = EPISODES, seed: int = SEED
+    ) -> None:
         self.scenario, self.pace = scenario, PACES[pace]
         machines, self.tasks = zip(
-            *find_scenario(scenario).randomisation(pace, contexts=episodes, seed=seed).pairs(), strict=True
+            *find_scenario(scenario).randomisation(pace, contexts=episodes, seed=seed).pairs(),
+            strict=True,
         )
         self.batch = Batch(machines, self.tasks)
 
@@ -219,16 +232,17 @@ class Course:
     def path_errors(self, rows: Array, honest: Array) -> tuple[Array, Array]:
         """Return the path errors of an attack and of the honest policy.
 
-        Where the honest one is more than 5 % off the pace and the attack is not so far, the attack rides better and not
-        only looks so: such a segment counts as that of the honest policy, if it is better. And what the honest one pays
-        for riding fast is no gain of the attack.
-        """
+        Where the honest one is more than 5 % off the pace and the attack is not so far, the attack
+        rides better and not only looks so: such a segment counts as that of the honest policy, if
+        it is better. And what the honest one pays for riding fast is no gain of the attack."""
         mine, other = self.recorded(rows), self.recorded(honest)
         off, others_off = (np.abs(each.relative_times - 1.0) for each in (mine, other))
         errors = mine.segment_errors()
         others = other.segment_errors() / pace_factor(np.minimum(other.relative_times, 1.0))
         rides_better = (others_off > 0.05) & (off < others_off)
-        return np.where(rides_better, np.maximum(errors, others), errors).mean(axis=0), others.mean(axis=0)
+        return np.where(rides_better, np.maximum(errors, others), errors).mean(axis=0), others.mean(
+            axis=0
+        )
 
     def ranked(self, scores: Scores) -> bool:
         return reason_below(summarise(scores), self.pace) is None
@@ -262,15 +276,23 @@ def test_leaving_the_path_in_some_episodes_ranks_below_never() -> None:
         name: bind(find_policy(name, scenario="standard"), BASELINE, course.batch.layout)
         for name in ("residual", "single-dof-tuned", "velocity-ratio-tuned")
     }
-    found = {name: score_episodes(course.telemetry(policy), course.tasks) for name, policy in bound.items()}
+    found = {
+        name: score_episodes(course.telemetry(policy), course.tasks)
+        for name, policy in bound.items()
+    }
     honest = Attacked(bound["residual"], 1, np.zeros(100, np.bool_))
     for name, (error, count) in TAILS.items():
 
-        def aside(self: Changed, obs: Observations, error: float = error, count: int = count) -> Array:
+        def aside(
+            self: Changed, obs: Observations, error: float = error, count: int = count
+        ) -> Array:
             return np.where((np.arange(len(obs)) < count) & ~beyond(0.8)(self, obs), error, 0.0)
 
         found[name] = score_episodes(course.telemetry(tells(error=aside)(honest)), course.tasks)
-    runs = [ScenarioRun("standard", "brisk", name, 0, None, ("line",) * 100, scores) for name, scores in found.items()]
+    runs = [
+        ScenarioRun("standard", "brisk", name, 0, None, ("line",) * 100, scores)
+        for name, scores in found.items()
+    ]
     standings = {standing.policy: standing for standing in rank(runs).standings}
     assert [standings[name].rank for name in bound] == [1, 2, 3]
     assert all(scores["completed"].all() for scores in found.values())

@@ -84,7 +84,9 @@ def mean_return(policy: str, leaves_at: float = np.inf) -> float:
     total, alive = np.zeros(len(obs)), np.ones(len(obs), bool)
     while alive.any():
         told = np.array(obs)
-        told[told[:, progress] * layout.scales[progress] >= leaves_at, error] += 0.5 / layout.scales[error]
+        told[told[:, progress] * layout.scales[progress] >= leaves_at, error] += (
+            0.5 / layout.scales[error]
+        )
         obs, rewards, terminated, truncated, _ = envs.step(rider.act(told))
         total += np.where(alive, rewards, 0.0)
         alive &= ~(terminated | truncated)
@@ -93,7 +95,10 @@ def mean_return(policy: str, leaves_at: float = np.inf) -> float:
 
 def test_in_the_ids_leaving_sideways_returns_less_than_any_ranked_law() -> None:
     ranked = min(mean_return(law) for law in ("single-dof-tuned", "torque-feedback-tuned"))
-    led_off = {"ppo-standard": (0.3, 0.5, 0.7), "residual": (0.3, 0.5)}  # the latter is not fooled from 0.7 on
+    led_off = {
+        "ppo-standard": (0.3, 0.5, 0.7),
+        "residual": (0.3, 0.5),
+    }  # the latter is not fooled from 0.7 on
     for policy, parts in led_off.items():
         for part in parts:
             assert mean_return(policy, leaves_at=part) < 0.0 < ranked

@@ -34,7 +34,9 @@ def through_json(value: object) -> Any:
     return codec().from_plain(json.loads(json.dumps(codec().to_plain(value), allow_nan=False)))
 
 
-@pytest.mark.parametrize("value", [*MACHINES.values(), PathFollowing(), MultiSineHand(random_phases=True)])
+@pytest.mark.parametrize(
+    "value", [*MACHINES.values(), PathFollowing(), MultiSineHand(random_phases=True)]
+)
 def test_round_trip(value: object) -> None:
     assert through_json(value) == value
     assert repr(through_json(value)) == repr(value)
@@ -63,7 +65,9 @@ class Imposter:
 Imposter.__name__ = "Machine"
 
 
-@pytest.mark.parametrize("value", [Imposter(), Impedance(), [1.0], {"a": 1}, Machine, (1.0, math.nan), -math.inf])
+@pytest.mark.parametrize(
+    "value", [Imposter(), Impedance(), [1.0], {"a": 1}, Machine, (1.0, math.nan), -math.inf]
+)
 def test_unknown_types_and_infinite_numbers_are_not_stored(value: object) -> None:
     with pytest.raises(ParameterError, match="stored"):
         codec().to_plain(value)

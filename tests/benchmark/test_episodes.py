@@ -31,14 +31,19 @@ from pter_gym.tasks.path_following import COLUMN, PathFollowing
 PINNED_SEEDS, PINNED_PHASE = (4215971544462223395, 7145062265811555858), 1.929293725323279
 """Of the first fresh episodes of one seed: results that name a seed mean the same episodes for ever."""
 
-SOME = ["standard", *(pytest.param(n, marks=pytest.mark.long) for n in SCENARIOS if n != "standard")]
+SOME = [
+    "standard",
+    *(pytest.param(n, marks=pytest.mark.long) for n in SCENARIOS if n != "standard"),
+]
 
 TASKS = (PathFollowing(), PathFollowing(path=Line(length=0.5)), PathFollowing())
 
 
 def store(folder: Path, version: int = 1, seeds: tuple[Any, ...] = (3, 1, 2)) -> Path:
     machines = (BASELINE, DELRIN_EXPERIMENTAL, BASELINE)
-    return store_episodes(Episodes("mine", machines, TASKS, seeds, ("a", "b", "a")), version=version, folder=folder)
+    return store_episodes(
+        Episodes("mine", machines, TASKS, seeds, ("a", "b", "a")), version=version, folder=folder
+    )
 
 
 def test_stored_episodes_round_trip_byte_for_byte(tmp_path: Path) -> None:
@@ -51,7 +56,11 @@ def test_stored_episodes_round_trip_byte_for_byte(tmp_path: Path) -> None:
     assert episodes.tasks[0] is episodes.tasks[2]
     assert (episodes.seeds, episodes.strata) == ((3, 1, 2), ("a", "b", "a"))
     assert len(json.loads(gzip.decompress(path.read_bytes()))["parts"]) == 4
-    assert store(tmp_path / "again").read_bytes() == path.read_bytes() != store(tmp_path / "new", 2).read_bytes()
+    assert (
+        store(tmp_path / "again").read_bytes()
+        == path.read_bytes()
+        != store(tmp_path / "new", 2).read_bytes()
+    )
     assert scenarios(path.parent) == ("mine",)
     with pytest.raises(ValueError, match="JSON"):
         store(tmp_path / "bad", seeds=(math.nan, 1, 2))
@@ -60,7 +69,9 @@ def test_stored_episodes_round_trip_byte_for_byte(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=lambda scenario: scenario.name)
-def test_the_shipped_episodes_can_be_made_again_byte_for_byte(scenario: Scenario, tmp_path: Path) -> None:
+def test_the_shipped_episodes_can_be_made_again_byte_for_byte(
+    scenario: Scenario, tmp_path: Path
+) -> None:
     """But for how they are compressed, which differs between versions of Python."""
     machines, tasks, strata = zip(*evaluation_draws(scenario), strict=True)
     drawn = Episodes(scenario.name, machines, tasks, tuple(range(scenario.episodes)), strata)
@@ -108,9 +119,15 @@ def test_fresh_episodes_follow_from_the_seed() -> None:
 
 
 def test_bad_names_and_damaged_files_are_refused(tmp_path: Path) -> None:
-    assert load_episodes("standard", "slow").first(3).tasks == load_episodes("standard", "slow").tasks[:3]
+    assert (
+        load_episodes("standard", "slow").first(3).tasks
+        == load_episodes("standard", "slow").tasks[:3]
+    )
     for fresh in (None, 1):
-        for field, names in {"scenario": ("standart", "slow"), "pace": ("standard", "mediun")}.items():
+        for field, names in {
+            "scenario": ("standart", "slow"),
+            "pace": ("standard", "mediun"),
+        }.items():
             with pytest.raises(ParameterError, match=field):
                 find_episodes(*names, fresh)
     path = store(tmp_path)
@@ -130,10 +147,14 @@ def test_every_hand_can_go_faster_than_the_pace(scenario: str, pace: str) -> Non
     policy = Free().bind(BASELINE, batch.layout)
     obs, _ = batch.reset(list(episodes.seeds))
     _, rows = batch.rollout(obs, policy.law, policy.gains, 1000)
-    speed = np.nanmax(np.hypot(rows[..., COLUMN.tip_velocity.x], rows[..., COLUMN.tip_velocity.y]), axis=0)
+    speed = np.nanmax(
+        np.hypot(rows[..., COLUMN.tip_velocity.x], rows[..., COLUMN.tip_velocity.y]), axis=0
+    )
     paces = np.array([task.pace for task in episodes.tasks])
     assert (speed / paces).min() > 1.15
     lengths = np.array([task.path.length for task in episodes.tasks])
     forces = np.array([isinstance(task.hand, MultiSineHand) for task in episodes.tasks])
     arrive = forces & (np.nanmax(rows[..., COLUMN.reached], axis=0) >= lengths)
-    assert (lengths / np.nanmax(rows[..., COLUMN.time], axis=0) / paces)[arrive].min(initial=np.inf) > 1.15
+    assert (lengths / np.nanmax(rows[..., COLUMN.time], axis=0) / paces)[arrive].min(
+        initial=np.inf
+    ) > 1.15

@@ -22,7 +22,9 @@ def zero(obs: Any) -> Any:
 
 def test_gains_are_those_of_the_scenario_and_the_papers_change_in_the_damper_alone() -> None:
     assert find_policy("impedance", scenario=None) == Impedance()
-    assert find_policy("single-dof-tuned", scenario="hands") != find_policy("single-dof-tuned", scenario="paths")
+    assert find_policy("single-dof-tuned", scenario="hands") != find_policy(
+        "single-dof-tuned", scenario="paths"
+    )
     assert set(damping_table()) == set(SCENARIOS)
     for scenario, controllers in damping_table().items():
         for name, dampers in controllers.items():
@@ -56,9 +58,13 @@ def test_unknown_policies_are_named_as_written(name: Any, match: str) -> None:
         find_policy(name)
 
 
-def test_code_is_found_in_the_current_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_code_is_found_in_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "code_of_mine.py").write_text("class Law:\n    def __call__(self, obs): return 0.0\nlaw = Law()")
+    (tmp_path / "code_of_mine.py").write_text(
+        "class Law:\n    def __call__(self, obs): return 0.0\nlaw = Law()"
+    )
     law: Any = find_policy("code_of_mine:law")
     assert type(find_policy("code_of_mine:Law")) is type(law)
 
@@ -76,7 +82,14 @@ def test_code_is_found_in_a_file(tmp_path: Path) -> None:
 
 
 def test_names_stand_for_policies_and_paces_wherever_their_meaning_is_clear() -> None:
-    ways: list[Any] = ["free", ["free"], {"free"}, {"free": "free"}, {"free": Free()}, {"free": PerSeed(["free"])}]
+    ways: list[Any] = [
+        "free",
+        ["free"],
+        {"free"},
+        {"free": "free"},
+        {"free": Free()},
+        {"free": PerSeed(["free"])},
+    ]
     for policies in ways:
         (found,) = run_scenario("standard", policies, "brisk", episodes=1)
         assert (found.policy, found.pace) == ("free", "brisk")
@@ -87,8 +100,14 @@ def test_names_stand_for_policies_and_paces_wherever_their_meaning_is_clear() ->
 
 
 BAD: list[tuple[str, Any]] = [
-    *(("policies", bad) for bad in ({}, [], "", "fre", {" free": Free()}, {"a\n": Free()}, {"a": 3}, {"": Free()})),
-    *(("policies", bad) for bad in (zero, Free(), [zero], [Free()], {"a": Free}, {"a": [Free()]}, PerSeed([Free()]))),
+    *(
+        ("policies", bad)
+        for bad in ({}, [], "", "fre", {" free": Free()}, {"a\n": Free()}, {"a": 3}, {"": Free()})
+    ),
+    *(
+        ("policies", bad)
+        for bad in (zero, Free(), [zero], [Free()], {"a": Free}, {"a": [Free()]}, PerSeed([Free()]))
+    ),
     *(("paces", bad) for bad in ("fast", 0.0, [-0.3], "nan", [], [["brisk"]], "")),
     *(("scenario", bad) for bad in ("standart", None, ["standard"])),
     *(("episodes", bad) for bad in (0, 1.0, "1", True, 10**6)),
@@ -99,7 +118,12 @@ BAD: list[tuple[str, Any]] = [
 
 @pytest.mark.parametrize(("field", "value"), BAD)
 def test_bad_arguments_of_run_scenario_are_named(field: str, value: Any) -> None:
-    given: dict[str, Any] = {"scenario": "standard", "policies": "free", "paces": "brisk", "episodes": 1}
+    given: dict[str, Any] = {
+        "scenario": "standard",
+        "policies": "free",
+        "paces": "brisk",
+        "episodes": 1,
+    }
     with pytest.raises(ParameterError, match=field):
         run_scenario(**{**given, field: value})
 
@@ -118,7 +142,13 @@ before = set(sys.modules)
 pter_gym.load_policy("residual", env)
 print(*sorted(set(sys.modules) - before))
 """
-    found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split()
-    ours = {name.removeprefix("pter_gym.benchmark.") for name in found if name.startswith("pter_gym.benchmark.")}
+    found = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    ).stdout.split()
+    ours = {
+        name.removeprefix("pter_gym.benchmark.")
+        for name in found
+        if name.startswith("pter_gym.benchmark.")
+    }
     assert ours == {"_from_sb3", "_load_policy", "_find_policy", "simulation", "tuned"}
     assert not {"scipy", "rich"} & set(found)

@@ -32,18 +32,24 @@ ON_POLICY: dict[str, Any] = {"n_steps": 32, "batch_size": 32}
 KINDS = {
     "PPO": lambda env: sb3.PPO("MlpPolicy", env, **SMALL, **ON_POLICY),
     "TQC": lambda env: contrib.TQC("MlpPolicy", env, **SMALL, learning_starts=16),
-    "RecurrentPPO": lambda env: contrib.RecurrentPPO("MlpLstmPolicy", env, **RECURRENT, **ON_POLICY),
+    "RecurrentPPO": lambda env: contrib.RecurrentPPO(
+        "MlpLstmPolicy", env, **RECURRENT, **ON_POLICY
+    ),
 }
 
 
 def trained(kind: str, unit: str = "normalised", sensors: Sensors = "torque") -> tuple[Any, Any]:
     """A model and what normalised its observations."""
-    venv = vec_env.VecNormalize(make_sb3_vec_env(2, action_unit=unit, sensors=sensors), clip_obs=3.0)
+    venv = vec_env.VecNormalize(
+        make_sb3_vec_env(2, action_unit=unit, sensors=sensors), clip_obs=3.0
+    )
     return KINDS[kind](venv).learn(64), venv
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "unit"), [("PPO", "volt"), ("TQC", "normalised"), ("RecurrentPPO", "normalised")])
+@pytest.mark.parametrize(
+    ("kind", "unit"), [("PPO", "volt"), ("TQC", "normalised"), ("RecurrentPPO", "normalised")]
+)
 def test_a_model_acts_as_in_its_own_environment(kind: str, unit: Any) -> None:
     model, venv = trained(kind, unit)
     statistics = venv.obs_rms.mean.copy(), venv.obs_rms.var.copy(), venv.obs_rms.count
@@ -68,21 +74,31 @@ def test_two_lines_score_a_model() -> None:
     ways = (from_sb3(model, venv), from_sb3(model, venv), from_sb3(model))
     first, *again = (run_scenario("standard", {"mine": way}, ["brisk"], episodes=2) for way in ways)
     for other in again:
-        np.testing.assert_array_equal(first[0].scores["path_error_m"], other[0].scores["path_error_m"])
+        np.testing.assert_array_equal(
+            first[0].scores["path_error_m"], other[0].scores["path_error_m"]
+        )
 
 
 class Remembering:
     """Acts as a recurrent model does: its state counts the decisions of each world since the start of an episode."""
 
     def __init__(self, sensors: Sensors = "encoders") -> None:
-        self.observation_space = spaces.Box(-1.0, 1.0, (len(observation_layout(BASELINE, sensors)),))
-        self.action_space = spaces.Box(np.array([0.0, -1.0, -10.0, 0.0], np.float32), np.float32(10.0))
+        self.observation_space = spaces.Box(
+            -1.0, 1.0, (len(observation_layout(BASELINE, sensors)),)
+        )
+        self.action_space = spaces.Box(
+            np.array([0.0, -1.0, -10.0, 0.0], np.float32), np.float32(10.0)
+        )
 
-    def predict(self, obs: Any, state: Any, episode_start: Any, deterministic: bool) -> tuple[Any, Any]:
+    def predict(
+        self, obs: Any, state: Any, episode_start: Any, deterministic: bool
+    ) -> tuple[Any, Any]:
         assert deterministic
         assert episode_start.shape == (len(obs),)
         count = np.where(episode_start, 0.0, 0.0 if state is None else state) + 1.0
-        return np.stack([count, -np.ones(len(obs)), np.zeros(len(obs)), 10.0 * np.ones(len(obs))], axis=1), count
+        return np.stack(
+            [count, -np.ones(len(obs)), np.zeros(len(obs)), 10.0 * np.ones(len(obs))], axis=1
+        ), count
 
 
 def test_states_belong_to_worlds_and_begin_again_at_a_reset() -> None:
@@ -94,7 +110,9 @@ def test_states_belong_to_worlds_and_begin_again_at_a_reset() -> None:
         one.reset()
         obs = np.zeros((worlds, len(layout)), np.float32)
         found = [one.act(obs) for _ in range(3)]
-        np.testing.assert_allclose([volts[:, 0] for volts in found], 2.4 * np.arange(1, 4)[:, None] * np.ones(worlds))
+        np.testing.assert_allclose(
+            [volts[:, 0] for volts in found], 2.4 * np.arange(1, 4)[:, None] * np.ones(worlds)
+        )
         np.testing.assert_allclose(found[0][:, 1:], np.tile([0.0, 6.0, 24.0], (worlds, 1)))
     np.testing.assert_allclose(other.act(obs)[:, 0], 2.4)
 
@@ -109,9 +127,14 @@ def test_actions_beyond_the_bounds_are_clipped_to_them(low: float) -> None:
         model = SimpleNamespace(
             observation_space=Remembering().observation_space,
             action_space=spaces.Box(low, 1.0, (4,)),
-            predict=lambda *_, action=action, **__: (np.where(np.arange(4) < 2, action, inside), None),
+            predict=lambda *_, action=action, **__: (
+                np.where(np.arange(4) < 2, action, inside),
+                None,
+            ),
         )
-        policy = from_sb3(model, frame_skip=1).bind(BASELINE, observation_layout(BASELINE, "encoders"))
+        policy = from_sb3(model, frame_skip=1).bind(
+            BASELINE, observation_layout(BASELINE, "encoders")
+        )
         found[name] = policy.act(np.zeros((2, len(policy.layout)), np.float32))
     np.testing.assert_array_equal(found["below"], found["low"])
     np.testing.assert_array_equal(found["above"], found["high"])
@@ -150,7 +173,9 @@ def test_other_models_and_wrappers_are_refused() -> None:
     with pytest.raises(ParameterError, match="vec_normalize"):
         from_sb3(Remembering(), gymnasium.Env())
     with pytest.raises(ParameterError, match="observations"):
-        from_sb3(Remembering("encoders"), frame_skip=1).bind(BASELINE, observation_layout(BASELINE, "force"))
+        from_sb3(Remembering("encoders"), frame_skip=1).bind(
+            BASELINE, observation_layout(BASELINE, "force")
+        )
     env = PathFollowingEnv(sensors="encoders")
     for wrapper in (
         gymnasium.wrappers.ClipAction(env),
@@ -184,7 +209,10 @@ def test_wrappers_of_many_worlds_are_refused_by_name_and_lookers_on_are_not() ->
 
 def test_the_period_of_a_model_without_an_environment_must_be_given() -> None:
     spaces_alone = SimpleNamespace(**vars(Remembering()))
-    for make in (lambda: from_sb3(Remembering()), lambda: from_actions(np.zeros_like, spaces_alone)):
+    for make in (
+        lambda: from_sb3(Remembering()),
+        lambda: from_actions(np.zeros_like, spaces_alone),
+    ):
         with pytest.raises(ParameterError, match="frame_skip"):
             make()
     assert from_actions(np.zeros_like, spaces_alone, frame_skip=3).frame_skip == 3

@@ -58,12 +58,16 @@ load_episodes("standard", "slow")
 def errors() -> dict[str, str]:
     """What went wrong with each entry point, and last with the episodes themselves, all in one process."""
     codes = {**ENTRIES, "the episodes": EPISODES}
-    found = subprocess.run([sys.executable, "-c", GUARD, json.dumps(codes)], capture_output=True, text=True, check=True)
+    found = subprocess.run(
+        [sys.executable, "-c", GUARD, json.dumps(codes)], capture_output=True, text=True, check=True
+    )
     return json.loads(found.stdout)
 
 
 @pytest.mark.parametrize("entry", ENTRIES)
-def test_training_draws_never_read_the_evaluation_episodes(entry: str, errors: dict[str, str]) -> None:
+def test_training_draws_never_read_the_evaluation_episodes(
+    entry: str, errors: dict[str, str]
+) -> None:
     assert not errors[entry]
 
 

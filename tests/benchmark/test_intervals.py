@@ -58,7 +58,9 @@ def few_resamples(monkeypatch: pytest.MonkeyPatch) -> Any:
 def test_an_interval_holds_the_mean_of_errors_as_often_as_promised(episodes: int) -> None:
     rng = np.random.default_rng(0)
     kinds = np.arange(episodes) % 12
-    hits = sum(mean_interval(drawn(rng, episodes), kinds.tolist()).holds(MEAN) for _ in range(REPETITIONS))
+    hits = sum(
+        mean_interval(drawn(rng, episodes), kinds.tolist()).holds(MEAN) for _ in range(REPETITIONS)
+    )
     assert hits / REPETITIONS >= ALLOWED
 
 
@@ -76,7 +78,11 @@ def test_an_interval_holds_the_mean_over_other_seeds_too() -> None:
     rng = np.random.default_rng(1)
     hits = 0
     for _ in range(REPETITIONS):
-        values = rng.normal(10.0, 2.0, (5, 1)) + rng.normal(0.0, 1.0, (1, 20)) + rng.normal(0.0, 1.0, (5, 20))
+        values = (
+            rng.normal(10.0, 2.0, (5, 1))
+            + rng.normal(0.0, 1.0, (1, 20))
+            + rng.normal(0.0, 1.0, (5, 20))
+        )
         hits += mean_interval(values).holds(10.0)
     assert hits / REPETITIONS >= ALLOWED
 
@@ -85,7 +91,10 @@ def test_an_interval_holds_the_mean_over_other_seeds_too() -> None:
 def test_the_interval_of_the_worst_twentieth_holds_it() -> None:
     rng = np.random.default_rng(2)
     truth = worst_twentieth(drawn(rng, 400_000))
-    found = [worst_twentieth_interval(drawn(rng, MIN_TAIL_EPISODES)).holds(float(truth)) for _ in range(REPETITIONS)]
+    found = [
+        worst_twentieth_interval(drawn(rng, MIN_TAIL_EPISODES)).holds(float(truth))
+        for _ in range(REPETITIONS)
+    ]
     assert np.mean(found) >= ALLOWED
 
 
@@ -118,7 +127,10 @@ def test_small_strata_are_pooled_and_large_ones_reduce_the_interval() -> None:
     alone = list(range(200))
     assert mean_interval(values, alone) == mean_interval(values)
     assert {len(group) for group in intervals._groups(3, ["a", "b", "a"])} == {3}
-    assert min(map(len, intervals._groups(32, [*"abc", *(MIN_STRATUM * "d"), *(19 * "e")]))) >= MIN_STRATUM
+    assert (
+        min(map(len, intervals._groups(32, [*"abc", *(MIN_STRATUM * "d"), *(19 * "e")])))
+        >= MIN_STRATUM
+    )
     with pytest.raises(ValueError, match="strata"):
         mean_interval(VALUES, strata=["line"])
 
@@ -143,7 +155,9 @@ def test_a_rate_that_differs_between_seeds_is_less_certain() -> None:
     assert width(rate_interval(np.ones((5, 100)))) > 0.03, "the same episodes are no further ones"
 
 
-@pytest.mark.parametrize(("count", "expected"), [(1, 0.0), (20, 19.0), (21, 19.5), (40, 38.5), (199, 193.5)])
+@pytest.mark.parametrize(
+    ("count", "expected"), [(1, 0.0), (20, 19.0), (21, 19.5), (40, 38.5), (199, 193.5)]
+)
 def test_worst_twentieth_is_a_mean_of_the_largest(count: int, expected: float) -> None:
     values = np.random.default_rng(0).permutation(float(count) * np.arange(count)) / count
     assert worst_twentieth([values, 2.0 * values]) == pytest.approx([expected, 2.0 * expected])
@@ -154,7 +168,9 @@ def test_two_policies_are_compared_on_each_episode() -> None:
     difference = difference_interval(VALUES + 0.01 * VALUES, VALUES)
     assert difference.value == pytest.approx(0.01 * VALUES.mean())
     assert not difference.holds(0.0)
-    assert difference_interval(np.stack([VALUES, 2.0 * VALUES]), VALUES).value == pytest.approx(0.5 * VALUES.mean())
+    assert difference_interval(np.stack([VALUES, 2.0 * VALUES]), VALUES).value == pytest.approx(
+        0.5 * VALUES.mean()
+    )
     assert probability_of_improvement(VALUES, VALUES + 0.001).value == 1.0
     assert probability_of_improvement(VALUES, VALUES).value == 0.5
     with pytest.raises(ValueError, match="episodes"):
@@ -164,7 +180,9 @@ def test_two_policies_are_compared_on_each_episode() -> None:
 
 
 def test_the_interquartile_mean_is_that_of_the_middle_half() -> None:
-    found = interquartile_mean_interval([*np.arange(100.0, 200.0), *np.full(50, 1e6), *np.zeros(50)])
+    found = interquartile_mean_interval(
+        [*np.arange(100.0, 200.0), *np.full(50, 1e6), *np.zeros(50)]
+    )
     assert found.value == pytest.approx(149.5)
     assert found.low is not None
     assert found.low < found.value

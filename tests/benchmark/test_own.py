@@ -26,10 +26,16 @@ def test_a_file_of_waypoints_replaces_the_path_and_narrows_the_workspace(tmp_pat
         found = find_scenario(name, path=str(file))
         drawn = find_episodes(found, "0.3", 0)
         (path,) = {task.path for task in drawn.tasks}
-        assert {(task.pace, task.error_max < 1.0 / path.max_curvature) for task in drawn.tasks} == {(0.3, True)}
+        assert {(task.pace, task.error_max < 1.0 / path.max_curvature) for task in drawn.tasks} == {
+            (0.3, True)
+        }
         assert drawn.scenario == f"{name}-on-mine"
         assert len({task.hand for task in drawn.tasks}) == len(drawn)
-    for bad in ({"path": "cirle"}, {"path": str(tmp_path / "none.csv")}, {"path": Circle(center_y=3.0)}):
+    for bad in (
+        {"path": "cirle"},
+        {"path": str(tmp_path / "none.csv")},
+        {"path": Circle(center_y=3.0)},
+    ):
         with pytest.raises(ParameterError, match=r"path|none"):
             find_scenario("standard", **bad)
     with pytest.raises(ParameterError, match="path"):
@@ -56,6 +62,9 @@ def test_other_paths_of_one_name_have_other_boards(tmp_path: Path) -> None:
 def test_a_scenario_with_an_own_machine_is_run_on_it() -> None:
     arm = replace(BASELINE.arm, inertia_a=2.0 * BASELINE.arm.inertia_a)
     own = find_scenario("standard", replace(BASELINE, arm=arm))
-    runs: list[Any] = [*run_scenario(own, "free", 0.5, episodes=1), *run_scenario("standard", "free", 0.5, episodes=1)]
+    runs: list[Any] = [
+        *run_scenario(own, "free", 0.5, episodes=1),
+        *run_scenario("standard", "free", 0.5, episodes=1),
+    ]
     assert runs[0].scores["duration_s"] > runs[1].scores["duration_s"]
     assert (runs[0].digest != "", runs[1].digest) == (True, "")

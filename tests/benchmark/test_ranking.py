@@ -57,7 +57,10 @@ def ranks(runs: Sequence[ScenarioRun]) -> list[tuple[str, int | None]]:
 
 def test_a_standing_has_means_and_the_mean_of_the_worst_twentieth() -> None:
     rng = np.random.default_rng(0)
-    rides = [travel(np.linspace(0.0, 1.0, n), normal_error=rng.uniform(0.0, 0.1)) for n in rng.integers(150, 260, 40)]
+    rides = [
+        travel(np.linspace(0.0, 1.0, n), normal_error=rng.uniform(0.0, 0.1))
+        for n in rng.integers(150, 260, 40)
+    ]
     scores = score_episodes(padded(rides), [METRE] * len(rides))
     (found,) = rank([run_of("mine", scores)]).standings
     for name, values in scores.items():
@@ -90,7 +93,10 @@ def shuffled(policy: str, error: float) -> ScenarioRun:
 
 
 def test_policies_share_a_rank_where_an_interval_holds_zero() -> None:
-    near = [shuffled(name, error) for name, error in (("d", 0.02), ("c", 0.0201), ("b", 0.0202), ("a", 0.03))]
+    near = [
+        shuffled(name, error)
+        for name, error in (("d", 0.02), ("c", 0.0201), ("b", 0.0202), ("a", 0.03))
+    ]
     cheat = with_error("cheat", 0.02, completed=False)
     assert ranks([*near, cheat]) == [("d", 1), ("c", 1), ("b", 1), ("a", 4), ("cheat", None)]
     assert ranks([with_error("b", 0.02), with_error("a", 0.02)]) == [("a", 1), ("b", 1)]
@@ -107,7 +113,12 @@ def test_policies_share_a_rank_where_an_interval_holds_zero() -> None:
     ],
 )
 def test_limits_are_inclusive(name: str, limit: float, beyond: float) -> None:
-    fine = {"completed": 1.0, "mean_pace_error": 0.0, "segment_pace_error": 0.0, "mean_pace_m_s": 0.25}
+    fine = {
+        "completed": 1.0,
+        "mean_pace_error": 0.0,
+        "segment_pace_error": 0.0,
+        "mean_pace_m_s": 0.25,
+    }
     for value, allowed in ((limit, True), (limit + beyond, False)):
         scores = {key: Interval(x, x, x) for key, x in {**fine, name: value}.items()}
         assert (reason_below(scores, 0.25) is None) == allowed
@@ -127,7 +138,12 @@ def test_one_lost_episode_in_twenty_ranks_below_none(data: st.DataObject) -> Non
     assert ranks(runs) == [("never", 1), ("often", 2)]
 
 
-CHEATS = {"locked": "completes 0 %", "free": "too fast", "rushing": "too fast", "stops": "completes 0 %"}
+CHEATS = {
+    "locked": "completes 0 %",
+    "free": "too fast",
+    "rushing": "too fast",
+    "stops": "completes 0 %",
+}
 
 
 def stops_at_the_start(obs: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -140,7 +156,9 @@ def stops_at_the_start(obs: NDArray[np.float32]) -> NDArray[np.float64]:
 def test_attacks_are_unranked_with_a_reason_and_the_papers_laws_ranked() -> None:
     own = {"rushing": Impedance(damping_tangential=0.0), "stops": stops_at_the_start}
     names = ("impedance", "torque-feedback", "free", "locked")
-    (board,) = leaderboards(run_scenario("standard", {name: name for name in names} | own, "medium", episodes=24))
+    (board,) = leaderboards(
+        run_scenario("standard", {name: name for name in names} | own, "medium", episodes=24)
+    )
     standings = {standing.policy: standing for standing in board.standings}
     for cheat, expected in CHEATS.items():
         assert standings[cheat].rank is None
@@ -152,7 +170,9 @@ def test_attacks_are_unranked_with_a_reason_and_the_papers_laws_ranked() -> None
     assert table(board).row_count == 6
 
 
-@pytest.mark.parametrize(("ratio", "begins"), [(17.3, "17 ×"), (1 / 3.14, "3.1 ×"), (1.2, "20 %"), (0.8, "25 %")])
+@pytest.mark.parametrize(
+    ("ratio", "begins"), [(17.3, "17 ×"), (1 / 3.14, "3.1 ×"), (1.2, "20 %"), (0.8, "25 %")]
+)
 def test_a_pace_far_off_is_told_as_a_multiple(ratio: float, begins: str) -> None:
     assert tempo(ratio).startswith(begins)
 
@@ -160,7 +180,10 @@ def test_a_pace_far_off_is_told_as_a_multiple(ratio: float, begins: str) -> None
 def test_a_board_fits_a_terminal() -> None:
     """With names and numbers as wide as those of the shipped policies."""
     fast = {"mean_pace_error": 0.94, "mean_pace_m_s": 8.6}
-    runs = [with_error("torque-feedback-tuned", 0.03, 20), with_error("free", 0.25, 20, completed=0.0, **fast)]
+    runs = [
+        with_error("torque-feedback-tuned", 0.03, 20),
+        with_error("free", 0.25, 20, completed=0.0, **fast),
+    ]
     shown = table(rank(runs))
     width = Console().measure(shown).maximum
     assert 60 < width <= 80
@@ -168,7 +191,10 @@ def test_a_board_fits_a_terminal() -> None:
 
 
 def test_training_seeds_share_a_line_whose_interval_is_that_of_other_seeds() -> None:
-    seeds = [run_of("agent", with_error("agent", error).scores, k) for k, error in enumerate((0.02, 0.03, 0.04))]
+    seeds = [
+        run_of("agent", with_error("agent", error).scores, k)
+        for k, error in enumerate((0.02, 0.03, 0.04))
+    ]
     runs = [*seeds, with_error("other", 0.025)]
     assert ranks(runs) == [("other", 1), ("agent", 1)], "three seeds do not tell"
     agent = rank(runs).standings[1]
@@ -182,7 +208,12 @@ def test_training_seeds_share_a_line_whose_interval_is_that_of_other_seeds() -> 
 
 @pytest.mark.parametrize(
     ("completed", "count", "expected"),
-    [(1000, 1000, (1, False)), (985, 1000, (1, True)), (200, 200, (1, True)), (980, 1000, (None, False))],
+    [
+        (1000, 1000, (1, False)),
+        (985, 1000, (1, True)),
+        (200, 200, (1, True)),
+        (980, 1000, (None, False)),
+    ],
 )
 def test_completion_is_undecided_where_its_interval_holds_the_limit(
     completed: int, count: int, expected: tuple[int | None, bool]
@@ -203,8 +234,16 @@ def test_the_suite_is_the_interquartile_mean_of_errors_over_those_of_the_best_tu
 
     laws = with_error("impedance-tuned", 0.04), with_error("single-dof-tuned", 0.02)
     runs = at("slow", *laws, with_error("mine", 0.015), with_error("other", 0.01))
-    runs += at("brisk", *laws, with_error("mine", 0.03), with_error("other", 0.05), with_error("seldom", 0.01))
-    (boards,) = suites(leaderboards([*runs, *at("medium", with_error("mine", 0.01)), with_error("mine", 0.01)]))
+    runs += at(
+        "brisk",
+        *laws,
+        with_error("mine", 0.03),
+        with_error("other", 0.05),
+        with_error("seldom", 0.01),
+    )
+    (boards,) = suites(
+        leaderboards([*runs, *at("medium", with_error("mine", 0.01)), with_error("mine", 0.01)])
+    )
     found = suite_scores(boards)
     assert list(found) == ["single-dof-tuned", "mine", "other", "impedance-tuned"]
     assert found["mine"].ratios.shape == (1, 80)
@@ -215,7 +254,9 @@ def test_the_suite_is_the_interquartile_mean_of_errors_over_those_of_the_best_tu
     assert low < 2.0 < high
     shown = suite_table(boards)
     assert shown.row_count == 4
-    assert [[*column.cells][1] for column in shown.columns[2:]] == ["0", "50", "100"], "mine has ¾ and 3/2"
+    assert [[*column.cells][1] for column in shown.columns[2:]] == ["0", "50", "100"], (
+        "mine has ¾ and 3/2"
+    )
     print_boards(runs)
     assert "suite, fresh episodes, seed 3" in capsys.readouterr().out
     print_boards(runs[:4])

@@ -8,7 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pter_gym.benchmark import PerSeed, ResultsFolder, ScenarioRun, leaderboards, run_scenario, verify
+from pter_gym.benchmark import (
+    PerSeed,
+    ResultsFolder,
+    ScenarioRun,
+    leaderboards,
+    run_scenario,
+    verify,
+)
 from pter_gym.benchmark.results import read_run, run_path, write_run
 from pter_gym.benchmark.scores import OPTIONAL
 from pter_gym.controllers import Free, Locked
@@ -32,18 +39,26 @@ def test_a_run_comes_back_bit_for_bit_and_is_summarised(run: ScenarioRun, tmp_pa
     assert summary["leaderboards"] == json.loads(json.dumps([board.as_json() for board in boards]))
 
 
-def test_scores_that_are_not_defined_or_that_an_older_file_lacks_are_left_out(tmp_path: Path) -> None:
+def test_scores_that_are_not_defined_or_that_an_older_file_lacks_are_left_out(
+    tmp_path: Path,
+) -> None:
     (run,) = run_scenario("wall", ["impedance"], ["brisk"], episodes=2, results=tmp_path)
     (free,) = run_scenario("standard", ["free"], ["brisk"], episodes=2, results=tmp_path)
     assert run.scores.keys() - free.scores.keys() == OPTIONAL
     path = run_path(tmp_path, run)
-    older = {name: part for name, part in json.loads(path.read_text()).items() if name not in OPTIONAL}
+    older = {
+        name: part for name, part in json.loads(path.read_text()).items() if name not in OPTIONAL
+    }
     path.write_text(json.dumps(older))
-    assert [found.scores.keys() for found in ResultsFolder(tmp_path).runs()] == [free.scores.keys()] * 2
+    assert [found.scores.keys() for found in ResultsFolder(tmp_path).runs()] == [
+        free.scores.keys()
+    ] * 2
     assert [verdict.same for verdict in verify(tmp_path)] == [True, True]
     assert len(ResultsFolder(tmp_path).summarise()) == 2
     write_run(tmp_path, replace(free, scores={**free.scores, "wall_stiffness_n_m": np.ones(2)}))
-    assert [verdict.same for verdict in verify(tmp_path)] == [False, True], "a score that the policy has not"
+    assert [verdict.same for verdict in verify(tmp_path)] == [False, True], (
+        "a score that the policy has not"
+    )
 
 
 @pytest.mark.parametrize("damage", ["", "[]", '{"version": "0"}', "pace", "seed"])
@@ -78,7 +93,9 @@ def test_a_strange_name_stays_in_its_folder(name: str, tmp_path: Path) -> None:
 
 def test_training_seeds_replace_those_of_an_earlier_policy(tmp_path: Path) -> None:
     for policies in ((Free(), Locked()), (Free(),)):
-        run_scenario("standard", {"mine": PerSeed(policies)}, ["brisk"], episodes=1, results=tmp_path)
+        run_scenario(
+            "standard", {"mine": PerSeed(policies)}, ["brisk"], episodes=1, results=tmp_path
+        )
         assert len(ResultsFolder(tmp_path).runs()) == len(policies)
 
 
@@ -100,7 +117,9 @@ def test_verify_notices_an_edited_score(run: ScenarioRun, tmp_path: Path) -> Non
 
 
 def test_no_code_is_imported_to_verify(tmp_path: Path) -> None:
-    run_scenario("standard", {"some.module:Policy": Free()}, ["brisk"], episodes=1, results=tmp_path)
+    run_scenario(
+        "standard", {"some.module:Policy": Free()}, ["brisk"], episodes=1, results=tmp_path
+    )
     assert not verify(tmp_path)[0].same
     assert verify(tmp_path, {"some.module:Policy": Free()})[0].same
     with pytest.raises(ParameterError, match="results"):

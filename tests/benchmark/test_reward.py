@@ -8,7 +8,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmark.test_attacks import Attack, Course, beside, beyond, every, locks, rides, sets, tells, within
+from benchmark.test_attacks import (
+    Attack,
+    Course,
+    beside,
+    beyond,
+    every,
+    locks,
+    rides,
+    sets,
+    tells,
+    within,
+)
 from benchmark.test_attacks_on_reward import DISCOUNTS, discounted
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
@@ -31,8 +42,9 @@ CLEARLY = 2.0
 """Ratio of path errors beyond which scores differ clearly."""
 
 AGREEING = 0.96
-"""Smallest share of the pairs in which the reward agrees. Laws that stick and slip earn less than they score: on
-``paths``, ``single-dof-tuned`` less than ``torque-feedback-tuned``, which rides smoothly 11 mm beside the path."""
+"""Smallest share of the pairs in which the reward agrees. Laws that stick and slip earn less than
+they score: on ``paths``, ``single-dof-tuned`` less than ``torque-feedback-tuned``, which rides
+smoothly 11 mm beside the path."""
 
 LINGERING = "lingers"
 """Who waits at the start of the path, and then rides well."""
@@ -41,9 +53,8 @@ LINGERING = "lingers"
 def is_short_sighted(pace: str, discount: float, better: str) -> bool:
     """Return whether an agent does not see a game whole, or not what makes up for having waited.
 
-    Within a second, a tenth of a slow path, who is going to ride beside it is not beside yet, and a free arm is still
-    where its hand holds it. Within two, who lingered has not caught up.
-    """
+    Within a second, a tenth of a slow path, who is going to ride beside it is not beside yet, and a
+    free arm is still where its hand holds it. Within two, who lingered has not caught up."""
     return pace == "slow" and discount <= (0.995 if better.endswith(LINGERING) else 0.99)
 
 
@@ -65,7 +76,10 @@ IDLE = ("locked", "free", "random")
 STOPS: dict[str, Attack] = {
     **{f"locks at {part}": locks(beyond(part)) for part in (0.3, 0.5, 0.7, 0.9, 0.97)},
     **{f"lets go at {part}": sets(0.0, beyond(part)) for part in (0.5, 0.8, 0.9)},
-    **{f"leaves at {part}": tells(error=lambda *at, part=part: 0.5 * beyond(part)(*at)) for part in (0.5, 0.8, 0.9)},
+    **{
+        f"leaves at {part}": tells(error=lambda *at, part=part: 0.5 * beyond(part)(*at))
+        for part in (0.5, 0.8, 0.9)
+    },
 }
 """Ways to end a good ride before the end of the path."""
 
@@ -87,12 +101,17 @@ def policies(course: Course) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name in (*IDLE, *LAWS, *TUNED, *shipped_policies()):
         try:
-            found[name] = bind(find_policy(name, scenario=course.scenario), BASELINE, course.batch.layout)
+            found[name] = bind(
+                find_policy(name, scenario=course.scenario), BASELINE, course.batch.layout
+            )
         except ParameterError:
             continue
     for honest in ("residual", "single-dof-tuned"):
         attacked = course.attacked(found[honest], course.telemetry(found[honest]))
-        found |= {f"{honest} {game}": play(attacked) for game, play in (*GAMES.items(), (LINGERING, LINGERS))}
+        found |= {
+            f"{honest} {game}": play(attacked)
+            for game, play in (*GAMES.items(), (LINGERING, LINGERS))
+        }
     return found
 
 
@@ -110,7 +129,10 @@ def sight(course: Course) -> float:
 
 @pytest.mark.parametrize(
     ("scenario", "paces"),
-    [("standard", ("brisk",)), *(pytest.param(name, tuple(PACES), marks=pytest.mark.long) for name in SCENARIOS)],
+    [
+        ("standard", ("brisk",)),
+        *(pytest.param(name, tuple(PACES), marks=pytest.mark.long) for name in SCENARIOS),
+    ],
 )
 def test_clearly_better_scores_return_more(scenario: str, paces: tuple[str, ...]) -> None:
     pairs, wrong = 0, list[tuple[str, float, str, str]]()
@@ -134,7 +156,9 @@ def test_clearly_better_scores_return_more(scenario: str, paces: tuple[str, ...]
 
 
 STOPPING = [
-    pytest.param(scenario, pace, marks=() if (scenario, pace) == ("standard", "brisk") else pytest.mark.long)
+    pytest.param(
+        scenario, pace, marks=() if (scenario, pace) == ("standard", "brisk") else pytest.mark.long
+    )
     for scenario in SCENARIOS
     for pace in PACES
 ]
@@ -145,11 +169,17 @@ def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: s
     """Less than the policy that rides on at any discount, and less than any other for who sees the whole episode."""
     course = Course(scenario, pace, DRAWS, SEED)
     found = policies(course)
-    judged = {name: judge(policy, course) for name, policy in found.items() if not name.endswith((*GAMES, LINGERING))}
+    judged = {
+        name: judge(policy, course)
+        for name, policy in found.items()
+        if not name.endswith((*GAMES, LINGERING))
+    }
     ranked = {name: each for name, each in judged.items() if each.ranks}
     stopped, more = 0, list[tuple[float, str, str]]()
     riders = {"residual", "single-dof-tuned"}
-    for name in riders & ranked.keys() or riders:  # on `tremor` at the brisk pace neither ranks, and both are tried
+    for name in (
+        riders & ranked.keys() or riders
+    ):  # on `tremor` at the brisk pace neither ranks, and both are tried
         attacked = course.attacked(found[name], course.telemetry(found[name]))
         for stop, play in STOPS.items():
             early = judge(play(attacked), course)
@@ -174,7 +204,9 @@ def test_an_episode_pays_at_most_its_new_arc_length(scenario: str) -> None:
     machines, tasks = map(list, zip(*pairs, strict=True))
     batch = Batch(machines, tasks)
     rng = np.random.default_rng(0)
-    rows = run(batch, lambda _: rng.choice([0.0, 3.0, 24.0], (16, 4)), list(range(16)), [400] * 16).telemetry
+    rows = run(
+        batch, lambda _: rng.choice([0.0, 3.0, 24.0], (16, 4)), list(range(16)), [400] * 16
+    ).telemetry
     lengths = np.array([task.path.length for task in tasks])
     new = np.nan_to_num(np.diff(rows[..., COLUMN.reached], axis=0))
     tracking = np.nan_to_num(rows[1:, :, COLUMN.terms.tracking])

@@ -33,7 +33,15 @@ from pter_gym.tasks.path_following._rules import ALLOWANCE
 def test_constant_error_at_constant_speed() -> None:
     steps = 98
     s = np.linspace(0.0, LENGTH, steps + 1)
-    rows = episode(steps, arc_length=s, normal_error=-0.02, tip_x=s, tip_velocity_x=0.5, dissipated=0.1, hand_work=0.3)
+    rows = episode(
+        steps,
+        arc_length=s,
+        normal_error=-0.02,
+        tip_x=s,
+        tip_velocity_x=0.5,
+        dissipated=0.1,
+        hand_work=0.3,
+    )
     rows[-1, TELEMETRY.index("is_success")] = 1.0
     found = score(rows, replace(TASK, pace=LENGTH / (steps * PERIOD)))
     expected = {
@@ -64,7 +72,12 @@ def test_the_larger_average_counts() -> None:
     assert waiting.path_average_error_m == pytest.approx(0.1 * 0.005)
     factor = (counted / 0.2) ** 2
     assert waiting.path_error_m == pytest.approx(factor * 0.1 * 0.99 / counted / 10)
-    hasty = score(travel(np.linspace(0.0, 1.0, 101)[[0, 1, *range(90, 101)]], normal_error=0.1 * np.eye(13)[2]), METRE)
+    hasty = score(
+        travel(
+            np.linspace(0.0, 1.0, 101)[[0, 1, *range(90, 101)]], normal_error=0.1 * np.eye(13)[2]
+        ),
+        METRE,
+    )
     assert hasty.path_average_error_m == pytest.approx(0.1 * 0.89)
     assert hasty.path_error_m > 2.0 * hasty.path_average_error_m > hasty.mean_error_m
 
@@ -82,7 +95,10 @@ def test_a_detour_beside_the_path_counts_however_short() -> None:
 @pytest.mark.parametrize("at", [40, 41, 59, 60])
 def test_a_moment_beside_the_path_counts_in_one_segment(at: int) -> None:
     """Also at either end of it."""
-    found = score(travel(np.linspace(0.0, 1.0, 201), normal_error=np.where(np.arange(201) == at, 0.1, 0.0)), METRE)
+    found = score(
+        travel(np.linspace(0.0, 1.0, 201), normal_error=np.where(np.arange(201) == at, 0.1, 0.0)),
+        METRE,
+    )
     assert found.path_error_m == pytest.approx(0.1 / 20 / 10)
 
 
@@ -90,7 +106,9 @@ def test_an_error_costs_more_off_the_pace_and_a_slow_ride_gains_nothing() -> Non
     """Also where the error grows with the square of the speed."""
     for pace, factor in {0.8: 1.25**2, 1.0: 1.0, 1.25: 1.4}.items():
         s = 0.5 * pace * PERIOD * np.arange(round(200 / pace) + 2)
-        assert score(travel(s, normal_error=0.02), METRE).path_error_m == pytest.approx(0.02 * factor, rel=5e-3)
+        assert score(travel(s, normal_error=0.02), METRE).path_error_m == pytest.approx(
+            0.02 * factor, rel=5e-3
+        )
     ratios = np.linspace(0.0, 10.0, 1001)
     found = pace_factor(ratios)
     assert np.diff(found[100:] / ratios[100:] ** 2) == pytest.approx(0.0)
@@ -120,14 +138,18 @@ def test_an_episode_counts_as_lost_once_however_long_it_is_stuck() -> None:
     """At the start, half-way, and further off than the workspace reaches."""
     errors = np.where(np.arange(1400) == 100, 0.3, 0.0)
     for end, error, lost in ((0.0, 0.0, 0.25), (0.5, 0.0, 0.25), (0.5, errors, 0.3)):
-        found = score(travel(np.minimum(0.5 * PERIOD * np.arange(1400), end), normal_error=error), METRE)
+        found = score(
+            travel(np.minimum(0.5 * PERIOD * np.arange(1400), end), normal_error=error), METRE
+        )
         assert (found.path_error_m, found.later_path_error_m) == (lost, lost)
 
 
 def test_an_error_in_the_first_tenth_is_left_out_and_squares_count() -> None:
     """0.1 m off in the first tenth, half of that in the last."""
     s = np.linspace(0.0, 1.0, 201)
-    found = score(travel(s, normal_error=np.where(s <= 0.1, 0.1, np.where(s > 0.9, 0.05, 0.0))), METRE)
+    found = score(
+        travel(s, normal_error=np.where(s <= 0.1, 0.1, np.where(s > 0.9, 0.05, 0.0))), METRE
+    )
     assert found.path_error_m == pytest.approx(0.015)
     assert found.later_path_error_m == pytest.approx(0.05 / 9)
     assert found.rms_error_m == pytest.approx(np.sqrt(0.1 * 0.1**2 + 0.1 * 0.05**2))
@@ -141,7 +163,9 @@ def test_constant_pace(factor: float) -> None:
     """A whole number of steps per segment is not needed: crossings are interpolated."""
     found = score(travel(0.5 * factor * PERIOD * np.arange(round(200 / factor) + 2)), METRE)
     time = 2.0 / factor - max(0.02 / factor - 0.02, 0.0)
-    assert (found.mean_pace_error, found.segment_pace_error) == pytest.approx([abs(time / 2.0 - 1.0)] * 2, abs=1e-12)
+    assert (found.mean_pace_error, found.segment_pace_error) == pytest.approx(
+        [abs(time / 2.0 - 1.0)] * 2, abs=1e-12
+    )
     assert found.mean_pace_m_s == pytest.approx(1.0 / time)
 
 
@@ -150,7 +174,9 @@ def test_start_up_time_within_the_allowance_is_free(wait: float) -> None:
     s = np.concatenate([np.zeros(round(wait / PERIOD)), np.linspace(0.0, 1.0, 201)])
     found = score(travel(s), METRE)
     over = max(wait - ALLOWANCE, 0.0)
-    assert (found.mean_pace_error, found.segment_pace_error) == pytest.approx((over / 2.0, over / 2.0), abs=1e-12)
+    assert (found.mean_pace_error, found.segment_pace_error) == pytest.approx(
+        (over / 2.0, over / 2.0), abs=1e-12
+    )
     assert found.mean_pace_m_s == pytest.approx(1.0 / (2.0 + over))
 
 
@@ -169,8 +195,12 @@ def test_cruising_begins_after_the_first_segment() -> None:
     """The first tenth in 0.4 s, the rest at 0.75 m/s, once to the end and once to the middle."""
     s = np.concatenate([np.linspace(0.0, 0.1, 41), 0.1 + 0.0075 * np.arange(1, 121)])
     for rows in (s, s[:95]):
-        assert Recorded(travel(rows)[:, None], [METRE], 24.0).cruising_pace() == pytest.approx([0.75])
-    assert Recorded(travel(np.zeros(1))[[0, 0], None], [METRE], 24.0).mean_pace() == 0.0, "no time, no pace"
+        assert Recorded(travel(rows)[:, None], [METRE], 24.0).cruising_pace() == pytest.approx(
+            [0.75]
+        )
+    assert Recorded(travel(np.zeros(1))[[0, 0], None], [METRE], 24.0).mean_pace() == 0.0, (
+        "no time, no pace"
+    )
 
 
 def test_a_segment_that_is_not_finished_counts_as_one_at_least() -> None:
@@ -183,14 +213,24 @@ def test_a_segment_that_is_not_finished_counts_as_one_at_least() -> None:
     }
     for (at, steps), values in expected.items():
         found = score(travel(np.minimum(0.5 * PERIOD * np.arange(steps + 1), at)), METRE)
-        assert (found.segment_pace_error, found.mean_pace_error, found.mean_pace_m_s) == pytest.approx(values)
+        assert (
+            found.segment_pace_error,
+            found.mean_pace_error,
+            found.mean_pace_m_s,
+        ) == pytest.approx(values)
 
 
 def test_a_step_back_does_not_make_a_segment_shorter() -> None:
-    s = np.concatenate([np.linspace(0.0, 0.5, 101), np.linspace(0.49, 0.3, 20), np.linspace(0.31, 1.0, 138)])
+    s = np.concatenate(
+        [np.linspace(0.0, 0.5, 101), np.linspace(0.49, 0.3, 20), np.linspace(0.31, 1.0, 138)]
+    )
     found = score(travel(s), METRE)
-    direct = np.concatenate([np.linspace(0.0, 0.5, 101), np.full(58, 0.5), np.linspace(0.505, 1.0, 100)])
-    assert found.segment_pace_error == pytest.approx(score(travel(direct), METRE).segment_pace_error, abs=0.02)
+    direct = np.concatenate(
+        [np.linspace(0.0, 0.5, 101), np.full(58, 0.5), np.linspace(0.505, 1.0, 100)]
+    )
+    assert found.segment_pace_error == pytest.approx(
+        score(travel(direct), METRE).segment_pace_error, abs=0.02
+    )
     assert found.segment_pace_error > 0.25
 
 
@@ -238,7 +278,14 @@ def wanderings(draw: st.DrawFn) -> Array:
     done = np.flatnonzero(s >= 1.0)
     s = s[: done[0] + 1] if len(done) else s
     rows = travel(s, normal_error=0.2 * generator.standard_normal(len(s)))
-    for name in ("acceleration_x", "acceleration_y", "tip_velocity_x", "tip_velocity_y", "tip_x", "volts_1"):
+    for name in (
+        "acceleration_x",
+        "acceleration_y",
+        "tip_velocity_x",
+        "tip_velocity_y",
+        "tip_x",
+        "volts_1",
+    ):
         rows[:, TELEMETRY.index(name)] = np.abs(generator.standard_normal(len(s)))
     return rows
 
@@ -266,7 +313,12 @@ def test_an_episode_has_at_least_one_step_and_all_fields() -> None:
     assert found["path_error_m"][0] == score(episode(1), TASK).path_error_m > 0.0
     nothing = episode(3)
     nothing[1:] = np.nan
-    for bad in (padded([episode(0)]), padded([nothing]), padded([episode(3), nothing]), np.zeros((3, 1, 5))):
+    for bad in (
+        padded([episode(0)]),
+        padded([nothing]),
+        padded([episode(3), nothing]),
+        np.zeros((3, 1, 5)),
+    ):
         with pytest.raises(ParameterError, match="telemetry"):
             score_episodes(bad, [TASK] * bad.shape[1])
 
@@ -296,9 +348,13 @@ def test_smoothness_of_a_jump() -> None:
     acceleration = np.array([[[20.0, 0.0]], [[0.0, 0.0]], [[jump, jump]], [[50.0, 0.0]]])
     counted = np.array([[False], [True], [True], [False]])
     jerk = (2 * period) ** 3 * (2 * jump**2) / period
-    assert smoothness(speed, acceleration, counted, period) == pytest.approx(-math.log(jerk / 0.5**2))
+    assert smoothness(speed, acceleration, counted, period) == pytest.approx(
+        -math.log(jerk / 0.5**2)
+    )
     assert smoothness(0.0 * speed, acceleration, counted, period) == 0.0
-    assert smoothness(speed, 0.0 * acceleration, counted, period) == 0.0  # ln 1: no jerk counts as D = 1
+    assert (
+        smoothness(speed, 0.0 * acceleration, counted, period) == 0.0
+    )  # ln 1: no jerk counts as D = 1
 
 
 def test_low_pass_starts_at_rest_and_holds_its_input() -> None:

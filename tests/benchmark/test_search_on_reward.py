@@ -54,14 +54,20 @@ class Networks:
 
 def searched(course: Course, discount: float, seed: int) -> Array:
     """Return the candidate with the highest return of a search by CMA-ES (Hansen, arXiv 1604.00772)."""
-    draws = find_scenario(course.scenario).randomisation(course.pace, contexts=EPISODES, seed=seed).pairs()
+    draws = (
+        find_scenario(course.scenario)
+        .randomisation(course.pace, contexts=EPISODES, seed=seed)
+        .pairs()
+    )
     machines, tasks = (list(each) * POPULATION for each in zip(*draws, strict=True))
     batch, limits = Batch(machines, tasks), [time_limit(task) for task in tasks]
     search = cmaes.CMA(np.zeros(WEIGHTS), 0.3, seed=seed, population_size=POPULATION)
     best, highest = np.zeros(WEIGHTS), -np.inf
     for _ in range(CANDIDATES // POPULATION):
         points = np.array([search.ask() for _ in range(POPULATION)])
-        episodes = run(batch, Networks(points, EPISODES), range(len(limits)), limits, columns=[COLUMN.reward])
+        episodes = run(
+            batch, Networks(points, EPISODES), range(len(limits)), limits, columns=[COLUMN.reward]
+        )
         rewards = np.nan_to_num(episodes.telemetry[1:, :, 0])
         found = [discounted(part, discount) for part in np.split(rewards, POPULATION, axis=1)]
         search.tell([(point, -value) for point, value in zip(points, found, strict=True)])
@@ -76,13 +82,19 @@ def rides_clearly_worse(course: Course, rows: Array, best: float) -> bool:
     off = max(float(scores[name].mean()) for name in ("mean_pace_error", "segment_pace_error"))
     missed = 1.0 - float(scores["completed"].mean())
     error = float(scores["path_error_m"].mean())
-    return off > CLEARLY * PACE_ERROR or missed > CLEARLY * (1.0 - COMPLETION) or error > CLEARLY * best
+    return (
+        off > CLEARLY * PACE_ERROR
+        or missed > CLEARLY * (1.0 - COMPLETION)
+        or error > CLEARLY * best
+    )
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("pace", PACES)
 @pytest.mark.parametrize("scenario", ["standard", "tremor", "everything"])
-def test_a_search_for_reward_returns_less_than_clearly_better_tracking(scenario: str, pace: str) -> None:
+def test_a_search_for_reward_returns_less_than_clearly_better_tracking(
+    scenario: str, pace: str
+) -> None:
     course = Course(scenario, pace, JUDGED, 991)
     discounts = (1.0, sight(course))
     honest = {name: judge(policy, course) for name, policy in policies(course).items()}
@@ -90,13 +102,17 @@ def test_a_search_for_reward_returns_less_than_clearly_better_tracking(scenario:
     found = [returns(rows, discount) for discount in discounts]
     assert found[0] > honest["locked"].returned(1.0), "the search found nothing"
     ranked = {name: each for name, each in honest.items() if each.ranks}
-    ranked = ranked or {name: honest[name] for name in ("residual", "single-dof-tuned")}  # `tremor` at the brisk pace
+    ranked = ranked or {
+        name: honest[name] for name in ("residual", "single-dof-tuned")
+    }  # `tremor` at the brisk pace
     more = [
         name
         for name, each in ranked.items()
         if name != STICKS.get((scenario, pace))
         if rides_clearly_worse(course, rows, each.error)
-        if any(each.returned(discount) <= mine for discount, mine in zip(discounts, found, strict=True))
+        if any(
+            each.returned(discount) <= mine for discount, mine in zip(discounts, found, strict=True)
+        )
     ]
     assert more == [], found
     assert found[0] < max(each.returned(1.0) for each in ranked.values())

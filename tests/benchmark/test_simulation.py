@@ -20,7 +20,9 @@ SEEDS = [3, 4, 5]
 
 
 def drawn(scenario: str, pace: str) -> tuple[Sequence[Any], Sequence[Any]]:
-    machines, tasks = zip(*find_scenario(scenario).randomisation(pace, contexts=3, seed=8).pairs(), strict=True)
+    machines, tasks = zip(
+        *find_scenario(scenario).randomisation(pace, contexts=3, seed=8).pairs(), strict=True
+    )
     return machines, tasks
 
 
@@ -33,7 +35,9 @@ def test_a_schedule_is_its_controller_at_a_knot_that_holds_and_between_its_knots
     slow, medium = (found.at(PACES[pace]).damping_tangential for pace in ("slow", "medium"))
     half = Impedance(damping_tangential=0.5 * (slow + medium))
     batch = Batch(BASELINE, PathFollowing(pace=0.185), 1)
-    np.testing.assert_allclose(*(simulate(batch, law, [1], 50) for law in (found, half)), rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(
+        *(simulate(batch, law, [1], 50) for law in (found, half)), rtol=1e-3, atol=1e-3
+    )
     with pytest.raises(ParameterError, match="hold"):
         PaceSchedule(((0.1, Impedance()), (0.2, Impedance())), hold=0.5)
 
@@ -73,4 +77,6 @@ def test_a_run_stops_when_all_have_ended_or_reached_their_limit() -> None:
     assert strided.ended.all()
     assert strided.telemetry.shape == (strided.steps + 1, 3, 2)
     assert strided.steps % 16 == 0
-    np.testing.assert_array_equal(strided.telemetry[: by_steps.steps + 1], by_steps.telemetry[..., :2])
+    np.testing.assert_array_equal(
+        strided.telemetry[: by_steps.steps + 1], by_steps.telemetry[..., :2]
+    )

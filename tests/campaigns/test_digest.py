@@ -1,10 +1,11 @@
-"""A digest of all bits of 1,024 worlds on each scenario: a change that should not change the physics keeps them.
+"""A digest of all bits of 1,024 worlds on each scenario: a change that should not change the
+physics keeps them.
 
     python tests/campaigns/test_digest.py      stores the digests of this computer in digests.json
 
-Sine, cosine, exponential and logarithm are those of the computer's mathematical library, whose last bits depend on
-library and processor, so the digests hold where these functions give the same bits; elsewhere the test skips.
-"""
+Sine, cosine, exponential and logarithm are those of the computer's mathematical library, whose last
+bits depend on library and processor, so the digests hold where these functions give the same bits;
+elsewhere the test skips."""
 
 import hashlib
 import json
@@ -30,7 +31,9 @@ def digest(scenario: str) -> str:
     found.update(np.ascontiguousarray(envs.reset(seed=3)[0]).tobytes())
     actions = np.zeros((WORLDS, 4), np.float32)
     for _ in range(STEPS):
-        actions = np.clip(0.9 * actions + 0.3 * rng.standard_normal((WORLDS, 4)), -1, 1).astype(np.float32)
+        actions = np.clip(0.9 * actions + 0.3 * rng.standard_normal((WORLDS, 4)), -1, 1).astype(
+            np.float32
+        )
         for part in envs.step(actions)[:4]:
             found.update(np.ascontiguousarray(part).tobytes())
     envs.close()

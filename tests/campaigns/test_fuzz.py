@@ -79,7 +79,9 @@ def damaged(content: bytes) -> st.SearchStrategy[bytes]:
         header = json.dumps(tree).encode()
         return header if start == 0 else len(header).to_bytes(8, "little") + header + content[end:]
 
-    return st.one_of(damaged_bytes(content), changed_tree(json.loads(content[start:end])).map(rebuilt))
+    return st.one_of(
+        damaged_bytes(content), changed_tree(json.loads(content[start:end])).map(rebuilt)
+    )
 
 
 def check(read: Callable[[], object]) -> None:
@@ -110,7 +112,9 @@ def test_damaged_policies(policy: Path, data: st.DataObject) -> None:
 def results(tmp_path_factory: pytest.TempPathFactory) -> ResultsFolder:
     """Results of a policy that never moves."""
     folder = ResultsFolder(tmp_path_factory.mktemp("results"))
-    run_scenario("standard", {"locked": find_policy("locked")}, ["medium"], episodes=3, results=folder)
+    run_scenario(
+        "standard", {"locked": find_policy("locked")}, ["medium"], episodes=3, results=folder
+    )
     return folder
 
 

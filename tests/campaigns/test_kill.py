@@ -29,7 +29,9 @@ for number in range(int(sys.argv[2]), 256):
 
 def begin(path: Path, first: int) -> "subprocess.Popen[str]":
     """Start a writer, and wait until it has written once."""
-    process = subprocess.Popen([sys.executable, "-c", WRITER, path, str(first)], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", WRITER, path, str(first)], stdout=subprocess.PIPE, text=True
+    )
     assert process.stdout is not None
     process.stdout.readline()
     return process

@@ -30,7 +30,12 @@ def test_help_shows_the_choices(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 REFUSED = ["benchmarl", "benchmark --policies impedence", "tune impedence", "fit --out preset.json"]
-REFUSED += ["verify nowhere", "benchmark --paces slw", "benchmark --path mien.csv", "benchmark --policies mine.toml"]
+REFUSED += [
+    "verify nowhere",
+    "benchmark --paces slw",
+    "benchmark --path mien.csv",
+    "benchmark --policies mine.toml",
+]
 
 
 @pytest.mark.parametrize("line", REFUSED)
@@ -54,7 +59,9 @@ def test_the_path_of_a_file_may_have_commas(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("line", ["benchmark --scenario standad", "benchmark --polices free"])
-def test_an_unknown_choice_is_refused_with_the_choices(line: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_choice_is_refused_with_the_choices(
+    line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as end:
         main(line.split())
     assert end.value.code == 2
@@ -63,9 +70,22 @@ def test_an_unknown_choice_is_refused_with_the_choices(line: str, capsys: pytest
 
 
 @pytest.mark.smoke
-def test_benchmark_writes_runs_and_verify_repeats_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_benchmark_writes_runs_and_verify_repeats_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = str(tmp_path / "results")
-    arguments = ["--policies", "free,", "locked", "--paces", "brisk", "--episodes", "2", "--no-film", "--out", out]
+    arguments = [
+        "--policies",
+        "free,",
+        "locked",
+        "--paces",
+        "brisk",
+        "--episodes",
+        "2",
+        "--no-film",
+        "--out",
+        out,
+    ]
     assert main(["benchmark", *arguments]) == 0
     assert len(list((tmp_path / "results" / "runs").iterdir())) == 2
     capsys.readouterr()

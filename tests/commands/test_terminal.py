@@ -83,7 +83,10 @@ def test_a_closed_pipe_is_no_error() -> None:
 
 @pytest.mark.parametrize("command", ["benchmark", "record"])
 def test_folders_are_tried_before_any_work(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    command: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     if command == "record":
         pytest.importorskip("minari")

@@ -168,7 +168,13 @@ def calling(*functions: Any) -> Any:
 
 
 @pytest.mark.parametrize(
-    "read", [lambda x: (np.array([0.0, x]),), lambda x: Pair(np.array([x]), 0.0), lambda x: ((x,),), adding]
+    "read",
+    [
+        lambda x: (np.array([0.0, x]),),
+        lambda x: Pair(np.array([x]), 0.0),
+        lambda x: ((x,),),
+        adding,
+    ],
 )
 def test_values_read_by_a_law_are_in_its_digest(read: Any) -> None:
     assert digest_of(reading(read(12.0))) == digest_of(reading(read(12.0))) is not None
@@ -233,7 +239,9 @@ def test_a_law_without_a_digest_is_compiled_in_memory() -> None:
     assert not_cached.stats.cache_path is None
 
 
-def test_kernels_reach_no_file_beside_those_that_count_as_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kernels_reach_no_file_beside_those_that_count_as_a_whole(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """A kernel that reached another file would be found in the cache after that file has changed."""
     monkeypatch.setattr(digests, "ROOMS", ())  # so every function is looked at
     reached: list[Any] = []

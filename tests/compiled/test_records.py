@@ -12,7 +12,19 @@ from hypothesis import strategies as st
 from pter_gym._compiled.compiler import device
 from pter_gym._compiled.generated import compile_source
 from pter_gym._compiled.layout import Field
-from pter_gym._compiled.records import Entry, entrywise, flat, layout_of, lerp, load, read, rows, store, width, write
+from pter_gym._compiled.records import (
+    Entry,
+    entrywise,
+    flat,
+    layout_of,
+    lerp,
+    load,
+    read,
+    rows,
+    store,
+    width,
+    write,
+)
 from pter_gym.errors import ParameterError
 
 DETERMINISTIC = settings(derandomize=True, deadline=None, database=None, max_examples=100)
@@ -117,7 +129,9 @@ def test_layout_says_unit_meaning_and_scale() -> None:
     assert len(layout) == WIDTH
     assert layout.fields[AT.length] == Field("length", "m", "length", 2.0)
     assert layout.fields[AT.force.left] == Field("force_l", "N", "force on the left", 30.0)
-    assert layout.fields[AT.volts.first.right] == Field("start_right", "V", "voltage at first on the right", 1.0)
+    assert layout.fields[AT.volts.first.right] == Field(
+        "start_right", "V", "voltage at first on the right", 1.0
+    )
     assert layout.fields[AT.bare.y] == Field("y", "", "", 1.0)
 
 
@@ -165,7 +179,9 @@ def test_read_inverts_write(numbers: list[float], first: int) -> None:
 
 @DETERMINISTIC
 @given(NUMBERS, NUMBERS, st.floats(0.0, 1.0))
-def test_compiled_blends_are_those_of_python(low: list[float], high: list[float], part: float) -> None:
+def test_compiled_blends_are_those_of_python(
+    low: list[float], high: list[float], part: float
+) -> None:
     expected = [a + part * (b - a) for a, b in zip(low, high, strict=True)]
     for function in (between, plain(between)):
         assert same(function(whole(low), whole(high), part), whole(expected))
@@ -178,7 +194,9 @@ def test_entrywise_functions_take_records_numbers_and_other_arguments(numbers: l
     with np.errstate(all="ignore"):
         expected = [[3.0 * x - 0.5 * 2.0 for x in numbers], [3.0 * 2.0 - 0.5 * x for x in numbers]]
         for function in (weighted_twice, plain(weighted_twice)):
-            for found, wanted in zip(function(array, Side(0.5, 0.0), value, 2.0), expected, strict=True):
+            for found, wanted in zip(
+                function(array, Side(0.5, 0.0), value, 2.0), expected, strict=True
+            ):
                 assert same(found, whole(wanted))
 
 

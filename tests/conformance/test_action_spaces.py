@@ -19,7 +19,9 @@ ID = "PTER/PathFollowing-v0"
 def test_single_and_vector_environments_have_an_entry_for_each_clutch(name: str):
     count = COUNTS[name]
     env = gymnasium.make(ID, machine=name, action_unit="normalised", max_episode_steps=40)
-    envs = gymnasium.make_vec(ID, num_envs=3, machine=name, action_unit="normalised", max_episode_steps=40)
+    envs = gymnasium.make_vec(
+        ID, num_envs=3, machine=name, action_unit="normalised", max_episode_steps=40
+    )
     assert env.action_space.shape == envs.single_action_space.shape == (count,)
     check_env(env.unwrapped, skip_render_check=True)
     rng = np.random.default_rng(1)
@@ -35,7 +37,9 @@ def test_single_and_vector_environments_have_an_entry_for_each_clutch(name: str)
 @pytest.mark.agents
 @pytest.mark.parametrize("name", COUNTS)
 def test_the_interface_for_stable_baselines3_steps_as_the_vector_environment(name: str):
-    make_sb3_vec_env = pytest.importorskip("pter_gym.envs.sb3", exc_type=ImportError).make_sb3_vec_env
+    make_sb3_vec_env = pytest.importorskip(
+        "pter_gym.envs.sb3", exc_type=ImportError
+    ).make_sb3_vec_env
     worlds = make_sb3_vec_env(3, machine=name)
     envs = gymnasium.make_vec(ID, num_envs=3, machine=name, action_unit="normalised")
     assert worlds.action_space.shape == (COUNTS[name],)
@@ -57,7 +61,10 @@ def test_laws_and_functions_act_on_their_machine():
     env = gymnasium.make(ID, machine="two-brakes")
     observation = env.reset(seed=1)[0]
     assert load_policy("impedance", env)(observation).shape == (2,)
-    assert load_policy(lambda obs: np.full((len(obs), 2), 3.0), env)(observation).tolist() == [3.0, 3.0]
+    assert load_policy(lambda obs: np.full((len(obs), 2), 3.0), env)(observation).tolist() == [
+        3.0,
+        3.0,
+    ]
     with pytest.raises(ActionError, match=r"\(1, 2\)"):
         load_policy(lambda obs: np.zeros((len(obs), 4)), env)(observation)
     with pytest.raises(ParameterError, match="clutches"):
@@ -66,7 +73,9 @@ def test_laws_and_functions_act_on_their_machine():
 
 def test_machines_of_one_batch_have_equally_many_clutches():
     with pytest.raises(ParameterError, match="clutches"):
-        gymnasium.make_vec(ID, num_envs=2, machine=[MACHINES["two-brakes"], MACHINES["brakes-and-coupling"]])
+        gymnasium.make_vec(
+            ID, num_envs=2, machine=[MACHINES["two-brakes"], MACHINES["brakes-and-coupling"]]
+        )
 
 
 @pytest.mark.parametrize("name", ["two-brakes", "baseline"])

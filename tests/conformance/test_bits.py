@@ -1,4 +1,5 @@
-"""A world has the same bits alone, as any row of a batch, on any number of threads, with held actions, in any process.
+"""A world has the same bits alone, as any row of a batch, on any number of threads, with held
+actions, in any process.
 
 All over automatic resets, with machines, tasks and hands of many kinds.
 """
@@ -32,7 +33,11 @@ from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing, Sensing
 
 ID = "PTER/PathFollowing-v0"
-NEXT_STEP, SAME_STEP, DISABLED = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED
+NEXT_STEP, SAME_STEP, DISABLED = (
+    AutoresetMode.NEXT_STEP,
+    AutoresetMode.SAME_STEP,
+    AutoresetMode.DISABLED,
+)
 STEPS, LIMIT = 150, 45
 ALONE = 45  # two blocks, the second one not full
 THREADED = 1100  # more than INLINE_BLOCKS blocks
@@ -64,11 +69,19 @@ def tasks(count: int) -> list[PathFollowing]:
             path=Arc(x=-0.3, y=0.6, radius=0.3, angle=-1.0),
             hand=HumanArm(random_phases=True),
             error_max=0.1,
-            sensing=Sensing(angle_resolution=1e-3, velocity_noise=0.01, torque_noise=0.1, force_noise=0.1, delay=1),
+            sensing=Sensing(
+                angle_resolution=1e-3,
+                velocity_noise=0.01,
+                torque_noise=0.1,
+                force_noise=0.1,
+                delay=1,
+            ),
         ),
         PathFollowing(
             path=Sine(x=-0.5, y=0.65, extent=0.8, amplitude=0.04),
-            hand=RecordedForces(times=(0.0, 0.013, 0.3), along=(40.0, 60.0, 80.0), across=(0.0, 9.0, -9.0)),
+            hand=RecordedForces(
+                times=(0.0, 0.013, 0.3), along=(40.0, 60.0, 80.0), across=(0.0, 9.0, -9.0)
+            ),
             error_max=0.1,
             friction_drift=0.1,
         ),
@@ -88,7 +101,12 @@ def actions(count: int) -> np.ndarray:
 
 
 def make(count: int, mode: AutoresetMode, **options: Any) -> Any:
-    given = {"machine": machines(count), "task": tasks(count), "max_episode_steps": LIMIT, **options}
+    given = {
+        "machine": machines(count),
+        "task": tasks(count),
+        "max_episode_steps": LIMIT,
+        **options,
+    }
     return gymnasium.make_vec(ID, num_envs=count, autoreset_mode=mode, **given)
 
 
@@ -134,16 +152,29 @@ def live_alone(world: int, mode: AutoresetMode, skip: int) -> Iterator[Record]:
         if ended and mode != NEXT_STEP:
             final_obs, final_telemetry = obs, info["telemetry"]
             obs, info = env.reset()
-        flags = {"terminated": np.bool_(terminated), "truncated": np.bool_(truncated), "success": np.bool_(success)}
+        flags = {
+            "terminated": np.bool_(terminated),
+            "truncated": np.bool_(truncated),
+            "success": np.bool_(success),
+        }
         last = {"final_obs": final_obs, "final_telemetry": final_telemetry}
-        yield {"obs": obs, "telemetry": info["telemetry"], "rewards": np.float64(reward), **flags, **last}
+        yield {
+            "obs": obs,
+            "telemetry": info["telemetry"],
+            "rewards": np.float64(reward),
+            **flags,
+            **last,
+        }
 
 
 @cache
 def alone(mode: AutoresetMode, skip: int = 1) -> list[Record]:
     """The records of all single worlds, put together."""
     lives = zip(*(list(live_alone(world, mode, skip)) for world in range(ALONE)), strict=True)
-    return [{name: np.stack([record[name] for record in records]) for name in records[0]} for records in lives]
+    return [
+        {name: np.stack([record[name] for record in records]) for name in records[0]}
+        for records in lives
+    ]
 
 
 def require_same(one: Record, two: Record, step: int) -> None:
@@ -157,7 +188,8 @@ def require_same(one: Record, two: Record, step: int) -> None:
 def test_episodes_of_the_single_worlds_end_in_every_way() -> None:
     records = alone(SAME_STEP)[1:]
     terminated, truncated, success = (
-        np.array([record[name] for record in records]) for name in ("terminated", "truncated", "success")
+        np.array([record[name] for record in records])
+        for name in ("terminated", "truncated", "success")
     )
     for ends in (success & terminated, terminated & ~success, truncated & ~terminated):
         assert ends.sum() > 10
@@ -176,7 +208,9 @@ def test_any_number_of_threads_has_the_same_bits(mode: AutoresetMode) -> None:
     envs = [make(THREADED, mode, num_threads=threads) for threads in (1, 3)]
     lives = (live(env, seeds(THREADED), actions(THREADED)) for env in envs)
     for step, (one, other) in enumerate(zip(*lives, strict=True)):
-        require_same({name: values[:ALONE] for name, values in one.items()}, alone(mode)[step], step)
+        require_same(
+            {name: values[:ALONE] for name, values in one.items()}, alone(mode)[step], step
+        )
         require_same(one, other, step)
 
 
@@ -191,7 +225,9 @@ def test_after_a_checkpoint(mode: AutoresetMode) -> None:
     other.reset(seed=123)
     for again in (other, env):
         again.set_state(state)
-        for step, (one, two) in enumerate(zip(expected, live(again, None, voltages[half:]), strict=True)):
+        for step, (one, two) in enumerate(
+            zip(expected, live(again, None, voltages[half:]), strict=True)
+        ):
             require_same(one, two, step)
 
 
@@ -203,9 +239,13 @@ def test_a_held_action_equals_a_repeated_one(seed: int, skip: int) -> None:
     plain: Any = gymnasium.make(ID, randomisation=drawn).unwrapped
     endings = 0
     for episode in range(6):
-        (obs, _), (other, _) = (env.reset(seed=seed if episode == 0 else None) for env in (held, plain))
+        (obs, _), (other, _) = (
+            env.reset(seed=seed if episode == 0 else None) for env in (held, plain)
+        )
         ended = False
-        for action in np.random.default_rng([seed, episode]).uniform(0.0, 9.0, (500, 4)).astype(np.float32):
+        for action in (
+            np.random.default_rng([seed, episode]).uniform(0.0, 9.0, (500, 4)).astype(np.float32)
+        ):
             assert obs.tobytes() == other.tobytes()
             if ended:
                 break
@@ -234,7 +274,9 @@ def test_a_policy_decides_at_its_training_frame_skip(skip: int) -> None:
 
     env: Any = gymnasium.make(ID, frame_skip=skip)
     asked: list[Any] = []
-    ran = run(Batch(BASELINE, PathFollowing(), 2), from_actions(noted(asked), env), [3, 4], [18, 18]).telemetry
+    ran = run(
+        Batch(BASELINE, PathFollowing(), 2), from_actions(noted(asked), env), [3, 4], [18, 18]
+    ).telemetry
     acting = pter_gym.load_policy(from_actions(noted([]), env), env)
     obs, _ = env.reset(seed=3)
     acting.reset()
@@ -285,9 +327,7 @@ def digest() -> str:
 
 @pytest.mark.parametrize("setting", ["", "NUMBA_DISABLE_JIT=1"])
 def test_another_process_has_the_same_bits(setting: str) -> None:
-    code = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import test_bits; print(test_bits.digest())"
-    )
+    code = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import test_bits; print(test_bits.digest())"
     command = ["env", *filter(None, [setting]), sys.executable, "-c", code]
     found = subprocess.run(command, capture_output=True, text=True, check=True)
     assert found.stdout.strip() == digest()
@@ -307,7 +347,9 @@ def test_a_control_period_has_equal_substeps_no_longer_than_the_machines() -> No
 
 def test_recorded_forces_are_felt_at_their_instants_and_the_last_ones_ever_after() -> None:
     hand = RecordedForces(times=(0.0, 0.01, 0.02), along=(1.0, 3.0, -2.0), across=(0.0, 5.0, 1.0))
-    batch = Batch(BASELINE, PathFollowing(path=Line(x=-0.2, y=0.55, direction=0.0, length=0.4), hand=hand))
+    batch = Batch(
+        BASELINE, PathFollowing(path=Line(x=-0.2, y=0.55, direction=0.0, length=0.4), hand=hand)
+    )
     batch.reset([0])
     rows = np.array([batch.step(np.zeros((1, 4))).telemetry[0, 0] for _ in range(4)])
     felt = rows[:, [TELEMETRY.index("force_x"), TELEMETRY.index("force_y")]]

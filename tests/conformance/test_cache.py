@@ -41,7 +41,12 @@ def run(folder: Path, **environment: str) -> str:
     """Run the caller in a fresh interpreter and return what it printed: its value and the hits in the cache."""
     settings = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache"), **environment}
     found = subprocess.run(
-        [sys.executable, "caller.py"], cwd=folder, env=settings, capture_output=True, text=True, check=True
+        [sys.executable, "caller.py"],
+        cwd=folder,
+        env=settings,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     return found.stdout.strip()
 

@@ -35,7 +35,9 @@ THREADED = 2000
 
 def make(count: int, **options: Any) -> PathFollowingVectorEnv:
     """A vector environment that has made a few steps."""
-    env = PathFollowingVectorEnv(count, task=TASK, **{"max_episode_steps": 40, "num_threads": 2, **options})
+    env = PathFollowingVectorEnv(
+        count, task=TASK, **{"max_episode_steps": 40, "num_threads": 2, **options}
+    )
     env.reset(seed=0)
     for row in actions(count, 3):
         env.step(row)
@@ -49,7 +51,9 @@ def actions(count: int, steps: int) -> np.ndarray:
 
 def same(one: dict[str, np.ndarray], two: dict[str, np.ndarray]) -> bool:
     """Whether two states hold the same bits."""
-    return one.keys() == two.keys() and all(one[name].tobytes() == two[name].tobytes() for name in one)
+    return one.keys() == two.keys() and all(
+        one[name].tobytes() == two[name].tobytes() for name in one
+    )
 
 
 def digest(env: Any, steps: int = 40) -> bytes:
@@ -73,7 +77,9 @@ GOOD_ACTIONS: dict[str, Callable[[np.ndarray], Any]] = {
 
 
 @pytest.mark.parametrize("form", GOOD_ACTIONS.values(), ids=GOOD_ACTIONS)
-def test_actions_in_any_layout_give_the_same_bits_and_are_only_read(form: Callable[[np.ndarray], Any]) -> None:
+def test_actions_in_any_layout_give_the_same_bits_and_are_only_read(
+    form: Callable[[np.ndarray], Any],
+) -> None:
     plain, other = make(100), make(100)
     for row in actions(100, 20):
         given = form(row)
@@ -116,7 +122,11 @@ def test_tensors() -> None:
         assert plain.step(row)[0].tobytes() == other.step(torch.from_numpy(row))[0].tobytes()
     before = other.get_state()
     ones = torch.ones(100, 4)
-    for wrong in (ones.requires_grad_(), torch.ones(100, 4, device="meta"), torch.ones(100, 4, dtype=torch.bfloat16)):
+    for wrong in (
+        ones.requires_grad_(),
+        torch.ones(100, 4, device="meta"),
+        torch.ones(100, 4, dtype=torch.bfloat16),
+    ):
         with pytest.raises(ActionError, match="action"):
             other.step(wrong)
     assert same(before, other.get_state())
@@ -127,7 +137,9 @@ def test_tensors() -> None:
     [(np.nan, mode) for mode in AutoresetMode]
     + [(value, AutoresetMode.SAME_STEP) for value in (np.inf, -np.inf, -0.01, 24.01)],
 )
-def test_one_bad_number_among_ten_thousand_worlds_is_named_and_nothing_moves(value: float, mode: AutoresetMode) -> None:
+def test_one_bad_number_among_ten_thousand_worlds_is_named_and_nothing_moves(
+    value: float, mode: AutoresetMode
+) -> None:
     env = make(LARGE, autoreset_mode=mode, max_episode_steps=None, telemetry=False)
     before = env.get_state()
     rows = actions(LARGE, 1)[0]
@@ -217,11 +229,17 @@ def test_worlds_beyond_the_memory_are_refused_and_the_estimate_is_an_upper_bound
     make(8)
     tracemalloc.start()
     try:
-        options: dict[str, Any] = {"sensors": "force", "max_episode_steps": 2, "autoreset_mode": "SAME_STEP"}
+        options: dict[str, Any] = {
+            "sensors": "force",
+            "max_episode_steps": 2,
+            "autoreset_mode": "SAME_STEP",
+        }
         env = PathFollowingVectorEnv(LARGE, **options)
         returned: Any = env.reset(seed=0)
         for _ in range(4):
-            returned = env.step(np.zeros((LARGE, 4), np.float32))  # the last returns stay while the next are made
+            returned = env.step(
+                np.zeros((LARGE, 4), np.float32)
+            )  # the last returns stay while the next are made
         assert tracemalloc.get_traced_memory()[1] / LARGE < BYTES_PER_WORLD + BYTES_OF_TELEMETRY
     finally:
         tracemalloc.stop()
@@ -242,7 +260,9 @@ def test_threads_end_with_their_environment() -> None:
     make(THREADED).close()  # whatever there is to compile is compiled
     before = set(threading.enumerate())
     env = make(THREADED, num_threads=4)
-    new = [thread for thread in set(threading.enumerate()) - before if thread.name.startswith("pter_")]
+    new = [
+        thread for thread in set(threading.enumerate()) - before if thread.name.startswith("pter_")
+    ]
     assert 1 <= len(new) <= 3
     env.close()
     for thread in new:
@@ -348,7 +368,9 @@ print(interrupts)
 @pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
 @pytest.mark.parametrize("count", [64, THREADED])
 def test_an_interrupted_step_is_done_or_not_begun(count: int) -> None:
-    found = subprocess.run([sys.executable, "-c", INTERRUPTED, str(count)], capture_output=True, text=True, check=False)
+    found = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED, str(count)], capture_output=True, text=True, check=False
+    )
     assert found.returncode == 0, found.stderr
     assert int(found.stdout) >= 20, "hardly an interrupt arrived"
 
@@ -378,7 +400,9 @@ def test_an_interrupt_while_the_command_imports_is_silent(module: str) -> None:
 
 BAD_SINGLE_ACTIONS: dict[str, Any] = {
     "nan": np.array([1.0, np.nan, 1.0, 1.0], np.float32),
-    "eight ulp too large": np.array([1.0, 1.0, 1.0, 24.0 + 8 * np.spacing(np.float32(24.0))], np.float32),
+    "eight ulp too large": np.array(
+        [1.0, 1.0, 1.0, 24.0 + 8 * np.spacing(np.float32(24.0))], np.float32
+    ),
     "two rows": np.ones((2, 4), np.float32),
     "nothing": None,
 }
@@ -483,7 +507,9 @@ def test_conflicts_of_machine_and_task_are_refused() -> None:
     Batch(small, replace(beside, start_offset=0.005))
     even = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.5, length_b=0.5))
     with pytest.raises(ParameterError, match="path"):  # for some millimetres, at the base
-        Batch(even, PathFollowing(path=Line(x=-0.8965, y=5e-4, length=1.8), singularity_margin=0.004))
+        Batch(
+            even, PathFollowing(path=Line(x=-0.8965, y=5e-4, length=1.8), singularity_margin=0.004)
+        )
     with pytest.raises(ParameterError, match=r"hand\.stiffness"):
         Batch(replace(BASELINE, hand=Hand(stiffness=100.0)), PathFollowing())
     with pytest.raises(ParameterError, match="substep"):
@@ -509,7 +535,9 @@ BAD_ARGUMENTS: dict[str, tuple[str, Any]] = {
 
 @pytest.mark.parametrize(("field", "given"), BAD_ARGUMENTS.items(), ids=BAD_ARGUMENTS)
 @pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
-def test_a_wrong_argument_is_named_as_the_user_wrote_it(make: Any, field: str, given: tuple[str, Any]) -> None:
+def test_a_wrong_argument_is_named_as_the_user_wrote_it(
+    make: Any, field: str, given: tuple[str, Any]
+) -> None:
     with pytest.raises(ParameterError, match=field):
         make(f"PTER/{given[0]}-v0", **{field: given[1]})
 
@@ -519,7 +547,12 @@ def test_a_state_of_other_machines_is_refused() -> None:
     batch = Batch([BASELINE, replace(BASELINE, clutch_scale=(0.9,) * 4)], PathFollowing())
     batch.reset([0, 1])
     state = batch.get_state()
-    for row, value in ((ROW.context_at, 1e9), (ROW.foot.segment, 7.0), (ROW.step, -1.0), (ROW.step, np.nan)):
+    for row, value in (
+        (ROW.context_at, 1e9),
+        (ROW.foot.segment, 7.0),
+        (ROW.step, -1.0),
+        (ROW.step, np.nan),
+    ):
         broken = {**state, "worlds": state["worlds"].copy()}
         broken["worlds"][0, row, 0] = value
         with pytest.raises(ParameterError, match=r"state\['worlds'\]"):

@@ -18,7 +18,8 @@ from pter_gym.tasks.path_following._telemetry import COLUMN
 
 
 @pytest.mark.parametrize(
-    ("offset", "beyond"), [(0.0, 0.0), (0.02, 0.0), (-0.03, 0.0), (0.025, 0.005), (-0.05, -0.02), (0.019, 0.0)]
+    ("offset", "beyond"),
+    [(0.0, 0.0), (0.02, 0.0), (-0.03, 0.0), (0.025, 0.005), (-0.05, -0.02), (0.019, 0.0)],
 )
 def test_the_error_counts_from_the_edge_of_the_band(offset: float, beyond: float):
     assert beyond_band(offset, Band(right=0.03, left=0.02)) == pytest.approx(beyond, abs=1e-15)
@@ -33,7 +34,9 @@ def test_telemetry_observation_and_reward_count_from_the_band():
     count = min(len(rows), len(plain))
     tips, (x, y), heading = rows[:, [*COLUMN.tip]], line.point(0.0), line.heading(0.0)
     offset = (tips[:, 1] - y) * math.cos(heading) - (tips[:, 0] - x) * math.sin(heading)
-    np.testing.assert_allclose(rows[:, COLUMN.normal_error], offset - np.clip(offset, -0.02, 0.01), atol=1e-12)
+    np.testing.assert_allclose(
+        rows[:, COLUMN.normal_error], offset - np.clip(offset, -0.02, 0.01), atol=1e-12
+    )
     np.testing.assert_array_equal(tips[:count], plain[:count, [*COLUMN.tip]])
     inside = (np.abs(offset[1:count]) > 1e-4) & (rows[1:count, COLUMN.normal_error] == 0.0)
     tracking = COLUMN.terms.tracking
@@ -46,7 +49,9 @@ def test_a_wide_band_about_a_tight_circle_is_refused():
     )
     env.close()
     with pytest.raises(ParameterError, match="error_max"):
-        gymnasium.make("PTER/PathFollowing-v0", task=PathFollowing(path=Circle(), error_max=0.1, free_left=0.2))
+        gymnasium.make(
+            "PTER/PathFollowing-v0", task=PathFollowing(path=Circle(), error_max=0.1, free_left=0.2)
+        )
 
 
 def test_velocities_from_encoders_are_differences_of_their_readings():
@@ -56,11 +61,20 @@ def test_velocities_from_encoders_are_differences_of_their_readings():
     layout = env.unwrapped.observation_layout
     obs = env.reset(seed=1)[0]
     before, coarse = np.zeros(2), []
-    for k in range(15):  # an arm that nothing holds back is soon beyond the bounds of an observation
-        at = np.array([math.atan2(layout.physical(obs, f"sin_{x}"), layout.physical(obs, f"cos_{x}")) for x in "ab"])
+    for k in range(
+        15
+    ):  # an arm that nothing holds back is soon beyond the bounds of an observation
+        at = np.array(
+            [
+                math.atan2(layout.physical(obs, f"sin_{x}"), layout.physical(obs, f"cos_{x}"))
+                for x in "ab"
+            ]
+        )
         speed = np.array([layout.physical(obs, f"omega_{x}") for x in "ab"])
         if k:
-            np.testing.assert_allclose(speed, (at - before) / 0.01, atol=2e-3)  # float32 observations
+            np.testing.assert_allclose(
+                speed, (at - before) / 0.01, atol=2e-3
+            )  # float32 observations
         coarse.append(speed / (step / 0.01))
         before = at
         obs = env.step(np.zeros(4, np.float32))[0]

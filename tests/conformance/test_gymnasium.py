@@ -26,7 +26,11 @@ from pter_gym.tasks.path_following import PathFollowing, RewardWeights, Starts
 
 ID = "PTER/PathFollowing-v0"
 IDS = (ID, *(scenario.id for scenario in SCENARIOS.values()))
-NEXT_STEP, SAME_STEP, DISABLED = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED
+NEXT_STEP, SAME_STEP, DISABLED = (
+    AutoresetMode.NEXT_STEP,
+    AutoresetMode.SAME_STEP,
+    AutoresetMode.DISABLED,
+)
 WORLDS, LIMIT, STEPS = 4, 25, 70
 TASK = PathFollowing(
     path=Line(x=-0.1, y=0.54, length=0.2),
@@ -44,7 +48,9 @@ each_mode = pytest.mark.parametrize("mode", AutoresetMode, ids=lambda mode: mode
 @pytest.mark.parametrize("name", IDS)
 def test_gymnasiums_checker_is_silent(name: str) -> None:
     options: dict[str, Any] = {} if name == ID else {"contexts": 8}
-    env = gymnasium.make(name, action_unit="normalised", observe_context=True, sensors="force", **options)
+    env = gymnasium.make(
+        name, action_unit="normalised", observe_context=True, sensors="force", **options
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(env.unwrapped, skip_render_check=True)
@@ -71,16 +77,28 @@ def test_ids_and_public_packages_need_no_import() -> None:
 @pytest.mark.parametrize(
     ("name", "keywords"),
     [
-        (ID, {"task": PathFollowing(pace=0.3, path=Sine(), starts=Starts(moving=0.5)), "machine": DELRIN_EXPERIMENTAL}),
+        (
+            ID,
+            {
+                "task": PathFollowing(pace=0.3, path=Sine(), starts=Starts(moving=0.5)),
+                "machine": DELRIN_EXPERIMENTAL,
+            },
+        ),
         (ID, {"machine": "delrin_experimental", "action_unit": "normalised", "frame_skip": 2}),
-        ("PTER/Standard-v0", {"contexts": 4, "reward": RewardWeights(effort=1.0), "starts": Starts(moving=1.0)}),
+        (
+            "PTER/Standard-v0",
+            {"contexts": 4, "reward": RewardWeights(effort=1.0), "starts": Starts(moving=1.0)},
+        ),
     ],
 )
 def test_a_spec_in_json_makes_the_same_environment(name: str, keywords: dict[str, Any]) -> None:
     env: Any = gymnasium.make(name, **keywords)
     again: Any = gymnasium.make(EnvSpec.from_json(env.spec.to_json()))
     assert again.unwrapped.batch.pairs == env.unwrapped.batch.pairs
-    assert (again.action_space, again.observation_space) == (env.action_space, env.observation_space)
+    assert (again.action_space, again.observation_space) == (
+        env.action_space,
+        env.observation_space,
+    )
     assert again.unwrapped.frame_skip == env.unwrapped.frame_skip
     assert again.spec == env.spec
 
@@ -115,9 +133,14 @@ def test_ids_of_scenarios_are_arguments_of_both_environments() -> None:
     action = np.full((1, 4), -0.5, np.float32)
     assert len({np.ravel(env.reset(seed=2)[0]).tobytes() for env in worlds}) == 1
     steps = [env.step(action.reshape(env.action_space.shape)) for env in worlds]
-    assert len({(np.ravel(obs).tobytes(), float(np.ravel(reward)[0])) for obs, reward, *_ in steps}) == 1
+    assert (
+        len({(np.ravel(obs).tobytes(), float(np.ravel(reward)[0])) for obs, reward, *_ in steps})
+        == 1
+    )
     assert made.unwrapped.batch.get_state()["worlds"][0, ROW.step, 0] == 3
-    one, two = (gymnasium.make("PTER/Tremor-v0", contexts=16).unwrapped.batch.pairs for _ in range(2))  # type: ignore[attr-defined]
+    one, two = (
+        gymnasium.make("PTER/Tremor-v0", contexts=16).unwrapped.batch.pairs for _ in range(2)
+    )  # type: ignore[attr-defined]
     assert all(a[1] is b[1] for a, b in zip(one, two, strict=True)), "contexts are drawn once"
 
 
@@ -150,7 +173,9 @@ def test_reward_is_the_sum_of_its_terms() -> None:
     env.reset(seed=0)
     _, reward, _, _, info = env.step(np.full(4, 6.0, np.float32))
     row = env.unwrapped.telemetry_layout.as_dict(info["telemetry"])
-    terms = [row[f"reward_{name}"] for name in ("tracking", "pace", "acceleration", "effort", "failure")]
+    terms = [
+        row[f"reward_{name}"] for name in ("tracking", "pace", "acceleration", "effort", "failure")
+    ]
     assert reward == pytest.approx(sum(terms), rel=1e-15)
     assert terms[0] > 0.0
     assert all(term <= 0.0 for term in terms[1:])
@@ -249,11 +274,18 @@ def test_returns_are_those_of_gymnasiums_own_vector_environment(mode: AutoresetM
     options: dict[str, Any] = {"task": TASK, "max_episode_steps": LIMIT}
     ours = make(mode)
     theirs: Any = gymnasium.make_vec(ID, WORLDS, "sync", {"autoreset_mode": mode}, **options)
-    for name in ("observation_space", "action_space", "single_observation_space", "single_action_space"):
+    for name in (
+        "observation_space",
+        "action_space",
+        "single_observation_space",
+        "single_action_space",
+    ):
         assert getattr(ours, name) == getattr(theirs, name)
     assert ours.metadata["autoreset_mode"] == theirs.metadata["autoreset_mode"]
     for one, two in zip(play(ours, actions(), 5), play(theirs, actions(), 5), strict=True):
-        assert [(part.dtype, part.tobytes()) for part in one[:-1]] == [(p.dtype, p.tobytes()) for p in two[:-1]]
+        assert [(part.dtype, part.tobytes()) for part in one[:-1]] == [
+            (p.dtype, p.tobytes()) for p in two[:-1]
+        ]
         assert told(one[-1]) == told(two[-1])
 
 
@@ -269,14 +301,20 @@ def test_an_end_at_the_limit_is_both_terminated_and_truncated_as_with_time_limit
     zero = np.zeros(4, np.float32)
     step, terminated, truncated = first_end(gymnasium.make(ID), zero)
     assert (terminated, truncated) == (True, False)
-    for limit, flags in ((step - 1, [False, True]), (step, [True, True]), (step + 1, [True, False])):
+    for limit, flags in (
+        (step - 1, [False, True]),
+        (step, [True, True]),
+        (step + 1, [True, False]),
+    ):
         alone = first_end(gymnasium.make(ID, max_episode_steps=limit), zero)
         batch = first_end(gymnasium.make_vec(ID, num_envs=1, max_episode_steps=limit), zero[None])
         assert batch == alone == [min(step, limit), *flags]
 
 
 @each_mode
-def test_returns_share_no_memory_and_neither_they_nor_actions_are_read_again(mode: AutoresetMode) -> None:
+def test_returns_share_no_memory_and_neither_they_nor_actions_are_read_again(
+    mode: AutoresetMode,
+) -> None:
     clean = [(returned, bits(returned)) for returned in play(make(mode), actions())]
     for (one, _), (two, _) in pairwise(clean):
         assert not any(np.shares_memory(a, b) for a in leaves(one) for b in leaves(two))
@@ -291,13 +329,18 @@ def test_returns_share_no_memory_and_neither_they_nor_actions_are_read_again(mod
 
     for returned, (_, expected) in zip(play(make(mode), spoiled()), clean, strict=True):
         assert bits(returned) == expected
-        for leaf in leaves(returned[:2] if len(returned) == 2 else (returned[0], returned[1], returned[4])):
+        for leaf in leaves(
+            returned[:2] if len(returned) == 2 else (returned[0], returned[1], returned[4])
+        ):
             leaf.fill(1)
 
 
 def test_returns_of_one_world_keep_their_values() -> None:
     env: Any = PathFollowingEnv(task=TASK)
-    kept = [(returned, bits(returned)) for returned in (env.reset(seed=0), *map(env.step, actions()[:9, 0]))]
+    kept = [
+        (returned, bits(returned))
+        for returned in (env.reset(seed=0), *map(env.step, actions()[:9, 0]))
+    ]
     assert all(bits(returned) == before for returned, before in kept)
 
 
@@ -326,6 +369,8 @@ def test_a_partial_reset_restarts_the_chosen_worlds_alone(mode: AutoresetMode) -
     np.testing.assert_array_equal(infos["_telemetry"], FIRST)
     for row in rows[1:]:
         one, two = env.step(row), plain.step(row)
-        assert [world(one, k) for k in range(1, WORLDS)] == [world(two, k) for k in range(1, WORLDS)]
+        assert [world(one, k) for k in range(1, WORLDS)] == [
+            world(two, k) for k in range(1, WORLDS)
+        ]
         if (one[2] | one[3] | two[2] | two[3]).any() and mode == DISABLED:
             break

@@ -23,14 +23,19 @@ KINDS: dict[str, dict[str, Any]] = {
     "standard": {"env_id": "PTER/Standard-v0", "action_unit": "normalised"},
     "held": {"env_id": "PTER/Standard-v0", "frame_skip": 3, "observe_context": True},
     "all that is stored": {"env_id": "PTER/Everything-v0", "pace": "brisk", "sensors": "force"},
-    "one task": {"task": PathFollowing(path=Sine(), truncation_error=0.05), "max_episode_steps": 60},
+    "one task": {
+        "task": PathFollowing(path=Sine(), truncation_error=0.05),
+        "max_episode_steps": 60,
+    },
     "other clutches": {"machine": "couplings-2-1"},
     "a corridor": {"env_id": "PTER/Corridor-v0", "action_unit": "normalised"},
 }
 
 
 def vector(env_id: str = "PTER/PathFollowing-v0", num_envs: int = WORLDS, **keywords: Any) -> Any:
-    return gymnasium.make_vec(env_id, num_envs, autoreset_mode="SAME_STEP", telemetry=False, **keywords)
+    return gymnasium.make_vec(
+        env_id, num_envs, autoreset_mode="SAME_STEP", telemetry=False, **keywords
+    )
 
 
 def many(env: Any) -> Any:
@@ -40,7 +45,10 @@ def many(env: Any) -> Any:
 @pytest.mark.parametrize(
     ("kind", "wide"),
     [
-        *(pytest.param(kind, False, marks=pytest.mark.long if kind == "other clutches" else ()) for kind in KINDS),
+        *(
+            pytest.param(kind, False, marks=pytest.mark.long if kind == "other clutches" else ())
+            for kind in KINDS
+        ),
         ("standard", True),
     ],
 )
@@ -71,7 +79,9 @@ def test_worlds_have_the_bits_of_the_vector_environment(kind: str, wide: bool) -
             np.testing.assert_array_equal(told["terminated"] | told["truncated"], done)
             np.testing.assert_array_equal(told["final_observation"][~done], obs[~done])
             for world in np.flatnonzero(done):
-                np.testing.assert_array_equal(told["final_observation"][world], infos["final_obs"][world])
+                np.testing.assert_array_equal(
+                    told["final_observation"][world], infos["final_obs"][world]
+                )
                 assert told["is_success"][world] == infos["final_info"]["is_success"][world]
             ended += int(done.sum())
         assert ended > WORLDS
@@ -81,7 +91,9 @@ def test_one_world_is_a_row_of_many_and_vmap_may_be_nested() -> None:
     env, params = make("PTER/Hands-v0")
     keys = jax.random.split(jax.random.key(3), 6)
     actions = jnp.linspace(0.0, 8.0, 24).reshape(6, 4)
-    ones = [env.step(None, env.reset(key)[1], action) for key, action in zip(keys, actions, strict=True)]
+    ones = [
+        env.step(None, env.reset(key)[1], action) for key, action in zip(keys, actions, strict=True)
+    ]
     flat = many(env)(None, jax.vmap(env.reset)(keys)[1], actions, params)
     grid = jax.vmap(many(env), in_axes=(None, 0, 0, None))
     states = jax.vmap(jax.vmap(env.reset))(keys.reshape(2, 3))[1]
@@ -98,7 +110,9 @@ def test_many_actions_may_be_tried_from_one_state() -> None:
     actions = jnp.linspace(0.0, 24.0, 12).reshape(3, 4)
     tried = jax.vmap(env.step, in_axes=(None, None, 0))(None, state, actions)
     for k, action in enumerate(actions):
-        for one, row in zip(*map(jax.tree.leaves, (env.step(None, state, action), tried)), strict=True):
+        for one, row in zip(
+            *map(jax.tree.leaves, (env.step(None, state, action), tried)), strict=True
+        ):
             np.testing.assert_array_equal(one, row[k])
 
 
@@ -116,7 +130,9 @@ def test_states_are_updated_in_place_when_they_are_donated() -> None:
     env, params = make("PTER/Standard-v0")
     _, state = jax.vmap(env.reset)(jax.random.split(jax.random.key(0), 256))
     where = state.world.unsafe_buffer_pointer()
-    step = jax.jit(lambda state, action: many(env)(None, state, action, params)[1], donate_argnums=0)
+    step = jax.jit(
+        lambda state, action: many(env)(None, state, action, params)[1], donate_argnums=0
+    )
     after = step(state, jnp.zeros((256, 4)))
     assert state.world.is_deleted()
     assert after.world.unsafe_buffer_pointer() == where
@@ -140,10 +156,14 @@ def test_constants_shared_by_worlds_are_an_argument() -> None:
     other, changed = make("PTER/Standard-v0", context_seed=1)
     key, action = jax.random.key(5), jnp.zeros(4)
     _, state = env.reset(key, changed)
-    np.testing.assert_array_equal(env.step(key, state, action, changed)[0], other.step(key, state, action)[0])
+    np.testing.assert_array_equal(
+        env.step(key, state, action, changed)[0], other.step(key, state, action)[0]
+    )
     stacked: Any = jax.tree.map(lambda *each: jnp.stack(each), params, changed)
     assert isinstance(stacked, EnvParams)
-    assert np.isnan(jax.vmap(env.step, in_axes=(None, None, None, 0))(key, state, action, stacked)[0]).all()
+    assert np.isnan(
+        jax.vmap(env.step, in_axes=(None, None, None, 0))(key, state, action, stacked)[0]
+    ).all()
 
 
 def test_steps_and_resets_in_branches_have_the_bits_of_those_that_are_chosen_afterwards() -> None:
@@ -167,12 +187,15 @@ def test_steps_and_resets_in_branches_have_the_bits_of_those_that_are_chosen_aft
 
     def chosen(state: Any, choice: Any) -> Any:
         return jax.tree.map(
-            lambda *each: jnp.select([choice == k for k in range(3)], each), *(f() for f in outcomes(state))
+            lambda *each: jnp.select([choice == k for k in range(3)], each),
+            *(f() for f in outcomes(state)),
         )
 
     expected = jax.tree.leaves(jax.vmap(chosen)(states, choices))
     for branching in (condition, switch):
-        for one, two in zip(jax.tree.leaves(jax.vmap(branching)(states, choices)), expected, strict=True):
+        for one, two in zip(
+            jax.tree.leaves(jax.vmap(branching)(states, choices)), expected, strict=True
+        ):
             np.testing.assert_array_equal(one, two)
 
 

@@ -51,7 +51,9 @@ def states(batch: Batch, memory: np.ndarray) -> bytes:
 
 @pytest.mark.parametrize(("count", "threads"), [(70, 1), (2000, 3)])
 @pytest.mark.parametrize("value", [math.nan, -math.inf])
-def test_a_number_that_is_not_finite_is_refused_and_nothing_has_moved(count: int, threads: int, value: float) -> None:
+def test_a_number_that_is_not_finite_is_refused_and_nothing_has_moved(
+    count: int, threads: int, value: float
+) -> None:
     batch = Batch(BASELINE, TASK, count, num_threads=threads)
     obs, _ = batch.reset(range(count))
     memory = empty_memory(count, Kept)
@@ -71,7 +73,11 @@ def test_a_voltage_beyond_the_range_is_clipped() -> None:
     for value in (1e300, -5.0, BASELINE.clutch.voltage_max, 0.0):
         batch = Batch(BASELINE, TASK, 2)
         obs, _ = batch.reset([0, 1])
-        rows.append(batch.rollout(obs, fails_later, np.array([3.0, 0.0, value]), 8, empty_memory(2, Kept))[1])
+        rows.append(
+            batch.rollout(obs, fails_later, np.array([3.0, 0.0, value]), 8, empty_memory(2, Kept))[
+                1
+            ]
+        )
     np.testing.assert_array_equal(rows[0], rows[2])
     np.testing.assert_array_equal(rows[1], rows[3])
     assert not np.array_equal(rows[0], rows[1])
@@ -129,7 +135,9 @@ def three_arguments(obs: Any, scales: Any, gains: Any) -> PerClutch:
 NO_INDEX = ("name", "result", "text", "array")
 
 
-@pytest.mark.parametrize("kind", ["obs", "gains", "branch", "division", "counter", "helper", "memory", *NO_INDEX])
+@pytest.mark.parametrize(
+    "kind", ["obs", "gains", "branch", "division", "counter", "helper", "memory", *NO_INDEX]
+)
 def test_a_mistake_in_a_law_gives_a_one_line_error_before_compilation(kind: str) -> None:
     batch = Batch(BASELINE, TASK, 3)
     obs, _ = batch.reset([0, 1, 2])

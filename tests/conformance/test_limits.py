@@ -41,14 +41,20 @@ REFUSED: dict[str, tuple[str, Callable[[], Any]]] = {
     "a huge recording": (
         "hand",
         lambda: Batch(
-            BASELINE, PathFollowing(hand=RecordedForces(times=(0.0, 1.0), along=(0.0, 1e8), across=(0.0, 0.0)))
+            BASELINE,
+            PathFollowing(
+                hand=RecordedForces(times=(0.0, 1.0), along=(0.0, 1e8), across=(0.0, 0.0))
+            ),
         ),
     ),
     "a stiff person and late control": (
         "hand",
         lambda: Batch(
             BASELINE,
-            PathFollowing(control_period=0.5, hand=HumanArm(impedance=Hand(mass=1.0, damping=9.0, stiffness=900.0))),
+            PathFollowing(
+                control_period=0.5,
+                hand=HumanArm(impedance=Hand(mass=1.0, damping=9.0, stiffness=900.0)),
+            ),
         ),
     ),
     "a huge damping": (r"Hand\.damping", lambda: Hand(damping=1e308)),
@@ -62,9 +68,14 @@ REFUSED: dict[str, tuple[str, Callable[[], Any]]] = {
     ),
     "a fast start": (
         "starts",
-        lambda: Batch(BASELINE, PathFollowing(pace=5.0, singularity_margin=1e-3, starts=Starts(moving=1.0))),
+        lambda: Batch(
+            BASELINE, PathFollowing(pace=5.0, singularity_margin=1e-3, starts=Starts(moving=1.0))
+        ),
     ),
-    "a tiny substep": ("control_period", lambda: Batch(replace(BASELINE, substep=1e-7), PathFollowing())),
+    "a tiny substep": (
+        "control_period",
+        lambda: Batch(replace(BASELINE, substep=1e-7), PathFollowing()),
+    ),
     "a huge whole number": ("length_a", lambda: Arm(length_a=10**400)),
     "a huge phase": ("phases", lambda: MultiSineHand(phases=(1e300,) * 5)),
 }
@@ -129,7 +140,9 @@ def test_shares_match_the_derivation(arm: Linkage, h: float, count: int) -> None
     speed = 1.04 * most / math.sqrt(smallest)
     assert largest_travel(arm, h, period) == pytest.approx(period * speed * math.hypot(0.5, 0.4))
     for share in (0.0, 0.5, 1.0):
-        start = math.sqrt(2.0 * largest_energy(arm, h, period, share * largest_force(arm, h, period)))
+        start = math.sqrt(
+            2.0 * largest_energy(arm, h, period, share * largest_force(arm, h, period))
+        )
         assert start == pytest.approx(0.7 * most - 1.04 * share * pull * lengthened)
 
 
@@ -154,7 +167,9 @@ def test_an_arm_that_is_too_fast_ends_its_episode_as_a_failure_with_the_reason()
     batch.reset([0])
     state = batch.get_state()
     limit = largest_energy(model_of(BASELINE).arm, BASELINE.substep, 0.01, most)
-    state["worlds"][0, ROW.motion.omega_a, 0] = -math.sqrt(2.0 * 0.9999 * limit / BASELINE.arm.inertia_a)
+    state["worlds"][0, ROW.motion.omega_a, 0] = -math.sqrt(
+        2.0 * 0.9999 * limit / BASELINE.arm.inertia_a
+    )
     batch.set_state(state)
     obs, row, reward, terminated, _, success = batch.step_alone(np.zeros(4))
     assert np.isfinite([*obs, *row, reward]).all()
@@ -193,7 +208,9 @@ def test_reason_of_refuses_a_short_row() -> None:
 # --- states and copies ---
 
 
-@pytest.mark.parametrize("row", [ROW.motion.theta_a, ROW.torques.dynamic.x1, ROW.foot.normal_error, ROW.pace_ratio])
+@pytest.mark.parametrize(
+    "row", [ROW.motion.theta_a, ROW.torques.dynamic.x1, ROW.foot.normal_error, ROW.pace_ratio]
+)
 def test_a_state_that_is_not_finite_is_refused_and_nothing_changes(row: int) -> None:
     batch = Batch(BASELINE, PathFollowing(), 70)
     batch.reset(list(range(70)))
@@ -221,8 +238,12 @@ LARGE = 1100
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda batch: pickle.loads(pickle.dumps(batch))])
-def test_a_copy_of_a_threaded_batch_goes_on_with_the_same_bits(copied: Callable[[Batch], Batch]) -> None:
-    batch = Batch(BASELINE, PathFollowing(hand=MultiSineHand(random_phases=True)), LARGE, num_threads=3)
+def test_a_copy_of_a_threaded_batch_goes_on_with_the_same_bits(
+    copied: Callable[[Batch], Batch],
+) -> None:
+    batch = Batch(
+        BASELINE, PathFollowing(hand=MultiSineHand(random_phases=True)), LARGE, num_threads=3
+    )
     batch.reset(list(range(LARGE)))
     volts = np.random.default_rng(0).uniform(0.0, 8.0, (6, LARGE, 4))
     batch.step(volts[0])

@@ -19,5 +19,7 @@ def test_philox_is_numpys(key: tuple[int, int]) -> None:
 
 
 def test_uniform_numbers_are_numpys_doubles() -> None:
-    expected = np.random.Generator(np.random.Philox(key=3 + (4 << 64), counter=(5 + (6 << 64)) - 1)).random(4)
+    expected = np.random.Generator(
+        np.random.Philox(key=3 + (4 << 64), counter=(5 + (6 << 64)) - 1)
+    ).random(4)
     assert uniform4(np.uint64(3), np.uint64(4), np.uint64(5), np.uint64(6)) == tuple(expected)

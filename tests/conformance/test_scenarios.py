@@ -21,7 +21,15 @@ from pter_gym.params._preset import PRESET, format_preset
 from pter_gym.paths import Arc, Circle, Line, Sine, find_path
 from pter_gym.scenarios import PACES, SCENARIOS, find_pace, find_scenario
 from pter_gym.scenarios._fixed_machine import FixedMachine, find_fixed_machine, with_delay
-from pter_gym.scenarios.randomisation import LogUniform, OneOf, Randomisation, Shared, Uniform, Vary, drawn
+from pter_gym.scenarios.randomisation import (
+    LogUniform,
+    OneOf,
+    Randomisation,
+    Shared,
+    Uniform,
+    Vary,
+    drawn,
+)
 from pter_gym.tasks.path_following import (
     AT_REST,
     COLUMN,
@@ -74,11 +82,15 @@ def test_the_telemetry_and_the_observation_tell_the_context() -> None:
     batch = Batch(machines, tasks, observe_context=True)
     obs, rows = batch.reset([0] * 10)
     told = rows[:, -len(OBSERVED_CONTEXT) :]
-    np.testing.assert_array_equal(told[:, 0], [machine.clutch.time_constant for machine in machines])
+    np.testing.assert_array_equal(
+        told[:, 0], [machine.clutch.time_constant for machine in machines]
+    )
     top = BASELINE.clutch.voltage_max
     for machine, row in zip(machines, told, strict=True):
         expected = (
-            np.mean(machine.clutch_scale) * machine.clutch.dynamic.torque(top) / BASELINE.clutch.dynamic.torque(top)
+            np.mean(machine.clutch_scale)
+            * machine.clutch.dynamic.torque(top)
+            / BASELINE.clutch.dynamic.torque(top)
         )
         assert row[2] == pytest.approx(expected, rel=1e-12)
     scaled = np.clip(told / OBSERVED_CONTEXT.scales, -BOUND, BOUND)
@@ -118,7 +130,10 @@ def test_distributions_stay_within_their_ends() -> None:
         (lambda: Vary(BASELINE.clutch, time_constant=Uniform(0.0, 1.0)), r"Clutch\.time_constant"),
         (lambda: Vary(BASELINE, clutch_scale=(Uniform(-1.0, 1.0),) * 4), r"Machine\.clutch_scale"),
         (
-            lambda: Vary(HumanArm(), impedance=Vary(Hand(mass=1.0, stiffness=1.0), stiffness=Uniform(0.0, 9.0))),
+            lambda: Vary(
+                HumanArm(),
+                impedance=Vary(Hand(mass=1.0, stiffness=1.0), stiffness=Uniform(0.0, 9.0)),
+            ),
             r"impedance\.stiffness",
         ),
         (lambda: Vary(PathFollowing(), pace=Uniform(0.1, 9.0)), r"PathFollowing\.pace"),
@@ -154,8 +169,13 @@ def test_environments_take_names_and_objects(make: Any, tmp_path: Path) -> None:
     for path in ("circle", Circle(), str(tmp_path / "track.csv")):
         _, task = make("PTER/PathFollowing-v0", path=path, pace="medium").unwrapped.batch.pairs[0]
         assert (task.path, task.pace) == (find_path(path), PACES["medium"])
-    for name, keywords in (("PathFollowing", {"randomisation": "standard"}), ("Standard", {"contexts": 3})):
-        env = make(f"PTER/{name}-v0", path="sine", pace=0.3, machine="two-brakes", **keywords).unwrapped
+    for name, keywords in (
+        ("PathFollowing", {"randomisation": "standard"}),
+        ("Standard", {"contexts": 3}),
+    ):
+        env = make(
+            f"PTER/{name}-v0", path="sine", pace=0.3, machine="two-brakes", **keywords
+        ).unwrapped
         for machine, task in env.batch.pairs:
             assert (machine, task.path, task.pace) == (MACHINES["two-brakes"], Sine(), 0.3)
 
@@ -216,7 +236,9 @@ def test_a_machine_is_given_by_itself_its_name_or_its_preset(preset: str) -> Non
     )
     few = PathFollowing(sensing=Sensing(velocity_noise=0.1, delay=1))
     assert with_delay(few, FixedMachine(BASELINE)) is few
-    assert with_delay(few, FixedMachine(BASELINE, 0.02)).sensing == Sensing(velocity_noise=0.1, delay=2)
+    assert with_delay(few, FixedMachine(BASELINE, 0.02)).sensing == Sensing(
+        velocity_noise=0.1, delay=2
+    )
     for wrong, field in (
         (lambda: find_scenario("standard", "delrin_experimentel"), "machine"),
         (lambda: FixedMachine(BASELINE, -0.01), "delay"),
@@ -233,17 +255,24 @@ def test_environments_and_laws_take_a_user_machine(preset: str) -> None:
     assert {machine for machine, _ in env.batch.pairs} == {machine_of(OWN)} == {env.nominal_machine}
     assert {task.sensing.delay for _, task in env.batch.pairs} == {1}
     own = machine_of(OWN)
-    assert (find_scenario("standard", preset).nominal, find_scenario("standard").nominal) == (own, BASELINE)
+    assert (find_scenario("standard", preset).nominal, find_scenario("standard").nominal) == (
+        own,
+        BASELINE,
+    )
     exam, law = Examination("standard", "slow", 4, 5, preset), TorqueFeedback(feedback=0.5)
     layout = exam.batch.layout
     assert exam.judge(law) == exam.judge(bind(law, own, layout))
-    assert exam.judge(law) != exam.judge(bind(law, replace(own, clutch=DELRIN_EXPERIMENTAL.clutch), layout))
+    assert exam.judge(law) != exam.judge(
+        bind(law, replace(own, clutch=DELRIN_EXPERIMENTAL.clutch), layout)
+    )
 
 
 # --- how episodes begin, and end near the path ---
 
 
-def first_rows(scenario: str, starts: Starts, seed: int = 0) -> tuple[np.ndarray, list[PathFollowing]]:
+def first_rows(
+    scenario: str, starts: Starts, seed: int = 0
+) -> tuple[np.ndarray, list[PathFollowing]]:
     """Return the telemetry of resets, and the tasks that were begun."""
     pairs = SCENARIOS[scenario].randomisation(contexts=64, starts=starts).pairs()
     machines, tasks = map(list, zip(*pairs, strict=True))
@@ -258,7 +287,9 @@ def test_moving_starts_are_all_along_the_path_and_within_the_workspace(scenario:
     share = rows[:, COLUMN.arc_length] / [task.path.length for task in tasks]
     assert share.min() < 0.02
     assert 0.9 < share.max() < 0.93
-    np.testing.assert_allclose(rows[:, COLUMN.reached], rows[:, COLUMN.arc_length], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        rows[:, COLUMN.reached], rows[:, COLUMN.arc_length], rtol=1e-12, atol=1e-12
+    )
     errors = np.abs(rows[:, COLUMN.normal_error])
     furthest = MOVING.offset - min(tasks[0].free_left, tasks[0].free_right)
     assert (errors <= furthest + 1e-12).all()
@@ -288,7 +319,9 @@ def test_settled_clutches_hold_what_they_would_after_a_long_time() -> None:
     volts = batch.reset(range(16))[1][:, [*COLUMN.volts]]
     assert volts.any(axis=1).all()
     gripped = batch.truth()
-    still = Batch(replace(BASELINE, clutch=replace(BASELINE.clutch, time_constant=1e-6)), PathFollowing(), 16)
+    still = Batch(
+        replace(BASELINE, clutch=replace(BASELINE.clutch, time_constant=1e-6)), PathFollowing(), 16
+    )
     still.reset(range(16))
     still.step(volts)
     first, last = ROW.torques.breakaway.x1, ROW.torques.dynamic.x4 + 1
@@ -331,8 +364,12 @@ def test_training_and_evaluation_have_the_same_workspaces(scenario: str) -> None
 def test_an_episode_that_strays_is_truncated_and_is_no_failure() -> None:
     free = np.zeros(4)
     for reward in (RewardWeights(), RewardWeights(failure=0.0)):
-        near: Any = gymnasium.make("PTER/PathFollowing-v0", task=replace(NEAR, reward=reward)).unwrapped
-        wide: Any = gymnasium.make("PTER/PathFollowing-v0", task=PathFollowing(reward=reward)).unwrapped
+        near: Any = gymnasium.make(
+            "PTER/PathFollowing-v0", task=replace(NEAR, reward=reward)
+        ).unwrapped
+        wide: Any = gymnasium.make(
+            "PTER/PathFollowing-v0", task=PathFollowing(reward=reward)
+        ).unwrapped
         near.reset(seed=0), wide.reset(seed=0)
         truncated = terminated = False
         while not (truncated or terminated):
@@ -347,8 +384,12 @@ def test_an_episode_that_strays_is_truncated_and_is_no_failure() -> None:
 
 
 @pytest.mark.parametrize(("error_max", "terminated"), [(0.099, True), (0.1, False), (0.101, False)])
-def test_the_nearer_limit_ends_an_episode_and_truncation_wins_ties(error_max: float, terminated: bool) -> None:
-    env: Any = gymnasium.make("PTER/PathFollowing-v0", task=replace(NEAR, error_max=error_max)).unwrapped
+def test_the_nearer_limit_ends_an_episode_and_truncation_wins_ties(
+    error_max: float, terminated: bool
+) -> None:
+    env: Any = gymnasium.make(
+        "PTER/PathFollowing-v0", task=replace(NEAR, error_max=error_max)
+    ).unwrapped
     env.reset(seed=0)
     ends = (False, False)
     while not any(ends):
@@ -369,7 +410,9 @@ def test_a_training_episode_that_strays_is_never_terminated_on_the_way() -> None
 
 
 def test_a_scenario_takes_what_its_episodes_share_and_nothing_that_it_draws() -> None:
-    env: Any = gymnasium.make("PTER/Standard-v0", error_max=0.08, starts=MOVING, pace="slow").unwrapped
+    env: Any = gymnasium.make(
+        "PTER/Standard-v0", error_max=0.08, starts=MOVING, pace="slow"
+    ).unwrapped
     env.reset(seed=0)
     assert (env.task.error_max, env.task.starts, env.task.pace) == (0.08, MOVING, 0.12)
     with pytest.raises(ParameterError, match="path"):

@@ -1,12 +1,13 @@
-"""Worlds do what they did when ``traces.npz`` was written: each number, whichever function has made it.
+"""Worlds do what they did when ``traces.npz`` was written: each number, whichever function has made
+it.
 
     python tests/conformance/test_traces.py      writes it again, after a change that is meant
 
-Entries have names in it, so what is added to observation, telemetry or world changes nothing of what is compared.
-The worlds are chosen such that every way to begin, to sense and to end is among them within 0.3 s: so few steps that
-they run as plain Python too, where each function can be looked at. Other libraries round sines and exponentials
-otherwise in the last place, of which 24 control steps do not make much.
-"""
+Entries have names in it, so what is added to observation, telemetry or world changes nothing of
+what is compared. The worlds are chosen such that every way to begin, to sense and to end is among
+them within 0.3 s: so few steps that they run as plain Python too, where each function can be looked
+at. Other libraries round sines and exponentials otherwise in the last place, of which 24 control
+steps do not make much."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -40,14 +41,18 @@ MACHINES = (
     replace(MACHINE, clutch=replace(DELRIN_THEORETICAL.clutch, time_constant=0.02, lag="voltage")),
     replace(MACHINE, clutch_scale=(0.5, 1.5, 1.0, 0.8), hand=Hand(mass=1.5, damping=10.0)),
 )
-WEIGHTS = RewardWeights(tracking=300.0, precision=700.0, pace=50.0, acceleration=2.0, effort=3.0, failure=40.0)
+WEIGHTS = RewardWeights(
+    tracking=300.0, precision=700.0, pace=50.0, acceleration=2.0, effort=3.0, failure=40.0
+)
 SHORT = Line(x=-0.1, y=0.55, direction=0.3, length=0.03)
 TASKS = (
     PathFollowing(reward=WEIGHTS),
     PathFollowing(path=Circle(), hand=HumanArm(random_phases=True, rise=0.1), error_max=0.08),
     PathFollowing(
         path=Sine(x=-0.5, y=0.65, extent=0.8, amplitude=0.04),
-        hand=RecordedForces(times=(0.0, 0.013, 0.3), along=(40.0, 60.0, 80.0), across=(0.0, 9.0, -9.0)),
+        hand=RecordedForces(
+            times=(0.0, 0.013, 0.3), along=(40.0, 60.0, 80.0), across=(0.0, 9.0, -9.0)
+        ),
         error_max=0.1,
         friction_drift=0.3,
         start_offset=0.02,
@@ -56,7 +61,9 @@ TASKS = (
     PathFollowing(
         path=Arc(x=-0.3, y=0.6, radius=0.3, angle=-1.0),
         error_max=0.1,
-        sensing=Sensing(angle_resolution=1e-3, velocity_noise=0.02, torque_noise=0.1, force_noise=0.5, delay=2),
+        sensing=Sensing(
+            angle_resolution=1e-3, velocity_noise=0.02, torque_noise=0.1, force_noise=0.5, delay=2
+        ),
         starts=STARTS["path"],
     ),
     PathFollowing(hand=MultiSineHand(random_phases=True), starts=Starts(moving=1.0), pace=0.8),
@@ -66,7 +73,9 @@ TASKS = (
     PathFollowing(error_max=0.004, truncation_error=0.004, starts=Starts(gripped=1.0)),
     PathFollowing(truncation_error=0.003, singularity_margin=0.3),
     PathFollowing(
-        hand=TremorArm(frequency=9.0, acceleration=5.0), path=Arc(x=-0.3, y=0.6, radius=0.4, angle=1.0), error_max=0.1
+        hand=TremorArm(frequency=9.0, acceleration=5.0),
+        path=Arc(x=-0.3, y=0.6, radius=0.4, angle=1.0),
+        error_max=0.1,
     ),
     PathFollowing(
         path=Line(x=-0.1, y=0.9, direction=0.0, length=0.2),
@@ -79,7 +88,9 @@ TASKS = (
 
 def voltages(rng: np.random.Generator, worlds: int) -> NDArray[np.float32]:
     """Voltages (worlds, 4) [V]: half of the worlds have them released now and then."""
-    return (rng.uniform(0.0, 12.0, (worlds, 4)) * (rng.random((worlds, 1)) < 0.6)).astype(np.float32)
+    return (rng.uniform(0.0, 12.0, (worlds, 4)) * (rng.random((worlds, 1)) < 0.6)).astype(
+        np.float32
+    )
 
 
 def entries(batch: Batch) -> Arrays:
@@ -110,7 +121,12 @@ def of_all_kinds() -> Arrays:
         ended = returns.flags[:2].any(axis=0)
         final = np.where(ended[:, None], returns.final_obs, np.float32(0.0))
         last = np.where(ended[:, None], returns.telemetry[1], 0.0)
-        seen = {"obs": returns.obs, "final obs": final, "telemetry": returns.telemetry[0], "last telemetry": last}
+        seen = {
+            "obs": returns.obs,
+            "final obs": final,
+            "telemetry": returns.telemetry[0],
+            "last telemetry": last,
+        }
         for name, part in {**seen, "rewards": returns.rewards, "flags": returns.flags}.items():
             found.setdefault(name, []).append(part)
     summed = {name: np.sum(found.pop(name), axis=0) for name in ("telemetry", "last telemetry")}
@@ -132,7 +148,10 @@ def of_draws(mode: int) -> Arrays:
         "flags": [s.flags for s in steps],
         "telemetry": [np.nan_to_num(s.telemetry[0], nan=-1.0) for s in steps],
     }
-    arrays = {name: np.array(each) if name != "telemetry" else np.sum(each, axis=0) for name, each in rows.items()}
+    arrays = {
+        name: np.array(each) if name != "telemetry" else np.sum(each, axis=0)
+        for name, each in rows.items()
+    }
     return {**arrays, **entries(batch)}
 
 
@@ -141,7 +160,10 @@ def without_telemetry() -> Arrays:
     batch = Batch(MACHINE, [TASKS[k] for k in (5, 7)], max_steps=8, telemetry=False)
     batch.reset([1, 2])
     steps = [batch.step(np.zeros((2, 4)), SAME_STEP) for _ in range(10)]
-    arrays = {"obs": np.array([step.obs for step in steps]), "flags": np.array([step.flags for step in steps])}
+    arrays = {
+        "obs": np.array([step.obs for step in steps]),
+        "flags": np.array([step.flags for step in steps]),
+    }
     return {**arrays, **entries(batch)}
 
 
@@ -175,14 +197,20 @@ def test_worlds_keep_their_traces(part: str):
 def compare(part: str) -> None:
     """Compare what worlds do with what is stored."""
     with np.load(FILE) as stored:
-        expected = {key.removeprefix(f"{part}: "): stored[key] for key in stored.files if key.startswith(f"{part}: ")}
+        expected = {
+            key.removeprefix(f"{part}: "): stored[key]
+            for key in stored.files
+            if key.startswith(f"{part}: ")
+        }
     found = PARTS[part]()
     assert found.keys() == expected.keys()
     for name in [name for name in found if not name.startswith("entries of")]:
         array, kind = found[name], f"entries of {name.split()[-1]}"
         if kind in found:
             present = found[kind].tolist()
-            places = [k for k, entry in enumerate(expected[kind].tolist()) if entry not in ADDRESSES]
+            places = [
+                k for k, entry in enumerate(expected[kind].tolist()) if entry not in ADDRESSES
+            ]
             array = array[..., [present.index(expected[kind][k]) for k in places]]
             expected[name] = expected[name][..., places]
         single = array.dtype == np.float32
@@ -199,7 +227,9 @@ def test_every_kind_of_ending_occurs():
 
 def main() -> None:
     """Write the file."""
-    found = {f"{part}: {name}": array for part, run in PARTS.items() for name, array in run().items()}
+    found = {
+        f"{part}: {name}": array for part, run in PARTS.items() for name, array in run().items()
+    }
     np.savez_compressed(FILE, **found)  # pyright: ignore[reportArgumentType]
 
 

@@ -24,10 +24,19 @@ def test_a_room_is_within_its_budget(room: str) -> None:
 @pytest.mark.parametrize("name", BUDGET["totals"])
 def test_a_total_is_within_its_budget(name: str) -> None:
     total = BUDGET["totals"][name]
-    assert sum(map(lines_of, total["of"])) - sum(map(lines_of, total.get("without", []))) <= total["lines"]
+    assert (
+        sum(map(lines_of, total["of"])) - sum(map(lines_of, total.get("without", [])))
+        <= total["lines"]
+    )
 
 
 def test_each_room_has_a_budget() -> None:
-    folders = [path for parent in ("pter_gym", "pter_gym/tools") for path in (ROOT / parent).iterdir()]
-    rooms = {path.relative_to(ROOT).as_posix() for path in folders if path.is_dir() and any(path.rglob("*.py"))}
+    folders = [
+        path for parent in ("pter_gym", "pter_gym/tools") for path in (ROOT / parent).iterdir()
+    ]
+    rooms = {
+        path.relative_to(ROOT).as_posix()
+        for path in folders
+        if path.is_dir() and any(path.rglob("*.py"))
+    }
     assert rooms - {"pter_gym/tools"} <= BUDGET["rooms"].keys()

@@ -10,7 +10,17 @@ from pathlib import Path
 import fill
 import pytest
 
-from documents import DOCS, NOTEBOOKS, README, ROOT, blocks_of, cells_of, readme, run_extending, run_program
+from documents import (
+    DOCS,
+    NOTEBOOKS,
+    README,
+    ROOT,
+    blocks_of,
+    cells_of,
+    readme,
+    run_extending,
+    run_program,
+)
 from pter_gym import params
 from pter_gym._commands.main import main
 from pter_gym.benchmark.tuned import read_table
@@ -18,15 +28,29 @@ from pter_gym.params._preset import PRESET, format_preset
 from pter_gym.tools.tuning.gains_file import format_table
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *DOCS.glob("**/*.md")])
-PARAMETER_CLASSES = [item for _, item in inspect.getmembers(params, dataclasses.is_dataclass) if inspect.isclass(item)]
+PARAMETER_CLASSES = [
+    item
+    for _, item in inspect.getmembers(params, dataclasses.is_dataclass)
+    if inspect.isclass(item)
+]
 PRINTING = [
     DOCS / name
-    for name in ("api.md", "environment.md", "hands.md", "model.md", "scenarios/index.md", "development/tables.md")
+    for name in (
+        "api.md",
+        "environment.md",
+        "hands.md",
+        "model.md",
+        "scenarios/index.md",
+        "development/tables.md",
+    )
 ]
 """Pages whose first block of code prints one line."""
 
 WATCHING = DOCS / "watching.md"
-WATCH = [shlex.split(line)[1:] for line in re.findall(r"^    (pter .*)$", WATCHING.read_text("utf-8"), re.MULTILINE)]
+WATCH = [
+    shlex.split(line)[1:]
+    for line in re.findall(r"^    (pter .*)$", WATCHING.read_text("utf-8"), re.MULTILINE)
+]
 
 
 def documented_imports() -> list[str]:
@@ -35,7 +59,9 @@ def documented_imports() -> list[str]:
     code += [cell for notebook in NOTEBOOKS for cell in cells_of(notebook)]
     nodes = [node for block in code for node in ast.walk(ast.parse(block))]
     found = {ast.unparse(node) for node in nodes if isinstance(node, ast.ImportFrom | ast.Import)}
-    return sorted(each for each in found if re.match(r"(from|import) (pter_gym|pter_agents)\b", each))
+    return sorted(
+        each for each in found if re.match(r"(from|import) (pter_gym|pter_agents)\b", each)
+    )
 
 
 @pytest.mark.parametrize("statement", documented_imports())
@@ -59,7 +85,9 @@ def test_readme_trains_with_the_example():
 def test_readme_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
     """As it is, but with fewer steps."""
     pytest.importorskip("stable_baselines3")
-    shorter = readme("example").replace("4_000_000, 400_000", "81_920, 8_192").replace("> 15", "> -1000")
+    shorter = (
+        readme("example").replace("4_000_000, 400_000", "81_920, 8_192").replace("> 15", "> -1000")
+    )
     run_program([shorter], str(README))
     assert "tuned law" in capsys.readouterr().out
 
@@ -68,7 +96,9 @@ def test_readme_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_results_in_the_readme_are_those_of_its_command(tmp_path: Path) -> None:
     _, *given = shlex.split(readme("command: results"))
     assert main([*given, "--out", str(tmp_path)]) == 0
-    (block,) = (block for block in fill.blocks() if block.page == README and block.source == "board")
+    (block,) = (
+        block for block in fill.blocks() if block.page == README and block.source == "board"
+    )
     assert block.make(tmp_path) == block.content
 
 
@@ -110,7 +140,10 @@ def test_the_page_on_trained_policies_runs(capsys: pytest.CaptureFixture[str]):
 
 @pytest.mark.parametrize("given", [each for each in WATCH if "--csv" in each], ids=" ".join)
 def test_the_tables_of_the_page_on_watching_are_read(
-    given: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    given: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ):
     monkeypatch.chdir(tmp_path)
     assert main(given) == 0

@@ -1,4 +1,7 @@
-"""Two rules: the core imports no tool and goes one way, and a tool imports the core alone. The front door is light."""
+"""Two rules: the core imports no tool and goes one way, and a tool imports the core alone.
+
+The front door is light.
+"""
 
 import ast
 import importlib
@@ -42,7 +45,16 @@ SHARED = "pter_gym.tools.figures"
 COMPOSES = {"pter_gym.tools.device": "pter_gym.tools.tuning"}
 """Which tool may use which other one."""
 
-HEAVY = ("matplotlib", "numba", "pygame", "safetensors", "scipy", "stable_baselines3", "torch", "tyro")
+HEAVY = (
+    "matplotlib",
+    "numba",
+    "pygame",
+    "safetensors",
+    "scipy",
+    "stable_baselines3",
+    "torch",
+    "tyro",
+)
 
 
 def modules(folder: str = ".") -> list[Path]:
@@ -72,7 +84,9 @@ def imported_modules(path: Path) -> Iterator[str]:
     """Every module of the package that a file imports, anywhere in it, type-checking blocks included."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names if alias.name.split(".")[0] == PACKAGE.name)
+            yield from (
+                alias.name for alias in node.names if alias.name.split(".")[0] == PACKAGE.name
+            )
         elif isinstance(node, ast.ImportFrom):
             assert not node.level, f"{path} has a relative import"
             origin = node.module or ""
@@ -89,7 +103,9 @@ def test_the_core_imports_one_way_and_no_tool(path: Path):
         return
     for imported in imported_modules(path):
         other = room_of(imported)
-        assert other in LEVEL, f"{module_of(path)} imports {imported}, which is not a room of the core"
+        assert other in LEVEL, (
+            f"{module_of(path)} imports {imported}, which is not a room of the core"
+        )
         assert other == room or LEVEL[other] < LEVEL[room], f"{module_of(path)} imports {imported}"
 
 
@@ -98,13 +114,17 @@ def test_a_tool_imports_the_core_and_no_other_tool(path: Path):
     for imported in imported_modules(path):
         if room_of(imported) == "tools":
             tool = tool_of(module_of(path))
-            assert tool_of(imported) in (SHARED, tool, COMPOSES.get(tool)), f"{module_of(path)} imports {imported}"
+            assert tool_of(imported) in (SHARED, tool, COMPOSES.get(tool)), (
+                f"{module_of(path)} imports {imported}"
+            )
 
 
 @pytest.mark.parametrize("path", modules("controllers"), ids=module_of)
 def test_laws_know_neither_task_nor_environment(path: Path):
     below = {room for room, level in LEVEL.items() if level < LEVEL["hands"]} | {"controllers"}
-    assert {module for module in imported_modules(path) if room_of(module) not in below} <= LAWS_MAY_IMPORT
+    assert {
+        module for module in imported_modules(path) if room_of(module) not in below
+    } <= LAWS_MAY_IMPORT
 
 
 def test_nothing_in_the_package_imports_the_agents_or_the_tests():
@@ -125,7 +145,9 @@ def test_modules_import_each_other_in_no_circle():
                 submodules = (f"{node.module}.{alias.name}" for alias in node.names)
                 yield from (each if each in files else node.module for each in submodules)
 
-    TopologicalSorter({name: set(imported(path)) - {name} for name, path in files.items()}).prepare()
+    TopologicalSorter(
+        {name: set(imported(path)) - {name} for name, path in files.items()}
+    ).prepare()
 
 
 PUBLIC = [module_of(path) for path in modules() if "__all__" in path.read_text("utf-8")]
@@ -137,7 +159,9 @@ def test_every_public_name_can_be_imported(name: str):
     assert not [each for each in module.__all__ if not hasattr(module, each)]
 
 
-@pytest.mark.parametrize("statement", ["import pter_gym", "import pter_gym; dir(pter_gym); pter_gym.__version__"])
+@pytest.mark.parametrize(
+    "statement", ["import pter_gym", "import pter_gym; dir(pter_gym); pter_gym.__version__"]
+)
 def test_import_is_light(statement: str):
     assert not loaded(statement) & set(HEAVY)
 
@@ -152,6 +176,10 @@ def test_environments_load_no_tool_and_no_drawing_code():
 def loaded(statement: str) -> set[str]:
     """The packages, and the rooms of this one, that are loaded after a statement."""
     program = f"import sys; {statement}; print(*sys.modules)"
-    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    result = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
     names = result.stdout.split()
-    return {name.split(".")[0] for name in names} | {".".join(name.split(".")[:2]) for name in names}
+    return {name.split(".")[0] for name in names} | {
+        ".".join(name.split(".")[:2]) for name in names
+    }

@@ -22,7 +22,11 @@ OF_CONDA = {"matplotlib": "matplotlib-base"}
 
 def pins(path: Path) -> dict[str, str]:
     """Versions by name."""
-    found = [Requirement(line) for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]
+    found = [
+        Requirement(line)
+        for line in path.read_text("utf-8").splitlines()
+        if not line.startswith("#")
+    ]
     return {each.name: str(each.specifier).removeprefix("==") for each in found}
 
 
@@ -45,8 +49,14 @@ def test_packages_are_typed(package: str):
 
 def test_every_dependency_has_one_tested_version():
     lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
-    assert all(re.fullmatch(r"[a-z0-9-]+==[0-9][0-9a-z.]*", line) for line in lines if not line.startswith("#"))
-    asked = [each for extra in PROJECT["optional-dependencies"].values() for each in extra] + PROJECT["dependencies"]
+    assert all(
+        re.fullmatch(r"[a-z0-9-]+==[0-9][0-9a-z.]*", line)
+        for line in lines
+        if not line.startswith("#")
+    )
+    asked = [
+        each for extra in PROJECT["optional-dependencies"].values() for each in extra
+    ] + PROJECT["dependencies"]
     names = {Requirement(each).name.lower() for each in asked} - {"pter-gym"}
     assert names <= pins(ROOT / "constraints.txt").keys()
 
@@ -58,13 +68,17 @@ def test_the_extra_all_contains_every_extra():
 
 def test_the_recipe_for_conda_says_the_same():
     yaml = pytest.importorskip("yaml")
-    recipe: dict[str, Any] = yaml.safe_load((ROOT / "docs" / "conda" / "recipe.yaml").read_text("utf-8"))
+    recipe: dict[str, Any] = yaml.safe_load(
+        (ROOT / "docs" / "conda" / "recipe.yaml").read_text("utf-8")
+    )
     assert recipe["context"]["version"] == pter_gym.__version__
     commands = [f"{name} = {place}" for name, place in PROJECT["scripts"].items()]
     assert recipe["build"]["python"]["entry_points"] == commands
     least = recipe["context"]["python_min"]
     needed = [each.replace("${{ python_min }}", least) for each in recipe["requirements"]["run"]]
-    assert ranges(needed) == ranges([*PROJECT["dependencies"], f"python{PROJECT['requires-python']}"])
+    assert ranges(needed) == ranges(
+        [*PROJECT["dependencies"], f"python{PROJECT['requires-python']}"]
+    )
     about = recipe["about"]
     assert (about["license"], about["summary"]) == (PROJECT["license"], PROJECT["description"])
     assert recipe["context"]["address"] == PROJECT["urls"]["Source"]

@@ -29,14 +29,18 @@ def test_a_block_is_up_to_date_and_has_its_pictures(block: fill.Block) -> None:
         assert (block.page.parent / picture).is_file()
 
 
-@pytest.mark.parametrize("name", ["observation", "telemetry", "parameters pter_gym.tasks.path_following.RewardWeights"])
+@pytest.mark.parametrize(
+    "name", ["observation", "telemetry", "parameters pter_gym.tasks.path_following.RewardWeights"]
+)
 def test_each_entry_has_a_unit_and_a_meaning(name: str) -> None:
     (content,) = {block.content for block in BLOCKS if block.asked == name}
     assert "|  |" not in content
 
 
 def test_each_command_has_a_page() -> None:
-    asked = {(block.page.stem, block.asked) for block in BLOCKS if block.page.parent.name == "commands"}
+    asked = {
+        (block.page.stem, block.asked) for block in BLOCKS if block.page.parent.name == "commands"
+    }
     assert asked == {(name, f"command {name}") for name in commands()}
     assert {path.stem for path in (DOCS / "commands").glob("*.md")} == set(commands())
 
@@ -45,11 +49,15 @@ def test_each_command_has_a_page() -> None:
 def test_a_scenario_says_what_it_draws(name: str) -> None:
     rows = [line for line in made.scenario(name).splitlines() if line.startswith("| ")]
     for each in (SCENARIOS[name].machine, SCENARIOS[name].task):
-        assert all(any(f": {field}" in row for row in rows) for field in getattr(each, "fields", {}))
+        assert all(
+            any(f": {field}" in row for row in rows) for field in getattr(each, "fields", {})
+        )
 
 
 def test_the_docstring_of_the_environment_names_every_entry_of_the_observation() -> None:
-    (section,) = re.findall(r"## Observation Space(.*?)## ", PathFollowingEnv.__doc__ or "", re.DOTALL)
+    (section,) = re.findall(
+        r"## Observation Space(.*?)## ", PathFollowingEnv.__doc__ or "", re.DOTALL
+    )
     rows = [line for line in section.splitlines() if line.strip().startswith("| `")]
     named = [name for row in rows for name in re.findall(r"`(\w+)`", row.split("|")[1])]
     assert tuple(named) == observation_layout(BASELINE, "force").names

@@ -1,8 +1,9 @@
-"""Dry friction of clutches with any rows of W: random problems, and their solution in the dual with extended precision.
+"""Dry friction of clutches with any rows of W: random problems, and their solution in the dual with
+extended precision.
 
-As in ``oracle.friction`` the unknowns are the impulses, each of which is at a bound or free. Clutches with equal rows
-are one clutch here, with the sum of their capacities: to tell them apart changes no velocity.
-"""
+As in ``oracle.friction`` the unknowns are the impulses, each of which is at a bound or free.
+Clutches with equal rows are one clutch here, with the sum of their capacities: to tell them apart
+changes no velocity."""
 
 from __future__ import annotations
 
@@ -54,7 +55,9 @@ def problems(rng: np.random.Generator, n: int) -> Arranged:
     common = rng.choice([-2.0, -1.0, -0.5, 0.5, 1.0, 2.0], (n, 4))
     kind = rng.integers(0, 6, (n, 4))
     w = np.ones((n, 4, 2))
-    w[..., 1] = np.select([kind <= 1, kind == 2, kind == 3], [0.0, ratio, common], common * (1.0 + 1.001 * NEAR))
+    w[..., 1] = np.select(
+        [kind <= 1, kind == 2, kind == 3], [0.0, ratio, common], common * (1.0 + 1.001 * NEAR)
+    )
     w[kind == 1] = (0.0, 1.0)
     twin = (kind == 5) & (np.arange(4) > 0)
     w = np.where(twin[..., None], np.roll(w, 1, axis=1), w)
@@ -73,7 +76,8 @@ def problems(rng: np.random.Generator, n: int) -> Arranged:
 
 
 def share(load: np.ndarray, low: np.ndarray, high: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """Return torques (n, 4): of 81 choices of who is at which bound, the possible one of least Σ τ².
+    """Return torques (n, 4): of 81 choices of who is at which bound, the possible one of least Σ
+    τ².
 
     The others then have the least torques that carry the rest, by singular values.
     """
@@ -84,7 +88,9 @@ def share(load: np.ndarray, low: np.ndarray, high: np.ndarray, w: np.ndarray) ->
         torque = np.where(free, 0.0, np.where(np.array(state) < 0, low, high))
         rest = load - np.einsum("nx,nxi->ni", torque, w)
         if free.any():
-            torque[:, free] = np.einsum("nxi,ni->nx", np.linalg.pinv(w[:, free].transpose(0, 2, 1)), rest)
+            torque[:, free] = np.einsum(
+                "nxi,ni->nx", np.linalg.pinv(w[:, free].transpose(0, 2, 1)), rest
+            )
         off = np.abs(load - np.einsum("nx,nxi->ni", torque, w)).sum(axis=1)
         off += np.maximum(low - torque, torque - high).max(axis=1).clip(0.0)
         squares = (torque * torque).sum(axis=1)
@@ -127,7 +133,9 @@ def solve(given: Arranged) -> np.ndarray:
             push = np.stack([m11 * d[:, 0] + m12 * d[:, 1], m12 * d[:, 0] + m22 * d[:, 1]], axis=1)
             speed = (rest * d).sum(axis=1) / (push * d).sum(axis=1)
             omega = speed[:, None] * d
-            impulse[:, free[0]] = ((rest - speed[:, None] * push) * row).sum(axis=1) / (row * row).sum(axis=1)
+            impulse[:, free[0]] = ((rest - speed[:, None] * push) * row).sum(axis=1) / (
+                row * row
+            ).sum(axis=1)
         else:
             (a1, b1), (a2, b2) = w[:, free[0]].T, w[:, free[1]].T
             area = a1 * b2 - b1 * a2

@@ -1,10 +1,11 @@
-"""The arm with dry friction in continuous time: smooth phases integrated by DOP853, switched at events.
+"""The arm with dry friction in continuous time: smooth phases integrated by DOP853, switched at
+events.
 
-In a phase it is settled which clutches slip, which way, and which slips are inside the Karnopp band |w| < δω. The
-equations are then smooth, and an event ends the phase: a slip vanishes or reaches the edge of the band, a stuck
-clutch is asked for more than its breakaway torque, or the load leaves what the clutches can hold. Torques are decided
-first and accelerations follow, as in the paper; nothing here is a velocity-level problem, and nothing is shared with
-the package.
+In a phase it is settled which clutches slip, which way, and which slips are inside the Karnopp band
+|w| < δω. The equations are then smooth, and an event ends the phase: a slip vanishes or reaches the
+edge of the band, a stuck clutch is asked for more than its breakaway torque, or the load leaves
+what the clutches can hold. Torques are decided first and accelerations follow, as in the paper;
+nothing here is a velocity-level problem, and nothing is shared with the package.
 
     capacity of a clutch = T_s if it is stuck or inside the band, else T_k
 """
@@ -54,7 +55,9 @@ class Plant:
     def inertia(self, theta: np.ndarray) -> np.ndarray:
         l_a, l_b = self.lengths
         m12 = (self.coupling + self.mass * l_a * l_b) * math.cos(theta[0] - theta[1])
-        return np.array([[self.inertia_a + self.mass * l_a**2, m12], [m12, self.inertia_b + self.mass * l_b**2]])
+        return np.array(
+            [[self.inertia_a + self.mass * l_a**2, m12], [m12, self.inertia_b + self.mass * l_b**2]]
+        )
 
     def load(self, t: float, theta: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """Torque on the links of everything but the clutches and the inertia [N·m]."""
@@ -62,10 +65,16 @@ class Plant:
         (a, b), (omega_a, omega_b) = theta.tolist(), omega.tolist()
         ax, ay, bx, by = l_a * math.cos(a), l_a * math.sin(a), l_b * math.cos(b), l_b * math.sin(b)
         x, y = self.force(t).tolist()
-        x -= self.damping * (-ay * omega_a - by * omega_b) + self.stiffness * (ax + bx - self.target[0])
-        y -= self.damping * (ax * omega_a + bx * omega_b) + self.stiffness * (ay + by - self.target[1])
+        x -= self.damping * (-ay * omega_a - by * omega_b) + self.stiffness * (
+            ax + bx - self.target[0]
+        )
+        y -= self.damping * (ax * omega_a + bx * omega_b) + self.stiffness * (
+            ay + by - self.target[1]
+        )
         c_sin = (self.coupling + self.mass * l_a * l_b) * math.sin(a - b)
-        free = np.array([ax * y - ay * x - c_sin * omega_b**2, bx * y - by * x + c_sin * omega_a**2])
+        free = np.array(
+            [ax * y - ay * x - c_sin * omega_b**2, bx * y - by * x + c_sin * omega_a**2]
+        )
         return free - np.multiply(self.viscous, omega)
 
 
@@ -130,7 +139,10 @@ def demand(plant: Plant, phase: Phase, t: float, y: np.ndarray) -> float:
 
 
 def _events(plant: Plant, phase: Phase) -> list[tuple[tuple, Callable]]:
-    """Names and functions of (t, y). Released clutches have none: their slips may vanish and nothing changes."""
+    """Names and functions of (t, y).
+
+    Released clutches have none: their slips may vanish and nothing changes.
+    """
     engaged = [x for x in range(4) if plant.breakaway(0.0)[x] + plant.breakaway(math.inf)[x] > 0.0]
     if phase.stuck == AT_REST:
         return [(("give way", x), _side_gap(plant, x)) for x in engaged]
@@ -139,9 +151,14 @@ def _events(plant: Plant, phase: Phase) -> list[tuple[tuple, Callable]]:
         moving = [x for x in moving if x in engaged]
         events = [(("stop", x), _slip_left(phase, x, 0.0)) for x in moving]
     else:
-        events = [(("yield", phase.stuck), _yield_gap(plant, phase)), (("stop", 0), _slip_left(phase, moving[0], 0.0))]
+        events = [
+            (("yield", phase.stuck), _yield_gap(plant, phase)),
+            (("stop", 0), _slip_left(phase, moving[0], 0.0)),
+        ]
     for x in moving:
-        past = _slip_left(phase, x, plant.edge * plant.threshold if phase.inside[x] else plant.threshold)
+        past = _slip_left(
+            phase, x, plant.edge * plant.threshold if phase.inside[x] else plant.threshold
+        )
         event = (lambda t, y, past=past: -past(t, y)) if phase.inside[x] else past
         events.append((("edge", x), event))
     return events
@@ -156,18 +173,31 @@ def _yield_gap(plant: Plant, phase: Phase) -> Callable:
 
 
 def _side_gap(plant: Plant, x: int) -> Callable:
-    return lambda t, y: plant.breakaway(t) @ abs(LINE_SLIPS[x]) - abs(LINE[x] @ plant.load(t, y[:2], y[2:]))
+    return lambda t, y: (
+        plant.breakaway(t) @ abs(LINE_SLIPS[x]) - abs(LINE[x] @ plant.load(t, y[:2], y[2:]))
+    )
 
 
 # --- what follows an event ---
 
 
-def _after(plant: Plant, phase: Phase, event: tuple, t: float, y: np.ndarray) -> tuple[Phase, np.ndarray]:
+def _after(
+    plant: Plant, phase: Phase, event: tuple, t: float, y: np.ndarray
+) -> tuple[Phase, np.ndarray]:
     kind, x = event
     if kind == "edge":
-        gap = np.abs(W @ y[2:]) - plant.threshold  # along a clutch's line several slips are equal and change together
-        with_x = (np.array(phase.inside) == phase.inside[x]) & (np.abs(gap - gap[x]) <= 1e-9 * plant.threshold)
-        return _if_it_holds(plant, replace(phase, inside=tuple(bool(i) for i in np.array(phase.inside) ^ with_x)), t, y)
+        gap = (
+            np.abs(W @ y[2:]) - plant.threshold
+        )  # along a clutch's line several slips are equal and change together
+        with_x = (np.array(phase.inside) == phase.inside[x]) & (
+            np.abs(gap - gap[x]) <= 1e-9 * plant.threshold
+        )
+        return _if_it_holds(
+            plant,
+            replace(phase, inside=tuple(bool(i) for i in np.array(phase.inside) ^ with_x)),
+            t,
+            y,
+        )
     if kind == "give way":
         return _along(x, float(np.sign(LINE[x] @ plant.load(t, y[:2], y[2:])))), y
     if kind == "yield":
@@ -194,11 +224,15 @@ def _along(x: int, sign: float) -> Phase:
     return Phase(x, tuple(float(s) for s in np.sign(sign * LINE_SLIPS[x])))
 
 
-def _caught(plant: Plant, phase: Phase, x: int, t: float, y: np.ndarray) -> tuple[Phase, np.ndarray]:
+def _caught(
+    plant: Plant, phase: Phase, x: int, t: float, y: np.ndarray
+) -> tuple[Phase, np.ndarray]:
     """A slip vanished while the others go on: it sticks if its breakaway torque suffices, else it goes through zero."""
     d, inside = LINE[x], list(phase.inside)
     y = np.concatenate([y[:2], d * (d @ y[2:]) / (d @ d)])
-    sign = [float(s) for s in np.sign(W @ y[2:])]  # those of released clutches, which have no events, too
+    sign = [
+        float(s) for s in np.sign(W @ y[2:])
+    ]  # those of released clutches, which have no events, too
     sign[x], inside[x] = 0.0, True
     stuck = Phase(x, tuple(sign), tuple(inside))
     needed = demand(plant, stuck, t, y)
@@ -212,7 +246,9 @@ def from_rest(plant: Plant, t: float, theta: np.ndarray) -> tuple[Phase, np.ndar
     """The phase that begins at rest: the acceleration that the breakaway torques leave, from the dual problem."""
     y = np.concatenate([theta, np.zeros(2)])
     mass, load = plant.inertia(theta), plant.load(t, theta, np.zeros(2))
-    start, mode = friction.solve_exactly(mass[0, 0], mass[0, 1], mass[1, 1], *load, plant.breakaway(t))
+    start, mode = friction.solve_exactly(
+        mass[0, 0], mass[0, 1], mass[1, 1], *load, plant.breakaway(t)
+    )
     if mode == friction.ZERO_DOF:
         return Phase(AT_REST, (0.0,) * 4), y
     sign = tuple(float(np.sign(friction.slip(x, start.omega))) for x in range(4))
@@ -225,7 +261,9 @@ def start(plant: Plant, theta: np.ndarray, omega: np.ndarray) -> tuple[Phase, np
     if not np.any(omega):
         return from_rest(plant, 0.0, theta)
     assert np.all(slip != 0.0)
-    return Phase(SLIDING, tuple(np.sign(slip)), tuple(np.abs(slip) < plant.threshold)), np.concatenate([theta, omega])
+    return Phase(
+        SLIDING, tuple(np.sign(slip)), tuple(np.abs(slip) < plant.threshold)
+    ), np.concatenate([theta, omega])
 
 
 def integrate(plant: Plant, theta: np.ndarray, omega: np.ndarray, grid: np.ndarray) -> ExactMotion:

@@ -1,17 +1,18 @@
 """Dry friction of the four clutches, solved in the dual and without rounding.
 
-The package minimises over velocities (13 candidates in the plane). Here the unknowns are the four clutch impulses,
+The package minimises over velocities (13 candidates in the plane). Here the unknowns are the four
+clutch impulses,
 
-    impulse = argmin ½ (p − Wᵀλ)ᵀ M⁻¹ (p − Wᵀλ)   over the box  |λ_x| ≤ c_x,        velocity = M⁻¹ (p − Wᵀλ),
+    impulse = argmin ½ (p − Wᵀλ)ᵀ M⁻¹ (p − Wᵀλ)   over the box  |λ_x| ≤ c_x,        velocity = M⁻¹
+    (p − Wᵀλ),
 
-a bounded least-squares problem. Each clutch is at its lower bound, at its upper bound or free: 3⁴ = 81 states. Any
-two rows of W are independent, so the nine states with three or four free clutches add nothing: the velocity is zero, as
-in a state with two free clutches. The other 72 are tried one by one, and the state that violates the optimality
-conditions least is taken.
+a bounded least-squares problem. Each clutch is at its lower bound, at its upper bound or free: 3⁴ =
+81 states. Any two rows of W are independent, so the nine states with three or four free clutches
+add nothing: the velocity is zero, as in a state with two free clutches. The other 72 are tried one
+by one, and the state that violates the optimality conditions least is taken.
 
-The arithmetic is plain `+ − × ÷` on whatever numbers come in: `numpy.longdouble` arrays for many problems at once,
-`fractions.Fraction` for an exact answer to one.
-"""
+The arithmetic is plain `+ − × ÷` on whatever numbers come in: `numpy.longdouble` arrays for many
+problems at once, `fractions.Fraction` for an exact answer to one."""
 
 from __future__ import annotations
 
@@ -59,7 +60,9 @@ def _along_line(x: int, mass: tuple[Number, Number, Number], rest: tuple[Number,
     """Velocity on the line of clutch x, and its impulse, when the other clutches leave the momentum `rest`."""
     m11, m12, m22 = mass
     d_a, d_b = LINE[x]
-    speed = (d_a * rest[0] + d_b * rest[1]) / (d_a * d_a * m11 + 2 * d_a * d_b * m12 + d_b * d_b * m22)
+    speed = (d_a * rest[0] + d_b * rest[1]) / (
+        d_a * d_a * m11 + 2 * d_a * d_b * m12 + d_b * d_b * m22
+    )
     omega = (d_a * speed, d_b * speed)
     left = (rest[0] - m11 * omega[0] - m12 * omega[1], rest[1] - m12 * omega[0] - m22 * omega[1])
     return omega, slip(x, left) / (W[x][0] ** 2 + W[x][1] ** 2)
@@ -88,8 +91,8 @@ def _candidate(state, mass, p, c) -> Solution:
 def _violation(state, mass, p, c, omega, impulse) -> Number:
     """How far impulses leave their bounds and slips their sign, added up.
 
-    Impulses are measured against all the momentum there is, slips against the fastest that it can move the arm.
-    """
+    Impulses are measured against all the momentum there is, slips against the fastest that it can
+    move the arm."""
     m11, m12, m22 = mass
     momentum = abs(p[0]) + abs(p[1]) + sum(c)
     compliance = (m11 + m22) / (m11 * m22 - m12 * m12)
@@ -145,11 +148,10 @@ def modes(omega) -> np.ndarray:
 def tie_distance(m11, m12, m22, p_a, p_b, c, solution: Solution) -> np.ndarray:
     """How far p is from the nearest point where the mode changes, in the units of p (arrays (n,)).
 
-    Around the solution the plane of p is cut by straight lines only. At rest they are the sides of the zonotope of
-    the capacities, whose side x has the normal LINE[x]. On the line of clutch x they are the rays along M·LINE[x]
-    where |λ_x| = c_x, and the sides of the zonotope. In a sector they are the lines on which a slip vanishes, W[x]
-    M⁻¹ δp = −w_x.
-    """
+    Around the solution the plane of p is cut by straight lines only. At rest they are the sides of
+    the zonotope of the capacities, whose side x has the normal LINE[x]. On the line of clutch x
+    they are the rays along M·LINE[x] where |λ_x| = c_x, and the sides of the zonotope. In a sector
+    they are the lines on which a slip vanishes, W[x] M⁻¹ δp = −w_x."""
     c = np.asarray(c)
     det = m11 * m22 - m12 * m12
     mode = modes(solution.omega)

@@ -24,10 +24,14 @@ def as_they_are(log: Log) -> Log:
     return log
 
 
-def machine_of(dry: tuple[float, float] = (0.0, 0.0), off_state: float = 0.0, **clutch: float) -> Machine:
+def machine_of(
+    dry: tuple[float, float] = (0.0, 0.0), off_state: float = 0.0, **clutch: float
+) -> Machine:
     """The machine of ``Recorded()`` as the package has it, with other fields of its clutches."""
     dynamic = TorqueCurve(slope=0.9, knee=24.0, curvature=0.0, off_state=off_state)
-    arm = replace(BASELINE.arm, inertia_a=0.5, inertia_b=0.8, coupling=0.05, dry_a=dry[0], dry_b=dry[1])
+    arm = replace(
+        BASELINE.arm, inertia_a=0.5, inertia_b=0.8, coupling=0.05, dry_a=dry[0], dry_b=dry[1]
+    )
     own = {"time_constant": 0.08, **clutch}
     clutches = replace(BASELINE.clutch, dynamic=dynamic, breakaway=dynamic.scaled(1.22), **own)
     return replace(BASELINE, arm=arm, clutch=clutches)
@@ -37,9 +41,8 @@ def machine_of(dry: tuple[float, float] = (0.0, 0.0), off_state: float = 0.0, **
 class Mismatch:
     """A machine of the package's kind or of the oracle's, and what sensors make of its log.
 
-    ``gain`` is that of the force sensor; ``slack`` is a relative error that no log shows: that of a sensor's scale, or
-    of clutches that are warm.
-    """
+    ``gain`` is that of the force sensor; ``slack`` is a relative error that no log shows: that of a
+    sensor's scale, or of clutches that are warm."""
 
     machine: RecordedMachine | Machine = field(default_factory=machine_of)
     sensors: Sensors = as_they_are
@@ -48,7 +51,9 @@ class Mismatch:
 
     def log(self) -> Log:
         machine = self.machine
-        return self.sensors(record_log(machine, SHORT) if isinstance(machine, Machine) else record(machine))
+        return self.sensors(
+            record_log(machine, SHORT) if isinstance(machine, Machine) else record(machine)
+        )
 
     def true_values(self, top: float) -> dict[str, float]:
         """Numbers by name as a log up to a voltage [V] shows them.
@@ -56,18 +61,26 @@ class Mismatch:
         They are proportional to the gain, and the clutches' drag is the axes' own.
         """
         machine = self.machine
-        like = machine_of(machine.dry, machine.off_state) if isinstance(machine, RecordedMachine) else machine
+        like = (
+            machine_of(machine.dry, machine.off_state)
+            if isinstance(machine, RecordedMachine)
+            else machine
+        )
         arm, clutch = like.arm, like.clutch
         drag = 3.0 * clutch.viscous  # Σ v·W_x² of the paper's four
         arm = replace(arm, viscous_a=arm.viscous_a + drag, viscous_b=arm.viscous_b + drag)
         told = quantities(replace(like, arm=arm), 0.0, top)
         forces = {"kg·m²", "N·m", "N·m/V", "N·m/V²", "N·m·s"}
-        return {each.name: each.value * (self.gain if each.unit in forces else 1.0) for each in told}
+        return {
+            each.name: each.value * (self.gain if each.unit in forces else 1.0) for each in told
+        }
 
 
 def bent(size: float) -> Sensors:
     """Encoders with eccentric discs: errors of a size [rad] over a turn."""
-    return lambda log: replace(log, theta=log.theta + size * np.sin(log.theta + np.array([0.4, 1.9])))
+    return lambda log: replace(
+        log, theta=log.theta + size * np.sin(log.theta + np.array([0.4, 1.9]))
+    )
 
 
 def late(time: float) -> Sensors:
@@ -75,7 +88,9 @@ def late(time: float) -> Sensors:
 
     def shifted(log: Log) -> Log:
         when = log.times - time
-        return replace(log, force=np.column_stack([np.interp(when, log.times, each) for each in log.force.T]))
+        return replace(
+            log, force=np.column_stack([np.interp(when, log.times, each) for each in log.force.T])
+        )
 
     return shifted
 
@@ -105,12 +120,19 @@ def gained(x: float, y: float) -> Sensors:
 IN_THE_MODEL = {
     "as assumed": Mismatch(),
     "dry friction of the axes": Mismatch(machine_of(dry=(0.4, 0.3))),
-    **{f"Stribeck {v:g} rad/s": Mismatch(machine_of(stribeck=v)) for v in (0.03, 0.05, 0.1, 0.2, 0.3)},
+    **{
+        f"Stribeck {v:g} rad/s": Mismatch(machine_of(stribeck=v))
+        for v in (0.03, 0.05, 0.1, 0.2, 0.3)
+    },
     **{f"off-state torque {t:g} N·m": Mismatch(machine_of(off_state=t)) for t in (0.1, 0.5)},
     **{f"drag {v:g} N·m·s": Mismatch(machine_of(viscous=v)) for v in (0.05, 0.2)},
     **{f"fall ratio {r:g}": Mismatch(machine_of(fall_ratio=r)) for r in (0.5, 1.5, 3.0)},
-    "Stribeck, off-state torque and fall": Mismatch(machine_of(stribeck=0.1, off_state=0.2, fall_ratio=2.0)),
-    "a magnetorheological brake": Mismatch(machine_of(off_state=0.3, viscous=0.05, time_constant=0.02)),
+    "Stribeck, off-state torque and fall": Mismatch(
+        machine_of(stribeck=0.1, off_state=0.2, fall_ratio=2.0)
+    ),
+    "a magnetorheological brake": Mismatch(
+        machine_of(off_state=0.3, viscous=0.05, time_constant=0.02)
+    ),
 }
 
 NOT_IN_THE_MODEL = {
@@ -121,7 +143,10 @@ NOT_IN_THE_MODEL = {
     "T_s/T_k of clutch 2 −10 %": Mismatch(RecordedMachine(ratios=(1.0, 0.9, 1.0, 1.0))),
     "T_s/T_k of clutch 3 +10 %": Mismatch(RecordedMachine(ratios=(1.0, 1.0, 1.1, 1.0))),
     "T_s/T_k of clutch 4 −10 %": Mismatch(RecordedMachine(ratios=(1.0, 1.0, 1.0, 0.9))),
-    **{f"fade {100.0 * f:g} %/J": Mismatch(machine_of(fade=f), slack=HEAT * f) for f in (2e-4, 5e-4, 1e-3, 2e-3)},
+    **{
+        f"fade {100.0 * f:g} %/J": Mismatch(machine_of(fade=f), slack=HEAT * f)
+        for f in (2e-4, 5e-4, 1e-3, 2e-3)
+    },
     "hysteresis 0.2 V": Mismatch(RecordedMachine(hysteresis=0.2)),
     "hysteresis 1 V": Mismatch(RecordedMachine(hysteresis=1.0)),
     "asymmetry 2 %": Mismatch(RecordedMachine(asymmetry=0.02)),

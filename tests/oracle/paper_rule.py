@@ -1,19 +1,22 @@
-"""The paper's own rule for the clutch torques: a case statement over six modes, with "the weakest slips".
+"""The paper's own rule for the clutch torques: a case statement over six modes, with "the weakest
+slips".
 
-Swanson, Romagna and Book, section III-A. The paper decides torques first and gets accelerations from them; the
-package decides velocities first. Both answer the same question, so this is kept as another voice, not as the truth.
+Swanson, Romagna and Book, section III-A. The paper decides torques first and gets accelerations
+from them; the package decides velocities first. Both answer the same question, so this is kept as
+another voice, not as the truth.
 
-    two DOF    every clutch slips: dynamic torque against its slip (Eq. 2, first line).
-    one DOF    the others slip; the stuck clutch takes what keeps it stuck, unless that exceeds its breakaway torque.
-    zero DOF   at most two clutches engaged: each takes what keeps it stuck, unless that exceeds its breakaway torque;
-               more: the lumped actuator approach. If some set of torques below breakaway holds the arm, it stays.
-               If none does, the weakest engaged clutch slips and the rest is tested again.
+    two DOF    every clutch slips: dynamic torque against its slip (Eq. 2, first line). one DOF
+    the others slip; the stuck clutch takes what keeps it stuck, unless that exceeds its breakaway
+    torque. zero DOF   at most two clutches engaged: each takes what keeps it stuck, unless that
+    exceeds its breakaway torque;
+               more: the lumped actuator approach. If some set of torques below breakaway holds the
+               arm, it stays. If none does, the weakest engaged clutch slips and the rest is tested
+               again.
 
-What the paper leaves open is read as follows. The weakest clutch is the engaged one with the lowest breakaway torque.
-A clutch that begins to slip has its breakaway torque (Eq. 2, last line), against the slip that the load would give
-the arm were no clutch engaged. When one of two stuck clutches yields, the other is tested again. When both yield,
-both have their breakaway torque.
-"""
+What the paper leaves open is read as follows. The weakest clutch is the engaged one with the lowest
+breakaway torque. A clutch that begins to slip has its breakaway torque (Eq. 2, last line), against
+the slip that the load would give the arm were no clutch engaged. When one of two stuck clutches
+yields, the other is tested again. When both yield, both have their breakaway torque."""
 
 from __future__ import annotations
 

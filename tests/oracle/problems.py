@@ -122,7 +122,13 @@ def _any_units(rng: np.random.Generator, n: int) -> Problems:
     base = _ordinary("any units", rng, rng.uniform(0.0, 1.0, (n, 4)))
     m, p = 10.0 ** rng.uniform(-8.0, 8.0, (2, n))
     return Problems(
-        base.name, m * base.m11, m * base.m12, m * base.m22, p * base.p_a, p * base.p_b, p[:, None] * base.c
+        base.name,
+        m * base.m11,
+        m * base.m12,
+        m * base.m22,
+        p * base.p_a,
+        p * base.p_b,
+        p[:, None] * base.c,
     )
 
 
@@ -134,7 +140,9 @@ def families(seed: int = 20260101) -> list[Problems]:
     return [
         _ordinary("ordinary", rng, rng.uniform(0.0, 1.0, (40_000, 4))),
         _ordinary("zero capacities", rng, some),
-        _ordinary("equal capacities", rng, np.repeat(rng.uniform(0.0, 1.0, (10_000, 1)), 4, axis=1)),
+        _ordinary(
+            "equal capacities", rng, np.repeat(rng.uniform(0.0, 1.0, (10_000, 1)), 4, axis=1)
+        ),
         _ordinary("capacities over nine decades", rng, spread),
         _on_side(rng, 5_000, whole=True, corner=False),
         _on_side(rng, 5_000, whole=True, corner=True),

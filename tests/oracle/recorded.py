@@ -1,10 +1,10 @@
 """Logs of machines that the package's model may not know, from an integrator of its own.
 
-Clutches and bearings are stiff springs with a damper that give way: a spring that is asked for more than the breakaway
-torque slips, with a torque that may depend on the slip, until the slip turns round. Steps of 20 µs; nothing is shared
-with the package but the format of a log. Links may be flexible: the clutches and encoders are on the axes, which have a
-share of the inertia, and the hand is on the links, with a torsion spring between.
-"""
+Clutches and bearings are stiff springs with a damper that give way: a spring that is asked for more
+than the breakaway torque slips, with a torque that may depend on the slip, until the slip turns
+round. Steps of 20 µs; nothing is shared with the package but the format of a log. Links may be
+flexible: the clutches and encoders are on the axes, which have a share of the inertia, and the hand
+is on the links, with a torsion spring between."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ from pter_gym.tools.identification import Log
 
 STEP = 2e-5
 SPRING, DAMPER = 4e5, 900.0
-"""Of a friction contact that holds [N·m/rad, N·m·s/rad]: 20 N·m bend it by 50 µrad, and with 0.5 kg·m² it settles
-within a few milliseconds without overshooting, which would break it away too early."""
+"""Of a friction contact that holds [N·m/rad, N·m·s/rad]: 20 N·m bend it by 50 µrad, and with 0.5
+kg·m² it settles within a few milliseconds without overshooting, which would break it away too
+early."""
 
 AXIS_SHARE = 0.4
 """Of the inertia, on the axis' side of a flexible link."""
@@ -30,15 +31,16 @@ HAND = (800.0, 30.0)
 
 @dataclass(frozen=True)
 class RecordedMachine:
-    """A machine: lengths, inertias, coupling, slope of T_k, T_s/T_k, lag, and what the package's model may not have.
+    """A machine: lengths, inertias, coupling, slope of T_k, T_s/T_k, lag, and what the package's
+    model may not have.
 
     Attributes
     ----------
     growth
         Of T_k per slip [s/rad].
     stribeck
-        Slip velocity [rad/s] over which T_s falls to T_k: exponentially, or with the square of the speed if
-        ``rational``.
+        Slip velocity [rad/s] over which T_s falls to T_k: exponentially, or with the square of the
+        speed if ``rational``.
     link
         Stiffness of the links [N·m/rad], 0 for rigid ones.
     off_state, drag
@@ -78,7 +80,10 @@ class RecordedMachine:
 
 
 def record(
-    machine: RecordedMachine, levels: tuple[float, ...] = (4.0, 8.0, 12.0, 16.0), seed: int = 0, interval: float = 2e-3
+    machine: RecordedMachine,
+    levels: tuple[float, ...] = (4.0, 8.0, 12.0, 16.0),
+    seed: int = 0,
+    interval: float = 2e-3,
 ) -> Log:
     """The log of the experiment of docs/identify.md, 14-bit encoders and 0.3 N of noise."""
     rng = np.random.default_rng([seed, 9])
@@ -92,14 +97,30 @@ def record(
     numbers = np.array(
         [
             *(*machine.lengths, *machine.inertias, machine.coupling, machine.slope, machine.ratio),
-            *(machine.time_constant, *machine.dry, *machine.viscous, machine.growth, machine.stribeck, machine.link),
-            *(machine.rational, machine.off_state, machine.drag, machine.fall_ratio, machine.fade, machine.cooling),
+            *(
+                machine.time_constant,
+                *machine.dry,
+                *machine.viscous,
+                machine.growth,
+                machine.stribeck,
+                machine.link,
+            ),
+            *(
+                machine.rational,
+                machine.off_state,
+                machine.drag,
+                machine.fall_ratio,
+                machine.fade,
+                machine.cooling,
+            ),
             machine.asymmetry,
         ]
     )
     phases = rng.uniform(0.0, 2.0 * math.pi, 2)
     effective = _looped(volts, 0.5 * machine.hysteresis)
-    theta, force = _run(numbers, np.array(machine.ratios), effective, phases, round(interval / STEP))
+    theta, force = _run(
+        numbers, np.array(machine.ratios), effective, phases, round(interval / STEP)
+    )
     step = 2.0 * math.pi / 16384
     return Log(
         interval=interval,
@@ -124,7 +145,9 @@ def _slid(slip, held, ratio, growth, stribeck, rational):
     speed = abs(slip)
     extra = 0.0
     if stribeck > 0.0:
-        extra = 1.0 / (1.0 + (speed / stribeck) ** 2) if rational > 0.0 else math.exp(-speed / stribeck)
+        extra = (
+            1.0 / (1.0 + (speed / stribeck) ** 2) if rational > 0.0 else math.exp(-speed / stribeck)
+        )
     return held * (1.0 + growth * speed + (ratio - 1.0) * extra)
 
 
@@ -157,19 +180,42 @@ def _hand(numbers, t, arm, speed, phases, middle):
 
 @numba.njit
 def _run(numbers, ratios, volts, phases, per_row):
-    l_a, l_b, m_a, m_b, c, slope, ratio, tau, dry_a, dry_b, visc_a, visc_b, growth, stribeck, link = numbers[:15]
+    (
+        l_a,
+        l_b,
+        m_a,
+        m_b,
+        c,
+        slope,
+        ratio,
+        tau,
+        dry_a,
+        dry_b,
+        visc_a,
+        visc_b,
+        growth,
+        stribeck,
+        link,
+    ) = numbers[:15]
     rational, off_state, drag, fall_ratio, fade, cooling, asymmetry = numbers[15:]
     rows = len(volts)
     theta, force = np.empty((rows, 2)), np.empty((rows, 2))
     axis = np.array([0.5 * math.pi - 0.85, 0.5 * math.pi + 0.6])
     arm, axis_speed, arm_speed = axis.copy(), np.zeros(2), np.zeros(2)
-    middle = l_a * math.cos(axis[0]) + l_b * math.cos(axis[1]), l_a * math.sin(axis[0]) + l_b * math.sin(axis[1])
+    middle = (
+        l_a * math.cos(axis[0]) + l_b * math.cos(axis[1]),
+        l_a * math.sin(axis[0]) + l_b * math.sin(axis[1]),
+    )
     weight = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]])
     limit, bent, way = np.zeros(6), np.zeros(6), np.zeros(6)
     limit[4], limit[5] = dry_a, dry_b
     limit[:4] = off_state
     heat = np.zeros(4)
-    rise, fall, cooler = math.exp(-STEP / tau), math.exp(-STEP / (tau * fall_ratio)), math.exp(-STEP / cooling)
+    rise, fall, cooler = (
+        math.exp(-STEP / tau),
+        math.exp(-STEP / (tau * fall_ratio)),
+        math.exp(-STEP / cooling),
+    )
     inertia, viscous = np.array([m_a, m_b]), np.array([visc_a, visc_b])
     own = (1.0 - AXIS_SHARE) * inertia if link > 0.0 else inertia
     for k in range(rows * per_row):
@@ -186,7 +232,9 @@ def _run(numbers, ratios, volts, phases, per_row):
                 limit[i] += ahead * ((fall if ahead > 0.0 else rise) - 1.0)
                 side = slip if way[i] != 0.0 else bent[i]
                 most = limit[i] * (1.0 + asymmetry * np.sign(side)) / (1.0 + fade * heat[i])
-                held = _slid(slip, most, ratio * ratios[i], growth, stribeck, rational) + drag * abs(slip)
+                held = _slid(
+                    slip, most, ratio * ratios[i], growth, stribeck, rational
+                ) + drag * abs(slip)
                 torque = _contact(i, slip, held, most * ratio * ratios[i], bent, way)
                 heat[i] = (heat[i] + STEP * abs(torque * slip)) * cooler
             else:

@@ -1,14 +1,17 @@
-"""Each substep of a trajectory again, from the row before it: half a drift, a kick with friction, half a drift.
+"""Each substep of a trajectory again, from the row before it: half a drift, a kick with friction,
+half a drift.
 
-Written for all substeps at once, with friction from the dual problem in extended precision. Angles, voltages and
-torques of the middle follow in closed form from the row before. With M, J and V of the middle, b the hand's damping of
-which a share s acts by the velocity ω⁺ after, and λ the clutches' impulses, a kick over a time h is
+Written for all substeps at once, with friction from the dual problem in extended precision. Angles,
+voltages and torques of the middle follow in closed form from the row before. With M, J and V of the
+middle, b the hand's damping of which a share s acts by the velocity ω⁺ after, and λ the clutches'
+impulses, a kick over a time h is
 
     (M + h·s·b·JᵀJ)·ω⁺ = M·ω + h·(JᵀF + τ − (1 − s)·b·JᵀJ·ω − V(ω)) + Wᵀλ
 
 and is taken in parts where a clutch changes between sticking and slipping. Its energies are
 
-    hand_work = h·ω⁺ᵀ(load − b·JᵀJ·(s·ω⁺ + (1 − s)·ω))    dissipated = −λᵀWω⁺    numerical_loss = ½·ΔωᵀMΔω
+    hand_work = h·ω⁺ᵀ(load − b·JᵀJ·(s·ω⁺ + (1 − s)·ω))    dissipated = −λᵀWω⁺    numerical_loss =
+    ½·ΔωᵀMΔω
 
 and the residual is −h·ω⁺ᵀV, with ½·ωᵀδM·ω of the two drifts.
 """
@@ -48,7 +51,8 @@ class Substeps:
     parts, span
         How many parts the kick has, and the time of its last one [s], (T,).
     momentum, condition
-        All that enters the sums of the kick's momentum, and at most the condition of its mass matrix, (T,).
+        All that enters the sums of the kick's momentum, and at most the condition of its mass
+        matrix, (T,).
     """
 
     theta: np.ndarray
@@ -80,7 +84,9 @@ def kinetic(mass: np.ndarray, omega: np.ndarray) -> np.ndarray:
     return 0.5 * np.einsum("ki,kij,kj->k", omega, mass, omega)
 
 
-def torques_of_the_middle(machine: Machine, run: Trajectory, volts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def torques_of_the_middle(
+    machine: Machine, run: Trajectory, volts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Breakaway and dynamic torques [N·m] half a substep after each row, (T, 4): an exact first-order lag."""
     clutch, scale = machine.clutch, np.array(machine.clutch_scale)
     left = np.exp(-machine.substep / clutch.time_constant)
@@ -89,11 +95,15 @@ def torques_of_the_middle(machine: Machine, run: Trajectory, volts: np.ndarray) 
         for command in volts:
             middle.append(command + np.sqrt(left) * (lagged - command))
             lagged = command + left * (lagged - command)
-        return tuple(scale * np.vectorize(c.torque)(middle) for c in (clutch.breakaway, clutch.dynamic))
+        return tuple(
+            scale * np.vectorize(c.torque)(middle) for c in (clutch.breakaway, clutch.dynamic)
+        )
     found = []
     for name in ("breakaway", "dynamic"):
         steady = scale * np.vectorize(getattr(clutch, name).torque)(volts)
-        start = np.vstack([getattr(run.initial, f"torque_{name}"), getattr(run, f"torque_{name}")[:-1]])
+        start = np.vstack(
+            [getattr(run.initial, f"torque_{name}"), getattr(run, f"torque_{name}")[:-1]]
+        )
         found.append(steady + np.sqrt(left) * (start - steady))
     return tuple(found)
 
@@ -117,7 +127,9 @@ class _Kick:
         pull = force + hand.stiffness * (target - tip)
         self.load = np.einsum("kij,ki->kj", jacobian, pull) + torque
         reach = np.abs(target) + lengths.sum()
-        self.sizes = lengths.sum() * (np.abs(force) + hand.stiffness * reach).sum(axis=1) + np.abs(torque).sum(axis=1)
+        self.sizes = lengths.sum() * (np.abs(force) + hand.stiffness * reach).sum(axis=1) + np.abs(
+            torque
+        ).sum(axis=1)
         self.damping = hand.damping * np.einsum("kij,kil->kjl", jacobian, jacobian)
         self.implicit = implicit_share(machine)
         self.mass = inertia(machine, theta)
@@ -133,7 +145,9 @@ class _Kick:
         inside = np.abs(omega @ W.T) < self.threshold
         return np.where(inside, np.maximum(self.breakaway, self.dynamic), self.dynamic)
 
-    def problem(self, omega: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def problem(
+        self, omega: np.ndarray, h: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Effective mass, momentum, and the hand's torque less its implicit damping."""
         explicit = (1.0 - self.implicit) * np.einsum("kij,kj->ki", self.damping, omega)
         hand = self.load - explicit
@@ -166,7 +180,9 @@ class _Kick:
         leaves &= np.abs(slid) > BEYOND * self.threshold
         to = np.where(leaves, np.copysign(BEYOND * self.threshold, slid), 0.0)
         changes = passes | leaves
-        return np.where(changes, (to - before) / np.where(changes, slid - before, 1.0), 1.0).min(axis=1)
+        return np.where(changes, (to - before) / np.where(changes, slid - before, 1.0), 1.0).min(
+            axis=1
+        )
 
     def slid(self, omega, h, passes, limit, rows) -> np.ndarray:
         """Slips after a kick in which those that pass zero never cease to slide."""
@@ -186,7 +202,9 @@ class _Kick:
 
 
 def solve(mass: np.ndarray, momentum: np.ndarray, impulse: np.ndarray) -> np.ndarray:
-    answer = friction.solve(mass[:, 0, 0], mass[:, 0, 1], mass[:, 1, 1], momentum[:, 0], momentum[:, 1], impulse)
+    answer = friction.solve(
+        mass[:, 0, 0], mass[:, 0, 1], mass[:, 1, 1], momentum[:, 0], momentum[:, 1], impulse
+    )
     return np.stack(answer.omega, axis=-1).astype(float)
 
 
@@ -218,7 +236,9 @@ def again(machine: Machine, run: Trajectory, volts, force, torque, target) -> Su
     return found
 
 
-def _take(found: Substeps, rows: np.ndarray, kick: _Kick, omega: np.ndarray, h: np.ndarray) -> np.ndarray:
+def _take(
+    found: Substeps, rows: np.ndarray, kick: _Kick, omega: np.ndarray, h: np.ndarray
+) -> np.ndarray:
     """Take parts of a time h of some kicks, and add their energies up."""
     new = kick.after(omega, h)
     change = new - omega
@@ -229,7 +249,9 @@ def _take(found: Substeps, rows: np.ndarray, kick: _Kick, omega: np.ndarray, h: 
     found.dissipated[rows] += h * np.sum(np.abs(new @ W.T) * kick.limits(omega), axis=1)
     found.numerical_loss[rows] += kinetic(kick.mass, change)
     found.residual[rows] -= h * np.sum(new * velocity_term, axis=1)
-    found.clutch_load[rows] = np.einsum("kij,kj->ki", kick.mass, change) / h[:, None] - hand + velocity_term
+    found.clutch_load[rows] = (
+        np.einsum("kij,kj->ki", kick.mass, change) / h[:, None] - hand + velocity_term
+    )
     found.limit[rows] = kick.limits(omega)
     found.span[rows] = h
     found.parts[rows] += 1
@@ -238,4 +260,6 @@ def _take(found: Substeps, rows: np.ndarray, kick: _Kick, omega: np.ndarray, h: 
 
 def _empty(steps: int) -> Substeps:
     widths = {"theta": (2,), "omega": (2,), "clutch_load": (2,), "limit": (4,)}
-    return Substeps(**{field.name: np.zeros((steps, *widths.get(field.name, ()))) for field in fields(Substeps)})
+    return Substeps(
+        **{field.name: np.zeros((steps, *widths.get(field.name, ()))) for field in fields(Substeps)}
+    )

@@ -1,12 +1,14 @@
-"""MuJoCo on the same mechanism, step by step: its own kinematics, dynamics and friction solver against ours.
+"""MuJoCo on the same mechanism, step by step: its own kinematics, dynamics and friction solver
+against ours.
 
-MuJoCo moves the arm by a whole step after each change of velocity, we by half a step before and half after it. So
-MuJoCo starts half a drift ahead of us, stays there, and finds forces, geometry and torques where we do: in the middle
-of our substeps. Where a clutch changes within a step, MuJoCo's own slip tells when, and it takes shorter ones.
+MuJoCo moves the arm by a whole step after each change of velocity, we by half a step before and
+half after it. So MuJoCo starts half a drift ahead of us, stays there, and finds forces, geometry
+and torques where we do: in the middle of our substeps. Where a clutch changes within a step,
+MuJoCo's own slip tells when, and it takes shorter ones.
 
-Loads are a hand force of four random sines and a constant, about as large as the clutches can hold, and a small joint
-torque; poses, velocities and voltages are random. In both, the force acts on the tip.
-"""
+Loads are a hand force of four random sines and a constant, about as large as the clutches can hold,
+and a small joint torque; poses, velocities and voltages are random. In both, the force acts on the
+tip."""
 
 from __future__ import annotations
 
@@ -40,7 +42,11 @@ ARM = ArmNumbers(
 CURVE = BASELINE.clutch.dynamic
 EQUAL = replace(BASELINE, clutch=Clutch(breakaway=CURVE, dynamic=CURVE))
 """A machine whose breakaway and dynamic torques are the same."""
-MATERIALS = {"breakaway above dynamic": BASELINE, "equal": EQUAL, "dynamic above breakaway": DELRIN_THEORETICAL}
+MATERIALS = {
+    "breakaway above dynamic": BASELINE,
+    "equal": EQUAL,
+    "dynamic above breakaway": DELRIN_THEORETICAL,
+}
 
 PARTS = 4
 """Most parts of a step in which clutches change."""
@@ -50,7 +56,8 @@ EDGE = 1.01
 NEAR = 1e-9
 """Slip velocities as near as this to zero or to the edge of the stick band [rad/s] are there."""
 TOLERANCE = 1e-10
-"""Both solve each step to rounding [rad], and we see a clutch leave the stick band 1e-12 rad/s beyond its edge.
+"""Both solve each step to rounding [rad], and we see a clutch leave the stick band 1e-12 rad/s
+beyond its edge.
 
 In the two seconds of a run that makes about 1e-12 rad, and a few dozen clutches leave it.
 """
@@ -90,8 +97,15 @@ def draw(subset: int, seed: int) -> PeerCase:
     rng = np.random.default_rng([seed, subset])
     engaged = np.array([(subset >> x) & 1 for x in range(4)])
     time = STEP * (np.arange(STEPS)[:, None] + 0.5)
-    waves = rng.normal(0.0, 12.0, (4, 2)), rng.uniform(0.3, 3.0, 4), rng.uniform(0.0, 2.0 * np.pi, 4)
-    force = sum(size * np.sin(2.0 * np.pi * rate * time + phase) for size, rate, phase in zip(*waves, strict=True))
+    waves = (
+        rng.normal(0.0, 12.0, (4, 2)),
+        rng.uniform(0.3, 3.0, 4),
+        rng.uniform(0.0, 2.0 * np.pi, 4),
+    )
+    force = sum(
+        size * np.sin(2.0 * np.pi * rate * time + phase)
+        for size, rate, phase in zip(*waves, strict=True)
+    )
     return PeerCase(
         volts=engaged * rng.uniform(4.0, 14.0, 4),
         force=force + rng.normal(0.0, 8.0, 2),
@@ -134,7 +148,9 @@ class Peer:
     def drift(self, time: float) -> None:
         self.pose = self.pose + time * self.rates
 
-    def rates_after(self, time: float, load: tuple, losses: np.ndarray, sliding: np.ndarray) -> np.ndarray:
+    def rates_after(
+        self, time: float, load: tuple, losses: np.ndarray, sliding: np.ndarray
+    ) -> np.ndarray:
         """Return the rates after a step, with losses and with torques of clutches that slide whatever happens."""
         model, data = self.model, self.data
         model.opt.timestep = time
@@ -161,8 +177,11 @@ class Peer:
         self.rates = after
         self.drift(self.step)
 
-    def share_before_change(self, after, time: float, load: tuple, slides, losses, holds_more) -> float:
-        """Return the share of a step after which a slip passes zero or leaves a band in which more is held, or 1.
+    def share_before_change(
+        self, after, time: float, load: tuple, slides, losses, holds_more
+    ) -> float:
+        """Return the share of a step after which a slip passes zero or leaves a band in which more
+        is held, or 1.
 
         Up to then, clutches that slide go on sliding, so all slips change evenly.
         """
@@ -176,7 +195,9 @@ class Peer:
         passes &= before * end < 0.0
         leaves &= np.abs(end) > EDGE * self.threshold
         to_pass = before[passes] / (before - end)[passes]
-        to_leave = (np.copysign(EDGE * self.threshold, end) - before)[leaves] / (end - before)[leaves]
+        to_leave = (np.copysign(EDGE * self.threshold, end) - before)[leaves] / (end - before)[
+            leaves
+        ]
         return min([1.0, *to_pass, *to_leave])
 
 
@@ -204,7 +225,9 @@ def test_acceleration_is_that_of_the_closed_form():
         data.ctrl[:], data.qfrc_applied[:] = force, to_joint_torque(torque)
         mujoco.mj_forward(model, data)
         expected = closed_form(theta, omega, force, torque)
-        assert np.allclose(to_links(data.qacc), expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
+        assert np.allclose(
+            to_links(data.qacc), expected, rtol=0.0, atol=1e-12 * np.abs(expected).max()
+        )
 
 
 def closed_form(theta, omega, force, torque) -> np.ndarray:
@@ -212,13 +235,17 @@ def closed_form(theta, omega, force, torque) -> np.ndarray:
     mass = np.array([[ARM.inertia_a, ARM.coupling * cos], [ARM.coupling * cos, ARM.inertia_b]])
     velocity_terms = ARM.coupling * sin * np.array([omega[1] ** 2, -(omega[0] ** 2)])
     jacobian = np.array(
-        [[-ARM.length_a * np.sin(a), -ARM.length_b * np.sin(b)], [ARM.length_a * np.cos(a), ARM.length_b * np.cos(b)]]
+        [
+            [-ARM.length_a * np.sin(a), -ARM.length_b * np.sin(b)],
+            [ARM.length_a * np.cos(a), ARM.length_b * np.cos(b)],
+        ]
     )
     return np.linalg.solve(mass, jacobian.T @ force + torque - velocity_terms)
 
 
 def test_one_free_step_of_ours_has_the_same_acceleration():
-    """(ω⁺ − ω) / h of one substep with released clutches is that of its middle; the difference costs u·|ω|/h.
+    """(ω⁺ − ω) / h of one substep with released clutches is that of its middle; the difference
+    costs u·|ω|/h.
 
     Where no slip changes its sign, for there a substep has parts.
     """
@@ -228,7 +255,9 @@ def test_one_free_step_of_ours_has_the_same_acceleration():
         theta, omega = rng.uniform(-np.pi, np.pi, 2), rng.normal(0.0, 3.0, 2)
         force, torque = rng.normal(0.0, 50.0, 2), rng.normal(0.0, 10.0, 2)
         released = np.zeros(4)
-        step = simulate(BASELINE, initial_state(BASELINE, theta, omega), released, force, torque, duration=STEP)
+        step = simulate(
+            BASELINE, initial_state(BASELINE, theta, omega), released, force, torque, duration=STEP
+        )
         if np.any((RATIOS @ to_joints(omega)) * step.slip_velocity[0] <= 0.0):
             continue
         compared += 1
@@ -254,7 +283,15 @@ def test_cases_cover_every_mode_often():
 
 
 VOLTS = np.array(
-    [[21.5, 3, 0, 5], [2, 21.5, 9, 0], [0, 0, 0, 0], [9, 0, 22, 4], [5, 0, 2, 22], [24, 24, 24, 24], [19, 19.5, 0, 8]]
+    [
+        [21.5, 3, 0, 5],
+        [2, 21.5, 9, 0],
+        [0, 0, 0, 0],
+        [9, 0, 22, 4],
+        [5, 0, 2, 22],
+        [24, 24, 24, 24],
+        [19, 19.5, 0, 8],
+    ]
 )
 """Held voltages of seven worlds, exact in float32: the paper's modes occur, except a stuck clutch 1 alone."""
 
@@ -271,7 +308,9 @@ MACHINES = (
 TASKS = tuple(
     PathFollowing(
         hand=MultiSineHand(
-            push=push, phases=(0.1 * world, 0.2, 0.4, 0.8 * world, 1.6), amplitudes=(9.0, 22.0, 15.0, 8.0, 3.0)
+            push=push,
+            phases=(0.1 * world, 0.2, 0.4, 0.8 * world, 1.6),
+            amplitudes=(9.0, 22.0, 15.0, 8.0, 3.0),
         )
     )
     for world, push in enumerate((40.0, 30.0, 15.0, 50.0, 35.0, 45.0, 35.0))
@@ -300,14 +339,18 @@ def told() -> list[Flight]:
         omega.append(velocities(batch))
     lengths = np.isfinite(np.array(telemetry)[:, :, 0]).sum(axis=0)
     assert lengths.min() >= 20
-    worlds = [Flight(np.array(telemetry)[:n, k], np.array(omega)[:n, k]) for k, n in enumerate(lengths)]
+    worlds = [
+        Flight(np.array(telemetry)[:n, k], np.array(omega)[:n, k]) for k, n in enumerate(lengths)
+    ]
     assert {0, 2, 3, 4, 5} <= {mode for world in worlds for mode in world.rows[1:, COLUMN.mode]}
     return worlds
 
 
 def velocities(batch: Batch) -> np.ndarray:
     """Angular velocities (worlds, 2)."""
-    return batch.get_state()["worlds"][0, [ROW.motion.omega_a, ROW.motion.omega_b], : len(MACHINES)].T
+    return batch.get_state()["worlds"][
+        0, [ROW.motion.omega_a, ROW.motion.omega_b], : len(MACHINES)
+    ].T
 
 
 @pytest.mark.parametrize("world", range(len(MACHINES)))
@@ -327,10 +370,15 @@ def test_batch_reports_the_torques_of_the_instant(world, told):
         breakaway, dynamic = limits(world, rows[COLUMN.time])
         data.qpos[:], data.qvel[:] = to_joints(rows[[*COLUMN.theta]]), to_joints(omega)
         slip = RATIOS @ data.qvel
-        limit = np.where(np.abs(slip) >= MACHINES[world].slip_threshold, dynamic, np.maximum(breakaway, dynamic))
+        limit = np.where(
+            np.abs(slip) >= MACHINES[world].slip_threshold, dynamic, np.maximum(breakaway, dynamic)
+        )
         sliding = -np.sign(slip) * limit
         model.tendon_frictionloss[:] = np.where(slip == 0.0, limit, 1e-300)
-        data.ctrl[:], data.qfrc_applied[:] = hands_force(world, rows[COLUMN.time]), RATIOS.T @ sliding
+        data.ctrl[:], data.qfrc_applied[:] = (
+            hands_force(world, rows[COLUMN.time]),
+            RATIOS.T @ sliding,
+        )
         mujoco.mj_forward(model, data)
         scale = max(1.0, *limit)
         assert np.allclose(torque[slip != 0.0], sliding[slip != 0.0], rtol=0.0, atol=1e-12 * scale)
@@ -353,7 +401,9 @@ def hands_force(world: int, time: float) -> np.ndarray:
     """Force on the tip [N] of a world, whose path is straight."""
     task = TASKS[world]
     heading = task.path.heading(0.0)
-    turn = np.array([[math.cos(heading), -math.sin(heading)], [math.sin(heading), math.cos(heading)]])
+    turn = np.array(
+        [[math.cos(heading), -math.sin(heading)], [math.sin(heading), math.cos(heading)]]
+    )
     return turn @ [task.hand.push, task.hand.normal_force(time)]
 
 
@@ -362,7 +412,8 @@ def limits(world: int, time: float) -> tuple[np.ndarray, np.ndarray]:
     clutch = MACHINES[world].clutch
     risen = -math.expm1(-time / clutch.time_constant)
     return tuple(
-        risen * np.array([curve.torque(v) for v in VOLTS[world]]) for curve in (clutch.breakaway, clutch.dynamic)
+        risen * np.array([curve.torque(v) for v in VOLTS[world]])
+        for curve in (clutch.breakaway, clutch.dynamic)
     )
 
 

@@ -43,8 +43,12 @@ def make_worlds(backend: str, mode: AutoresetMode, skip: int) -> Any:
     options = {"task": ENDS_SOON, "frame_skip": skip}
     if backend == "native":
         return gymnasium.make_vec(ID, 4, autoreset_mode=mode, **options)
-    vector = gymnasium.vector.SyncVectorEnv if backend == "sync" else gymnasium.vector.AsyncVectorEnv
-    return RecordEpisodeStatistics(vector([partial(gymnasium.make, ID, **options)] * 4, autoreset_mode=mode))
+    vector = (
+        gymnasium.vector.SyncVectorEnv if backend == "sync" else gymnasium.vector.AsyncVectorEnv
+    )
+    return RecordEpisodeStatistics(
+        vector([partial(gymnasium.make, ID, **options)] * 4, autoreset_mode=mode)
+    )
 
 
 @pytest.mark.parametrize("skip", [1, 3])
@@ -52,7 +56,9 @@ def make_worlds(backend: str, mode: AutoresetMode, skip: int) -> Any:
 @pytest.mark.parametrize("backend", ["native", "sync", "async"])
 def test_a_policy_acts_in_each_world_as_alone(backend: str, mode: AutoresetMode, skip: int) -> None:
     env = make_worlds(backend, mode, skip)
-    policies = [pter_gym.load_policy(each, env) for each in (DecisionCounter(4), "torque-feedback-tuned")]
+    policies = [
+        pter_gym.load_policy(each, env) for each in (DecisionCounter(4), "torque-feedback-tuned")
+    ]
     alone = find_policy("torque-feedback-tuned")
     singles: list[Any] = [alone.bind(BASELINE, LAYOUT) for _ in range(4)]  # type: ignore[union-attr]
     observations, _ = env.reset(seed=0)
@@ -65,7 +71,9 @@ def test_a_policy_acts_in_each_world_as_alone(backend: str, mode: AutoresetMode,
         np.testing.assert_array_equal(counted[:, 0], age % 24)
         for single in np.array(singles)[begun]:
             single.reset()
-        np.testing.assert_array_equal(volts, [act(row) for act, row in zip(singles, observations, strict=True)])
+        np.testing.assert_array_equal(
+            volts, [act(row) for act, row in zip(singles, observations, strict=True)]
+        )
         observations, _, terminated, truncated, _ = env.step(volts)
         begun = ended if mode is AutoresetMode.NEXT_STEP else terminated | truncated
         ended = terminated | truncated
@@ -98,7 +106,11 @@ def test_load_policy_on_a_user_path_has_the_gains_of_its_benchmark() -> None:
         return observation.tolist()
 
     named, ours, others = map(
-        last, ("single-dof-tuned", *(find_policy("single-dof-tuned", scenario=each) for each in ("paths", "standard")))
+        last,
+        (
+            "single-dof-tuned",
+            *(find_policy("single-dof-tuned", scenario=each) for each in ("paths", "standard")),
+        ),
     )
     assert named == ours != others
 
@@ -112,7 +124,9 @@ def test_a_policy_with_another_frame_skip_is_refused() -> None:
 
 BAD_ENVIRONMENTS: dict[str, Callable[[], Any]] = {
     "clipped": lambda: wrappers.ClipAction(gymnasium.make(ID)),
-    "stacked": lambda: wrappers.RecordEpisodeStatistics(wrappers.FrameStackObservation(gymnasium.make(ID), 3)),
+    "stacked": lambda: wrappers.RecordEpisodeStatistics(
+        wrappers.FrameStackObservation(gymnasium.make(ID), 3)
+    ),
     "held": lambda: wrappers.MaxAndSkipObservation(gymnasium.make(ID), 2),
     "in another process": lambda: gymnasium.make_vec(
         ID, 1, vectorization_mode="async", wrappers=[wrappers.FlattenObservation]

@@ -32,7 +32,9 @@ def test_a_compiled_network_is_that_of_numpy(name: str) -> None:
     base = None if interface.base is None else interface.base.bind(BASELINE, layout)
     names = available(layout, residual=base is not None)
     columns = [names.index(each.name) for each in interface.inputs]
-    center, scale = (np.array([getattr(each, k) for each in interface.inputs]) for k in ("center", "scale"))
+    center, scale = (
+        np.array([getattr(each, k) for each in interface.inputs]) for k in ("center", "scale")
+    )
     obs, _ = batch.reset([1, 2, 3])
     past: list[np.ndarray] = []
     means = None
@@ -48,7 +50,11 @@ def test_a_compiled_network_is_that_of_numpy(name: str) -> None:
         for k, (weight, bias) in enumerate(trained.layers):
             values = values @ weight.T.astype(float) + bias
             values = np.tanh(values) if k < len(trained.layers) - 1 else np.clip(values, -1.0, 1.0)
-        expected = 24.0 * ((values + 1) / 2) ** 2 if interface.normalised else volts + interface.reach * values
+        expected = (
+            24.0 * ((values + 1) / 2) ** 2
+            if interface.normalised
+            else volts + interface.reach * values
+        )
         found = policy(obs)
         np.testing.assert_allclose(found, np.clip(expected, 0.0, 24.0), atol=2e-5)
         obs = batch.step(found).obs
@@ -79,7 +85,9 @@ CHANGES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 }
 
 
-@pytest.mark.parametrize("name", ["layer_0.weight", "layer_1.weight", "layer_1.bias", "layer_2.bias"])
+@pytest.mark.parametrize(
+    "name", ["layer_0.weight", "layer_1.weight", "layer_1.bias", "layer_2.bias"]
+)
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
 def test_wrong_tensors_are_refused_by_name(
     name: str, change: Callable[[np.ndarray], np.ndarray], tmp_path: Path
@@ -91,7 +99,9 @@ def test_wrong_tensors_are_refused_by_name(
 
 def test_bad_files_are_refused(tmp_path: Path) -> None:
     data = (SHIPPED / "ppo-standard.safetensors").read_bytes()
-    for k, bad in enumerate((b"", data[:100], data[:-4], data.replace(b"pter-gym policy 1", b"pter-gym policy 9"))):
+    for k, bad in enumerate(
+        (b"", data[:100], data[:-4], data.replace(b"pter-gym policy 1", b"pter-gym policy 9"))
+    ):
         (tmp_path / f"bad-{k}.safetensors").write_bytes(bad)
         with pytest.raises(DataError, match="policy"):
             read_policy(tmp_path / f"bad-{k}")

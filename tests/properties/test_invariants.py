@@ -1,8 +1,7 @@
 """What holds for every machine, voltage, load and start, as Hypothesis properties.
 
-The search is deterministic. Tolerances are roundings, far below anything a wrong equation would do: 1e-12 of the
-largest number that entered.
-"""
+The search is deterministic. Tolerances are roundings, far below anything a wrong equation would do:
+1e-12 of the largest number that entered."""
 
 from __future__ import annotations
 
@@ -19,7 +18,11 @@ from pter_gym._physics.open_loop import State, Trajectory, initial_state, simula
 from pter_gym.params import BASELINE, MACHINES, Arm, Hand, Machine
 
 DETERMINISTIC = settings(
-    derandomize=True, deadline=None, database=None, max_examples=150, suppress_health_check=[HealthCheck.too_slow]
+    derandomize=True,
+    deadline=None,
+    database=None,
+    max_examples=150,
+    suppress_health_check=[HealthCheck.too_slow],
 )
 PAPERS = [machine for machine in MACHINES.values() if machine.has_paper_clutches]
 STEPS = 150
@@ -39,7 +42,9 @@ class DrivenArm:
     target: np.ndarray
 
     def run(self) -> Trajectory:
-        return simulate(self.machine, self.start, self.volts, self.force, self.torque, hand_target=self.target)
+        return simulate(
+            self.machine, self.start, self.volts, self.force, self.torque, hand_target=self.target
+        )
 
     def again(self, run: Trajectory) -> Substeps:
         return again(self.machine, run, self.volts, self.force, self.torque, self.target)
@@ -85,7 +90,10 @@ def inputs(draw) -> tuple[np.ndarray, np.ndarray]:
     levels = draw(st.lists(st.one_of(st.just(0.0), between(0.0, 20.0)), min_size=12, max_size=12))
     volts = np.repeat(np.reshape(levels, (3, 4)), STEPS // 3, axis=0)
     time = (np.arange(STEPS)[:, None] + 0.5) * BASELINE.substep
-    waves = [draw(pair(-40.0, 40.0)) * np.sin(2.0 * np.pi * draw(between(0.5, 20.0)) * time) for _ in range(2)]
+    waves = [
+        draw(pair(-40.0, 40.0)) * np.sin(2.0 * np.pi * draw(between(0.5, 20.0)) * time)
+        for _ in range(2)
+    ]
     return volts, draw(pair(-30.0, 30.0)) + sum(waves)
 
 
@@ -94,9 +102,16 @@ def worlds(draw) -> DrivenArm:
     machine = draw(machines())
     volts, force = draw(inputs())
     omega = draw(st.one_of(st.just(np.zeros(2)), pair(-4.0, 4.0)))
-    start = initial_state(machine, draw(pair(-3.0, 3.0)), omega, draw(st.sampled_from([volts[0], np.zeros(4)])))
+    start = initial_state(
+        machine, draw(pair(-3.0, 3.0)), omega, draw(st.sampled_from([volts[0], np.zeros(4)]))
+    )
     return DrivenArm(
-        machine, start, volts, force, np.broadcast_to(draw(pair(-10.0, 10.0)), (STEPS, 2)), draw(pair(-1.0, 1.0))
+        machine,
+        start,
+        volts,
+        force,
+        np.broadcast_to(draw(pair(-10.0, 10.0)), (STEPS, 2)),
+        draw(pair(-1.0, 1.0)),
     )
 
 
@@ -116,7 +131,11 @@ def actuated(draw) -> DrivenArm:
         cooling=draw(between(0.01, 100.0)),
     )
     hand = Hand(
-        mass=1.5, damping=20.0, stiffness=80.0, damping_anisotropy=(0.6, -0.3), stiffness_anisotropy=(-0.5, 0.8)
+        mass=1.5,
+        damping=20.0,
+        stiffness=80.0,
+        damping_anisotropy=(0.6, -0.3),
+        stiffness_anisotropy=(-0.5, 0.8),
     )
     machine = replace(world.machine, clutch=clutch, hand=draw(st.sampled_from([Hand(), hand])))
     start = initial_state(machine, world.start.theta, world.start.omega, world.volts[0])
@@ -131,7 +150,13 @@ def test_no_actuator_adds_energy_and_its_ledger_closes(world):
     assert np.all(run.dissipated >= 0.0)
     before = np.concatenate([[np.nan], run.kinetic_energy[:-1]])
     change = run.hand_work - run.dissipated - run.numerical_loss + run.residual
-    size = run.kinetic_energy + np.abs(run.hand_work) + run.dissipated + run.numerical_loss + np.abs(run.residual)
+    size = (
+        run.kinetic_energy
+        + np.abs(run.hand_work)
+        + run.dissipated
+        + run.numerical_loss
+        + np.abs(run.residual)
+    )
     assert np.all(np.abs(run.kinetic_energy - before - change)[1:] <= 1e-12 * (1.0 + size[1:]))
     torques = np.concatenate([run.torque_breakaway, run.torque_dynamic])
     assert torques.min() >= 0.0
@@ -157,7 +182,9 @@ def test_energy_of_each_substep_closes(world):
 def assert_energy_closes(world: DrivenArm, run: Trajectory) -> None:
     """ΔK = W − D − N + R to 1e-12 of the largest term."""
     start = inertia(world.machine, run.initial.theta[None])[0]
-    energy = np.concatenate([[0.5 * run.initial.omega @ start @ run.initial.omega], run.kinetic_energy])
+    energy = np.concatenate(
+        [[0.5 * run.initial.omega @ start @ run.initial.omega], run.kinetic_energy]
+    )
     told = run.hand_work - run.dissipated - run.numerical_loss + run.residual
     sizes = [energy[:-1], energy[1:], *(np.abs(getattr(run, name)) for name in ENERGIES)]
     assert np.all(np.abs(np.diff(energy) - told) <= 1e-12 * np.max(sizes, axis=0))
@@ -178,18 +205,22 @@ def test_each_substep_is_what_the_equations_make_of_the_row_before(world):
 def assert_made_again(world: DrivenArm, run: Trajectory, found: Substeps) -> None:
     """Motion, energies and torques, each within its rounding.
 
-    A part of a kick is a friction problem; its time is rounded, too, and moves the velocity by as much again. Energies
-    get the error of a velocity times a momentum, and their terms have at most ten roundings of their own. A lagged
-    voltage has at most four roundings a substep, which scale the torque limits.
-    """
+    A part of a kick is a friction problem; its time is rounded, too, and moves the velocity by as
+    much again. Energies get the error of a velocity times a momentum, and their terms have at most
+    ten roundings of their own. A lagged voltage has at most four roundings a substep, which scale
+    the torque limits."""
     lag = 4.0 * UNIT * len(run.time) * found.limit.max() + np.finfo(float).tiny
     mass = inertia(world.machine, run.theta)
     compliance = 1.0 / np.linalg.eigvalsh(mass)[:, 0]
     speed = np.maximum(np.linalg.norm(run.omega, axis=1), np.linalg.norm(found.omega, axis=1))
-    velocity = 2.0 * MAX_PARTS * ROUNDINGS * UNIT * (compliance * found.momentum + found.condition * speed)
+    velocity = (
+        2.0 * MAX_PARTS * ROUNDINGS * UNIT * (compliance * found.momentum + found.condition * speed)
+    )
     velocity += compliance * world.machine.substep * 4.0 * lag
     assert np.all(np.abs(run.omega - found.omega) <= velocity[:, None])
-    assert np.all(np.abs(run.theta - found.theta) <= velocity[:, None] + 4.0 * UNIT * np.abs(run.theta))
+    assert np.all(
+        np.abs(run.theta - found.theta) <= velocity[:, None] + 4.0 * UNIT * np.abs(run.theta)
+    )
     momentum = found.momentum + np.linalg.norm(mass, axis=(1, 2)) * speed
     sizes = [found.before, found.after, *(np.abs(getattr(found, name)) for name in ENERGIES)]
     tolerance = 10.0 * UNIT * np.sum(sizes, axis=0) + 4.0 * velocity * momentum
@@ -197,7 +228,10 @@ def assert_made_again(world: DrivenArm, run: Trajectory, found: Substeps) -> Non
     for name in ENERGIES:
         assert np.all(np.abs(getattr(run, name) - getattr(found, name)) <= tolerance), name
 
-    torque = 1e-12 * np.abs(run.torque).sum(axis=1) + 4.0 * found.condition * velocity / compliance / found.span
+    torque = (
+        1e-12 * np.abs(run.torque).sum(axis=1)
+        + 4.0 * found.condition * velocity / compliance / found.span
+    )
     assert np.all(np.abs(run.torque @ W - found.clutch_load) <= torque[:, None])
     assert np.all(np.abs(run.torque) <= found.limit + lag)
 
@@ -207,10 +241,14 @@ def storm(seed: int) -> DrivenArm:
     rng = np.random.default_rng([21, seed])
     base = PAPERS[seed % len(PAPERS)]
     clutch = replace(
-        base.clutch, time_constant=float(rng.uniform(0.005, 0.1)), lag=("normal_force", "voltage")[seed % 2]
+        base.clutch,
+        time_constant=float(rng.uniform(0.005, 0.1)),
+        lag=("normal_force", "voltage")[seed % 2],
     )
     hand = (Hand(), Hand(mass=1.5, damping=20.0, stiffness=80.0))[seed // 2 % 2]
-    machine = replace(base, clutch=clutch, hand=hand, slip_threshold=float(10.0 ** rng.uniform(-4.0, -2.0)))
+    machine = replace(
+        base, clutch=clutch, hand=hand, slip_threshold=float(10.0 ** rng.uniform(-4.0, -2.0))
+    )
     volts = rng.uniform(0.0, 10.0, (STEPS, 4)) * rng.integers(0, 3, (STEPS, 4)).clip(max=1)
     start = initial_state(machine, rng.uniform(-3.0, 3.0, 2), rng.normal(0.0, 0.1, 2), volts[0])
     force, torque = rng.normal(0.0, 40.0, (STEPS, 2)), rng.normal(0.0, 15.0, (STEPS, 2))
@@ -234,7 +272,8 @@ def test_many_changes_in_a_kick_are_bounded_and_passive():
 @DETERMINISTIC
 @given(between(3.0, 10.0), between(3.0, 10.0), st.sampled_from([-1.0, 1.0]))
 def test_torques_of_a_stuck_clutch_at_its_limit(volts_1, volts_3, sign):
-    """From rest, links at right angles: both turn together; clutch 1 slows A, and clutch 3 drives B with all it has.
+    """From rest, links at right angles: both turn together; clutch 1 slows A, and clutch 3 drives B
+    with all it has.
 
     The band is so wide that clutch 1 does not leave it.
     """
@@ -244,7 +283,9 @@ def test_torques_of_a_stuck_clutch_at_its_limit(volts_1, volts_3, sign):
     arm, limit = BASELINE.arm, start.torque_breakaway
     load = limit[0] + (arm.inertia_a + arm.inertia_b) * limit[2] / arm.inertia_b
     run = simulate(machine, start, volts, (0.0, 0.0), (sign * load, 0.0), duration=machine.substep)
-    assert np.allclose(run.torque[0], [-sign * limit[0], 0.0, -sign * limit[2], 0.0], rtol=1e-9, atol=0.0)
+    assert np.allclose(
+        run.torque[0], [-sign * limit[0], 0.0, -sign * limit[2], 0.0], rtol=1e-9, atol=0.0
+    )
     assert run.power.max() <= 0.0
 
 
@@ -279,16 +320,23 @@ def mirrored(world: DrivenArm) -> DrivenArm:
     """The world in a mirror along the x axis: angles, velocities, torques and y components change their sign."""
     flip = np.array([1.0, -1.0])
     start = replace(world.start, theta=-world.start.theta, omega=-world.start.omega)
-    return replace(world, start=start, force=world.force * flip, torque=-world.torque, target=world.target * flip)
+    return replace(
+        world,
+        start=start,
+        force=world.force * flip,
+        torque=-world.torque,
+        target=world.target * flip,
+    )
 
 
 @DETERMINISTIC
 @given(worlds())
 def test_the_mirror_image_of_a_motion_is_a_motion(world):
-    """Changing a sign rounds nothing, so the two agree in every bit except the choice of a shared torque.
+    """Changing a sign rounds nothing, so the two agree in every bit except the choice of a shared
+    torque.
 
-    What clutches share is a difference of momenta over a substep, to the rounding that ``kick_torques`` states.
-    """
+    What clutches share is a difference of momenta over a substep, to the rounding that
+    ``kick_torques`` states."""
     run, image = world.run(), mirrored(world).run()
     assert np.array_equal(image.theta, -run.theta)
     assert np.array_equal(image.omega, -run.omega)
@@ -304,7 +352,9 @@ def test_the_mirror_image_of_a_motion_is_a_motion(world):
 
 
 def part(world: DrivenArm, rows: slice) -> DrivenArm:
-    return replace(world, volts=world.volts[rows], force=world.force[rows], torque=world.torque[rows])
+    return replace(
+        world, volts=world.volts[rows], force=world.force[rows], torque=world.torque[rows]
+    )
 
 
 @DETERMINISTIC
@@ -312,8 +362,8 @@ def part(world: DrivenArm, rows: slice) -> DrivenArm:
 def test_a_motion_does_not_depend_on_the_absolute_time(world, cut):
     """The second part, started from the end of the first, is the rest of the whole.
 
-    A state holds angles, not the unit vectors that the substep turns, so a restart rounds them again.
-    """
+    A state holds angles, not the unit vectors that the substep turns, so a restart rounds them
+    again."""
     whole = world.run()
     first = part(world, slice(0, cut)).run()
     second = replace(part(world, slice(cut, None)), start=first.final).run()
@@ -327,7 +377,11 @@ def test_a_motion_does_not_depend_on_the_absolute_time(world, cut):
 
 @settings(DETERMINISTIC, max_examples=25)
 @given(
-    arms(), pair(-3.0, 3.0), st.lists(between(4.0, 20.0), min_size=4, max_size=4), pair(-1.0, 1.0), between(0.0, 0.99)
+    arms(),
+    pair(-3.0, 3.0),
+    st.lists(between(4.0, 20.0), min_size=4, max_size=4),
+    pair(-1.0, 1.0),
+    between(0.0, 0.99),
 )
 @example(BASELINE.arm, np.zeros(2), [10.0] * 4, np.array([1.0, 1.0]), 0.999)
 def test_a_stuck_arm_does_not_drift(arm, theta, volts, direction, share):
@@ -360,17 +414,24 @@ def energy_drift(machine: Machine, theta, omega, duration: float) -> float:
 def test_a_free_arm_keeps_its_energy_to_first_order(arm, theta, omega):
     """Without hand and clutches |ΔK| of a substep is |R − N|, of order h².
 
-    With Ω the largest |ω|, μ the smallest eigenvalue of M and |V| ≤ |c|Ω², |Δω| ≤ h|c|Ω²/μ: N ≤ h²c²Ω⁴/2μ. With f =
-    ωA·ωB·(ωA − ωB), both drifts gain −½h·c·sin(θA − θB)·(f + f⁺), and the kick h·c·sin(θA − θB)·(ωA²ωB⁺ − ωB²ωA⁺). In
-    the sum the first-order parts cancel. Left are h|c|·|(−ωB², ωA²)·Δω − ½(f⁺ − f)| ≤ (1 + 3/√8)·h|c|Ω²|Δω|, since
+    With Ω the largest |ω|, μ the smallest eigenvalue of M and |V| ≤ |c|Ω², |Δω| ≤ h|c|Ω²/μ: N ≤
+    h²c²Ω⁴/2μ. With f = ωA·ωB·(ωA − ωB), both drifts gain −½h·c·sin(θA − θB)·(f + f⁺), and the kick
+    h·c·sin(θA − θB)·(ωA²ωB⁺ − ωB²ωA⁺). In the sum the first-order parts cancel. Left are
+    h|c|·|(−ωB², ωA²)·Δω − ½(f⁺ − f)| ≤ (1 + 3/√8)·h|c|Ω²|Δω|, since
     |∇f| ≤ 3Ω²/√2, and the curvature of cos(θA − θB) over half a turn, at most ⅛h²|c|Ω⁴ in each drift, a tenth of that
-    more for the third order. Over a time T there are T/h substeps. While the sum is below K/10, Ω² ≤ 2.2 K/μ.
-    """
+    more for the third order. Over a time T there are T/h substeps. While the sum is below K/10, Ω²
+    ≤ 2.2 K/μ."""
     machine, duration = replace(BASELINE, arm=arm), 0.5
     c, smallest = abs(arm.coupling), smallest_inertia(arm)
     energy = 0.5 * omega @ inertia(machine, np.array([theta]))[0] @ omega
     speed = np.sqrt(2.0 * 1.1 * energy / smallest)
-    bound = machine.substep * duration * speed**4 * ((1.5 + 3.0 / 8.0**0.5) * c**2 / smallest + 0.28 * c) / energy
+    bound = (
+        machine.substep
+        * duration
+        * speed**4
+        * ((1.5 + 3.0 / 8.0**0.5) * c**2 / smallest + 0.28 * c)
+        / energy
+    )
     assume(bound <= 0.1)
     rounding = 16 * 2.0**-53 * duration / machine.substep
     assert energy_drift(machine, theta, omega, duration) <= bound + rounding
@@ -378,23 +439,27 @@ def test_a_free_arm_keeps_its_energy_to_first_order(arm, theta, omega):
 
 def smallest_inertia(arm: Arm) -> float:
     """Smallest eigenvalue of M over all poses."""
-    return float(np.linalg.eigvalsh([[arm.inertia_a, arm.coupling], [arm.coupling, arm.inertia_b]])[0])
+    return float(
+        np.linalg.eigvalsh([[arm.inertia_a, arm.coupling], [arm.coupling, arm.inertia_b]])[0]
+    )
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_energy_error_of_a_free_arm_halves_with_the_step(seed):
     rng = np.random.default_rng(seed)
     theta, omega = rng.uniform(-3.0, 3.0, 2), rng.uniform(1.0, 3.0, 2) * [1.0, -1.0]
-    drifts = [energy_drift(replace(BASELINE, substep=1e-3 / 2**k), theta, omega, 1.0) for k in range(4)]
+    drifts = [
+        energy_drift(replace(BASELINE, substep=1e-3 / 2**k), theta, omega, 1.0) for k in range(4)
+    ]
     assert np.all(np.abs(np.divide(drifts[:-1], drifts[1:]) - 2.0) < 0.1)
 
 
 def test_links_keep_their_length_and_direction_over_long_turns():
-    """2,000 turns of 0.2 rad, two in each substep, links aligned and uncoupled: the series to order 7, renormalised.
+    """2,000 turns of 0.2 rad, two in each substep, links aligned and uncoupled: the series to order
+    7, renormalised.
 
-    The series leaves out φ⁸/8! along and φ⁹/9! across. The length is corrected; the direction may run off by
-    φ·φ⁸/8! + φ⁹/9! a turn.
-    """
+    The series leaves out φ⁸/8! along and φ⁹/9! across. The length is corrected; the direction may
+    run off by φ·φ⁸/8! + φ⁹/9! a turn."""
     arm = replace(BASELINE.arm, coupling=0.0)
     machine, turns, angle = replace(BASELINE, arm=arm, substep=5e-3), 2_000, 0.2
     start = initial_state(machine, (0.7, 0.7), np.full(2, 2.0 * angle / machine.substep))

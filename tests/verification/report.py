@@ -21,14 +21,20 @@ def friction() -> None:
     say("Friction: error over |M⁻¹p| where κ < 1e5, error over its bound, wrong modes")
     for index, problems in enumerate(test_friction.FAMILIES):
         mine, solution = test_friction.resolved(index), test_friction.expected(index)
-        error = np.hypot(mine[:, 0] - solution.omega[0], mine[:, 1] - solution.omega[1]).astype(float)
+        error = np.hypot(mine[:, 0] - solution.omega[0], mine[:, 1] - solution.omega[1]).astype(
+            float
+        )
         usual = (problems.condition < 1e5) & (problems.free_speed > 0.0)
         relative = (error[usual] / problems.free_speed[usual]).max()
         bound = (error / np.maximum(test_friction.rounding(problems, mine[:, :2]), 1e-300)).max()
-        margin = test_friction.ROUNDINGS * test_friction.UNIT * problems.condition * problems.momentum
+        margin = (
+            test_friction.ROUNDINGS * test_friction.UNIT * problems.condition * problems.momentum
+        )
         clear = oracle.tie_distance(*problems.numbers, solution) > margin
         wrong = int((mine[clear, 2] != oracle.modes(solution.omega)[clear]).sum())
-        say(f"  {problems.name:30s} {len(problems):6d}  {relative:.1e}  {bound:.2f}  {wrong} of {int(clear.sum())}")
+        say(
+            f"  {problems.name:30s} {len(problems):6d}  {relative:.1e}  {bound:.2f}  {wrong} of {int(clear.sum())}"
+        )
 
 
 def paper_rule() -> None:
@@ -42,7 +48,10 @@ def paper_rule() -> None:
 def mujoco() -> None:
     cases = [test_mujoco.draw(subset, seed) for subset in range(16) for seed in test_mujoco.SEEDS]
     for name, machine in test_mujoco.MATERIALS.items():
-        apart = largest(test_mujoco.ours(machine, case).theta - test_mujoco.peers(machine, case) for case in cases)
+        apart = largest(
+            test_mujoco.ours(machine, case).theta - test_mujoco.peers(machine, case)
+            for case in cases
+        )
         say(f"MuJoCo, {len(cases)} cases, {name}: {apart:.1e} rad")
 
 
@@ -57,16 +66,23 @@ def order() -> None:
             *(f"{step:.2e}" for step in test_order.STEPS),
         )
         for mean, error in test_order.means(name).items():
-            say(f"  {mean:9s} order {test_order.order(error):.3f}:", *(f"{value:.1e}" for value in error))
+            say(
+                f"  {mean:9s} order {test_order.order(error):.3f}:",
+                *(f"{value:.1e}" for value in error),
+            )
 
 
 def band(scenarios: int = 200) -> None:
-    say(f"Largest change of an angle in 1 s when δω = 1e-3 rad/s is changed, {scenarios} scenarios, 1 ms")
+    say(
+        f"Largest change of an angle in 1 s when δω = 1e-3 rad/s is changed, {scenarios} scenarios, 1 ms"
+    )
     before = [at_band(1e-3, seed) for seed in range(scenarios)]
     for threshold in (1e-5, 1e-4, 3e-4, 3e-3, 1e-2, 3e-2):
         change = [largest([at_band(threshold, seed) - theta]) for seed, theta in enumerate(before)]
         middle, most = np.quantile(change, [0.5, 0.9])
-        say(f"  {threshold:.0e}: median {middle:.1e}, nine of ten below {most:.1e}, largest {max(change):.1e} rad")
+        say(
+            f"  {threshold:.0e}: median {middle:.1e}, nine of ten below {most:.1e}, largest {max(change):.1e} rad"
+        )
 
 
 def at_band(threshold: float, seed: int) -> np.ndarray:

@@ -10,28 +10,47 @@ from scipy.integrate import solve_ivp
 from pter_gym._physics.arm import Linkage, Motion, damper_matrix
 from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.errors import ParameterError
-from pter_gym.params import ACTUATORS, BASELINE, Arm, Clutch, Hand, Machine, TorqueCurve, find_machine
+from pter_gym.params import (
+    ACTUATORS,
+    BASELINE,
+    Arm,
+    Clutch,
+    Hand,
+    Machine,
+    TorqueCurve,
+    find_machine,
+)
 
 ROUND = Arm(length_a=0.5, length_b=0.5, inertia_a=1.0, inertia_b=1.0, coupling=0.0)
 """Two wheels of 1 kg·m²: no link moves the other one."""
 
 
 def wheel(**clutch: object) -> Machine:
-    return replace(BASELINE, arm=ROUND, clutch=replace(BASELINE.clutch, **clutch), slip_threshold=1e-6)
+    return replace(
+        BASELINE, arm=ROUND, clutch=replace(BASELINE.clutch, **clutch), slip_threshold=1e-6
+    )
 
 
 def test_a_viscous_brake_without_voltage_stops_a_wheel_exponentially():
     """ω' = −2·viscous·ω with clutch 1 and the couplings 3 and 4 on a wheel that turns alone: (1, 1, 1) on ω_A."""
     machine = replace(wheel(viscous=0.2), substep=1e-4)
-    run = simulate(machine, initial_state(machine, (0.0, 1.5), (2.0, 0.0)), [0.0] * 4, (0.0, 0.0), duration=0.5)
-    exact = solve_ivp(lambda _, w: -0.2 * np.array([3 * w[0], 3 * w[1]]), (0.0, 0.5), [2.0, 0.0], rtol=1e-10)
-    np.testing.assert_allclose(run.omega[-1], exact.y[:, -1], atol=2.0 * 0.6 * 1e-4)  # first order: h·rate·ω
+    run = simulate(
+        machine, initial_state(machine, (0.0, 1.5), (2.0, 0.0)), [0.0] * 4, (0.0, 0.0), duration=0.5
+    )
+    exact = solve_ivp(
+        lambda _, w: -0.2 * np.array([3 * w[0], 3 * w[1]]), (0.0, 0.5), [2.0, 0.0], rtol=1e-10
+    )
+    np.testing.assert_allclose(
+        run.omega[-1], exact.y[:, -1], atol=2.0 * 0.6 * 1e-4
+    )  # first order: h·rate·ω
 
 
 def test_off_state_torque_decelerates_uniformly():
     curve = replace(BASELINE.clutch.dynamic, off_state=0.3)
     machine = replace(wheel(breakaway=curve, dynamic=curve), clutch_scale=(1.0, 0.0, 0.0, 0.0))
-    run = simulate(machine, initial_state(machine, (0.0, 1.5), (2.0, 0.0)), [0.0] * 4, (0.0, 0.0), duration=1.0)
+    run = simulate(
+        machine, initial_state(machine, (0.0, 1.5), (2.0, 0.0)), [0.0] * 4, (0.0, 0.0), duration=1.0
+    )
     assert run.omega[-1, 0] == pytest.approx(2.0 - 0.3)
     assert curve.voltage(0.2) == 0.0
     assert curve.torque(curve.voltage(7.0)) == pytest.approx(7.0)
@@ -41,10 +60,16 @@ def test_torque_falls_with_its_own_time_constant():
     machine = wheel(fall_ratio=3.0)
     settled = initial_state(machine, (0.0, 1.5), volts=[10.0] * 4)
     tau, top = machine.clutch.time_constant, settled.torque_dynamic[0]
-    rise = simulate(machine, initial_state(machine, (0.0, 1.5)), [10.0] * 4, (0.0, 0.0), duration=0.2)
+    rise = simulate(
+        machine, initial_state(machine, (0.0, 1.5)), [10.0] * 4, (0.0, 0.0), duration=0.2
+    )
     fall = simulate(machine, settled, [0.0] * 4, (0.0, 0.0), duration=0.2)
-    np.testing.assert_allclose(rise.torque_dynamic[:, 0], top * -np.expm1(-rise.time / tau), rtol=1e-9)
-    np.testing.assert_allclose(fall.torque_dynamic[:, 0], top * np.exp(-fall.time / (3.0 * tau)), rtol=1e-9)
+    np.testing.assert_allclose(
+        rise.torque_dynamic[:, 0], top * -np.expm1(-rise.time / tau), rtol=1e-9
+    )
+    np.testing.assert_allclose(
+        fall.torque_dynamic[:, 0], top * np.exp(-fall.time / (3.0 * tau)), rtol=1e-9
+    )
 
 
 def test_a_clutch_fades_with_the_heat_that_it_has_taken_up():
@@ -53,7 +78,9 @@ def test_a_clutch_fades_with_the_heat_that_it_has_taken_up():
     start = initial_state(machine, (0.0, 1.5), (8.0, 0.0), volts=[3.0] * 4)
     run = simulate(machine, start, [3.0] * 4, (0.0, 0.0), duration=1.0)
     assert run.final.heat[0] == pytest.approx(run.dissipated.sum(), rel=1e-6)
-    steady = simulate(machine, replace(run.final, omega=np.zeros(2)), [3.0] * 4, (0.0, 0.0), duration=3.0)
+    steady = simulate(
+        machine, replace(run.final, omega=np.zeros(2)), [3.0] * 4, (0.0, 0.0), duration=3.0
+    )
     expected = machine.clutch.dynamic.torque(3.0) / (1.0 + 0.05 * run.final.heat[0])
     assert steady.torque_dynamic[-1, 0] == pytest.approx(expected, rel=1e-6)
 
@@ -73,7 +100,13 @@ def test_damping_at_the_links_is_that_of_the_matrix_at_the_tip(seed: int):
 
 def test_an_anisotropic_hand_moves_the_arm_as_its_matrices_say():
     """The tip's motion against an integration of M·α + V = Jᵀ(K·(target − x) − B·v), to the order of the substep."""
-    hand = Hand(mass=0.5, damping=12.0, stiffness=90.0, damping_anisotropy=(0.5, 0.4), stiffness_anisotropy=(-0.3, 0.6))
+    hand = Hand(
+        mass=0.5,
+        damping=12.0,
+        stiffness=90.0,
+        damping_anisotropy=(0.5, 0.4),
+        stiffness_anisotropy=(-0.3, 0.6),
+    )
     machine = replace(BASELINE, hand=hand, substep=2.5e-4, clutch_scale=(0.0,) * 4)
     arm, target = machine.arm, np.array([0.1, 0.75])
     damping = 12.0 * np.array([[1.5, 0.4], [0.4, 0.5]])
@@ -86,20 +119,34 @@ def test_an_anisotropic_hand_moves_the_arm_as_its_matrices_say():
         tip = lengths @ np.column_stack([np.cos(theta), np.sin(theta)])
         coupling = arm.coupling + hand.mass * lengths.prod()
         m12, v = coupling * np.cos(theta[0] - theta[1]), coupling * np.sin(theta[0] - theta[1])
-        mass = np.diag([arm.inertia_a, arm.inertia_b] + hand.mass * lengths**2) + m12 * np.array([[0, 1], [1, 0]])
+        mass = np.diag([arm.inertia_a, arm.inertia_b] + hand.mass * lengths**2) + m12 * np.array(
+            [[0, 1], [1, 0]]
+        )
         force = stiffness @ (target - tip) - damping @ (jacobian @ omega)
-        return np.concatenate([omega, np.linalg.solve(mass, jacobian.T @ force - v * omega[::-1] ** 2 * [1, -1])])
+        return np.concatenate(
+            [omega, np.linalg.solve(mass, jacobian.T @ force - v * omega[::-1] ** 2 * [1, -1])]
+        )
 
     start = np.array([0.6, 2.1, 0.0, 0.0])
     exact = solve_ivp(rates, (0.0, 0.5), start, rtol=1e-10, atol=1e-12).y[:, -1]
-    run = simulate(machine, initial_state(machine, start[:2]), [0.0] * 4, (0.0, 0.0), hand_target=target, duration=0.5)
+    run = simulate(
+        machine,
+        initial_state(machine, start[:2]),
+        [0.0] * 4,
+        (0.0, 0.0),
+        hand_target=target,
+        duration=0.5,
+    )
     found = np.concatenate([run.theta[-1], run.omega[-1]])
     assert found == pytest.approx(exact, abs=2e-3)
     coarse = simulate(
         replace(machine, substep=1e-3),
         initial_state(machine, start[:2]), [0.0] * 4, (0.0, 0.0), hand_target=target, duration=0.5,
     )  # fmt: skip
-    errors = [np.abs(np.concatenate([each.theta[-1], each.omega[-1]]) - exact).max() for each in (run, coarse)]
+    errors = [
+        np.abs(np.concatenate([each.theta[-1], each.omega[-1]]) - exact).max()
+        for each in (run, coarse)
+    ]
     assert errors[0] < 0.4 * errors[1]
 
 
@@ -128,6 +175,8 @@ def test_the_library_of_actuators_says_what_it_does_not_know(name: str):
     assert isinstance(found.clutch, Clutch)
     for each in set(found.unknown) & set(NEUTRAL):
         assert getattr(found.clutch, each) == NEUTRAL[each]
-    assert {each for each, value in NEUTRAL.items() if getattr(found.clutch, each) != value}.isdisjoint(found.unknown)
+    assert {
+        each for each, value in NEUTRAL.items() if getattr(found.clutch, each) != value
+    }.isdisjoint(found.unknown)
     assert found.grade != "order of magnitude" or name.startswith("rough-")
     assert find_machine(name).clutch == found.clutch

@@ -34,7 +34,12 @@ def circle(seed: int) -> tuple[complex, float, float, float]:
     """Centre, signed radius (positive to the left), the angle of a point from the centre, and a turn from there."""
     rng = np.random.default_rng([8, seed])
     side = 1.0 if seed % 2 else -1.0
-    return complex(*rng.normal(size=2)), side * rng.uniform(0.2, 3.0), rng.uniform(-3.0, 3.0), rng.uniform(0.1, 1.4)
+    return (
+        complex(*rng.normal(size=2)),
+        side * rng.uniform(0.2, 3.0),
+        rng.uniform(-3.0, 3.0),
+        rng.uniform(0.1, 1.4),
+    )
 
 
 def on(centre: complex, radius: float, angle: float) -> tuple[complex, complex]:
@@ -94,7 +99,9 @@ def test_two_arcs_join_two_headings(seed: int):
 @pytest.mark.parametrize("radius", [0.1, -0.1])
 def test_an_arc_is_fitted_by_two_however_its_parameter_runs(radius: float):
     def curve(t: float) -> tuple[complex, complex]:
-        angle = 0.5 * math.pi * math.expm1(12.0 * t) / math.expm1(12.0)  # a sixth of the way is 6 µm
+        angle = (
+            0.5 * math.pi * math.expm1(12.0 * t) / math.expm1(12.0)
+        )  # a sixth of the way is 6 µm
         return on(0.2 + 0.5j, radius, math.copysign(angle, radius))
 
     table = fit_arcs(curve, [0.0, 1.0]).table
@@ -119,7 +126,9 @@ def test_a_bump_is_followed_at_any_place_of_the_path(place: float):
         bump = 0.01 * math.exp(-(((t - place) / 0.06) ** 2))
         return complex(t, bump), complex(1.0, -2.0 * (t - place) / 0.06**2 * bump)
 
-    assert fit_arcs(curve, [0.0, 1.0]).at(np.linspace(0.0, 1.0, 401))[1].max() == pytest.approx(0.01, 1e-3)
+    assert fit_arcs(curve, [0.0, 1.0]).at(np.linspace(0.0, 1.0, 401))[1].max() == pytest.approx(
+        0.01, 1e-3
+    )
 
 
 def test_a_sine_is_as_symmetrical_as_its_curve():
@@ -136,7 +145,15 @@ def test_points_of_a_path_are_sampled_from_its_start_to_its_end():
 
 
 def test_number_of_parts_of_an_arc():
-    assert [parts_of(k, MAX_TURN) for k in (0.0, 1.0, -1.0, 1.001, -1.001, 2.0, 3.0)] == [1, 1, 1, 2, 2, 2, 3]
+    assert [parts_of(k, MAX_TURN) for k in (0.0, 1.0, -1.0, 1.001, -1.001, 2.0, 3.0)] == [
+        1,
+        1,
+        1,
+        2,
+        2,
+        2,
+        3,
+    ]
     table = chain([(0j, 1 + 0j, -1.0, 2.0 * MAX_TURN), (5j, 1j, 0.0, 4.0)]).table
     assert table[:, SEGMENT.length].tolist() == [MAX_TURN, MAX_TURN, 4.0]
     assert table[:, SEGMENT.start].tolist() == [0.0, MAX_TURN, 2.0 * MAX_TURN]
@@ -152,7 +169,9 @@ def test_the_largest_curvature_of_a_path():
 
 
 def test_a_foot_on_an_arc_and_at_its_centre():
-    arc = ArcSegment(x=0.0, y=0.0, heading_cos=0.6, heading_sin=0.8, curvature=2.0, start=3.0, length=0.5)
+    arc = ArcSegment(
+        x=0.0, y=0.0, heading_cos=0.6, heading_sin=0.8, curvature=2.0, start=3.0, length=0.5
+    )
     centre = 0.5j * complex(0.6, 0.8)
     for turn, left in ((0.4, 0.1), (-0.3, -0.2), (0.9, 0.3)):
         heading = complex(0.6, 0.8) * cmath.rect(1.0, turn)
@@ -183,7 +202,10 @@ def test_a_projection_is_found_from_any_segment():
 def test_a_walk_never_turns_back():
     """Outside a sharp corner each of two segments sends a foot to the other one."""
     table = chain([(0j, 1 + 0j, 0.0, 1.0), (1 + 0j, 1j, 0.0, 1.0)]).table
-    assert [project(table.ravel(), 0, 2, segment, 1.5, -0.5).segment for segment in (0, 1)] == [1, 0]
+    assert [project(table.ravel(), 0, 2, segment, 1.5, -0.5).segment for segment in (0, 1)] == [
+        1,
+        0,
+    ]
 
 
 def test_segments_and_points_by_arc_length():

@@ -1,7 +1,9 @@
-"""Machines of other clutches than the paper's: friction for any W, whole episodes, laws, and what is refused.
+"""Machines of other clutches than the paper's: friction for any W, whole episodes, laws, and what
+is refused.
 
-Tolerances of velocities are those of tests/verification/test_friction.py: the momentum in a sector or along a line is
-off by at most eight roundings, those of products with a ratio included, of numbers up to P = |p| + Σ c·|W_x|. So
+Tolerances of velocities are those of tests/verification/test_friction.py: the momentum in a sector
+or along a line is off by at most eight roundings, those of products with a ratio included, of
+numbers up to P = |p| + Σ c·|W_x|. So
 
     |δω| ≤ ROUNDINGS · u · (‖M⁻¹‖ P + κ |ω|)       with a ROUNDINGS of eight.
 """
@@ -26,7 +28,16 @@ from pter_gym.benchmark import simulation
 from pter_gym.controllers import Impedance, Locked, Random, SingleDof, TorqueFeedback, VelocityRatio
 from pter_gym.envs._acting import nominal_machine
 from pter_gym.errors import ParameterError
-from pter_gym.params import ARRANGEMENTS, BASELINE, MACHINES, PAPER_CLUTCHES, Connection, Hand, Machine, find_machine
+from pter_gym.params import (
+    ARRANGEMENTS,
+    BASELINE,
+    MACHINES,
+    PAPER_CLUTCHES,
+    Connection,
+    Hand,
+    Machine,
+    find_machine,
+)
 from pter_gym.policies import read_policy
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
@@ -39,10 +50,14 @@ DECLARED = {name: MACHINES[name] for name in ARRANGEMENTS} | {
     "one coupling": COUPLING_ALONE,
     "four couplings": replace(BASELINE, clutches=FOUR_COUPLINGS),
     "light hand": replace(
-        MACHINES["couplings-2-1"], clutch_scale=(0.0, 1.0, 0.4, 1.5), hand=Hand(mass=1.5, damping=20.0)
+        MACHINES["couplings-2-1"],
+        clutch_scale=(0.0, 1.0, 0.4, 1.5),
+        hand=Hand(mass=1.5, damping=20.0),
     ),
     "dry axes": replace(MACHINES["two-brakes"], arm=replace(BASELINE.arm, dry_a=1.0, dry_b=0.4)),
-    "dry axes without brakes": replace(COUPLING_ALONE, arm=replace(BASELINE.arm, dry_a=0.5, dry_b=1.0)),
+    "dry axes without brakes": replace(
+        COUPLING_ALONE, arm=replace(BASELINE.arm, dry_a=0.5, dry_b=1.0)
+    ),
 }
 
 
@@ -66,14 +81,20 @@ def test_velocities_are_those_of_the_dual_for_any_rows(given_problems: Arranged)
     slip = np.einsum("nxi,ni->nx", given.w, expected)
     stuck = np.abs(slip) <= 1e-15 * np.abs(given.w).sum(axis=2) * np.hypot(*expected.T)[:, None]
     found = given.w[..., 0] * omega[:, :1] + given.w[..., 1] * omega[:, 1:] == 0.0
-    assert np.mean((stuck == found).all(axis=1)) > 0.999  # others lie where the mode changes, to rounding
+    assert (
+        np.mean((stuck == found).all(axis=1)) > 0.999
+    )  # others lie where the mode changes, to rounding
     assert np.mean(found.any(axis=1)) > 0.5
     assert np.mean(found.all(axis=1)) > 0.1
 
 
 def test_with_the_papers_rows_velocities_are_the_papers() -> None:
     given = problems(np.random.default_rng(7), 3_000)
-    given = replace(given, w=np.tile(np.array(COUPLING), (3_000, 1, 1)), c=np.random.default_rng(8).random((3_000, 4)))
+    given = replace(
+        given,
+        w=np.tile(np.array(COUPLING), (3_000, 1, 1)),
+        c=np.random.default_rng(8).random((3_000, 4)),
+    )
     omega = resolve_arranged(given.mass, given.p, given.c, given.w)
     rows = np.concatenate([given.mass, given.p, given.c], axis=1)
     published = np.array([resolve_friction(*row)[:2] for row in rows.tolist()])
@@ -89,7 +110,9 @@ def test_a_load_is_shared_with_the_smallest_torques_for_any_rows() -> None:
     slipping = (rng.random((4_000, 4)) < 0.3) & (rng.random((4_000, 1)) < 0.5)
     low[slipping] = high[slipping] = (given.c * rng.choice([-1.0, 1.0], (4_000, 4)))[slipping]
     corner = np.where(rng.random((4_000, 4)) < 0.5, low, high)
-    inside = np.where(rng.random((4_000, 1)) < 0.3, corner, low + (high - low) * rng.random((4_000, 4)))
+    inside = np.where(
+        rng.random((4_000, 1)) < 0.3, corner, low + (high - low) * rng.random((4_000, 4))
+    )
     load = np.einsum("nx,nxi->ni", inside, given.w)
     mine = share_arranged(load, low, high, given.w)
     scale = (np.abs(load).sum(axis=1) + (high - low).sum(axis=1))[:, None]
@@ -104,7 +127,9 @@ def test_a_load_is_shared_with_the_smallest_torques_for_any_rows() -> None:
 def storm(machine: Machine, seed: int, steps: int = 400) -> Any:
     """A trajectory under voltages and loads that jump."""
     rng = np.random.default_rng([41, seed])
-    volts = np.repeat(rng.uniform(0.0, 12.0, (steps // 20, 4)) * rng.integers(0, 2, (steps // 20, 4)), 20, axis=0)
+    volts = np.repeat(
+        rng.uniform(0.0, 12.0, (steps // 20, 4)) * rng.integers(0, 2, (steps // 20, 4)), 20, axis=0
+    )
     start = initial_state(machine, rng.uniform(-3.0, 3.0, 2), rng.normal(0.0, 0.5, 2), volts[0])
     force, torque = rng.normal(0.0, 40.0, (steps, 2)), rng.normal(0.0, 15.0, (steps, 2))
     return simulate(machine, start, volts, force, torque)
@@ -118,7 +143,13 @@ def test_motion_is_passive_and_its_energy_closes(name: str) -> None:
     for seed in range(4):
         run = storm(machine, seed)
         told = run.hand_work - run.dissipated - run.numerical_loss + run.residual
-        terms = (run.kinetic_energy, run.hand_work, run.dissipated, run.numerical_loss, run.residual)
+        terms = (
+            run.kinetic_energy,
+            run.hand_work,
+            run.dissipated,
+            run.numerical_loss,
+            run.residual,
+        )
         sizes = np.max([np.abs(each) for each in terms], axis=0)
         sizes = np.maximum(sizes[1:], run.kinetic_energy[:-1])
         assert np.all(np.abs(np.diff(run.kinetic_energy) - told[1:]) <= 1e-12 * sizes)
@@ -126,7 +157,9 @@ def test_motion_is_passive_and_its_energy_closes(name: str) -> None:
         assert run.dissipated.min() >= 0.0
         assert run.numerical_loss.min() >= 0.0
         assert not run.torque[:, ~there].any()
-        assert np.array_equal(run.slip_velocity, run.omega[:, :1] * rows[:, 0] + run.omega[:, 1:] * rows[:, 1])
+        assert np.array_equal(
+            run.slip_velocity, run.omega[:, :1] * rows[:, 0] + run.omega[:, 1:] * rows[:, 1]
+        )
         stuck = run.slip_velocity[:, : len(machine.clutches)] == 0.0
         rest = ~run.omega.any(axis=1)
         first = np.where(stuck.any(axis=1), 1 + np.argmax(stuck, axis=1), ClutchMode.TWO_DOF)
@@ -150,7 +183,9 @@ def test_two_equal_clutches_are_one_of_twice_the_torque() -> None:
         double = simulate(MACHINES["double-brakes"], start, volts, force)
         one = simulate(twice, initial_state(twice, (0.5, 2.0), (0.3, -0.4), volts[0]), volts, force)
         assert np.allclose(double.omega, one.omega, rtol=0.0, atol=1e-9)
-        assert np.allclose(double.torque[:, :2] + double.torque[:, 2:], one.torque[:, :2], rtol=0.0, atol=1e-6)
+        assert np.allclose(
+            double.torque[:, :2] + double.torque[:, 2:], one.torque[:, :2], rtol=0.0, atol=1e-6
+        )
         assert np.array_equal(double.mode, one.mode)
 
 
@@ -160,7 +195,10 @@ def test_dry_friction_holds_an_axis_without_a_clutch() -> None:
     held = simulate(machine, start, np.zeros(4), np.zeros(2), (0.49, -0.99), duration=0.2)
     assert not held.omega.any()
     assert not held.torque.any()
-    assert simulate(machine, start, np.zeros(4), np.zeros(2), (0.51, 0.0), duration=0.2).omega[-1, 0] > 0.0
+    assert (
+        simulate(machine, start, np.zeros(4), np.zeros(2), (0.51, 0.0), duration=0.2).omega[-1, 0]
+        > 0.0
+    )
 
 
 @pytest.mark.parametrize("name", DECLARED)
@@ -189,7 +227,9 @@ def test_worlds_move_as_in_open_loop_and_alone_as_in_a_batch(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", DECLARED)
-@pytest.mark.parametrize("law", [Impedance(), TorqueFeedback(), SingleDof(), VelocityRatio(), Locked(), Random()])
+@pytest.mark.parametrize(
+    "law", [Impedance(), TorqueFeedback(), SingleDof(), VelocityRatio(), Locked(), Random()]
+)
 def test_laws_command_only_what_is_there(name: str, law: Any) -> None:
     machine = DECLARED[name]
     batch = Batch(machine, PathFollowing(), 4)
@@ -238,7 +278,9 @@ def of_rows(*rows: tuple[float, float]) -> Machine:
         (lambda: of_rows((1.0, float("nan"))), r"Connection\.row"),
         (lambda: Connection("", (1.0, 0.0)), r"Connection\.name"),
         (
-            lambda: replace(BASELINE, clutches=FOUR_COUPLINGS, arm=replace(BASELINE.arm, dry_b=1.0)),
+            lambda: replace(
+                BASELINE, clutches=FOUR_COUPLINGS, arm=replace(BASELINE.arm, dry_b=1.0)
+            ),
             r"Arm\.dry_b",
         ),
         (lambda: find_machine("two-breaks"), "'two-brakes'"),
@@ -259,7 +301,9 @@ def test_machines_that_were_never_built_are_known_by_name() -> None:
     "made",
     [
         lambda: Batch([BASELINE, MACHINES["two-brakes"]], PathFollowing()),
-        lambda: read_policy("ppo-standard").bind(MACHINES["two-brakes"], Batch(BASELINE, PathFollowing(), 1).layout),
+        lambda: read_policy("ppo-standard").bind(
+            MACHINES["two-brakes"], Batch(BASELINE, PathFollowing(), 1).layout
+        ),
         lambda: nominal_machine({MACHINES["two-brakes"], MACHINES["couplings-1-2"]}),
     ],
     ids=["with the paper's in a batch", "a policy trained on the paper's", "several nominal ones"],

@@ -35,14 +35,19 @@ def with_friction(substep: float = 1e-4, **friction: float) -> Machine:
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("substep", [2.5e-3, 1e-4])
 def test_an_axis_coasts_to_rest_as_the_closed_form_does(axis: int, substep: float):
-    """m·dω/dt = −b − d·ω. An implicit substep is (1 + x)⁻¹ for e⁻ˣ, x = h·d/m: n of them are off by at most n·x²/2."""
+    """m·dω/dt = −b − d·ω.
+
+    An implicit substep is (1 + x)⁻¹ for e⁻ˣ, x = h·d/m: n of them are off by at most n·x²/2.
+    """
     dry, viscous, begin = 0.4, 0.2, 2.0
     names = ("dry_a", "viscous_a") if axis == 0 else ("dry_b", "viscous_b")
     machine = with_friction(substep, **dict(zip(names, (dry, viscous), strict=True)))
     inertia = (ALONE.inertia_a, ALONE.inertia_b)[axis]
     rest = inertia / viscous * np.log(1.0 + begin * viscous / dry)
     omega = np.eye(2)[axis] * begin
-    run = simulate(machine, initial_state(machine, POSE, omega), np.zeros(4), (0.0, 0.0), duration=1.2 * rest)
+    run = simulate(
+        machine, initial_state(machine, POSE, omega), np.zeros(4), (0.0, 0.0), duration=1.2 * rest
+    )
     exact = (begin + dry / viscous) * np.exp(-run.time * viscous / inertia) - dry / viscous
     x = substep * viscous / inertia
     bound = (begin + dry / viscous) * 0.5 * (run.time / substep) * x**2 + 1e-12
@@ -57,7 +62,9 @@ def test_an_axis_coasts_to_rest_as_the_closed_form_does(axis: int, substep: floa
 def test_dry_friction_holds_up_to_its_torque(share: float, moves: bool):
     machine = with_friction(dry_a=0.4)
     start = initial_state(machine, POSE)
-    run = simulate(machine, start, np.zeros(4), (0.0, 0.0), joint_torque=(share * 0.4, 0.0), duration=0.05)
+    run = simulate(
+        machine, start, np.zeros(4), (0.0, 0.0), joint_torque=(share * 0.4, 0.0), duration=0.05
+    )
     speed = (share - 1.0) * 0.4 / ALONE.inertia_a * run.time if moves else np.zeros(len(run.time))
     assert run.omega[:, 0] == pytest.approx(speed, abs=1e-13)
 
@@ -87,7 +94,9 @@ def test_the_clutches_torques_are_their_own():
     volts = np.array([6.0, 0.0, 0.0, 0.0])
     start = initial_state(machine, POSE, (3.0, 0.0), volts)
     run = simulate(machine, start, volts, (0.0, 0.0), duration=0.01)
-    assert run.torque[:, 0] == pytest.approx(np.full(100, -BASELINE.clutch.dynamic.torque(6.0)), rel=1e-9)
+    assert run.torque[:, 0] == pytest.approx(
+        np.full(100, -BASELINE.clutch.dynamic.torque(6.0)), rel=1e-9
+    )
     assert np.all(run.power <= 0.0)
     together = with_dry(PerClutch(2.0, 0.0, 5.0, 6.0), 0.5, 1.5)
     assert together == (2.5, 1.5, 5.0, 6.0)
@@ -112,7 +121,9 @@ def test_energies_add_up():
 
 def test_worlds_apply_dry_friction():
     """A world moves as the open-loop simulation does, from torques at rest on, up to rounding."""
-    machine = replace(BASELINE, arm=replace(BASELINE.arm, dry_a=0.6, dry_b=0.4, viscous_a=0.3, viscous_b=0.5))
+    machine = replace(
+        BASELINE, arm=replace(BASELINE.arm, dry_a=0.6, dry_b=0.4, viscous_a=0.3, viscous_b=0.5)
+    )
     hand = MultiSineHand(push=12.0, amplitudes=(0.0,) * 5)
     task = PathFollowing(path=Line(x=-0.3, y=0.6, direction=0.0, length=0.6), hand=hand)
     count = round(task.control_period / machine.substep)
@@ -120,10 +131,16 @@ def test_worlds_apply_dry_friction():
     _, first = batch.reset([0])
     rows = np.array([batch.step([[2.0, 0.0, 1.0, 0.0]]).telemetry[0, 0] for _ in range(25)])
     start = initial_state(machine, first[0, [*COLUMN.theta]])
-    run = simulate(machine, start, (2.0, 0.0, 1.0, 0.0), (12.0, 0.0), duration=25 * task.control_period)
+    run = simulate(
+        machine, start, (2.0, 0.0, 1.0, 0.0), (12.0, 0.0), duration=25 * task.control_period
+    )
     assert rows[:, [*COLUMN.theta]] == pytest.approx(run.theta[count - 1 :: count], abs=1e-10)
-    assert rows[:, COLUMN.energy.dissipated] == pytest.approx(run.dissipated.reshape(-1, count).sum(axis=1), abs=1e-10)
-    dynamic = BASELINE.clutch.dynamic.torque(2.0) * (1.0 - np.exp(-0.25 / BASELINE.clutch.time_constant))
+    assert rows[:, COLUMN.energy.dissipated] == pytest.approx(
+        run.dissipated.reshape(-1, count).sum(axis=1), abs=1e-10
+    )
+    dynamic = BASELINE.clutch.dynamic.torque(2.0) * (
+        1.0 - np.exp(-0.25 / BASELINE.clutch.time_constant)
+    )
     assert rows[-1, COLUMN.mode] == 0.0
     assert abs(rows[-1, COLUMN.torque.x1]) == pytest.approx(dynamic, rel=1e-9)
 
@@ -135,5 +152,7 @@ def test_negative_friction_of_an_axis_is_refused():
     stiff = model_of(replace(BASELINE, arm=replace(BASELINE.arm, viscous_a=100.0))).arm
     usual = model_of(BASELINE).arm
     assert condition(stiff, 0.01) - condition(usual, 0.01) == pytest.approx(
-        0.01 * 100.0 / np.linalg.eigvalsh([[usual.m11, usual.coupling], [usual.coupling, usual.m22]])[0]
+        0.01
+        * 100.0
+        / np.linalg.eigvalsh([[usual.m11, usual.coupling], [usual.coupling, usual.m22]])[0]
     )

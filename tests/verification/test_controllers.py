@@ -42,7 +42,9 @@ def allocate(want: Array, low: Array, high: Array, metric: Array) -> Array:
     found: list[Array] = []
     for states in product((False, True), repeat=4):
         free = np.array(states)
-        bounds = product(*((0.0,) if state else ends for state, *ends in zip(states, low, high, strict=True)))
+        bounds = product(
+            *((0.0,) if state else ends for state, *ends in zip(states, low, high, strict=True))
+        )
         torque = np.array(list(bounds))
         if free.any():
             inverse = np.linalg.pinv(root @ W[free].T, rcond=1e-9)
@@ -59,7 +61,10 @@ def jacobian_of(physical: dict[str, float]) -> Array:
     arm = BASELINE.arm
     a, b = (np.arctan2(physical[f"sin_{x}"], physical[f"cos_{x}"]) for x in "ab")
     return np.array(
-        [[-arm.length_a * np.sin(a), -arm.length_b * np.sin(b)], [arm.length_a * np.cos(a), arm.length_b * np.cos(b)]]
+        [
+            [-arm.length_a * np.sin(a), -arm.length_b * np.sin(b)],
+            [arm.length_a * np.cos(a), arm.length_b * np.cos(b)],
+        ]
     )
 
 
@@ -77,7 +82,9 @@ def metric_of(jacobian: Array, tip_space: bool) -> Array:
     return np.asarray(np.linalg.inv(jacobian.T @ jacobian) if tip_space else np.eye(2), np.float64)
 
 
-def voltages(gains: Guided, wanted: Array, physical: dict[str, float], feedback: float, hold: bool) -> Array:
+def voltages(
+    gains: Guided, wanted: Array, physical: dict[str, float], feedback: float, hold: bool
+) -> Array:
     """The table and the torque loop."""
     slip = W @ np.array([physical["omega_a"], physical["omega_b"]])
     knots = np.array(gains.table_volts)
@@ -103,7 +110,8 @@ def reference(gains: Impedance, obs: Array, feedback: float = 0.0, hold: bool = 
     normal = np.array([-tangent[1], tangent[0]])
     velocity = jacobian @ omega
     force = (
-        -(gains.stiffness * physical["normal_error"] + gains.damping_normal * (velocity @ normal)) * normal
+        -(gains.stiffness * physical["normal_error"] + gains.damping_normal * (velocity @ normal))
+        * normal
         + brake(gains, float(velocity @ tangent), physical["pace"]) * tangent
     )
     wanted = allocated(gains, jacobian.T @ force, omega, metric_of(jacobian, gains.tip_space))
@@ -117,15 +125,22 @@ def steering_reference(gains: SingleDof | VelocityRatio, obs: Array) -> Array:
     jacobian = jacobian_of(physical)
     tangent = np.array([physical["heading_cos"], physical["heading_sin"]])
     velocity = jacobian @ omega
-    joint_torque = jacobian.T @ (brake(gains, float(velocity @ tangent), physical["pace"]) * tangent)
-    turn = gains.lead * physical["curvature"] * (velocity @ tangent) - gains.approach * physical["normal_error"]
+    joint_torque = jacobian.T @ (
+        brake(gains, float(velocity @ tangent), physical["pace"]) * tangent
+    )
+    turn = (
+        gains.lead * physical["curvature"] * (velocity @ tangent)
+        - gains.approach * physical["normal_error"]
+    )
     heading = np.arctan2(tangent[1], tangent[0]) + np.arctan(turn)
     if isinstance(gains, VelocityRatio):
         ratio = np.linalg.solve(jacobian, [np.cos(heading), np.sin(heading)])
         off = np.arctan2(omega[1], omega[0]) - np.arctan2(ratio[1], ratio[0])
         normal = np.array([-ratio[1], ratio[0]]) / np.linalg.norm(ratio)
         size = np.linalg.norm(omega)
-        joint_torque = joint_torque - gains.strength * np.sin(off) * min(size / gains.slow, 1.0) * normal
+        joint_torque = (
+            joint_torque - gains.strength * np.sin(off) * min(size / gains.slow, 1.0) * normal
+        )
         wanted = allocated(gains, joint_torque, omega, metric_of(jacobian, gains.tip_space))
     else:
         wanted = allocated(gains, joint_torque, omega, np.eye(2))
@@ -133,11 +148,14 @@ def steering_reference(gains: SingleDof | VelocityRatio, obs: Array) -> Array:
     return voltages(gains, wanted, physical, gains.feedback, gains.hold_when_stuck)
 
 
-def engaged(gains: SingleDof, heading: float, physical: dict[str, float], omega: Array, jacobian: Array) -> Array:
+def engaged(
+    gains: SingleDof, heading: float, physical: dict[str, float], omega: Array, jacobian: Array
+) -> Array:
     """Torque of the clutch with the best line: brake with each for a moment and see which way the tip turns."""
     arm = BASELINE.arm
     m12 = arm.coupling * np.cos(
-        np.arctan2(physical["sin_a"], physical["cos_a"]) - np.arctan2(physical["sin_b"], physical["cos_b"])
+        np.arctan2(physical["sin_a"], physical["cos_a"])
+        - np.arctan2(physical["sin_b"], physical["cos_b"])
     )
     mass = np.array([[arm.inertia_a, m12], [m12, arm.inertia_b]])
     velocity = jacobian @ omega
@@ -149,7 +167,9 @@ def engaged(gains: SingleDof, heading: float, physical: dict[str, float], omega:
         torque = -1.0 if W[x] @ omega >= 0.0 else 1.0
         change = np.asarray(np.linalg.solve(mass, W[x] * torque), np.float64)
         after = jacobian @ (omega + 1e-6 * change)
-        turned = np.angle(np.exp(1j * (np.arctan2(after[1], after[0]) - np.arctan2(velocity[1], velocity[0]))))
+        turned = np.angle(
+            np.exp(1j * (np.arctan2(after[1], after[0]) - np.arctan2(velocity[1], velocity[0])))
+        )
         free = np.linalg.svd(W[x : x + 1])[2][1]
         line = jacobian @ free
         match = np.cos(np.arctan2(line[1], line[0]) - heading) ** 2
@@ -157,18 +177,31 @@ def engaged(gains: SingleDof, heading: float, physical: dict[str, float], omega:
             best, chosen = match, x
     torques = np.zeros(4)
     if chosen >= 0:
-        torques[chosen] = gains.strength * abs(np.sin(off)) * min(np.linalg.norm(velocity) / gains.slow, 1.0)
+        torques[chosen] = (
+            gains.strength * abs(np.sin(off)) * min(np.linalg.norm(velocity) / gains.slow, 1.0)
+        )
     return torques
 
 
-MAX_NUMBER = {"omega_a": 10.0, "omega_b": 10.0, "normal_error": 0.25, "speed_along": 4.0, "speed_across": 4.0}
+MAX_NUMBER = {
+    "omega_a": 10.0,
+    "omega_b": 10.0,
+    "normal_error": 0.25,
+    "speed_along": 4.0,
+    "speed_across": 4.0,
+}
 """Largest magnitudes to draw, in SI; of the other entries, their scales."""
 
 
 def observations(count: int) -> NDArray[np.float32]:
     """Draw plausible observations, many with stuck clutches."""
     rng = np.random.default_rng(3)
-    largest = np.array([MAX_NUMBER.get(name, scale) for name, scale in zip(LAYOUT.names, LAYOUT.scales, strict=True)])
+    largest = np.array(
+        [
+            MAX_NUMBER.get(name, scale)
+            for name, scale in zip(LAYOUT.names, LAYOUT.scales, strict=True)
+        ]
+    )
     obs = largest * rng.uniform(-1.0, 1.0, (count, len(LAYOUT)))
     theta_a = rng.uniform(-np.pi, np.pi, count)
     theta_b = theta_a + rng.uniform(0.3, 2.8, count)
@@ -198,7 +231,9 @@ def observations(count: int) -> NDArray[np.float32]:
     "gains",
     [
         *(
-            Impedance(stiffness=800.0 * strength, damping_normal=200.0 * strength, tip_space=tip_space)
+            Impedance(
+                stiffness=800.0 * strength, damping_normal=200.0 * strength, tip_space=tip_space
+            )
             for strength, tip_space in product((0.05, 1.0), (False, True))
         ),
         Impedance(pace_fraction=0.5),
@@ -210,7 +245,11 @@ def observations(count: int) -> NDArray[np.float32]:
 def test_the_papers_controllers(gains: Impedance) -> None:
     obs = observations(400)
     found = gains.bind(BASELINE, LAYOUT)(obs)
-    loop = (gains.feedback, gains.hold_when_stuck) if isinstance(gains, TorqueFeedback) else (0.0, False)
+    loop = (
+        (gains.feedback, gains.hold_when_stuck)
+        if isinstance(gains, TorqueFeedback)
+        else (0.0, False)
+    )
     expected = np.array([reference(gains, row.astype(float), *loop) for row in obs])
     np.testing.assert_allclose(found, expected, rtol=2e-6, atol=2e-5)
     assert (found > 0.0).mean() > 0.2
@@ -218,10 +257,15 @@ def test_the_papers_controllers(gains: Impedance) -> None:
 
 @pytest.mark.parametrize(
     ("gains", "change"),
-    [(TorqueFeedback(feedback=0.7), {"hold_when_stuck": True}), (Impedance(), {"pace_fraction": 0.5})],
+    [
+        (TorqueFeedback(feedback=0.7), {"hold_when_stuck": True}),
+        (Impedance(), {"pace_fraction": 0.5}),
+    ],
 )
 def test_a_gain_changes_the_voltages(gains: Guided, change: dict[str, Any]) -> None:
-    plain, changed = (each.bind(BASELINE, LAYOUT)(observations(400)) for each in (gains, replace(gains, **change)))
+    plain, changed = (
+        each.bind(BASELINE, LAYOUT)(observations(400)) for each in (gains, replace(gains, **change))
+    )
     assert (plain != changed).any()
 
 
@@ -247,9 +291,12 @@ def test_steering_prefers_the_engaged_clutch() -> None:
     obs = observations(400)
     obs[:, LAYOUT.index("progress")] = 0.5  # all of one episode
     fickle, stubborn = (
-        SingleDof(damping_tangential=0.0, reluctance=reluctance).bind(BASELINE, LAYOUT) for reluctance in (0.0, 0.99)
+        SingleDof(damping_tangential=0.0, reluctance=reluctance).bind(BASELINE, LAYOUT)
+        for reluctance in (0.0, 0.99)
     )
-    engaged_by = [np.array([policy(row) for row in obs]).argmax(axis=1) for policy in (fickle, stubborn)]
+    engaged_by = [
+        np.array([policy(row) for row in obs]).argmax(axis=1) for policy in (fickle, stubborn)
+    ]
     changes = [(np.diff(engaged) != 0).sum() for engaged in engaged_by]
     assert changes[1] < 0.9 * changes[0]
 
@@ -278,7 +325,10 @@ def test_the_integral_of_the_pace_adds_to_the_brake_and_begins_again() -> None:
     for _ in range(200):
         volts_given = policy(row)
     np.testing.assert_allclose(
-        volts_given, Impedance(damping_tangential=0.0).bind(BASELINE, LAYOUT)(row), rtol=1e-4, atol=1e-4
+        volts_given,
+        Impedance(damping_tangential=0.0).bind(BASELINE, LAYOUT)(row),
+        rtol=1e-4,
+        atol=1e-4,
     )
 
 
@@ -286,7 +336,9 @@ def test_the_integral_of_the_pace_adds_to_the_brake_and_begins_again() -> None:
 def test_a_grip_engages_all_clutches_only_at_the_start(kind: Any) -> None:
     batch = Batch(BASELINE, PathFollowing(), 3)
     obs, _ = batch.reset([0, 1, 2])
-    gripping, plain = (kind(grip=grip, pace_integral=0.0).bind(BASELINE, batch.layout) for grip in (4.0, 0.0))
+    gripping, plain = (
+        kind(grip=grip, pace_integral=0.0).bind(BASELINE, batch.layout) for grip in (4.0, 0.0)
+    )
     for step in range(12):
         volts = gripping(obs)
         without = plain(obs)
@@ -300,7 +352,9 @@ def test_a_grip_engages_all_clutches_only_at_the_start(kind: Any) -> None:
         np.testing.assert_array_equal(gripping(obs), plain(obs), "no voltage is no beginning")
         obs = batch.step(np.zeros((3, 4))).obs
     late = kind(grip=4.0, pace_integral=0.0).bind(BASELINE, batch.layout)
-    np.testing.assert_array_equal(late(obs)[0], plain(obs)[0], "an episode that it did not see begin")
+    np.testing.assert_array_equal(
+        late(obs)[0], plain(obs)[0], "an episode that it did not see begin"
+    )
     gripping(obs)
     obs, _ = batch.reset([3, 4, 5])
     assert (gripping(obs) == 24.0).all(), "a new episode"
@@ -309,16 +363,26 @@ def test_a_grip_engages_all_clutches_only_at_the_start(kind: Any) -> None:
 def test_a_schedule_is_linear_between_its_knots_and_flat_beyond() -> None:
     slow = TorqueFeedback(stiffness=200.0, damping_tangential=600.0, feedback=0.1)
     brisk = TorqueFeedback(stiffness=1000.0, damping_tangential=100.0, feedback=0.5)
-    schedule = PaceSchedule(((0.125, slow), (0.25, TorqueFeedback()), (0.5, brisk))).bind(BASELINE, LAYOUT)
+    schedule = PaceSchedule(((0.125, slow), (0.25, TorqueFeedback()), (0.5, brisk))).bind(
+        BASELINE, LAYOUT
+    )
     between = TorqueFeedback(
         stiffness=0.5 * (1000.0 + TorqueFeedback().stiffness),
         damping_tangential=0.5 * (100.0 + TorqueFeedback().damping_tangential),
         feedback=0.5 * (0.5 + TorqueFeedback().feedback),
     )
     obs = observations(100)
-    for pace, gains in ((0.0625, slow), (0.125, slow), (0.25, TorqueFeedback()), (0.375, between), (1.0, brisk)):
+    for pace, gains in (
+        (0.0625, slow),
+        (0.125, slow),
+        (0.25, TorqueFeedback()),
+        (0.375, between),
+        (1.0, brisk),
+    ):
         obs[:, LAYOUT.index("pace")] = pace / LAYOUT.scales[LAYOUT.index("pace")]
-        np.testing.assert_allclose(schedule(obs), gains.bind(BASELINE, LAYOUT)(obs), rtol=1e-6, atol=1e-5)
+        np.testing.assert_allclose(
+            schedule(obs), gains.bind(BASELINE, LAYOUT)(obs), rtol=1e-6, atol=1e-5
+        )
 
 
 @pytest.mark.parametrize(
@@ -348,7 +412,9 @@ def test_the_record_is_the_layout(sensors: Sensors) -> None:
     """A law reads by the places in ``OBS``; they are those of the names, whatever the sensors."""
     layout = observation_layout(BASELINE, sensors)
     places = dict(zip((leaf.name for leaf in leaves(Observation)), flat(OBS), strict=True))
-    assert {name: places[name] for name in layout.names} == {name: layout.index(name) for name in layout.names}
+    assert {name: places[name] for name in layout.names} == {
+        name: layout.index(name) for name in layout.names
+    }
     assert (OBS.omega_a, OBS.heading.sin, OBS.torque.x4) == tuple(
         map(places.get, ("omega_a", "heading_sin", "torque_4"))
     )
@@ -403,7 +469,9 @@ def test_the_table_ends_at_the_largest_voltage_of_the_machine(top: float) -> Non
         torque = machine.clutch.dynamic.torque(knot)
         assert table_voltage(policy.gains, torque) == pytest.approx(knot, rel=1e-12)
     assert (table_voltage(policy.gains, 0.0), table_voltage(policy.gains, 1e6)) == (0.0, top)
-    assert (np.diff([table_voltage(policy.gains, t) for t in np.linspace(0.0, 60.0, 200)]) >= 0.0).all()
+    assert (
+        np.diff([table_voltage(policy.gains, t) for t in np.linspace(0.0, 60.0, 200)]) >= 0.0
+    ).all()
     exact = Impedance(table_volts=tuple(knots)).bind(machine, policy.layout)
     np.testing.assert_array_equal(policy.gains, exact.gains)
     np.testing.assert_array_equal(
@@ -431,7 +499,9 @@ def test_an_absent_clutch_gets_no_voltage(kind: Any, gone: int) -> None:
     volts, whole = (kind().bind(each, layout)(seen) for each in (machine, BASELINE))
     assert (volts[:, gone] == 0.0).all()
     assert np.isfinite(volts).all()
-    assert volts.any() == np.delete(whole, gone, axis=1).any(), "the other clutches brake as they would"
+    assert volts.any() == np.delete(whole, gone, axis=1).any(), (
+        "the other clutches brake as they would"
+    )
 
 
 @pytest.mark.parametrize("gone", range(4))
@@ -458,12 +528,20 @@ def test_a_weaker_clutch_is_one_with_a_lower_curve() -> None:
     lower = replace(
         clutch,
         breakaway=replace(
-            clutch.breakaway, slope=0.5 * clutch.breakaway.slope, curvature=0.5 * clutch.breakaway.curvature
+            clutch.breakaway,
+            slope=0.5 * clutch.breakaway.slope,
+            curvature=0.5 * clutch.breakaway.curvature,
         ),
-        dynamic=replace(clutch.dynamic, slope=0.5 * clutch.dynamic.slope, curvature=0.5 * clutch.dynamic.curvature),
+        dynamic=replace(
+            clutch.dynamic,
+            slope=0.5 * clutch.dynamic.slope,
+            curvature=0.5 * clutch.dynamic.curvature,
+        ),
     )
     layout = observation_layout(BASELINE, "torque")
     seen = observations(100)
     for controller in (TorqueFeedback(), SingleDof(), VelocityRatio()):
         scaled = controller.bind(replace(BASELINE, clutch_scale=(0.5,) * 4), layout)(seen)
-        np.testing.assert_allclose(scaled, controller.bind(replace(BASELINE, clutch=lower), layout)(seen), rtol=1e-6)
+        np.testing.assert_allclose(
+            scaled, controller.bind(replace(BASELINE, clutch=lower), layout)(seen), rtol=1e-6
+        )

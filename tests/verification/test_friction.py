@@ -1,14 +1,16 @@
-"""Joint friction against independent oracles: the dual problem, exact fractions, scipy, and the paper's own rule.
+"""Joint friction against independent oracles: the dual problem, exact fractions, scipy, and the
+paper's own rule.
 
-Tolerances. With u = 2⁻⁵³ the package forms the momentum in a sector with at most four roundings of numbers no larger
-than P = |p_a| + |p_b| + Σc, so it is off by at most 4uP, and solves a 2×2 system by Cramer's rule. A determinant of
-entries up to ‖M‖ is off by 2u‖M‖² or, relative to itself, 2uκ; so are the numerators. Together
+Tolerances. With u = 2⁻⁵³ the package forms the momentum in a sector with at most four roundings of
+numbers no larger than P = |p_a| + |p_b| + Σc, so it is off by at most 4uP, and solves a 2×2 system
+by Cramer's rule. A determinant of entries up to ‖M‖ is off by 2u‖M‖² or, relative to itself, 2uκ;
+so are the numerators. Together
 
     |δω| ≤ ROUNDINGS · u · (‖M⁻¹‖ P + κ |ω|)       with a ROUNDINGS of eight,
 
-and a point p that is farther than 8uκP from every line on which the mode changes must get its mode right. Where κ is
-below 10⁵ that is well under 1e-10 of the free velocity M⁻¹p, which is asserted as such.
-"""
+and a point p that is farther than 8uκP from every line on which the mode changes must get its mode
+right. Where κ is below 10⁵ that is well under 1e-10 of the free velocity M⁻¹p, which is asserted as
+such."""
 
 from __future__ import annotations
 
@@ -64,13 +66,19 @@ def expected(index: int) -> oracle.Solution:
 
 def rounding(problems: Problems, omega: np.ndarray) -> np.ndarray:
     """The derived bound on the error of a velocity, (n,)."""
-    return ROUNDINGS * UNIT * (problems.compliance * problems.momentum + problems.condition * np.hypot(*omega.T))
+    return (
+        ROUNDINGS
+        * UNIT
+        * (problems.compliance * problems.momentum + problems.condition * np.hypot(*omega.T))
+    )
 
 
 @DETERMINISTIC
 @given(NUMBERS, NUMBERS)
 def test_slip_velocities_are_those_of_the_coupling(omega_a, omega_b):
-    assert slip_velocities(omega_a, omega_b) == tuple(a * omega_a + b * omega_b for a, b in COUPLING)
+    assert slip_velocities(omega_a, omega_b) == tuple(
+        a * omega_a + b * omega_b for a, b in COUPLING
+    )
 
 
 @DETERMINISTIC
@@ -78,7 +86,9 @@ def test_slip_velocities_are_those_of_the_coupling(omega_a, omega_b):
 def test_torques_on_links_are_those_of_the_coupling(torque):
     for link, found in enumerate(torques_on_links(PerClutch(*torque))):
         parts = [row[link] * each for row, each in zip(COUPLING, torque, strict=True)]
-        assert found == functools.reduce(operator.add, parts)  # from Python 3.12 on sum() rounds once
+        assert found == functools.reduce(
+            operator.add, parts
+        )  # from Python 3.12 on sum() rounds once
 
 
 def test_the_coupling_is_the_papers():
@@ -128,10 +138,10 @@ def test_modes_say_which_slips_are_zero(index):
 def test_impulses_exist_that_explain_the_velocity(index):
     """The optimality conditions from the velocity alone: p − Mω is a sum of impulses.
 
-    Where there is slip, be it of the size of a rounding, they are at their capacity against it. The rest, of clutches
-    without slip, must lie in the zonotope of their capacities; whatever the subset, its sides have their normals among
-    the four lines. An arm that as a whole is no faster than rounding counts as at rest.
-    """
+    Where there is slip, be it of the size of a rounding, they are at their capacity against it. The
+    rest, of clutches without slip, must lie in the zonotope of their capacities; whatever the
+    subset, its sides have their normals among the four lines. An arm that as a whole is no faster
+    than rounding counts as at rest."""
     problems = FAMILIES[index]
     omega = resolved(index)[:, :2]
     slips = omega @ W.T
@@ -153,7 +163,11 @@ def test_a_load_of_exactly_the_capacity_is_held(name):
 
 @pytest.mark.parametrize("capacity", [0.0, 1.0])
 def test_no_momentum_is_rest(capacity):
-    assert resolve_friction(1.2, -0.2, 0.4, 0.0, 0.0, *[capacity] * 4) == (0.0, 0.0, ClutchMode.ZERO_DOF)
+    assert resolve_friction(1.2, -0.2, 0.4, 0.0, 0.0, *[capacity] * 4) == (
+        0.0,
+        0.0,
+        ClutchMode.ZERO_DOF,
+    )
 
 
 @pytest.mark.parametrize("index", range(len(FAMILIES)), ids=identify)
@@ -176,14 +190,24 @@ def test_bounded_least_squares_of_scipy_agrees():
     """A third voice: scipy minimises |L⁻¹(p − Wᵀλ)|², M = LLᵀ, over the box of the capacities (to 1e-10 of P)."""
     problems = FAMILIES[0]
     for row, mine in zip(list(problems.rows())[:300], resolved(0), strict=False):
-        mass, p, c = np.array([[row[0], row[1]], [row[1], row[2]]]), np.array(row[3:5]), np.array(row[5:])
+        mass, p, c = (
+            np.array([[row[0], row[1]], [row[1], row[2]]]),
+            np.array(row[3:5]),
+            np.array(row[5:]),
+        )
         factor = np.linalg.cholesky(mass)
         fit = lsq_linear(
-            np.linalg.solve(factor, W.T), np.linalg.solve(factor, p), bounds=(-c, c), method="bvls", tol=1e-15
+            np.linalg.solve(factor, W.T),
+            np.linalg.solve(factor, p),
+            bounds=(-c, c),
+            method="bvls",
+            tol=1e-15,
         )
         omega = np.linalg.solve(mass, p - W.T @ fit.x)
         compliance = np.linalg.norm(np.linalg.inv(mass), 2)
-        assert np.allclose(omega, mine[:2], rtol=0.0, atol=1e-10 * compliance * (np.abs(p).sum() + c.sum()))
+        assert np.allclose(
+            omega, mine[:2], rtol=0.0, atol=1e-10 * compliance * (np.abs(p).sum() + c.sum())
+        )
 
 
 def loads_to_share(rng: np.random.Generator, kind: str):
@@ -215,16 +239,22 @@ def test_a_load_is_shared_with_the_smallest_torques(kind):
 
 # --- the paper's own rule ---
 
-RECORDED_AGREEMENT = {0: (1.0, 1.0), 1: (1.0, 1.0), 2: (0.985, 0.955), 3: (0.909, 0.729), 4: (0.854, 0.553)}
+RECORDED_AGREEMENT = {
+    0: (1.0, 1.0),
+    1: (1.0, 1.0),
+    2: (0.985, 0.955),
+    3: (0.909, 0.729),
+    4: (0.854, 0.553),
+}
 """By number of engaged clutches: shares of random states at rest on which the two agree, as in verification.md."""
 
 
 def random_situation(rng: np.random.Generator, kind: str, engaged: int) -> paper_rule.ClutchProblem:
-    """A state at rest, on a clutch's line or in a sector, with a load up to 1.5 times what the clutches can hold.
+    """A state at rest, on a clutch's line or in a sector, with a load up to 1.5 times what the
+    clutches can hold.
 
-    Breakaway torques uniform in 5 … 60 N·m, T_s/T_k = 1.15, M11, M22, c of the order of PTER's, slips of 0.1 rad/s
-    and more.
-    """
+    Breakaway torques uniform in 5 … 60 N·m, T_s/T_k = 1.15, M11, M22, c of the order of PTER's,
+    slips of 0.1 rad/s and more."""
     m11, m22 = rng.uniform(0.8, 2.0), rng.uniform(0.2, 0.6)
     m12 = rng.uniform(-0.7, 0.7) * np.sqrt(m11 * m22)
     breakaway = np.zeros(4)
@@ -244,7 +274,9 @@ def random_situation(rng: np.random.Generator, kind: str, engaged: int) -> paper
     with np.errstate(divide="ignore"):
         reach = np.min(np.abs(normals @ W.T) @ breakaway / np.abs(normals @ direction))
     load = direction * rng.uniform(0.0, 1.5) * (reach if engaged > 1 else 30.0)
-    return paper_rule.ClutchProblem(np.array([[m11, m12], [m12, m22]]), load, slip, breakaway, breakaway / 1.15)
+    return paper_rule.ClutchProblem(
+        np.array([[m11, m12], [m12, m22]]), load, slip, breakaway, breakaway / 1.15
+    )
 
 
 def agrees(now: paper_rule.ClutchProblem, step: float = 1e-6) -> bool:
@@ -256,7 +288,9 @@ def agrees(now: paper_rule.ClutchProblem, step: float = 1e-6) -> bool:
     a, b, mode = resolve_friction(now.mass[0, 0], now.mass[0, 1], now.mass[1, 1], *p, *capacity)
     acceleration = (np.array([a, b]) - omega) / step
     free = np.linalg.norm(np.linalg.solve(now.mass, now.load)) + np.linalg.norm(answer.acceleration)
-    return mode == answer.mode and bool(np.linalg.norm(acceleration - answer.acceleration) <= 1e-6 * free)
+    return mode == answer.mode and bool(
+        np.linalg.norm(acceleration - answer.acceleration) <= 1e-6 * free
+    )
 
 
 @functools.cache
@@ -278,8 +312,12 @@ def test_the_papers_rule_agrees_wherever_an_axis_moves(kind, engaged):
 @pytest.mark.parametrize("engaged", range(5))
 def test_the_papers_rule_agrees_from_rest_as_often_as_published(engaged):
     """Within three standard errors, so another version of numpy's generators may draw other states."""
-    document = (Path(__file__).parents[2] / "docs" / "development" / "verification.md").read_text(encoding="utf-8")
+    document = (Path(__file__).parents[2] / "docs" / "development" / "verification.md").read_text(
+        encoding="utf-8"
+    )
     for rate, recorded in zip(agreement("rest", engaged), RECORDED_AGREEMENT[engaged], strict=True):
         assert abs(rate - recorded) <= 3.0 * np.sqrt(recorded * (1.0 - recorded) / 1_000)
-    published = " | ".join(f"{recorded:.1%}".replace("%", " %") for recorded in RECORDED_AGREEMENT[engaged])
+    published = " | ".join(
+        f"{recorded:.1%}".replace("%", " %") for recorded in RECORDED_AGREEMENT[engaged]
+    )
     assert f"| {engaged} | {published} |" in document

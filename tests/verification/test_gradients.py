@@ -54,9 +54,8 @@ def friction_adjoint(x: np.ndarray, omega: Any, by: Any) -> np.ndarray:
 def test_the_friction_step_has_the_derivative_of_central_differences_in_each_mode():
     """Along a random direction, 10⁻⁶ of each number either way; κ is the condition of M.
 
-    A central difference of M⁻¹ misses (10⁻⁶·κ)²·κ of the scale of ω, and loses ε·κ over 2·10⁻⁶ to rounding; ten times
-    that for the sums of a problem.
-    """
+    A central difference of M⁻¹ misses (10⁻⁶·κ)²·κ of the scale of ω, and loses ε·κ over 2·10⁻⁶ to
+    rounding; ten times that for the sums of a problem."""
     rng, found, step = np.random.default_rng(0), dict.fromkeys(ClutchMode, 0), 1e-6
     while min(found.values()) < EACH:
         x = random_problem(rng)
@@ -88,7 +87,9 @@ def test_friction_never_amplifies_a_change_of_momentum():
         factor = np.linalg.cholesky(np.array([[x[0], x[1]], [x[1], x[2]]]))
         size = np.linalg.norm(factor.T @ by_p @ factor, 2)
         condition = (x[0] + x[2]) ** 2 / (x[0] * x[2] - x[1] ** 2)
-        assert size == pytest.approx(0.0 if mode == ClutchMode.ZERO_DOF else 1.0, abs=10.0 * condition * EPS)
+        assert size == pytest.approx(
+            0.0 if mode == ClutchMode.ZERO_DOF else 1.0, abs=10.0 * condition * EPS
+        )
 
 
 @cache
@@ -113,10 +114,14 @@ def random_body(rng: np.random.Generator) -> Any:
     hand = Hand(mass=0.3, damping=6.0, stiffness=40.0)
     arm = replace(BASELINE.arm, dry_a=0.2, dry_b=0.1, viscous_a=0.1, viscous_b=0.2)
     line = np.array([[0.0, 1.0], [1.0, 0.0], [1.0, 1.0], [1.0, -1.0]])[rng.integers(4)]
-    omega = (rng.normal(0.0, 0.03, 2), rng.normal(0.0, 0.05) * line, np.zeros(2))[rng.choice(3, p=(0.6, 0.3, 0.1))]
+    omega = (rng.normal(0.0, 0.03, 2), rng.normal(0.0, 0.05) * line, np.zeros(2))[
+        rng.choice(3, p=(0.6, 0.3, 0.1))
+    ]
     volts = np.minimum(24.0, 1e-3 + rng.exponential(5.0, 4))
     machine = replace(BASELINE, hand=hand, arm=arm)
-    body: Any = body_of(machine, initial_state(machine, rng.uniform(-np.pi, np.pi, 2), omega, volts))
+    body: Any = body_of(
+        machine, initial_state(machine, rng.uniform(-np.pi, np.pi, 2), omega, volts)
+    )
     store(body, BODY.load, 0, Load(*rng.normal(0.0, 40.0, 2), 0.0, 0.0, *rng.normal(0.0, 0.5, 2)))
     store(body, BODY.command, 0, PerClutch(*rng.uniform(0.0, 24.0, 4)))
     aim(body, 0, False)
@@ -130,8 +135,19 @@ def test_each_stage_has_the_adjoint_that_autodiff_of_its_twin_in_jax_has(name: s
     stage = {"aim": aim, "drift": drift, "find": STAGES.find, "share": STAGES.share}[name]
     constants = (True,) if name in ("aim", "drift") else ()
     scalars = (SUBSTEP,) if name in ("drift", "find") else ()
-    rng, checked, back = np.random.default_rng(2), 0, adjoint_of(stage, *(["h"] * len(scalars)), constants=constants)
-    outputs = [BODY.omega.a, BODY.omega.b, *BODY.impact, *BODY.limit, *range(FIRST, LAST), *flat(BODY.steady)]
+    rng, checked, back = (
+        np.random.default_rng(2),
+        0,
+        adjoint_of(stage, *(["h"] * len(scalars)), constants=constants),
+    )
+    outputs = [
+        BODY.omega.a,
+        BODY.omega.b,
+        *BODY.impact,
+        *BODY.limit,
+        *range(FIRST, LAST),
+        *flat(BODY.steady),
+    ]
     with jax.enable_x64(True):
         run = twin(stage)
 
@@ -160,11 +176,17 @@ def test_each_stage_has_the_adjoint_that_autodiff_of_its_twin_in_jax_has(name: s
 
 @pytest.mark.parametrize("name", ["aim", "drift", "find", "part"])
 def test_each_stage_has_the_tangents_that_its_adjoint_has(name: str):
-    """b·(J·v) = (Jᵀ·b)·v, the same sums in another order: they differ by at most 10⁵ roundings of their largest terms.
+    """b·(J·v) = (Jᵀ·b)·v, the same sums in another order: they differ by at most 10⁵ roundings of
+    their largest terms.
 
-    Derivatives of the share of a kick before a change are large where the slip hardly leaves its band.
-    """
-    stage: Any = {"aim": aim, "drift": drift, "find": STAGES.find, "part": stages_in_span(STAGES)[1]}[name]
+    Derivatives of the share of a kick before a change are large where the slip hardly leaves its
+    band."""
+    stage: Any = {
+        "aim": aim,
+        "drift": drift,
+        "find": STAGES.find,
+        "part": stages_in_span(STAGES)[1],
+    }[name]
     constants = (True,) if name in ("aim", "drift") else ()
     scalars = ("h",) if name in ("drift", "find") else ()
     rng, active, checked = np.random.default_rng(8), sorted(KICK), 0
@@ -176,7 +198,11 @@ def test_each_stage_has_the_tangents_that_its_adjoint_has(name: str):
             STAGES.find(body, 0, SUBSTEP)
             if body[BODY.changes, 0] == 0.0 or not STAGES.share(body, 0) < 1.0:
                 continue
-        by, v, given = np.zeros((BODY_WIDTH, 1)), np.zeros((BODY_WIDTH, 5)), (SUBSTEP,) * len(scalars)
+        by, v, given = (
+            np.zeros((BODY_WIDTH, 1)),
+            np.zeros((BODY_WIDTH, 5)),
+            (SUBSTEP,) * len(scalars),
+        )
         by[active, 0], v[active] = rng.normal(size=len(active)), rng.normal(size=(len(active), 5))
         bar, dot, moved, after = by.copy(), v.copy(), body.copy(), body.copy()
         with np.errstate(divide="ignore", invalid="ignore"):  # in branches that are not taken
@@ -191,7 +217,9 @@ def test_each_stage_has_the_tangents_that_its_adjoint_has(name: str):
 
 ALL: dict[str, Machine] = {
     "as it is": BASELINE,
-    "no stiction": replace(BASELINE, clutch=replace(BASELINE.clutch, breakaway=BASELINE.clutch.dynamic)),
+    "no stiction": replace(
+        BASELINE, clutch=replace(BASELINE.clutch, breakaway=BASELINE.clutch.dynamic)
+    ),
     "with a hand": replace(
         BASELINE,
         hand=Hand(mass=0.3, damping=4.0, stiffness=30.0),
@@ -199,7 +227,9 @@ ALL: dict[str, Machine] = {
         clutch_scale=(1.1, 0.9, 1.0, 1.2),
     ),
     "lagging voltages": replace(BASELINE, clutch=replace(BASELINE.clutch, lag="voltage")),
-    "other clutches": replace(MACHINES["couplings-1-2"], arm=replace(BASELINE.arm, dry_a=0.2, dry_b=0.1)),
+    "other clutches": replace(
+        MACHINES["couplings-1-2"], arm=replace(BASELINE.arm, dry_a=0.2, dry_b=0.1)
+    ),
 }
 
 
@@ -207,7 +237,9 @@ def drawn(machine: Machine, steps: int, seed: int) -> dict[str, Any]:
     rng = np.random.default_rng(seed)
     return {
         "machine": machine,
-        "state": initial_state(machine, (1.9, 0.6), rng.normal(0.0, 0.5, 2), rng.uniform(0.0, 4.0, 4)),
+        "state": initial_state(
+            machine, (1.9, 0.6), rng.normal(0.0, 0.5, 2), rng.uniform(0.0, 4.0, 4)
+        ),
         "volts": rng.uniform(0.5, 12.0, (steps, 4)),
         "hand_force": rng.normal(0.0, 40.0, (steps, 4, 2)),
         "hand_target": rng.normal(0.0, 0.5, 2),
@@ -221,7 +253,9 @@ def changed(machine: Any, place: str, value: float) -> Any:
         scale = [*machine.clutch_scale]
         scale[int(rest) - 1] = value
         return replace(machine, clutch_scale=tuple(scale))
-    return replace(machine, **{name: changed(getattr(machine, name), rest, value) if rest else value})
+    return replace(
+        machine, **{name: changed(getattr(machine, name), rest, value) if rest else value}
+    )
 
 
 @pytest.mark.slow
@@ -229,14 +263,19 @@ def changed(machine: Any, place: str, value: float) -> Any:
     "kind", [pytest.param(k, marks=pytest.mark.long if k == "other clutches" else ()) for k in ALL]
 )
 def test_a_rollout_has_the_gradient_of_paired_rollouts(kind: str):
-    """By all that goes in, over 30 control steps of sticking and slipping in which no pair has another order of events.
+    """By all that goes in, over 30 control steps of sticking and slipping in which no pair has
+    another order of events.
 
     Steps of 10⁻⁶ lose 10⁻⁹ of the scalar to rounding, and its curvature takes about as much.
     """
     given = drawn(ALL[kind], 30, seed=3)
     run = gradients.rollout(**given)
     rng = np.random.default_rng(4)
-    by = {name: rng.normal(size=getattr(run, name).shape) for name in vars(run) if not name.startswith("_")}
+    by = {
+        name: rng.normal(size=getattr(run, name).shape)
+        for name in vars(run)
+        if not name.startswith("_")
+    }
     gradient = run.gradient(**by)
 
     def paired(field: str, change: Callable[[float], Any], step: float = 1e-6) -> float:
@@ -252,24 +291,39 @@ def test_a_rollout_has_the_gradient_of_paired_rollouts(kind: str):
         total = np.sum((ours.sum(axis=(0, 1)) if z.shape == (2,) else ours) * z)
         moved = paired(name, lambda e, name=name, z=z: given[name] + e * z)
         assert total == pytest.approx(moved, rel=1e-5, abs=1e-5), name
-    alone = kind == "no stiction"  # where T_s is T_k, a change of one alone begins or ends the division of kicks
+    alone = (
+        kind == "no stiction"
+    )  # where T_s is T_k, a change of one alone begins or ends the division of kicks
     for name in vars(given["state"]):
-        if (alone and name.startswith("torque")) or name == "heat":  # machines whose clutches fade have no derivatives
+        if (
+            alone and name.startswith("torque")
+        ) or name == "heat":  # machines whose clutches fade have no derivatives
             continue
         values = getattr(given["state"], name)
         z = rng.normal(size=values.shape)
         moved = paired(
-            "state", lambda e, name=name, values=values, z=z: replace(given["state"], **{name: values + e * z})
+            "state",
+            lambda e, name=name, values=values, z=z: replace(
+                given["state"], **{name: values + e * z}
+            ),
         )
-        assert np.sum(getattr(gradient.state, name) * z) == pytest.approx(moved, rel=1e-5, abs=1e-5), name
+        assert np.sum(getattr(gradient.state, name) * z) == pytest.approx(
+            moved, rel=1e-5, abs=1e-5
+        ), name
     for place, value in numbers_of(ALL[kind]).items():
         if alone and place.startswith(("clutch.breakaway", "clutch.dynamic")):
             continue
-        if place != "substep" and not (value == 0.0 and place.startswith(("arm", "hand", "clutch"))):
+        if place != "substep" and not (
+            value == 0.0 and place.startswith(("arm", "hand", "clutch"))
+        ):
             step = 1e-8 if place == "slip_threshold" else 1e-6
             moved = paired(
                 "machine",
-                partial(lambda e, place, value: changed(ALL[kind], place, value + e), place=place, value=value),
+                partial(
+                    lambda e, place, value: changed(ALL[kind], place, value + e),
+                    place=place,
+                    value=value,
+                ),
                 step,
             )
             assert gradient.machine[place] == pytest.approx(moved, rel=1e-4, abs=1e-4), place
@@ -282,8 +336,12 @@ def test_a_rollout_moves_as_the_simulator_does():
     rows = np.repeat(given["volts"], 4, axis=0), given["hand_force"].reshape(-1, 2)
     trajectory = simulate(BASELINE, given["state"], *rows)
     for name in ("theta", "omega", "tip_position", "tip_velocity", "torque_breakaway"):
-        np.testing.assert_allclose(getattr(run, name)[1:], getattr(trajectory, name)[3::4], rtol=1e-12, atol=1e-12)
-    again = gradients.rollout(**{**given, "state": run.final, "volts": given["volts"][:1], "hand_force": np.ones(2)})
+        np.testing.assert_allclose(
+            getattr(run, name)[1:], getattr(trajectory, name)[3::4], rtol=1e-12, atol=1e-12
+        )
+    again = gradients.rollout(
+        **{**given, "state": run.final, "volts": given["volts"][:1], "hand_force": np.ones(2)}
+    )
     np.testing.assert_array_equal(again.theta[0], run.theta[-1])
 
 
@@ -302,22 +360,32 @@ def test_whole_numbers_in_a_machine_are_numbers():
         return made.gradient(tip_position=np.ones((4, 2)))
 
     once = gradients.rollout(BASELINE, initial_state(BASELINE, (0, 2)), np.full((3, 4), 5), [5, 3])
-    again = gradients.rollout(BASELINE, initial_state(BASELINE, (0.0, 2.0)), np.full((3, 4), 5.0), [5.0, 3.0])
+    again = gradients.rollout(
+        BASELINE, initial_state(BASELINE, (0.0, 2.0)), np.full((3, 4), 5.0), [5.0, 3.0]
+    )
     np.testing.assert_array_equal(
         once.gradient(theta=np.ones((4, 2), int)).volts, again.gradient(theta=np.ones((4, 2))).volts
     )
-    whole = replace(BASELINE, clutch=replace(BASELINE.clutch, voltage_max=24), clutch_scale=(1, 1, 1, 1))
+    whole = replace(
+        BASELINE, clutch=replace(BASELINE.clutch, voltage_max=24), clutch_scale=(1, 1, 1, 1)
+    )
     found, expected = gradient(whole), gradient(BASELINE)
     assert found.machine == expected.machine
     np.testing.assert_array_equal(found.volts, expected.volts)
 
 
 def test_derivatives_hold_on_both_sides_of_each_switch():
-    """Between two states of which one divides its kick, bisection finds the switch; 10⁻⁵ either side of it the
-    derivative along the line is that of a difference that does not cross it."""
+    """Between two states of which one divides its kick, bisection finds the switch; 10⁻⁵ either
+    side of it the derivative along the line is that of a difference that does not cross it."""
     rng, seen = np.random.default_rng(6), 0
     _, adjoint = kick_adjoints(STAGES)
-    rows = [BODY.motion.omega_a, BODY.motion.omega_b, *flat(BODY.torques), BODY.load.force_x, BODY.load.force_y]
+    rows = [
+        BODY.motion.omega_a,
+        BODY.motion.omega_b,
+        *flat(BODY.torques),
+        BODY.load.force_x,
+        BODY.load.force_y,
+    ]
     while seen < 100:
         body = random_body(rng)
         z = np.zeros((BODY_WIDTH, 1))
@@ -327,7 +395,9 @@ def test_derivatives_hold_on_both_sides_of_each_switch():
             continue
         while high - low > 1e-9:
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if parts_of(body + middle * z) == parts_of(body) else (low, middle)
+            low, high = (
+                (middle, high) if parts_of(body + middle * z) == parts_of(body) else (low, middle)
+            )
         by = rng.normal(size=2)
 
         def after(t: float, body: Any = body, z: Any = z, by: Any = by) -> float:
@@ -362,11 +432,20 @@ def test_jax_has_the_same_motion_and_gradient():
                 motion = roll(given["state"], volts, force, given["hand_target"], numbers)
                 return jax.numpy.sum((motion.tip_position - goal) ** 2)
 
-            numbers = {"clutch.time_constant": BASELINE.clutch.time_constant, "arm.length_a": BASELINE.arm.length_a}
-            inputs = jax.numpy.asarray(given["volts"]), jax.numpy.asarray(given["hand_force"]), numbers
+            numbers = {
+                "clutch.time_constant": BASELINE.clutch.time_constant,
+                "arm.length_a": BASELINE.arm.length_a,
+            }
+            inputs = (
+                jax.numpy.asarray(given["volts"]),
+                jax.numpy.asarray(given["hand_force"]),
+                numbers,
+            )
             value, found = jax.jit(jax.value_and_grad(cost, (0, 1, 2)))(*inputs)
             assert float(value) == pytest.approx(np.sum((run.tip_position - goal) ** 2), rel=close)
-            np.testing.assert_allclose(found[0], ours.volts, rtol=close, atol=close * np.abs(ours.volts).max())
+            np.testing.assert_allclose(
+                found[0], ours.volts, rtol=close, atol=close * np.abs(ours.volts).max()
+            )
             np.testing.assert_allclose(
                 found[1], ours.hand_force, rtol=close, atol=close * np.abs(ours.hand_force).max()
             )

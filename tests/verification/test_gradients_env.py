@@ -39,7 +39,9 @@ def simulated(env: Any, state: Any, obs: Any, gains: Any, shifts: Any) -> Any:
     def step(carry: Any, shift: Any) -> Any:
         state, obs = carry
         action = middle + half * jnp.tanh(jnp.einsum("nij,nj->ni", gains, obs) + shift)
-        obs, state, reward, terminated, truncated, _ = jax.vmap(env.step, in_axes=(None, 0, 0))(None, state, action)
+        obs, state, reward, terminated, truncated, _ = jax.vmap(env.step, in_axes=(None, 0, 0))(
+            None, state, action
+        )
         return (state, obs), (obs, reward, terminated | truncated)
 
     return jax.lax.scan(step, (state, obs), shifts)[1]
@@ -50,13 +52,21 @@ def drawn(env: Any, steps: int) -> tuple[Any, Any, Any, Any]:
     rng = np.random.default_rng(1)
     obs, state = jax.vmap(env.reset_to_seed)(7 + np.arange(WORLDS))
     gains = 0.1 * rng.normal(size=(WORLDS, 4, obs.shape[1]))
-    return state, obs, jnp.asarray(gains, float), jnp.asarray(rng.normal(-0.7, 0.3, (steps, WORLDS, 4)), float)
+    return (
+        state,
+        obs,
+        jnp.asarray(gains, float),
+        jnp.asarray(rng.normal(-0.7, 0.3, (steps, WORLDS, 4)), float),
+    )
 
 
 @pytest.mark.parametrize("wide", [False, True], ids=["32 bits", "64 bits"])
 def test_a_step_has_the_bits_of_jax_env(wide: bool) -> None:
     with jax.enable_x64(wide):
-        ours, (theirs, _) = make("PTER/Standard-v0")[0], jax_env.make("PTER/Standard-v0", sensors="encoders")
+        ours, (theirs, _) = (
+            make("PTER/Standard-v0")[0],
+            jax_env.make("PTER/Standard-v0", sensors="encoders"),
+        )
         found = [jax.jit(partial(simulated, env))(*drawn(env, 60)) for env in (ours, theirs)]
     assert np.asarray(found[0][2]).sum() > WORLDS
     for one, other in zip(*found, strict=True):
@@ -69,16 +79,19 @@ def test_a_step_has_the_bits_of_jax_env(wide: bool) -> None:
     [
         ("standard", False),
         ("paths", True),
-        *(pytest.param(kind, True, marks=pytest.mark.long) for kind in ("standard", "materials", "voltages")),
+        *(
+            pytest.param(kind, True, marks=pytest.mark.long)
+            for kind in ("standard", "materials", "voltages")
+        ),
     ],
 )
 def test_the_gradient_by_a_policy_is_that_of_paired_runs(kind: str, wide: bool) -> None:
     """For each world along a random direction of its gains, four steps long, where no run ends.
 
-    Differences over ε and 2·ε tell what curvature, and rounding of observations and actions, make of them; rounding of
-    the scalar itself adds half a unit of each term. With 32 bits the adjoint begins at rounded states, and sums of some
-    hundred operations lose up to 10⁻³ of its scale. A world may cross a switch.
-    """
+    Differences over ε and 2·ε tell what curvature, and rounding of observations and actions, make
+    of them; rounding of the scalar itself adds half a unit of each term. With 32 bits the adjoint
+    begins at rounded states, and sums of some hundred operations lose up to 10⁻³ of its scale. A
+    world may cross a switch."""
     with jax.enable_x64(wide):
         env, _ = make(**KINDS[kind], episode_end="constant")
         state, obs, gains, shifts = drawn(env, 4)
@@ -100,7 +113,9 @@ def test_the_gradient_by_a_policy_is_that_of_paired_runs(kind: str, wide: bool) 
         z, step = rng.normal(size=gains.shape), 2e-4
         differences, rounding, usable = [], 0.0, True
         for size in (step, 2.0 * step):
-            moved = [jnp.asarray(np.asarray(gains) + sign * size * z, float) for sign in (1.0, -1.0)]
+            moved = [
+                jnp.asarray(np.asarray(gains) + sign * size * z, float) for sign in (1.0, -1.0)
+            ]
             (high, scale, over), (low, _, too) = map(values, moved)
             differences.append((high - low) / (2.0 * size))
             rounding = np.maximum(rounding, np.finfo(np.float32).eps * scale / (2.0 * size))
@@ -149,7 +164,9 @@ def test_a_gradient_through_the_end_of_an_episode_raises() -> None:
     weights, finals = jnp.zeros(3), jnp.zeros((3, size))
     assert not np.any(of_three(action, weights, finals))
     for through in ((weights.at[1].set(1.0), finals), (weights, finals.at[1, 0].set(1.0))):
-        with pytest.raises((ValueError, jax.errors.JaxRuntimeError), match="ParameterError: gradient"):
+        with pytest.raises(
+            (ValueError, jax.errors.JaxRuntimeError), match="ParameterError: gradient"
+        ):
             jax.block_until_ready(of_three(action, *through))
 
 

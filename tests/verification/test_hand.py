@@ -52,7 +52,9 @@ def test_random_phases_keep_amplitudes_and_frequencies() -> None:
     fitted = np.linalg.lstsq(basis, force, rcond=None)[0]
     np.testing.assert_allclose(np.hypot(*fitted), 9.0, rtol=1e-9)
     phases = np.arctan2(fitted[1], fitted[0])
-    assert np.histogram(phases, bins=4, range=(-math.pi, math.pi))[0].min() > 25, "phases are not spread evenly"
+    assert np.histogram(phases, bins=4, range=(-math.pi, math.pi))[0].min() > 25, (
+        "phases are not spread evenly"
+    )
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,9 @@ START = initial_state(BASELINE, (0.4, 2.0))
 
 
 def test_rows_and_constants_mean_the_same() -> None:
-    constant = simulate(BASELINE, START, (5.0, 2.0, 0.0, 1.0), (20.0, 5.0), (0.5, -0.5), duration=0.05)
+    constant = simulate(
+        BASELINE, START, (5.0, 2.0, 0.0, 1.0), (20.0, 5.0), (0.5, -0.5), duration=0.05
+    )
     count = round(0.05 / BASELINE.substep)
     rows = simulate(
         BASELINE,
@@ -31,12 +33,24 @@ def test_rows_and_constants_mean_the_same() -> None:
 def test_a_diverging_motion_raises() -> None:
     coarse = replace(BASELINE, substep=0.01)
     with pytest.raises(DivergenceError, match="substep"):
-        simulate(coarse, initial_state(coarse, (0.0, 0.3), (1000.0, -1000.0)), (0.0,) * 4, (0.0, 0.0), duration=5.0)
+        simulate(
+            coarse,
+            initial_state(coarse, (0.0, 0.3), (1000.0, -1000.0)),
+            (0.0,) * 4,
+            (0.0, 0.0),
+            duration=5.0,
+        )
 
 
 def test_an_overflowing_motion_raises_at_once() -> None:
     with pytest.raises(DivergenceError, match="substep"):
-        simulate(BASELINE, initial_state(BASELINE, (0.0, 0.3), (1e160, -1e160)), (0.0,) * 4, (0.0, 0.0), duration=0.01)
+        simulate(
+            BASELINE,
+            initial_state(BASELINE, (0.0, 0.3), (1e160, -1e160)),
+            (0.0,) * 4,
+            (0.0, 0.0),
+            duration=0.01,
+        )
 
 
 BAD: dict[str, tuple[tuple[Any, ...], dict[str, Any], str]] = {
@@ -53,7 +67,9 @@ BAD: dict[str, tuple[tuple[Any, ...], dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize(("inputs", "keywords", "named"), BAD.values(), ids=BAD)
-def test_bad_inputs_are_named(inputs: tuple[Any, ...], keywords: dict[str, Any], named: str) -> None:
+def test_bad_inputs_are_named(
+    inputs: tuple[Any, ...], keywords: dict[str, Any], named: str
+) -> None:
     with pytest.raises(ParameterError, match=named):
         simulate(BASELINE, START, *inputs, **keywords)
 
@@ -107,7 +123,9 @@ def test_voltages_lag_in_closed_form() -> None:
     assert end.lagged_volts == pytest.approx(risen * np.array([10.0, 0.0, 5.0, 24.0]), rel=1e-12)
 
 
-@pytest.mark.parametrize("part", ["theta", "omega", "torque_breakaway", "torque_dynamic", "lagged_volts"])
+@pytest.mark.parametrize(
+    "part", ["theta", "omega", "torque_breakaway", "torque_dynamic", "lagged_volts"]
+)
 def test_a_bad_state_is_named(part: str) -> None:
     broken = replace(START, **{part: np.full(7, 1.0)})
     with pytest.raises(ParameterError, match=rf"state\.{part}"):

@@ -1,18 +1,20 @@
 """The integrator converges, with a small error, to an event-driven reference.
 
-The reference (tests/oracle/event_driven.py) integrates the same equations, with the same δω band, between events
-located to rounding. The model leaves the band at 1.01 δω if a kick goes so far, else with the first kick that ends at
-δω or beyond: with long steps at 1.01 δω, with ever shorter ones at δω. So its error is the distance from the nearest
-motion between the two references that leave the band at either. A slip may turn round between the two edges: then the
-references part, and the model follows one of them. Where breakaway and dynamic torque are equal, they are the same.
+The reference (tests/oracle/event_driven.py) integrates the same equations, with the same δω band,
+between events located to rounding. The model leaves the band at 1.01 δω if a kick goes so far, else
+with the first kick that ends at δω or beyond: with long steps at 1.01 δω, with ever shorter ones at
+δω. So its error is the distance from the nearest motion between the two references that leave the
+band at either. A slip may turn round between the two edges: then the references part, and the model
+follows one of them. Where breakaway and dynamic torque are equal, they are the same.
 
-What a kick leaves of an event, and the explicit velocity term, are of first order, so the error halves with the step,
-in the mean over scenarios. Two means are used: the geometric one, to which all scenarios count alike, and the root mean
-square, which a single scenario that stopped converging would hold up.
+What a kick leaves of an event, and the explicit velocity term, are of first order, so the error
+halves with the step, in the mean over scenarios. Two means are used: the geometric one, to which
+all scenarios count alike, and the root mean square, which a single scenario that stopped converging
+would hold up.
 
-Near a grazing event no integrator converges: the motion itself is discontinuous in the loads. With T_s > T_k a
-scenario is left out if the reference goes through another sequence of modes when its loads are 0.5 % smaller or larger.
-"""
+Near a grazing event no integrator converges: the motion itself is discontinuous in the loads. With
+T_s > T_k a scenario is left out if the reference goes through another sequence of modes when its
+loads are 0.5 % smaller or larger."""
 
 from __future__ import annotations
 
@@ -57,10 +59,14 @@ def ours(machine: Machine, scenario: VoltageStep, step: float):
 
 def sequence(motion: event_driven.ExactMotion) -> list:
     """Modes in order, without the edges of the band."""
-    return [mode for mode, _ in itertools.groupby((phase.stuck, phase.sign) for phase in motion.phases)]
+    return [
+        mode for mode, _ in itertools.groupby((phase.stuck, phase.sign) for phase in motion.phases)
+    ]
 
 
-def reference(machine: Machine, scenario: VoltageStep, edge: float = BEYOND) -> event_driven.ExactMotion:
+def reference(
+    machine: Machine, scenario: VoltageStep, edge: float = BEYOND
+) -> event_driven.ExactMotion:
     arm = replace(plant(machine, scenario, TARGET), edge=edge)
     return event_driven.integrate(arm, scenario.theta, scenario.omega, GRID)
 
@@ -92,7 +98,9 @@ def errors(name: str) -> np.ndarray:
     machine, rows = MACHINES[name], []
     for scenario, late in kept(name):
         early = late if has_one_torque(machine) else reference(machine, scenario, edge=1.0)
-        rows.append([error(ours(machine, scenario, step).theta, early.theta, late.theta) for step in STEPS])
+        rows.append(
+            [error(ours(machine, scenario, step).theta, early.theta, late.theta) for step in STEPS]
+        )
     return np.array(rows)
 
 
@@ -100,12 +108,19 @@ def error(theta: np.ndarray, early: np.ndarray, late: np.ndarray) -> float:
     """Largest distance of an angle from the nearest motion on the line from one reference to the other."""
     every = len(theta) // len(early)
     off = theta[every - 1 :: every] - early
-    return float(minimize_scalar(lambda part: np.abs(off - part * (late - early)).max(), bounds=(0.0, 1.0)).fun)
+    return float(
+        minimize_scalar(
+            lambda part: np.abs(off - part * (late - early)).max(), bounds=(0.0, 1.0)
+        ).fun
+    )
 
 
 def means(name: str) -> dict[str, np.ndarray]:
     table = errors(name)
-    return {"geometric": np.exp(np.log(table).mean(axis=0)), "rms": np.sqrt((table**2).mean(axis=0))}
+    return {
+        "geometric": np.exp(np.log(table).mean(axis=0)),
+        "rms": np.sqrt((table**2).mean(axis=0)),
+    }
 
 
 def order(mean: np.ndarray) -> float:
@@ -126,7 +141,11 @@ GATED = {"equal torques"}
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if name in GATED else pytest.mark.long) for name in MACHINES]
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name in GATED else pytest.mark.long)
+        for name in MACHINES
+    ],
 )
 def test_the_error_falls_with_the_step_and_is_small(name):
     for kind, mean in means(name).items():

@@ -60,7 +60,9 @@ def test_arc_length_heading_and_curvature_belong_together(path: Path) -> None:
             continue
         (x0, y0), (x1, y1) = path.point(s - h), path.point(s + h)
         assert math.hypot(x1 - x0, y1 - y0) == pytest.approx(2.0 * h, rel=1e-6)
-        assert math.remainder(math.atan2(y1 - y0, x1 - x0) - path.heading(s), math.tau) == pytest.approx(0.0, abs=1e-6)
+        assert math.remainder(
+            math.atan2(y1 - y0, x1 - x0) - path.heading(s), math.tau
+        ) == pytest.approx(0.0, abs=1e-6)
         bend = math.remainder(path.heading(s + h) - path.heading(s - h), math.tau) / (2.0 * h)
         assert bend == pytest.approx(path.curvature(s), abs=1e-6)
 
@@ -70,7 +72,9 @@ def test_closed_forms() -> None:
     assert circle.length == pytest.approx(2.0 * math.pi * 0.2, rel=1e-15)
     for s in np.linspace(0.0, circle.length, 23):
         angle = 0.3 + s / 0.2
-        assert circle.point(s) == pytest.approx((0.1 + 0.2 * math.cos(angle), 0.5 + 0.2 * math.sin(angle)), abs=1e-14)
+        assert circle.point(s) == pytest.approx(
+            (0.1 + 0.2 * math.cos(angle), 0.5 + 0.2 * math.sin(angle)), abs=1e-14
+        )
     arc = Arc(x=0.0, y=0.0, direction=0.0, radius=2.0, angle=-math.pi / 2.0)
     assert arc.point(arc.length) == pytest.approx((2.0, -2.0), abs=1e-14)
     corner = Polyline(points=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), radius=0.25)
@@ -116,13 +120,15 @@ def test_the_foot_of_a_moving_point_is_the_nearest_one_nearby(path: Path, seed: 
         s = float(np.clip(s + rng.uniform(-0.02, 0.04), 0.0, path.length))
         e = float(np.clip(e + rng.uniform(-0.02, 0.02), -bound, bound))
         (x, y), heading = path.point(s), path.heading(s)
-        foot = project(constants, 0, len(table), segment, x - e * math.sin(heading), y + e * math.cos(heading))
+        foot = project(
+            constants, 0, len(table), segment, x - e * math.sin(heading), y + e * math.cos(heading)
+        )
         segment = foot.segment
         assert foot.arc_length == pytest.approx(s, abs=1e-10)
         assert foot.normal_error == pytest.approx(e, abs=1e-10)
-        assert math.remainder(math.atan2(foot.heading.sin, foot.heading.cos) - heading, math.tau) == pytest.approx(
-            0.0, abs=1e-8
-        )
+        assert math.remainder(
+            math.atan2(foot.heading.sin, foot.heading.cos) - heading, math.tau
+        ) == pytest.approx(0.0, abs=1e-8)
         assert point_at(constants, 0, len(table), s) == pytest.approx((x, y), abs=1e-14)
 
 
@@ -140,7 +146,10 @@ def test_the_foot_of_a_moving_point_is_the_nearest_one_nearby(path: Path, seed: 
         (lambda: Spline(points=((0.0, 0.5),)), "Spline.points"),
         (lambda: Spline(points=((0.0, 0.5), (0.0, 0.5))), "Spline.points"),
         (lambda: Spline(points=((0.0, 0.5), (math.nan, 0.6))), "Spline.points"),
-        (lambda: Polyline(points=((0.0, 0.5), (0.1, 0.5), (0.1, 0.6)), radius=0.2), "Polyline.radius"),
+        (
+            lambda: Polyline(points=((0.0, 0.5), (0.1, 0.5), (0.1, 0.6)), radius=0.2),
+            "Polyline.radius",
+        ),
         (lambda: Polyline(points=((0.0, 0.5), (0.1, 0.5), (0.0, 0.5))), "Polyline.radius"),
     ],
 )
@@ -158,7 +167,12 @@ def test_a_path_that_bends_within_the_workspace_is_refused() -> None:
 
 def test_a_path_out_of_reach_is_refused_with_the_point() -> None:
     with pytest.raises(ParameterError, match="path"):
-        Batch(BASELINE, PathFollowing(path=Spline(points=((-0.5, 0.7), (0.0, 1.4), (0.4, 0.7))), error_max=0.05))
+        Batch(
+            BASELINE,
+            PathFollowing(
+                path=Spline(points=((-0.5, 0.7), (0.0, 1.4), (0.4, 0.7))), error_max=0.05
+            ),
+        )
 
 
 def test_paths_from_csv(tmp_path: File) -> None:

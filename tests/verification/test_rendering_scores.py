@@ -13,7 +13,13 @@ from pter_gym.benchmark._wanted import wanted_forces
 from pter_gym.benchmark.scores import score, score_episodes
 from pter_gym.controllers import Free, Impedance, bind
 from pter_gym.controllers._gains import NOMINAL, read_gains
-from pter_gym.controllers._laws import BRAKE_LIMIT, observed_tip, pace_integral, steps_before, wanted_force
+from pter_gym.controllers._laws import (
+    BRAKE_LIMIT,
+    observed_tip,
+    pace_integral,
+    steps_before,
+    wanted_force,
+)
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, MACHINES
 from pter_gym.paths import Circle, Line
@@ -35,7 +41,9 @@ TIME = PERIOD * np.arange(400)
 
 def test_errors_are_told_apart_by_direction() -> None:
     desired = np.tile([1.0, 2.0], (50, 1))
-    assert force_error(desired + np.array([3.0, 4.0]), desired, (0.0, 2.0)) == pytest.approx((4.0, 3.0))
+    assert force_error(desired + np.array([3.0, 4.0]), desired, (0.0, 2.0)) == pytest.approx(
+        (4.0, 3.0)
+    )
     at = 2.0 * np.pi * np.arange(360) / 360
     heading = np.stack([np.cos(at), np.sin(at)], axis=-1)
     assert force_error(5.0 * heading, 0.0 * heading, heading) == pytest.approx((5.0, 0.0))
@@ -47,22 +55,30 @@ def test_errors_are_told_apart_by_direction() -> None:
 def test_dry_friction_resists_with_its_force_and_a_damper_by_the_speed() -> None:
     speed = np.abs(np.sin(2.0 * np.pi * TIME))
     assert mean_resisting_force(-7.0 * speed, speed) == pytest.approx(7.0)
-    assert mean_resisting_force(-3.0 * speed**2, speed, 0.0) == pytest.approx(3.0 * speed[speed > 0.0].mean())
+    assert mean_resisting_force(-3.0 * speed**2, speed, 0.0) == pytest.approx(
+        3.0 * speed[speed > 0.0].mean()
+    )
     still = np.stack([speed, 0.0 * speed, np.where(TIME < 1.0, 0.5, np.nan)], axis=1)
     np.testing.assert_allclose(mean_resisting_force(-2.0 * still, still), [2.0, 0.0, 2.0])
 
 
 def test_peak_and_mean_force() -> None:
     at = 2.0 * np.pi * TIME
-    assert peak_and_mean_force(6.0 * np.stack([np.cos(at), np.sin(at)], axis=1)) == pytest.approx((6.0, 6.0))
-    assert peak_and_mean_force(np.stack([3.0 * TIME, 4.0 * TIME], axis=1)) == pytest.approx((5.0 * 3.99, 5.0 * 1.995))
+    assert peak_and_mean_force(6.0 * np.stack([np.cos(at), np.sin(at)], axis=1)) == pytest.approx(
+        (6.0, 6.0)
+    )
+    assert peak_and_mean_force(np.stack([3.0 * TIME, 4.0 * TIME], axis=1)) == pytest.approx(
+        (5.0 * 3.99, 5.0 * 1.995)
+    )
 
 
 def test_a_spring_behind_the_surface_is_a_wall_of_its_stiffness() -> None:
     depth = 0.01 * np.sin(2.0 * np.pi * TIME)
     assert wall_stiffness(np.where(depth > 0.0, 800.0 * depth, 5.0), depth) == pytest.approx(800.0)
     ramp = np.arange(1.0, 11.0)
-    assert wall_stiffness(2.0 * ramp + 7.0, ramp) == pytest.approx(2.0 + 7.0 * 55 / 385), "least squares"
+    assert wall_stiffness(2.0 * ramp + 7.0, ramp) == pytest.approx(2.0 + 7.0 * 55 / 385), (
+        "least squares"
+    )
     assert math.isnan(wall_stiffness(depth, -np.abs(depth)))
 
 
@@ -88,10 +104,15 @@ def test_impedances_and_the_width_between_them(frequency: float) -> None:
 
 def test_the_authors_example() -> None:
     """Of their program github.com/siva82kb/SPARC, which prints this number for it."""
-    assert f"{spectral_arc_length(np.exp(-5.0 * np.arange(-1.0, 1.0, PERIOD) ** 2), PERIOD):.5f}" == "-1.41403"
+    assert (
+        f"{spectral_arc_length(np.exp(-5.0 * np.arange(-1.0, 1.0, PERIOD) ** 2), PERIOD):.5f}"
+        == "-1.41403"
+    )
 
 
-@pytest.mark.parametrize(("width", "fall"), [(0.05, math.log(20.0)), (0.2, math.log(20.0)), (0.03, None)])
+@pytest.mark.parametrize(
+    ("width", "fall"), [(0.05, math.log(20.0)), (0.2, math.log(20.0)), (0.03, None)]
+)
 def test_the_arc_of_a_gaussian(width: float, fall: float | None) -> None:
     """Its spectrum is exp(−(ωσ)²/2), up to the threshold, whatever the width, or else to the highest frequency."""
     a = fall or 0.5 * (2.0 * math.pi * 10.0 * width) ** 2
@@ -116,13 +137,17 @@ def test_a_movement_in_parts_is_less_smooth_and_rest_is_zero() -> None:
 
 def test_scores_of_an_episode() -> None:
     """A push of 5 N at 0.5 m/s against 2 W, then two thirds of it; the row of the reset counts for nothing."""
-    rows = episode(90, force_x=3.0, force_y=4.0, tip_velocity_y=0.5, power_1=-0.5, power_3=-1.5, arc_length=0.0)
+    rows = episode(
+        90, force_x=3.0, force_y=4.0, tip_velocity_y=0.5, power_1=-0.5, power_3=-1.5, arc_length=0.0
+    )
     rows[61:, [12, 13]] *= 2.0 / 3.0
     rows[0, [12, 13]] = 100.0
     found = score(rows, TASK)
     assert (found.mean_force_n, found.peak_force_n) == pytest.approx((5.0 * 8.0 / 9.0, 5.0))
     assert found.resisting_force_n == pytest.approx(4.0)
-    assert found.spectral_arc_length == pytest.approx(spectral_arc_length(np.ones(90), TASK.control_period))
+    assert found.spectral_arc_length == pytest.approx(
+        spectral_arc_length(np.ones(90), TASK.control_period)
+    )
 
 
 def test_a_brake_of_known_torque_against_the_force_that_a_law_wants() -> None:
@@ -130,7 +155,10 @@ def test_a_brake_of_known_torque_against_the_force_that_a_law_wants() -> None:
     law = Impedance(stiffness=200.0, damping_normal=10.0, damping_tangential=80.0)
     length, tau, error, (along, across) = BASELINE.arm.length_a, 3.0, 0.01, (0.3, -0.2)
     rows = episode(50, theta_b=0.5 * math.pi, torque_1=tau, normal_error=error, arc_length=0.3)
-    rows[:, TELEMETRY.index("tip_velocity_x")], rows[:, TELEMETRY.index("tip_velocity_y")] = along, across
+    rows[:, TELEMETRY.index("tip_velocity_x")], rows[:, TELEMETRY.index("tip_velocity_y")] = (
+        along,
+        across,
+    )
     rows[0] *= 100.0
     straight = replace(TASK, path=Line(direction=0.0))
     acting = bind(law, BASELINE, observation_layout(BASELINE, "torque"))
@@ -138,7 +166,9 @@ def test_a_brake_of_known_torque_against_the_force_that_a_law_wants() -> None:
     found = score_episodes(rows[:, None], [straight], machines=[BASELINE], wanted=wanted)
     assert found["force_error_along_n"] == pytest.approx([80.0 * along])
     assert wanted_forces(bind(Free(), BASELINE, acting.layout), rows[:, None], [straight]) is None
-    assert found["force_error_across_n"] == pytest.approx([abs(tau / length + 200.0 * error + 10.0 * across)])
+    assert found["force_error_across_n"] == pytest.approx(
+        [abs(tau / length + 200.0 * error + 10.0 * across)]
+    )
 
 
 @pytest.mark.parametrize("name", ["baseline", "two-brakes"])
@@ -154,17 +184,26 @@ def test_the_wanted_force_is_the_one_of_the_law(name: str) -> None:
     heading = task.path.arcs.at(arc)[2]
     size = np.array([machine.arm.length_a, machine.arm.length_b])
     x, y = -(omega * size * np.sin(theta)).sum(axis=1), (omega * size * np.cos(theta)).sum(axis=1)
-    rows = episode(steps - 1, tip_velocity_x=x, tip_velocity_y=y, normal_error=error, arc_length=arc)
+    rows = episode(
+        steps - 1, tip_velocity_x=x, tip_velocity_y=y, normal_error=error, arc_length=arc
+    )
     values = {"normal_error": error, "progress": arc / length, "pace": task.pace}
     values |= {"heading_cos": np.cos(heading), "heading_sin": np.sin(heading)}
     for k, link in enumerate("ab"):
-        values |= {f"cos_{link}": np.cos(theta[:, k]), f"sin_{link}": np.sin(theta[:, k]), f"omega_{link}": omega[:, k]}
+        values |= {
+            f"cos_{link}": np.cos(theta[:, k]),
+            f"sin_{link}": np.sin(theta[:, k]),
+            f"omega_{link}": omega[:, k],
+        }
     seen = np.zeros((steps, len(layout)), np.float32)
     for entry, value in values.items():
         seen[:, layout.index(entry)] = value / layout.scales[layout.index(entry)]
     memory, expected = acting.empty_memory(1)[0], []
     for obs in seen:
-        tip, g = observed_tip(obs, layout.scales, read(acting.gains, NOMINAL, 0)), read_gains(acting.gains, task.pace)
+        tip, g = (
+            observed_tip(obs, layout.scales, read(acting.gains, NOMINAL, 0)),
+            read_gains(acting.gains, task.pace),
+        )
         gripping = g.grip - steps_before(obs, memory) >= 0.5
         integral = 0.0 if gripping else pace_integral(g, tip, task.pace, memory)
         expected.append((*wanted_force(g, tip, task.pace, integral), integral))
@@ -188,7 +227,9 @@ def test_a_hand_against_the_edge_of_a_fixture_feels_its_stiffness(side: str, sig
     assert score(rows, wall).force_error_across_n is None, "nobody says which force was wanted"
 
 
-@pytest.mark.parametrize(("wanted", "machines"), [(np.zeros((9, 1, 2)), [BASELINE]), (np.zeros((10, 1, 2)), [])])
+@pytest.mark.parametrize(
+    ("wanted", "machines"), [(np.zeros((9, 1, 2)), [BASELINE]), (np.zeros((10, 1, 2)), [])]
+)
 def test_wanted_forces_that_do_not_fit_are_refused(wanted: np.ndarray, machines: list) -> None:
     with pytest.raises(ParameterError, match="wanted"):
         score_episodes(episode(9)[:, None], [TASK], wanted=wanted, machines=machines)

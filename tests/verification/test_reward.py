@@ -32,21 +32,30 @@ def expected(rows: np.ndarray, task: PathFollowing) -> dict[str, list[float]]:
     for step, (before, after) in enumerate(pairwise(rows), 1):
         ratio = (after[COLUMN.arc_length] - before[COLUMN.arc_length]) / (PERIOD * pace)
         mean += (1.0 - math.exp(-PERIOD / PACE_WINDOW)) * (ratio - mean)
-        if after[COLUMN.reached] <= 0.01 * length and step * PERIOD <= ALLOWANCE + 0.01 * length / pace:
+        if (
+            after[COLUMN.reached] <= 0.01 * length
+            and step * PERIOD <= ALLOWANCE + 0.01 * length / pace
+        ):
             mean = max(mean, 1.0)
         share = max(mean, 0.0) ** 3 if mean < 1.0 else mean**-4
         new = (after[COLUMN.reached] - before[COLUMN.reached]) / length
         distance = abs(after[COLUMN.normal_error])
         terms["tracking"].append(weight.tracking * new * share * math.exp(-distance / ERROR_WIDTH))
-        terms["precision"].append(weight.precision * new * share * math.exp(-distance / PRECISION_WIDTH))
+        terms["precision"].append(
+            weight.precision * new * share * math.exp(-distance / PRECISION_WIDTH)
+        )
         off = REST * (1.0 - max(mean, 0.0)) if mean < 1.0 else min(mean, MAX_PACE_RATIO) - 1.0
         terms["pace"].append(-weight.pace * off * PERIOD * pace / length)
     return terms
 
 
-@pytest.mark.parametrize("weights", [RewardWeights(), RewardWeights(tracking=300.0, precision=700.0, pace=50.0)])
+@pytest.mark.parametrize(
+    "weights", [RewardWeights(), RewardWeights(tracking=300.0, precision=700.0, pace=50.0)]
+)
 @pytest.mark.parametrize("volts", [0.0, 3.0, 8.0])
-def test_a_step_pays_what_the_page_says_from_the_first_on(volts: float, weights: RewardWeights) -> None:
+def test_a_step_pays_what_the_page_says_from_the_first_on(
+    volts: float, weights: RewardWeights
+) -> None:
     task = PathFollowing(reward=weights)
     batch = Batch(BASELINE, task, 1, telemetry=True)
     _, first = batch.reset([3])
@@ -60,7 +69,9 @@ def test_a_step_pays_what_the_page_says_from_the_first_on(volts: float, weights:
     seen = np.array(rows)
     assert len(seen) > 20
     for name, values in expected(seen, task).items():
-        np.testing.assert_allclose(seen[1:, TELEMETRY.index(f"reward_{name}")], values, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(
+            seen[1:, TELEMETRY.index(f"reward_{name}")], values, rtol=1e-9, atol=1e-12
+        )
 
 
 def test_waiting_at_the_start_costs_after_the_allowance() -> None:

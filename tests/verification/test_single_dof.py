@@ -1,9 +1,9 @@
-"""One degree of freedom, as in the paper's Figs. 3 and 4, for every pair of clutches; and what a single clutch does.
+"""One degree of freedom, as in the paper's Figs. 3 and 4, for every pair of clutches; and what a
+single clutch does.
 
-The paper ramps a torque on link A, with a small voltage on clutch 1 and a large one on clutch 2. The analogue for
-clutch x has a large voltage on any other clutch y, which leaves the motion along the line of y; the ramp is on link
-A, or on link B where y holds link A.
-"""
+The paper ramps a torque on link A, with a small voltage on clutch 1 and a large one on clutch 2.
+The analogue for clutch x has a large voltage on any other clutch y, which leaves the motion along
+the line of y; the ramp is on link A, or on link B where y holds link A."""
 
 from __future__ import annotations
 
@@ -56,7 +56,9 @@ def ramp(small: int, held: int, theta=(1.4, -0.2)) -> tuple[Trajectory, np.ndarr
     applied = RATE * STEP * np.arange(round(duration / STEP))
     torque = np.zeros((len(applied), 2))
     torque[:, ramped_link(held)] = applied
-    return simulate(BASELINE, initial_state(BASELINE, theta, volts=volts), volts, NO_FORCE, torque), applied
+    return simulate(
+        BASELINE, initial_state(BASELINE, theta, volts=volts), volts, NO_FORCE, torque
+    ), applied
 
 
 def test_the_small_voltage_is_a_plausible_one():
@@ -72,7 +74,9 @@ def test_a_clutch_gives_way_at_its_breakaway_torque(small, held):
     first = moving[0]
 
     assert np.all(run.mode[first:] == held + 1)
-    assert np.allclose(np.abs(run.torque[:first, small]), share * applied[:first], rtol=0.0, atol=1e-12 * LARGE)
+    assert np.allclose(
+        np.abs(run.torque[:first, small]), share * applied[:first], rtol=0.0, atol=1e-12 * LARGE
+    )
     assert 0.0 < share * applied[first] - BREAKAWAY_SMALL_VOLTAGE <= increment
     assert abs(np.abs(run.torque[:, small]).max() - BREAKAWAY_SMALL_VOLTAGE) <= increment
 
@@ -111,7 +115,11 @@ def off_the_line(held: int, tip: np.ndarray, theta: np.ndarray) -> np.ndarray:
 
 
 def test_clutch_2_feels_the_speed_of_link_a():
-    """Eq. 4 with link B at rest: τ2 = M21 θ̈A + V2, V2 = −c sin(θA − θB) θ̇A²; it grows although nothing acts on B."""
+    """Eq.
+
+    4 with link B at rest: τ2 = M21 θ̈A + V2, V2 = −c sin(θA − θB) θ̇A²; it grows although nothing
+    acts on B.
+    """
     run, _ = ramp(0, 1)
     coupling = BASELINE.arm.coupling
     omega = np.concatenate([run.initial.omega[:1], run.omega[:-1, 0]])
@@ -119,9 +127,13 @@ def test_clutch_2_feels_the_speed_of_link_a():
     difference = start + 0.5 * STEP * omega - run.theta[:, 1]
     v2 = -coupling * np.sin(difference) * omega**2
     inertial = coupling * np.cos(difference) * (run.omega[:, 0] - omega) / STEP
-    rounding = 8 * 2.0**-53 * (1.0 + np.abs(omega).max()) / STEP  # of a velocity, in the difference of two over a step
+    rounding = (
+        8 * 2.0**-53 * (1.0 + np.abs(omega).max()) / STEP
+    )  # of a velocity, in the difference of two over a step
     whole = np.abs(run.slip_velocity[:, 0]) >= BASELINE.slip_threshold
-    whole &= whole[np.maximum(np.arange(len(whole)) - 1, 0)]  # no kick that is divided where clutch 1 leaves its band
+    whole &= whole[
+        np.maximum(np.arange(len(whole)) - 1, 0)
+    ]  # no kick that is divided where clutch 1 leaves its band
     assert whole.sum() > 0.2 * len(whole)
     assert np.allclose(run.torque[whole, 1], (inertial + v2)[whole], rtol=0.0, atol=rounding)
 
@@ -136,7 +148,8 @@ def test_clutch_2_feels_the_speed_of_link_a():
 @pytest.mark.parametrize("clutch", range(4))
 @pytest.mark.parametrize("time_constant", [0.01, 0.105, 0.2])
 def test_a_voltage_step_gives_a_first_order_torque(clutch, time_constant):
-    """A constant force on the tip, a step on one slipping clutch: 63.2 % of the final torque at t = τ.
+    """A constant force on the tip, a step on one slipping clutch: 63.2 % of the final torque at t =
+    τ.
 
     A torque is that of the middle of its substep.
     """
@@ -155,18 +168,30 @@ def test_a_voltage_step_gives_a_first_order_torque(clutch, time_constant):
 
 
 def test_torque_jumps_at_a_reversal_except_with_theoretical_delrin():
-    """Fig. 9: at constant voltage the motion changes direction through a stick, and torque rises above dynamic."""
+    """Fig.
+
+    9: at constant voltage the motion changes direction through a stick, and torque rises above
+    dynamic.
+    """
     peak = {}
     for machine in (BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL):
         volts = np.array([6.0, LARGE, 0.0, 0.0])
         dynamic = machine.clutch.dynamic.torque(6.0)
         applied = np.zeros((1500, 2))
         applied[:, 0] = np.linspace(2.0, -2.0, 1500) * machine.clutch.breakaway.torque(6.0)
-        run = simulate(machine, initial_state(machine, (1.4, -0.2), (0.5, 0.0), volts), volts, NO_FORCE, applied)
+        run = simulate(
+            machine,
+            initial_state(machine, (1.4, -0.2), (0.5, 0.0), volts),
+            volts,
+            NO_FORCE,
+            applied,
+        )
         assert run.slip_velocity[0, 0] > 0.0 > run.slip_velocity[-1, 0]
         assert np.any(run.mode == ClutchMode.ZERO_DOF) or machine is DELRIN_THEORETICAL
         peak[machine] = np.abs(run.torque[:, 0]).max() / dynamic
-    increment = 4.0 / 1500 * BASELINE.clutch.breakaway.torque(6.0) / BASELINE.clutch.dynamic.torque(6.0)
+    increment = (
+        4.0 / 1500 * BASELINE.clutch.breakaway.torque(6.0) / BASELINE.clutch.dynamic.torque(6.0)
+    )
     jump = BASELINE.clutch.breakaway.torque(6.0) / BASELINE.clutch.dynamic.torque(6.0)
     assert abs(peak[BASELINE] - jump) <= increment
     assert peak[DELRIN_EXPERIMENTAL] > 1.1
@@ -177,10 +202,11 @@ def test_torque_jumps_at_a_reversal_except_with_theoretical_delrin():
 
 
 def flips_within(run: Trajectory, duration: float) -> int:
-    """How often a pattern of stuck, forward and backward slips is left and entered again within a time [s].
+    """How often a pattern of stuck, forward and backward slips is left and entered again within a
+    time [s].
 
-    A slip that goes through zero may rest there for a substep; that is no flip, since its direction has changed.
-    """
+    A slip that goes through zero may rest there for a substep; that is no flip, since its direction
+    has changed."""
     pattern = np.sign(run.slip_velocity) @ (3.0 ** np.arange(4))
     changes = np.flatnonzero(np.diff(pattern)) + 1
     pairs = itertools.combinations(changes, 2)
@@ -219,10 +245,11 @@ def holding_limit(torque: np.ndarray, direction: np.ndarray) -> float:
 
 
 def test_reversals_that_must_stick_do_stick_on_one_axis():
-    """1,000 reversals with one DOF: a steady load that asks less than the breakaway torque cannot restart it.
+    """1,000 reversals with one DOF: a steady load that asks less than the breakaway torque cannot
+    restart it.
 
-    Half of the loads are between the dynamic and the breakaway torque, where a rule without memory of the band fails.
-    """
+    Half of the loads are between the dynamic and the breakaway torque, where a rule without memory
+    of the band fails."""
     rng = np.random.default_rng(11)
     dynamic_share = BASELINE.clutch.dynamic.slope / BASELINE.clutch.breakaway.slope
     missed = 0
@@ -237,19 +264,28 @@ def test_reversals_that_must_stick_do_stick_on_one_axis():
         load = np.zeros(2)
         load[link] = -np.sign(speed[link]) * share * breakaway / share_of_ramp(small, held)
         theta = rng.uniform(-np.pi, np.pi, 2)
-        run = simulate(BASELINE, initial_state(BASELINE, theta, speed, volts), volts, NO_FORCE, load, duration=4.0)
+        run = simulate(
+            BASELINE,
+            initial_state(BASELINE, theta, speed, volts),
+            volts,
+            NO_FORCE,
+            load,
+            duration=4.0,
+        )
         before = np.sign(run.initial.omega @ SLIPS[small])
-        missed += bool(np.any(run.slip_velocity[:, small] * before < 0.0) or run.mode[-1] != ClutchMode.ZERO_DOF)
+        missed += bool(
+            np.any(run.slip_velocity[:, small] * before < 0.0)
+            or run.mode[-1] != ClutchMode.ZERO_DOF
+        )
     assert missed == 0
 
 
 def test_reversals_that_must_stick_do_stick_among_other_slips():
     """1,000 reversals while another axis keeps moving.
 
-    Where one slip ends a substep beyond zero, the torque that would have kept it at zero (equations of motion with
-    that slip held, the others at their dynamic torque) must have been above its breakaway torque; where that torque
-    is below, the slip is zero.
-    """
+    Where one slip ends a substep beyond zero, the torque that would have kept it at zero (equations
+    of motion with that slip held, the others at their dynamic torque) must have been above its
+    breakaway torque; where that torque is below, the slip is zero."""
     rng = np.random.default_rng(12)
     must_stick = missed = 0
     for _ in range(8_000):
@@ -275,14 +311,18 @@ def test_reversals_that_must_stick_do_stick_among_other_slips():
 
 
 def change_of_torque(scenario: VoltageStep, state: np.ndarray) -> float:
-    """Most that the torque to hold a slip changes until it comes to zero: by the velocity term, |δV| ≤ 2|c|Ω|δω|.
+    """Most that the torque to hold a slip changes until it comes to zero: by the velocity term,
+    |δV| ≤ 2|c|Ω|δω|.
 
     |δω| ≤ h·‖M⁻¹‖·(load + torques). What is left for the stuck clutch of a load, across the line on which the arm
     goes on, is at most 1 + κ(M) times that load.
     """
     arm = plant(BASELINE, scenario)
     mass, omega = arm.inertia(state[:2]), np.linalg.norm(state[2:])
-    torque = np.linalg.norm(arm.load(0.0, state[:2], state[2:])) + np.sqrt(2.0) * arm.breakaway(0.0).sum()
+    torque = (
+        np.linalg.norm(arm.load(0.0, state[:2], state[2:]))
+        + np.sqrt(2.0) * arm.breakaway(0.0).sum()
+    )
     change = STEP * np.linalg.norm(np.linalg.inv(mass), 2) * torque
     return (1.0 + np.linalg.cond(mass)) * 2.0 * abs(arm.coupling) * (omega + change) * change
 
@@ -293,7 +333,10 @@ def reversals(run: Trajectory, volts: np.ndarray):
     engaged = volts > 0.0
     over = (slip[:-1] * slip[1:] <= 0.0) & (np.abs(slip[:-1]) >= BASELINE.slip_threshold)
     alone = over.sum(axis=1) == 1
-    apart = np.min(np.where(over | ~engaged, np.inf, np.abs(slip[:-1])), axis=1) >= BASELINE.slip_threshold
+    apart = (
+        np.min(np.where(over | ~engaged, np.inf, np.abs(slip[:-1])), axis=1)
+        >= BASELINE.slip_threshold
+    )
     for k in np.flatnonzero(alone & apart):
         x = int(np.argmax(over[k]))
         if engaged[x]:

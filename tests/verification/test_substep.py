@@ -30,7 +30,16 @@ from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Hand, Machine
 from pter_gym.tasks.path_following._rules import Vector
 
-ARM = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=7.0, stiffness=30.0, implicit=0.6)
+ARM = Linkage(
+    length_a=0.4,
+    length_b=0.7,
+    m11=0.3,
+    m22=0.5,
+    coupling=0.2,
+    damping=7.0,
+    stiffness=30.0,
+    implicit=0.6,
+)
 RUBBING = ARM._replace(viscous_a=0.9, viscous_b=1.7)
 NONE = PerClutch(0.0, 0.0, 0.0, 0.0)
 FREE = Torques(NONE, NONE)
@@ -57,9 +66,16 @@ def load(seed: int) -> Load:
 AIM, DRIFT, KICK = step.substep_on(BODY, lambda body, i: records_load(body, BODY.load, i))
 
 
-def body_with(q: Motion, torques: Torques, on: Load, threshold: float = 1e-3, arm: Linkage = ARM) -> Any:
+def body_with(
+    q: Motion, torques: Torques, on: Load, threshold: float = 1e-3, arm: Linkage = ARM
+) -> Any:
     body = np.zeros((width(step.Body), 1))
-    for row, value in ((BODY.motion, q), (BODY.torques, torques), (BODY.steady, torques), (BODY.machine.arm, arm)):
+    for row, value in (
+        (BODY.motion, q),
+        (BODY.torques, torques),
+        (BODY.steady, torques),
+        (BODY.machine.arm, arm),
+    ):
         store(body, row, 0, value)
     store(body, BODY.load, 0, on)
     body[BODY.machine.slip_threshold] = threshold
@@ -109,7 +125,10 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> list[KickPart]:
 
 
 def jacobian(q: Motion) -> np.ndarray:
-    columns = [1j * ARM.length_a * np.exp(1j * q.theta_a), 1j * ARM.length_b * np.exp(1j * q.theta_b)]
+    columns = [
+        1j * ARM.length_a * np.exp(1j * q.theta_a),
+        1j * ARM.length_b * np.exp(1j * q.theta_b),
+    ]
     return np.array([[column.real for column in columns], [column.imag for column in columns]])
 
 
@@ -156,7 +175,9 @@ def test_velocity_torque_is_lagranges(seed: int):
 
     def energy(theta_a: float, theta_b: float) -> float:
         moved = at(theta_a, theta_b, q.omega_a, q.omega_b)
-        assert arms.kinetic_energy(ARM, moved) == pytest.approx(0.5 * speeds(q) @ mass(moved) @ speeds(q))
+        assert arms.kinetic_energy(ARM, moved) == pytest.approx(
+            0.5 * speeds(q) @ mass(moved) @ speeds(q)
+        )
         return arms.kinetic_energy(ARM, moved)
 
     by_a = (energy(q.theta_a + eps, q.theta_b) - energy(q.theta_a - eps, q.theta_b)) / (2 * eps)
@@ -185,7 +206,8 @@ CURVE = Curve(slope=0.1, knee=4.0, curvature=0.05)
 
 
 @pytest.mark.parametrize(
-    ("volts", "torque"), [(0.0, 0.0), (3.0, 0.3), (4.0, 0.4), (4.5, 0.45 + 0.05 * 0.25), (6.0, 0.6 + 0.05 * 4.0)]
+    ("volts", "torque"),
+    [(0.0, 0.0), (3.0, 0.3), (4.0, 0.4), (4.5, 0.45 + 0.05 * 0.25), (6.0, 0.6 + 0.05 * 4.0)],
 )
 def test_torque_over_voltage(volts: float, torque: float):
     assert clutch.curve_torque(CURVE, volts) == pytest.approx(torque)
@@ -250,7 +272,14 @@ def test_changing_clutches_are_found():
     for before, after in [(0.1, -0.001), (-0.2, 5.0), (0.2, 0.0), (-0.1, 0.0)]:
         assert clutch.changes(before, after, 0.1, 2.0, 1.0)
         assert clutch.changes(before, after, 0.1, 1.0, 2.0)
-    for before, after in [(0.2, 0.1), (-0.2, -0.1), (0.2, 1e-9), (0.09, -0.09), (0.0, 0.09), (0.0, 0.0)]:
+    for before, after in [
+        (0.2, 0.1),
+        (-0.2, -0.1),
+        (0.2, 1e-9),
+        (0.09, -0.09),
+        (0.0, 0.09),
+        (0.0, 0.0),
+    ]:
         assert not clutch.changes(before, after, 0.1, 2.0, 1.0)
     for before, after in [(0.0, 0.1), (0.0, -0.1), (0.09, -3.0), (-0.05, -0.2)]:
         assert clutch.changes(before, after, 0.1, 2.0, 1.0)
@@ -288,7 +317,9 @@ def test_share_of_a_kick_before_a_change(before: float, slid: float, share: floa
     found = clutch.share_before(before, slid, 0.1)
     assert found == pytest.approx(share, rel=3e-9)
     if abs(before) < 0.1 and share < 1.0:
-        assert abs(before + found * (slid - before)) > 0.1, "a rounding error could leave it in the band"
+        assert abs(before + found * (slid - before)) > 0.1, (
+            "a rounding error could leave it in the band"
+        )
 
 
 @pytest.mark.parametrize("seed", DRAWS)
@@ -296,29 +327,39 @@ def test_velocity_problem_by_matrices(seed: int):
     q, on = motion(seed), load(seed)
     found = step.free_motion(q, RUBBING, on, H)
     tip = np.array(arms.tip_position(ARM, q))
-    force = np.array([on.force_x, on.force_y]) + ARM.stiffness * (np.array([on.target_x, on.target_y]) - tip)
+    force = np.array([on.force_x, on.force_y]) + ARM.stiffness * (
+        np.array([on.target_x, on.target_y]) - tip
+    )
     damping = ARM.damping * jacobian(q).T @ jacobian(q)
     hand = jacobian(q).T @ force + [on.torque_a, on.torque_b] - 0.4 * damping @ speeds(q)
     fictitious = np.array(arms.velocity_torque(ARM, q))
     effective = mass(q) + H * (0.6 * damping + np.diag([0.9, 1.7]))
     momentum = mass(q) @ speeds(q) + H * (hand - fictitious)
-    assert (found.m11, found.m12, found.m22) == pytest.approx((effective[0, 0], effective[0, 1], effective[1, 1]))
+    assert (found.m11, found.m12, found.m22) == pytest.approx(
+        (effective[0, 0], effective[0, 1], effective[1, 1])
+    )
     assert (found.p_a, found.p_b) == pytest.approx(momentum, abs=1e-14)
     assert (found.hand_a, found.hand_b) == pytest.approx(hand, abs=1e-13)
     assert (found.fictitious_a, found.fictitious_b) == pytest.approx(fictitious)
     omega = np.array([0.3, -0.4])
-    assert step.clutch_load(found, *omega, H) == pytest.approx((effective @ omega - momentum) / H, abs=1e-10)
+    assert step.clutch_load(found, *omega, H) == pytest.approx(
+        (effective @ omega - momentum) / H, abs=1e-10
+    )
 
 
 def drawn_torques(seed: int, most: float) -> Torques:
     """Breakaway torques up to ``most``, dynamic ones a bit less or, of one clutch, more."""
     breakaway = most * np.random.default_rng([3, seed]).random(4)
-    return Torques(PerClutch(*breakaway.tolist()), PerClutch(*(breakaway * [0.8, 0.9, 1.1, 0.7]).tolist()))
+    return Torques(
+        PerClutch(*breakaway.tolist()), PerClutch(*(breakaway * [0.8, 0.9, 1.1, 0.7]).tolist())
+    )
 
 
 @pytest.mark.parametrize("limit", [0.0, 0.3, 30.0])
 @pytest.mark.parametrize("seed", DRAWS)
-def test_energy_terms_of_each_part_are_those_of_its_change(parts: list[KickPart], seed: int, limit: float):
+def test_energy_terms_of_each_part_are_those_of_its_change(
+    parts: list[KickPart], seed: int, limit: float
+):
     q = motion(seed)
     body = body_with(q, drawn_torques(seed, limit), load(seed), arm=RUBBING)
     KICK(body, 1, H)
@@ -336,7 +377,9 @@ def test_energy_terms_of_each_part_are_those_of_its_change(parts: list[KickPart]
         friction = (W @ omega) @ part.torque - [0.9, 1.7] @ omega**2
         assert energy.dissipated == pytest.approx(-h * friction, abs=1e-13)
         assert energy.numerical_loss == pytest.approx(0.5 * turn @ mass(q) @ turn, abs=1e-15)
-        assert energy.residual == pytest.approx(-h * omega @ arms.velocity_torque(ARM, part.before), abs=1e-15)
+        assert energy.residual == pytest.approx(
+            -h * omega @ arms.velocity_torque(ARM, part.before), abs=1e-15
+        )
         assert step.impulses(part.limit, h) == pytest.approx(h * np.array(part.limit))
     total = np.sum([part.energy for part in parts], axis=0)
     assert seen(body).energy == pytest.approx(total, abs=1e-13)
@@ -350,7 +393,9 @@ def test_without_clutches_the_velocity_is_that_of_the_free_arm(seed: int):
     KICK(body, 1, H)
     impact, found = step.free_motion(motion(seed), ARM, load(seed), H), seen(body)
     effective = np.array([[impact.m11, impact.m12], [impact.m12, impact.m22]])
-    assert speeds(found.motion) == pytest.approx(np.linalg.solve(effective, [impact.p_a, impact.p_b]), abs=1e-14)
+    assert speeds(found.motion) == pytest.approx(
+        np.linalg.solve(effective, [impact.p_a, impact.p_b]), abs=1e-14
+    )
     assert (found.energy.dissipated, found.span) == (0.0, H)
 
 
@@ -366,7 +411,9 @@ def test_a_drift_gains_the_change_of_the_mass_matrix_and_equals_two_halves(seed:
     whole = body.copy()
     DRIFT(body, 0, H, False)
     half = seen(body)
-    assert half.motion == pytest.approx(at(*(np.array(q[:2]) + 0.5 * H * speeds(q)).tolist(), *speeds(q)), abs=1e-14)
+    assert half.motion == pytest.approx(
+        at(*(np.array(q[:2]) + 0.5 * H * speeds(q)).tolist(), *speeds(q)), abs=1e-14
+    )
     gained = arms.kinetic_energy(ARM, half.motion) - arms.kinetic_energy(ARM, q)
     assert half.energy == pytest.approx((0.0, 0.0, 0.0, gained), abs=1e-14)
     for now, start, steady in zip(half.torques, drawn_torques(seed + 1, 5.0), torques, strict=True):
@@ -377,18 +424,32 @@ def test_a_drift_gains_the_change_of_the_mass_matrix_and_equals_two_halves(seed:
 
 
 def test_clutches_aim_at_what_their_lagged_voltages_and_the_drift_make():
-    machine = replace(BASELINE, clutch=replace(BASELINE.clutch, lag="voltage"), clutch_scale=(1.0, 0.9, 0.8, 0.7))
-    model, command, lagged = model_of(machine), np.array([1.0, 5.0, 9.0, 20.0]), np.array([3.0, 0.0, 9.0, 1.0])
+    machine = replace(
+        BASELINE, clutch=replace(BASELINE.clutch, lag="voltage"), clutch_scale=(1.0, 0.9, 0.8, 0.7)
+    )
+    model, command, lagged = (
+        model_of(machine),
+        np.array([1.0, 5.0, 9.0, 20.0]),
+        np.array([3.0, 0.0, 9.0, 1.0]),
+    )
     for whole, time in ((False, 0.5 * machine.substep), (True, machine.substep)):
         body: Any = np.zeros((width(step.Body), 1))
-        for row, value in ((BODY.machine, model), (BODY.command, command), (BODY.lagged_volts, lagged)):
+        for row, value in (
+            (BODY.machine, model),
+            (BODY.command, command),
+            (BODY.lagged_volts, lagged),
+        ):
             store(body, row, 0, value if isinstance(value, tuple) else PerClutch(*value.tolist()))
         store(body, BODY.strength, 0, PerClutch(0.9, 0.9, 0.9, 0.9))
         AIM(body, 0, whole)
         volts = command + (lagged - command) * math.exp(-time / machine.clutch.time_constant)
         assert seen(body).lagged_volts == pytest.approx(volts)
-        for curve, found in zip((machine.clutch.breakaway, machine.clutch.dynamic), seen(body).steady, strict=True):
-            expected = [0.9 * s * curve.torque(v) for s, v in zip(machine.clutch_scale, volts, strict=True)]
+        for curve, found in zip(
+            (machine.clutch.breakaway, machine.clutch.dynamic), seen(body).steady, strict=True
+        ):
+            expected = [
+                0.9 * s * curve.torque(v) for s, v in zip(machine.clutch_scale, volts, strict=True)
+            ]
             assert found == pytest.approx(expected)
 
 
@@ -396,7 +457,16 @@ def test_clutches_aim_at_what_their_lagged_voltages_and_the_drift_make():
 
 SPEED = 0.02
 BAND = 1e-3
-SOLO = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.3, coupling=0.0, damping=0.0, stiffness=0.0, implicit=0.5)
+SOLO = Linkage(
+    length_a=0.4,
+    length_b=0.7,
+    m11=0.3,
+    m22=0.3,
+    coupling=0.0,
+    damping=0.0,
+    stiffness=0.0,
+    implicit=0.5,
+)
 
 
 class Solo(NamedTuple):
@@ -415,10 +485,16 @@ class Solo(NamedTuple):
             limit = max(self.breakaway, self.dynamic) if inside else self.dynamic
             if slip == 0.0 and abs(self.torque) <= limit:
                 return [*found, 0.0]
-            rate = (self.torque - math.copysign(limit, slip if slip != 0.0 else self.torque)) / inertia
+            rate = (
+                self.torque - math.copysign(limit, slip if slip != 0.0 else self.torque)
+            ) / inertia
             # the edge ends a phase only where the limit jumps
             border = math.copysign(1.01 * BAND, rate) if inside else 0.0
-            ends = border - slip if not inside or self.breakaway > self.dynamic else math.copysign(math.inf, rate)
+            ends = (
+                border - slip
+                if not inside or self.breakaway > self.dynamic
+                else math.copysign(math.inf, rate)
+            )
             time = ends / rate if ends * rate > 0.0 else math.inf
             slip, left = (border, left - time) if time < left else (slip + left * rate, 0.0)
             found.append(slip)
@@ -455,12 +531,14 @@ PARTS = {
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("number", range(4))
 @pytest.mark.parametrize("name", SOLOS)
-def test_one_slip_moves_as_in_continuous_time(parts: list[KickPart], name: str, number: int, sign: float):
+def test_one_slip_moves_as_in_continuous_time(
+    parts: list[KickPart], name: str, number: int, sign: float
+):
     """M = m·1, so clutch x alone moves the arm along W_x, with the inertia m/|W_x|².
 
-    A part has at most twelve roundings of numbers up to the momentum there is, its time four of the kick's, and there
-    are at most ``MAX_PARTS``. The edge of the band counts as reached 1 % beyond it.
-    """
+    A part has at most twelve roundings of numbers up to the momentum there is, its time four of the
+    kick's, and there are at most ``MAX_PARTS``. The edge of the band counts as reached 1 % beyond
+    it."""
     solo, row = SOLOS[name], W[number]
     square = float(row @ row)
     inertia = SOLO.m11 / square
@@ -469,10 +547,21 @@ def test_one_slip_moves_as_in_continuous_time(parts: list[KickPart], name: str, 
         NONE._replace(**{PerClutch._fields[number]: solo.breakaway}),
         NONE._replace(**{PerClutch._fields[number]: solo.dynamic}),
     )
-    body = body_with(at(0.3, 1.2, *omega.tolist()), torques, Load(0.0, 0.0, *torque.tolist(), 0.0, 0.0), BAND, SOLO)
+    body = body_with(
+        at(0.3, 1.2, *omega.tolist()),
+        torques,
+        Load(0.0, 0.0, *torque.tolist(), 0.0, 0.0),
+        BAND,
+        SOLO,
+    )
     KICK(body, 1, H)
     expected = sign * np.array(solo.velocities(inertia))
-    rounding = step.MAX_PARTS * 16 * UNIT * (abs(solo.slip) + H * (abs(solo.torque) + solo.dynamic) / inertia)
+    rounding = (
+        step.MAX_PARTS
+        * 16
+        * UNIT
+        * (abs(solo.slip) + H * (abs(solo.torque) + solo.dynamic) / inertia)
+    )
     found = np.array([row @ np.array(part.omega) for part in parts])
     assert len(parts) == PARTS.get(name, 2)
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=rounding)
@@ -486,12 +575,22 @@ def test_one_slip_moves_as_in_continuous_time(parts: list[KickPart], name: str, 
 def test_a_stopped_clutch_tells_what_it_holds_in_the_last_part(name: str):
     solo = SOLOS[name]
     torques = Torques(NONE._replace(x1=solo.breakaway), NONE._replace(x1=solo.dynamic))
-    body = body_with(at(0.3, 1.2, solo.slip, 0.0), torques, Load(0.0, 0.0, solo.torque, 0.0, 0.0, 0.0), BAND, SOLO)
+    body = body_with(
+        at(0.3, 1.2, solo.slip, 0.0),
+        torques,
+        Load(0.0, 0.0, solo.torque, 0.0, 0.0, 0.0),
+        BAND,
+        SOLO,
+    )
     KICK(body, 1, H)
     after = seen(body)
-    torque = step.kick_torques(after.impact, after.motion.omega_a, after.motion.omega_b, after.limit, after.span)
+    torque = step.kick_torques(
+        after.impact, after.motion.omega_a, after.motion.omega_b, after.limit, after.span
+    )
     if after.motion.omega_a == 0.0:
-        assert torque.x1 == pytest.approx(-solo.torque, abs=16 * UNIT * SOLO.m11 * SPEED / after.span)
+        assert torque.x1 == pytest.approx(
+            -solo.torque, abs=16 * UNIT * SOLO.m11 * SPEED / after.span
+        )
     else:
         assert torque.x1 == -math.copysign(after.limit.x1, after.motion.omega_a)
 
@@ -511,7 +610,9 @@ def test_the_first_of_several_changes_divides_a_kick(parts: list[KickPart]):
 
 
 @pytest.mark.parametrize(("share", "count"), [(0.5, 2), (1.0 - 1e-9, 1), (1.0, 1)])
-def test_a_clutch_that_stops_as_the_kick_ends_does_not_divide_it(parts: list[KickPart], share: float, count: int):
+def test_a_clutch_that_stops_as_the_kick_ends_does_not_divide_it(
+    parts: list[KickPart], share: float, count: int
+):
     limit = NONE._replace(x1=SOLO.m11 * SPEED / (share * H))
     body = body_with(at(0.3, 1.2, SPEED, 0.0), Torques(limit, limit), Load(*(0.0,) * 6), BAND, SOLO)
     KICK(body, 1, H)
@@ -531,7 +632,9 @@ def test_a_clutch_that_slips_throughout():
         after = np.array(
             slip_velocities(*resolve(*impact[:3], impact.p_a, impact.p_b, step.impulses(limit, H)))
         ) * rng.choice([1.0, 1.0, 0.0], 4)  # some are stuck
-        found = step.slid_velocities(impact, PerClutch(*before.tolist()), PerClutch(*after.tolist()), limit, 0.01, H)
+        found = step.slid_velocities(
+            impact, PerClutch(*before.tolist()), PerClutch(*after.tolist()), limit, 0.01, H
+        )
         passes = (np.abs(before) >= 0.01) & (np.sign(before) != np.sign(after))
         momentum = np.array([impact.p_a, impact.p_b]) - H * W.T @ (np.sign(before) * limit * passes)
         held = PerClutch(*(H * np.array(limit) * ~passes).tolist())
@@ -551,7 +654,12 @@ def drawn_kick(seed: int) -> tuple[Any, Torques, float]:
     breakaway = rng.exponential(5.0, 4) * rng.integers(0, 4, 4).clip(max=1)
     dynamic = breakaway * rng.choice([0.6, 0.9, 1.0, 1.2], 4)
     torques = Torques(PerClutch(*breakaway.tolist()), PerClutch(*dynamic.tolist()))
-    on = Load(0.0, 0.0, *rng.normal(scale=10.0 ** rng.uniform(0.0, 2.0), size=2).tolist(), *arms.tip_position(ARM, q))
+    on = Load(
+        0.0,
+        0.0,
+        *rng.normal(scale=10.0 ** rng.uniform(0.0, 2.0), size=2).tolist(),
+        *arms.tip_position(ARM, q),
+    )
     return body_with(q, torques, on, threshold), torques, threshold
 
 
@@ -568,7 +676,9 @@ def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts:
         assert min(spans) > 0.0
         assert sum(spans) == pytest.approx(H, rel=1e-15)
         for part in parts:
-            assert part.before == before, "one part begins where another ended, in the pose of the first"
+            assert part.before == before, (
+                "one part begins where another ended, in the pose of the first"
+            )
             before = before._replace(omega_a=part.omega.a, omega_b=part.omega.b)
             slips = slip_velocities(part.before.omega_a, part.before.omega_b)
             assert part.limit == clutch.capacities(slips, threshold, torques)
@@ -582,10 +692,23 @@ def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts:
         assert seen(body).energy.dissipated >= 0.0
         if 1 < len(parts) < step.MAX_PARTS:
             last = parts[-1]
-            changes = (last.before, last.omega, last.impact, torques, last.limit, threshold, last.span)
+            changes = (
+                last.before,
+                last.omega,
+                last.impact,
+                torques,
+                last.limit,
+                threshold,
+                last.span,
+            )
             slips = [slip_velocities(*omega) for omega in (last.before[2:4], last.omega)]
-            assert not clutch.any_changes(*slips, threshold, torques) or step.share_before_change(*changes) > 0.99999
-    assert np.bincount(counts, minlength=step.MAX_PARTS + 1)[1:].min() >= 10, "not every number of parts occurs"
+            assert (
+                not clutch.any_changes(*slips, threshold, torques)
+                or step.share_before_change(*changes) > 0.99999
+            )
+    assert np.bincount(counts, minlength=step.MAX_PARTS + 1)[1:].min() >= 10, (
+        "not every number of parts occurs"
+    )
     assert max(counts) == step.MAX_PARTS
 
 
@@ -594,7 +717,8 @@ def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts:
 
 @pytest.mark.parametrize("seed", range(60))
 def test_torques_at_an_instant_make_the_accelerations_that_they_go_with(seed: int):
-    """A slipping clutch has its limit against the slip, a stuck one what keeps it so, or its limit against the start.
+    """A slipping clutch has its limit against the slip, a stuck one what keeps it so, or its limit
+    against the start.
 
     M·α = load − V − b·JᵀJ·ω + Wᵀτ, all of the damping by the present velocity.
     """
@@ -604,7 +728,11 @@ def test_torques_at_an_instant_make_the_accelerations_that_they_go_with(seed: in
     torque = np.array(step.torques_at(q, machine, on, torques))
     slips = np.array(slip_velocities(q.omega_a, q.omega_b))
     limit = np.array(clutch.capacities(PerClutch(*slips.tolist()), threshold, torques))
-    load = np.array([on.torque_a, on.torque_b]) - arms.velocity_torque(ARM, q) - arms.damper_torque(ARM, q)
+    load = (
+        np.array([on.torque_a, on.torque_b])
+        - arms.velocity_torque(ARM, q)
+        - arms.damper_torque(ARM, q)
+    )
     alpha = W @ np.linalg.solve(mass(q), load + W.T @ torque)
     rounding = 1e-12 * (np.abs(load).sum() + limit.sum()) * np.linalg.norm(np.linalg.inv(mass(q)))
     slipping = slips != 0.0
@@ -612,7 +740,9 @@ def test_torques_at_an_instant_make_the_accelerations_that_they_go_with(seed: in
     assert np.all(np.abs(torque) <= limit)
     starts = ~slipping & (np.abs(alpha) > rounding)
     assert np.allclose(torque[starts], -(np.sign(alpha) * limit)[starts], rtol=1e-9, atol=rounding)
-    assert torque == pytest.approx(shortest_kick(q, torques, on, threshold), abs=1e-4 * (1.0 + np.abs(load).sum()))
+    assert torque == pytest.approx(
+        shortest_kick(q, torques, on, threshold), abs=1e-4 * (1.0 + np.abs(load).sum())
+    )
 
 
 def shortest_kick(q: Motion, torques: Torques, on: Load, threshold: float) -> np.ndarray:
@@ -626,30 +756,46 @@ def shortest_kick(q: Motion, torques: Torques, on: Load, threshold: float) -> np
 @pytest.mark.parametrize("lag", ["normal_force", "voltage"])
 def test_constants_of_a_machine(lag: str):
     hand = Hand(mass=2.0, damping=3.0, stiffness=4.0)
-    machine = replace(BASELINE, hand=hand, clutch=replace(BASELINE.clutch, lag=lag), clutch_scale=(1.0, 0.9, 0.8, 0.7))
+    machine = replace(
+        BASELINE,
+        hand=hand,
+        clutch=replace(BASELINE.clutch, lag=lag),
+        clutch_scale=(1.0, 0.9, 0.8, 0.7),
+    )
     found, plain = model_of(machine), model_of(replace(machine, hand=Hand()))
     decay, none = (math.exp(-0.5 * machine.substep / machine.clutch.time_constant),) * 2, (0.0, 0.0)
-    assert (found.voltage_decay, found.torque_decay) == ((decay, none) if lag == "voltage" else (none, decay))
+    assert (found.voltage_decay, found.torque_decay) == (
+        (decay, none) if lag == "voltage" else (none, decay)
+    )
     assert (found.arm.damping, found.arm.stiffness) == (3.0, 4.0)
     assert found.arm.implicit == plain.arm.implicit == 0.5
     assert found.scale == (1.0, 0.9, 0.8, 0.7)
-    assert (found.voltage_max, found.slip_threshold) == (machine.clutch.voltage_max, machine.slip_threshold)
+    assert (found.voltage_max, found.slip_threshold) == (
+        machine.clutch.voltage_max,
+        machine.slip_threshold,
+    )
     assert (plain.arm.m11, plain.arm.m22) == (machine.arm.inertia_a, machine.arm.inertia_b)
     q = motion(1)
     gained = arms.kinetic_energy(found.arm, q) - arms.kinetic_energy(plain.arm, q)
-    assert gained == pytest.approx(0.5 * hand.mass * np.square(arms.tip_velocity(found.arm, q)).sum())
+    assert gained == pytest.approx(
+        0.5 * hand.mass * np.square(arms.tip_velocity(found.arm, q)).sum()
+    )
 
 
 def smallest_inertia(machine: Machine) -> float:
     arm = machine.arm
-    return float(np.linalg.eigvalsh([[arm.inertia_a, arm.coupling], [arm.coupling, arm.inertia_b]])[0])
+    return float(
+        np.linalg.eigvalsh([[arm.inertia_a, arm.coupling], [arm.coupling, arm.inertia_b]])[0]
+    )
 
 
 @pytest.mark.parametrize("light", [1.0, 0.01])
 @pytest.mark.parametrize("damping", [0.0, 1.0, 30.0, 1e3, 1e5, 1e7])
 def test_implicit_damping_prevents_alternating_motion(damping: float, light: float):
     """The share before a kick takes at most the momentum along the slowest motion: h·(1 − s)·b·(lA² + lB²) ≤ μ."""
-    inertias = {name: light * getattr(BASELINE.arm, name) for name in ("inertia_a", "inertia_b", "coupling")}
+    inertias = {
+        name: light * getattr(BASELINE.arm, name) for name in ("inertia_a", "inertia_b", "coupling")
+    }
     machine = replace(BASELINE, hand=Hand(damping=damping), arm=replace(BASELINE.arm, **inertias))
     before = (1.0 - implicit_share(machine)) * machine.substep * damping
     before *= machine.arm.length_a**2 + machine.arm.length_b**2
@@ -667,7 +813,9 @@ def test_one_negative_number_of_a_start_is_refused(field: str):
     wrong = np.array(getattr(start, field))
     wrong[2] = -1e-9
     with pytest.raises(ParameterError, match=field):
-        open_loop.simulate(BASELINE, replace(start, **{field: wrong}), np.zeros(4), np.zeros(2), duration=0.01)
+        open_loop.simulate(
+            BASELINE, replace(start, **{field: wrong}), np.zeros(4), np.zeros(2), duration=0.01
+        )
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -679,13 +827,20 @@ def test_friction_inverts_constructed_momenta(seed: int):
         m12 = rng.uniform(-0.99, 0.99) * math.sqrt(m11 * m22)
         capacity = rng.exponential(1.0, 4) * rng.integers(0, 2 if number % 2 else 5, 4).clip(max=1)
         line = np.array(LINES[rng.integers(4)])
-        omega = (np.zeros(2), line * rng.normal(), rng.normal(size=2), line + 0.1 * rng.normal(size=2))[number % 4]
+        omega = (
+            np.zeros(2),
+            line * rng.normal(),
+            rng.normal(size=2),
+            line + 0.1 * rng.normal(size=2),
+        )[number % 4]
         slips = np.array(slip_velocities(*omega.tolist()))
         held = rng.uniform(-1.0, 1.0, 4) * rng.choice([0.5, 0.99])
         impulse = capacity * np.where(slips == 0.0, held, np.sign(slips))
         p = np.array([[m11, m12], [m12, m22]]) @ omega + np.array(COUPLING).T @ impulse
         found = resolve(m11, m12, m22, *p.tolist(), PerClutch(*capacity.tolist()))
-        rounding = 8 * 2.0**-53 * (m11 + m22) / (m11 * m22 - m12**2) * (np.abs(p).sum() + capacity.sum())
+        rounding = (
+            8 * 2.0**-53 * (m11 + m22) / (m11 * m22 - m12**2) * (np.abs(p).sum() + capacity.sum())
+        )
         rounding += 8 * 2.0**-53 * (m11 + m22) ** 2 / (m11 * m22 - m12**2) * np.hypot(*omega)
         assert found == pytest.approx(omega, abs=rounding), (m11, m12, m22, p, capacity)
 
@@ -703,8 +858,13 @@ def test_a_load_is_shared_by_the_multipliers_that_made_it(seed: int):
         multipliers = rng.normal(scale=np.abs(high).sum() * rng.choice([0.2, 1.0, 5.0]), size=2)
         torque = np.clip(w @ multipliers, low, high)
         found = share(*(w.T @ torque).tolist(), PerClutch(*low.tolist()), PerClutch(*high.tolist()))
-        # share() keeps off an edge by up to 1e-12 of loads and ranges, together at most five of these sums
-        assert found == pytest.approx(torque, abs=1e-11 * (np.abs(low) + np.abs(high)).sum()), (low, high, torque)
+        # share() keeps off an edge by up to 1e-12 of loads and ranges, together at most five of
+        # these sums
+        assert found == pytest.approx(torque, abs=1e-11 * (np.abs(low) + np.abs(high)).sum()), (
+            low,
+            high,
+            torque,
+        )
 
 
 def test_a_load_is_shared_where_two_limits_meet():
@@ -712,7 +872,9 @@ def test_a_load_is_shared_where_two_limits_meet():
     high, (a, b) = PerClutch(0.0, 0.335, 0.006, 0.961), (-0.244, -0.218)
     torque = PerClutch(0.0, b, -0.006, a + b)
     load = (torque.x1 + torque.x3 + torque.x4, torque.x2 - torque.x3 + torque.x4)
-    assert share(*load, PerClutch(*(-each for each in high)), high) == pytest.approx(torque, abs=1e-11)
+    assert share(*load, PerClutch(*(-each for each in high)), high) == pytest.approx(
+        torque, abs=1e-11
+    )
 
 
 def test_loads_of_whole_numbers_are_shared():
@@ -722,7 +884,9 @@ def test_loads_of_whole_numbers_are_shared():
     ):
         torque = np.clip(W @ multipliers, low, high)
         load = np.round(W.T @ torque)
-        assert share(*load.tolist(), PerClutch(*low), PerClutch(*high)) == pytest.approx(torque, abs=1e-11)
+        assert share(*load.tolist(), PerClutch(*low), PerClutch(*high)) == pytest.approx(
+            torque, abs=1e-11
+        )
 
 
 @pytest.mark.parametrize("condition", [1e2, 1e5])
@@ -732,18 +896,36 @@ def test_the_torques_of_a_kick_make_its_load_whatever_the_rounding(condition: fl
     for _ in range(500):
         m11, m22 = np.exp(rng.uniform(-1.0, 1.0, 2)).tolist()
         m12 = float(rng.choice([-1.0, 1.0])) * math.sqrt(m11 * m22 * (1.0 - 1.0 / condition))
-        h, capacity = 10.0 ** rng.uniform(-6.0, -2.0), rng.exponential(5.0, 4) * rng.integers(0, 4, 4).clip(max=1)
-        made_for = np.array(LINES[rng.integers(4)]) * rng.choice([0.0, 1.0]) * 10.0 ** rng.uniform(-3.0, 1.0)
+        h, capacity = (
+            10.0 ** rng.uniform(-6.0, -2.0),
+            rng.exponential(5.0, 4) * rng.integers(0, 4, 4).clip(max=1),
+        )
+        made_for = (
+            np.array(LINES[rng.integers(4)])
+            * rng.choice([0.0, 1.0])
+            * 10.0 ** rng.uniform(-3.0, 1.0)
+        )
         slips, held = W @ made_for, rng.uniform(-1.0, 1.0, 4) * rng.choice([0.0, 0.9])
         torque = capacity * np.where(slips == 0.0, held, np.sign(slips))
         p = np.array([[m11, m12], [m12, m22]]) @ made_for + h * W.T @ torque
-        impact, limit = step.Impact(m11, m12, m22, *p.tolist(), 0.0, 0.0, 0.0, 0.0), PerClutch(*capacity.tolist())
+        impact, limit = (
+            step.Impact(m11, m12, m22, *p.tolist(), 0.0, 0.0, 0.0, 0.0),
+            PerClutch(*capacity.tolist()),
+        )
         omega = resolve(m11, m12, m22, *p.tolist(), step.impulses(limit, h))
-        rounding = 8 * UNIT * (m11 + m22) ** 2 / (m11 * m22 - m12**2) * (np.abs(p).sum() / h + capacity.sum())
+        rounding = (
+            8
+            * UNIT
+            * (m11 + m22) ** 2
+            / (m11 * m22 - m12**2)
+            * (np.abs(p).sum() / h + capacity.sum())
+        )
         found = W.T @ step.kick_torques(impact, *omega, limit, h)
         assert found == pytest.approx(np.array(step.clutch_load(impact, *omega, h)), abs=rounding)
 
 
-@pytest.mark.parametrize(("slip", "low", "high"), [(-0.5, 2.0, 2.0), (0.0, -2.0, 2.0), (0.5, -2.0, -2.0)])
+@pytest.mark.parametrize(
+    ("slip", "low", "high"), [(-0.5, 2.0, 2.0), (0.0, -2.0, 2.0), (0.5, -2.0, -2.0)]
+)
 def test_a_slipping_clutch_has_no_choice(slip: float, low: float, high: float):
     assert (lower_bound(slip, 2.0), upper_bound(slip, 2.0)) == (low, high)

@@ -23,11 +23,15 @@ from pter_gym.tasks.path_following import (
 
 PERIOD, H = 0.01, BASELINE.substep
 COUNT = round(PERIOD / H)
-TASK = PathFollowing(path=Line(x=-0.3, y=0.6, direction=0.0, length=0.6), hand=MultiSineHand(push=12.0))
+TASK = PathFollowing(
+    path=Line(x=-0.3, y=0.6, direction=0.0, length=0.6), hand=MultiSineHand(push=12.0)
+)
 """A line in the middle of the workspace and a hand that pushes gently."""
 
 
-def stepped(task: PathFollowing, volts: np.ndarray, machine=BASELINE, **options) -> tuple[np.ndarray, np.ndarray]:
+def stepped(
+    task: PathFollowing, volts: np.ndarray, machine=BASELINE, **options
+) -> tuple[np.ndarray, np.ndarray]:
     """Telemetry (T + 1, K) and observations of one world whose episode does not end."""
     batch = Batch(machine, task, **options)
     obs, row = batch.reset([0])
@@ -55,7 +59,12 @@ def intended(hand: HumanArm, pace: float, arc_lengths: np.ndarray) -> np.ndarray
 def test_a_human_arm_moves_the_tip_as_in_open_loop(name: str, lead: float) -> None:
     """The same mass, damper, spring and target through ``simulate``: equal up to rounding in 400 substeps."""
     hand = HumanArm(
-        impedance=HUMAN_ARMS[name], eagerness=1.5, rise=0.25, lead=lead, amplitudes=(0.0,) * 5, phases=(0.1,) * 5
+        impedance=HUMAN_ARMS[name],
+        eagerness=1.5,
+        rise=0.25,
+        lead=lead,
+        amplitudes=(0.0,) * 5,
+        phases=(0.1,) * 5,
     )
     path = Arc(x=-0.4, y=0.6, direction=0.3, radius=0.5, angle=-1.2)
     task = PathFollowing(path=path, hand=hand, pace=0.3, error_max=0.2)
@@ -66,7 +75,10 @@ def test_a_human_arm_moves_the_tip_as_in_open_loop(name: str, lead: float) -> No
     points = np.array([path.point(s) for s in places])
     velocity = np.diff(points, axis=0) / PERIOD
     target = np.concatenate(
-        [p + H * np.outer(np.arange(COUNT) + 0.5, v) for p, v in zip(points, velocity, strict=False)]
+        [
+            p + H * np.outer(np.arange(COUNT) + 0.5, v)
+            for p, v in zip(points, velocity, strict=False)
+        ]
     )
     machine = replace(BASELINE, hand=hand.impedance)
     force = hand.impedance.damping * np.repeat(velocity, COUNT, axis=0)
@@ -77,22 +89,31 @@ def test_a_human_arm_moves_the_tip_as_in_open_loop(name: str, lead: float) -> No
         force,
         hand_target=target,
     )
-    np.testing.assert_allclose(rows[1:, [*COLUMN.theta]], open_loop.theta[COUNT - 1 :: COUNT], atol=1e-10)
+    np.testing.assert_allclose(
+        rows[1:, [*COLUMN.theta]], open_loop.theta[COUNT - 1 :: COUNT], atol=1e-10
+    )
     np.testing.assert_allclose(
         rows[1:, COLUMN.kinetic_energy], open_loop.kinetic_energy[COUNT - 1 :: COUNT], atol=1e-10
     )
     np.testing.assert_allclose(
-        rows[1:, COLUMN.energy.hand_work], open_loop.hand_work.reshape(-1, COUNT).sum(axis=1), rtol=1e-9, atol=1e-10
+        rows[1:, COLUMN.energy.hand_work],
+        open_loop.hand_work.reshape(-1, COUNT).sum(axis=1),
+        rtol=1e-9,
+        atol=1e-10,
     )
 
 
 def test_the_intent_waits_for_a_tip_that_cannot_move() -> None:
     """Locked: the spring's pull is at most stiffness · lead, up to the bend of the path."""
     hand = HumanArm(impedance=HUMAN_ARMS["tense"], lead=0.05, amplitudes=(0.0,) * 5)
-    rows, _ = stepped(PathFollowing(path=Line(length=0.5), hand=hand, pace=0.4), np.full((150, 4), 24.0))
+    rows, _ = stepped(
+        PathFollowing(path=Line(length=0.5), hand=hand, pace=0.4), np.full((150, 4), 24.0)
+    )
     pull = np.hypot(rows[1:, COLUMN.force.x], rows[1:, COLUMN.force.y])
     assert pull.max() <= 600.0 * 0.0501 + hand.impedance.damping * 0.4 * hand.eagerness
-    assert pull[-1] == pytest.approx(600.0 * math.hypot(0.05, rows[-1, COLUMN.normal_error]), rel=1e-9)
+    assert pull[-1] == pytest.approx(
+        600.0 * math.hypot(0.05, rows[-1, COLUMN.normal_error]), rel=1e-9
+    )
 
 
 def test_a_hand_may_come_with_the_machine_or_with_the_task() -> None:
@@ -164,7 +185,9 @@ def test_torque_errors_and_drift_scale_the_clutches() -> None:
     np.testing.assert_allclose(a[:, [*COLUMN.tip]], b[:, [*COLUMN.tip]], atol=1e-12)
 
     rate, fast = -0.5, replace(BASELINE, clutch=replace(BASELINE.clutch, time_constant=1e-4))
-    locked = replace(PathFollowing(), friction_drift=rate, hand=MultiSineHand(push=0.0, amplitudes=(0.0,) * 5))
+    locked = replace(
+        PathFollowing(), friction_drift=rate, hand=MultiSineHand(push=0.0, amplitudes=(0.0,) * 5)
+    )
     batch = Batch(fast, locked)
     batch.reset([0])
     for step in range(50):
@@ -179,7 +202,9 @@ def test_quantised_angles_are_multiples_and_everything_else_follows_them() -> No
     task = replace(TASK, sensing=Sensing(angle_resolution=resolution))
     rows, seen = stepped(task, np.full((30, 4), 2.0))
     angle = np.arctan2(seen[:, 1].astype(float), seen[:, 0])
-    assert np.abs(np.remainder(angle / resolution + 0.5, 1.0) - 0.5).max() < 1e-4  # float32 observations
+    assert (
+        np.abs(np.remainder(angle / resolution + 0.5, 1.0) - 0.5).max() < 1e-4
+    )  # float32 observations
     assert np.abs(angle - rows[:, COLUMN.theta.a]).max() <= 0.5 * resolution + 1e-6
     exact = Batch(BASELINE, PathFollowing()).layout
     error = exact.physical(seen, "normal_error")
@@ -200,11 +225,18 @@ def test_noise_has_its_size_and_comes_from_the_seed() -> None:
     np.testing.assert_array_equal(first, second)
     layout = batch.layout
     count = first[..., 0].size
-    for name, sigma in (("omega_a", 0.02), ("omega_b", 0.02), ("torque_3", 0.5), ("force_across", 0.7)):
+    for name, sigma in (
+        ("omega_a", 0.02),
+        ("omega_b", 0.02),
+        ("torque_3", 0.5),
+        ("force_across", 0.7),
+    ):
         values = layout.physical(first, name)
         assert abs(values.mean()) < 5.0 * sigma / math.sqrt(count) + 1e-6
         assert values.std() == pytest.approx(sigma, rel=5.0 / math.sqrt(2.0 * count))
-    pairs = np.corrcoef(np.stack([layout.physical(first, n).ravel() for n in ("omega_a", "omega_b", "torque_1")]))
+    pairs = np.corrcoef(
+        np.stack([layout.physical(first, n).ravel() for n in ("omega_a", "omega_b", "torque_1")])
+    )
     assert np.abs(pairs - np.eye(3)).max() < 5.0 / math.sqrt(count)
 
 
@@ -223,7 +255,8 @@ def test_sensors_are_late_by_whole_control_steps(delay: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("field", "value"), [("delay", 3), ("delay", 0.5), ("angle_resolution", -1.0), ("velocity_noise", math.inf)]
+    ("field", "value"),
+    [("delay", 3), ("delay", 0.5), ("angle_resolution", -1.0), ("velocity_noise", math.inf)],
 )
 def test_bad_sensing_is_named(field: str, value: float) -> None:
     with pytest.raises(ParameterError, match=rf"Sensing\.{field}"):

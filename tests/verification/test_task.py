@@ -20,7 +20,15 @@ from pter_gym._physics.model import model_of
 from pter_gym._physics.step import Energy
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
-from pter_gym.hands._model import NO_FORCE, PerSine, Sines, advance_sines, intent_speed, renew_sines, sum_of_sines
+from pter_gym.hands._model import (
+    NO_FORCE,
+    PerSine,
+    Sines,
+    advance_sines,
+    intent_speed,
+    renew_sines,
+    sum_of_sines,
+)
 from pter_gym.params import BASELINE, Clutch, Hand, TorqueCurve
 from pter_gym.paths import Arc, Line
 from pter_gym.tasks.path_following import (
@@ -57,7 +65,12 @@ from pter_gym.tasks.path_following._rules import (
     too_fast,
     total,
 )
-from pter_gym.tasks.path_following._specification import held_machine, sin_elbow, strongest, substeps
+from pter_gym.tasks.path_following._specification import (
+    held_machine,
+    sin_elbow,
+    strongest,
+    substeps,
+)
 
 DRAWS = range(10)
 
@@ -78,15 +91,28 @@ def test_parts_along_and_across_a_path_by_complex_numbers(seed: int):
     v, angle = vector(seed), float(seed)
     turned = v * np.exp(-1j * angle)
     assert to_path(Vector(v.real, v.imag), unit(angle)) == pytest.approx((turned.real, turned.imag))
-    assert to_world(PathVector(turned.real, turned.imag), unit(angle)) == pytest.approx((v.real, v.imag))
+    assert to_world(PathVector(turned.real, turned.imag), unit(angle)) == pytest.approx(
+        (v.real, v.imag)
+    )
 
 
 @pytest.mark.parametrize("tip", [(0.3, 0.6), (-0.5, 0.2), (0.1, -0.9), (0.4, 0.05)])
 def test_the_arm_at_a_tip_has_its_tip_there_and_link_b_ahead(tip: tuple[float, float]):
-    arm = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=0.0, stiffness=0.0, implicit=0.5)
+    arm = Linkage(
+        length_a=0.4,
+        length_b=0.7,
+        m11=0.3,
+        m22=0.5,
+        coupling=0.2,
+        damping=0.0,
+        stiffness=0.0,
+        implicit=0.5,
+    )
     q = motion_at(arm, *tip)
     assert tip_position(arm, q) == pytest.approx(tip, abs=1e-12)
-    assert (q.cos_a, q.sin_a, q.cos_b, q.sin_b) == pytest.approx((*unit(q.theta_a), *unit(q.theta_b)))
+    assert (q.cos_a, q.sin_a, q.cos_b, q.sin_b) == pytest.approx(
+        (*unit(q.theta_a), *unit(q.theta_b))
+    )
     assert math.sin(q.theta_b - q.theta_a) > 0.0
     assert (q.omega_a, q.omega_b) == (0.0, 0.0)
 
@@ -97,7 +123,9 @@ def test_where_an_episode_ends():
     assert [strayed(s, 0.0, 0.2) for s in (-0.21, -0.2, 0.0)] == [True, False, False]
     assert [too_fast(k, 2.0) for k in (2.0, 2.1, math.nan)] == [False, True, True]
     poses = (math.asin(0.2), -math.asin(0.2), 0.3, 0.1, math.nan)
-    sines = [Motion(turn, 0.0, 0.0, 0.0, math.cos(turn), math.sin(turn), 1.0, 0.0) for turn in poses]
+    sines = [
+        Motion(turn, 0.0, 0.0, 0.0, math.cos(turn), math.sin(turn), 1.0, 0.0) for turn in poses
+    ]
     margin = abs(sines[0].sin_a)
     assert [singular(q, margin) for q in sines] == [False, False, False, True, True]
 
@@ -111,11 +139,15 @@ def test_sines_turn_and_keep_their_length_by_complex_numbers(seed: int):
     vectors, turns = (rng.normal(size=5) + 1j * rng.normal(size=5) for _ in range(2))
     sines, turn = (Sines(*(UnitVector(v.real, v.imag) for v in each)) for each in (vectors, turns))
     turned = vectors * turns
-    assert np.array(advance_sines(sines, turn)) == pytest.approx(np.array([turned.real, turned.imag]).T)
+    assert np.array(advance_sines(sines, turn)) == pytest.approx(
+        np.array([turned.real, turned.imag]).T
+    )
     near = vectors * (1.5 - 0.5 * abs(vectors) ** 2)
     assert np.array(renew_sines(sines)) == pytest.approx(np.array([near.real, near.imag]).T)
     amplitudes = rng.normal(size=5)
-    assert sum_of_sines(PerSine(*amplitudes.tolist()), sines) == pytest.approx(amplitudes @ vectors.imag)
+    assert sum_of_sines(PerSine(*amplitudes.tolist()), sines) == pytest.approx(
+        amplitudes @ vectors.imag
+    )
 
 
 def test_a_task_is_accepted_if_all_its_starts_are_within_reach():
@@ -143,7 +175,9 @@ def test_a_task_is_accepted_if_all_its_starts_are_within_reach():
 
 
 def test_a_start_is_as_far_to_either_side_as_drawn():
-    assert [spread(draw, 0.2) for draw in (0.0, 0.25, 0.5, 1.0)] == pytest.approx([-0.2, -0.1, 0.0, 0.2])
+    assert [spread(draw, 0.2) for draw in (0.0, 0.25, 0.5, 1.0)] == pytest.approx(
+        [-0.2, -0.1, 0.0, 0.2]
+    )
     arm, angle = model_of(BASELINE).arm, 0.3
     world = np.zeros((ROWS, 1))
     store(world, ROW.machine.arm, 0, arm)
@@ -164,7 +198,9 @@ def test_a_hand_pushes_pulls_to_its_target_and_plays_what_was_recorded(seed: int
     store(world, ROW.target, 0, Target(*(Vector(v.real, v.imag) for v in (target, velocity))))
     store(world, ROW.drive.force, 0, PathVector(recorded.real, recorded.imag))
     world[ROW.hand.push] = 5.0
-    pull = 10.0 * (target - complex(*tip_position(arm, q))) + 4.0 * (velocity - complex(*tip_velocity(arm, q)))
+    pull = 10.0 * (target - complex(*tip_position(arm, q))) + 4.0 * (
+        velocity - complex(*tip_velocity(arm, q))
+    )
     force = 5.0 + recorded + pull * cmath.exp(-1j * angle)
     assert hand_force(world, 0) == pytest.approx((force.real, force.imag))
 
@@ -175,14 +211,28 @@ def test_each_reading_has_noise_of_its_own():
     store(world, ROW.foot.heading, 0, unit(0.0))
     world[ROW.step] = 6.0
     take_reading(world, 0, seed, episode, 0.01)
-    reading, draws = load(world, ROW.readings.now, 0), [gaussians(seed, episode, k) for k in (12, 13)]
-    noise = [*np.array(reading.omega) / 0.5, *np.array(reading.force) / 3.0, *np.array(reading.torque) / 2.0]
+    reading, draws = (
+        load(world, ROW.readings.now, 0),
+        [gaussians(seed, episode, k) for k in (12, 13)],
+    )
+    noise = [
+        *np.array(reading.omega) / 0.5,
+        *np.array(reading.force) / 3.0,
+        *np.array(reading.torque) / 2.0,
+    ]
     assert noise == pytest.approx([*draws[0], *draws[1]])
     assert len({abs(draw) for draw in noise}) == 8
 
 
 def test_an_intent_gathers_speed_with_the_least_jerk():
-    assert [intent_speed(t, 0.5, 2.0) for t in (0.0, 0.125, 0.25, 0.5, 0.75, 9.0)] == [0.0, 0.3125, 1.0, 2.0, 2.0, 2.0]
+    assert [intent_speed(t, 0.5, 2.0) for t in (0.0, 0.125, 0.25, 0.5, 0.75, 9.0)] == [
+        0.0,
+        0.3125,
+        1.0,
+        2.0,
+        2.0,
+        2.0,
+    ]
 
 
 def test_a_passive_hand():
@@ -212,8 +262,12 @@ def test_the_strongest_force_that_a_hand_can_have(hand: Any, force: float):
     """A spring is as long as the path, its width and the lead, and half as long again as the tip's way in a step."""
     machine = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.4, length_b=0.5))
     task = PathFollowing(hand=hand, pace=0.5, path=Line(length=0.6), error_max=0.2)
-    travel = largest_travel(model_of(held_machine(task, machine)).arm, machine.substep, task.control_period)
-    assert strongest(task, machine) == pytest.approx(force + 0.5 * travel * hand.impedance.stiffness)
+    travel = largest_travel(
+        model_of(held_machine(task, machine)).arm, machine.substep, task.control_period
+    )
+    assert strongest(task, machine) == pytest.approx(
+        force + 0.5 * travel * hand.impedance.stiffness
+    )
     folded = replace(task, path=Line(length=1.75))
     beyond = 2.0 * 0.9 - 0.8 if hand.impedance.stiffness > 0.0 else 0.0
     assert strongest(folded, machine) - strongest(task, machine) == pytest.approx(10.0 * beyond)
@@ -224,7 +278,9 @@ def test_the_strongest_force_that_a_hand_can_have(hand: Any, force: float):
 
 def test_reward_and_cost_of_a_pace():
     ratios = (-1.0, 0.0, 0.5, 1.0, 2.0, 60.0)
-    assert [pace_share(ratio) for ratio in ratios] == pytest.approx([0.0, 0.0, 0.125, 1.0, 1 / 16, 60.0**-4])
+    assert [pace_share(ratio) for ratio in ratios] == pytest.approx(
+        [0.0, 0.0, 0.125, 1.0, 1 / 16, 60.0**-4]
+    )
     assert [pace_cost(ratio) for ratio in ratios] == [5.0, 5.0, 2.5, 0.0, 1.0, 49.0]
 
 
@@ -247,7 +303,14 @@ def test_each_reward_term_is_scaled_by_its_weight(failed: bool):
         failed=failed,
     )
     none = Terms(*(0.0,) * len(Terms._fields))
-    weights = {"tracking": 300.0, "precision": 700.0, "pace": 40.0, "acceleration": 5.0, "effort": 6.0, "failure": 7.0}
+    weights = {
+        "tracking": 300.0,
+        "precision": 700.0,
+        "pace": 40.0,
+        "acceleration": 5.0,
+        "effort": 6.0,
+        "failure": 7.0,
+    }
     terms = reward_terms(none._replace(**weights), seen, 0.01)
     expected = none._replace(
         tracking=300.0 * 0.25 * 0.125 * math.exp(-0.03 / 0.06),
@@ -275,18 +338,25 @@ def test_the_allowance_is_what_half_of_the_tips_inertia_loses_and_two_time_const
     arm, (x, y), heading = model_of(BASELINE).arm, Line().point(0.0), Line().heading(0.0)
     at, eps = motion_at(arm, x, y), 1e-6
     angles = [
-        [(getattr(ahead, name) - getattr(behind, name)) / (2.0 * eps) for name in ("theta_a", "theta_b")]
+        [
+            (getattr(ahead, name) - getattr(behind, name)) / (2.0 * eps)
+            for name in ("theta_a", "theta_b")
+        ]
         for ahead, behind in (
             (motion_at(arm, x + eps, y), motion_at(arm, x - eps, y)),
             (motion_at(arm, x, y + eps), motion_at(arm, x, y - eps)),
         )
     ]
     coupling = arm.coupling * math.cos(at.theta_a - at.theta_b)
-    inertia = np.array(angles) @ np.array([[arm.m11, coupling], [coupling, arm.m22]]) @ np.array(angles).T
+    inertia = (
+        np.array(angles) @ np.array([[arm.m11, coupling], [coupling, arm.m22]]) @ np.array(angles).T
+    )
     along = np.array([math.cos(heading), math.sin(heading)])
     mass = 1.0 / (along @ np.linalg.inv(inertia) @ along)
     lost = 0.5 * mass * PathFollowing().pace / MultiSineHand().push
-    assert start_up_allowance() == pytest.approx(2.0 * BASELINE.clutch.time_constant + lost, rel=1e-7)
+    assert start_up_allowance() == pytest.approx(
+        2.0 * BASELINE.clutch.time_constant + lost, rel=1e-7
+    )
 
 
 def test_the_allowance_is_for_the_first_hundredth_of_a_path():
@@ -302,7 +372,11 @@ def test_the_allowance_is_for_the_first_hundredth_of_a_path():
 def test_an_observation_has_the_declared_entries():
     q = Motion(0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
     at = PathState(0.3, 0.004, 0.004, unit(0.2), 7.0, PathVector(0.8, 0.9))
-    volts, torque, force = PerClutch(1.0, 2.0, 3.0, 4.0), PerClutch(5.0, 6.0, 7.0, 8.0), PathVector(9.0, 10.0)
+    volts, torque, force = (
+        PerClutch(1.0, 2.0, 3.0, 4.0),
+        PerClutch(5.0, 6.0, 7.0, 8.0),
+        PathVector(9.0, 10.0),
+    )
     seen = observation(q, at, 1.5, 0.4, volts, torque, force)
     expected = {
         "cos_a": 3.0,
@@ -325,12 +399,17 @@ def test_an_observation_has_the_declared_entries():
     }
     assert {name: getattr(seen, name) for name in expected} == expected
     for error, near in ((0.5, 0.01), (-0.5, -0.01)):
-        assert observation(q, at._replace(offset=error), 1.5, 0.4, volts, torque, force).near_error == near
+        assert (
+            observation(q, at._replace(offset=error), 1.5, 0.4, volts, torque, force).near_error
+            == near
+        )
 
 
 def test_observed_context_of_machine_and_task():
     twice = Clutch(
-        breakaway=BASELINE.clutch.breakaway.scaled(2.0), dynamic=BASELINE.clutch.dynamic.scaled(3.0), time_constant=0.07
+        breakaway=BASELINE.clutch.breakaway.scaled(2.0),
+        dynamic=BASELINE.clutch.dynamic.scaled(3.0),
+        time_constant=0.07,
     )
     machine = replace(BASELINE, clutch=twice, clutch_scale=(0.5, 1.0, 1.5, 3.0))
     arm = HumanArm(impedance=Hand(mass=1.0, damping=4.0, stiffness=10.0))
@@ -341,13 +420,25 @@ def test_observed_context_of_machine_and_task():
     assert context.task.path == (5, 6, task.path.length)
     assert context.task.pace_decay == pytest.approx(1.0 - math.exp(-0.1))
     assert context.task.sensing.is_ideal == 1.0
-    assert context_of(replace(task, sensing=Sensing(delay=1)), machine, (0, 0), (0, 0)).task.sensing.is_ideal == 0.0
+    assert (
+        context_of(
+            replace(task, sensing=Sensing(delay=1)), machine, (0, 0), (0, 0)
+        ).task.sensing.is_ideal
+        == 0.0
+    )
     assert context.told.hand_push == context.hand.push == 0.0
 
 
 def test_scales_are_those_that_trained_policies_have_seen():
     layout = observation_layout(BASELINE, "force")
-    expected = {"omega": 0.5, "normal": 0.01, "near": 0.01, "curvature": 5.0, "speed": 0.2, "pace": 0.2}
+    expected = {
+        "omega": 0.5,
+        "normal": 0.01,
+        "near": 0.01,
+        "curvature": 5.0,
+        "speed": 0.2,
+        "pace": 0.2,
+    }
     expected |= {"pace_error": 1.0, "volts": 24.0, "torque": 20.0, "force": 50.0}
     scales = [expected.get(name, expected.get(name.split("_")[0], 1.0)) for name in layout.names]
     assert layout.scales.tolist() == pytest.approx(scales)
@@ -429,7 +520,16 @@ def test_task_defaults():
 
 
 def test_the_elbows_sine_by_the_arm_at_a_tip():
-    arm = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=0.0, stiffness=0.0, implicit=0.5)
+    arm = Linkage(
+        length_a=0.4,
+        length_b=0.7,
+        m11=0.3,
+        m22=0.5,
+        coupling=0.2,
+        damping=0.0,
+        stiffness=0.0,
+        implicit=0.5,
+    )
     tips = [(0.3, 0.6), (-0.5, 0.2), (0.1, -0.9)]
     poses = [motion_at(arm, *tip) for tip in tips]
     expected = [math.sin(q.theta_b - q.theta_a) for q in poses]
@@ -440,7 +540,15 @@ def test_the_elbows_sine_by_the_arm_at_a_tip():
 
 @pytest.mark.parametrize(
     ("ratio", "count"),
-    [(0.5, 1), (1, 1), (1.5, 2), (7, 7), (7.0 + 1e-9, 7), (7.0 + 1e-7, 8), (MAX_SUBSTEPS, MAX_SUBSTEPS)],
+    [
+        (0.5, 1),
+        (1, 1),
+        (1.5, 2),
+        (7, 7),
+        (7.0 + 1e-9, 7),
+        (7.0 + 1e-7, 8),
+        (MAX_SUBSTEPS, MAX_SUBSTEPS),
+    ],
 )
 def test_substeps_of_a_control_period(ratio: float, count: int):
     machine, task = replace(BASELINE, substep=1e-5), PathFollowing(control_period=ratio * 1e-5)
@@ -450,7 +558,9 @@ def test_substeps_of_a_control_period(ratio: float, count: int):
 
 def test_a_control_period_of_too_many_substeps_is_refused():
     with pytest.raises(ParameterError, match="control_period"):
-        check_machine(PathFollowing(control_period=(MAX_SUBSTEPS + 1) * 1e-5), replace(BASELINE, substep=1e-5))
+        check_machine(
+            PathFollowing(control_period=(MAX_SUBSTEPS + 1) * 1e-5), replace(BASELINE, substep=1e-5)
+        )
 
 
 def test_a_sine_may_be_as_fast_as_a_tenth_of_the_substeps_rate():
@@ -461,7 +571,9 @@ def test_a_sine_may_be_as_fast_as_a_tenth_of_the_substeps_rate():
                 check_machine(PathFollowing(hand=hand), BASELINE)
         else:
             check_machine(PathFollowing(hand=hand), BASELINE)
-    check_machine(PathFollowing(hand=RecordedForces(times=(0.0,), along=(0.0,), across=(0.0,))), BASELINE)
+    check_machine(
+        PathFollowing(hand=RecordedForces(times=(0.0,), along=(0.0,), across=(0.0,))), BASELINE
+    )
 
 
 @pytest.mark.parametrize("field", ["path", "hand", "starts", "sensing"])
@@ -478,7 +590,10 @@ def test_an_episode_may_begin_as_fast_as_the_integrator_can_hold():
     task = PathFollowing(path=path, hand=weak, starts=Starts(moving=1.0), control_period=0.2)
     # links at up to √(2² + ½²) times the pace over margin and length
     rates = math.hypot(2.0, 0.5) / task.singularity_margin / np.array([0.4, 0.6])
-    energy = 0.5 * (arm.m11 * rates[0] ** 2 + arm.m22 * rates[1] ** 2) + abs(arm.coupling) * rates[0] * rates[1]
+    energy = (
+        0.5 * (arm.m11 * rates[0] ** 2 + arm.m22 * rates[1] ** 2)
+        + abs(arm.coupling) * rates[0] * rates[1]
+    )
     fastest = math.sqrt(largest_energy(arm, 1e-2, 0.2, strongest(task, machine)) / energy)
     check_machine(replace(task, pace=fastest * (1.0 - 1e-9)), machine)
     with pytest.raises(ParameterError, match="starts"):
@@ -487,7 +602,11 @@ def test_an_episode_may_begin_as_fast_as_the_integrator_can_hold():
 
 def test_a_torque_curve_is_told_at_the_largest_voltage():
     straight = TorqueCurve(slope=1.0, knee=100.0, curvature=0.0)
-    machine = replace(BASELINE, clutch=Clutch(breakaway=straight, dynamic=straight, voltage_max=6.0))
+    machine = replace(
+        BASELINE, clutch=Clutch(breakaway=straight, dynamic=straight, voltage_max=6.0)
+    )
     told = context_of(PathFollowing(), machine, (0, 0), (0, 0)).told
     scale = sum(machine.clutch_scale) / 4.0
-    assert told.breakaway_factor == pytest.approx(scale * 6.0 / BASELINE.clutch.breakaway.torque(6.0))
+    assert told.breakaway_factor == pytest.approx(
+        scale * 6.0 / BASELINE.clutch.breakaway.torque(6.0)
+    )

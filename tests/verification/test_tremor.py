@@ -75,7 +75,11 @@ def is_cited(entry: LibraryArm | LibraryTremor) -> None:
 
 def test_the_bands_are_those_that_are_cited() -> None:
     bands = {name.removeprefix("tremor-"): tremor.band for name, tremor in LIBRARY_TREMORS.items()}
-    assert bands == {"physiological": (8.0, 12.0), "essential": (4.0, 12.0), "parkinsonian": (3.0, 8.0)}
+    assert bands == {
+        "physiological": (8.0, 12.0),
+        "essential": (4.0, 12.0),
+        "parkinsonian": (3.0, 8.0),
+    }
 
 
 def test_matrices_of_the_joints_were_turned_into_those_at_the_hand() -> None:
@@ -89,11 +93,15 @@ def test_matrices_of_the_joints_were_turned_into_those_at_the_hand() -> None:
     elbow, low, high = 0.0, 0.0, math.pi
     for _ in range(60):
         elbow = 0.5 * (low + high)
-        low, high = (elbow, high) if np.linalg.norm(tip(np.array([0.0, elbow]))) > ahead else (low, elbow)
+        low, high = (
+            (elbow, high) if np.linalg.norm(tip(np.array([0.0, elbow]))) > ahead else (low, elbow)
+        )
     x, y = tip(np.array([0.0, elbow]))
     q = np.array([0.5 * math.pi - math.atan2(y, x), elbow])
     np.testing.assert_allclose(tip(q), [0.0, ahead], atol=1e-12)
-    inverse = np.linalg.inv(np.stack([(tip(q + d) - tip(q - d)) / 2e-6 for d in 1e-6 * np.eye(2)], axis=1))
+    inverse = np.linalg.inv(
+        np.stack([(tip(q + d) - tip(q - d)) / 2e-6 for d in 1e-6 * np.eye(2)], axis=1)
+    )
 
     def at_hand(joint: list[list[float]]) -> np.ndarray:
         found = inverse.T @ np.array(joint) @ inverse
@@ -102,10 +110,15 @@ def test_matrices_of_the_joints_were_turned_into_those_at_the_hand() -> None:
     coupling = 0.5 * 1.52 * upper * lower * math.cos(elbow)
     own = 0.06 + 0.25 * 1.52 * lower**2
     both = own + coupling
-    inertia = [[0.04 + 0.25 * 1.93 * upper**2 + 1.52 * upper**2 + both + coupling, both], [both, own]]
+    inertia = [
+        [0.04 + 0.25 * 1.93 * upper**2 + 1.52 * upper**2 + both + coupling, both],
+        [both, own],
+    ]
     stiffness = at_hand([[10.8, 2.83], [2.51, 8.67]])
     arms = LIBRARY_ARMS
-    np.testing.assert_allclose(arms["gomi-osu-1998"].mass, at_hand(inertia), rtol=5e-3)  # stored with three digits
+    np.testing.assert_allclose(
+        arms["gomi-osu-1998"].mass, at_hand(inertia), rtol=5e-3
+    )  # stored with three digits
     np.testing.assert_allclose(arms["gomi-osu-1998"].stiffness, stiffness, rtol=5e-3)
     np.testing.assert_allclose(arms["gomi-osu-1998"].damping, 0.05 * stiffness, rtol=5e-3)
     np.testing.assert_allclose(arms["rough-moving"].stiffness, 2.0 * stiffness, rtol=5e-3)
@@ -114,7 +127,9 @@ def test_matrices_of_the_joints_were_turned_into_those_at_the_hand() -> None:
 
 
 @pytest.mark.parametrize("hand", [find_hand(name) for name in LIBRARY_TREMORS], ids=LIBRARY_TREMORS)
-def test_the_spectrum_has_its_peak_at_the_frequency_and_all_within_the_band(hand: TremorArm) -> None:
+def test_the_spectrum_has_its_peak_at_the_frequency_and_all_within_the_band(
+    hand: TremorArm,
+) -> None:
     """Over 20 s through a Hann window: lines 0.05 Hz apart, none of which leaks far."""
     times = np.arange(0.0, 20.0, 0.001)
     power = np.abs(np.fft.rfft(np.hanning(len(times)) * hand.tremor(times))) ** 2
@@ -129,8 +144,8 @@ def test_the_spectrum_has_its_peak_at_the_frequency_and_all_within_the_band(hand
 def test_the_free_hand_moves_as_its_entry_says(hand: TremorArm) -> None:
     """Mass, damper and spring under the stored force: the sine in its motion has the amplitude.
 
-    Of the beginning e^(−10·b/2m) < 1e-6 is left after 10 s. ``lsim`` is exact for forces that are linear between times.
-    """
+    Of the beginning e^(−10·b/2m) < 1e-6 is left after 10 s. ``lsim`` is exact for forces that are
+    linear between times."""
     arm = hand.impedance
     stored = hand.sampled(PERIOD) @ [math.cos(hand.direction), math.sin(hand.direction)]
     times = 0.001 * np.arange(14_001)
@@ -143,7 +158,9 @@ def test_the_free_hand_moves_as_its_entry_says(hand: TremorArm) -> None:
     sines = np.hstack([np.sin(turns), np.cos(turns)])
     fitted = np.linalg.lstsq(sines, position.ravel()[10_000:14_000], rcond=None)[0]
     amplitude = math.hypot(fitted[0], fitted[3])
-    assert amplitude * (2.0 * math.pi * hand.frequency) ** 2 == pytest.approx(hand.acceleration, rel=1e-5)
+    assert amplitude * (2.0 * math.pi * hand.frequency) ** 2 == pytest.approx(
+        hand.acceleration, rel=1e-5
+    )
 
 
 def test_the_kernel_adds_the_tremor_along_its_line_until_it_ends() -> None:
@@ -159,14 +176,18 @@ def test_the_kernel_adds_the_tremor_along_its_line_until_it_ends() -> None:
     assert np.isfinite(found).all()
     instants = rows[:, 0, COLUMN.time]
     stored = hand.sampled(PERIOD)
-    expected: Any = [np.interp(instants, PERIOD * np.arange(len(stored)), force) for force in stored.T]
+    expected: Any = [
+        np.interp(instants, PERIOD * np.arange(len(stored)), force) for force in stored.T
+    ]
     np.testing.assert_allclose(found, np.transpose(expected), rtol=0.0, atol=1e-6)
     assert np.abs(found).max() > 2.0
     np.testing.assert_allclose(found[210:], 0.0, atol=1e-6)
 
 
 def test_the_scenario_draws_all_kinds_and_arms_within_the_ranges_of_the_library() -> None:
-    hands: list[Any] = [task.hand for _, task in find_scenario("tremor").randomisation(contexts=300, seed=1).pairs()]
+    hands: list[Any] = [
+        task.hand for _, task in find_scenario("tremor").randomisation(contexts=300, seed=1).pairs()
+    ]
     assert {type(hand) for hand in hands} == set(KINDS.values())
     assert {hand.impedance for hand in hands} == {arm.hand for arm in LIBRARY_ARMS.values()}
     for name, kind in KINDS.items():

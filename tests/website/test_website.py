@@ -1,7 +1,7 @@
 """The site as a reader sees it: built without a warning, every page opened in a browser.
 
-`PTER_SITE` names a folder that holds the built site; without it the site is built here, where Sphinx is installed.
-"""
+`PTER_SITE` names a folder that holds the built site; without it the site is built here, where
+Sphinx is installed."""
 
 import os
 import re
@@ -43,7 +43,15 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if find_spec("sphinx") is None or find_spec("myst_nb") is None:
         pytest.skip("building the site needs the extra docs")
     folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "sphinx", "--quiet", "--fail-on-warning", str(ROOT / "docs"), str(folder)]
+    command = [
+        sys.executable,
+        "-m",
+        "sphinx",
+        "--quiet",
+        "--fail-on-warning",
+        str(ROOT / "docs"),
+        str(folder),
+    ]
     subprocess.run(command, check=True)
     return folder
 
@@ -62,9 +70,16 @@ def tab() -> Iterator["browser.Tab"]:  # noqa: F821
 
 
 def pages(site: Path) -> list[str]:
-    """Names of all pages; of those that show source code, which are alike and long, one. `push` needs a server."""
-    names = sorted(path.relative_to(site).with_suffix("").as_posix() for path in site.rglob("*.html"))
-    return [name for name in names if not name.startswith(("_modules/", "push/"))] + ["_modules/pter_gym/errors"]
+    """Names of all pages; of those that show source code, which are alike and long, one.
+
+    `push` needs a server.
+    """
+    names = sorted(
+        path.relative_to(site).with_suffix("").as_posix() for path in site.rglob("*.html")
+    )
+    return [name for name in names if not name.startswith(("_modules/", "push/"))] + [
+        "_modules/pter_gym/errors"
+    ]
 
 
 def faults(tab: "browser.Tab", address: str) -> list[str]:  # noqa: F821
@@ -109,7 +124,9 @@ def test_the_arm_can_be_pushed_in_the_site(tab: "browser.Tab", site: Path) -> No
         address = f"http://127.0.0.1:{server.server_port}/"
         tab.show(*SHOWN[0], "light")
         tab.open(f"{address}push-it-yourself.html")
-        ready = "'ready' in document.querySelector('iframe').contentDocument.documentElement.dataset"
+        ready = (
+            "'ready' in document.querySelector('iframe').contentDocument.documentElement.dataset"
+        )
         end = time.monotonic() + 20.0
         while not tab.run(ready) and time.monotonic() < end:
             time.sleep(0.05)
@@ -158,7 +175,9 @@ def test_links_within_the_site_lead_somewhere(site: Path) -> None:
 
 
 def test_every_public_package_is_in_the_reference() -> None:
-    listed = re.findall(r"^   (pter_gym[\w.]*)$", (ROOT / "docs" / "api.md").read_text("utf-8"), re.MULTILINE)
+    listed = re.findall(
+        r"^   (pter_gym[\w.]*)$", (ROOT / "docs" / "api.md").read_text("utf-8"), re.MULTILINE
+    )
     assert len(listed) == len(set(listed))
     package = ROOT / "pter_gym"
     public = {

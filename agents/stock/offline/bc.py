@@ -20,7 +20,9 @@ def train(
     torch.manual_seed(seed)
     data = transitions(dataset)
     network = policy_network(data["observation"])
-    loss = BCLoss(TensorDictModule(network, in_keys=["observation"], out_keys=["action"]), loss_function="l2")
+    loss = BCLoss(
+        TensorDictModule(network, in_keys=["observation"], out_keys=["action"]), loss_function="l2"
+    )
     adam = torch.optim.Adam(network.parameters(), lr=1e-3)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(adam, steps)
     data = data.select("observation", "action")

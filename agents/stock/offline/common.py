@@ -13,7 +13,9 @@ from pter_gym.benchmark import ResultsFolder, from_actions, print_boards, run_sc
 
 def transitions(dataset_id: str) -> TensorDict:
     """Return all control steps of a data set in the keys of torchrl."""
-    parts: dict[str, list[np.ndarray]] = {key: [] for key in ("obs", "next", "action", "reward", "terminated", "done")}
+    parts: dict[str, list[np.ndarray]] = {
+        key: [] for key in ("obs", "next", "action", "reward", "terminated", "done")
+    }
     for episode in minari.load_dataset(dataset_id).iterate_episodes():
         parts["obs"].append(episode.observations[:-1])
         parts["next"].append(episode.observations[1:])
@@ -22,8 +24,13 @@ def transitions(dataset_id: str) -> TensorDict:
         parts["terminated"].append(episode.terminations[:, None])
         parts["done"].append((episode.terminations | episode.truncations)[:, None])
     found = {key: torch.from_numpy(np.concatenate(arrays)) for key, arrays in parts.items()}
-    later = {"observation": found["next"], **{key: found[key] for key in ("reward", "terminated", "done")}}
-    return TensorDict({"observation": found["obs"], "action": found["action"], "next": later}, len(found["obs"]))
+    later = {
+        "observation": found["next"],
+        **{key: found[key] for key in ("reward", "terminated", "done")},
+    }
+    return TensorDict(
+        {"observation": found["obs"], "action": found["action"], "next": later}, len(found["obs"])
+    )
 
 
 class Scaled(nn.Module):
@@ -39,7 +46,13 @@ class Scaled(nn.Module):
 
 
 def layers(inputs: int, outputs: int) -> list[nn.Module]:
-    return [nn.Linear(inputs, 256), nn.ReLU(), nn.Linear(256, 256), nn.ReLU(), nn.Linear(256, outputs)]
+    return [
+        nn.Linear(inputs, 256),
+        nn.ReLU(),
+        nn.Linear(256, 256),
+        nn.ReLU(),
+        nn.Linear(256, outputs),
+    ]
 
 
 def policy_network(observations: torch.Tensor) -> nn.Module:
@@ -51,6 +64,8 @@ def score(algorithm: str, network: nn.Module, dataset_id: str, seed: int, out: P
     """Score a network on fresh episodes of a data set's scenario and print the leaderboards."""
     _, scenario, level = dataset_id.split("/")
     data = minari.load_dataset(dataset_id)
-    policy = from_actions(lambda observations: network(torch.from_numpy(observations)), data, frame_skip=1)
+    policy = from_actions(
+        lambda observations: network(torch.from_numpy(observations)), data, frame_skip=1
+    )
     policies = {f"{algorithm}-{level.removesuffix('-v0')}-{seed}": policy}
     print_boards(run_scenario(scenario, policies, seed=seed, results=ResultsFolder(out)))

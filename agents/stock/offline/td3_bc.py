@@ -16,7 +16,10 @@ class Worth(nn.Module):
 
     def __init__(self, observations: torch.Tensor) -> None:
         super().__init__()
-        self.scaled, self.layers = Scaled(observations), nn.Sequential(*layers(observations.shape[1] + 4, 1))
+        self.scaled, self.layers = (
+            Scaled(observations),
+            nn.Sequential(*layers(observations.shape[1] + 4, 1)),
+        )
 
     def forward(self, observation: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
         return self.layers(torch.cat([self.scaled(observation), action], -1))

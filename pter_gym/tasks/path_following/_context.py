@@ -19,20 +19,35 @@ from pter_gym.tasks.path_following._rules import (
     TaskModel,
     Terms,
 )
-from pter_gym.tasks.path_following._specification import IDEAL_SENSING, PathFollowing, held_machine, strongest
+from pter_gym.tasks.path_following._specification import (
+    IDEAL_SENSING,
+    PathFollowing,
+    held_machine,
+    strongest,
+)
 
 
 class ObservedContext(NamedTuple):
     """Values of machine and task in the telemetry, and on request in the observation."""
 
     time_constant: Annotated[float, Entry("s", "time constant of the clutches", 0.1)]
-    breakaway_factor: Annotated[float, Entry("1", "largest breakaway torque over that of the present clutches")]
-    dynamic_factor: Annotated[float, Entry("1", "largest dynamic torque over that of the present clutches")]
-    friction_drift: Annotated[float, Entry("1/s", "relative change of the clutch torques in a second", 0.01)]
+    breakaway_factor: Annotated[
+        float, Entry("1", "largest breakaway torque over that of the present clutches")
+    ]
+    dynamic_factor: Annotated[
+        float, Entry("1", "largest dynamic torque over that of the present clutches")
+    ]
+    friction_drift: Annotated[
+        float, Entry("1/s", "relative change of the clutch torques in a second", 0.01)
+    ]
     hand_mass: Annotated[float, Entry("kg", "mass that the hand adds at the tip")]
     hand_damping: Annotated[float, Entry("N·s/m", "damping that the hand adds at the tip", 20.0)]
-    hand_stiffness: Annotated[float, Entry("N/m", "stiffness of the hand towards its intent", 300.0)]
-    hand_push: Annotated[float, Entry("N", "constant force of the hand along the path", FORCE_SCALE)]
+    hand_stiffness: Annotated[
+        float, Entry("N/m", "stiffness of the hand towards its intent", 300.0)
+    ]
+    hand_push: Annotated[
+        float, Entry("N", "constant force of the hand along the path", FORCE_SCALE)
+    ]
 
 
 class Context(NamedTuple):
@@ -55,7 +70,9 @@ OBSERVED_CONTEXT = layout_of(ObservedContext)
 """Layout of what is told of a context."""
 
 
-def context_of(task: PathFollowing, machine: Machine, arcs: tuple[int, int], recording: tuple[int, int]) -> Context:
+def context_of(
+    task: PathFollowing, machine: Machine, arcs: tuple[int, int], recording: tuple[int, int]
+) -> Context:
     """Return the context of a task on a machine.
 
     Parameters
@@ -63,7 +80,8 @@ def context_of(task: PathFollowing, machine: Machine, arcs: tuple[int, int], rec
     task, machine
         A pair that passes ``check_machine``.
     arcs, recording
-        Start and number of the path's arcs and of the hand's recorded instants in the array of constants.
+        Start and number of the path's arcs and of the hand's recorded instants in the array of
+        constants.
     """
     held = held_machine(task, machine)
     hand = task.hand.model(task.pace, held.substep, recording)
@@ -77,7 +95,9 @@ def context_of(task: PathFollowing, machine: Machine, arcs: tuple[int, int], rec
         task=task_model(task, arcs, fastest),
         told=ObservedContext(
             time_constant=clutch.time_constant,
-            breakaway_factor=scale * clutch.breakaway.torque(top) / BASELINE.clutch.breakaway.torque(top),
+            breakaway_factor=scale
+            * clutch.breakaway.torque(top)
+            / BASELINE.clutch.breakaway.torque(top),
             dynamic_factor=scale * clutch.dynamic.torque(top) / BASELINE.clutch.dynamic.torque(top),
             friction_drift=task.friction_drift,
             hand_mass=held.hand.mass,
@@ -107,6 +127,10 @@ def task_model(task: PathFollowing, arcs: tuple[int, int], energy_max: float) ->
         "energy_max": energy_max,
         "starts": StartModel(**vars(task.starts)),
         "weight": Terms(**weights),
-        "sensing": SensingModel(**vars(task.sensing), is_ideal=float(task.sensing == IDEAL_SENSING)),
+        "sensing": SensingModel(
+            **vars(task.sensing), is_ideal=float(task.sensing == IDEAL_SENSING)
+        ),
     }
-    return TaskModel(**{name: made[name] if name in made else getattr(task, name) for name in TaskModel._fields})
+    return TaskModel(
+        **{name: made[name] if name in made else getattr(task, name) for name in TaskModel._fields}
+    )

@@ -1,4 +1,5 @@
-"""The observation: its entries, their units and scales, the sensors they need, and how each is computed.
+"""The observation: its entries, their units and scales, the sensors they need, and how each is
+computed.
 
 Control laws index it with ``OBS``.
 """
@@ -44,7 +45,8 @@ def largest_voltage(machine: Machine) -> float:
 class Observation(NamedTuple):
     """All possible entries of an observation, except those of the context.
 
-    Entries that only some sensors provide come last, so the positions of the others do not depend on the sensors.
+    Entries that only some sensors provide come last, so the positions of the others do not depend
+    on the sensors.
     """
 
     cos_a: Annotated[float, ObsEntry("1", "cosine of link A's angle")]
@@ -54,17 +56,29 @@ class Observation(NamedTuple):
     omega_a: Annotated[float, ObsEntry("rad/s", "angular velocity of link A", OMEGA_SCALE)]
     omega_b: Annotated[float, ObsEntry("rad/s", "angular velocity of link B", OMEGA_SCALE)]
     normal_error: Annotated[
-        float, ObsEntry("m", "distance from the path's free band, positive to the left", ERROR_SCALE)
+        float,
+        ObsEntry("m", "distance from the path's free band, positive to the left", ERROR_SCALE),
     ]
-    near_error: Annotated[float, ObsEntry("m", "distance from the path itself, limited to the scale", ERROR_SCALE)]
-    progress: Annotated[float, ObsEntry("1", "arc length of the tip's projection on the path, over the path's length")]
+    near_error: Annotated[
+        float, ObsEntry("m", "distance from the path itself, limited to the scale", ERROR_SCALE)
+    ]
+    progress: Annotated[
+        float,
+        ObsEntry("1", "arc length of the tip's projection on the path, over the path's length"),
+    ]
     heading: Annotated[UnitVector, ObsEntry("1", "the path's heading at the tip's projection")]
-    curvature: Annotated[float, ObsEntry("1/m", "curvature of the path there, positive to the left", CURVATURE_SCALE)]
+    curvature: Annotated[
+        float, ObsEntry("1/m", "curvature of the path there, positive to the left", CURVATURE_SCALE)
+    ]
     speed: Annotated[PathVector, ObsEntry("m/s", "the tip's velocity", SPEED_SCALE)]
     pace: Annotated[float, ObsEntry("m/s", "commanded mean speed along the path", SPEED_SCALE)]
-    pace_error: Annotated[float, ObsEntry("1", "speed along the path over the commanded pace, less 1")]
+    pace_error: Annotated[
+        float, ObsEntry("1", "speed along the path over the commanded pace, less 1")
+    ]
     volts: Annotated[PerClutch, ObsEntry("V", "last voltage", largest_voltage)]
-    torque: Annotated[PerClutch, ObsEntry("N·m", "generated torque", TORQUE_SCALE, sensors=("torque", "force"))]
+    torque: Annotated[
+        PerClutch, ObsEntry("N·m", "generated torque", TORQUE_SCALE, sensors=("torque", "force"))
+    ]
     force: Annotated[PathVector, ObsEntry("N", "the hand's force", FORCE_SCALE, sensors=("force",))]
 
 
@@ -75,8 +89,11 @@ ENTRIES = width(Observation)
 """Largest number of entries of an observation without those of the context."""
 
 
-def observation_layout(machine: Machine | str | None, sensors: Sensors, told: Layout | None = None) -> Layout:
-    """Return the layout of the observation; each entry is stored relative to its scale, within ±BOUND.
+def observation_layout(
+    machine: Machine | str | None, sensors: Sensors, told: Layout | None = None
+) -> Layout:
+    """Return the layout of the observation; each entry is stored relative to its scale, within
+    ±BOUND.
 
     Parameters
     ----------
@@ -94,10 +111,14 @@ def observation_layout(machine: Machine | str | None, sensors: Sensors, told: La
     """
     machine = find_machine(machine)
     if sensors not in get_args(Sensors):
-        raise ParameterError(f"sensors must be one of {', '.join(get_args(Sensors))}, got {sensors!r}")
+        raise ParameterError(
+            f"sensors must be one of {', '.join(get_args(Sensors))}, got {sensors!r}"
+        )
     brought = (
         field
-        for leaf, field in zip(leaves(Observation), layout_of(Observation, machine).fields, strict=True)
+        for leaf, field in zip(
+            leaves(Observation), layout_of(Observation, machine).fields, strict=True
+        )
         if isinstance(leaf.entries[0], ObsEntry) and sensors in leaf.entries[0].sensors
     )
     return Layout((*brought, *(told.fields if told else ())))

@@ -1,7 +1,8 @@
-"""The rules of path following, as pure functions on records: where am I, what is it worth, is it over.
+"""The rules of path following, as pure functions on records: where am I, what is it worth, is it
+over.
 
-What is seen is in ``_observation``. The engine loads a world's numbers, calls these functions and stores what they
-return; gradients and the browser's module use the same ones.
+What is seen is in ``_observation``. The engine loads a world's numbers, calls these functions and
+stores what they return; gradients and the browser's module use the same ones.
 """
 
 import math
@@ -41,7 +42,10 @@ class PathVector(NamedTuple):
 
 
 class Band(NamedTuple):
-    """The band along the path within which the tip is free: a virtual fixture. Without width it is the path."""
+    """The band along the path within which the tip is free: a virtual fixture.
+
+    Without width it is the path.
+    """
 
     right: Annotated[float, Entry("m", "width of the free band to the right of the path")]
     left: Annotated[float, Entry("m", "width of the free band to the left of the path")]
@@ -53,7 +57,8 @@ NO_BAND = Band(0.0, 0.0)
 class PathState(NamedTuple):
     """The tip relative to the path at a control instant [m, 1/m, m/s].
 
-    ``offset`` is its distance from the path, ``normal_error`` that from the free band, both positive to the left.
+    ``offset`` is its distance from the path, ``normal_error`` that from the free band, both
+    positive to the left.
     """
 
     arc_length: float
@@ -69,7 +74,9 @@ def path_state(foot: Foot, v_x: float, v_y: float, free: Band) -> PathState:
     """Return the state of the tip relative to its path, from its projection and its velocity [m/s]."""
     speed = to_path(Vector(v_x, v_y), foot.heading)
     beyond = beyond_band(foot.normal_error, free)
-    return PathState(foot.arc_length, foot.normal_error, beyond, foot.heading, foot.curvature, speed)
+    return PathState(
+        foot.arc_length, foot.normal_error, beyond, foot.heading, foot.curvature, speed
+    )
 
 
 @device
@@ -110,7 +117,9 @@ def motion_at(arm: Linkage, x: float, y: float) -> Motion:
     sin_a = (y * re - x * im) / square
     cos_b = cos_a * cos - sin_a * sin
     sin_b = sin_a * cos + cos_a * sin
-    return Motion(math.atan2(sin_a, cos_a), math.atan2(sin_b, cos_b), 0.0, 0.0, cos_a, sin_a, cos_b, sin_b)
+    return Motion(
+        math.atan2(sin_a, cos_a), math.atan2(sin_b, cos_b), 0.0, 0.0, cos_a, sin_a, cos_b, sin_b
+    )
 
 
 # --- what is it worth ---
@@ -131,8 +140,9 @@ PERFECT = 100.0
 """What the whole path at the commanded pace and without error pays."""
 
 REST = 5.0
-"""What rest costs over what twice the pace costs: an episode lasts two path times longer than a rollout at the
-commanded pace, which costs ``PERFECT``, so a rollout that stops for good, however late, has earned nothing."""
+"""What rest costs over what twice the pace costs: an episode lasts two path times longer than a
+rollout at the commanded pace, which costs ``PERFECT``, so a rollout that stops for good, however
+late, has earned nothing."""
 
 ACCELERATION_UNIT = 10.0
 
@@ -153,7 +163,8 @@ class Outcome(NamedTuple):
     pace
         Commanded pace [m/s].
     pace_ratio
-        Rate of change of the arc length over the commanded pace, averaged over about ``PACE_WINDOW``.
+        Rate of change of the arc length over the commanded pace, averaged over about
+        ``PACE_WINDOW``.
     acceleration
         Mean acceleration of the tip over the control step [m/s²].
     volts, last_volts, voltage_max
@@ -181,7 +192,9 @@ class Outcome(NamedTuple):
 @device
 def mean_square(volts: PerClutch) -> float:
     """Return the mean squared voltage [V²]."""
-    return 0.25 * (volts.x1 * volts.x1 + volts.x2 * volts.x2 + volts.x3 * volts.x3 + volts.x4 * volts.x4)
+    return 0.25 * (
+        volts.x1 * volts.x1 + volts.x2 * volts.x2 + volts.x3 * volts.x3 + volts.x4 * volts.x4
+    )
 
 
 @device
@@ -209,10 +222,16 @@ def pace_cost(ratio: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class RewardWeights(Checked):
-    """Weights of the reward terms of ``reward_terms``, each ≥ 0. A stored task that lacks one has its default."""
+    """Weights of the reward terms of ``reward_terms``, each ≥ 0.
+
+    A stored task that lacks one has its default.
+    """
 
     tracking: float = quantity(
-        "1", "chosen: for the whole path at the commanded pace without error", at_least=0.0, default=PERFECT
+        "1",
+        "chosen: for the whole path at the commanded pace without error",
+        at_least=0.0,
+        default=PERFECT,
     )
     precision: float = quantity(
         "1",
@@ -227,10 +246,16 @@ class RewardWeights(Checked):
         default=0.1 * PERFECT,
     )
     acceleration: float = quantity(
-        "1/s", f"chosen: per {ACCELERATION_UNIT:g} m/s² of tip acceleration", at_least=0.0, default=0.0
+        "1/s",
+        f"chosen: per {ACCELERATION_UNIT:g} m/s² of tip acceleration",
+        at_least=0.0,
+        default=0.0,
     )
     effort: float = quantity(
-        "1/s", "chosen: per mean of the squared voltages, relative to the largest", at_least=0.0, default=0.0
+        "1/s",
+        "chosen: per mean of the squared voltages, relative to the largest",
+        at_least=0.0,
+        default=0.0,
     )
     failure: float = quantity(
         "1",
@@ -243,7 +268,9 @@ class RewardWeights(Checked):
 def weighted(weight: Field[Any]) -> Any:
     """Return the type of a term: a number with its weight's unit and meaning."""
     told = weight.metadata
-    return Annotated[float, Entry(told["unit"], "{}: " + told["provenance"].removeprefix("chosen: "))]
+    return Annotated[
+        float, Entry(told["unit"], "{}: " + told["provenance"].removeprefix("chosen: "))
+    ]
 
 
 _TERMS = [(item.name, weighted(item)) for item in fields(RewardWeights)]
@@ -259,7 +286,10 @@ def reward_terms(weight: Any, seen: Outcome, period: float) -> Any:
         precision=paid(weight.precision, seen, PRECISION_WIDTH),
         pace=-weight.pace * pace_cost(seen.pace_ratio) * seen.pace * period / seen.path_length,
         acceleration=-period * weight.acceleration * seen.acceleration / ACCELERATION_UNIT,
-        effort=-period * weight.effort * mean_square(seen.volts) / (seen.voltage_max * seen.voltage_max),
+        effort=-period
+        * weight.effort
+        * mean_square(seen.volts)
+        / (seen.voltage_max * seen.voltage_max),
         failure=-weight.failure * seen.reached / seen.path_length if seen.failed else 0.0,
     )
 
@@ -288,10 +318,14 @@ class SensingModel(NamedTuple):
     """Effects between the machine and the observation."""
 
     angle_resolution: Annotated[float, Entry("rad", "step of the joint encoders")]
-    velocity_noise: Annotated[float, Entry("rad/s", "standard deviation of the angular velocities' noise")]
+    velocity_noise: Annotated[
+        float, Entry("rad/s", "standard deviation of the angular velocities' noise")
+    ]
     torque_noise: Annotated[float, Entry("N·m", "standard deviation of the torques' noise")]
     force_noise: Annotated[float, Entry("N", "standard deviation of the force's noise")]
-    encoder_velocity: Annotated[float, Entry("1", "1 if velocities are differences of encoder readings")]
+    encoder_velocity: Annotated[
+        float, Entry("1", "1 if velocities are differences of encoder readings")
+    ]
     delay: Annotated[float, Entry("1", "control steps from measurement to observation")]
     is_ideal: Annotated[float, Entry("1", "1 if sensors are exact and without delay")]
 
@@ -299,9 +333,15 @@ class SensingModel(NamedTuple):
 class StartModel(NamedTuple):
     """How episodes begin."""
 
-    moving: Annotated[float, Entry("1", "share of the episodes that begin anywhere along the path, moving")]
-    gripped: Annotated[float, Entry("1", "share of the episodes that begin at rest with settled clutches")]
-    offset: Annotated[float, Entry("m", "half-range of the distance from the path of those that begin moving")]
+    moving: Annotated[
+        float, Entry("1", "share of the episodes that begin anywhere along the path, moving")
+    ]
+    gripped: Annotated[
+        float, Entry("1", "share of the episodes that begin at rest with settled clutches")
+    ]
+    offset: Annotated[
+        float, Entry("m", "half-range of the distance from the path of those that begin moving")
+    ]
 
 
 class TaskModel(NamedTuple):
@@ -310,15 +350,21 @@ class TaskModel(NamedTuple):
     path: Annotated[PathModel, Entry()]
     free: Band
     pace: Annotated[float, Entry("m/s", "commanded mean speed along the path")]
-    pace_decay: Annotated[float, Entry("1", "part of a new speed in the mean that the reward judges")]
+    pace_decay: Annotated[
+        float, Entry("1", "part of a new speed in the mean that the reward judges")
+    ]
     error_max: Annotated[float, Entry("m", "the workspace ends this far from the path")]
     truncation_error: Annotated[float, Entry("m", "an episode is truncated this far from the path")]
     arrival: Annotated[float, Entry("m", "how near to the path its end counts as reached")]
     singularity_margin: Annotated[float, Entry("1", "smallest |sin(θA − θB)| of the workspace")]
-    energy_max: Annotated[float, Entry("J", "an episode ends as a failure above this kinetic energy")]
+    energy_max: Annotated[
+        float, Entry("J", "an episode ends as a failure above this kinetic energy")
+    ]
     start_offset: Annotated[float, Entry("m", "half-range of the start's normal offset")]
     starts: StartModel
-    friction_drift: Annotated[float, Entry("1/s", "relative change of all clutch torques in a second")]
+    friction_drift: Annotated[
+        float, Entry("1/s", "relative change of all clutch torques in a second")
+    ]
     weight: Annotated[Terms, Entry("", "weight")]
     sensing: SensingModel
 
@@ -338,9 +384,9 @@ START = 0.01
 def start_up_allowance() -> float:
     """Return the allowance of the paper's machine with the paper's hand on the paper's line [s].
 
-    It is two time constants of the clutches, plus the time lost while the push accelerates the arm from rest to the
-    paper's pace v: with an effective mass m of the tip along the line and a push F this takes m·v/F, and half of it is
-    lost compared with a start at that pace.
+    It is two time constants of the clutches, plus the time lost while the push accelerates the arm
+    from rest to the paper's pace v: with an effective mass m of the tip along the line and a push F
+    this takes m·v/F, and half of it is lost compared with a start at that pace.
     """
     path = Line()
     arm = model_of(BASELINE).arm
@@ -364,7 +410,9 @@ def in_start_up(reached: float, length: float, pace: float, time: float) -> bool
 
 
 @device
-def recent_pace(ratio: float, travel: float, reached: float, time: float, period: float, task: TaskModel) -> float:
+def recent_pace(
+    ratio: float, travel: float, reached: float, time: float, period: float, task: TaskModel
+) -> float:
     """Return the recent mean of the pace over the commanded one, after a control step.
 
     Parameters
@@ -428,7 +476,8 @@ def ending(at: PathState, q: Motion, kinetic_energy: float, task: TaskModel) -> 
     return Ending(
         arrived=arrived,
         missed=at_end & (not arrived),
-        strayed=strayed(at.arc_length, at.normal_error, task.error_max) & (task.error_max < task.truncation_error),
+        strayed=strayed(at.arc_length, at.normal_error, task.error_max)
+        & (task.error_max < task.truncation_error),
         singular=singular(q, task.singularity_margin),
         too_fast=too_fast(kinetic_energy, task.energy_max),
     )

@@ -48,13 +48,16 @@ _SHARE: dict[str, Any] = {"at_least": 0.0, "at_most": 1.0}
 class Sensing(Checked):
     """Sensor effects between the machine and the observation; none by default.
 
-    Noise is Gaussian, drawn at each control instant from the world's seed. Everything except the command is delayed.
+    Noise is Gaussian, drawn at each control instant from the world's seed. Everything except the
+    command is delayed.
     """
 
     angle_resolution: float = quantity(
         "rad", "chosen: step of the joint encoders", at_least=0.0, at_most=0.1, default=0.0
     )
-    velocity_noise: float = quantity("rad/s", "chosen: standard deviation", at_least=0.0, default=0.0)
+    velocity_noise: float = quantity(
+        "rad/s", "chosen: standard deviation", at_least=0.0, default=0.0
+    )
     encoder_velocity: bool = quantity(
         "1",
         "chosen: True for velocities that are differences of encoder readings over the control period",
@@ -78,11 +81,13 @@ IDEAL_SENSING = Sensing()
 
 @dataclass(frozen=True, kw_only=True)
 class Starts(Checked):
-    """How episodes begin: by default, all at rest at the start of the path with the clutches released.
+    """How episodes begin: by default, all at rest at the start of the path with the clutches
+    released.
 
-    Other starts are for training, to explore more states. A ``moving`` start puts the tip anywhere along the path, with
-    a uniformly drawn offset, at up to twice the commanded pace; a ``gripped`` start is at rest at the path's start. In
-    both, the clutches have settled at random voltages, and each is released with a probability of one in five.
+    Other starts are for training, to explore more states. A ``moving`` start puts the tip anywhere
+    along the path, with a uniformly drawn offset, at up to twice the commanded pace; a ``gripped``
+    start is at rest at the path's start. In both, the clutches have settled at random voltages, and
+    each is released with a probability of one in five.
     """
 
     moving: float = quantity("1", "chosen: share of the episodes", **_SHARE, default=0.0)
@@ -122,8 +127,9 @@ _NO_BAND = "chosen: 0 for a path to follow; more for a corridor or a wall beside
 class PathFollowing(Checked):
     """The task: path, hand, commanded pace, workspace, start and reward.
 
-    With ``free_left`` or ``free_right`` the path is a virtual fixture: the tip is free within these distances to its
-    left and right, and errors count from there. Equal ones make a corridor. One of 0 makes the path the edge of a wall.
+    With ``free_left`` or ``free_right`` the path is a virtual fixture: the tip is free within these
+    distances to its left and right, and errors count from there. Equal ones make a corridor. One of
+    0 makes the path the edge of a wall.
     """
 
     path: Path = quantity("1", "see Line", default=Line())
@@ -135,9 +141,15 @@ class PathFollowing(Checked):
         at_most=BOUND * SPEED_SCALE,
         default=COMMANDED_PACE,
     )
-    control_period: float = quantity("s", "chosen: 100 Hz control", above=0.0, at_most=1.0, default=0.01)
+    control_period: float = quantity(
+        "s", "chosen: 100 Hz control", above=0.0, at_most=1.0, default=0.01
+    )
     error_max: float = quantity(
-        "m", "chosen: the workspace ends this far from the path", above=0.0, at_most=MAX_HALF_WIDTH, default=0.25
+        "m",
+        "chosen: the workspace ends this far from the path",
+        above=0.0,
+        at_most=MAX_HALF_WIDTH,
+        default=0.25,
     )
     truncation_error: float = quantity(
         "m",
@@ -146,8 +158,12 @@ class PathFollowing(Checked):
         at_most=2.0 * MAX_HALF_WIDTH,
         default=2.0 * MAX_HALF_WIDTH,
     )
-    free_left: float = quantity("m", _NO_BAND, at_least=0.0, at_most=MAX_HALF_WIDTH, default=0.0, later=True)
-    free_right: float = quantity("m", _NO_BAND, at_least=0.0, at_most=MAX_HALF_WIDTH, default=0.0, later=True)
+    free_left: float = quantity(
+        "m", _NO_BAND, at_least=0.0, at_most=MAX_HALF_WIDTH, default=0.0, later=True
+    )
+    free_right: float = quantity(
+        "m", _NO_BAND, at_least=0.0, at_most=MAX_HALF_WIDTH, default=0.0, later=True
+    )
     arrival: float = quantity(
         "m",
         "chosen: half of error_max's default; within this of the path its end is a success",
@@ -158,10 +174,17 @@ class PathFollowing(Checked):
         "1", "chosen: smallest |sin(θA − θB)| of the workspace", above=0.0, below=1.0, default=0.2
     )
     start_offset: float = quantity(
-        "m", "chosen: half-range of the start's normal offset, drawn at reset", at_least=0.0, default=0.0
+        "m",
+        "chosen: half-range of the start's normal offset, drawn at reset",
+        at_least=0.0,
+        default=0.0,
     )
     friction_drift: float = quantity(
-        "1/s", "chosen: relative change of all clutch torques in a second", at_least=-1.0, at_most=1.0, default=0.0
+        "1/s",
+        "chosen: relative change of all clutch torques in a second",
+        at_least=-1.0,
+        at_most=1.0,
+        default=0.0,
     )
     sensing: Sensing = quantity("1", "see Sensing", default=IDEAL_SENSING)
     starts: Starts = quantity("1", "see Starts", default=AT_REST)
@@ -193,18 +216,25 @@ def substeps(task: PathFollowing, machine: Machine) -> int:
 
 
 def held_machine(task: PathFollowing, machine: Machine) -> Machine:
-    """Return the machine with the task's hand attached at the tip, and substeps that fill a control period.
+    """Return the machine with the task's hand attached at the tip, and substeps that fill a control
+    period.
 
     Raises
     ------
     ParameterError
-        If both the machine and the task have a hand, the explicit spring of the hand is too stiff for the machine, or
-        there would be too many substeps.
+        If both the machine and the task have a hand, the explicit spring of the hand is too stiff
+        for the machine, or there would be too many substeps.
     """
     impedance, substep = task.hand.impedance, task.control_period / substeps(task, machine)
     if impedance == NO_HAND:
         return machine if substep == machine.substep else replace(machine, substep=substep)
-    require(machine.hand == NO_HAND, machine, "hand", machine.hand, "none, since the task's hand brings its own")
+    require(
+        machine.hand == NO_HAND,
+        machine,
+        "hand",
+        machine.hand,
+        "none, since the task's hand brings its own",
+    )
     return replace(machine, hand=impedance, substep=substep)
 
 
@@ -214,10 +244,11 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
     Raises
     ------
     ParameterError
-        If a point of the path or a start off it lies outside the arm's reach or too close to a singular pose, the path
-        bends so much that its centre of curvature is within the workspace, a control period has too many substeps, a
-        sine is too fast for the substep, the machine's hand has a spring, which would need an intent, or the arm may
-        become too fast for the integrator (``pter_gym._physics.limits``).
+        If a point of the path or a start off it lies outside the arm's reach or too close to a
+        singular pose, the path bends so much that its centre of curvature is within the workspace,
+        a control period has too many substeps, a sine is too fast for the substep, the machine's
+        hand has a spring, which would need an intent, or the arm may become too fast for the
+        integrator (``pter_gym._physics.limits``).
     """
     substep = held_machine(task, machine).substep
     require(
@@ -228,7 +259,11 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
         f"≤ {0.1 / substep:g} Hz, a tenth of the substep's rate",
     )
     require(
-        machine.hand.stiffness == 0.0, machine, "hand.stiffness", machine.hand.stiffness, "0: this hand has no intent"
+        machine.hand.stiffness == 0.0,
+        machine,
+        "hand.stiffness",
+        machine.hand.stiffness,
+        "0: this hand has no intent",
     )
     check_motion(task, machine)
     arm = machine.arm
@@ -265,11 +300,19 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
         "within a control step; a shorter substep or control_period allows more",
     )
     if task.starts.moving > 0.0:
-        fastest = task.pace * math.hypot(MAX_START_SPEED_ALONG, MAX_START_SPEED_ACROSS) / task.singularity_margin
+        fastest = (
+            task.pace
+            * math.hypot(MAX_START_SPEED_ALONG, MAX_START_SPEED_ACROSS)
+            / task.singularity_margin
+        )
         omega_a, omega_b = fastest / arm.length_a, fastest / arm.length_b
-        energy = 0.5 * (arm.m11 * omega_a**2 + arm.m22 * omega_b**2) + abs(arm.coupling) * omega_a * omega_b
+        energy = (
+            0.5 * (arm.m11 * omega_a**2 + arm.m22 * omega_b**2)
+            + abs(arm.coupling) * omega_a * omega_b
+        )
         require(
-            energy <= largest_energy(arm, h, period, _force_within(task.starts.offset, task, machine)),
+            energy
+            <= largest_energy(arm, h, period, _force_within(task.starts.offset, task, machine)),
             task,
             "starts",
             task.starts,
@@ -290,11 +333,17 @@ def _force_within(length: float, task: PathFollowing, machine: Machine) -> float
     held = held_machine(task, machine)
     hand = task.hand.model(task.pace, held.substep, (0, 0))
     recorded = np.abs(task.hand.sampled(task.control_period)).max(axis=0, initial=0.0)
-    stretch = length + hand.intent_lead + 0.5 * largest_travel(model_of(held).arm, held.substep, task.control_period)
+    stretch = (
+        length
+        + hand.intent_lead
+        + 0.5 * largest_travel(model_of(held).arm, held.substep, task.control_period)
+    )
     impedance = task.hand.impedance
     stiffness = impedance.stiffness * (1.0 + math.hypot(*impedance.stiffness_anisotropy))
     pull = stiffness * stretch + max_damping(impedance) * hand.intent_speed
-    return pull + math.hypot(abs(hand.push) + recorded[0], math.fsum(map(abs, hand.amplitude)) + recorded[1])
+    return pull + math.hypot(
+        abs(hand.push) + recorded[0], math.fsum(map(abs, hand.amplitude)) + recorded[1]
+    )
 
 
 def largest_error_max(path: Path) -> float:
@@ -303,7 +352,9 @@ def largest_error_max(path: Path) -> float:
 
 
 @lru_cache(maxsize=4096)
-def _check_path(path: Path, error_max: float, margin: float, length_a: float, length_b: float) -> None:
+def _check_path(
+    path: Path, error_max: float, margin: float, length_a: float, length_b: float
+) -> None:
     bend = path.max_curvature
     if bend * error_max > MAX_CURVATURE_RATIO:
         raise ParameterError(
@@ -323,7 +374,11 @@ def _check_path(path: Path, error_max: float, margin: float, length_a: float, le
 def _check_start(task: PathFollowing, arm: Arm) -> None:
     (x, y), heading, offset = task.path.point(0.0), task.path.heading(0.0), task.start_offset
     cos, sin = math.cos(heading), math.sin(heading)
-    starts = Arcs(np.array([ArcSegment(x + offset * sin, y - offset * cos, -sin, cos, 0.0, 0.0, 2.0 * offset)]))
+    starts = Arcs(
+        np.array(
+            [ArcSegment(x + offset * sin, y - offset * cos, -sin, cos, 0.0, 0.0, 2.0 * offset)]
+        )
+    )
     elbows = sin_elbow(arm.length_a, arm.length_b, starts.extremes())
     require(
         float(elbows.min()) > task.singularity_margin,

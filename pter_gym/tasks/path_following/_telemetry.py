@@ -1,4 +1,7 @@
-"""The telemetry: the record of each control step, for people, scores and plots. All entries are in their units."""
+"""The telemetry: the record of each control step, for people, scores and plots.
+
+All entries are in their units.
+"""
 
 import math
 from dataclasses import replace
@@ -27,10 +30,14 @@ class Telemetry(NamedTuple):
     theta: Annotated[PerLink, Entry("rad", "angle")]
     tip: Annotated[Vector, Entry("m", "the tip's position")]
     tip_velocity: Annotated[Vector, Entry("m/s", "the tip's velocity")]
-    acceleration: Annotated[Vector, Entry("m/s²", "the tip's acceleration, mean over the control period")]
+    acceleration: Annotated[
+        Vector, Entry("m/s²", "the tip's acceleration, mean over the control period")
+    ]
     arc_length: Annotated[float, Entry("m", "arc length of the tip's projection on the path")]
     reached: Annotated[float, Entry("m", "largest arc length so far")]
-    normal_error: Annotated[float, Entry("m", "distance from the path's free band, positive to the left")]
+    normal_error: Annotated[
+        float, Entry("m", "distance from the path's free band, positive to the left")
+    ]
     force: Annotated[Vector, Entry("N", "the hand's force at the control instant")]
     mode: Annotated[float, Entry("1", "ClutchMode")]
     volts: Annotated[PerClutch, Entry("V", "voltage")]
@@ -41,8 +48,12 @@ class Telemetry(NamedTuple):
     terms: Annotated[Terms, Entry("1", "reward term", name="reward")]
     reward: Annotated[float, Entry("1", "sum of the reward terms")]
     is_success: Annotated[float, Entry("1", "1 once the end of the path is reached")]
-    context: Annotated[float, Entry("1", "number of the drawn machine and task, 0 where none is drawn")]
-    terminated: Annotated[float, Entry("1", "1 at the end of the path and on leaving the workspace")]
+    context: Annotated[
+        float, Entry("1", "number of the drawn machine and task, 0 where none is drawn")
+    ]
+    terminated: Annotated[
+        float, Entry("1", "1 at the end of the path and on leaving the workspace")
+    ]
     told: ObservedContext
 
 
@@ -66,7 +77,9 @@ class Reason(StrEnum):
     TOO_FAST = "the arm was faster than the simulator can hold"
 
 
-def reason_of(telemetry: ArrayLike, machine: Machine | str | None, task: PathFollowing) -> Reason | None:
+def reason_of(
+    telemetry: ArrayLike, machine: Machine | str | None, task: PathFollowing
+) -> Reason | None:
     """Return why an episode was terminated, or None if it continues or was truncated.
 
     Parameters
@@ -89,7 +102,16 @@ def reason_of(telemetry: ArrayLike, machine: Machine | str | None, task: PathFol
     if row[COLUMN.terminated] == 0.0:
         return None
     theta_a, theta_b = row[COLUMN.theta.a], row[COLUMN.theta.b]
-    q = Motion(theta_a, theta_b, 0.0, 0.0, math.cos(theta_a), math.sin(theta_a), math.cos(theta_b), math.sin(theta_b))
+    q = Motion(
+        theta_a,
+        theta_b,
+        0.0,
+        0.0,
+        math.cos(theta_a),
+        math.sin(theta_a),
+        math.cos(theta_b),
+        math.sin(theta_b),
+    )
     error, standing = row[COLUMN.normal_error], PathVector(0.0, 0.0)
     at = PathState(row[COLUMN.arc_length], error, error, UnitVector(1.0, 0.0), 0.0, standing)
     end = ending(at, q, row[COLUMN.kinetic_energy], limits)

@@ -11,15 +11,21 @@ from pter_gym._internal.terminal import progress_bar, say
 
 def record(
     scenario: tuple[ScenarioName, ...] = ("standard", "everything"),
-    level: tuple[Literal["expert", "medium", "replay", "random"], ...] = ("expert", "medium", "replay", "random"),
+    level: tuple[Literal["expert", "medium", "replay", "random"], ...] = (
+        "expert",
+        "medium",
+        "replay",
+        "random",
+    ),
     steps: int = 1_000_000,
     seed: int = 0,
     out: Path | None = None,
 ) -> None:
     """Write Minari data sets for offline learning.
 
-    Policies of several levels run on training draws of scenarios; the stored evaluation episodes are never read. The
-    data sets are called pter/SCENARIO/LEVEL-v0. The same command always writes the same bytes.
+    Policies of several levels run on training draws of scenarios; the stored evaluation episodes
+    are never read. The data sets are called pter/SCENARIO/LEVEL-v0. The same command always writes
+    the same bytes.
 
     Example: pter record --scenario standard --level expert --steps 20000 --out data
 
@@ -40,6 +46,8 @@ def record(
     with progress_bar() as progress:
         for each, which in product(scenario, level):
             task = progress.add_task(f"{each}, {which}", total=steps)
-            episodes = record_episodes(each, which, steps, seed=seed, on_steps=partial(progress.advance, task))
+            episodes = record_episodes(
+                each, which, steps, seed=seed, on_steps=partial(progress.advance, task)
+            )
             command = f"pter record --scenario {each} --level {which} --steps {steps} --seed {seed}"
             say(f"wrote {write_dataset(each, which, episodes, out, seed=seed, command=command)}")

@@ -1,7 +1,7 @@
 """Episodes of policies at several skill levels, in the registered environments.
 
-They are recorded in many worlds at once, 8,700 to 13,800 control steps per second on one core, where Minari's own
-``DataCollector``, which wraps a single environment, records 450 to 1,150.
+They are recorded in many worlds at once, 8,700 to 13,800 control steps per second on one core,
+where Minari's own ``DataCollector``, which wraps a single environment, records 450 to 1,150.
 """
 
 import tomllib
@@ -52,9 +52,10 @@ REFERENCE_EPISODES = 100
 class RecordedEpisode(NamedTuple):
     """An episode of T control steps.
 
-    ``seed`` is that of its reset. ``observations`` are float32 (T + 1, entries), ``actions`` float32 (T, clutches) and
-    normalised, ``rewards`` float64 (T,), ``terminations`` and ``truncations`` bool (T,). ``arrived`` says whether the
-    tip reached the end of the path, and ``distance`` is its mean distance from the path [m].
+    ``seed`` is that of its reset. ``observations`` are float32 (T + 1, entries), ``actions``
+    float32 (T, clutches) and normalised, ``rewards`` float64 (T,), ``terminations`` and
+    ``truncations`` bool (T,). ``arrived`` says whether the tip reached the end of the path, and
+    ``distance`` is its mean distance from the path [m].
     """
 
     seed: int
@@ -70,7 +71,8 @@ class RecordedEpisode(NamedTuple):
 class Actor(NamedTuple):
     """A trained policy with the noise of its exploration, or random actions without a policy.
 
-    The noise of normalised actions is n = ρ·n' + σ·ε with the ``persistence`` ρ, the ``deviation`` σ and a normal ε.
+    The noise of normalised actions is n = ρ·n' + σ·ε with the ``persistence`` ρ, the ``deviation``
+    σ and a normal ε.
     """
 
     name: str
@@ -78,7 +80,9 @@ class Actor(NamedTuple):
     deviation: float = 0.0
     persistence: float = 0.0
 
-    def bind(self, envs: Any, seed: int) -> tuple[Callable[[Any], Any], Callable[[NDArray[np.bool_]], None]]:
+    def bind(
+        self, envs: Any, seed: int
+    ) -> tuple[Callable[[Any], Any], Callable[[NDArray[np.bool_]], None]]:
         """Return functions that act, from observations to actions of all worlds, and that begin episodes in some."""
         if self.policy is None:
             envs.action_space.seed(seed)
@@ -128,7 +132,12 @@ def environment_of(scenario: str, seed: int = 0) -> tuple[str, dict[str, Any]]:
 
 
 def record_episodes(
-    scenario: str, level: str, steps: int, *, seed: int = 0, on_steps: Callable[[int], object] = lambda _: None
+    scenario: str,
+    level: str,
+    steps: int,
+    *,
+    seed: int = 0,
+    on_steps: Callable[[int], object] = lambda _: None,
 ) -> list[RecordedEpisode]:
     """Return complete episodes on training draws, with at least ``steps`` control steps in total.
 
@@ -137,7 +146,8 @@ def record_episodes(
     scenario, level
         Names, of ``SCENARIOS`` and ``LEVELS``.
     steps
-        Control steps, at least 1. Each actor of the level has an even share, and completes its last episode.
+        Control steps, at least 1. Each actor of the level has an even share, and completes its last
+        episode.
     seed
         Seed of draws, resets and noise, at least 0 and below 2³².
     on_steps
@@ -161,7 +171,9 @@ def record_episodes(
     return found
 
 
-def _episodes(scenario: str, actor: Actor, seed: int, first: int, noise_seed: int) -> Iterator[RecordedEpisode]:
+def _episodes(
+    scenario: str, actor: Actor, seed: int, first: int, noise_seed: int
+) -> Iterator[RecordedEpisode]:
     """Yield the episodes of a seed in their order from the first on, without end.
 
     A world begins the next episode as soon as its own has ended.
@@ -184,12 +196,18 @@ def _episodes(scenario: str, actor: Actor, seed: int, first: int, noise_seed: in
         if not over.any():
             continue
         for world in np.flatnonzero(over).tolist():
-            seen, *columns, distances = (np.array(column) for column in zip(*rows[world], strict=True))
+            seen, *columns, distances = (
+                np.array(column) for column in zip(*rows[world], strict=True)
+            )
             seen = np.concatenate([seen, after[world : world + 1]])
             arrived, distance = bool(infos["is_success"][world]), float(distances.mean())
-            ended[seeds[world]] = RecordedEpisode(seeds[world], seen, *columns, arrived=arrived, distance=distance)
+            ended[seeds[world]] = RecordedEpisode(
+                seeds[world], seen, *columns, arrived=arrived, distance=distance
+            )
             seeds[world], rows[world] = max(seeds) + 1, []
-        begun = [new if is_over else None for new, is_over in zip(seeds, over.tolist(), strict=True)]
+        begun = [
+            new if is_over else None for new, is_over in zip(seeds, over.tolist(), strict=True)
+        ]
         obs = envs.reset(seed=begun, options={"reset_mask": over})[0]
         begin(over)
         while following in ended:

@@ -32,9 +32,16 @@ def load_minari() -> Any:
 
 
 def write_dataset(
-    scenario: str, level: str, episodes: Sequence[RecordedEpisode], folder: FilePath | None, *, seed: int, command: str
+    scenario: str,
+    level: str,
+    episodes: Sequence[RecordedEpisode],
+    folder: FilePath | None,
+    *,
+    seed: int,
+    command: str,
 ) -> Path:
-    """Write the data set ``pter/SCENARIO/LEVEL-v0``, replacing an earlier one, and return its folder.
+    """Write the data set ``pter/SCENARIO/LEVEL-v0``, replacing an earlier one, and return its
+    folder.
 
     Parameters
     ----------
@@ -61,7 +68,10 @@ def write_dataset(
     ident = f"pter/{scenario}/{level}-v0"
     target = (get_dataset_path() if folder is None else find_path("out", folder)) / ident
     name, arguments = environment_of(scenario, seed)
-    env, judged = gymnasium.make(name, **arguments), gymnasium.make(name, **arguments, starts="rest")
+    env, judged = (
+        gymnasium.make(name, **arguments),
+        gymnasium.make(name, **arguments, starts="rest"),
+    )
     metadata = {
         "dataset_id": ident,
         "minari_version": minari.__version__,
@@ -76,12 +86,16 @@ def write_dataset(
         "num_episodes_average_score": REFERENCE_EPISODES,
         "summary": summary_of(episodes),
     }
-    work = target.with_name(f".{target.name}").absolute()  # Minari loses its files where a path is relative
+    work = target.with_name(
+        f".{target.name}"
+    ).absolute()  # Minari loses its files where a path is relative
     fields = RecordedEpisode._fields[:-2]  # Minari's, without what only the summary needs
     try:
         shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
         (work / "new").mkdir(parents=True)
-        storage = MinariStorage.new(work / "new" / "data", env.observation_space, env.action_space, env.spec)
+        storage = MinariStorage.new(
+            work / "new" / "data", env.observation_space, env.action_space, env.spec
+        )
         storage.update_metadata(metadata)
         buffers = (dict(zip(fields, episode, strict=False)) for episode in episodes)
         storage.update_episodes(minari.data_collector.EpisodeBuffer(**each) for each in buffers)
@@ -89,7 +103,9 @@ def write_dataset(
             target.rename(work / "old")
         (work / "new").rename(target)
     except OSError as error:
-        raise StorageError(f"data set {str(target)!r} cannot be written: {error.strerror or error}") from error
+        raise StorageError(
+            f"data set {str(target)!r} cannot be written: {error.strerror or error}"
+        ) from error
     finally:
         shutil.rmtree(work, ignore_errors=True)
     return target

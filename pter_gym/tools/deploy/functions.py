@@ -1,6 +1,8 @@
-"""What a controller does before its law acts: angles from encoders, and the observation from readings and a path.
+"""What a controller does before its law acts: angles from encoders, and the observation from
+readings and a path.
 
-With the sine, cosine and arctangent that these need. All of it is Python that is translated to C with the laws.
+With the sine, cosine and arctangent that these need. All of it is Python that is translated to C
+with the laws.
 """
 
 import math
@@ -73,7 +75,9 @@ def arctangent(y: float, x: float) -> float:
     """Return the angle of (x, y) [rad], by halving it three times before the series; 0 for (0, 0)."""
     turned = 0.0
     if x < 0.0:
-        turned = 2.0 * HALF_PI + 2.0 * HALF_PI_REST if y >= 0.0 else -2.0 * HALF_PI - 2.0 * HALF_PI_REST
+        turned = (
+            2.0 * HALF_PI + 2.0 * HALF_PI_REST if y >= 0.0 else -2.0 * HALF_PI - 2.0 * HALF_PI_REST
+        )
         x = -x
         y = -y
     reach = x + math.sqrt(x * x + y * y)
@@ -105,13 +109,23 @@ def observe(
     inverse_scale: Observation,
     out: Any,
 ) -> int:
-    """Write the observation that readings, the last voltages and a path give; return the arc that the tip is on.
+    """Write the observation that readings, the last voltages and a path give; return the arc that
+    the tip is on.
 
-    As the simulator does with sensors that are not ideal, for a path without a free band. ``segment`` is the arc that
-    the tip was on before.
+    As the simulator does with sensors that are not ideal, for a path without a free band.
+    ``segment`` is the arc that the tip was on before.
     """
     a, b = unit_vector(reading.theta.a), unit_vector(reading.theta.b)
-    q = Motion(reading.theta.a, reading.theta.b, reading.omega.a, reading.omega.b, a.cos, a.sin, b.cos, b.sin)
+    q = Motion(
+        reading.theta.a,
+        reading.theta.b,
+        reading.omega.a,
+        reading.omega.b,
+        a.cos,
+        a.sin,
+        b.cos,
+        b.sin,
+    )
     x, y = tip_position(arm, q)
     v_x, v_y = tip_velocity(arm, q)
     foot = project(arcs, 0, count, segment, x, y)
@@ -124,6 +138,8 @@ def observe(
 
 
 @device
-def command(law: Any, obs: Any, scales: Any, gains: Any, memory: Any, voltage_max: float) -> PerClutch:
+def command(
+    law: Any, obs: Any, scales: Any, gains: Any, memory: Any, voltage_max: float
+) -> PerClutch:
     """Return the voltages [V] for the clutches: those of a law, clipped to the bounds."""
     return clipped(law(obs, scales, gains, memory), voltage_max)

@@ -1,7 +1,8 @@
-"""A trained policy as an ONNX graph, for runtimes of neural networks; what it remembers, its caller keeps.
+"""A trained policy as an ONNX graph, for runtimes of neural networks; what it remembers, its caller
+keeps.
 
-The graph computes in float64, as the policy's own law does: float32 would differ from it by more than a millionth of
-the largest voltage.
+The graph computes in float64, as the policy's own law does: float32 would differ from it by more
+than a millionth of the largest voltage.
 """
 
 from pathlib import Path
@@ -31,10 +32,11 @@ def write_onnx(
 ) -> Path:
     """Write a trained policy as an ONNX model with opset 18, and return the path of the file.
 
-    Its inputs, each float32 (N, 1), are the entries of the observation that it uses, by their names, as they are in the
-    observation, and ``base_1`` to ``base_4``, the voltages of the controller that it corrects [V]. A network that
-    sees earlier inputs or averages also has the input ``earlier``, float32 (N, inputs · (delays + averages)): what the
-    output ``inputs`` was so many decisions ago, then its averages. The output ``volts`` is float32 (N, clutches) [V].
+    Its inputs, each float32 (N, 1), are the entries of the observation that it uses, by their
+    names, as they are in the observation, and ``base_1`` to ``base_4``, the voltages of the
+    controller that it corrects [V]. A network that sees earlier inputs or averages also has the
+    input ``earlier``, float32 (N, inputs · (delays + averages)): what the output ``inputs`` was so
+    many decisions ago, then its averages. The output ``volts`` is float32 (N, clutches) [V].
 
     Parameters
     ----------
@@ -48,7 +50,8 @@ def write_onnx(
     Raises
     ------
     ParameterError
-        If the policy has no network, does not fit the machine, or the file is not as stated. Nothing is then written.
+        If the policy has no network, does not fit the machine, or the file is not as stated.
+        Nothing is then written.
     DependencyError
         If ``onnx`` is not installed.
     StorageError
@@ -59,7 +62,9 @@ def write_onnx(
         raise ParameterError(f"onnx must end in .onnx, got {str(path)!r}")
     check_target("onnx", path)
     if not isinstance(policy, TrainedPolicy):
-        raise ParameterError(f"policies must be trained policies to become ONNX, {name!r} has no network")
+        raise ParameterError(
+            f"policies must be trained policies to become ONNX, {name!r} has no network"
+        )
     try:
         import onnx
     except ImportError as error:
@@ -128,7 +133,9 @@ def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
     scales = dict(zip(layout.names, layout.scales, strict=True))
     columns = [quantity(graph, each.name, scales) for each in interface.inputs]
     centered = graph.node(
-        "Sub", graph.node("Concat", *columns, axis=1), graph.constant([x.center for x in interface.inputs])
+        "Sub",
+        graph.node("Concat", *columns, axis=1),
+        graph.constant([x.center for x in interface.inputs]),
     )
     seen = graph.node("Div", centered, graph.constant([x.scale for x in interface.inputs]))
     x = graph.limited(seen, -INPUT_LIMIT, INPUT_LIMIT)
@@ -137,14 +144,20 @@ def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
         graph.cast(x, "FLOAT", out="inputs")
         x = graph.node("Concat", x, graph.given("earlier"), axis=1)
     for layer, (weight, bias) in enumerate(policy.layers):
-        names = graph.weights(weight, f"layer_{layer}.weight"), graph.weights(bias, f"layer_{layer}.bias")
+        names = (
+            graph.weights(weight, f"layer_{layer}.weight"),
+            graph.weights(bias, f"layer_{layer}.bias"),
+        )
         x = graph.node("Gemm", x, *names, transB=1)
         x = graph.node("Tanh", x) if layer < len(policy.layers) - 1 else x
     graph.cast(voltages(graph, graph.limited(x, -1.0, 1.0), policy), "FLOAT", out="volts")
     sizes = {each: earlier if each == "earlier" else 1 for each in graph.inputs}
     outputs = {"volts": len(interface.clutches)} | ({"inputs": count} if earlier else {})
     given, made = (
-        [helper.make_tensor_value_info(each, TensorProto.FLOAT, ["N", size]) for each, size in sides.items()]
+        [
+            helper.make_tensor_value_info(each, TensorProto.FLOAT, ["N", size])
+            for each, size in sides.items()
+        ]
         for sides in (sizes, outputs)
     )
     whole = helper.make_graph(graph.nodes, name, given, made, graph.constants)
@@ -163,7 +176,9 @@ def quantity(graph: Graph, name: str, scales: dict[str, float]) -> str:
         return graph.given(name)
     if name not in DERIVED:
         entry = graph.given(name)
-        return entry if scales[name] == 1.0 else graph.node("Mul", entry, graph.constant(scales[name]))
+        return (
+            entry if scales[name] == 1.0 else graph.node("Mul", entry, graph.constant(scales[name]))
+        )
     cos, sin, cos_a, sin_a, cos_b, sin_b = map(graph.given, OF_HEADING)
     of_a = name.startswith("heading_a")
     cos_link, sin_link = (cos_a, sin_a) if of_a else (cos_b, sin_b)
@@ -180,11 +195,15 @@ def voltages(graph: Graph, output: str, policy: TrainedPolicy) -> str:
     interface = policy.interface
     top = interface.voltage_max
     if interface.normalised:
-        linear = graph.node("Mul", graph.node("Add", output, graph.constant(1.0)), graph.constant(top / 2.0))
+        linear = graph.node(
+            "Mul", graph.node("Add", output, graph.constant(1.0)), graph.constant(top / 2.0)
+        )
         return graph.node("Mul", linear, graph.node("Div", linear, graph.constant(top)))
     if interface.base is None:
         base = graph.constant(top / 2.0)
     else:
-        base = graph.node("Concat", *map(graph.given, BASE_INPUTS[: len(interface.clutches)]), axis=1)
+        base = graph.node(
+            "Concat", *map(graph.given, BASE_INPUTS[: len(interface.clutches)]), axis=1
+        )
     corrected = graph.node("Add", base, graph.node("Mul", output, graph.constant(interface.reach)))
     return graph.limited(corrected, 0.0, top)

@@ -64,7 +64,8 @@ class Source:
     files
         Content of ``pter.h``, ``pter.c`` and ``main.c`` by name.
     policy
-        The bound policy whose voltages the program gives; with weights of 8 bits, these are rounded.
+        The bound policy whose voltages the program gives; with weights of 8 bits, these are
+        rounded.
     """
 
     files: dict[str, str]
@@ -94,7 +95,8 @@ def source_of(
     Parameters
     ----------
     policy, name
-        A control law or a trained policy, as ``pter_gym.benchmark.find_policy`` finds it, and what the files call it.
+        A control law or a trained policy, as ``pter_gym.benchmark.find_policy`` finds it, and what
+        the files call it.
     machine
         The nominal machine, which the law knows; by default the paper's.
     path
@@ -105,21 +107,28 @@ def source_of(
     Raises
     ------
     ParameterError
-        If the policy is no compiled law or cannot be translated, or another argument is not as stated.
+        If the policy is no compiled law or cannot be translated, or another argument is not as
+        stated.
     """
     for field, given, accepted in (("numbers", numbers, Numbers), ("weights", weights, Weights)):
         if given not in accepted.__args__:
-            raise ParameterError(f"{field} must be one of {', '.join(accepted.__args__)}, got {given!r}")
+            raise ParameterError(
+                f"{field} must be one of {', '.join(accepted.__args__)}, got {given!r}"
+            )
     machine, curve = find_machine(machine), find_curve(path)
     steps: tuple[float, ...] = ()
     if weights == "int8":
         if not isinstance(policy, TrainedPolicy):
-            raise ParameterError(f"weights must be float for {name!r}, which has no network, got {weights!r}")
+            raise ParameterError(
+                f"weights must be float for {name!r}, which has no network, got {weights!r}"
+            )
         policy, steps = rounded(policy)
     layout = observation_layout(machine, sensors_of(policy))
     bound = bind(policy, machine, layout)
     if not isinstance(bound, Policy):
-        raise ParameterError(f"policies must be laws or trained policies to become C, {name!r} is Python code")
+        raise ParameterError(
+            f"policies must be laws or trained policies to become C, {name!r} is Python code"
+        )
     top = machine.clutch.voltage_max
     program = Program(ELEMENTARY, single=numbers == "float")
     gains = ConstantTable(bound.gains, tuple(regions(bound.gains, steps)))
@@ -146,7 +155,10 @@ def source_of(
         **BITS[numbers],
     }
     files = ("pter.h", "pter.c", "main.c")
-    return Source({file: Template((STATIC / file).read_text("utf-8")).substitute(named) for file in files}, bound)
+    return Source(
+        {file: Template((STATIC / file).read_text("utf-8")).substitute(named) for file in files},
+        bound,
+    )
 
 
 def prepare(program: Program, machine: Machine) -> None:
@@ -163,7 +175,9 @@ def prepare(program: Program, machine: Machine) -> None:
 def regions(gains: Any, steps: tuple[float, ...]) -> Iterator[Region]:
     """Yield the parts of a law's gains that a program looks up; ``steps`` are those of layers in 8 bits."""
     if gains[0] != NETWORK:
-        yield from guiding_regions(gains, 0) if gains[0] >= IMPEDANCE else [Region("gains", 0, len(gains))]
+        yield from (
+            guiding_regions(gains, 0) if gains[0] >= IMPEDANCE else [Region("gains", 0, len(gains))]
+        )
         return
     base, inputs, layers = (int(gains[at]) for at in (HEADER.base, HEADER.inputs, HEADER.layers))
     if base:
@@ -183,7 +197,12 @@ def regions(gains: Any, steps: tuple[float, ...]) -> Iterator[Region]:
     for layer in range(layers):
         biases, end = at + int(sizes[layer + 1]), at + int(sizes[layer + 1] * (1 + sizes[layer]))
         yield Region(f"biases_{layer}", at, biases, "float")
-        yield Region(f"weights_{layer}", biases, end, *(("signed char", steps[layer]) if steps else ("float", None)))
+        yield Region(
+            f"weights_{layer}",
+            biases,
+            end,
+            *(("signed char", steps[layer]) if steps else ("float", None)),
+        )
         at = end
 
 
@@ -223,6 +242,9 @@ def described(layout: Layout) -> Iterator[str]:
 
 def path_table(curve: Curve, program: Program) -> str:
     """Return the arcs of a path in C."""
-    rows = (", ".join(program.literal(value, "real") for value in row) for row in curve.arcs.table.tolist())
+    rows = (
+        ", ".join(program.literal(value, "real") for value in row)
+        for row in curve.arcs.table.tolist()
+    )
     body = ",\n    ".join(rows)
     return f"const real pter_path_arcs[PTER_ARCS * 7] = {{\n    {body}\n}};"

@@ -1,10 +1,12 @@
-"""From compiled Python functions to readable C99: the device functions of laws, networks and paths, not a copy of them.
+"""From compiled Python functions to readable C99: the device functions of laws, networks and paths,
+not a copy of them.
 
-These are written in a small part of Python: numbers, named tuples, arrays that they get, ``for`` over a range.
-``Program.call`` follows one from its syntax tree. What is known, such as gains, sizes and places of entries, is
-computed at once. The rest becomes C: a C function for each Python function and each set of known arguments, with the
-same names and the same operations in the same order, so it has the bits of compiled Python. (LLVM code by numba can be
-turned into C as well, but nobody can read that, and its numbers are float64 alone.) Anything else is refused.
+These are written in a small part of Python: numbers, named tuples, arrays that they get, ``for``
+over a range. ``Program.call`` follows one from its syntax tree. What is known, such as gains, sizes
+and places of entries, is computed at once. The rest becomes C: a C function for each Python
+function and each set of known arguments, with the same names and the same operations in the same
+order, so it has the bits of compiled Python. (LLVM code by numba can be turned into C as well, but
+nobody can read that, and its numbers are float64 alone.) Anything else is refused.
 """
 
 import ast
@@ -73,7 +75,10 @@ OPERATORS: dict[type[ast.AST], tuple[str, int, Callable[[Any, Any], Any]]] = {
     ast.Is: ("", COMPARISON, operator.is_),
     ast.IsNot: ("", COMPARISON, operator.is_not),
 }
-"""Operators in C, how tightly they bind there, and what they do. Whole numbers that are divided are not negative."""
+"""Operators in C, how tightly they bind there, and what they do.
+
+Whole numbers that are divided are not negative.
+"""
 
 PLAIN: dict[Any, str] = {
     int: "(int)",
@@ -86,7 +91,20 @@ PLAIN: dict[Any, str] = {
 }
 """Functions that every file has, or casts; numba's ``float``, too, leaves a float32 as it is."""
 
-TAKEN = {"char", "default", "double", "float", "int", "long", "real", "register", "short", "signed", "switch", "tanh"}
+TAKEN = {
+    "char",
+    "default",
+    "double",
+    "float",
+    "int",
+    "long",
+    "real",
+    "register",
+    "short",
+    "signed",
+    "switch",
+    "tanh",
+}
 """Names of C."""
 
 
@@ -122,10 +140,11 @@ class Program:
         self.functions: dict[Any, Translated] = {}
 
     def call(self, function: Any, *arguments: Any, whole: bool = False) -> tuple[Any, str, bool]:
-        """Return the value of a Python function, a statement that calls it if the value does not, and if it writes.
+        """Return the value of a Python function, a statement that calls it if the value does not,
+        and if it writes.
 
-        What is known is computed at once; for the rest, the function is translated. Arguments that it does not read are
-        left out, unless the file calls it with the ``whole`` of them.
+        What is known is computed at once; for the rest, the function is translated. Arguments that
+        it does not read are left out, unless the file calls it with the ``whole`` of them.
         """
         python = getattr(function, "py_func", function)
         if all(is_known(each) for each in arguments):
@@ -137,7 +156,11 @@ class Program:
         for name, value in given.arguments.items():
             varies = is_number(value) or not (is_known(value) or isinstance(value, ConstantTable))
             (passed if varies else known)[name] = value
-        key = python, tuple(known.items()), tuple((name, self._signature(value)) for name, value in passed.items())
+        key = (
+            python,
+            tuple(known.items()),
+            tuple((name, self._signature(value)) for name, value in passed.items()),
+        )
         if key not in self.functions:
             names = [each.name for each in self.functions.values()]
             made = Translated(next(each for each in numbered(python.__name__) if each not in names))
@@ -146,7 +169,8 @@ class Program:
             self.functions[key] = self.functions.pop(key)  # after those that it calls
         made = self.functions[key]
         texts = (
-            self.pointer(each) if isinstance(each, Array) else self.text(each) for each in map(passed.get, made.reads)
+            self.pointer(each) if isinstance(each, Array) else self.text(each)
+            for each in map(passed.get, made.reads)
         )
         counts = (self.text(passed[name].count, "int") for name in made.counted)
         call = f"{made.name}({', '.join((*texts, *counts))})"
@@ -155,11 +179,17 @@ class Program:
         return made.value, f"{call};" if made.writes else "", made.writes
 
     def _signature(self, value: Any) -> Any:
-        return (value.element, value.step, value.const) if isinstance(value, Array) else kind_of(value)
+        return (
+            (value.element, value.step, value.const) if isinstance(value, Array) else kind_of(value)
+        )
 
     def pointer(self, array: Array) -> str:
         """Return where an array begins."""
-        return array.base if array.offset == 0 else f"{array.base} + {self.text(array.offset, 'int', PRODUCT)}"
+        return (
+            array.base
+            if array.offset == 0
+            else f"{array.base} + {self.text(array.offset, 'int', PRODUCT)}"
+        )
 
     def literal(self, value: Any, kind: Any) -> str:
         """Return a number, or a record or tuple of any values, as C."""
@@ -200,7 +230,9 @@ class Program:
         if region is None:
             raise Unsupported(f"policies: no part of the gains is looked up at {first}")
         self.keep(table, region)
-        return self.stored(f"{region.name}[{bound(replace(at, shift=at.shift - region.first), 0)}]", region.step)
+        return self.stored(
+            f"{region.name}[{bound(replace(at, shift=at.shift - region.first), 0)}]", region.step
+        )
 
     def stored(self, text: str, step: float | None, kind: str = "real") -> Expression:
         """Return a stored number, which may count steps."""
@@ -214,9 +246,14 @@ class Program:
         """Keep a region of a table as an array of C."""
         kind = "single" if region.element == "float" else "real"
         values = table.values[region.first : region.last].tolist()
-        words = (str(round(each / region.step)) if region.step else self.literal(each, kind) for each in values)
+        words = (
+            str(round(each / region.step)) if region.step else self.literal(each, kind)
+            for each in values
+        )
         body = textwrap.fill(", ".join(words), 116, initial_indent="    ", subsequent_indent="    ")
-        self.constants[region.name] = f"static const {region.element} {region.name}[{len(values)}] = {{\n{body}\n}};"
+        self.constants[region.name] = (
+            f"static const {region.element} {region.name}[{len(values)}] = {{\n{body}\n}};"
+        )
 
     def source(self) -> str:
         """Return the records, constants and functions, in an order in which C can read them."""
@@ -247,14 +284,24 @@ class _Body:
     """The body of one function in the making."""
 
     def __init__(
-        self, program: Program, made: Translated, function: Any, known: dict[str, Any], passed: dict[str, Any]
+        self,
+        program: Program,
+        made: Translated,
+        function: Any,
+        known: dict[str, Any],
+        passed: dict[str, Any],
     ) -> None:
         self.program, self.made, self.function = program, made, function
         self.tree: Any = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
         names = (node for node in ast.walk(self.tree) if isinstance(node, ast.Name))
         self.stored = [node.id for node in names if isinstance(node.ctx, ast.Store)]
         closure = inspect.getclosurevars(function)
-        self.names: dict[str, Any] = {**closure.builtins, **closure.globals, **closure.nonlocals, **known}
+        self.names: dict[str, Any] = {
+            **closure.builtins,
+            **closure.globals,
+            **closure.nonlocals,
+            **known,
+        }
         self.parameters: dict[str, str] = {}
         self.lines: list[_Line] = []
         self.used: set[str] = set()
@@ -262,8 +309,12 @@ class _Body:
         for name, value in passed.items():
             called = self._fresh(name)
             if isinstance(value, Array):
-                self.names[name] = replace(value, base=called, offset=0, count=Expression("int", f"{name}_count"))
-                self.parameters[name] = f"{'const ' if value.const else ''}{value.element} *{called}"
+                self.names[name] = replace(
+                    value, base=called, offset=0, count=Expression("int", f"{name}_count")
+                )
+                self.parameters[name] = (
+                    f"{'const ' if value.const else ''}{value.element} *{called}"
+                )
             else:
                 self.names[name] = Expression(kind_of(value), called)
                 self.parameters[name] = f"{program.declared(kind_of(value))} {called}"
@@ -276,9 +327,16 @@ class _Body:
             return
         words = self._prune()
         made.reads = [name for name in self.parameters if whole or next(numbered(name)) in words]
-        given = [*(self.parameters[name] for name in made.reads), *(f"int {name}_count" for name in made.counted)]
-        head = f"static {self.program.declared(made.returns) if made.returns else 'void'} {made.name}"
-        told = textwrap.fill((inspect.getdoc(self.function) or "").partition("\n")[0], 116, subsequent_indent="   ")
+        given = [
+            *(self.parameters[name] for name in made.reads),
+            *(f"int {name}_count" for name in made.counted),
+        ]
+        head = (
+            f"static {self.program.declared(made.returns) if made.returns else 'void'} {made.name}"
+        )
+        told = textwrap.fill(
+            (inspect.getdoc(self.function) or "").partition("\n")[0], 116, subsequent_indent="   "
+        )
         arguments = textwrap.fill(", ".join(given) or "void", 112, subsequent_indent="    ")
         lines = "\n".join(line.text for line in self.lines)
         made.text = f"/* {told} */\n{head}({arguments})\n{{\n{lines}\n}}"
@@ -288,7 +346,9 @@ class _Body:
         while True:
             words = [word for line in self.lines for word in re.findall(r"[A-Za-z_]\w*", line.text)]
             unread = [
-                each for each in self.lines if each.declares and not each.writes and words.count(each.declares) == 1
+                each
+                for each in self.lines
+                if each.declares and not each.writes and words.count(each.declares) == 1
             ]
             if not unread:
                 return words
@@ -297,7 +357,11 @@ class _Body:
     def _emit(self, text: str, declares: str = "") -> None:
         indent = "    " * self.depth
         text = textwrap.fill(
-            text, 116, initial_indent=indent, subsequent_indent=indent + "    ", break_on_hyphens=False
+            text,
+            116,
+            initial_indent=indent,
+            subsequent_indent=indent + "    ",
+            break_on_hyphens=False,
         )
         self.lines.append(_Line(text, declares, self.touched))
         self.made.writes |= self.touched
@@ -305,7 +369,9 @@ class _Body:
 
     def _refuse(self, what: ast.AST | str) -> Unsupported:
         text = what if isinstance(what, str) else ast.unparse(what)
-        return Unsupported(f"policies: {self.function.__name__} cannot be translated to C: {text:.100}")
+        return Unsupported(
+            f"policies: {self.function.__name__} cannot be translated to C: {text:.100}"
+        )
 
     # --- statements ---
 
@@ -331,7 +397,9 @@ class _Body:
                 self._assign(target, self._operation(op, before, self._value(value)))
             case ast.If():
                 return self._branch(node)
-            case ast.For(target=ast.Name(id=name), iter=ast.Call(func=ast.Name(id="range"), args=args)):
+            case ast.For(
+                target=ast.Name(id=name), iter=ast.Call(func=ast.Name(id="range"), args=args)
+            ):
                 self._loop(name, [self._value(each) for each in args], node)
             case ast.Break():
                 self._emit("break;")
@@ -364,9 +432,15 @@ class _Body:
             case ast.Tuple(elts=targets):
                 if isinstance(value, Expression):
                     whole = self._variable("pair", value)
-                    parts = [Expression(kind, f"{whole.text}.{name}") for name, kind in fields_of(value.kind)]
+                    parts = [
+                        Expression(kind, f"{whole.text}.{name}")
+                        for name, kind in fields_of(value.kind)
+                    ]
                 else:
-                    parts = [self._variable("new", each) if self._changes(each, targets) else each for each in value]
+                    parts = [
+                        self._variable("new", each) if self._changes(each, targets) else each
+                        for each in value
+                    ]
                 for each, part in zip(targets, parts, strict=True):
                     self._assign(each, part)
             case _:
@@ -380,7 +454,9 @@ class _Body:
         """Return whether a value might be read after one of several targets has been assigned to."""
         text = value.text if isinstance(value, Expression) else ""
         words = set(re.findall(r"(?<!\.)\b[A-Za-z_]\w*", text))
-        names = (node.id for each in targets for node in ast.walk(each) if isinstance(node, ast.Name))
+        names = (
+            node.id for each in targets for node in ast.walk(each) if isinstance(node, ast.Name)
+        )
         return bool(words & {next(numbered(name)) for name in names})
 
     def _name(self, name: str, value: Any) -> None:
@@ -389,7 +465,11 @@ class _Body:
         if not is_known(value) and isinstance(value, tuple):
             value = Expression(kind_of(value), self.program.text(value))
         varies = isinstance(value, Expression)
-        if isinstance(before, Expression) and (is_number(value) or varies) and before.kind in ("real", kind_of(value)):
+        if (
+            isinstance(before, Expression)
+            and (is_number(value) or varies)
+            and before.kind in ("real", kind_of(value))
+        ):
             self._emit(f"{before.text} = {self.program.text(value, before.kind)};")
             return
         if varies:
@@ -411,13 +491,19 @@ class _Body:
         kind, called, shift = kind_of(value), self._fresh(name), 0
         if kind == "int" and isinstance(value, Expression) and self.stored.count(name) == 1:
             value, shift = replace(value, shift=0), value.shift
-        self._emit(f"{self.program.declared(kind)} {called} = {self.program.text(value, kind)};", called)
+        self._emit(
+            f"{self.program.declared(kind)} {called} = {self.program.text(value, kind)};", called
+        )
         return Expression(kind, called, shift=shift)
 
     def _unknown(self, statements: Sequence[ast.stmt]) -> None:
         """Make variables of C of what is known now and may be changed by statements."""
         for node in (inner for each in statements for inner in ast.walk(each)):
-            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and node.id in self.names:
+            if (
+                isinstance(node, ast.Name)
+                and isinstance(node.ctx, ast.Store)
+                and node.id in self.names
+            ):
                 value = self.names[node.id]
                 if is_known(value) and (is_number(value) or is_record(value)):
                     self.names[node.id] = self._variable(node.id, value)
@@ -472,7 +558,9 @@ class _Body:
 
     def _value(self, node: ast.expr) -> Any:  # noqa: C901  (one case for each kind of expression)
         match node:
-            case ast.Constant(value=float(value)) if self.program.single and 0.0 < value < TOLERANCE:
+            case ast.Constant(value=float(value)) if (
+                self.program.single and 0.0 < value < TOLERANCE
+            ):
                 return value * SINGLE_FACTOR
             case ast.Constant(value=value):
                 return value
@@ -484,7 +572,10 @@ class _Body:
                 return self._attribute(self._value(owner), name)
             case ast.UnaryOp(op=op, operand=operand):
                 return self._signed(op, self._value(operand))
-            case ast.BinOp(op=op, left=left, right=right) | ast.Compare(ops=[op], left=left, comparators=[right]):
+            case (
+                ast.BinOp(op=op, left=left, right=right)
+                | ast.Compare(ops=[op], left=left, comparators=[right])
+            ):
                 return self._operation(op, self._value(left), self._value(right))
             case ast.BoolOp(op=op, values=[first, *others]):
                 found = self._value(first)
@@ -503,7 +594,9 @@ class _Body:
                 return self._indexed(self._value(owner), self._value(index))
             case ast.Call(func=function, args=arguments, keywords=keywords):
                 named = {str(each.arg): self._value(each.value) for each in keywords}
-                return self._called(self._value(function), [self._value(each) for each in arguments], named, node)
+                return self._called(
+                    self._value(function), [self._value(each) for each in arguments], named, node
+                )
             case _:
                 raise self._refuse(node)
 
@@ -517,7 +610,10 @@ class _Body:
             return len(owner.values)
         if not isinstance(owner, Array):
             return len(owner)
-        if owner.count == Expression("int", f"{owner.base}_count") and owner.base not in self.made.counted:
+        if (
+            owner.count == Expression("int", f"{owner.base}_count")
+            and owner.base not in self.made.counted
+        ):
             self.made.counted.append(owner.base)
         return owner.count
 
@@ -525,7 +621,11 @@ class _Body:
         negates = isinstance(op, ast.USub)
         if is_known(value):
             return -value if negates else not value
-        return Expression(value.kind if negates else "bool", f"{'-' if negates else '!'}{bound(value, UNARY)}", UNARY)
+        return Expression(
+            value.kind if negates else "bool",
+            f"{'-' if negates else '!'}{bound(value, UNARY)}",
+            UNARY,
+        )
 
     def _operation(self, op: ast.AST, left: Any, right: Any) -> Any:
         """Return what an operator makes of two values."""
@@ -533,7 +633,11 @@ class _Body:
         if level and is_known((left, right)):
             return function(left, right)
         kinds = {kind_of(left), kind_of(right)}
-        if not sign or (level in (AND, OR) and kinds != {"bool"}) or (sign == "%" and kinds != {"int"}):
+        if (
+            not sign
+            or (level in (AND, OR) and kinds != {"bool"})
+            or (sign == "%" and kinds != {"int"})
+        ):
             raise self._refuse(type(op).__name__)
         if level in (AND, OR):
             return self._logic(sign, level, left, right)
@@ -550,13 +654,17 @@ class _Body:
                 (right, SUM if level == COMPARISON else level + 1),
             )
         ]
-        return Expression("bool" if level == COMPARISON else kind, f"{cast}{sides[0]} {sign} {sides[1]}", level)
+        return Expression(
+            "bool" if level == COMPARISON else kind, f"{cast}{sides[0]} {sign} {sides[1]}", level
+        )
 
     def _logic(self, sign: str, level: int, left: Any, right: Any) -> Any:
         for known, other in ((left, right), (right, left)):
             if is_known(known):
                 return other if bool(known) == (level == AND) else known
-        texts = (bound(each, level if each.level == level else COMPARISON) for each in (left, right))
+        texts = (
+            bound(each, level if each.level == level else COMPARISON) for each in (left, right)
+        )
         return Expression("bool", f" {sign} ".join(texts), level)
 
     def _choice(self, condition: Any, a: Any, b: Any) -> Any:
@@ -587,22 +695,32 @@ class _Body:
     def _entries(self, owner: Any) -> tuple[Any, ...]:
         if not isinstance(owner, Expression):
             return owner
-        return tuple(Expression(kind, f"{bound(owner, ATOM)}.{name}") for name, kind in fields_of(owner.kind))
+        return tuple(
+            Expression(kind, f"{bound(owner, ATOM)}.{name}") for name, kind in fields_of(owner.kind)
+        )
 
     def _sliced(self, owner: Any, first: Any, last: Any) -> Any:
         if isinstance(owner, ConstantTable):
             for each in owner.regions:
                 if each.element != "real" and each.first <= first and last <= each.last:
                     self.program.keep(owner, each)
-                    return Array(each.element, each.name, "real", first - each.first, last - first, each.step)
+                    return Array(
+                        each.element, each.name, "real", first - each.first, last - first, each.step
+                    )
             return owner.part(first, last)
         offset = self._operation(ast.Add(), owner.offset, first)
         return replace(owner, offset=offset, count=self._operation(ast.Sub(), last, first))
 
-    def _called(self, function: Any, arguments: list[Any], named: dict[str, Any], node: ast.AST) -> Any:
+    def _called(
+        self, function: Any, arguments: list[Any], named: dict[str, Any], node: ast.AST
+    ) -> Any:
         """Return the value of a call."""
         if function in PLAIN:
-            return function(*arguments) if is_known(tuple(arguments)) else self._plain(function, arguments)
+            return (
+                function(*arguments)
+                if is_known(tuple(arguments))
+                else self._plain(function, arguments)
+            )
         if function is len:
             return self._length(*arguments)
         if isinstance(function, type) and hasattr(function, "_fields"):
@@ -638,7 +756,10 @@ class _Body:
         if is_known(made):
             return made
         usual = [each for _, each in fields_of(kind)]
-        kinds = (each if each == "single" or isinstance(each, Observed) else None for each in map(kind_of, made))
+        kinds = (
+            each if each == "single" or isinstance(each, Observed) else None
+            for each in map(kind_of, made)
+        )
         found = tuple(each or use for each, use in zip(kinds, usual, strict=True))
         kind = kind if found == tuple(usual) else Observed(kind, found)
         return Expression(kind, self.program.literal(tuple(made), kind))
@@ -666,14 +787,22 @@ class _Body:
     def _entrywise(self, function: Any, arguments: list[Any]) -> Any:
         """Return what a scalar function makes of each entry of records."""
         told = inspect.getclosurevars(function).nonlocals
-        wholes = [varies and is_record(each) for each, varies in zip(arguments, told["varies"], strict=True)]
+        wholes = [
+            varies and is_record(each)
+            for each, varies in zip(arguments, told["varies"], strict=True)
+        ]
         if not any(wholes):
             return self._called(told["scalar"], arguments, {}, ast.Pass())
-        held = [self._named(each) if whole else each for each, whole in zip(arguments, wholes, strict=True)]
+        held = [
+            self._named(each) if whole else each
+            for each, whole in zip(arguments, wholes, strict=True)
+        ]
         kind = kind_of(held[wholes.index(True)])
         kind = kind.record if isinstance(kind, Observed) else kind
         columns = (
             self._entries(each) if whole else itertools.repeat(each, len(kind._fields))
             for each, whole in zip(held, wholes, strict=True)
         )
-        return self._record(kind, [self._entrywise(function, list(row)) for row in zip(*columns, strict=True)], {})
+        return self._record(
+            kind, [self._entrywise(function, list(row)) for row in zip(*columns, strict=True)], {}
+        )

@@ -24,7 +24,8 @@ class Expression:
     Attributes
     ----------
     kind
-        "real", "single" (float32), "int", "bool", a named tuple's class, an ``Observed``, or a tuple of kinds.
+        "real", "single" (float32), "int", "bool", a named tuple's class, an ``Observed``, or a
+        tuple of kinds.
     text, level
         The expression in C, and how tightly its outermost operator binds.
     shift
@@ -94,12 +95,16 @@ def is_known(value: Any) -> bool:
 
 def is_number(value: Any) -> bool:
     """Return whether this is a number, known or not."""
-    return isinstance(value, int | float) or (isinstance(value, Expression) and isinstance(value.kind, str))
+    return isinstance(value, int | float) or (
+        isinstance(value, Expression) and isinstance(value.kind, str)
+    )
 
 
 def is_record(value: Any) -> bool:
     """Return whether this is a record or a tuple, known or not."""
-    return isinstance(value, tuple) or (isinstance(value, Expression) and not isinstance(value.kind, str))
+    return isinstance(value, tuple) or (
+        isinstance(value, Expression) and not isinstance(value.kind, str)
+    )
 
 
 def kind_of(value: Any) -> Any:
@@ -120,7 +125,10 @@ def fields_of(kind: Any) -> list[tuple[str, Any]]:
         return [(f"e{k}", each) for k, each in enumerate(cast("tuple[Any, ...]", kind))]
     if isinstance(kind, Observed):
         return list(zip(kind.record._fields, kind.kinds, strict=True))
-    return [(name, {float: "real", int: "int", bool: "bool"}.get(each, each)) for name, _, each in parts(kind)]
+    return [
+        (name, {float: "real", int: "int", bool: "bool"}.get(each, each))
+        for name, _, each in parts(kind)
+    ]
 
 
 def name_of(kind: Any) -> str:
@@ -129,7 +137,11 @@ def name_of(kind: Any) -> str:
         return {"single": "float", "bool": "int"}.get(kind, kind)
     if isinstance(kind, tuple):
         kinds = cast("tuple[Any, ...]", kind)
-        return f"Real{len(kinds)}" if set(kinds) == {"real"} else "_".join(("Tuple", *map(name_of, kinds)))
+        return (
+            f"Real{len(kinds)}"
+            if set(kinds) == {"real"}
+            else "_".join(("Tuple", *map(name_of, kinds)))
+        )
     return f"Observed{kind.record.__name__}" if isinstance(kind, Observed) else kind.__name__
 
 

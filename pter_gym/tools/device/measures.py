@@ -32,15 +32,19 @@ class Rendering:
     Attributes
     ----------
     least_steering_n, largest_steering_n
-        Steering force over all directions of motion in the middle of the paper's line [N]; see ``force_extremes``.
+        Steering force over all directions of motion in the middle of the paper's line [N]; see
+        ``force_extremes``.
     least_resisting_n, largest_resisting_n
         The same of the force against the motion [N].
     free_impedance
-        ``|F/V|`` across the line at ``FREQUENCY`` without voltage [N·s/m]; infinite where 10 N do not move the arm.
+        ``|F/V|`` across the line at ``FREQUENCY`` without voltage [N·s/m]; infinite where 10 N do
+        not move the arm.
     wall_stiffness
-        Stiffness [N/m] of the wall of the scenario ``wall`` with the law that was given; NaN if nothing touched it.
+        Stiffness [N/m] of the wall of the scenario ``wall`` with the law that was given; NaN if
+        nothing touched it.
     z_width_db
-        Impedance of that wall at ``FREQUENCY`` over ``free_impedance`` [dB]; NaN where one of them is not a number.
+        Impedance of that wall at ``FREQUENCY`` over ``free_impedance`` [dB]; NaN where one of them
+        is not a number.
     """
 
     least_steering_n: float
@@ -87,8 +91,12 @@ def _stiffness_of_wall(own: FixedMachine, law: AnyPolicy, pace: str) -> float:
     """Return the stiffness of the wall that a law renders [N/m], from training draws of the scenario ``wall``."""
     forces, depths = [np.empty(0)], [np.empty(0)]
     scenario = find_scenario("wall", own)
-    for seed, (machine, task) in enumerate(scenario.randomisation(pace, contexts=WALLS, seed=0).pairs()):
-        rows: Any = record_episode(law, machine, task, seed, time_limit(task), nominal=own.machine).telemetry[1:]
+    for seed, (machine, task) in enumerate(
+        scenario.randomisation(pace, contexts=WALLS, seed=0).pairs()
+    ):
+        rows: Any = record_episode(
+            law, machine, task, seed, time_limit(task), nominal=own.machine
+        ).telemetry[1:]
         into = np.array([[math.sin(task.path.heading(0.0))], [-math.cos(task.path.heading(0.0))]])
         forces.append((rows[:, [*COLUMN.force]] @ into)[:, 0])
         depths.append(-rows[:, COLUMN.normal_error])

@@ -49,8 +49,8 @@ class DeviceReport:
     gains
         Tuned gains by scenario.
     boards
-        A leaderboard for each scenario: the tuned law, the policy without voltage, and a trained policy if there is
-        one.
+        A leaderboard for each scenario: the tuned law, the policy without voltage, and a trained
+        policy if there is one.
     """
 
     device: str
@@ -62,9 +62,15 @@ class DeviceReport:
     @property
     def verdict(self) -> str:
         """What the device is good for, in a sentence."""
-        ranked = [board.scenario for board in self.boards if any(each.rank for each in board.standings)]
+        ranked = [
+            board.scenario for board in self.boards if any(each.rank for each in board.standings)
+        ]
         steer = self.rendering.least_steering_n
-        can = f"keeps the pace and arrives on {', '.join(ranked)}" if ranked else "keeps the pace on no scenario"
+        can = (
+            f"keeps the pace and arrives on {', '.join(ranked)}"
+            if ranked
+            else "keeps the pace on no scenario"
+        )
         return f"With tuned laws it {can}; in the worst direction it steers with {steer:.0f} N."
 
     def as_json(self) -> dict[str, Any]:
@@ -132,7 +138,9 @@ def examine_device(
     for scenario, law in SCENARIOS.items():
         on_progress(f"tuning {law} for {scenario}")
         storage = folder / "gains.journal"
-        gains[scenario] = tune(law, scenario, pace, trials=trials, storage=storage, machine=own).gains
+        gains[scenario] = tune(
+            law, scenario, pace, trials=trials, storage=storage, machine=own
+        ).gains
         tuned[scenario] = make_guided(law, gains[scenario])
         named = {f"{law}-tuned": tuned[scenario], FREE: find_policy(FREE), **(policies or {})}
         runs += _runs(named, scenario, pace, own, count)
@@ -141,21 +149,35 @@ def examine_device(
     report = DeviceReport(name, pace, rendering, gains, leaderboards(runs))
     on_progress("drawing")
     pictures = _draw(report, own, tuned, folder)
-    write_text_atomic(folder / "device.json", json.dumps(report.as_json(), indent=2, allow_nan=False) + "\n")
+    write_text_atomic(
+        folder / "device.json", json.dumps(report.as_json(), indent=2, allow_nan=False) + "\n"
+    )
     write_text_atomic(folder / "index.html", page(report, pictures))
     return report
 
 
-def _runs(policies: dict[str, AnyPolicy], scenario: str, pace: str, own: FixedMachine, count: int) -> list[ScenarioRun]:
+def _runs(
+    policies: dict[str, AnyPolicy], scenario: str, pace: str, own: FixedMachine, count: int
+) -> list[ScenarioRun]:
     """Return the runs of policies on fresh episodes with a machine."""
     drawn = find_episodes(scenario, pace, SEED, own).first(count)
     return [
-        ScenarioRun(scenario, pace, name, 0, SEED, drawn.strata, evaluate(policy, drawn, nominal=own.machine))
+        ScenarioRun(
+            scenario,
+            pace,
+            name,
+            0,
+            SEED,
+            drawn.strata,
+            evaluate(policy, drawn, nominal=own.machine),
+        )
         for name, policy in policies.items()
     ]
 
 
-def _draw(report: DeviceReport, own: FixedMachine, tuned: dict[str, AnyPolicy], folder: Path) -> dict[str, str]:
+def _draw(
+    report: DeviceReport, own: FixedMachine, tuned: dict[str, AnyPolicy], folder: Path
+) -> dict[str, str]:
     """Draw what the installed tools can draw into a folder; return captions by file name."""
     known, captions = registered(PICTURES), dict[str, str]()
     if "region" in known:
@@ -163,10 +185,16 @@ def _draw(report: DeviceReport, own: FixedMachine, tuned: dict[str, AnyPolicy], 
         captions["forces.png"] = "Forces that the device can display; its smallest steering force."
     if "film" in known:
         for scenario, law in tuned.items():
-            ((machine, task),) = find_scenario(scenario, own).randomisation(report.pace, contexts=1, seed=0).pairs()
-            rows = record_episode(law, machine, task, 0, time_limit(task), nominal=own.machine).telemetry
+            ((machine, task),) = (
+                find_scenario(scenario, own).randomisation(report.pace, contexts=1, seed=0).pairs()
+            )
+            rows = record_episode(
+                law, machine, task, 0, time_limit(task), nominal=own.machine
+            ).telemetry
             label = f"{SCENARIOS[scenario]}-tuned"
-            known["film"].load().write_film(machine, task, {label: rows}, folder / f"{scenario}.webp")
+            known["film"].load().write_film(
+                machine, task, {label: rows}, folder / f"{scenario}.webp"
+            )
             captions[f"{scenario}.webp"] = f"The tuned law on a training draw of {scenario}."
     return captions
 
@@ -201,7 +229,9 @@ STYLE = (
 def page(report: DeviceReport, pictures: dict[str, str]) -> str:
     """Return the page of a report, with pictures by file name and caption."""
     numbers = asdict(report.rendering)
-    rendering = _table(("", ""), [(text, _number(numbers[key], unit)) for key, (text, unit) in ROWS.items()])
+    rendering = _table(
+        ("", ""), [(text, _number(numbers[key], unit)) for key, (text, unit) in ROWS.items()]
+    )
     boards = "".join(_board(board) for board in report.boards)
     figures = "".join(
         f'<figure><img src="{html.escape(name)}" alt=""><figcaption>{html.escape(caption)}</figcaption></figure>'
@@ -235,7 +265,9 @@ def _board(board: Leaderboard) -> str:
 
 def _table(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
     head = "".join(f"<th>{html.escape(each)}</th>" for each in heads)
-    body = "".join(f"<tr>{''.join(f'<td>{html.escape(each)}</td>' for each in row)}</tr>" for row in rows)
+    body = "".join(
+        f"<tr>{''.join(f'<td>{html.escape(each)}</td>' for each in row)}</tr>" for row in rows
+    )
     return f"<table><tr>{head}</tr>{body}</table>"
 
 

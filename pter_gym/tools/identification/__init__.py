@@ -1,6 +1,7 @@
 """Parameters of a real machine from a log of it, with the compiled simulator as the model.
 
-The log is cut into windows, a machine is fitted to them, and a verdict says whether the model explains them.
+The log is cut into windows, a machine is fitted to them, and a verdict says whether the model
+explains them.
 """
 
 from typing import TYPE_CHECKING
@@ -8,8 +9,19 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 if TYPE_CHECKING:
-    from pter_gym.tools.identification.experiment import EXPERIMENT, RECORDER, Experiment, Recorder, record_log
-    from pter_gym.tools.identification.identifying import Finding, Identification, identify, preset_of
+    from pter_gym.tools.identification.experiment import (
+        EXPERIMENT,
+        RECORDER,
+        Experiment,
+        Recorder,
+        record_log,
+    )
+    from pter_gym.tools.identification.identifying import (
+        Finding,
+        Identification,
+        identify,
+        preset_of,
+    )
     from pter_gym.tools.identification.log import Log, join_logs, read_log, write_log
     from pter_gym.tools.identification.parameters import Quantity, quantities
 

@@ -1,8 +1,8 @@
 """A first estimate: the balance of torques as a linear regression, on a grid of what is not linear.
 
-Where all engaged clutches slip one way, the paper's Eqs. 3 and 4 are linear in inertias, friction of the axes, slopes
-and curvature, once time constant, delay and knee are chosen. It needs no start, and its noise on accelerations does not
-matter for one.
+Where all engaged clutches slip one way, the paper's Eqs. 3 and 4 are linear in inertias, friction
+of the axes, slopes and curvature, once time constant, delay and knee are chosen. It needs no start,
+and its noise on accelerations does not matter for one.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,14 @@ from pter_gym.params import Machine
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import Shape
-from pter_gym.tools.identification.windows import ENGAGED, SLIPPING, Smoothed, lagged, slip_rows, smooth_force
+from pter_gym.tools.identification.windows import (
+    ENGAGED,
+    SLIPPING,
+    Smoothed,
+    lagged,
+    slip_rows,
+    smooth_force,
+)
 
 Array = NDArray[np.float64]
 
@@ -47,7 +54,8 @@ COARSE = tuple(product(TIME_CONSTANTS[1::3], DELAYS[:2], KNEES[1:4:2]))
 class Balance:
     """The best regression: the unexplained share of the load, the coefficients, and the grid point.
 
-    They are the inertias, the coupling, dry and viscous friction of both axes, four slopes and the curvature.
+    They are the inertias, the coupling, dry and viscous friction of both axes, four slopes and the
+    curvature.
     """
 
     left: float
@@ -61,7 +69,12 @@ def first_estimate(log: Log, motion: Smoothed, shape: Shape) -> Array:
     if best is None:
         return p
     time_constant, delay, share = best.grid
-    inertias, friction, slopes, curvature = best.found[:3], best.found[3:7], best.found[7:11], best.found[11]
+    inertias, friction, slopes, curvature = (
+        best.found[:3],
+        best.found[3:7],
+        best.found[7:11],
+        best.found[11],
+    )
     if min(inertias[:2]) > 0.0:
         p[[at.INERTIA_A, at.INERTIA_B]] = np.log(inertias[:2])
         p[at.COUPLING] = np.clip(inertias[2] / np.sqrt(inertias[0] * inertias[1]), -0.8, 0.8)
@@ -71,11 +84,15 @@ def first_estimate(log: Log, motion: Smoothed, shape: Shape) -> Array:
             p[place] = np.log(slope)
     p[at.TIME_CONSTANT], p[at.DELAY], p[at.KNEE] = np.log(time_constant), delay, share * shape.top
     slope = np.exp(p[list(at.SLOPES)]).mean()
-    p[at.EXTRA] = np.clip(curvature / slope, -0.5 / shape.top, 50.0) * ((1.0 - share) * shape.top) ** 2
+    p[at.EXTRA] = (
+        np.clip(curvature / slope, -0.5 / shape.top, 50.0) * ((1.0 - share) * shape.top) ** 2
+    )
     return p.clip(at.LOWEST, shape.highest)
 
 
-def balance(log: Log, motion: Smoothed, shape: Shape, grid: Sequence[Grid] = FULL) -> Balance | None:
+def balance(
+    log: Log, motion: Smoothed, shape: Shape, grid: Sequence[Grid] = FULL
+) -> Balance | None:
     """Return the best regression over a grid, without negative inertias, torques or friction; None for too few rows."""
     rows = _slipping_rows(log, motion, shape.start)
     if len(rows) < MIN_ROWS:
@@ -84,17 +101,26 @@ def balance(log: Log, motion: Smoothed, shape: Shape, grid: Sequence[Grid] = FUL
     signs = np.sign(motion.omega[rows] @ w.T)
     inertial, load = _inertial(log, motion, shape, rows)
     omega = motion.omega[rows]
-    axes = [_both(values * axis) for values in (np.sign(omega), omega) for axis in ([1.0, 0.0], [0.0, 1.0])]
+    axes = [
+        _both(values * axis)
+        for values in (np.sign(omega), omega)
+        for axis in ([1.0, 0.0], [0.0, 1.0])
+    ]
     best: Balance | None = None
     for time_constant, delay, share in grid:
         volts = np.roll(log.volts, round(delay / log.interval), axis=0)
         linear = signs * lagged(log, volts, time_constant)[rows]
-        above = signs * lagged(log, np.maximum(volts - share * shape.top, 0.0) ** 2, time_constant)[rows]
+        above = (
+            signs
+            * lagged(log, np.maximum(volts - share * shape.top, 0.0) ** 2, time_constant)[rows]
+        )
         slopes = [_both(linear[:, [x]] * w[x]) for x in range(4)]
         table = np.column_stack([*inertial, *axes, *slopes, _both(above @ w)])
         size = np.linalg.norm(table, axis=0) + 1e-12
         signed = [2, table.shape[1] - 1]  # coupling and curvature may be negative
-        triangle: Array = _LINEAR.qr(np.column_stack([table / size, -table[:, signed] / size[signed], load]), mode="r")
+        triangle: Array = _LINEAR.qr(
+            np.column_stack([table / size, -table[:, signed] / size[signed], load]), mode="r"
+        )
         positive, left = _OPTIMIZE.nnls(triangle[:, :-1], triangle[:, -1])
         positive[signed] -= positive[len(size) :]
         share_left = float(left / max(np.linalg.norm(load), 1e-300)) ** 2
@@ -109,7 +135,12 @@ def _slipping_rows(log: Log, motion: Smoothed, start: Machine) -> NDArray[np.int
     rows = np.arange(2 * motion.half, len(log.theta) - 2 * motion.half, every)
     engaged = lagged(log, log.volts, start.clutch.time_constant) > ENGAGED
     slip = motion.omega @ slip_rows(start).T
-    near = np.stack([slip[rows + k] for k in range(-2 * motion.half, 2 * motion.half + 1, max(1, motion.half // 2))])
+    near = np.stack(
+        [
+            slip[rows + k]
+            for k in range(-2 * motion.half, 2 * motion.half + 1, max(1, motion.half // 2))
+        ]
+    )
     one_way = (near.min(axis=0) > SLIPPING) | (near.max(axis=0) < -SLIPPING)
     return rows[(one_way | ~engaged[rows]).all(axis=1) & log.is_clear(2 * motion.half)[rows]]
 
@@ -119,11 +150,15 @@ def _both(values: Array) -> Array:
     return values.T.ravel()
 
 
-def _inertial(log: Log, motion: Smoothed, shape: Shape, rows: NDArray[np.int64]) -> tuple[list[Array], Array]:
+def _inertial(
+    log: Log, motion: Smoothed, shape: Shape, rows: NDArray[np.int64]
+) -> tuple[list[Array], Array]:
     """Return the columns of the inertias and of the coupling, and the load that all columns together carry [N·m]."""
     theta, omega, alpha = motion.theta[rows], motion.omega[rows], motion.alpha[rows]
     between = theta[:, 0] - theta[:, 1]
-    coupling = np.cos(between)[:, None] * alpha[:, ::-1] + np.sin(between)[:, None] * omega[:, ::-1] ** 2 * [1.0, -1.0]
+    coupling = np.cos(between)[:, None] * alpha[:, ::-1] + np.sin(between)[:, None] * omega[
+        :, ::-1
+    ] ** 2 * [1.0, -1.0]
     force, arm = smooth_force(log)[rows], shape.start.arm
     lengths = np.array([arm.length_a, arm.length_b])
     load = lengths * (np.cos(theta) * force[:, [1]] - np.sin(theta) * force[:, [0]])

@@ -30,21 +30,22 @@ def identify(
 ) -> None:
     """Identify a real machine from logs.
 
-    Says whether the simulator's model explains them, estimates inertias, friction, torque curves, lag and delay with
-    95 % intervals, and lists what they don't determine. Writes preset.toml, which other commands take as
+    Says whether the simulator's model explains them, estimates inertias, friction, torque curves,
+    lag and delay with 95 % intervals, and lists what they don't determine. Writes preset.toml,
+    which other commands take as
     --machine, and identified.png. docs/identify.md says what to record.
 
     Example: pter identify log.csv --lengths 0.5645,0.4454 --out mine
 
     Args:
-        logs: Tables with t_s, V1 to V4, theta_A, theta_B, F_x and F_y; several are joined.
-        machine: Machine to start from; parameters that the log doesn't determine keep its values.
-        lengths: Measured lengths of links A and B [m]; by default those of the machine to start from.
-        voltage_max: Largest voltage of the clutches [V]; by default that of the machine to start from.
-        columns: Names of these columns in the files where they differ, such as theta_A=thetaA.
-        degrees: Whether angles are in degrees.
-        relative_b: Whether theta_B is measured from link A instead of the x axis.
-        out: Folder for the results, created if necessary.
+        logs: Tables with t_s, V1 to V4, theta_A, theta_B, F_x and F_y; several are joined. machine:
+        Machine to start from; parameters that the log doesn't determine keep its values. lengths:
+        Measured lengths of links A and B [m]; by default those of the machine to start from.
+        voltage_max: Largest voltage of the clutches [V]; by default that of the machine to start
+        from. columns: Names of these columns in the files where they differ, such as
+        theta_A=thetaA. degrees: Whether angles are in degrees. relative_b: Whether theta_B is
+        measured from link A instead of the x axis. out: Folder for the results, created if
+        necessary.
     """
     from pter_gym._internal.files import write_files_atomic
     from pter_gym.params._preset import format_preset
@@ -55,13 +56,17 @@ def identify(
 
     start = read_start(machine, lengths, voltage_max)
     names = read_names(columns)
-    log = join_logs([read_log(path, columns=names, degrees=degrees, relative_b=relative_b) for path in logs])
+    log = join_logs(
+        [read_log(path, columns=names, degrees=degrees, relative_b=relative_b) for path in logs]
+    )
     for remark in log.remarks:
         say(remark)
     make_folder(out)
     with progress_bar() as progress:
         task = progress.add_task("identify", total=100)
-        found = search(log, start, lambda share: progress.update(task, completed=round(100 * share)))
+        found = search(
+            log, start, lambda share: progress.update(task, completed=round(100 * share))
+        )
     title = "\n".join(["Written by pter identify. Assumed:", *found.assumptions])
     text = format_preset(preset_of(found), title)
     write_files_atomic(out, {"preset.toml": text.encode(), "identified.png": png(picture(found))})
@@ -86,7 +91,9 @@ def read_start(machine: str, lengths: str | None, voltage_max: float | None) -> 
     if lengths is not None:
         given = numbers("lengths", lengths)
         if len(given) != 2:
-            raise ParameterError(f"lengths must be two numbers separated by a comma, got {lengths!r}")
+            raise ParameterError(
+                f"lengths must be two numbers separated by a comma, got {lengths!r}"
+            )
         start = replace(start, arm=replace(start.arm, length_a=given[0], length_b=given[1]))
     if voltage_max is not None:
         start = replace(start, clutch=replace(start.clutch, voltage_max=voltage_max))
@@ -97,13 +104,20 @@ def read_names(columns: tuple[str, ...]) -> dict[str, str]:
     """Return names of columns in the files, by their usual names."""
     pairs = [each.partition("=") for each in columns]
     if not all(name and column for name, _, column in pairs):
-        raise ParameterError(f"columns must be pairs such as theta_A=thetaA, got {' '.join(columns)!r}")
+        raise ParameterError(
+            f"columns must be pairs such as theta_A=thetaA, got {' '.join(columns)!r}"
+        )
     return {name: column for name, _, column in pairs}
 
 
 def findings_table(found: "Identification") -> Table:
     """Return a table of the numbers; it fits a terminal of 80 columns."""
-    table = Table(box=None, padding=(0, 1), pad_edge=False, caption="±: half of the 95 % interval; docs/identify.md")
+    table = Table(
+        box=None,
+        padding=(0, 1),
+        pad_edge=False,
+        caption="±: half of the 95 % interval; docs/identify.md",
+    )
     table.add_column("number", no_wrap=True)
     for header in ("value", "±", "unit"):
         table.add_column(header, justify="left" if header == "unit" else "right", no_wrap=True)

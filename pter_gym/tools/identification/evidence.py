@@ -1,9 +1,11 @@
-"""What the residuals of a fit still tell: score tests, whose errors are derived from the noise of the log.
+"""What the residuals of a fit still tell: score tests, whose errors are derived from the noise of
+the log.
 
-A test asks how much of a further change of the predicted angles the residuals contain, beyond what the free coordinates
-could do instead, and how much of it the noise of angles and forces and the model's step make by themselves. It takes no
-search. The changes are those of terms of the clutches that are not searched at first, and those of each coordinate in
-one part of the log only: a number that differs between parts is none of the machine's.
+A test asks how much of a further change of the predicted angles the residuals contain, beyond what
+the free coordinates could do instead, and how much of it the noise of angles and forces and the
+model's step make by themselves. It takes no search. The changes are those of terms of the clutches
+that are not searched at first, and those of each coordinate in one part of the log only: a number
+that differs between parts is none of the machine's.
 """
 
 from collections.abc import Iterator
@@ -74,7 +76,9 @@ class Evidence:
         fit = self.fit
         self._residual, self._jacobian = fit.weighed()
         self._factors = fit.factors()
-        self._shaken = np.stack([self._weighed(fit.change(fit.p, inputs)) for inputs in fit.windows.shaken])
+        self._shaken = np.stack(
+            [self._weighed(fit.change(fit.p, inputs)) for inputs in fit.windows.shaken]
+        )
         self._stepped = self._weighed(fit.change(fit.p, self.finer))
 
     def _weighed(self, change: Array) -> Array:
@@ -87,7 +91,8 @@ class Evidence:
         return self._tested(self._weighed(self.fit.change(p)))
 
     def part(self, i: int, part: Flags) -> Amount:
-        """Test a change of ``fit.free[i]`` in a part of the windows only, shape (windows,), by the larger error.
+        """Test a change of ``fit.free[i]`` in a part of the windows only, shape (windows,), by the
+        larger error.
 
         A lone breakaway, which is a matter of chance, then makes no difference.
         """
@@ -115,7 +120,8 @@ class Evidence:
 
 
 def admit_terms(fit: Fit, finer: LogInputs, kept: dict[int, str]) -> None:
-    """Search those terms of the clutches that the residuals ask for, one after the other; keep the others.
+    """Search those terms of the clutches that the residuals ask for, one after the other; keep the
+    others.
 
     Adds to ``kept`` why they are: from which size on the log would show them.
     """
@@ -146,7 +152,10 @@ def _unseen(i: int, tests: dict[float, Amount]) -> str:
         ((size, test),) = tests.items()
         shown = SIGNIFICANT * test.error * size
     else:
-        shown = min((size for size, test in tests.items() if SIGNIFICANT * test.error <= 1.0), default=np.inf)
+        shown = min(
+            (size for size, test in tests.items() if SIGNIFICANT * test.error <= 1.0),
+            default=np.inf,
+        )
     if not shown < COORDINATES[i].max_error:
         return COORDINATES[i].unseen
     what = f"{100.0 * shown:.2g} % from 1" if i == at.FALL_RATIO else f"{shown:.2g} {at.TERMS[i]}"
@@ -154,10 +163,11 @@ def _unseen(i: int, tests: dict[float, Amount]) -> str:
 
 
 def find_differences(fit: Fit, finer: LogInputs, log: Log, motion: Smoothed) -> tuple[str, ...]:
-    """Find numbers that differ between parts of the log, and return the most significant ones first, as sentences.
+    """Find numbers that differ between parts of the log, and return the most significant ones
+    first, as sentences.
 
-    Adds to the fit's spread how far coordinates would go if the number had a value of its own in the part that tells
-    less of it.
+    Adds to the fit's spread how far coordinates would go if the number had a value of its own in
+    the part that tells less of it.
     """
     said: list[tuple[float, str]] = []
     parts = list(_parts(fit, log, motion))
@@ -171,7 +181,9 @@ def find_differences(fit: Fit, finer: LogInputs, log: Log, motion: Smoothed) -> 
             said.append((abs(found.significance), f"{COORDINATES[i].quantity} differs {name}"))
             own = np.eye(len(fit.free))[column] - found.along
             change = np.zeros(at.COUNT)
-            change[fit.free] = found.value * min(own, found.along, key=lambda each: abs(float(each[column])))
+            change[fit.free] = found.value * min(
+                own, found.along, key=lambda each: abs(float(each[column]))
+            )
             fit.spread = fit.spread + np.outer(change, change)
     return tuple(sentence for _, sentence in sorted(said, reverse=True))
 

@@ -1,8 +1,10 @@
-"""The experiment that makes a machine's parameters visible, and what it would record on a simulated machine.
+"""The experiment that makes a machine's parameters visible, and what it would record on a simulated
+machine.
 
-A person moves the handle about the middle of the workspace all the time, and pulls harder where it resists. Meanwhile
-the clutches are switched on and off, one at a time, at voltage after voltage. So each clutch slips at each voltage,
-breaks away, and is switched while it slips; without clutches the motion shows the inertias.
+A person moves the handle about the middle of the workspace all the time, and pulls harder where it
+resists. Meanwhile the clutches are switched on and off, one at a time, at voltage after voltage. So
+each clutch slips at each voltage, breaks away, and is switched while it slips; without clutches the
+motion shows the inertias.
 """
 
 import math
@@ -107,7 +109,10 @@ RECORDER = Recorder()
 
 
 def record_log(
-    machine: Machine, experiment: Experiment = EXPERIMENT, recorder: Recorder = RECORDER, seed: int = 0
+    machine: Machine,
+    experiment: Experiment = EXPERIMENT,
+    recorder: Recorder = RECORDER,
+    seed: int = 0,
 ) -> Log:
     """Return the log that the experiment would give on a simulated machine.
 
@@ -129,7 +134,9 @@ def record_log(
     rows = round(experiment.duration(len(machine.clutches)) / experiment.interval)
     halves: Array = 0.5 * TRUE_SUBSTEP * np.arange(2 * rows * ratio, dtype=np.float64)
     middles = experiment.interval * (np.arange(rows, dtype=np.float64) + 0.5)
-    applied = experiment.voltages(middles, len(machine.clutches)).clip(max=machine.clutch.voltage_max)
+    applied = experiment.voltages(middles, len(machine.clutches)).clip(
+        max=machine.clutch.voltage_max
+    )
     # in the middle of substeps, so that no rounding decides which row a voltage is of
     row_of = np.floor((halves[1::2] - recorder.delay) / experiment.interval).astype(int)
     target = _tip(machine.arm, np.array(MIDDLE)) + _hand_path(experiment, halves, rng)
@@ -138,15 +145,24 @@ def record_log(
     if recorder.angle_resolution > 0.0:
         theta = recorder.angle_resolution * np.round(theta / recorder.angle_resolution)
     force = force[::ratio] + recorder.force_noise * rng.standard_normal((rows, 2))
-    return Log(interval=experiment.interval, volts=applied, theta=theta, force=force, name="simulated")
+    return Log(
+        interval=experiment.interval, volts=applied, theta=theta, force=force, name="simulated"
+    )
 
 
-def _motion(machine: Machine, experiment: Experiment, volts: Array, target: Array) -> tuple[Array, Array]:
+def _motion(
+    machine: Machine, experiment: Experiment, volts: Array, target: Array
+) -> tuple[Array, Array]:
     """Return angles [rad] and forces [N] at the beginning of each substep, both of shape (T, 2).
 
-    The hand's target has a row for the beginning of each substep and one for its middle, where the force acts.
+    The hand's target has a row for the beginning of each substep and one for its middle, where the
+    force acts.
     """
-    held = replace(machine, hand=Hand(damping=experiment.damping, stiffness=experiment.stiffness), substep=TRUE_SUBSTEP)
+    held = replace(
+        machine,
+        hand=Hand(damping=experiment.damping, stiffness=experiment.stiffness),
+        substep=TRUE_SUBSTEP,
+    )
     state = initial_state(held, MIDDLE)
     run = simulate(held, state, volts, (0.0, 0.0), hand_target=target[1::2])
     theta = np.concatenate([[state.theta], run.theta[:-1]])
@@ -171,4 +187,6 @@ def _tip(arm: Arm, theta: Array) -> Array:
 def _tip_velocity(arm: Arm, theta: Array, omega: Array) -> Array:
     """Return the tip's velocity [m/s] at link angles [rad] and velocities [rad/s], all of shape (..., 2)."""
     speeds = omega * [arm.length_a, arm.length_b]
-    return np.stack([-np.sum(np.sin(theta) * speeds, axis=-1), np.sum(np.cos(theta) * speeds, axis=-1)], axis=-1)
+    return np.stack(
+        [-np.sum(np.sin(theta) * speeds, axis=-1), np.sum(np.cos(theta) * speeds, axis=-1)], axis=-1
+    )

@@ -1,14 +1,14 @@
 """The fit of a machine to the windows of a log: prediction errors, by least squares.
 
-The angles at the beginning of each window are measured with noise, the velocities are not measured at all. So each
-window's start is estimated together with the machine: to first order it is projected out of the residuals and of their
-derivatives (variable projection), which leaves a small dense problem in the machine's coordinates. The derivatives are
-exact: a simulation carries them along. Then the starts are mended, windows that fit badly get less weight, and the
-search goes on.
+The angles at the beginning of each window are measured with noise, the velocities are not measured
+at all. So each window's start is estimated together with the machine: to first order it is
+projected out of the residuals and of their derivatives (variable projection), which leaves a small
+dense problem in the machine's coordinates. The derivatives are exact: a simulation carries them
+along. Then the starts are mended, windows that fit badly get less weight, and the search goes on.
 
-Intervals come from a jackknife, to first order: how far the coordinates would go without each pair of neighbouring
-windows. Residuals of one window are one error that grows, and not many errors. To these comes what changes when the log
-is cut, filtered and simulated in another way.
+Intervals come from a jackknife, to first order: how far the coordinates would go without each pair
+of neighbouring windows. Residuals of one window are one error that grows, and not many errors. To
+these comes what changes when the log is cut, filtered and simulated in another way.
 """
 
 from collections.abc import Callable, Sequence
@@ -67,7 +67,8 @@ class Point(NamedTuple):
     Attributes
     ----------
     residual, jacobian
-        Less what a wrong start makes [rad], and by all coordinates, shapes (windows, 2·length) and (…, 19).
+        Less what a wrong start makes [rad], and by all coordinates, shapes (windows, 2·length) and
+        (…, 19).
     by_start
         Derivatives of the angles by the admitted changes of a start, shape (windows, 2·length, 4).
     correction
@@ -129,7 +130,9 @@ class Fit:
                 self._minimise()
             self.usual = self._usual()
             self.weights = self.windows.used / (1.0 + self.shaken() / self.usual**2)
-            self.starts = self.starts - np.einsum("wij,wj->wi", self.windows.uncertain, self._at(self.p).correction)
+            self.starts = self.starts - np.einsum(
+                "wij,wj->wi", self.windows.uncertain, self._at(self.p).correction
+            )
             self._known.clear()
         return self
 
@@ -141,7 +144,9 @@ class Fit:
     def choose_ratio(self) -> None:
         """Take the best of several ratios of breakaway to dynamic torque, if it is searched."""
         if at.RATIO in self.free:
-            tried = [np.concatenate([self.p[: at.RATIO], [r], self.p[at.RATIO + 1 :]]) for r in RATIOS]
+            tried = [
+                np.concatenate([self.p[: at.RATIO], [r], self.p[at.RATIO + 1 :]]) for r in RATIOS
+            ]
             self.p = min([self.p, *tried], key=self._misfit)
 
     def _misfit(self, p: Array) -> float:
@@ -164,7 +169,9 @@ class Fit:
             return (weights * self._at(self._with(x)).residual).ravel()
 
         def jacobian(x: Array) -> Array:
-            return (weights[:, :, None] * self._at(self._with(x)).jacobian[:, :, self.free]).reshape(-1, len(x))
+            return (
+                weights[:, :, None] * self._at(self._with(x)).jacobian[:, :, self.free]
+            ).reshape(-1, len(x))
 
         found = _OPTIMIZE.least_squares(
             residual,
@@ -190,7 +197,9 @@ class Fit:
     def _loss(self, squares: Array) -> Array:
         """Return the loss of weighted squares and its derivatives, as ``least_squares`` takes them."""
         mean = squares.reshape(len(self.weights), -1).mean(axis=1) * self.windows.noise**2
-        told = np.repeat(self._told(mean / np.maximum(self.weights, SINGULAR)), squares.size // len(self.weights))
+        told = np.repeat(
+            self._told(mean / np.maximum(self.weights, SINGULAR)), squares.size // len(self.weights)
+        )
         return np.stack([told * squares, told**2, np.zeros_like(told)])
 
     def factors(self) -> Array:
@@ -201,12 +210,16 @@ class Fit:
     def weighed(self) -> tuple[Array, Array]:
         """Return residuals and their derivatives by the free coordinates, times ``factors``."""
         here, factors = self._at(self.p), self.factors()
-        return factors[:, None] * here.residual, factors[:, None, None] * here.jacobian[:, :, self.free]
+        return factors[:, None] * here.residual, factors[:, None, None] * here.jacobian[
+            :, :, self.free
+        ]
 
     def predicted(self, p: Array, inputs: LogInputs | None = None) -> Array:
         """Return the predicted angles [rad], shape (windows, 2·length); what is not finite becomes large."""
         w = self.windows
-        angles = predict(self.shape.machine(p), inputs or w.inputs, float(p[at.DELAY]), self.starts, w.length)
+        angles = predict(
+            self.shape.machine(p), inputs or w.inputs, float(p[at.DELAY]), self.starts, w.length
+        )
         return _finite(angles.reshape(len(self.starts), -1))
 
     def _at(self, p: Array) -> Point:
@@ -218,7 +231,9 @@ class Fit:
             angles, by, by_start = differentiate(self.shape, p, w.inputs, self.starts, w.length)
             off = _finite(angles.reshape(-1, rows)) - w.measured.reshape(-1, rows)
             by_start = np.nan_to_num(by_start.reshape(-1, rows, 4)) @ w.uncertain
-            told = np.concatenate([off[:, :, None], np.nan_to_num(by.reshape(-1, rows, at.COUNT))], axis=2)
+            told = np.concatenate(
+                [off[:, :, None], np.nan_to_num(by.reshape(-1, rows, at.COUNT))], axis=2
+            )
             left, along = self._projected(by_start, told)
             if len(self._known) > 3:
                 self._known.clear()
@@ -230,7 +245,9 @@ class Fit:
         across = np.swapaxes(by_start, 1, 2)
         normal = across @ by_start
         largest = np.trace(normal, axis1=1, axis2=2)[:, None, None]
-        normal += np.diag(self.windows.noise**2 / np.square(START_ERRORS)) + SINGULAR * largest * np.eye(4)
+        normal += np.diag(
+            self.windows.noise**2 / np.square(START_ERRORS)
+        ) + SINGULAR * largest * np.eye(4)
         along: Array = _LINEAR.solve(normal, across @ values)
         return values - by_start @ along, along
 
@@ -246,7 +263,10 @@ class Fit:
         changes, information = jackknife(residual, jacobian)
         size = np.sqrt(np.maximum(np.diag(information), 1e-30))
         covariance: Array = changes.T @ changes
-        naive = np.diag(_LINEAR.inv(information / np.outer(size, size) + 1e-10 * np.eye(len(size)))) / size**2
+        naive = (
+            np.diag(_LINEAR.inv(information / np.outer(size, size) + 1e-10 * np.eye(len(size))))
+            / size**2
+        )
         variance = np.sum(residual**2) / max(self.weights.sum() * residual.shape[1], 1.0)
         places = np.diag_indices_from(covariance)
         covariance[places] = np.maximum(np.diag(covariance), variance * naive)
@@ -268,7 +288,10 @@ class Fit:
 
     def compare(self, others: Sequence[Windows]) -> None:
         """Find the spread: search on with the log cut in other ways."""
-        changes = [Fit(o, self.shape, self.free, self.p.copy(), self.on_step).search(1).p - self.p for o in others]
+        changes = [
+            Fit(o, self.shape, self.free, self.p.copy(), self.on_step).search(1).p - self.p
+            for o in others
+        ]
         # the sum, not the mean: so few changes tell their own size badly
         self.spread = np.sum([np.outer(change, change) for change in changes], axis=0)
 

@@ -22,7 +22,15 @@ from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import COORDINATES, Quantity, Shape, quantities
 from pter_gym.tools.identification.shooting import make_inputs
 from pter_gym.tools.identification.verdict import Verdict, judge
-from pter_gym.tools.identification.windows import OTHERS, SLIPPING, Smoothed, cut, experience, smooth, smooth_force
+from pter_gym.tools.identification.windows import (
+    OTHERS,
+    SLIPPING,
+    Smoothed,
+    cut,
+    experience,
+    smooth,
+    smooth_force,
+)
 
 Array = NDArray[np.float64]
 
@@ -51,13 +59,13 @@ class Finding:
     quantity
         Name, unit, value and scale.
     low, high
-        95 % interval, in the unit: equal to the value where that was kept, infinite if the model does not explain the
-        log.
+        95 % interval, in the unit: equal to the value where that was kept, infinite if the model
+        does not explain the log.
     before
         Value of the start.
     status
-        ``identified``: within ±5 % of its scale, by a model that explains the log. ``uncertain``: used, but less sure.
-        ``kept``: the log does not show it, so it is that of the start.
+        ``identified``: within ±5 % of its scale, by a model that explains the log. ``uncertain``:
+        used, but less sure. ``kept``: the log does not show it, so it is that of the start.
     reason
         Why it is kept.
     """
@@ -133,7 +141,9 @@ class Identification:
 
 
 def identify(
-    log: Log, start: Machine | str | None = None, on_progress: Callable[[float], None] = lambda _: None
+    log: Log,
+    start: Machine | str | None = None,
+    on_progress: Callable[[float], None] = lambda _: None,
 ) -> Identification:
     """Identify a machine from a log.
 
@@ -142,14 +152,16 @@ def identify(
     log
         What was recorded.
     start
-        The machine, its name or its preset: link lengths, the largest voltage, and what the log does not show.
+        The machine, its name or its preset: link lengths, the largest voltage, and what the log
+        does not show.
     on_progress
         Called with how much of the work is done, 0 to 1.
 
     Raises
     ------
     ParameterError
-        If a voltage exceeds the largest of the start or is of a clutch that it has not, or nothing moves.
+        If a voltage exceeds the largest of the start or is of a clutch that it has not, or nothing
+        moves.
     """
     start = find_machine(start)
     motion = _checked(log, start)
@@ -158,7 +170,9 @@ def identify(
     shape = Shape(start, top, live=live)
     p = first_estimate(log, motion, shape)
     kept = {
-        place: f"clutch {x + 1} was never on while it slipped" for x, place in enumerate(at.SLOPES) if x not in live
+        place: f"clutch {x + 1} was never on while it slipped"
+        for x, place in enumerate(at.SLOPES)
+        if x not in live
     }
     if not live:
         places = (at.EXTRA, at.KNEE, at.RATIO, at.TIME_CONSTANT, at.DELAY, *at.TERMS)
@@ -178,12 +192,16 @@ def identify(
     windows = cut(log, motion, start, float(np.exp(p[at.TIME_CONSTANT])))
     finer = make_inputs(log.interval, log.volts, smooth_force(log), 0.5 * windows.inputs.step)
     absent = {i for i in at.TERMS if before[i] == 0.0}
-    fit = Fit(windows, shape, [i for i in range(at.COUNT) if i not in absent | kept.keys()], p, step)
+    fit = Fit(
+        windows, shape, [i for i in range(at.COUNT) if i not in absent | kept.keys()], p, step
+    )
     fit.choose_ratio()
     fit.search()
     admit_terms(fit, finer, kept)
     tied = _keep_unseen(fit, kept, before)
-    fit.compare([cut(log, motion, start, float(np.exp(fit.p[at.TIME_CONSTANT])), other) for other in OTHERS])
+    fit.compare(
+        [cut(log, motion, start, float(np.exp(fit.p[at.TIME_CONSTANT])), other) for other in OTHERS]
+    )
     differences = find_differences(fit, finer, log, motion)
     verdict = judge(fit, finer, differences, log, motion)
     on_progress(1.0)
@@ -203,14 +221,21 @@ def preset_of(found: Identification) -> Preset:
     name = _plain(PurePath(found.log.name).name)
     assumed = "chosen: stated to pter identify, or that of its start"
     preset = machine_preset(found.machine, PRESET, origin=assumed)
-    origins = {**preset.provenance, **dict.fromkeys(("arm.length_a", "arm.length_b", "clutch.voltage_max"), assumed)}
+    origins = {
+        **preset.provenance,
+        **dict.fromkeys(("arm.length_a", "arm.length_b", "clutch.voltage_max"), assumed),
+    }
     origins |= {where: LEFT_OUT for where in origins if where.split(".")[0] in OPTIONAL_SECTIONS}
     for place in {finding.quantity.place for finding in found.findings} - {""}:
         told = [finding for finding in found.findings if finding.quantity.place == place]
         kind = "chosen" if all(finding.status == "kept" for finding in told) else "identified"
-        origins[place] = f"{kind}: from {name}, {'; '.join(_plain(finding.origin) for finding in told)}"
+        origins[place] = (
+            f"{kind}: from {name}, {'; '.join(_plain(finding.origin) for finding in told)}"
+        )
     provenance = cast("Mapping[str, str]", MappingProxyType(origins))
-    return replace(preset, sensing={**preset.sensing, "delay": max(found.delay, 0.0)}, provenance=provenance)
+    return replace(
+        preset, sensing={**preset.sensing, "delay": max(found.delay, 0.0)}, provenance=provenance
+    )
 
 
 def _plain(text: str) -> str:
@@ -222,17 +247,24 @@ def _checked(log: Log, start: Machine) -> Smoothed:
     """Return the motion of a log, or raise a ParameterError."""
     largest, count = start.clutch.voltage_max, len(start.clutches)
     if log.volts.max() > largest:
-        raise ParameterError(f"log: V1 to V4 must be at most {largest:g} V, got {log.volts.max():g}: are these volts?")
+        raise ParameterError(
+            f"log: V1 to V4 must be at most {largest:g} V, got {log.volts.max():g}: are these volts?"
+        )
     if log.volts[:, count:].any():
-        raise ParameterError(f"log: voltages from V{count + 1} on must be 0: the machine has {count} clutches")
+        raise ParameterError(
+            f"log: voltages from V{count + 1} on must be 0: the machine has {count} clutches"
+        )
     motion = smooth(log)
     if np.abs(motion.omega).max() < SLIPPING:
-        raise ParameterError(f"log: theta_A or theta_B must move faster than {SLIPPING:g} rad/s somewhere")
+        raise ParameterError(
+            f"log: theta_A or theta_B must move faster than {SLIPPING:g} rad/s somewhere"
+        )
     return motion
 
 
 def _keep_unseen(fit: Fit, kept: dict[int, str], before: Array) -> set[str]:
-    """Search without coordinates that the log does not show, which keep their values; add the reasons.
+    """Search without coordinates that the log does not show, which keep their values; add the
+    reasons.
 
     Returns the names of numbers that it shows only in combination with one that is kept.
     """
@@ -243,7 +275,9 @@ def _keep_unseen(fit: Fit, kept: dict[int, str], before: Array) -> set[str]:
         extra = abs(float(fit.p[at.EXTRA]))
         if at.EXTRA in fit.free and not extra > max(2.0 * errors[at.EXTRA], 0.01 * fit.shape.top):
             kept |= dict.fromkeys((at.EXTRA, at.KNEE), COORDINATES[at.EXTRA].unseen)
-            fit.shape = replace(fit.shape, kept_knee=max(fit.shape.start.clutch.dynamic.knee, fit.shape.top))
+            fit.shape = replace(
+                fit.shape, kept_knee=max(fit.shape.start.clutch.dynamic.knee, fit.shape.top)
+            )
         else:
             excess = {i: errors[i] / COORDINATES[i].max_error for i in fit.free}
             excess |= {at.RATIO: math.inf} if fit.has_no_jump else {}
@@ -269,10 +303,22 @@ def _left_open(fit: Fit, worst: int) -> set[str]:
     change = fit.weakest()
     if abs(change[worst]) < TIED * at.STEPS[worst]:
         return set()
-    high, low = (fit.shape.quantities((fit.p + e * change).clip(at.LOWEST, fit.shape.highest)) for e in (1.0, -1.0))
-    changes = {a.name: abs(a.value - b.value) / max(a.scale, 1e-300) for a, b in zip(high, low, strict=True)}
+    high, low = (
+        fit.shape.quantities((fit.p + e * change).clip(at.LOWEST, fit.shape.highest))
+        for e in (1.0, -1.0)
+    )
+    changes = {
+        a.name: abs(a.value - b.value) / max(a.scale, 1e-300)
+        for a, b in zip(high, low, strict=True)
+    }
     found = {name for name, size in changes.items() if size > TIED * max(changes.values())}
-    return found - {COORDINATES[worst].quantity, "torque_25", "torque_50", "torque_75", "torque_100"}
+    return found - {
+        COORDINATES[worst].quantity,
+        "torque_25",
+        "torque_50",
+        "torque_75",
+        "torque_100",
+    }
 
 
 def _findings(fit: Fit, kept: dict[int, str], tied: set[str], verdict: Verdict) -> list[Finding]:
@@ -286,11 +332,15 @@ def _findings(fit: Fit, kept: dict[int, str], tied: set[str], verdict: Verdict) 
         ends = [(fit.p + e * change).clip(at.LOWEST, fit.shape.highest) for e in (1.0, -1.0)]
         values = [np.array([q.value for q in fit.shape.quantities(p)]) for p in ends]
         column[:] = (values[0] - values[1]) / (ends[0][i] - ends[1][i])
-    errors = quantile * np.sqrt(np.maximum(np.einsum("qi,ij,qj->q", slopes, covariance, slopes), 0.0))
+    errors = quantile * np.sqrt(
+        np.maximum(np.einsum("qi,ij,qj->q", slopes, covariance, slopes), 0.0)
+    )
     reasons = {COORDINATES[i].quantity: reason for i, reason in kept.items()}
     found: list[Finding] = []
     for q, first, error, by_free in zip(here, start, errors, slopes, strict=True):
-        explained = verdict.breakaways_explained if q.name == "breakaway_ratio" else verdict.explained
+        explained = (
+            verdict.breakaways_explained if q.name == "breakaway_ratio" else verdict.explained
+        )
         unmoved = "" if by_free.any() else "the log shows none of the numbers from which it follows"
         reason = reasons.get(q.name, "") or unmoved
         sure = explained and q.name not in tied and error <= MAX_REL_HALF_WIDTH * q.scale

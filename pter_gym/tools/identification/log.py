@@ -1,6 +1,7 @@
 """A log of a machine: voltages, angles and forces over time, read from CSV and written to it.
 
-Loggers' clocks are uneven, so rows are interpolated to an even raster; stretches without rows are marked.
+Loggers' clocks are uneven, so rows are interpolated to an even raster; stretches without rows are
+marked.
 """
 
 import csv
@@ -42,7 +43,10 @@ MAX_FILE = 1 << 30
 """Largest file [B]: far above what ``MAX_DURATION`` needs."""
 
 MAX_INTERVAL = 0.01
-"""Longest usual time between two rows [s]: ten rows in the lag of a clutch. Also the longest that is interpolated."""
+"""Longest usual time between two rows [s]: ten rows in the lag of a clutch.
+
+Also the longest that is interpolated.
+"""
 
 LATE = 1.5
 """Time between two rows over the usual one from which a row has been lost."""
@@ -90,7 +94,8 @@ class Log:
     angle_step
         Resolution of the angles before they were interpolated [rad]; 0 if they were not.
     drift
-        Longest less shortest period of the logger's clock, as means over a second, over the usual one.
+        Longest less shortest period of the logger's clock, as means over a second, over the usual
+        one.
     remarks
         What was assumed or interpolated, as sentences.
     """
@@ -134,9 +139,10 @@ def read_log(
     Parameters
     ----------
     path
-        CSV whose first line names its columns, in any order: ``t_s`` [s], from any beginning; ``V1`` to ``V4`` [V], of
-        which those that are missing are 0; ``theta_A`` and ``theta_B`` [rad]; ``F_x`` and ``F_y`` [N]. Empty entries
-        are interpolated; an empty voltage is the last one.
+        CSV whose first line names its columns, in any order: ``t_s`` [s], from any beginning;
+        ``V1`` to ``V4`` [V], of which those that are missing are 0; ``theta_A`` and ``theta_B``
+        [rad]; ``F_x`` and ``F_y`` [N]. Empty entries are interpolated; an empty voltage is the last
+        one.
     columns
         Names of these columns in the file, where they differ.
     degrees
@@ -147,25 +153,34 @@ def read_log(
     Raises
     ------
     ParameterError
-        If the file cannot be read, a column is missing, an entry is not a number or out of its range, times decrease,
-        or the log is too short, too long or too coarse. The message names column and line.
+        If the file cannot be read, a column is missing, an entry is not a number or out of its
+        range, times decrease, or the log is too short, too long or too coarse. The message names
+        column and line.
     """
     file = find_path("log", path)
     found, lines, missing = _read_columns(file, dict(columns or {}))
-    remarks = [f"{file.name} has no column {name}: its voltage is taken as 0 V." for name in missing]
+    remarks = [
+        f"{file.name} has no column {name}: its voltage is taken as 0 V." for name in missing
+    ]
     repeated = np.diff(found[TIME], prepend=-np.inf) == 0.0
     if repeated.any():
-        remarks.append(f"{file.name}: {repeated.sum()} rows repeat the {TIME} of the row before and are left out.")
+        remarks.append(
+            f"{file.name}: {repeated.sum()} rows repeat the {TIME} of the row before and are left out."
+        )
         found, lines = {name: values[~repeated] for name, values in found.items()}, lines[~repeated]
     times = found[TIME] - found[TIME][0]
-    volts, theta, force = (np.column_stack([found[name] for name in names]) for names in (VOLTS, ANGLES, FORCES))
+    volts, theta, force = (
+        np.column_stack([found[name] for name in names]) for names in (VOLTS, ANGLES, FORCES)
+    )
     theta = np.radians(theta) if degrees else theta
     theta = theta + np.outer(theta[:, 0], [0.0, 1.0]) if relative_b else theta
     _check_density(file, times, {ANGLES: theta, FORCES: force})
     for name, angles in zip(ANGLES, theta.T, strict=True):
         known = np.flatnonzero(np.isfinite(angles))
         speed = np.abs(np.diff(angles[known])) / np.maximum(np.diff(times[known]), MIN_TURN)
-        wanted = f"{name} must turn by at most {MAX_SPEED:g} rad/s: are these radians, without wrapping?"
+        wanted = (
+            f"{name} must turn by at most {MAX_SPEED:g} rad/s: are these radians, without wrapping?"
+        )
         _refuse_rows(file, lines[known[1:]], speed > MAX_SPEED, wanted)
     return _on_raster(times, volts, theta, force, file.name, remarks)
 
@@ -173,10 +188,15 @@ def read_log(
 def _read_columns(file: Path, renamed: dict[str, str]) -> tuple[dict[str, Array], Rows, list[str]]:
     """Return columns by their usual names, the lines of their rows, and the names of missing voltages."""
     if unknown := renamed.keys() - set(COLUMNS):
-        raise ParameterError(f"columns: {', '.join(sorted(unknown))} must be of {', '.join(COLUMNS)}")
+        raise ParameterError(
+            f"columns: {', '.join(sorted(unknown))} must be of {', '.join(COLUMNS)}"
+        )
     needed = [renamed.get(name, name) for name in COLUMNS if name in renamed or name not in VOLTS]
     table = read_table(file, needed, optional=VOLTS, blanks=True, max_size=MAX_FILE)
-    lines, in_file = np.array(table.lines, np.int64), {name: renamed.get(name, name) for name in COLUMNS}
+    lines, in_file = (
+        np.array(table.lines, np.int64),
+        {name: renamed.get(name, name) for name in COLUMNS},
+    )
     missing = [name for name in VOLTS if in_file[name] not in table.columns]
     if len(missing) == len(VOLTS):
         raise ParameterError(f"{file} must have a column V1, V2, V3 or V4; columns may name others")
@@ -209,7 +229,9 @@ def _check_density(file: Path, times: Array, sensors: Mapping[tuple[str, str], A
         known = times[np.isfinite(values).all(axis=1)]
         usual = float(np.median(np.diff(known))) if len(known) > 1 else np.inf
         if usual > MAX_INTERVAL * (1.0 + 1e-3):
-            wanted = f"{' and '.join(names)} must be given at least each {MAX_INTERVAL:g} s of {TIME}"
+            wanted = (
+                f"{' and '.join(names)} must be given at least each {MAX_INTERVAL:g} s of {TIME}"
+            )
             raise ParameterError(f"{file}: {wanted}, got {usual:g}: are these seconds?")
 
 
@@ -226,8 +248,8 @@ def write_log(log: Log, path: FilePath) -> None:
 def join_logs(logs: Sequence[Log]) -> Log:
     """Return several logs of one machine as one, on the coarsest of their rasters.
 
-    Between two of them lie ``SETTLING`` seconds without measurements, in which clutches settle at the voltages with
-    which the next one begins.
+    Between two of them lie ``SETTLING`` seconds without measurements, in which clutches settle at
+    the voltages with which the next one begins.
 
     Raises
     ------
@@ -255,7 +277,9 @@ def _joined(log: Log, other: Log) -> Log:
         theta=np.concatenate([log.theta, between, other.theta]),
         force=np.concatenate([log.force, np.zeros((pause, 2)), other.force]),
         name=f"{log.name} and {other.name}",
-        unmeasured=np.concatenate([log.unmeasured, begin + np.arange(pause), begin + pause + other.unmeasured]),
+        unmeasured=np.concatenate(
+            [log.unmeasured, begin + np.arange(pause), begin + pause + other.unmeasured]
+        ),
         angle_step=max(log.angle_step, other.angle_step),
         drift=max(log.drift, other.drift),
         remarks=(*log.remarks, *other.remarks),
@@ -293,17 +317,23 @@ def angle_step(theta: Array) -> float:
 
 def _mean_volts(when: Array, times: Array, volts: Array) -> Array:
     """Return the mean voltages from each of even times to the next, with the integral of those held from row to row."""
-    charge = np.concatenate([np.zeros((1, 4)), np.cumsum(np.diff(times)[:, None] * volts[:-1], axis=0)])
+    charge = np.concatenate(
+        [np.zeros((1, 4)), np.cumsum(np.diff(times)[:, None] * volts[:-1], axis=0)]
+    )
     means = np.diff(interpolated(when, times, charge), axis=0) / (when[1] - when[0])
     return np.round(np.concatenate([means, volts[-1:]]), 6)
 
 
-def _on_raster(times: Array, volts: Array, theta: Array, force: Array, name: str, remarks: list[str]) -> Log:
+def _on_raster(
+    times: Array, volts: Array, theta: Array, force: Array, name: str, remarks: list[str]
+) -> Log:
     """Return the log of rows at uneven times from 0 on [s], of which some may be NaN."""
     step, even = np.diff(times), float(times[-1]) / (len(times) - 1)
     complete = np.isfinite(theta).all() and np.isfinite(force).all()
     if complete and np.abs(times - even * np.arange(len(times))).max() <= EVEN * even:
-        return Log(interval=even, volts=volts, theta=theta, force=force, name=name, remarks=tuple(remarks))
+        return Log(
+            interval=even, volts=volts, theta=theta, force=force, name=name, remarks=tuple(remarks)
+        )
     on_time = step <= LATE * np.median(step) * (1.0 + 1e-6)
     interval = float(np.mean(step[on_time]))
     raster = interval * np.arange(int(times[-1] / interval + 1e-6) + 1, dtype=np.float64)
@@ -313,10 +343,18 @@ def _on_raster(times: Array, volts: Array, theta: Array, force: Array, name: str
     for values in (theta, force):
         known = np.isfinite(values).all(axis=1)
         measured = times[known]
-        parts.append(_INTERPOLATE.PchipInterpolator(measured, values[known])(raster.clip(measured[0], measured[-1])))
+        parts.append(
+            _INTERPOLATE.PchipInterpolator(measured, values[known])(
+                raster.clip(measured[0], measured[-1])
+            )
+        )
         longest = max(MAX_INTERVAL, LATE * float(np.median(np.diff(measured))))
-        ends = np.concatenate([[-interval], measured, [times[-1] + interval]])  # its first and last rows may be empty
-        gaps += [(ends[k], ends[k + 1]) for k in np.flatnonzero(np.diff(ends) > longest * (1.0 + 1e-6))]
+        ends = np.concatenate(
+            [[-interval], measured, [times[-1] + interval]]
+        )  # its first and last rows may be empty
+        gaps += [
+            (ends[k], ends[k + 1]) for k in np.flatnonzero(np.diff(ends) > longest * (1.0 + 1e-6))
+        ]
     unmeasured = np.zeros(len(raster), np.bool_)
     for begin, end in gaps:
         unmeasured |= (raster > begin) & (raster < end)
@@ -326,10 +364,14 @@ def _on_raster(times: Array, volts: Array, theta: Array, force: Array, name: str
         f"{name}: rows were interpolated to {1e3 * interval:.6g} ms; the clock's period varies by {100 * drift:.2g} %."
     )
     if gaps:
-        places = sorted({f"{max(begin, 0.0):.2f}": begin for begin, _ in gaps}.items(), key=lambda each: each[1])
+        places = sorted(
+            {f"{max(begin, 0.0):.2f}": begin for begin, _ in gaps}.items(), key=lambda each: each[1]
+        )
         more = f" and {len(places) - NAMED} more" if len(places) > NAMED else ""
         at = ", ".join(place for place, _ in places[:NAMED])
-        remarks.append(f"{name}: rows are missing at {at} s{more}; windows with these are left out.")
+        remarks.append(
+            f"{name}: rows are missing at {at} s{more}; windows with these are left out."
+        )
     return Log(
         interval=interval,
         volts=_mean_volts(raster, times, volts),

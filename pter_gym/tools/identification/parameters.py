@@ -43,14 +43,32 @@ _NO_STEP = "no voltage was stepped while a clutch slipped, or the rows are too c
 COORDINATES = (
     Coordinate("inertia_a", 0.01, 0.25, -6.0, 5.0, "the log hardly shows the inertia of link A"),
     Coordinate("inertia_b", 0.01, 0.25, -6.0, 5.0, "the log hardly shows the inertia of link B"),
-    Coordinate("coupling", 0.01, 0.25, -0.95, 0.95, "the log hardly shows the coupling of the axes"),
+    Coordinate(
+        "coupling", 0.01, 0.25, -0.95, 0.95, "the log hardly shows the coupling of the axes"
+    ),
     *(
         Coordinate(f"scale_{x}", 0.01, 0.25, -6.0, 6.0, f"the log hardly shows clutch {x} slipping")
         for x in range(1, 5)
     ),
-    Coordinate("curvature", 0.1, math.inf, -20.0, 1e3, "the torque is straight where clutches slipped"),
-    Coordinate("knee", 0.1, 2.0, 0.0, 1e3, "clutches slipped at one voltage above the knee only: several knees fit"),
-    Coordinate("breakaway_ratio", 0.01, 0.15, 0.6, 4.0, "clutches hardly broke away with a jump that the log shows"),
+    Coordinate(
+        "curvature", 0.1, math.inf, -20.0, 1e3, "the torque is straight where clutches slipped"
+    ),
+    Coordinate(
+        "knee",
+        0.1,
+        2.0,
+        0.0,
+        1e3,
+        "clutches slipped at one voltage above the knee only: several knees fit",
+    ),
+    Coordinate(
+        "breakaway_ratio",
+        0.01,
+        0.15,
+        0.6,
+        4.0,
+        "clutches hardly broke away with a jump that the log shows",
+    ),
     Coordinate("time_constant", 0.02, 0.25, math.log(3e-3), math.log(2.0), _NO_STEP),
     Coordinate("delay", 0.5e-3, 5e-3, -0.01, 0.1, _NO_STEP),
     Coordinate("dry_a", 0.05, 2.0, 0.0, 100.0, _FRICTION),
@@ -58,13 +76,21 @@ COORDINATES = (
     Coordinate("viscous_a", 0.02, 1.0, 0.0, 100.0, _FRICTION),
     Coordinate("viscous_b", 0.02, 1.0, 0.0, 100.0, _FRICTION),
     Coordinate("off_state", 0.02, 1.0, 0.0, 100.0, "the log hardly shows torque without voltage"),
-    Coordinate("stribeck", 0.02, 0.3, 0.0, 3.0, "the log hardly shows how torque depends on the speed of the slip"),
+    Coordinate(
+        "stribeck",
+        0.02,
+        0.3,
+        0.0,
+        3.0,
+        "the log hardly shows how torque depends on the speed of the slip",
+    ),
     Coordinate("fall_ratio", 0.02, 0.25, math.log(0.1), math.log(10.0), _NO_STEP),
 )
-"""Logarithms of inertias, of slopes of the four torque curves and of the time constant; the coupling over √(M11·M22);
-the quadratic segment's share [V] of the torque over the slope at the highest voltage; its knee [V]; T_s/T_k; the delay
-[s]; the friction of each axis over its inertia, dry [rad/s²] and viscous [1/s]; the off-state torque [N·m]; the
-Stribeck velocity [rad/s]; the logarithm of the time constant of a falling torque over that of a rising one."""
+"""Logarithms of inertias, of slopes of the four torque curves and of the time constant; the
+coupling over √(M11·M22); the quadratic segment's share [V] of the torque over the slope at the
+highest voltage; its knee [V]; T_s/T_k; the delay [s]; the friction of each axis over its inertia,
+dry [rad/s²] and viscous [1/s]; the off-state torque [N·m]; the Stribeck velocity [rad/s]; the
+logarithm of the time constant of a falling torque over that of a rising one."""
 
 COUNT = len(COORDINATES)
 INERTIA_A, INERTIA_B, COUPLING = 0, 1, 2
@@ -100,7 +126,8 @@ class Shape:
     top
         Highest voltage at which a clutch slipped [V].
     kept_knee
-        The knee from which on the curvature of the start, relative to its slope, is kept; None where both are searched.
+        The knee from which on the curvature of the start, relative to its slope, is kept; None
+        where both are searched.
     live
         Clutches whose slope is identified, as a mean over which the common slope is taken.
     """
@@ -114,17 +141,27 @@ class Shape:
         """Return the machine at coordinates."""
         inertia_a, inertia_b = math.exp(p[INERTIA_A]), math.exp(p[INERTIA_B])
         slopes = np.exp(p[list(SLOPES)])
-        slope = float(slopes[list(self.live)].mean()) if self.live else self.start.clutch.dynamic.slope
-        scale = [float(slopes[x] / slope) if x in self.live else self.start.clutch_scale[x] for x in range(4)]
+        slope = (
+            float(slopes[list(self.live)].mean()) if self.live else self.start.clutch.dynamic.slope
+        )
+        scale = [
+            float(slopes[x] / slope) if x in self.live else self.start.clutch_scale[x]
+            for x in range(4)
+        ]
         before = self.start.clutch
         if self.kept_knee is not None:
-            knee, curvature = self.kept_knee, slope * before.dynamic.curvature / before.dynamic.slope
+            knee, curvature = (
+                self.kept_knee,
+                slope * before.dynamic.curvature / before.dynamic.slope,
+            )
         else:
             knee = float(p[KNEE])
             curvature = slope * float(p[EXTRA]) / max(self.top - knee, 0.5 * ROOM) ** 2
         if curvature < 0.0:  # what falls within the log must not fall below zero slope beyond it
             curvature = max(curvature, -0.49 * slope / max(before.voltage_max - knee, 1e-6))
-        dynamic = TorqueCurve(slope=slope, knee=knee, curvature=curvature, off_state=float(p[OFF_STATE]))
+        dynamic = TorqueCurve(
+            slope=slope, knee=knee, curvature=curvature, off_state=float(p[OFF_STATE])
+        )
         clutch = replace(
             before,
             dynamic=dynamic,
@@ -155,7 +192,10 @@ class Shape:
                 math.log(arm.inertia_a),
                 math.log(arm.inertia_b),
                 arm.coupling / math.sqrt(arm.inertia_a * arm.inertia_b),
-                *(math.log(max(curve.slope * scale, MIN_POSITIVE)) for scale in machine.clutch_scale),
+                *(
+                    math.log(max(curve.slope * scale, MIN_POSITIVE))
+                    for scale in machine.clutch_scale
+                ),
                 curve.curvature / curve.slope * (self.top - knee) ** 2 if inside else 0.0,
                 knee,
                 machine.clutch.breakaway.slope / curve.slope,
@@ -194,11 +234,13 @@ class Quantity(NamedTuple):
 
 
 def quantities(machine: Machine, delay: float, top: float) -> list[Quantity]:
-    """Return the numbers of a machine and a delay [s] that are reported, always the same ones in the same order.
+    """Return the numbers of a machine and a delay [s] that are reported, always the same ones in
+    the same order.
 
-    ``torque_25`` to ``torque_100`` are the mean dynamic torque at shares of ``top``, the highest voltage at which a
-    clutch slipped [V]. What may be zero is judged by something else of its unit: the coupling by √(M11·M22), the delay
-    by at least a control step, the friction by at least ``torque_25``, at 1 rad/s.
+    ``torque_25`` to ``torque_100`` are the mean dynamic torque at shares of ``top``, the highest
+    voltage at which a clutch slipped [V]. What may be zero is judged by something else of its unit:
+    the coupling by √(M11·M22), the delay by at least a control step, the friction by at least
+    ``torque_25``, at 1 rad/s.
     """
     arm, clutch, curve = machine.arm, machine.clutch, machine.clutch.dynamic
     low = curve.torque(0.25 * top)
@@ -220,10 +262,21 @@ def quantities(machine: Machine, delay: float, top: float) -> list[Quantity]:
         add(f"scale_{x}", "1", scale, "clutch.scale")
     add("time_constant", "s", clutch.time_constant, "clutch.time_constant")
     add("delay", "s", delay, "sensing.delay", max(delay, CONTROL_PERIOD))
-    for name, unit in (("dry_a", "N·m"), ("dry_b", "N·m"), ("viscous_a", "N·m·s"), ("viscous_b", "N·m·s")):
+    for name, unit in (
+        ("dry_a", "N·m"),
+        ("dry_b", "N·m"),
+        ("viscous_a", "N·m·s"),
+        ("viscous_b", "N·m·s"),
+    ):
         value = float(getattr(arm, name))
         add(name, unit, value, f"arm.{name}", max(value, low))
     add("off_state", "N·m", curve.off_state, "clutch.off_state", low)
-    add("stribeck", "rad/s", clutch.stribeck, "clutch.stribeck", max(clutch.stribeck, USUAL_STRIBECK))
+    add(
+        "stribeck",
+        "rad/s",
+        clutch.stribeck,
+        "clutch.stribeck",
+        max(clutch.stribeck, USUAL_STRIBECK),
+    )
     add("fall_ratio", "1", clutch.fall_ratio, "clutch.fall_ratio")
     return found

@@ -3,7 +3,15 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from pter_gym.tools.figures import CLUTCH_COLOURS, MUTED, REFERENCE, WIDTH, inch_pounds_right, label, styled
+from pter_gym.tools.figures import (
+    CLUTCH_COLOURS,
+    MUTED,
+    REFERENCE,
+    WIDTH,
+    inch_pounds_right,
+    label,
+    styled,
+)
 from pter_gym.tools.identification.identifying import Identification
 
 
@@ -17,8 +25,13 @@ def picture(found: Identification) -> Figure:
     curves.axvspan(top, clutch.voltage_max, color=MUTED, alpha=0.12, linewidth=0.0)
     for x, scale in enumerate(found.machine.clutch_scale[: len(found.machine.clutches)]):
         torque = [scale * clutch.dynamic.torque(v) for v in volts]
-        curves.plot(volts, torque, color=CLUTCH_COLOURS[x], linestyle="-", label=f"clutch {x + 1}, $T_k$")
-    mean, start = [clutch.breakaway.torque(v) for v in volts], [before.dynamic.torque(v) for v in volts]
+        curves.plot(
+            volts, torque, color=CLUTCH_COLOURS[x], linestyle="-", label=f"clutch {x + 1}, $T_k$"
+        )
+    mean, start = (
+        [clutch.breakaway.torque(v) for v in volts],
+        [before.dynamic.torque(v) for v in volts],
+    )
     curves.plot(volts, mean, color=REFERENCE, linestyle="--", label="mean, $T_s$")
     curves.plot(volts, start, color=MUTED, linestyle=":", label="start, $T_k$")
     for finding in found.findings:
@@ -26,7 +39,9 @@ def picture(found: Identification) -> Figure:
         if share.isdigit():
             half = finding.half_width if np.isfinite(finding.half_width) else 0.0
             place = 0.01 * float(share) * top
-            curves.errorbar(place, finding.quantity.value, yerr=half, fmt="o", markersize=3.5, color=REFERENCE)
+            curves.errorbar(
+                place, finding.quantity.value, yerr=half, fmt="o", markersize=3.5, color=REFERENCE
+            )
     curves.legend()
     curves.set_xlim(0.0, clutch.voltage_max)
     curves.set_ylim(0.0)
@@ -37,7 +52,9 @@ def picture(found: Identification) -> Figure:
     largest = max(float(np.nanpercentile(np.abs(off), 99.7)), 4e3 * windows.noise)
     for k, name in enumerate(("θA", "θB")):
         look = {"color": CLUTCH_COLOURS[k], "markersize": 1.2, "alpha": 0.6}
-        residuals.plot(times.ravel(), off[:, :, k].ravel(), ".", label=name, rasterized=True, **look)
+        residuals.plot(
+            times.ravel(), off[:, :, k].ravel(), ".", label=name, rasterized=True, **look
+        )
     residuals.set_ylim(-largest, largest)
     residuals.legend(ncols=2, markerscale=6.0)
     label(residuals, "time [s]", "measured − predicted [mrad]")

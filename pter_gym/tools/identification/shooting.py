@@ -1,8 +1,8 @@
 """The compiled simulator as the model of a log: many short windows, each begun where the log is.
 
-The log is cut into windows of equal length. Within each the simulator gets the recorded voltages and forces and
-predicts the angles. The clutches' lag runs on through the whole log, as it depends on no motion; the motion begins
-again in each window.
+The log is cut into windows of equal length. Within each the simulator gets the recorded voltages
+and forces and predicts the angles. The clutches' lag runs on through the whole log, as it depends
+on no motion; the motion begins again in each window.
 """
 
 from dataclasses import dataclass, replace
@@ -81,7 +81,8 @@ class LogInputs:
     force: Array
 
     def volts(self, delay: float) -> tuple[Array, Array]:
-        """Return the mean voltage of each substep [V], delayed by a time [s], and its derivative by the delay.
+        """Return the mean voltage of each substep [V], delayed by a time [s], and its derivative by
+        the delay.
 
         Both have the shape (substeps, 4).
         """
@@ -91,10 +92,14 @@ class LogInputs:
         row = np.floor(ends / interval).astype(int).clip(0, len(held) - 1)
         rate = held[row]
         passed = self.charge[row] + rate * (ends - interval * row)[:, None]
-        return np.maximum(np.diff(passed, axis=0) / self.step, 0.0), -np.diff(rate, axis=0) / self.step
+        return np.maximum(np.diff(passed, axis=0) / self.step, 0.0), -np.diff(
+            rate, axis=0
+        ) / self.step
 
 
-def make_inputs(interval: float, volts: Array, force: Array, longest: float = MAX_SUBSTEP) -> LogInputs:
+def make_inputs(
+    interval: float, volts: Array, force: Array, longest: float = MAX_SUBSTEP
+) -> LogInputs:
     """Return the model's inputs from rows of voltages [V], each held until the next, and of forces [N]."""
     substeps = int(np.ceil(interval / longest - 1e-9))
     step = interval / substeps
@@ -121,17 +126,23 @@ def predict(machine: Machine, inputs: LogInputs, delay: float, starts: Array, le
     delay
         Time from a recorded voltage to the motion that it makes [s].
     starts
-        Angles [rad] and angular velocities [rad/s] with which each window begins, shape (windows, 4).
+        Angles [rad] and angular velocities [rad/s] with which each window begins, shape (windows,
+        4).
     length
         Rows of a window after the one with which it begins.
     """
     volts, by_delay = inputs.volts(delay)
     body = _body(machine, inputs, volts[0])
-    return _run(machine, inputs, body, np.empty((BODY_WIDTH, 0)), volts, by_delay, starts, length)[0]
+    return _run(machine, inputs, body, np.empty((BODY_WIDTH, 0)), volts, by_delay, starts, length)[
+        0
+    ]
 
 
-def differentiate(shape: Shape, p: Array, inputs: LogInputs, starts: Array, length: int) -> tuple[Array, Array, Array]:
-    """Return what ``predict`` does at coordinates, and its exact derivatives by them and by the starts.
+def differentiate(
+    shape: Shape, p: Array, inputs: LogInputs, starts: Array, length: int
+) -> tuple[Array, Array, Array]:
+    """Return what ``predict`` does at coordinates, and its exact derivatives by them and by the
+    starts.
 
     Parameters
     ----------
@@ -163,7 +174,9 @@ def differentiate(shape: Shape, p: Array, inputs: LogInputs, starts: Array, leng
 
 def _body(machine: Machine, inputs: LogInputs, volts: Array) -> Array:
     """Return a machine whose clutches have settled at voltages, as kernels take it."""
-    settled = initial_state(machine, (0.0, 0.0), volts=np.minimum(volts, machine.clutch.voltage_max))
+    settled = initial_state(
+        machine, (0.0, 0.0), volts=np.minimum(volts, machine.clutch.voltage_max)
+    )
     return body_of(replace(machine, substep=inputs.step), settled)
 
 
@@ -180,20 +193,43 @@ def _run(
     record = np.empty((len(starts), length, 2))
     by = np.empty((*record.shape, tangents.shape[1]))
     kernel = _kernel(paper_clutches=machine.has_paper_clutches, lanes=tangents.shape[1])
-    kernel(body, tangents, volts, by_delay, inputs.force, starts, inputs.step, inputs.substeps, record, by)
+    kernel(
+        body,
+        tangents,
+        volts,
+        by_delay,
+        inputs.force,
+        starts,
+        inputs.step,
+        inputs.substeps,
+        record,
+        by,
+    )
     return record, by
 
 
 @device
-def _begin(body: Any, dot: Any, lanes: int, a: float, b: float, omega_a: float, omega_b: float) -> None:
+def _begin(
+    body: Any, dot: Any, lanes: int, a: float, b: float, omega_a: float, omega_b: float
+) -> None:
     """Begin a window with the angles a and b [rad]; the last four lanes are the derivatives by its start."""
     motion = Motion(a, b, omega_a, omega_b, np.cos(a), np.sin(a), np.cos(b), np.sin(b))
     store(body, BODY.motion, 0, motion)
     for j in range(lanes):
         store(dot, BODY.motion, j, Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     if lanes > 0:
-        store(dot, BODY.motion, lanes - 4, Motion(1.0, 0.0, 0.0, 0.0, -motion.sin_a, motion.cos_a, 0.0, 0.0))
-        store(dot, BODY.motion, lanes - 3, Motion(0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -motion.sin_b, motion.cos_b))
+        store(
+            dot,
+            BODY.motion,
+            lanes - 4,
+            Motion(1.0, 0.0, 0.0, 0.0, -motion.sin_a, motion.cos_a, 0.0, 0.0),
+        )
+        store(
+            dot,
+            BODY.motion,
+            lanes - 3,
+            Motion(0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -motion.sin_b, motion.cos_b),
+        )
         dot[BODY.motion.omega_a, lanes - 2] = dot[BODY.motion.omega_b, lanes - 1] = 1.0
 
 
@@ -229,7 +265,15 @@ def _build(digest: str) -> Any:
         dot[:] = tangents
         k = 0
         for window in range(record.shape[0]):
-            _begin(body, dot, lanes, starts[window, 0], starts[window, 1], starts[window, 2], starts[window, 3])
+            _begin(
+                body,
+                dot,
+                lanes,
+                starts[window, 0],
+                starts[window, 1],
+                starts[window, 2],
+                starts[window, 3],
+            )
             for row in range(record.shape[1]):
                 for _substep in range(substeps):
                     changed = _command(body, dot, lanes, volts, by_delay, k)

@@ -22,11 +22,12 @@ Flags = NDArray[np.bool_]
 _STATS: Any = stats
 
 FAR = 2.0
-"""Root mean square of a window's residuals over what the log's noise makes, from which the model does not explain it.
+"""Root mean square of a window's residuals over what the log's noise makes, from which the model
+does not explain it.
 
-Noise of the forces is smooth after two integrals, so a window has as few as three independent residuals, and then 0.7 %
-of the windows are this far off by chance: P(χ² > 3·2²) with three degrees of freedom.
-"""
+Noise of the forces is smooth after two integrals, so a window has as few as three independent
+residuals, and then 0.7 % of the windows are this far off by chance: P(χ² > 3·2²) with three degrees
+of freedom. """
 
 MAX_UNEXPLAINED = 0.1
 """Largest share of such windows in a log that the model explains: some breakaways are always a matter of chance."""
@@ -74,11 +75,13 @@ class Verdict:
     differing
         Share of the searched numbers that differ between parts of the log.
     breakaways
-        Windows that show a breakaway of any clutch and of each: how many are not explained, and of how many.
+        Windows that show a breakaway of any clutch and of each: how many are not explained, and of
+        how many.
     gaps
         Windows that are left out since they hold a gap of the log.
     where
-        At which speed, voltage or position most windows are not explained, if that makes a difference.
+        At which speed, voltage or position most windows are not explained, if that makes a
+        difference.
     hints
         Sentences on what may be wrong with the log.
     """
@@ -119,26 +122,37 @@ class Verdict:
         if self.explained:
             return f"The model explains the log: {off}."
         if self.differing > MAX_DIFFERING:
-            off += f", and {100 * self.differing:.0f} % of the numbers differ between parts of the log"
+            off += (
+                f", and {100 * self.differing:.0f} % of the numbers differ between parts of the log"
+            )
         return f"The model does not explain the log, so nothing is identified: {off}, {self.where}."
 
 
-def judge(fit: Fit, finer: LogInputs, differences: tuple[str, ...], log: Log, motion: Smoothed) -> Verdict:
+def judge(
+    fit: Fit, finer: LogInputs, differences: tuple[str, ...], log: Log, motion: Smoothed
+) -> Verdict:
     """Return the verdict on a fit, given inputs with a shorter substep and what differs between parts of the log."""
     windows, used = fit.windows, fit.windows.used
-    unavoidable = fit.moved(finer) + fit.shaken()  # by the model's step and noise of the forces [rad²]
+    unavoidable = (
+        fit.moved(finer) + fit.shaken()
+    )  # by the model's step and noise of the forces [rad²]
     far = fit.sizes() > FAR * np.sqrt(windows.noise**2 + unavoidable)
     share = float(far[used].mean()) if used.any() else 1.0
     enough = int(used.sum()) // BLOCK > len(fit.free)
     differing = len(differences) / max(len(fit.free), 1)
     explained = enough and share <= MAX_UNEXPLAINED and differing <= MAX_DIFFERING
     where = "" if explained or not used.any() else _where(fit, log, motion, far)
-    hints = (*_oddities(fit, log, differences), *(() if explained else other_readings(log, fit.shape)))
+    hints = (
+        *_oddities(fit, log, differences),
+        *(() if explained else other_readings(log, fit.shape)),
+    )
     by_ratio = np.abs(fit.jacobian[:, :, RATIO]).max(axis=1) * SHOWS_BREAKAWAY > windows.noise
     shown = used & by_ratio & (RATIO in fit.free)
     parts = [shown, *(shown & each for each in windows.broke_away.T)]
     breakaways = tuple((int(far[part].sum()), int(part.sum())) for part in parts)
-    return Verdict(int(used.sum()), share, enough, differing, breakaways, windows.gaps, where, hints)
+    return Verdict(
+        int(used.sum()), share, enough, differing, breakaways, windows.gaps, where, hints
+    )
 
 
 def _where(fit: Fit, log: Log, motion: Smoothed, far: Flags) -> str:
@@ -199,14 +213,26 @@ def _readings(log: Log) -> Iterator[tuple[str, Log]]:
     theta, force = log.theta, log.force
     yield "theta_A and theta_B seem to be swapped", replace(log, theta=theta[:, ::-1])
     relative = np.column_stack([theta[:, 0], theta.sum(axis=1)])
-    yield "theta_B seems to be measured from link A, not from the x axis (--relative-b)", replace(log, theta=relative)
-    yield "theta_A and theta_B seem to be in degrees (--degrees)", replace(log, theta=np.radians(theta))
+    yield (
+        "theta_B seems to be measured from link A, not from the x axis (--relative-b)",
+        replace(log, theta=relative),
+    )
+    yield (
+        "theta_A and theta_B seem to be in degrees (--degrees)",
+        replace(log, theta=np.radians(theta)),
+    )
     for x, y in combinations(range(4), 2):
         order = [y if k == x else x if k == y else k for k in range(4)]
         yield f"V{x + 1} and V{y + 1} seem to be swapped", replace(log, volts=log.volts[:, order])
-    yield "F_x and F_y seem to have the wrong sign: they are those of the hand on the tip", replace(log, force=-force)
+    yield (
+        "F_x and F_y seem to have the wrong sign: they are those of the hand on the tip",
+        replace(log, force=-force),
+    )
     yield "F_x seems to have the wrong sign", replace(log, force=force * [-1.0, 1.0])
-    yield "F_y seems to have the wrong sign, or both angles", replace(log, force=force * [1.0, -1.0])
+    yield (
+        "F_y seems to have the wrong sign, or both angles",
+        replace(log, force=force * [1.0, -1.0]),
+    )
     yield "F_x and F_y seem to be swapped", replace(log, force=force[:, ::-1])
     for shift in SHIFTS:
         when = f"{1e3 * abs(shift):.0f} ms {'late' if shift > 0.0 else 'early'}"

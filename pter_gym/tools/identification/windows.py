@@ -22,8 +22,9 @@ DURATION = 0.2
 """Length of a window [s]: angles tell accelerations well within it, and little of a wrong start is left."""
 
 CUTOFF = 200.0
-"""Cutoff frequency of the forces [Hz]: a log of up to 500 rows a second is not filtered. A filter cuts off the hand's
-peaks, so that clutches break away too late; 120 Hz makes the breakaway torque 0.1 % too small."""
+"""Cutoff frequency of the forces [Hz]: a log of up to 500 rows a second is not filtered. A filter
+cuts off the hand's peaks, so that clutches break away too late; 120 Hz makes the breakaway torque
+0.1 % too small."""
 
 SMOOTHING = 0.024
 """Half the length of the smoothing of the angles [s], which gives the velocities at the starts of windows."""
@@ -75,7 +76,8 @@ OTHERS = (Cutting(0.55, 2.0 * CUTOFF, 0.5 * SUBSTEP), Cutting(1.4, 0.5 * CUTOFF,
 class Smoothed:
     """Smoothed angles [rad], velocities [rad/s] and accelerations [rad/s²], shape (rows, 2).
 
-    ``noise`` is the standard deviation of the measured angles [rad], ``half`` the rows on each side that count.
+    ``noise`` is the standard deviation of the measured angles [rad], ``half`` the rows on each side
+    that count.
     """
 
     theta: Array
@@ -100,18 +102,21 @@ class Windows:
     starts
         Angles [rad] and velocities [rad/s] at the beginning, shape (windows, 4).
     uncertain
-        Changes of a start that are admitted, as columns, zero where a clutch holds, shape (windows, 4, 4).
+        Changes of a start that are admitted, as columns, zero where a clutch holds, shape (windows,
+        4, 4).
     used
-        Whether a window is used: it is not where it holds a gap of the log, or where nobody can tell from the angles
-        whether a clutch holds as it begins.
+        Whether a window is used: it is not where it holds a gap of the log, or where nobody can
+        tell from the angles whether a clutch holds as it begins.
     broke_away
-        Whether each clutch, engaged, is slow at some row and slips at another of each window, shape (windows, 4).
+        Whether each clutch, engaged, is slow at some row and slips at another of each window, shape
+        (windows, 4).
     gaps
         How many windows hold a gap.
     inputs, noise
         Of the model; standard deviation of the angles [rad].
     shaken
-        Inputs with more noise of the forces, as much as they have: what they change, no fit can tell.
+        Inputs with more noise of the forces, as much as they have: what they change, no fit can
+        tell.
     """
 
     length: int
@@ -140,7 +145,9 @@ def smooth(log: Log) -> Smoothed:
 def _noise(log: Log, smoothed: Array) -> float:
     """Return the standard deviation of the angles' noise [rad]: without motion's, and at least an encoder's."""
     rough = np.diff(log.theta[:: _independent(log)], 3, axis=0) / np.sqrt(20.0)
-    spread = min(float(np.median(np.abs(values))) / 0.6745 for values in (log.theta - smoothed, rough))
+    spread = min(
+        float(np.median(np.abs(values))) / 0.6745 for values in (log.theta - smoothed, rough)
+    )
     return max(spread, (log.angle_step or angle_step(log.theta)) / np.sqrt(12.0), 1e-7)
 
 
@@ -172,8 +179,8 @@ def slip_rows(machine: Machine) -> Array:
 def experience(log: Log, motion: Smoothed, start: Machine) -> tuple[Array, float, int]:
     """Return what the log shows of the clutches.
 
-    How long each slipped while it was on [s], shape (4,); the highest voltage at which one slipped [V]; and at how many
-    voltages, at least half a volt apart, clutches slipped.
+    How long each slipped while it was on [s], shape (4,); the highest voltage at which one slipped
+    [V]; and at how many voltages, at least half a volt apart, clutches slipped.
     """
     behind = lagged(log, log.volts, start.clutch.time_constant)
     slips = (np.abs(motion.omega @ slip_rows(start).T) > SLIPPING) & (behind > ENGAGED)
@@ -190,7 +197,9 @@ def experience(log: Log, motion: Smoothed, start: Machine) -> tuple[Array, float
     return log.interval * slips.sum(axis=0), float(nearest.min()) if len(nearest) else top, levels
 
 
-def cut(log: Log, motion: Smoothed, start: Machine, time_constant: float, cutting: Cutting = USUAL) -> Windows:
+def cut(
+    log: Log, motion: Smoothed, start: Machine, time_constant: float, cutting: Cutting = USUAL
+) -> Windows:
     """Return the windows of a log; the time constant [s] needn't be exact."""
     length = max(4, round(cutting.stretch * DURATION / log.interval))
     first = np.arange((len(log.theta) - 1) // length) * length
@@ -234,7 +243,9 @@ def _shaken_logs(log: Log) -> Iterator[Log]:
         yield replace(log, force=log.force + noise * rng.standard_normal(log.force.shape))
 
 
-def _holding(log: Log, motion: Smoothed, start: Machine, time_constant: float) -> tuple[Flags, Flags]:
+def _holding(
+    log: Log, motion: Smoothed, start: Machine, time_constant: float
+) -> tuple[Flags, Flags]:
     """Return which clutches hold at rows of a log, shape (rows, 4), and where that cannot be told, shape (rows,)."""
     engaged = lagged(log, log.volts, time_constant) > ENGAGED
     slip = np.abs(motion.omega @ slip_rows(start).T)
@@ -248,7 +259,9 @@ def _holding(log: Log, motion: Smoothed, start: Machine, time_constant: float) -
 
 def _admitted(omega: Array, held: Flags, w: Array) -> tuple[Array, Array]:
     """Return velocities that held clutches admit, shape (N, 2), and the directions left, as columns, (N, 2, 2)."""
-    same = (w[:, None] == w).all(axis=2).argmax(axis=1)  # clutches of equal rows leave the same line
+    same = (
+        (w[:, None] == w).all(axis=2).argmax(axis=1)
+    )  # clutches of equal rows leave the same line
     held = np.stack([held[:, same == x].any(axis=1) for x in range(len(w))], axis=1)
     many = held.sum(axis=1)
     lines = w[:, ::-1] * (-1.0, 1.0) / np.linalg.norm(w, axis=1, keepdims=True)

@@ -1,8 +1,10 @@
-"""Calibration: find plausible values for what the paper does not print, from its Table I and its trends.
+"""Calibration: find plausible values for what the paper does not print, from its Table I and its
+trends.
 
-Every candidate obeys the rules of the search space by construction; requirements that cannot be built in become
-penalties. What Figs. 7, 8, 10 and 11 show is fitted too, so meeting it is no evidence (``claims.FITTED``); what the
-materials' peak torques explain is not. The search is by a covariance matrix adaptation evolution strategy (CMA-ES).
+Every candidate obeys the rules of the search space by construction; requirements that cannot be
+built in become penalties. What Figs. 7, 8, 10 and 11 show is fitted too, so meeting it is no
+evidence (``claims.FITTED``); what the materials' peak torques explain is not. The search is by a
+covariance matrix adaptation evolution strategy (CMA-ES).
 """
 
 import math
@@ -54,34 +56,87 @@ MIN_RATIO = 1.12
 SPACE: tuple[FreeParameter, ...] = (
     FreeParameter("length_a", "m", 0.3, 0.66, "PTER's links were of the order of half a metre"),
     FreeParameter("length_b", "m", 0.3, 0.66, "PTER's links were of the order of half a metre"),
-    FreeParameter("inertia_a", "kg·m²", 0.25, 2.0, "aluminium links, with clutch rotors and gears", True),
-    FreeParameter("inertia_b", "kg·m²", 0.25, 2.0, "aluminium links, with clutch rotors and gears", True),
-    FreeParameter("coupling", "1", -0.6, 0.6, "relative to √(M11·M22): the mass matrix stays well conditioned"),
     FreeParameter(
-        "small_voltage", "V", 4.0, 8.0, "where breakaway is 63.5 in·lbf: a small voltage, not below the tests"
+        "inertia_a", "kg·m²", 0.25, 2.0, "aluminium links, with clutch rotors and gears", True
+    ),
+    FreeParameter(
+        "inertia_b", "kg·m²", 0.25, 2.0, "aluminium links, with clutch rotors and gears", True
+    ),
+    FreeParameter(
+        "coupling", "1", -0.6, 0.6, "relative to √(M11·M22): the mass matrix stays well conditioned"
+    ),
+    FreeParameter(
+        "small_voltage",
+        "V",
+        4.0,
+        8.0,
+        "where breakaway is 63.5 in·lbf: a small voltage, not below the tests",
     ),
     FreeParameter("knee", "V", 8.0, 22.0, "the linear segment holds the small voltages"),
-    FreeParameter("top_torque", "N·m", 15.0, 70.0, "dynamic torque at 24 V of clutches of this kind"),
-    FreeParameter("breakaway_ratio", "1", MIN_RATIO, 1.5, "T_s/T_k: Fig. 9 shows a clear jump"),
-    FreeParameter("delrin_jump", "1", 0.65, 1.6, "T_s/T_k − 1 over the present clutches': Fig. 9 shows similar jumps"),
-    FreeParameter("delrin_scale", "1", 0.5, 0.95, "experimental Delrin has less friction than the present clutches"),
     FreeParameter(
-        "mu_dynamic", "1", 0.37, 0.45, "of the present clutches: above Delrin's 0.35, at most the published μs"
+        "top_torque", "N·m", 15.0, 70.0, "dynamic torque at 24 V of clutches of this kind"
     ),
-    FreeParameter("path_height", "1", 0.0, 0.8, "between the inner and the outer limit of reach, |sin(θA − θB)| ≥ 0.4"),
+    FreeParameter("breakaway_ratio", "1", MIN_RATIO, 1.5, "T_s/T_k: Fig. 9 shows a clear jump"),
+    FreeParameter(
+        "delrin_jump",
+        "1",
+        0.65,
+        1.6,
+        "T_s/T_k − 1 over the present clutches': Fig. 9 shows similar jumps",
+    ),
+    FreeParameter(
+        "delrin_scale",
+        "1",
+        0.5,
+        0.95,
+        "experimental Delrin has less friction than the present clutches",
+    ),
+    FreeParameter(
+        "mu_dynamic",
+        "1",
+        0.37,
+        0.45,
+        "of the present clutches: above Delrin's 0.35, at most the published μs",
+    ),
+    FreeParameter(
+        "path_height",
+        "1",
+        0.0,
+        0.8,
+        "between the inner and the outer limit of reach, |sin(θA − θB)| ≥ 0.4",
+    ),
     FreeParameter("path_length", "m", 0.4, 1.2, "across the workspace of such an arm"),
     FreeParameter("path_offset", "1", -1.0, 1.0, "of the path's centre, within the reach"),
     FreeParameter("push", "N", 20.0, 90.0, "what an arm does with ease"),
     FreeParameter("disturbance", "1", 0.2, 1.0, "of what leaves the whole hand force below 98 N"),
     FreeParameter("stiffness", "N/m", 100.0, 3000.0, "from soft guidance to a stiff wall", True),
     FreeParameter(
-        "damping_ratio", "1", 0.3, 8.0, "of spring and normal damper on the tip's mass, at most m/10 ms", True
+        "damping_ratio",
+        "1",
+        0.3,
+        8.0,
+        "of spring and normal damper on the tip's mass, at most m/10 ms",
+        True,
     ),
     FreeParameter(
-        "damping_tangential", "N·s/m", 10.0, 400.0, "at most m/10 ms: half of what a sampled damper may have", True
+        "damping_tangential",
+        "N·s/m",
+        10.0,
+        400.0,
+        "at most m/10 ms: half of what a sampled damper may have",
+        True,
     ),
-    FreeParameter("slip_threshold", "rad/s", 0.001, 0.1, "what a controller can tell from rest", True),
-    FreeParameter("table_error", "1", 0.7, 1.4, "friction changes by a third with temperature and humidity", True),
+    FreeParameter(
+        "slip_threshold", "rad/s", 0.001, 0.1, "what a controller can tell from rest", True
+    ),
+    FreeParameter(
+        "table_error",
+        "1",
+        0.7,
+        1.4,
+        "friction changes by a third with temperature and humidity",
+        True,
+    ),
     FreeParameter("time_constant_max", "s", 0.15, 0.25, "well above the manufacturer's 0.105 s"),
 )
 """The search space."""
@@ -92,8 +147,8 @@ START = (
 )
 """Where the search begins, in the order of ``SPACE``.
 
-It was found from random points with 20,000 candidates, an exact table, and Table I and the trends as the objective.
-"""
+It was found from random points with 20,000 candidates, an exact table, and Table I and the trends
+as the objective. """
 
 HAND_MAX, EQ5_PEAK = 98.0, 0.6173
 """Largest force of the hand [N], about 10 kgf; largest |Fn|/Fmax of Eq. 5."""
@@ -101,7 +156,9 @@ HAND_MAX, EQ5_PEAK = 98.0, 0.6173
 TABLE_VOLTS = (0.0, 4.0, 10.0, 17.0, 24.0)
 
 ORIGINS = dict(PRESET.provenance)
-ORIGINS["delrin.mu_dynamic_present"] = "fitted: above 0.35 of Delrin, at most the published static one"
+ORIGINS["delrin.mu_dynamic_present"] = (
+    "fitted: above 0.35 of Delrin, at most the published static one"
+)
 ORIGINS["runs.table_error"] = "fitted: the paper's table is similar to the real one"
 ORIGINS["runs.time_constant_max"] = "fitted: the paper's time constants are lost with its figures"
 
@@ -110,18 +167,27 @@ DIGITS = 4
 
 
 def decode(point: Array) -> Preset:
-    """Return the preset at a point of the unit cube, shape (len(SPACE),). Every point gives an admissible preset."""
+    """Return the preset at a point of the unit cube, shape (len(SPACE),).
+
+    Every point gives an admissible preset.
+    """
     values = {
-        free.name: free.low * (free.high / free.low) ** u if free.logarithmic else free.low + u * (free.high - free.low)
+        free.name: free.low * (free.high / free.low) ** u
+        if free.logarithmic
+        else free.low + u * (free.high - free.low)
         for free, u in zip(SPACE, np.clip(point, 0.0, 1.0).tolist(), strict=True)
     }
     coupling = values["coupling"] * math.sqrt(values["inertia_a"] * values["inertia_b"])
-    linkage = {name: rounded(values[name]) for name in ("length_a", "length_b", "inertia_a", "inertia_b")}
+    linkage = {
+        name: rounded(values[name]) for name in ("length_a", "length_b", "inertia_a", "inertia_b")
+    }
     arm = Arm(**linkage, coupling=rounded(coupling))
     curve, line = curve_of(values), line_of(arm, values)
     along, across = tip_masses(arm, line)
     room = min(math.sqrt(HAND_MAX**2 - values["push"] ** 2) / EQ5_PEAK, HAND_MAX)
-    damping = min(2.0 * values["damping_ratio"] * math.sqrt(values["stiffness"] * across), across / 0.01)
+    damping = min(
+        2.0 * values["damping_ratio"] * math.sqrt(values["stiffness"] * across), across / 0.01
+    )
     return Preset(
         arm=vars(arm),
         clutch={
@@ -134,7 +200,9 @@ def decode(point: Array) -> Preset:
         },
         delrin={
             "dynamic_scale": rounded(values["delrin_scale"]),
-            "breakaway_ratio": rounded(max(MIN_RATIO, 1.0 + values["delrin_jump"] * (values["breakaway_ratio"] - 1.0))),
+            "breakaway_ratio": rounded(
+                max(MIN_RATIO, 1.0 + values["delrin_jump"] * (values["breakaway_ratio"] - 1.0))
+            ),
             "mu_dynamic_present": rounded(values["mu_dynamic"]),
         },
         path={"x": line.x, "y": line.y, "direction": line.direction, "length": line.length},
@@ -197,7 +265,10 @@ def tip_masses(arm: Arm, line: Line) -> tuple[float, float]:
     theta_a = math.atan2(y, x) - math.atan2(b * math.sqrt(1.0 - cos * cos), a + b * cos)
     theta_b = theta_a + math.acos(cos)
     jacobian = np.array(
-        [[-a * math.sin(theta_a), -b * math.sin(theta_b)], [a * math.cos(theta_a), b * math.cos(theta_b)]]
+        [
+            [-a * math.sin(theta_a), -b * math.sin(theta_b)],
+            [a * math.cos(theta_a), b * math.cos(theta_b)],
+        ]
     )
     m12 = arm.coupling * cos
     mobility = jacobian @ np.linalg.inv([[arm.inertia_a, m12], [m12, arm.inertia_b]]) @ jacobian.T
@@ -225,7 +296,9 @@ def run_cases(cases: Sequence[Case]) -> Recorded:
     bound: dict[tuple[int, float], Any] = {}
     for _, machine, tau, _ in cases:
         if (id(machine), tau) not in slowed:
-            slowed[id(machine), tau] = replace(machine, clutch=replace(machine.clutch, time_constant=tau))
+            slowed[id(machine), tau] = replace(
+                machine, clutch=replace(machine.clutch, time_constant=tau)
+            )
     tasks = [case.setup.task for case in cases]
     batch = Batch([slowed[id(case.machine), case.time_constant] for case in cases], tasks)
     for setup, _, _, feedback in cases:
@@ -263,8 +336,8 @@ FIRST_LOOK, SECOND_LOOK = slice(3, None, 8), slice(1, None, 2)
 """The time constants at which the search looks at a candidate."""
 
 HOPELESS, POOR = 6.0, 2.0
-"""What is added for a candidate that is not looked at further after the first look, and after the runs: more than any
-that is looked at further can have."""
+"""What is added for a candidate that is not looked at further after the first look, and after the
+runs: more than any that is looked at further can have."""
 
 
 class Quality(NamedTuple):
@@ -275,10 +348,11 @@ class Quality(NamedTuple):
     table
         Table I in the paper's units, (K, 3, 3).
     trends
-        Rank correlations with the time constant, (K, 4): error, path length, speed, peak acceleration. The first three
-        should be 1, the last −1.
+        Rank correlations with the time constant, (K, 4): error, path length, speed, peak
+        acceleration. The first three should be 1, the last −1.
     order
-        Largest ratio, over the time constants, of theoretical Delrin's error to that of either other material, (K, 2).
+        Largest ratio, over the time constants, of theoretical Delrin's error to that of either
+        other material, (K, 2).
     incomplete
         Fraction of the runs that do not reach the end of the path, (K,).
     """
@@ -302,10 +376,11 @@ class Quality(NamedTuple):
 def misfit(presets: Sequence[Preset], trends: float) -> Array:
     """Return the objective of presets, shape (K,): smaller is better, 0 is perfect.
 
-    The root mean square of the logarithmic deviations from Table I, plus twice the excess of the worst one over
-    ``AIM``, the fraction of incomplete runs, and what the figures miss: the trends of Figs. 7 and 8 with the weight
-    ``trends``, the order of the materials at each time constant, and Figs. 10 and 11. Poor candidates are evaluated in
-    less detail, and those that the environment rejects not at all.
+    The root mean square of the logarithmic deviations from Table I, plus twice the excess of the
+    worst one over ``AIM``, the fraction of incomplete runs, and what the figures miss: the trends
+    of Figs. 7 and 8 with the weight ``trends``, the order of the materials at each time constant,
+    and Figs. 10 and 11. Poor candidates are evaluated in less detail, and those that the
+    environment rejects not at all.
     """
     setups = [setup_of(preset) for preset in presets]
     total = np.full(len(setups), 2.0 * HOPELESS)
@@ -319,7 +394,9 @@ def misfit(presets: Sequence[Preset], trends: float) -> Array:
     worst = np.abs(found.deviation).max(axis=(1, 2))
     short = np.maximum(0.0, 0.97 - found.trends * (1.0, 1.0, 1.0, -1.0)).mean(axis=1)
     above = np.maximum(0.0, np.log(found.order / 0.94)).mean(axis=1)
-    total[near] = found.spread + 2.0 * np.maximum(0.0, worst - AIM) + trends * short + ORDER * above + POOR
+    total[near] = (
+        found.spread + 2.0 * np.maximum(0.0, worst - AIM) + trends * short + ORDER * above + POOR
+    )
     good: list[int] = near[total[near] < POOR + 0.6].tolist()
     if good:
         total[good] += _feedback([setups[k] for k in good]) - POOR
@@ -338,8 +415,12 @@ def is_accepted(setup: Setup) -> bool:
 def quality_of(setups: Sequence[Setup], chosen: slice = slice(None)) -> Quality:
     """Return Table I, the trends and the order of setups, over the runs at the chosen time constants."""
     taus = np.array([setup.time_constants[chosen] for setup in setups])
-    rows = [(setup, machine, k) for k, setup in enumerate(setups) for machine in setup.machines.values()]
-    runs = run_cases([Case(setup, machine, tau) for setup, machine, k in rows for tau in taus[k].tolist()])
+    rows = [
+        (setup, machine, k) for k, setup in enumerate(setups) for machine in setup.machines.values()
+    ]
+    runs = run_cases(
+        [Case(setup, machine, tau) for setup, machine, k in rows for tau in taus[k].tolist()]
+    )
     error, speed, settled = runs.mean_error(), runs.mean(runs.speed), runs.end > START_UP
     acceleration = settled * mean_over(runs.acceleration, runs.counted)
     peak = settled * np.where(runs.counted, runs.acceleration, 0.0).max(axis=0)
@@ -349,7 +430,9 @@ def quality_of(setups: Sequence[Setup], chosen: slice = slice(None)) -> Quality:
     errors = np.maximum(error.reshape(shape), 1e-6)
     return Quality(
         table=np.maximum(entries.mean(axis=2), 1e-3),
-        trends=np.array([[rank_correlation(tau, each[k]) for each in series] for k, tau in enumerate(taus)]),
+        trends=np.array(
+            [[rank_correlation(tau, each[k]) for each in series] for k, tau in enumerate(taus)]
+        ),
         order=(errors[:, 2:] / errors[:, :2]).max(axis=2),
         incomplete=(~runs.completed()).reshape(len(setups), -1).mean(axis=1),
     )
@@ -358,15 +441,20 @@ def quality_of(setups: Sequence[Setup], chosen: slice = slice(None)) -> Quality:
 def _feedback(setups: Sequence[Setup]) -> Array:
     """Return the penalty for deviations from Figs. 10 and 11.
 
-    The error falls up to 0.06, which makes it clearly smaller than without feedback and smaller than any other gain
-    with few saturated commands; above 0.1 there is a plateau, not far above that minimum, and saturation grows.
+    The error falls up to 0.06, which makes it clearly smaller than without feedback and smaller
+    than any other gain with few saturated commands; above 0.1 there is a plateau, not far above
+    that minimum, and saturation grows.
     """
-    runs = run_cases([Case(each, each.baseline, feedback=gain / INCH_POUND) for each in setups for gain in GAINS])
+    runs = run_cases(
+        [Case(each, each.baseline, feedback=gain / INCH_POUND) for each in setups for gain in GAINS]
+    )
     gains = np.array(GAINS)
     low, high, best = gains <= BEST_GAIN, gains >= PLATEAU_FROM, GAINS.index(BEST_GAIN)
     found: list[float] = []
     saturation = runs.mean((runs.volts >= (1.0 - 1e-6) * runs.voltage_max).mean(axis=-1))
-    columns = (each.reshape(len(setups), -1) for each in (runs.mean_error(), saturation, ~runs.completed()))
+    columns = (
+        each.reshape(len(setups), -1) for each in (runs.mean_error(), saturation, ~runs.completed())
+    )
     for error, saturated, incomplete in zip(*columns, strict=True):
         ratio = np.log(np.maximum(error[best], 1e-6) / np.maximum(error, 1e-6))
         rivals = ratio[(saturated <= MAX_SATURATED) & (gains != BEST_GAIN)]
@@ -401,12 +489,16 @@ class Calibration(NamedTuple):
 
 
 def search(
-    seed: int = 0, budget: int = 6000, trends: float = 0.3, on_progress: Callable[[int], None] = lambda _: None
+    seed: int = 0,
+    budget: int = 6000,
+    trends: float = 0.3,
+    on_progress: Callable[[int], None] = lambda _: None,
 ) -> Calibration:
     """Search the space for the best preset. The same seed and budget give the same one.
 
-    ``on_progress`` is called with the number of candidates that have been evaluated since the last call; the other
-    arguments are those of ``pter fit``. 6,000 candidates take about five minutes of one core.
+    ``on_progress`` is called with the number of candidates that have been evaluated since the last
+    call; the other arguments are those of ``pter fit``. 6,000 candidates take about five minutes of
+    one core.
 
     Raises
     ------
@@ -430,9 +522,11 @@ def search(
 def adapted(
     evaluate: Callable[[Array], Array], random: np.random.Generator, budget: int, begin: Array
 ) -> tuple[float, Array]:
-    """Minimise a function of points (K, N) of the unit cube by CMA-ES (Hansen, arXiv 1604.00772), from a point (N,).
+    """Minimise a function of points (K, N) of the unit cube by CMA-ES (Hansen, arXiv 1604.00772),
+    from a point (N,).
 
-    Points outside the cube are evaluated at the nearest point inside, plus a penalty for the distance.
+    Points outside the cube are evaluated at the nearest point inside, plus a penalty for the
+    distance.
     """
     n = len(SPACE)
     parents = SIZE // 2
@@ -462,9 +556,14 @@ def adapted(
         move = weights @ moves
         mean = mean + step * move
         generation, used = generation + 1, used + SIZE
-        path_s = (1.0 - rate_s) * path_s + math.sqrt(rate_s * (2.0 - rate_s) * mass) * axes @ (axes.T @ move / lengths)
+        path_s = (1.0 - rate_s) * path_s + math.sqrt(rate_s * (2.0 - rate_s) * mass) * axes @ (
+            axes.T @ move / lengths
+        )
         far = float(np.linalg.norm(path_s))
-        steady = far / math.sqrt(1.0 - (1.0 - rate_s) ** (2 * generation)) < (1.4 + 2.0 / (n + 1.0)) * usual
+        steady = (
+            far / math.sqrt(1.0 - (1.0 - rate_s) ** (2 * generation))
+            < (1.4 + 2.0 / (n + 1.0)) * usual
+        )
         path_c = (1.0 - rate_c) * path_c + steady * math.sqrt(rate_c * (2.0 - rate_c) * mass) * move
         covariance = (
             (1.0 - rate_one - rate_many) * covariance

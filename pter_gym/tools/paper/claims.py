@@ -1,4 +1,5 @@
-"""The statements of the paper that can be checked, with our measurement and the condition under which each holds.
+"""The statements of the paper that can be checked, with our measurement and the condition under
+which each holds.
 
 ``claims.toml`` holds all texts and thresholds. One rule says how each claim comes to be met:
 
@@ -7,8 +8,8 @@
 *prediction*
     They do not, and other machines of the search space fail it.
 
-A claim that does not hold is *not met*, whichever of these it was. What every machine of the space meets follows from
-the equations, and is no claim here but a test of the model.
+A claim that does not hold is *not met*, whichever of these it was. What every machine of the space
+meets follows from the equations, and is no claim here but a test of the model.
 """
 
 import math
@@ -35,7 +36,13 @@ TABLE_TOLERANCE = 0.10
 
 FITTED = {
     *("table_entry", "table_ratio", "trend_over_time_constant", "worst_error_ratio", "peak_ratio"),
-    *("trend_over_gain", "plateau_width", "saturated_at_best_gain", "best_gain", "line_following_ratio"),
+    *(
+        "trend_over_gain",
+        "plateau_width",
+        "saturated_at_best_gain",
+        "best_gain",
+        "line_following_ratio",
+    ),
 }
 """Measures in the objective of ``calibration.misfit``, and ``peak_ratio``, for which its space has a range."""
 
@@ -168,7 +175,9 @@ def _locked_torque_trend(study: Study) -> float:
 def _velocity_share(study: Study) -> float:
     test = study.single_dof[0]
     run, locked = test.trajectory, float(test.locked_torque[-1])
-    _, v2 = velocity_torque(model_of(study.setup.baseline).arm, motion(run.theta[-1], run.omega[-1]))
+    _, v2 = velocity_torque(
+        model_of(study.setup.baseline).arm, motion(run.theta[-1], run.omega[-1])
+    )
     return v2 / locked if locked != 0.0 else math.nan
 
 
@@ -177,7 +186,9 @@ def _weakest_slips(study: Study) -> float:
 
 
 def _peak_ratio(study: Study, model: str) -> float:
-    return holding_torque(study.setup.machines[model]) / holding_torque(study.setup.machines[BASELINE])
+    return holding_torque(study.setup.machines[model]) / holding_torque(
+        study.setup.machines[BASELINE]
+    )
 
 
 def _trend_over_time_constant(study: Study, quantity: str) -> float:
@@ -199,10 +210,14 @@ def _worst_error_ratio(study: Study, model: str, other: str) -> float:
 
 def _peak_share(study: Study, model: str, column: int) -> float:
     entry = study.table1[model][column]
-    return (entry - study.table1_equal_peak[model][column]) / (entry - study.table1[BASELINE][column])
+    return (entry - study.table1_equal_peak[model][column]) / (
+        entry - study.table1[BASELINE][column]
+    )
 
 
-def _trend_over_gain(study: Study, quantity: str, low: float = 0.0, high: float = math.inf) -> float:
+def _trend_over_gain(
+    study: Study, quantity: str, low: float = 0.0, high: float = math.inf
+) -> float:
     sweep = study.gain_sweep
     chosen = (sweep.gain >= low) & (sweep.gain <= high)
     return rank_correlation(sweep.gain[chosen], getattr(sweep, quantity)[chosen])
@@ -224,12 +239,20 @@ def _best_gain(study: Study) -> float:
 
 
 def _line_following_ratio(study: Study) -> float:
-    without, with_feedback = (run.score.mean_error_m for (run,) in study.line_following.runs.values())
+    without, with_feedback = (
+        run.score.mean_error_m for (run,) in study.line_following.runs.values()
+    )
     return with_feedback / without
 
 
 _FUNCTIONS: tuple[Callable[..., float], ...] = (
-    *(_locked_torque_trend, _velocity_share, _weakest_slips, _peak_ratio, _trend_over_time_constant),
+    *(
+        _locked_torque_trend,
+        _velocity_share,
+        _weakest_slips,
+        _peak_ratio,
+        _trend_over_time_constant,
+    ),
     *(_table_entry, _table_ratio, _worst_error_ratio, _peak_share),
     *(_trend_over_gain, _plateau_width, _saturated_at_best_gain, _best_gain, _line_following_ratio),
 )

@@ -1,4 +1,7 @@
-"""Open-loop tests of clutches (paper sections II to IV-B): Figs. 3, 4, 5 and 9, the step response, and held loads."""
+"""Open-loop tests of clutches (paper sections II to IV-B): Figs.
+
+3, 4, 5 and 9, the step response, and held loads.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -114,10 +117,11 @@ class SingleDofTest:
 
 
 def single_dof(machine: Machine) -> tuple[SingleDofTest, ...]:
-    """Ramp up a torque against each clutch in turn while another clutch leaves the arm one degree of freedom.
+    """Ramp up a torque against each clutch in turn while another clutch leaves the arm one degree
+    of freedom.
 
-    The voltages have settled beforehand; that on the clutch under test has the breakaway torque of the paper. The ramp
-    acts on link A, or on link B where link A is locked.
+    The voltages have settled beforehand; that on the clutch under test has the breakaway torque of
+    the paper. The ramp acts on link A, or on link B where link A is locked.
     """
     return tuple(_single_dof_test(resolved(machine), *each) for each in LOCKED_WITH.items())
 
@@ -135,17 +139,26 @@ def _single_dof_test(machine: Machine, clutch: int, locked: int) -> SingleDofTes
     ramp = breakaway / share / RAMP_TIME * time
     torque = ramp[:, None] * direction
     start = initial_state(machine, POSE, volts=volts)
-    turned: Array = np.abs(simulate(machine, start, volts, (0.0, 0.0), torque).theta - POSE).max(axis=1)
+    turned: Array = np.abs(simulate(machine, start, volts, (0.0, 0.0), torque).theta - POSE).max(
+        axis=1
+    )
     end = int(np.searchsorted(turned, MAX_TURN))
     run = simulate(machine, start, volts, (0.0, 0.0), torque[:end])
-    line, allowed = (_line(machine, locked, turns) for turns in (LINE_TURNS, run.theta[:, link] - POSE[link]))
+    line, allowed = (
+        _line(machine, locked, turns) for turns in (LINE_TURNS, run.theta[:, link] - POSE[link])
+    )
     deviation = np.linalg.norm(run.tip_position - allowed, axis=1)
     return SingleDofTest(clutch, locked, volts, share, ramp[:end], run, line, deviation)
 
 
 def _line(machine: Machine, locked: int, turns: Array) -> Array:
     """Return tip positions [m], shape (K, 2), with one clutch locked and the driven link turned by angles [rad]."""
-    return np.array([tip(machine, np.add(POSE, np.multiply(turn, friction.LINES[locked - 1]))) for turn in turns])
+    return np.array(
+        [
+            tip(machine, np.add(POSE, np.multiply(turn, friction.LINES[locked - 1])))
+            for turn in turns
+        ]
+    )
 
 
 # --- the step response ---
@@ -186,7 +199,9 @@ def step_response(machine: Machine) -> StepResponse:
         volts = np.zeros((steps, 4))
         volts[lead:, x] = STEP_VOLTS
         force = tip_force(machine, POSE, 1.2 * final * W[x])
-        torque[x] = np.abs(simulate(machine, initial_state(machine, POSE), volts, force).torque[:, x])
+        torque[x] = np.abs(
+            simulate(machine, initial_state(machine, POSE), volts, force).torque[:, x]
+        )
     time = machine.substep * (np.arange(float(steps)) + 0.5 - lead)
     return StepResponse(tau, final, time, torque, -final * np.expm1(-np.maximum(time, 0.0) / tau))
 
@@ -199,10 +214,12 @@ MEASURED_FROM = 4.0
 
 @dataclass(frozen=True)
 class MaterialCurves:
-    """Torques of clutch 1 with one friction material [N·m] over its voltage [V], arrays of shape (K,).
+    """Torques of clutch 1 with one friction material [N·m] over its voltage [V], arrays of shape
+    (K,).
 
-    ``breakaway`` and ``dynamic`` are the curves. ``bench_breakaway`` and ``bench_dynamic`` are from a bench test: the
-    largest torque before the slip and the mean torque during it, NaN where there was no test.
+    ``breakaway`` and ``dynamic`` are the curves. ``bench_breakaway`` and ``bench_dynamic`` are from
+    a bench test: the largest torque before the slip and the mean torque during it, NaN where there
+    was no test.
     """
 
     volts: Array
@@ -213,10 +230,11 @@ class MaterialCurves:
 
 
 def torque_curves(machines: Mapping[str, Machine]) -> dict[str, MaterialCurves]:
-    """Return the torque curves of clutch 1 and the results of six bench tests, by the name of the machine.
+    """Return the torque curves of clutch 1 and the results of six bench tests, by the name of the
+    machine.
 
-    In a bench test, as in the paper's, the voltage is constant and a slowly rising torque acts on link A until the
-    clutch slips, and a little longer. Link B is locked.
+    In a bench test, as in the paper's, the voltage is constant and a slowly rising torque acts on
+    link A until the clutch slips, and a little longer. Link B is locked.
     """
     return {name: _torque_curves(machine) for name, machine in machines.items()}
 
@@ -226,7 +244,9 @@ def _torque_curves(machine: Machine) -> MaterialCurves:
     volts, bench = np.linspace(0.0, top, 241), np.full((2, 241), np.nan)
     for k in np.searchsorted(volts, np.linspace(min(MEASURED_FROM, top), top, 6)):
         bench[:, k] = _bench_test(machine, float(volts[k]))
-    breakaway, dynamic = ([curve.torque(float(v)) for v in volts] for curve in (clutch.breakaway, clutch.dynamic))
+    breakaway, dynamic = (
+        [curve.torque(float(v)) for v in volts] for curve in (clutch.breakaway, clutch.dynamic)
+    )
     return MaterialCurves(volts, np.array(breakaway), np.array(dynamic), *bench)
 
 
@@ -235,8 +255,12 @@ def _bench_test(machine: Machine, volts: float) -> tuple[float, float]:
     machine = resolved(machine)
     applied = (volts, machine.clutch.voltage_max, 0.0, 0.0)
     rate = holding_torque(machine, volts) * machine.substep / RAMP_TIME
-    torque = rate * (np.arange(round(1.1 * RAMP_TIME / machine.substep)) + 0.5)[:, None] * [1.0, 0.0]
-    run = simulate(machine, initial_state(machine, POSE, volts=applied), applied, (0.0, 0.0), torque)
+    torque = (
+        rate * (np.arange(round(1.1 * RAMP_TIME / machine.substep)) + 0.5)[:, None] * [1.0, 0.0]
+    )
+    run = simulate(
+        machine, initial_state(machine, POSE, volts=applied), applied, (0.0, 0.0), torque
+    )
     generated = np.abs(run.torque[:, 0])
     first = int(np.flatnonzero(run.slip_velocity[:, 0])[0])
     slipping = np.abs(run.slip_velocity[first:-1, 0]) >= machine.slip_threshold
@@ -252,10 +276,11 @@ FORCE_TIME = 0.05
 """When the force steps up [s]."""
 
 MARGIN = 1.05
-"""Torque of the tip force about clutch 1, relative to its largest holding torque among the machines.
+"""Torque of the tip force about clutch 1, relative to its largest holding torque among the
+machines.
 
-The less it exceeds it, the longer the slip stays in the stick band, where the clutch exerts its breakaway torque.
-"""
+The less it exceeds it, the longer the slip stays in the stick band, where the clutch exerts its
+breakaway torque. """
 
 FINE = 1e-4
 """Longest substep [s]: about a third of the shortest time that the slip spends in the stick band."""
@@ -274,7 +299,8 @@ class Reversal:
     dynamic
         Dynamic torque of clutch 1 [N·m].
     jump
-        Largest magnitude of its torque within 50 ms of zero slip, relative to the dynamic torque, minus 1.
+        Largest magnitude of its torque within 50 ms of zero slip, relative to the dynamic torque,
+        minus 1.
     """
 
     volts: float
@@ -293,8 +319,8 @@ class Reversal:
 def reversals(machines: Mapping[str, Machine]) -> dict[str, Reversal]:
     """Let a step force reverse link A, which slips in clutch 1 at a constant voltage.
 
-    The arm moves at the start; the force, along link B, opposes that motion and is large enough to reverse it. The
-    voltage is the one with the breakaway torque of Fig. 4 on the first machine.
+    The arm moves at the start; the force, along link B, opposes that motion and is large enough to
+    reverse it. The voltage is the one with the breakaway torque of Fig. 4 on the first machine.
     """
     first = next(iter(machines.values()))
     volts = first.clutch.breakaway.voltage(BREAKAWAY_SMALL_VOLTAGE)
@@ -307,7 +333,9 @@ def _reversal(machine: Machine, volts: float, force: Array) -> Reversal:
     machine, applied = resolved(machine, FINE), (volts, 0.0, 0.0, 0.0)
     forces = np.zeros((round(0.25 / machine.substep), 2))
     forces[round(FORCE_TIME / machine.substep) :] = force
-    run = simulate(machine, initial_state(machine, POSE, (REVERSAL_SPEED, 0.0), applied), applied, forces)
+    run = simulate(
+        machine, initial_state(machine, POSE, (REVERSAL_SPEED, 0.0), applied), applied, forces
+    )
     moving = np.flatnonzero(run.slip_velocity[:, 0])  # zeros have no sign
     index = int(moving[np.flatnonzero(np.diff(np.sign(run.slip_velocity[moving, 0])))[0]])
     dynamic = machine.clutch.dynamic.torque(volts)
@@ -321,10 +349,12 @@ def _reversal(machine: Machine, volts: float, force: Array) -> Reversal:
 
 @dataclass(frozen=True)
 class Holding:
-    """Static loads on four engaged clutches, raised in a random direction until the arm moves; arrays of shape (K,).
+    """Static loads on four engaged clutches, raised in a random direction until the arm moves;
+    arrays of shape (K,).
 
-    ``limit`` is the largest joint torque in that direction [N·m] that some set of clutch torques balances, ``moved_at``
-    the one at which the arm moved. ``weakest_slips`` says whether the clutch with the lowest breakaway torque slipped.
+    ``limit`` is the largest joint torque in that direction [N·m] that some set of clutch torques
+    balances, ``moved_at`` the one at which the arm moved. ``weakest_slips`` says whether the clutch
+    with the lowest breakaway torque slipped.
     """
 
     limit: Array
@@ -339,10 +369,11 @@ def holding(machine: Machine) -> Holding:
 
 
 def largest_load(capacity: Array, direction: Array) -> float:
-    """Return the largest joint torque [N·m] along a unit vector, shape (2,), that the clutches can balance.
+    """Return the largest joint torque [N·m] along a unit vector, shape (2,), that the clutches can
+    balance.
 
-    It is where the set ``{Wᵀτ: |τ_x| ≤ capacity_x}`` ends; ``capacity`` holds each clutch's largest torque [N·m],
-    shape (4,).
+    It is where the set ``{Wᵀτ: |τ_x| ≤ capacity_x}`` ends; ``capacity`` holds each clutch's largest
+    torque [N·m], shape (4,).
     """
     normals = W @ np.array([[0.0, 1.0], [-1.0, 0.0]])
     return float(np.min((np.abs(W @ normals.T).T @ capacity) / np.abs(normals @ direction)))

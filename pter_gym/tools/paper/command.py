@@ -11,14 +11,16 @@ from pter_gym._internal.terminal import make_folder, progress_bar, say, terminal
 
 
 def reproduce(
-    figures: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FIGURE")] = ("all",),
+    figures: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FIGURE")] = (
+        "all",
+    ),
     pdf: bool = False,
     out: Path = Path("pter-reproduce"),
 ) -> None:
     """Make the paper's figures and Table I, and check its claims.
 
-    Writes a picture and a CSV file for each figure, table1.json, and claims.json, which has each claim of the paper
-    about these figures with our measurement. It prints the claims.
+    Writes a picture and a CSV file for each figure, table1.json, and claims.json, which has each
+    claim of the paper about these figures with our measurement. It prints the claims.
 
     Example: pter reproduce fig3 table1
 
@@ -38,18 +40,28 @@ def reproduce(
 
     with progress_bar() as progress:
         task = progress.add_task("reproducing", total=len(chosen) + 1)
-        files, claims = results(Study(), chosen, pdf=pdf, on_progress=lambda _: progress.advance(task))
+        files, claims = results(
+            Study(), chosen, pdf=pdf, on_progress=lambda _: progress.advance(task)
+        )
     write_files_atomic(out, files)
-    counts = ", ".join(f"{count} {kind}" for kind, count in Counter(claim.kind for claim in claims).items())
-    table = Table("", "the paper says", "measured", "needed", box=None, pad_edge=False, caption=counts)
+    counts = ", ".join(
+        f"{count} {kind}" for kind, count in Counter(claim.kind for claim in claims).items()
+    )
+    table = Table(
+        "", "the paper says", "measured", "needed", box=None, pad_edge=False, caption=counts
+    )
     for claim in claims:
         s = claim.statement
-        table.add_row(claim.kind, f"{s.claim} ({s.section})", s.with_unit(f"{claim.value:.4g}"), s.condition)
+        table.add_row(
+            claim.kind, f"{s.claim} ({s.section})", s.with_unit(f"{claim.value:.4g}"), s.condition
+        )
     terminal().print(table)
     say(f"wrote {len(files)} files to {out}")
 
 
-def fit(seed: int = 0, budget: int = 6000, trends: float = 0.3, out: Path = Path("pter-preset.toml")) -> None:
+def fit(
+    seed: int = 0, budget: int = 6000, trends: float = 0.3, out: Path = Path("pter-preset.toml")
+) -> None:
     """Search for values that the paper does not print.
 
     The search fits its Table I and its trends, and writes the result as a preset.
@@ -74,9 +86,16 @@ def fit(seed: int = 0, budget: int = 6000, trends: float = 0.3, out: Path = Path
         result = search(seed, budget, trends, lambda n: progress.advance(bar, n))
     title = f"Found by pter fit --seed {seed} --budget {budget} --trends {trends:g}."
     write_text_atomic(out, format_preset(result.preset, title))
-    found, worst = result.quality, f"{100.0 * np.abs(result.quality.table[0] / TARGET - 1.0).max():.1f}%"
-    say(f"misfit {result.misfit:.4f}; Table I in the paper's units: {found.table[0].round(3).tolist()}")
-    say(f"worst entry {worst} off; trends of error, path length, speed, peak: {found.trends[0].round(2).tolist()}")
+    found, worst = (
+        result.quality,
+        f"{100.0 * np.abs(result.quality.table[0] / TARGET - 1.0).max():.1f}%",
+    )
+    say(
+        f"misfit {result.misfit:.4f}; Table I in the paper's units: {found.table[0].round(3).tolist()}"
+    )
+    say(
+        f"worst entry {worst} off; trends of error, path length, speed, peak: {found.trends[0].round(2).tolist()}"
+    )
     say(f"wrote {out}")
 
 

@@ -38,7 +38,9 @@ ZOOM = 8.0
 """Half the time that a close-up of a reversal shows [ms]."""
 
 
-def mark(axes: Axes, text: str, position: tuple[float, float], offset: tuple[float, float], **looks: Any) -> None:
+def mark(
+    axes: Axes, text: str, position: tuple[float, float], offset: tuple[float, float], **looks: Any
+) -> None:
     """Write a remark at a position in the data, moved by an offset in points."""
     looks = {"color": style.MUTED, "fontsize": style.SMALL, "annotation_clip": False, **looks}
     axes.annotate(text, position, offset, textcoords="offset points", **looks)
@@ -51,14 +53,26 @@ def name_of(machine: str) -> str:
 
 @styled
 def single_dof_paths(result: Sequence[SingleDofTest]) -> Figure:
-    """Return Fig. 3 for each clutch: the path of the tip on the line that the locked clutch allows."""
+    """Return Fig.
+
+    3 for each clutch: the path of the tip on the line that the locked clutch allows.
+    """
     figure = Figure(figsize=(style.WIDTH, 5.8))
     grid = figure.subplots(2, 2)
     for k, (axes, test) in enumerate(zip(grid.flat, result, strict=True)):
         tip = test.trajectory.tip_position
-        axes.plot(*test.line.T, color=style.MUTED, linestyle="--", linewidth=1.2, label="single-DOF line")
+        axes.plot(
+            *test.line.T, color=style.MUTED, linestyle="--", linewidth=1.2, label="single-DOF line"
+        )
         axes.plot(*tip.T, color=style.COLOURS[0], linewidth=3.0, label="path of the tip")
-        axes.plot(*tip[0], color=style.COLOURS[0], marker="o", markersize=6.5, linestyle="none", label="start")
+        axes.plot(
+            *tip[0],
+            color=style.COLOURS[0],
+            marker="o",
+            markersize=6.5,
+            linestyle="none",
+            label="start",
+        )
         axes.set_aspect("equal", adjustable="datalim")
         axes.set_title(f"clutch {test.clutch}, clutch {test.locked} locked")
         label(axes, "x [m]", "y [m]")
@@ -78,13 +92,22 @@ def single_dof_torques(result: Sequence[SingleDofTest]) -> Figure:
     level = BREAKAWAY_SMALL_VOLTAGE
     for k, (axes, test) in enumerate(zip(grid.flat, result, strict=True)):
         time = test.trajectory.time
-        axes.plot(time, test.input_torque, color=style.MUTED, linestyle="-", linewidth=1.2, label="input torque")
+        axes.plot(
+            time,
+            test.input_torque,
+            color=style.MUTED,
+            linestyle="-",
+            linewidth=1.2,
+            label="input torque",
+        )
         axes.plot(time, test.torque, color=style.COLOURS[0], label="clutch under test")
         axes.plot(time, np.abs(test.locked_torque), **SECOND, label="locked clutch")
         axes.axhline(level, color=style.REFERENCE, linestyle=":", linewidth=1.0)
         mark(axes, f"{to_inch_pounds(level):.1f} in·lbf", (0.0, level), (4.0, 4.0))
         axes.set(
-            xlim=(0.0, time[-1]), ylim=(0.0, 2.6 * level), title=f"clutch {test.clutch}, clutch {test.locked} locked"
+            xlim=(0.0, time[-1]),
+            ylim=(0.0, 2.6 * level),
+            title=f"clutch {test.clutch}, clutch {test.locked} locked",
         )
         label(axes, "time [s]" if k > 1 else "", "torque [N·m]" if k % 2 == 0 else "")
         if k % 2:
@@ -99,10 +122,28 @@ def clutch_step(result: StepResponse) -> Figure:
     figure = Figure(figsize=(style.WIDTH, 3.1))
     axes = figure.add_subplot()
     time, tau, every = result.time, result.time_constant, max(len(result.time) // 18, 1)
-    axes.plot(time, result.first_order, color=style.REFERENCE, alpha=0.3, linewidth=5.0, label="first order")
+    axes.plot(
+        time,
+        result.first_order,
+        color=style.REFERENCE,
+        alpha=0.3,
+        linewidth=5.0,
+        label="first order",
+    )
     for k, torque in enumerate(result.torque):
-        dots: dict[str, Any] = {"marker": style.MARKERS[k], "markersize": 4.5, "markevery": (k * every // 4, every)}
-        axes.plot(time, torque, color=style.CLUTCH_COLOURS[k], linestyle="none", **dots, label=f"clutch {k + 1}")
+        dots: dict[str, Any] = {
+            "marker": style.MARKERS[k],
+            "markersize": 4.5,
+            "markevery": (k * every // 4, every),
+        }
+        axes.plot(
+            time,
+            torque,
+            color=style.CLUTCH_COLOURS[k],
+            linestyle="none",
+            **dots,
+            label=f"clutch {k + 1}",
+        )
     rise = (1.0 - np.exp(-1.0)) * result.final
     axes.plot([tau, tau, time[0]], [0.0, rise, rise], **GUIDE)
     mark(axes, f"63 % at τ = {tau:g} s", (tau, rise), (8.0, -10.0))
@@ -118,7 +159,12 @@ def torque_over_voltage(result: Mapping[str, MaterialCurves]) -> Figure:
     """Return Fig. 5: breakaway and dynamic torque of clutch 1, one panel per material."""
     figure = Figure(figsize=(style.WIDTH, 3.1))
     panels = figure.subplots(1, len(result), sharey=True, squeeze=False)[0]
-    dots: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "white", "clip_on": False, "zorder": 3.0}
+    dots: dict[str, Any] = {
+        "linestyle": "none",
+        "markerfacecolor": "white",
+        "clip_on": False,
+        "zorder": 3.0,
+    }
     first = {**FIRST, **dots, "marker": "o", "markersize": 7.5}
     slipping = {**SECOND, **dots, "marker": "s", "markersize": 4.0}
     for k, (axes, (name, curves)) in enumerate(zip(panels, result.items(), strict=True)):
@@ -132,7 +178,9 @@ def torque_over_voltage(result: Mapping[str, MaterialCurves]) -> Figure:
         label(axes, "voltage [V]", "torque [N·m]" if k == 0 else "")
     text, transform = f"not measured below {MEASURED_FROM:g} V", panels[0].get_xaxis_transform()
     looks: dict[str, Any] = {"rotation": 90.0, "ha": "center", "va": "top", "transform": transform}
-    panels[0].text(MEASURED_FROM / 2.0, 0.97, text, color=style.MUTED, fontsize=style.SMALL, **looks)
+    panels[0].text(
+        MEASURED_FROM / 2.0, 0.97, text, color=style.MUTED, fontsize=style.SMALL, **looks
+    )
     style.inch_pounds_right(panels[-1])
     name_lines(figure, panels[0], "bench test: circles at the first slip, squares while slipping")
     return figure
@@ -140,14 +188,23 @@ def torque_over_voltage(result: Mapping[str, MaterialCurves]) -> Figure:
 
 @styled
 def reversal_torques(result: Mapping[str, Reversal]) -> Figure:
-    """Return Fig. 9: torque of clutch 1 while the motion reverses, and a close-up relative to the dynamic torque."""
+    """Return Fig.
+
+    9: torque of clutch 1 while the motion reverses, and a close-up relative to the dynamic torque.
+    """
     figure = Figure(figsize=(style.WIDTH, 3.8))
     count = len(result)
     grid = figure.add_gridspec(count, 2, width_ratios=(1.7, 1.0), wspace=0.06)
     whole = figure.add_subplot(grid[:, 0])
     for k, (name, reversal) in enumerate(result.items()):
         colour, _, dashes = style.numbered(k)
-        whole.plot(reversal.trajectory.time, reversal.torque, color=colour, linestyle=dashes, label=name_of(name))
+        whole.plot(
+            reversal.trajectory.time,
+            reversal.torque,
+            color=colour,
+            linestyle=dashes,
+            label=name_of(name),
+        )
         close = figure.add_subplot(grid[k, 1])
         _close_up(close, reversal, colour)
         if k < count - 1:
@@ -169,7 +226,9 @@ def _close_up(axes: Axes, reversal: Reversal, colour: str) -> None:
     ratio, shown = reversal.torque / reversal.dynamic, np.abs(time) < ZOOM + 1.0
     for level in (-1.0, 1.0):
         axes.axhline(level, **GUIDE)
-    axes.plot(time[shown], ratio[shown], color=colour, linestyle="-", drawstyle="steps-pre", linewidth=1.5)
+    axes.plot(
+        time[shown], ratio[shown], color=colour, linestyle="-", drawstyle="steps-pre", linewidth=1.5
+    )
     axes.set(xlim=(-ZOOM, ZOOM), ylim=(-1.5, 1.5), yticks=[-1.0, 0.0, 1.0])
     jump = f"jump {style.percent(reversal.jump)}"
     axes.text(0.97, 0.62, jump, transform=axes.transAxes, ha="right", va="center", color=colour)
@@ -180,7 +239,9 @@ def error_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
     """Return Fig. 7: the average position error over the time constant."""
     figure = Figure(figsize=(style.WIDTH, 3.4))
     axes = figure.add_subplot()
-    _draw_sweeps(axes, sweeps, lambda sweep: sweep.position_error / MILLIMETRE, "average position error [mm]")
+    _draw_sweeps(
+        axes, sweeps, lambda sweep: sweep.position_error / MILLIMETRE, "average position error [mm]"
+    )
     style.inches_right(axes, "average position error", MILLIMETRE)
     mark(axes, "manufacturer", (TIME_CONSTANT, 0.0), (4.0, 5.0))
     name_lines(figure, axes)
@@ -192,7 +253,9 @@ def peak_acceleration_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
     """Return Fig. 8: the peak acceleration of the tip over the time constant."""
     figure = Figure(figsize=(style.WIDTH, 3.4))
     axes = figure.add_subplot()
-    _draw_sweeps(axes, sweeps, lambda sweep: sweep.peak_acceleration, "peak tip acceleration [m/s²]")
+    _draw_sweeps(
+        axes, sweeps, lambda sweep: sweep.peak_acceleration, "peak tip acceleration [m/s²]"
+    )
     style.inches_right(axes, "peak tip acceleration", per="/s²")
     mark(axes, "manufacturer", (TIME_CONSTANT, 0.0), (4.0, 5.0))
     name_lines(figure, axes)
@@ -215,11 +278,22 @@ def way_and_speed_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
     return figure
 
 
-def _draw_sweeps(axes: Axes, sweeps: Mapping[str, Sweep], value: Callable[[Sweep], Array], name: str) -> None:
+def _draw_sweeps(
+    axes: Axes, sweeps: Mapping[str, Sweep], value: Callable[[Sweep], Array], name: str
+) -> None:
     axes.axvline(TIME_CONSTANT, **GUIDE)
     for k, (machine, sweep) in enumerate(sweeps.items()):
-        time, values, (colour, marker, dashes) = sweep.time_constant, value(sweep), style.numbered(k)
-        looks: dict[str, Any] = {"color": colour, "linestyle": dashes, "marker": marker, "linewidth": 1.2}
+        time, values, (colour, marker, dashes) = (
+            sweep.time_constant,
+            value(sweep),
+            style.numbered(k),
+        )
+        looks: dict[str, Any] = {
+            "color": colour,
+            "linestyle": dashes,
+            "marker": marker,
+            "linewidth": 1.2,
+        }
         axes.plot(time, values, **looks, label=name_of(machine))
         lost = ~sweep.completed
         axes.plot(time[lost], values[lost], color=style.REFERENCE, marker="x", linestyle="none")
@@ -233,12 +307,22 @@ def table_comparison(table: Mapping[str, tuple[float, ...]]) -> Figure:
     figure = Figure(figsize=(style.WIDTH, 2.9))
     panels = figure.subplots(1, 3, sharey=True)
     rows = range(len(PAPER_TABLE))
-    ours, published = np.array([table[model] for model in PAPER_TABLE]), np.array(list(PAPER_TABLE.values()))
+    ours, published = (
+        np.array([table[model] for model in PAPER_TABLE]),
+        np.array(list(PAPER_TABLE.values())),
+    )
     dots: dict[str, Any] = {"linestyle": "none", "markersize": 6.5}
-    diamonds = dots | {"color": style.REFERENCE, "marker": "D", "markerfacecolor": "white", "capsize": 4.0}
+    diamonds = dots | {
+        "color": style.REFERENCE,
+        "marker": "D",
+        "markerfacecolor": "white",
+        "capsize": 4.0,
+    }
     name = f"paper ± {style.percent(TABLE_TOLERANCE)}"
     for axes, (what, unit), our, paper in zip(panels, COLUMNS, ours.T, published.T, strict=True):
-        axes.errorbar(paper, rows, xerr=TABLE_TOLERANCE * paper, elinewidth=1.2, **diamonds, label=name)
+        axes.errorbar(
+            paper, rows, xerr=TABLE_TOLERANCE * paper, elinewidth=1.2, **diamonds, label=name
+        )
         axes.plot(our, rows, color=style.COLOURS[0], marker="o", **dots, label="simulated")
         for row in rows:
             text = style.percent(our[row] / paper[row] - 1.0, 1, signed=True)
@@ -247,22 +331,36 @@ def table_comparison(table: Mapping[str, tuple[float, ...]]) -> Figure:
         axes.set_ylim(len(rows) - 0.5, -0.6)
         axes.set_yticks(rows, [name_of(model) for model in PAPER_TABLE])
         axes.set_xlabel(f"{what} [{unit}]")
-        axes.secondary_xaxis("top", functions=style.scaled(INCH)).set_xlabel(f"[{unit.replace('in', 'm')}]")
+        axes.secondary_xaxis("top", functions=style.scaled(INCH)).set_xlabel(
+            f"[{unit.replace('in', 'm')}]"
+        )
     legend_of(figure, panels[0])
     return figure
 
 
 @styled
 def error_over_gain(result: GainSweep) -> Figure:
-    """Return Fig. 10: position error over the gain of the torque feedback, and how much the clutches saturate."""
+    """Return Fig.
+
+    10: position error over the gain of the torque feedback, and how much the clutches saturate.
+    """
     figure = Figure(figsize=(style.WIDTH, 4.4))
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
     looks: dict[str, Any] = {"linestyle": "-", "linewidth": 1.2, "clip_on": False}
     above.plot(result.gain, result.position_error / MILLIMETRE, marker="o", markersize=5.0, **looks)
-    below.plot(result.gain, 100.0 * result.saturated, color=style.COLOURS[1], marker="s", markersize=4.5, **looks)
+    below.plot(
+        result.gain,
+        100.0 * result.saturated,
+        color=style.COLOURS[1],
+        marker="s",
+        markersize=4.5,
+        **looks,
+    )
     for axes in (above, below):
         axes.axvline(BEST_GAIN, **GUIDE)
-        axes.axvspan(PLATEAU_FROM, result.gain[-1], color=style.REFERENCE, alpha=0.06, linewidth=0.0)
+        axes.axvspan(
+            PLATEAU_FROM, result.gain[-1], color=style.REFERENCE, alpha=0.06, linewidth=0.0
+        )
         axes.set_xlim(result.gain[0], result.gain[-1])
         axes.set_ylim(bottom=0.0)
     below.set_ylim(top=max(105.0 * float(result.saturated.max()), 5.0))
@@ -271,20 +369,30 @@ def error_over_gain(result: GainSweep) -> Figure:
     label(above, "", "average position error [mm]")
     label(below, "gain $K_p$ [V/(in·lbf)]", "saturated\ncommands [%]")
     style.inches_right(above, "average position error", MILLIMETRE)
-    above.secondary_xaxis("top", functions=style.scaled(to_inch_pounds(1.0))).set_xlabel("gain $K_p$ [V/(N·m)]")
+    above.secondary_xaxis("top", functions=style.scaled(to_inch_pounds(1.0))).set_xlabel(
+        "gain $K_p$ [V/(N·m)]"
+    )
     return figure
 
 
 @styled
 def followed_lines(result: Result) -> Figure:
-    """Return Fig. 11: the tip's distance from the line along it, without and with torque feedback."""
+    """Return Fig.
+
+    11: the tip's distance from the line along it, without and with torque feedback.
+    """
     figure = Figure(figsize=(style.WIDTH, 2.8))
     axes = figure.add_subplot()
-    axes.axhline(0.0, color=style.REFERENCE, linestyle="-", linewidth=4.0, alpha=0.3, label="desired line")
+    axes.axhline(
+        0.0, color=style.REFERENCE, linestyle="-", linewidth=4.0, alpha=0.3, label="desired line"
+    )
     names = "without torque feedback", f"with torque feedback, $K_p$ = {BEST_GAIN:g} V/(in·lbf)"
     for (run,), name in zip(result.runs.values(), names, strict=True):
         average = f"{run.score.mean_error_m / MILLIMETRE:.1f} mm on average"
-        arc_length, error = column(run.telemetry, "arc_length"), column(run.telemetry, "normal_error")
+        arc_length, error = (
+            column(run.telemetry, "arc_length"),
+            column(run.telemetry, "normal_error"),
+        )
         axes.plot(arc_length, error / MILLIMETRE, label=f"{name}: {average}")
     axes.set_xlim(0.0, result.task.path.length)
     label(axes, "distance along the line [m]", "distance from the line [mm]")

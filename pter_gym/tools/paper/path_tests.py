@@ -1,4 +1,7 @@
-"""The standard test over the time constant (Figs. 7 and 8, Table I) and over the gain (Figs. 10 and 11)."""
+"""The standard test over the time constant (Figs.
+
+7 and 8, Table I) and over the gain (Figs. 10 and 11).
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -63,22 +66,28 @@ class Sweep:
 class GainSweep(Sweep):
     """Scores of runs, one per gain of the torque loops, arrays of shape (K,).
 
-    The gain is Kp [V/(in·lbf)], 0 for plain impedance control; ``saturated`` is the fraction of the clutch commands at
-    the largest voltage.
+    The gain is Kp [V/(in·lbf)], 0 for plain impedance control; ``saturated`` is the fraction of the
+    clutch commands at the largest voltage.
     """
 
     gain: Array
     saturated: Array
 
 
-def time_constant_sweep(setup: Setup = SETUP, time_constants: Sequence[float] | None = None) -> dict[str, Sweep]:
-    """Run the standard test with plain impedance control on each machine of a setup, by the machine's name.
+def time_constant_sweep(
+    setup: Setup = SETUP, time_constants: Sequence[float] | None = None
+) -> dict[str, Sweep]:
+    """Run the standard test with plain impedance control on each machine of a setup, by the
+    machine's name.
 
     The time constants of the clutches [s] are those of the setup by default.
     """
     chosen = setup.time_constants if time_constants is None else time_constants
     machines = setup.machines.items()
-    return {name: sweep_of(*run_with_gains(setup, each, [0.0], chosen).runs.values()) for name, each in machines}
+    return {
+        name: sweep_of(*run_with_gains(setup, each, [0.0], chosen).runs.values())
+        for name, each in machines
+    }
 
 
 def sweep_of(runs: Sequence[Run]) -> Sweep:
@@ -96,8 +105,13 @@ def sweep_of(runs: Sequence[Run]) -> Sweep:
 
 def table1(sweeps: Mapping[str, Sweep]) -> dict[str, tuple[float, ...]]:
     """Return Table I in the paper's units [in, in/s, in/s²]: averages over all runs, by the machine's name."""
-    rows = {name: (each.position_error, each.tip_speed, each.tip_acceleration) for name, each in sweeps.items()}
-    return {name: tuple(float(values.mean()) / INCH for values in row) for name, row in rows.items()}
+    rows = {
+        name: (each.position_error, each.tip_speed, each.tip_acceleration)
+        for name, each in sweeps.items()
+    }
+    return {
+        name: tuple(float(values.mean()) / INCH for values in row) for name, row in rows.items()
+    }
 
 
 def with_equal_peaks(setup: Setup) -> Setup:
@@ -123,8 +137,12 @@ def line_following(setup: Setup = SETUP) -> Result:
     return run_with_gains(setup, setup.baseline, [0.0, BEST_GAIN], [TIME_CONSTANT])
 
 
-def run_with_gains(setup: Setup, machine: Machine, gains: Sequence[float], time_constants: Sequence[float]) -> Result:
+def run_with_gains(
+    setup: Setup, machine: Machine, gains: Sequence[float], time_constants: Sequence[float]
+) -> Result:
     """Run the standard test at each gain of the torque loops [V/(in·lbf)], by its text, and each time constant [s]."""
     layout = observation_layout(machine, "torque")
     policies = {str(gain): setup.policy(machine, layout, gain / INCH_POUND) for gain in gains}
-    return run_standard_test(policies, machine=machine, task=setup.task, time_constants=time_constants)
+    return run_standard_test(
+        policies, machine=machine, task=setup.task, time_constants=time_constants
+    )

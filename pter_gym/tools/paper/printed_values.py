@@ -4,7 +4,10 @@ from pter_gym.params._preset import PRESET
 from pter_gym.units import from_inch_pounds
 
 BREAKAWAY_SMALL_VOLTAGE = from_inch_pounds(63.5)
-"""Breakaway torque of clutch 1 at the small voltage of Figs. 3 and 4 [N·m] (paper section III-B)."""
+"""Breakaway torque of clutch 1 at the small voltage of Figs.
+
+3 and 4 [N·m] (paper section III-B).
+"""
 
 TIME_CONSTANT = PRESET.clutch["time_constant"]
 """Time constant of the clutches by their manufacturer [s] (paper section IV-C.3)."""

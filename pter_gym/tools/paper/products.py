@@ -15,7 +15,8 @@ PRODUCTS = ("fig3", "fig4", "step", "fig5", "fig7", "fig8", "table1", "fig9", "f
 
 
 def find_products(names: Iterable[str]) -> list[str]:
-    """Return names of products without repeats, in the order of the paper; ``all`` means all of them.
+    """Return names of products without repeats, in the order of the paper; ``all`` means all of
+    them.
 
     Raises
     ------
@@ -38,8 +39,8 @@ def results(
 ) -> "tuple[dict[str, bytes], tuple[Claim, ...]]":
     """Return the content of all files of products by their names, and the claims about them.
 
-    With ``pdf`` each picture is a PDF file too. ``on_progress`` is called with a product's name when it is done, and
-    finally with ``claims``.
+    With ``pdf`` each picture is a PDF file too. ``on_progress`` is called with a product's name
+    when it is done, and finally with ``claims``.
     """
     from pter_gym.tools import figures as style
     from pter_gym.tools.paper.claims import STATEMENTS, check

@@ -13,19 +13,27 @@ from pter_gym.paths import Line
 from pter_gym.tasks.path_following import PathFollowing
 
 STUDY = load_preset(Path(__file__).with_name("study.toml"))
-"""The numbers of the experiments, as ``pter fit`` finds them. Scenarios have those of ``presets/pter.toml``."""
+"""The numbers of the experiments, as ``pter fit`` finds them.
+
+Scenarios have those of ``presets/pter.toml``.
+"""
 
 PAPER_MACHINES = paper_machines_of(STUDY)
 """The three machines of Table I by name, as the experiments have them."""
 
 
 RUNS = 20
-"""Number of time constants, evenly spaced up to the largest. Those of the paper are lost with its figures."""
+"""Number of time constants, evenly spaced up to the largest.
+
+Those of the paper are lost with its figures.
+"""
 
 
 def task_of(preset: Preset) -> PathFollowing:
     """Return the standard test of a preset."""
-    return PathFollowing(path=Line(**preset.path), hand=eq5(preset.hand["force_max"], preset.hand["push"]))
+    return PathFollowing(
+        path=Line(**preset.path), hand=eq5(preset.hand["force_max"], preset.hand["push"])
+    )
 
 
 def time_constants_of(preset: Preset) -> tuple[float, ...]:
@@ -35,7 +43,8 @@ def time_constants_of(preset: Preset) -> tuple[float, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """Machines, task and controller of the paper's experiments, and choices for what its text leaves open.
+    """Machines, task and controller of the paper's experiments, and choices for what its text
+    leaves open.
 
     Attributes
     ----------
@@ -44,10 +53,12 @@ class Setup:
     task, controller
         The standard test, and the impedance controller with torque feedback.
     own_table
-        Whether the controller of a Delrin machine has that machine's torque table, not the present clutches'.
+        Whether the controller of a Delrin machine has that machine's torque table, not the present
+        clutches'.
     table_error
-        Torques in that table over the real ones of the clutches that it describes: below 1 the controller thinks its
-        clutches weaker than they are, and brakes too hard. The paper's table is "similar to" the real one.
+        Torques in that table over the real ones of the clutches that it describes: below 1 the
+        controller thinks its clutches weaker than they are, and brakes too hard. The paper's table
+        is "similar to" the real one.
     time_constants
         Of the test runs, which Figs. 7 and 8 show and Table I averages [s].
     """
@@ -61,7 +72,9 @@ class Setup:
 
     def __post_init__(self) -> None:
         """Check that there are machines; the parts have checked themselves."""
-        require(bool(self.machines), self, "machines", self.machines, "at least one machine by name")
+        require(
+            bool(self.machines), self, "machines", self.machines, "at least one machine by name"
+        )
 
     @property
     def baseline(self) -> Machine:
@@ -71,7 +84,9 @@ class Setup:
     def policy(self, machine: Machine, layout: Layout, feedback: float) -> Policy:
         """Return a machine's controller with a gain of its torque loops [V/(N·m)]; 0 is plain impedance control."""
         known = machine if self.own_table else self.baseline
-        assumed = replace(known, clutch=with_friction(known.clutch, self.table_error, self.table_error))
+        assumed = replace(
+            known, clutch=with_friction(known.clutch, self.table_error, self.table_error)
+        )
         return replace(self.controller, feedback=feedback).bind(assumed, layout)
 
 

@@ -25,7 +25,8 @@ MAX_STEPS = 1000
 class Run:
     """One episode of one policy, with clutches of one time constant [s].
 
-    ``telemetry``, float64 (steps + 1, len(TELEMETRY)), is the row of the reset, then one row per control step.
+    ``telemetry``, float64 (steps + 1, len(TELEMETRY)), is the row of the reset, then one row per
+    control step.
     """
 
     time_constant: float
@@ -55,10 +56,12 @@ def run_standard_test(
     Parameters
     ----------
     policies
-        By name: controllers, which are bound to ``machine``, or any ``policy(observations) -> volts``, float32
-        (N, entries) to (N, 4). ``find_policy(name, scenario=None)`` returns a built-in one.
+        By name: controllers, which are bound to ``machine``, or any ``policy(observations) ->
+        volts``, float32 (N, entries) to (N, 4). ``find_policy(name, scenario=None)`` returns a
+        built-in one.
     machine, task
-        The machine or its name, with the time constant replaced, and the task; PTER and its task by default.
+        The machine or its name, with the time constant replaced, and the task; PTER and its task by
+        default.
     time_constants
         Time constants of the clutches [s]; one episode each.
     seed
@@ -73,13 +76,19 @@ def run_standard_test(
         if not values:
             raise ParameterError(f"{name} must hold at least one, got none")
     machine, task = find_machine(machine), PathFollowing() if task is None else task
-    machines = [replace(machine, clutch=replace(machine.clutch, time_constant=tau)) for tau in time_constants]
+    machines = [
+        replace(machine, clutch=replace(machine.clutch, time_constant=tau))
+        for tau in time_constants
+    ]
     runs: dict[str, tuple[Run, ...]] = {}
     for name, policy in policies.items():
         batch = Batch(machines, task, sensors=sensors_of(policy))
-        telemetry = simulate(batch, bind(policy, machine, batch.layout), [seed] * len(machines), MAX_STEPS)
+        telemetry = simulate(
+            batch, bind(policy, machine, batch.layout), [seed] * len(machines), MAX_STEPS
+        )
         episodes = (rows[np.isfinite(rows[:, COLUMN.time])] for rows in telemetry.swapaxes(0, 1))
         runs[name] = tuple(
-            Run(tau, score(rows, task), rows) for tau, rows in zip(time_constants, episodes, strict=True)
+            Run(tau, score(rows, task), rows)
+            for tau, rows in zip(time_constants, episodes, strict=True)
         )
     return Result(machine, task, runs)

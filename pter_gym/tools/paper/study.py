@@ -40,7 +40,9 @@ class Study:
     table1 = _once(lambda study: path_tests.table1(study.sweeps))
     """Table I in the paper's units."""
 
-    sweeps_equal_peak = _once(lambda study: path_tests.time_constant_sweep(path_tests.with_equal_peaks(study.setup)))
+    sweeps_equal_peak = _once(
+        lambda study: path_tests.time_constant_sweep(path_tests.with_equal_peaks(study.setup))
+    )
     """Those if every material reached the baseline's largest torque."""
 
     table1_equal_peak = _once(lambda study: path_tests.table1(study.sweeps_equal_peak))

@@ -33,7 +33,12 @@ UNITS = {
 }
 """Columns of the fields of results; others keep their names."""
 
-PAPER_UNITS = {"_m": ("_in", INCH), "_m_s": ("_in_s", INCH), "_m_s2": ("_in_s2", INCH), "_nm": ("_in_lbf", INCH_POUND)}
+PAPER_UNITS = {
+    "_m": ("_in", INCH),
+    "_m_s": ("_in_s", INCH),
+    "_m_s2": ("_in_s2", INCH),
+    "_nm": ("_in_lbf", INCH_POUND),
+}
 """Ending of a column in SI, ending of the one in the paper's unit beside it, and the size of that unit."""
 
 TABLE_KEYS = ("position_error_in", "tip_speed_in_s", "tip_acceleration_in_s2")
@@ -45,7 +50,9 @@ def csv_text(columns: Columns) -> str:
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(columns)
-    writer.writerows(zip(*(map(_cell, np.asarray(values).tolist()) for values in columns.values()), strict=True))
+    writer.writerows(
+        zip(*(map(_cell, np.asarray(values).tolist()) for values in columns.values()), strict=True)
+    )
     return buffer.getvalue()
 
 
@@ -103,7 +110,12 @@ def clutch_step(study: Study) -> Columns:
     """The step response of each clutch."""
     step = study.step_response
     return stacked(
-        {"clutch": k, "time_s": step.time, "torque_nm": torque, "first_order_torque_nm": step.first_order}
+        {
+            "clutch": k,
+            "time_s": step.time,
+            "torque_nm": torque,
+            "first_order_torque_nm": step.first_order,
+        }
         for k, torque in enumerate(step.torque, 1)
     )
 
@@ -127,7 +139,8 @@ def lines(study: Study) -> Columns:
     names = {"time": "time_s", "tip_x": "tip_x_m", "tip_y": "tip_y_m", "arc_length": "arc_length_m"}
     names["normal_error"] = "normal_error_m"
     return stacked(
-        {"gain_v_per_in_lbf": float(gain)} | {names[name]: column(run.telemetry, name) for name in names}
+        {"gain_v_per_in_lbf": float(gain)}
+        | {names[name]: column(run.telemetry, name) for name in names}
         for gain, (run,) in study.line_following.runs.items()
     )
 
@@ -140,7 +153,10 @@ def table1(study: Study) -> dict[str, dict[str, float]]:
 def table1_columns(study: Study) -> Columns:
     """Table I beside the paper's."""
     columns: dict[str, ArrayLike] = {"model": list(study.table1)}
-    ours, published = np.array(list(study.table1.values())), np.array([PAPER_TABLE[name] for name in study.table1])
+    ours, published = (
+        np.array(list(study.table1.values())),
+        np.array([PAPER_TABLE[name] for name in study.table1]),
+    )
     for k, key in enumerate(TABLE_KEYS):
         columns |= {key: ours[:, k], f"paper_{key}": published[:, k]}
     return columns

@@ -31,22 +31,21 @@ def watch(
 ) -> None:
     """Watch policies side by side on the same episode.
 
-    Opens a window, or writes a file with --out. The episode is a training draw of the scenario; the stored evaluation
-    episodes are never read. A window and mp4 need the extra render.
+    Opens a window, or writes a file with --out. The episode is a training draw of the scenario; the
+    stored evaluation episodes are never read. A window and mp4 need the extra render.
 
     Example: pter watch torque-feedback,residual --out both.webp
 
     Args:
-        policies: Separated by commas, as for `pter benchmark --policies`.
-        scenario: Scenario that draws the episode.
-        pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
-        path: Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's name.
-        seed: Seed of the episode, and of random policies, at least 0.
-        out: Film to write, or with .png the final picture, with the tip's trail; its folder must exist.
-        csv: File for the episode's whole telemetry; see docs/watching.md. Its folder must exist.
-        size: Width and height of the picture in pixels.
-        speed: Playback speed relative to real time; 0.2 is slow motion.
-        machine: Clutch material, or the preset of a machine of your own, instead of the one that the scenario draws.
+        policies: Separated by commas, as for `pter benchmark --policies`. scenario: Scenario that
+        draws the episode. pace: Commanded pace: slow, medium, brisk, or a speed in m/s. path: Path
+        instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's name. seed:
+        Seed of the episode, and of random policies, at least 0. out: Film to write, or with .png
+        the final picture, with the tip's trail; its folder must exist. csv: File for the episode's
+        whole telemetry; see docs/watching.md. Its folder must exist. size: Width and height of the
+        picture in pixels. speed: Playback speed relative to real time; 0.2 is slow motion. machine:
+        Clutch material, or the preset of a machine of your own, instead of the one that the
+        scenario draws.
     """
     from pter_gym.benchmark import find_policy
     from pter_gym.benchmark._trajectories import write_trajectories
@@ -61,7 +60,9 @@ def watch(
     found = {name: find_policy(name, drawn.whose_gains) for name in names}
     telemetry: dict[str, Any] = {}
     for name, policy in found.items():
-        telemetry[name] = record_episode(policy, held, task, seed, time_limit(task), nominal=drawn.nominal).telemetry
+        telemetry[name] = record_episode(
+            policy, held, task, seed, time_limit(task), nominal=drawn.nominal
+        ).telemetry
         say(f"{name}: {summary(telemetry[name])}")
     if csv:
         write_trajectories(telemetry, csv)
@@ -76,7 +77,10 @@ def watch(
             film.write_film(held, task, telemetry, out, speed=speed, size=size, on_progress=show)
         say(f"wrote {out}, {out.stat().st_size / 1e6:.2f} MB")
     elif not csv:
-        film.show_film(film.Film(held, task, telemetry, film.WINDOW_RATE, speed, size), f"PTER: {', '.join(found)}")
+        film.show_film(
+            film.Film(held, task, telemetry, film.WINDOW_RATE, speed, size),
+            f"PTER: {', '.join(found)}",
+        )
 
 
 def check_arguments(
@@ -87,7 +91,9 @@ def check_arguments(
     from pter_gym.tools.pictures import film, viewer
 
     if not 1 <= len(names) <= MAX_POLICIES:
-        raise ParameterError(f"policies must be 1 to {MAX_POLICIES} names separated by commas, got {len(names)}")
+        raise ParameterError(
+            f"policies must be 1 to {MAX_POLICIES} names separated by commas, got {len(names)}"
+        )
     if not (math.isfinite(speed) and speed > 0.0):
         raise ParameterError(f"speed must be a number > 0, got {speed!r}")
     if size is not None:
@@ -97,7 +103,9 @@ def check_arguments(
             check_target(field, path)
             check(path)
     if not out and not csv and viewer.open_display().display.get_driver() in viewer.INVISIBLE:
-        raise ParameterError("out must be given where a window would not be seen, such as --out film.webp; or --csv")
+        raise ParameterError(
+            "out must be given where a window would not be seen, such as --out film.webp; or --csv"
+        )
 
 
 def summary(telemetry: Any) -> str:
@@ -105,6 +113,12 @@ def summary(telemetry: Any) -> str:
     from pter_gym.tasks.path_following import COLUMN
 
     last = telemetry[-1]
-    end = "arrived" if last[COLUMN.is_success] else "left the workspace" if last[COLUMN.terminated] else "time is up"
+    end = (
+        "arrived"
+        if last[COLUMN.is_success]
+        else "left the workspace"
+        if last[COLUMN.terminated]
+        else "time is up"
+    )
     error = 1e3 * abs(telemetry[:, COLUMN.normal_error])
     return f"{end} after {last[COLUMN.time]:.2f} s; error {error.mean():.1f} mm on average, {error.max():.1f} at most"

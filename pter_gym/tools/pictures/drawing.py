@@ -1,4 +1,7 @@
-"""The picture of a world: the arm on its path, its clutches below it. Drawn with Pillow, which takes milliseconds."""
+"""The picture of a world: the arm on its path, its clutches below it.
+
+Drawn with Pillow, which takes milliseconds.
+"""
 
 import math
 from functools import lru_cache
@@ -65,8 +68,9 @@ MODE_NAMES = ("two DOF", *(f"one DOF ({x} stuck)" for x in range(1, 5)), "zero D
 class FiveBar(NamedTuple):
     """Pivots of the mechanism in the world, each an array (2,) [m]; the fifth bar is the ground.
 
-    The drive turns both cranks about one axis at the origin: link A to ``elbow_a`` and link B to ``elbow_b``. A bar
-    parallel to B leads from ``elbow_a`` to the tip, a bar parallel to A from ``elbow_b``.
+    The drive turns both cranks about one axis at the origin: link A to ``elbow_a`` and link B to
+    ``elbow_b``. A bar parallel to B leads from ``elbow_a`` to the tip, a bar parallel to A from
+    ``elbow_b``.
     """
 
     base: Array
@@ -94,7 +98,10 @@ def workspace(task: PathFollowing) -> Array:
 def band(path: Path, right: float, left: float, behind: float = 0.0) -> Array:
     """Return the outline of a band along a path [m], shape (K, 2), that begins so far behind its start."""
     x, y, heading, _ = path.arcs.at(np.linspace(0.0, path.length, 129))
-    x, y = np.append(x[0] - behind * np.cos(heading[0]), x), np.append(y[0] - behind * np.sin(heading[0]), y)
+    x, y = (
+        np.append(x[0] - behind * np.cos(heading[0]), x),
+        np.append(y[0] - behind * np.sin(heading[0]), y),
+    )
     heading = np.append(heading[0], heading)
     points, normal = np.stack([x, y], axis=1), np.stack([-np.sin(heading), np.cos(heading)], axis=1)
     return np.vstack([points + left * normal, (points - right * normal)[::-1]])
@@ -126,7 +133,9 @@ def fit(task: PathFollowing, arm: Arm, screen: Box) -> View:
     sideways = max(arm.length_a, arm.length_b) / max(math.hypot(x, y), HUB) * np.array([-y, x])
     shown = np.vstack([workspace(task), [[-HUB, -HUB], [HUB, HUB]], sideways, -sideways])
     (left, low), (right, high) = shown.min(axis=0).tolist(), shown.max(axis=0).tolist()
-    scale = min((screen.right - screen.left) / (right - left), (screen.high - screen.low) / (high - low))
+    scale = min(
+        (screen.right - screen.left) / (right - left), (screen.high - screen.low) / (high - low)
+    )
     x, y = 0.5 * (screen.left + screen.right), 0.5 * (screen.low + screen.high)
     return View(scale, (x - 0.5 * scale * (left + right), y + 0.5 * scale * (low + high)))
 
@@ -188,19 +197,42 @@ class Canvas:
         left = np.array([-ahead[1], ahead[0]])
         head, neck = tail + length * ahead, tail + max(length - 3.5 * width, 0.0) * ahead
         shaft, barb = 0.5 * width * left, 1.75 * width * left
-        self.polygon([tail + shaft, neck + shaft, neck + barb, head, neck - barb, neck - shaft, tail - shaft], colour)
+        self.polygon(
+            [
+                tail + shaft,
+                neck + shaft,
+                neck + barb,
+                head,
+                neck - barb,
+                neck - shaft,
+                tail - shaft,
+            ],
+            colour,
+        )
 
-    def box(self, left: float, low: float, right: float, high: float, colour: str, radius: float = 0.0) -> None:
+    def box(
+        self, left: float, low: float, right: float, high: float, colour: str, radius: float = 0.0
+    ) -> None:
         """Fill a rectangle, with round corners if ``radius`` is given."""
         left, low, right, high = (round(SUPERSAMPLING * edge) for edge in (left, low, right, high))
         if right > left and high > low:
-            self._draw.rounded_rectangle((left, low, right - 1, high - 1), SUPERSAMPLING * radius, colour)
+            self._draw.rounded_rectangle(
+                (left, low, right - 1, high - 1), SUPERSAMPLING * radius, colour
+            )
 
     def text(
-        self, text: str, x: float, y: float, size: float, colour: str, align: Literal["l", "m", "r"] = "l"
+        self,
+        text: str,
+        x: float,
+        y: float,
+        size: float,
+        colour: str,
+        align: Literal["l", "m", "r"] = "l",
     ) -> None:
         """Write a line of text around the height ``y``; its left end, middle or right end is at ``x``."""
-        self._draw.text((SUPERSAMPLING * x, SUPERSAMPLING * y), text, colour, _font(size), f"{align}m")
+        self._draw.text(
+            (SUPERSAMPLING * x, SUPERSAMPLING * y), text, colour, _font(size), f"{align}m"
+        )
 
 
 def _enlarged(points: ArrayLike) -> list[tuple[float, ...]]:
@@ -227,7 +259,9 @@ def _font(size: float) -> ImageFont.FreeTypeFont:
 def _load_font(size: int) -> ImageFont.FreeTypeFont:
     """Load the typeface of the figures from Matplotlib's files, without importing Matplotlib."""
     package: Any = find_spec("matplotlib")
-    return ImageFont.truetype(FilePath(package.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf", size)
+    return ImageFont.truetype(
+        FilePath(package.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf", size
+    )
 
 
 # --- the picture ---
@@ -255,22 +289,34 @@ class Picture:
         scene = Box(margin, margin, width - margin, height - margin)
         if self._has_text:
             margin = MARGIN * unit
-            scene = Box(margin, (1 + has_legend) * LINE * unit, width - margin, self._panel.low - 0.5 * margin)
+            scene = Box(
+                margin,
+                (1 + has_legend) * LINE * unit,
+                width - margin,
+                self._panel.low - 0.5 * margin,
+            )
         self.view = fit(task, self._machine.arm, scene)
-        self._stroke = min((scene.right - scene.left) / 508, (scene.high - scene.low) / 532) ** STROKE_GROWTH
+        self._stroke = (
+            min((scene.right - scene.left) / 508, (scene.high - scene.low) / 532) ** STROKE_GROWTH
+        )
         self._size = BODY * unit if self._has_text else 0.0
         self._background = Canvas.blank(width, height)
         self._draw_background(task)
         if self._has_text:
             self._draw_captions(name, scene, has_legend)
         clutch = self._machine.clutch
-        self._torque_max = max(curve.torque(clutch.voltage_max) for curve in (clutch.breakaway, clutch.dynamic))
+        self._torque_max = max(
+            curve.torque(clutch.voltage_max) for curve in (clutch.breakaway, clutch.dynamic)
+        )
 
     def draw(self, row: Any, trail: Array) -> NDArray[np.uint8]:
         """Return a telemetry row, shape (len(TELEMETRY),), as pixels; ``trail`` holds past tips [m], shape (K, 2)."""
         canvas = self._background.copy()
         canvas.line(self.view.pixels(np.reshape(trail, (-1, 2))), TRAIL, max(3 * self._stroke, 1.5))
-        pivots = [self.view.pixels(pivot) for pivot in five_bar(self._machine.arm, *map(float, row[[*COLUMN.theta]]))]
+        pivots = [
+            self.view.pixels(pivot)
+            for pivot in five_bar(self._machine.arm, *map(float, row[[*COLUMN.theta]]))
+        ]
         self._draw_arm(canvas, pivots)
         self._draw_handle(canvas, pivots[3], row[[*COLUMN.force]])
         if self._has_text:
@@ -294,7 +340,10 @@ class Picture:
         canvas.disc(points[-1], 5 * unit, PATH)
         x, y = self.view.origin
         floor = y + 32 * unit
-        canvas.polygon([(x - 9 * unit, y), (x + 9 * unit, y), (x + 20 * unit, floor), (x - 20 * unit, floor)], GROOVE)
+        canvas.polygon(
+            [(x - 9 * unit, y), (x + 9 * unit, y), (x + 20 * unit, floor), (x - 20 * unit, floor)],
+            GROOVE,
+        )
         canvas.disc(np.array([x, y]), 13 * unit, GROOVE)
         canvas.box(x - 32 * unit, floor, x + 32 * unit, floor + 3 * unit, MUTED)
 
@@ -302,7 +351,9 @@ class Picture:
         """Write the title, a scale bar and, where there is room, a legend."""
         canvas, unit, x = self._background, self._unit, scene.left
         title, small = TITLE * unit, SMALL * unit
-        canvas.text(shortened(name, title, scene.right - x - 64 * unit), x, 0.5 * LINE * unit, title, INK)
+        canvas.text(
+            shortened(name, title, scene.right - x - 64 * unit), x, 0.5 * LINE * unit, title, INK
+        )
         right = x + self.view.scale * SCALE_BAR
         canvas.box(x, scene.high - 2.0, right, scene.high, MUTED)
         canvas.text(f"{SCALE_BAR:g} m", 0.5 * (x + right), scene.high - small, small, MUTED, "m")
@@ -318,10 +369,15 @@ class Picture:
         unit, size = self._stroke, self._size
         canvas.bar(elbow_b, tip, 8 * unit, PARALLEL_A)
         canvas.bar(elbow_a, tip, 8 * unit, PARALLEL_B)
-        for name, elbow, other, colour in (("B", elbow_b, elbow_a, LINK_B), ("A", elbow_a, elbow_b, LINK_A)):
+        for name, elbow, other, colour in (
+            ("B", elbow_b, elbow_a, LINK_B),
+            ("A", elbow_a, elbow_b, LINK_A),
+        ):
             canvas.bar(base, elbow, 14 * unit, colour)
             if size:
-                away = (base - other) / math.hypot(*(base - other))  # from the inside of the parallelogram
+                away = (base - other) / math.hypot(
+                    *(base - other)
+                )  # from the inside of the parallelogram
                 x, y = 0.5 * (base + elbow) + (10 * unit + 0.6 * size) * away
                 canvas.text(name, x, y, size, INK, "m")
         for pivot in (base, elbow_a, elbow_b):
@@ -336,7 +392,9 @@ class Picture:
             canvas.arrow(tip, ahead, length, 5 * unit, FORCE)
             if size:
                 upwards = np.array([ahead[1], -ahead[0]]) * math.copysign(1.0, ahead[0])
-                x, y = tip + length * ahead + upwards * (1.6 * size, 1.2 * size)  # beside the path ahead
+                x, y = (
+                    tip + length * ahead + upwards * (1.6 * size, 1.2 * size)
+                )  # beside the path ahead
                 canvas.text(f"{strength:.0f} N", x, y, size, FORCE, "m")
         canvas.disc(tip, 9 * unit, BACKGROUND)
         canvas.disc(tip, 7.5 * unit, INK)
@@ -344,16 +402,25 @@ class Picture:
     def _draw_readings(self, canvas: Canvas, row: Any) -> None:
         """Write the time above the scene; below it the error and the mode, and draw a card for each clutch."""
         left, top, right, bottom = self._panel
-        size, gap, line, margin = self._size, GAP * self._unit, LINE * self._unit, MARGIN * self._unit
+        size, gap, line, margin = (
+            self._size,
+            GAP * self._unit,
+            LINE * self._unit,
+            MARGIN * self._unit,
+        )
         canvas.text(f"{row[COLUMN.time]:.2f} s", right - margin, 0.5 * line, size, MUTED, "r")
         canvas.box(left, top, right, bottom, PANEL)
         y = top + 0.5 * (gap + line)
-        canvas.text(f"error {_signed(1e3 * float(row[COLUMN.normal_error]))} mm", margin, y, size, INK)
+        canvas.text(
+            f"error {_signed(1e3 * float(row[COLUMN.normal_error]))} mm", margin, y, size, INK
+        )
         canvas.text(outcome(row), right - margin, y, size, INK, "r")
         step = (right - left - gap) / 4
         for clutch, state in enumerate(clutch_states(row, self._machine)):
             x = left + gap + clutch * step
-            self._draw_card(canvas, Box(x, top + gap + line, x + step - gap, bottom - gap), clutch, state, row)
+            self._draw_card(
+                canvas, Box(x, top + gap + line, x + step - gap, bottom - gap), clutch, state, row
+            )
 
     def _draw_card(self, canvas: Canvas, card: Box, clutch: int, state: str, row: Any) -> None:
         """Draw a clutch's state, and voltage and torque as bars and numbers, in its colour."""
@@ -365,10 +432,22 @@ class Picture:
         canvas.box(*card, CARD, 5 * unit)
         left, right, line = card.left + 4 * unit, card.right - 4 * unit, (card.high - card.low) / 3
         canvas.box(left, card.low + 0.2 * line, right, card.low + 0.95 * line, fill, 4 * unit)
-        canvas.text(f"{clutch + 1} {state}", 0.5 * (left + right), card.low + 0.58 * line, SMALL * unit, ink, "m")
+        canvas.text(
+            f"{clutch + 1} {state}",
+            0.5 * (left + right),
+            card.low + 0.58 * line,
+            SMALL * unit,
+            ink,
+            "m",
+        )
         width = max(right - left - 60 * unit, 0.0)
         for y, zero, share, text in (
-            (card.low + 1.45 * line, 0.0, volts / self._machine.clutch.voltage_max, f"{volts:.1f} V"),
+            (
+                card.low + 1.45 * line,
+                0.0,
+                volts / self._machine.clutch.voltage_max,
+                f"{volts:.1f} V",
+            ),
             (card.low + 2.35 * line, 0.5, torque / self._torque_max, f"{_signed(torque)} N·m"),
         ):
             canvas.text(text, right, y, SMALL * unit, INK, "r")

@@ -41,7 +41,8 @@ class Film:
     machine, task
         What the episodes have in common.
     episodes
-        Telemetry of each policy by its name, from the reset on, (T + 1, len(TELEMETRY)); at least one.
+        Telemetry of each policy by its name, from the reset on, (T + 1, len(TELEMETRY)); at least
+        one.
     rate
         Frames per second [1/s].
     speed
@@ -49,7 +50,8 @@ class Film:
     size
         Width and height [px]; ``default_size`` by default.
     arms
-        Names of the episodes whose arms are drawn, all by default; the strip of errors below them has all.
+        Names of the episodes whose arms are drawn, all by default; the strip of errors below them
+        has all.
 
     Raises
     ------
@@ -83,7 +85,9 @@ class Film:
         self._pictures: list[tuple[int, int, Picture]] = []
         for k, name in enumerate(shown):
             row, column = divmod(k, columns)
-            picture = Picture(Subject(machine, task, name), int(np.diff(x)[column]), int(np.diff(y)[row]))
+            picture = Picture(
+                Subject(machine, task, name), int(np.diff(x)[column]), int(np.diff(y)[row])
+            )
             self._pictures.append((int(x[column]), int(y[row]), picture))
         duration = max(float(telemetry[-1, COLUMN.time]) for telemetry in episodes.values())
         self._count = 1 + math.ceil(duration / self._step - 1e-9)
@@ -141,14 +145,16 @@ def write_film(
     arms: Collection[str] | None = None,
     on_progress: Callable[[float], object] = lambda _: None,
 ) -> Path:
-    """Write a film of policies on one episode, side by side, to a file atomically, and return its path.
+    """Write a film of policies on one episode, side by side, to a file atomically, and return its
+    path.
 
     Parameters
     ----------
     machine, task, episodes, speed, size, arms
         As for ``Film``.
     path
-        A file that ends in ``.webp``, ``.mp4`` or ``.png``, which holds only the last frame; its folder must exist.
+        A file that ends in ``.webp``, ``.mp4`` or ``.png``, which holds only the last frame; its
+        folder must exist.
     on_progress
         Called with the share of the frames that have been drawn.
 
@@ -220,7 +226,9 @@ def _encode_mp4(frames: Iterator[NDArray[np.uint8]], rate: float) -> bytes:
                     video.append_data(frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2])
             return file.read_bytes()
     except OSError as error:
-        raise StorageError(f"the film cannot be made in the folder for temporary files: {error}") from error
+        raise StorageError(
+            f"the film cannot be made in the folder for temporary files: {error}"
+        ) from error
 
 
 def _load_imageio() -> Any:

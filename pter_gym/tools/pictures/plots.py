@@ -17,7 +17,17 @@ from pter_gym.benchmark.scores import ScenarioRun
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.scenarios import PACES, find_pace, title_of_pace
-from pter_gym.tools.figures import MILLIMETRE, REFERENCE, SMALL, WIDTH, Look, label, looks, save, styled
+from pter_gym.tools.figures import (
+    MILLIMETRE,
+    REFERENCE,
+    SMALL,
+    WIDTH,
+    Look,
+    label,
+    looks,
+    save,
+    styled,
+)
 from pter_gym.tools.pictures.drawing import WORKSPACE
 from pter_gym.tools.pictures.strip import apart
 
@@ -31,11 +41,16 @@ MIN_PACE, MAX_PACE = 0.03, 1.0
 """Mean paces [m/s] at which slower and faster policies are drawn."""
 
 
-def draw_scenario(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun], folder: Path) -> list[Path]:
+def draw_scenario(
+    boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun], folder: Path
+) -> list[Path]:
     """Draw the leaderboards of one scenario into a folder as PNG files; return their paths."""
     mine = [run for run in runs if boards[0].has_episodes_of(run)]
     figures = {"profiles": profiles(boards, mine), "error-against-pace": error_against_pace(boards)}
-    return [save(figure, folder / f"{boards[0].scenario}-{name}.png") for name, figure in figures.items()]
+    return [
+        save(figure, folder / f"{boards[0].scenario}-{name}.png")
+        for name, figure in figures.items()
+    ]
 
 
 def _x_at(line: Line2D, y: float) -> float:
@@ -46,7 +61,8 @@ def _x_at(line: Line2D, y: float) -> float:
 
 @styled
 def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figure:
-    """Return the performance profiles of a scenario: the share of episodes within an error, a panel for each pace.
+    """Return the performance profiles of a scenario: the share of episodes within an error, a panel
+    for each pace.
 
     Parameters
     ----------
@@ -65,13 +81,17 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
         axes.set_title(title_of_pace(board.pace))
         for standing in board.standings:
             key = (standing.policy, board.pace)
-            errors = np.stack([run.scores["path_error_m"] for run in runs if (run.policy, run.pace) == key])
+            errors = np.stack(
+                [run.scores["path_error_m"] for run in runs if (run.policy, run.pace) == key]
+            )
             found = performance_profile(errors, thresholds)
             colour, _, dashes = by_policy[standing.policy]
             alpha = FAINT if standing.reason else 1.0
             x = thresholds / MILLIMETRE
             rises = (found.fraction > 0.0) & (found.fraction < 1.0)
-            axes.fill_between(x, found.low, found.high, rises, color=colour, alpha=0.18 * alpha, linewidth=0.0)
+            axes.fill_between(
+                x, found.low, found.high, rises, color=colour, alpha=0.18 * alpha, linewidth=0.0
+            )
             (line,) = axes.plot(x, found.fraction, color=colour, linestyle=dashes, alpha=alpha)
             if axes is panels[-1]:
                 curves[standing.policy + mark(standing)] = line
@@ -79,13 +99,19 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
         plain_ticks(axes, "x")
         axes.set_xlabel("path error [mm]")
     panels[0].set_ylabel("share of episodes within it")
-    shares = np.linspace(0.05, 0.95, len(curves))[::-1]  # each curve is labelled at a height of its own
+    shares = np.linspace(0.05, 0.95, len(curves))[
+        ::-1
+    ]  # each curve is labelled at a height of its own
     ends = {
         name: (_x_at(line, float(share)), float(share))
         for share, (name, line) in zip(shares, curves.items(), strict=True)
     }
     label_ends(panels[-1], ends, {name: str(line.get_color()) for name, line in curves.items()})
-    board_note(figure, boards[0], f"dashed: control laws; {UNRANKED}, faint: not ranked; bands: 95 % intervals")
+    board_note(
+        figure,
+        boards[0],
+        f"dashed: control laws; {UNRANKED}, faint: not ranked; bands: 95 % intervals",
+    )
     return figure
 
 
@@ -96,20 +122,39 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
     axes = figure.add_subplot()
     for board in boards:
         pace = find_pace(board.pace)
-        axes.axvspan(pace * (1.0 - PACE_ERROR), pace * (1.0 + PACE_ERROR), color=WORKSPACE, zorder=0)
+        axes.axvspan(
+            pace * (1.0 - PACE_ERROR), pace * (1.0 + PACE_ERROR), color=WORKSPACE, zorder=0
+        )
         axes.axvline(pace, color=REFERENCE, linewidth=1.0, linestyle=":", zorder=1)
     ends: dict[str, tuple[float, float]] = {}
     for name, (colour, marker, dashes) in _looks(boards).items():
-        standings = [standing for board in boards for standing in board.standings if standing.policy == name]
-        x = np.clip([standing.scores["mean_pace_m_s"].value for standing in standings], MIN_PACE, MAX_PACE)
-        y = np.array([standing.scores["path_error_m"] for standing in standings], np.float64) / MILLIMETRE
+        standings = [
+            standing for board in boards for standing in board.standings if standing.policy == name
+        ]
+        x = np.clip(
+            [standing.scores["mean_pace_m_s"].value for standing in standings], MIN_PACE, MAX_PACE
+        )
+        y = (
+            np.array([standing.scores["path_error_m"] for standing in standings], np.float64)
+            / MILLIMETRE
+        )
         axes.plot(x, y[:, 0], color=colour, linestyle=dashes, linewidth=1.2, alpha=0.6)
         spread = np.maximum([y[:, 0] - y[:, 1], y[:, 2] - y[:, 0]], 0.0)
         axes.errorbar(x, y[:, 0], spread, fmt="none", ecolor=colour, elinewidth=1.2)
         for at, error, standing in zip(x, y[:, 0], standings, strict=True):
             face = "white" if standing.reason else colour
-            axes.plot(at, error, color=colour, marker=marker, markersize=6.0, markerfacecolor=face, linestyle="none")
-            axes.annotate(mark(standing), (at, error), (1.0, 2.0), textcoords="offset points", color=colour)
+            axes.plot(
+                at,
+                error,
+                color=colour,
+                marker=marker,
+                markersize=6.0,
+                markerfacecolor=face,
+                linestyle="none",
+            )
+            axes.annotate(
+                mark(standing), (at, error), (1.0, 2.0), textcoords="offset points", color=colour
+            )
         ends[name] = max(zip(x.tolist(), y[:, 0].tolist(), strict=True))
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -128,7 +173,9 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
 def shown(name: str) -> str:
     """Return a policy's name for pictures: short enough, and without mathematical markup."""
     half = MAX_NAME // 2
-    return (name if len(name) <= MAX_NAME else f"{name[: half - 1]}…{name[-half:]}").replace("$", r"\$")
+    return (name if len(name) <= MAX_NAME else f"{name[: half - 1]}…{name[-half:]}").replace(
+        "$", r"\$"
+    )
 
 
 def mark(standing: Standing) -> str:
@@ -150,7 +197,9 @@ def _pace_ticks(axes: Axes, paces: Mapping[str, float]) -> None:
     """Label a logarithmic axis at each commanded pace [m/s] by its name, and at the slowest pace drawn."""
     low, high = axes.get_xlim()
     axes.set_xlim(min(low, 0.9 * min(paces.values())), max(high, 1.1 * max(paces.values())))
-    labels = {pace: f"{pace:g}\n{name}" if name in PACES else f"{pace:g}" for name, pace in paces.items()}
+    labels = {
+        pace: f"{pace:g}\n{name}" if name in PACES else f"{pace:g}" for name, pace in paces.items()
+    }
     labels |= {MIN_PACE: f"≤ {MIN_PACE:g}"} if low <= MIN_PACE else {}
     labels |= {MAX_PACE: f"≥ {MAX_PACE:g}"} if high >= MAX_PACE else {}
     axes.set_xticks(list(labels), list(labels.values()))
@@ -160,20 +209,46 @@ def _pace_ticks(axes: Axes, paces: Mapping[str, float]) -> None:
 def _looks(boards: Sequence[Leaderboard]) -> dict[str, Look]:
     """Return a look for each policy, dashed for a control law."""
     found = looks(sorted({standing.policy for board in boards for standing in board.standings}))
-    return {name: look._replace(dashes="--" if name in {*CONTROLLERS, *TUNED} else "-") for name, look in found.items()}
+    return {
+        name: look._replace(dashes="--" if name in {*CONTROLLERS, *TUNED} else "-")
+        for name, look in found.items()
+    }
 
 
-def label_ends(axes: Axes, ends: Mapping[str, tuple[float, float]], colours: Mapping[str, str]) -> None:
+def label_ends(
+    axes: Axes, ends: Mapping[str, tuple[float, float]], colours: Mapping[str, str]
+) -> None:
     """Write names beside the axes, each in its colour at the height of its line's end (x, y), and none over another."""
     figure: Any = axes.figure
     to_axes = axes.transData + axes.transAxes.inverted()
     heights = {name: float(to_axes.transform(end)[1]) for name, end in ends.items()}
-    names, line = sorted(heights, key=heights.__getitem__), 1.3 * SMALL / (58.0 * figure.get_figheight())
+    names, line = (
+        sorted(heights, key=heights.__getitem__),
+        1.3 * SMALL / (58.0 * figure.get_figheight()),
+    )
     places = apart(np.array([heights[name] for name in names]), line, 1.0)
     for name, place in zip(names, places, strict=True):
-        lead = {"arrowstyle": "-", "color": colours[name], "linewidth": 0.7, "alpha": 0.6, "shrinkB": 4.0}
-        text: dict[str, Any] = {"color": colours[name], "fontsize": SMALL, "va": "center", "annotation_clip": False}
-        axes.annotate(shown(name), ends[name], (1.03, place), textcoords="axes fraction", arrowprops=lead, **text)
+        lead = {
+            "arrowstyle": "-",
+            "color": colours[name],
+            "linewidth": 0.7,
+            "alpha": 0.6,
+            "shrinkB": 4.0,
+        }
+        text: dict[str, Any] = {
+            "color": colours[name],
+            "fontsize": SMALL,
+            "va": "center",
+            "annotation_clip": False,
+        }
+        axes.annotate(
+            shown(name),
+            ends[name],
+            (1.03, place),
+            textcoords="axes fraction",
+            arrowprops=lead,
+            **text,
+        )
 
 
 def board_note(figure: Figure, board: Leaderboard, note: str) -> None:

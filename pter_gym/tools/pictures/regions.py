@@ -44,7 +44,8 @@ def draw_force_region(machine: Machine | str, path: FilePath) -> Path:
 def force_map(machine: Machine | str) -> Figure:
     """Return the figure of a machine, or of one that ``find_machine`` knows.
 
-    The map shows ``ForceExtremes.least_steering``, which depends on the distance from the drive alone.
+    The map shows ``ForceExtremes.least_steering``, which depends on the distance from the drive
+    alone.
     """
     found = find_machine(machine)
     figure = Figure(figsize=(WIDTH, 3.6))
@@ -55,7 +56,9 @@ def force_map(machine: Machine | str) -> Figure:
         axes.add_patch(Circle((0.0, 0.0), 0.02, color=MUTED))
         axes.set_aspect("equal")
         label(axes, "x [m]", "y [m]")
-    legend_of(figure, left, f"links A (blue) and B (orange); 0.1 m is {0.1 / METRES_PER_NEWTON:g} N")
+    legend_of(
+        figure, left, f"links A (blue) and B (orange); 0.1 m is {0.1 / METRES_PER_NEWTON:g} N"
+    )
     return figure
 
 
@@ -84,7 +87,9 @@ def _draw_steering(figure: Figure, axes: Axes, machine: Machine) -> None:
     """Draw the smallest steering force over the workspace."""
     arm = machine.arm
     elbow: Array = np.linspace(math.asin(MARGIN), math.pi - math.asin(MARGIN), 200)
-    least = force_extremes(machine, np.stack([0.0 * elbow, elbow], axis=-1), speed=SPEED).least_steering
+    least = force_extremes(
+        machine, np.stack([0.0 * elbow, elbow], axis=-1), speed=SPEED
+    ).least_steering
     radius: Array = np.abs(arm.length_a + arm.length_b * np.exp(1j * elbow))
     grid = float(radius[0]) * np.linspace(-1.0, 1.0, 401)
     distance = np.hypot(grid, grid[:, None])

@@ -19,6 +19,8 @@ def check_size(width: object, height: object) -> tuple[int, int]:
     for name, value in (("width", width), ("height", height)):
         number = whole_number(name, value, at_least=MIN_SIDE)
         if number > MAX_SIDE:
-            raise ParameterError(f"{name} must be a whole number within [{MIN_SIDE}, {MAX_SIDE}], got {value!r}")
+            raise ParameterError(
+                f"{name} must be a whole number within [{MIN_SIDE}, {MAX_SIDE}], got {value!r}"
+            )
         found.append(number)
     return found[0], found[1]

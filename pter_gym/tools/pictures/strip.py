@@ -42,7 +42,8 @@ def apart(places: Array, line: float, most: float) -> Array:
 
 
 class ErrorStrip:
-    """Draws |normal error| of episodes, thin, and its mean so far, bold, with a name and that mean beside each.
+    """Draws |normal error| of episodes, thin, and its mean so far, bold, with a name and that mean
+    beside each.
 
     Parameters
     ----------
@@ -59,18 +60,30 @@ class ErrorStrip:
         Distance from the path and its mean so far [mm] of each episode, (T + 1,).
     """
 
-    def __init__(self, task: PathFollowing, episodes: Mapping[str, Any], width: int, height: int) -> None:
+    def __init__(
+        self, task: PathFollowing, episodes: Mapping[str, Any], width: int, height: int
+    ) -> None:
         self._unit = unit = min(width / WIDTH, height / HEIGHT, 2.0)
         self._names = list(episodes)
-        self._colours = [palette.LINES[sorted(episodes).index(name) % len(palette.LINES)] for name in episodes]
+        self._colours = [
+            palette.LINES[sorted(episodes).index(name) % len(palette.LINES)] for name in episodes
+        ]
         self._times = [rows[:, COLUMN.time] for rows in episodes.values()]
-        self.errors = {name: 1e3 * np.abs(rows[:, COLUMN.normal_error]) for name, rows in episodes.items()}
-        self.means = {name: np.cumsum(e) / np.arange(1, len(e) + 1) for name, e in self.errors.items()}
+        self.errors = {
+            name: 1e3 * np.abs(rows[:, COLUMN.normal_error]) for name, rows in episodes.items()
+        }
+        self.means = {
+            name: np.cumsum(e) / np.arange(1, len(e) + 1) for name, e in self.errors.items()
+        }
         self._duration = max(float(times[-1]) for times in self._times)
         self._top = 1.05 * max(1.0, *(float(errors.max()) for errors in self.errors.values()))
-        self._plot = Box(44 * unit, 1.4 * LINE * unit, width - 205 * unit, height - 1.3 * LINE * unit)
+        self._plot = Box(
+            44 * unit, 1.4 * LINE * unit, width - 205 * unit, height - 1.3 * LINE * unit
+        )
         self._background = Canvas.blank(width, height)
-        self._draw_scale(1e3 * task.error_max if task.free_left == task.free_right == 0.0 else np.inf)
+        self._draw_scale(
+            1e3 * task.error_max if task.free_left == task.free_right == 0.0 else np.inf
+        )
 
     def draw(self, time: float) -> NDArray[np.uint8]:
         """Return the strip at a time [s] as pixels, shape (height, width, 3)."""
@@ -78,10 +91,14 @@ class ErrorStrip:
         counts = [int(np.searchsorted(times, time + 1e-9, side="right")) for times in self._times]
         tints = [palette.tint(colour) for colour in self._colours]
         for thick, values, colours in ((1.3, self.errors, tints), (2.6, self.means, self._colours)):
-            for times, errors, colour, count in zip(self._times, values.values(), colours, counts, strict=True):
+            for times, errors, colour, count in zip(
+                self._times, values.values(), colours, counts, strict=True
+            ):
                 points = np.stack([self._x(times[:count]), self._y(errors[:count])], axis=1)
                 canvas.line(points, colour, max(thick * unit, 1.0))
-        ends = np.array([means[count - 1] for means, count in zip(self.means.values(), counts, strict=True)])
+        ends = np.array(
+            [means[count - 1] for means, count in zip(self.means.values(), counts, strict=True)]
+        )
         x, right, size = self._plot.right + 8 * unit, self._plot.right + 199 * unit, SMALL * unit
         heights = apart(np.sort(self._y(ends)), LINE * unit, self._plot.high)
         for k, y in zip(map(int, np.argsort(-ends)), heights, strict=True):
@@ -95,7 +112,13 @@ class ErrorStrip:
         """Draw lines at round distances and, if an error comes near it, at the largest one of the workspace [mm]."""
         canvas, plot, size = self._background, self._plot, SMALL * self._unit
         canvas.box(0.0, 0.0, self._plot.right + 205 * self._unit, 1.0, GROOVE)
-        canvas.text("distance from the path [mm]; bold: its mean so far", plot.left, 0.7 * LINE * self._unit, size, INK)
+        canvas.text(
+            "distance from the path [mm]; bold: its mean so far",
+            plot.left,
+            0.7 * LINE * self._unit,
+            size,
+            INK,
+        )
         step = next((step for step in STEPS if 3 * step > self._top), STEPS[-1])
         for value in np.arange(0.0, self._top, step):
             y = float(self._y(value))
@@ -104,13 +127,21 @@ class ErrorStrip:
         if limit < self._top:
             y = float(self._y(limit))
             canvas.box(plot.left, y - 0.5, plot.right, y + 0.5, INK)
-            canvas.text(f"edge of the workspace, {limit:g} mm", plot.left + 4, y + 0.5 * LINE * self._unit, size, INK)
+            canvas.text(
+                f"edge of the workspace, {limit:g} mm",
+                plot.left + 4,
+                y + 0.5 * LINE * self._unit,
+                size,
+                INK,
+            )
         y = plot.high + 0.65 * LINE * self._unit
         canvas.text("0 s", plot.left, y, size, MUTED)
         canvas.text(f"{self._duration:.1f} s", plot.right, y, size, MUTED, "r")
 
     def _x(self, time: Array) -> Array:
-        return self._plot.left + (self._plot.right - self._plot.left) * time / max(self._duration, 1e-9)
+        return self._plot.left + (self._plot.right - self._plot.left) * time / max(
+            self._duration, 1e-9
+        )
 
     def _y(self, error: Array | float) -> Array:
         return self._plot.high - (self._plot.high - self._plot.low) * np.asarray(error) / self._top

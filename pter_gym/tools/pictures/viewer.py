@@ -1,4 +1,7 @@
-"""Viewers: telemetry in, a picture out, of one world or of many. A window needs pygame, from the extra ``render``."""
+"""Viewers: telemetry in, a picture out, of one world or of many.
+
+A window needs pygame, from the extra ``render``.
+"""
 
 import os
 import sys
@@ -32,8 +35,9 @@ class Viewer:
     machine, task
         The subject; it fixes the view, so the same state gives the same picture.
     mode
-        ``"rgb_array"`` returns pictures and needs no display; ``"human"`` shows them in a window, at most one for each
-        control period. A window that its user closes stays closed, and the program goes on without it.
+        ``"rgb_array"`` returns pictures and needs no display; ``"human"`` shows them in a window,
+        at most one for each control period. A window that its user closes stays closed, and the
+        program goes on without it.
     width, height
         Size of a picture [px].
 
@@ -42,11 +46,17 @@ class Viewer:
     DependencyError
         If a window is asked for and pygame is not installed.
     ParameterError
-        If the mode is not one of the two, the size is out of range, or there is no display for a window.
+        If the mode is not one of the two, the size is out of range, or there is no display for a
+        window.
     """
 
     def __init__(
-        self, machine: Machine, task: PathFollowing, mode: Mode, width: int = WIDTH, height: int = HEIGHT
+        self,
+        machine: Machine,
+        task: PathFollowing,
+        mode: Mode,
+        width: int = WIDTH,
+        height: int = HEIGHT,
     ) -> None:
         if mode not in get_args(Mode):
             raise ParameterError(f"mode must be one of {', '.join(get_args(Mode))}, got {mode!r}")
@@ -105,9 +115,13 @@ class WorldsViewer:
         If there are too many worlds, or the size is out of range.
     """
 
-    def __init__(self, pairs: Sequence[tuple[Machine, PathFollowing]], count: int, width: int, height: int) -> None:
+    def __init__(
+        self, pairs: Sequence[tuple[Machine, PathFollowing]], count: int, width: int, height: int
+    ) -> None:
         if count > MAX_WORLDS:
-            raise ParameterError(f"num_envs must be at most {MAX_WORLDS} with a render_mode, got {count}")
+            raise ParameterError(
+                f"num_envs must be at most {MAX_WORLDS} with a render_mode, got {count}"
+            )
         self._pairs = pairs
         self._size = check_size(width, height)
         self._pictures: dict[int, Picture] = {}
@@ -130,7 +144,8 @@ class WorldsViewer:
     def draw(self, drawn: Sequence[int]) -> tuple[NDArray[np.uint8], ...]:
         """Return a picture of each world, uint8 (height, width, 3); ``drawn`` holds the numbers of their pairs."""
         self._pictures = {
-            number: self._pictures.get(number) or Picture(Subject(*self._pairs[number]), *self._size)
+            number: self._pictures.get(number)
+            or Picture(Subject(*self._pairs[number]), *self._size)
             for number in set(drawn)
         }
         return tuple(
@@ -156,7 +171,10 @@ class Window:
         if pygame.display.get_surface() is None:
             self._open = False
         events = pygame.event.get() if self._open else ()
-        if any(e.type == pygame.QUIT or (e.type == pygame.KEYDOWN and e.key == pygame.K_ESCAPE) for e in events):
+        if any(
+            e.type == pygame.QUIT or (e.type == pygame.KEYDOWN and e.key == pygame.K_ESCAPE)
+            for e in events
+        ):
             self.close()
         return self._open
 

@@ -24,24 +24,25 @@ def tune(
 ) -> None:
     """Search for a controller's gains.
 
-    Tries gains on training draws of a scenario, at a commanded pace, beginning with the shipped ones. The trials are
-    kept in a journal file, so an interrupted search continues where it left off, and several processes may share the
-    work. The best gains have the smallest path error of all that arrive and keep the pace. Needs the extra tune.
+    Tries gains on training draws of a scenario, at a commanded pace, beginning with the shipped
+    ones. The trials are kept in a journal file, so an interrupted search continues where it left
+    off, and several processes may share the work. The best gains have the smallest path error of
+    all that arrive and keep the pace. Needs the extra tune.
 
     Example: pter tune impedance --scenario standard --pace medium --out gains.toml
 
     Args:
-        controller: Name of a controller, or FILE.py:Law for your own, whose `search` holds the ranges of its gains.
-        scenario: Scenario whose training draws are used; its evaluation episodes are never read.
-        pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
-        path: Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's name.
-        trials: Gains to try, at least 1.
-        episodes: Training draws for each trial, at least 1.
-        storage: Journal file of the trials; its folder must exist.
-        seed: Seed of the draws and the search, at least 0.
-        out: TOML file for the best gains of a named controller, which `pter benchmark --policies` and others accept;
+        controller: Name of a controller, or FILE.py:Law for your own, whose `search` holds the
+        ranges of its gains. scenario: Scenario whose training draws are used; its evaluation
+        episodes are never read. pace: Commanded pace: slow, medium, brisk, or a speed in m/s. path:
+        Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's name.
+        trials: Gains to try, at least 1. episodes: Training draws for each trial, at least 1.
+        storage: Journal file of the trials; its folder must exist. seed: Seed of the draws and the
+        search, at least 0. out: TOML file for the best gains of a named controller, which `pter
+        benchmark --policies` and others accept;
             its other entries are kept. By default they are only printed.
-        machine: Clutch material, or the preset of a machine of your own, instead of those that the scenario draws.
+        machine: Clutch material, or the preset of a machine of your own, instead of those that the
+        scenario draws.
     """
     from pter_gym.benchmark._find_policy import is_code
     from pter_gym.tools.tuning.gains_file import add_gains
@@ -50,7 +51,9 @@ def tune(
     if out is not None:
         check_file(out, ".toml")
         if is_code(controller):
-            raise ParameterError("out must be left out for a law of your own: put the printed gains into its file")
+            raise ParameterError(
+                "out must be left out for a law of your own: put the printed gains into its file"
+            )
     title = f"{controller}, {scenario}, {pace}"
     with progress_bar() as progress:
         task = progress.add_task(title, total=trials)

@@ -20,7 +20,8 @@ HEADING = """\
 
 
 def add_gains(found: TunedGains, path: FilePath) -> None:
-    """Write the gains of a search to a file, replacing earlier ones for the same case; its other entries are kept.
+    """Write the gains of a search to a file, replacing earlier ones for the same case; its other
+    entries are kept.
 
     Raises
     ------
@@ -50,7 +51,9 @@ def format_table(table: Table) -> str:
     """Return tuned gains as TOML, in the order of scenarios, controllers and paces."""
     blocks = [HEADING]
     known = list(SCENARIOS)
-    for scenario in sorted(table, key=lambda name: known.index(name) if name in known else len(known)):
+    for scenario in sorted(
+        table, key=lambda name: known.index(name) if name in known else len(known)
+    ):
         for controller, paces in table[scenario].items():
             for pace in sorted(paces, key=find_pace):
                 lines = [f"{name} = {_as_toml(value)}\n" for name, value in paces[pace].items()]

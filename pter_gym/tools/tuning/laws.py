@@ -15,7 +15,16 @@ from pter_gym.benchmark.tuned import SUFFIX, TUNABLE
 from pter_gym.controllers import PaceSchedule
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies._stored_gains import make_guided
-from pter_gym.tools.tuning.spaces import SPACES, SWITCH, Range, Space, gains_at, point_at, rounded, within
+from pter_gym.tools.tuning.spaces import (
+    SPACES,
+    SWITCH,
+    Range,
+    Space,
+    gains_at,
+    point_at,
+    rounded,
+    within,
+)
 
 Gains = dict[str, float | bool]
 
@@ -75,7 +84,9 @@ class OwnLaw:
 
     def starts(self) -> list[Gains]:
         """Return the point where its search begins: its own gains."""
-        return [{name: within(space, getattr(self.law, name)) for name, space in self.space.items()}]
+        return [
+            {name: within(space, getattr(self.law, name)) for name, space in self.space.items()}
+        ]
 
     def gains(self, point: Mapping[str, float | bool]) -> Gains:
         """Return the gains of a point."""
@@ -106,7 +117,10 @@ def find_law(name: str, pace: float, scenario: str) -> NamedLaw | OwnLaw:
             f"which {name!r}, a {type(law).__name__}, is not"
         )
     known = [item.name for item in fields(law)]
-    ranges = {gain: _space(gain, given, known) for gain, given in cast("Mapping[str, Any]", search).items()}
+    ranges = {
+        gain: _space(gain, given, known)
+        for gain, given in cast("Mapping[str, Any]", search).items()
+    }
     return OwnLaw(name, law, ranges)
 
 
@@ -119,4 +133,6 @@ def _space(gain: str, given: Any, known: list[str]) -> Range | tuple[bool, bool]
         case (low, high) if is_finite(low) and is_finite(high) and low < high:
             return Range(low, high, log=low > 0.0)
         case _:
-            raise ParameterError(f"{SEARCH}[{gain!r}] must be (low, high) or (False, True), got {given!r:.100}")
+            raise ParameterError(
+                f"{SEARCH}[{gain!r}] must be (low, high) or (False, True), got {given!r:.100}"
+            )

@@ -58,7 +58,10 @@ class TunedGains:
             f"pter tune {quote(self.controller)} --scenario {self.scenario} --pace {self.pace} --trials {self.trials} "
             f"--episodes {self.episodes} --seed {self.seed}"
         )
-        for name, given, kind in (("machine", self.machine, "PRESET.toml"), ("path", self.path, "FILE.csv")):
+        for name, given, kind in (
+            ("machine", self.machine, "PRESET.toml"),
+            ("path", self.path, "FILE.csv"),
+        ):
             if given is not None:
                 command += f" --{name} {quote(given) if isinstance(given, str) else kind}"
         return command
@@ -79,14 +82,16 @@ def tune(
 ) -> TunedGains:
     """Search for a controller's gains on training draws of a scenario, with CMA-ES.
 
-    The search begins with the shipped gains and the defaults. It resumes from the trials in its storage, whichever
-    process ran them. Alone and without interruption it gives the same result for the same seed.
+    The search begins with the shipped gains and the defaults. It resumes from the trials in its
+    storage, whichever process ran them. Alone and without interruption it gives the same result for
+    the same seed.
 
     Parameters
     ----------
     controller, scenario, pace
-        Names, or for a law of your own ``FILE.py:attribute``: a dataclass whose attribute ``search`` holds ranges by
-        the names of its gains, ``(low, high)``, logarithmic where low > 0, or ``(False, True)``.
+        Names, or for a law of your own ``FILE.py:attribute``: a dataclass whose attribute
+        ``search`` holds ranges by the names of its gains, ``(low, high)``, logarithmic where low >
+        0, or ``(False, True)``.
     trials
         Gains to try.
     episodes
@@ -96,31 +101,41 @@ def tune(
     seed
         Seed of the draws and the search.
     machine
-        One machine for all draws, in place of those of the scenario: a machine, its name, or the path of a preset.
+        One machine for all draws, in place of those of the scenario: a machine, its name, or the
+        path of a preset.
     path
         One path for all draws, as in ``find_scenario``.
     on_trial
-        Called after each trial with the number of finished trials and the smallest value so far [m].
+        Called after each trial with the number of finished trials and the smallest value so far
+        [m].
 
     Raises
     ------
     ParameterError
-        If there is no such controller, scenario, pace or machine, a number is out of range, or the storage is not
-        a journal or cannot be written.
+        If there is no such controller, scenario, pace or machine, a number is out of range, or the
+        storage is not a journal or cannot be written.
     DependencyError
         If Optuna is not installed.
     StorageError
-        If the storage can no longer be written; the same search resumes from the trials that it holds.
+        If the storage can no longer be written; the same search resumes from the trials that it
+        holds.
     """
     journal = find_path("storage", storage)
-    own = None if machine is None else find_fixed_machine(machine)  # read once, in case its file changes
+    own = (
+        None if machine is None else find_fixed_machine(machine)
+    )  # read once, in case its file changes
     drawn, pace = find_scenario(scenario, own, path), name_of_pace(pace)
     law = find_law(controller, find_pace(pace), drawn.whose_gains)
     trials, episodes = whole_number("trials", trials), whole_number("episodes", episodes)
     seed = whole_number("seed", seed, at_least=0)
     check_target("storage", journal)
-    rungs = [Examination(drawn, pace, -(-episodes // REDUCTION**k), 2 * seed) for k in reversed(range(RUNGS))]
-    name = f"{drawn.name}-v{drawn.version} {law.key} {pace} {episodes} {seed} {drawn.digest}".rstrip()
+    rungs = [
+        Examination(drawn, pace, -(-episodes // REDUCTION**k), 2 * seed)
+        for k in reversed(range(RUNGS))
+    ]
+    name = (
+        f"{drawn.name}-v{drawn.version} {law.key} {pace} {episodes} {seed} {drawn.digest}".rstrip()
+    )
     study = _open_study(journal, name, seed)
     for start in law.starts():
         study.enqueue_trial(start, skip_if_exists=True)
@@ -129,17 +144,23 @@ def tune(
         return _judge(trial, law, rungs)
 
     try:
-        while (finished := len(_scored(study, "COMPLETE", "PRUNED"))) < trials or not _scored(study, "COMPLETE"):
+        while (finished := len(_scored(study, "COMPLETE", "PRUNED"))) < trials or not _scored(
+            study, "COMPLETE"
+        ):
             study.optimize(judge, n_trials=1)
             best = _scored(study, "COMPLETE")
             on_trial(finished + 1, best[0].value if best else math.inf)
     except OSError as error:
-        raise StorageError(f"storage {str(journal)!r} cannot be written: {error.strerror or error}") from error
+        raise StorageError(
+            f"storage {str(journal)!r} cannot be written: {error.strerror or error}"
+        ) from error
     final = Examination(drawn, pace, episodes, 2 * seed + 1)
     finalists = [law.gains(trial.params) for trial in _scored(study, "COMPLETE")[:FINALISTS]]
     judged = [(final.judge(law.with_gains(gains)), gains) for gains in finalists]
     assessment, gains = min(judged, key=lambda pair: pair[0].value)
-    return TunedGains(controller, scenario, pace, gains, assessment, trials, episodes, seed, machine, path)
+    return TunedGains(
+        controller, scenario, pace, gains, assessment, trials, episodes, seed, machine, path
+    )
 
 
 def _judge(trial: Any, law: NamedLaw | OwnLaw, rungs: Sequence[Examination]) -> float:
@@ -171,13 +192,23 @@ def _open_study(path: Path, name: str, seed: int) -> Any:
     pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=1, reduction_factor=REDUCTION)
     try:
         storage = open_journal(path)
-        study = optuna.create_study(storage=storage, study_name=name, load_if_exists=True, pruner=pruner)
-    except (OSError, ValueError, LookupError, AssertionError) as error:  # what Optuna raises for other files
-        raise ParameterError(f"storage must be a journal file of Optuna's, got {str(path)!r}: {error}") from None
+        study = optuna.create_study(
+            storage=storage, study_name=name, load_if_exists=True, pruner=pruner
+        )
+    except (
+        OSError,
+        ValueError,
+        LookupError,
+        AssertionError,
+    ) as error:  # what Optuna raises for other files
+        raise ParameterError(
+            f"storage must be a journal file of Optuna's, got {str(path)!r}: {error}"
+        ) from None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         study.sampler = optuna.samplers.CmaEsSampler(
-            seed=(seed + 1000003 * len(study.get_trials(deepcopy=False))) % 2**32,  # others for each that resumes
+            seed=(seed + 1000003 * len(study.get_trials(deepcopy=False)))
+            % 2**32,  # others for each that resumes
             n_startup_trials=STARTUP_TRIALS,
             consider_pruned_trials=True,
             warn_independent_sampling=False,  # switches are drawn at random
@@ -190,7 +221,9 @@ def open_journal(path: Path) -> Any:
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend
 
-    lock: Any = FileLock(path.with_name(f".{path.name}.lock"))  # unlike Optuna's own, free again once a process dies
+    lock: Any = FileLock(
+        path.with_name(f".{path.name}.lock")
+    )  # unlike Optuna's own, free again once a process dies
     return JournalStorage(JournalFileBackend(str(path.resolve()), lock))
 
 

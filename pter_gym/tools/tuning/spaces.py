@@ -52,15 +52,19 @@ SPACES: Mapping[str, Space] = MappingProxyType(
     {
         "impedance": _IMPEDANCE,
         "torque-feedback": {**_IMPEDANCE, **_LOOP},
-        "single-dof": {**_STEERING, "slow": Range(0.01, 1.0), "reluctance": Range(0.0, 0.5, log=False)},
+        "single-dof": {
+            **_STEERING,
+            "slow": Range(0.01, 1.0),
+            "reluctance": Range(0.0, 0.5, log=False),
+        },
         "velocity-ratio": {**_STEERING, "slow": Range(0.02, 2.0), "tip_space": SWITCH},
     }
 )
-"""The coordinates of each controller's search, in SI: its gains, except for the damper along the path.
+"""The coordinates of each controller's search, in SI: its gains, except for the damper along the
+path.
 
-In its place comes ``braking``, the force [N] with which it holds the hand back at the commanded pace. That force has
-to balance the hand's push, whatever the other gains are.
-"""
+In its place comes ``braking``, the force [N] with which it holds the hand back at the commanded
+pace. That force has to balance the hand's push, whatever the other gains are. """
 
 
 def gains_at(point: Mapping[str, float | bool], pace: float) -> dict[str, float | bool]:

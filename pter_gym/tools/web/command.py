@@ -22,19 +22,21 @@ def play(
 ) -> None:
     """Push the arm yourself, in your browser.
 
-    You drag the handle, and the simulator responds. The page is served to this computer only and needs no network; to
-    see that of a server, forward its port (ssh -L 8000:localhost:8000). Ctrl-C ends it.
+    You drag the handle, and the simulator responds. The page is served to this computer only and
+    needs no network; to see that of a server, forward its port (ssh -L 8000:localhost:8000). Ctrl-C
+    ends it.
 
     Example: pter play --no-open --port 8000
 
     Args:
-        port: Port that serves the page; 0 picks a free one.
-        open_browser: Whether to open the page; its address is printed either way.
-        machine: Clutch material, or the preset of a machine of your own, that the page starts with. A preset's delay
+        port: Port that serves the page; 0 picks a free one. open_browser: Whether to open the page;
+        its address is printed either way. machine: Clutch material, or the preset of a machine of
+        your own, that the page starts with. A preset's delay
             is ignored, since you wouldn't notice it with a mouse.
-        path: Path that the page starts with: a CSV file of waypoints x, y in metres, or a path's name.
-        pace: Commanded pace that the page starts with: slow, medium, brisk, or a speed in m/s.
-        allow_host: Further names by which your browser reaches the page, such as that of a proxy. localhost and IP
+        path: Path that the page starts with: a CSV file of waypoints x, y in metres, or a path's
+        name. pace: Commanded pace that the page starts with: slow, medium, brisk, or a speed in
+        m/s. allow_host: Further names by which your browser reaches the page, such as that of a
+        proxy. localhost and IP
             addresses always work.
     """
     from pter_gym.params import find_machine
@@ -48,7 +50,9 @@ def play(
         made = None if machine is path is pace is None else tables(own, path, pace)
         server = make_server(port, made, allow_host)
     except OSError as error:
-        raise ParameterError(f"port must be one that is free, or 0 for any, got {port}: {error.strerror}") from None
+        raise ParameterError(
+            f"port must be one that is free, or 0 for any, got {port}: {error.strerror}"
+        ) from None
     address = f"http://{HOST}:{server.server_port}/"
     with server:
         say(f"{address}\nCtrl-C ends it.")

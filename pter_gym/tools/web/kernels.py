@@ -1,8 +1,9 @@
-"""The kernels of the WebAssembly module: one world in a page's memory, moved by the functions that move all worlds.
+"""The kernels of the WebAssembly module: one world in a page's memory, moved by the functions that
+move all worlds.
 
-They get addresses; ``pter_gym.tools.web.tables`` says what is there. After a change here, or in a function that they
-call, run ``python docs/make/web_module.py``, which compiles them (it needs PyPI's ``ziglang``), and commit
-``pter_gym/tools/web/static``.
+They get addresses; ``pter_gym.tools.web.tables`` says what is there. After a change here, or in a
+function that they call, run ``python docs/make/web_module.py``, which compiles them (it needs
+PyPI's ``ziglang``), and commit ``pter_gym/tools/web/static``.
 """
 
 from typing import Any, NamedTuple
@@ -27,7 +28,15 @@ from pter_gym._engine.step import (
 from pter_gym._engine.world import CONFIG, REFUSE, ROW, ROWS
 from pter_gym._physics.clutch import lag_left
 from pter_gym.controllers._laws import IMPEDANCE, built_in, built_in_declared
-from pter_gym.paths._arcs import SEGMENT, ArcSegment, biarc, end_of, heading_through, mirrored, parts_of
+from pter_gym.paths._arcs import (
+    SEGMENT,
+    ArcSegment,
+    biarc,
+    end_of,
+    heading_through,
+    mirrored,
+    parts_of,
+)
 from pter_gym.paths._projection import SEGMENT_WIDTH, point_at
 from pter_gym.tasks.path_following._telemetry import COLUMNS
 
@@ -52,7 +61,9 @@ class ModuleKernel(NamedTuple):
     value: Any = types.int32
 
 
-def reset(world: Any, words: Any, seen: Any, entries: int, told: Any, shared: Any, constants: Any) -> int:
+def reset(
+    world: Any, words: Any, seen: Any, entries: int, told: Any, shared: Any, constants: Any
+) -> int:
     """Start an episode from its seed and number, the two ``words``, and write observation and telemetry."""
     w, word = carray(world, (ROWS, 1)), carray(words, 2)
     config, numbers = carray(shared, 1), carray(constants, 1)
@@ -65,12 +76,21 @@ def reset(world: Any, words: Any, seen: Any, entries: int, told: Any, shared: An
 
 
 def step(
-    world: Any, words: Any, seen: Any, entries: int, told: Any, shared: Any, constants: Any, action: Any, guides: int
+    world: Any,
+    words: Any,
+    seen: Any,
+    entries: int,
+    told: Any,
+    shared: Any,
+    constants: Any,
+    action: Any,
+    guides: int,
 ) -> int:
-    """Run a control step and write observation and telemetry; return 1 if it is refused and nothing has moved.
+    """Run a control step and write observation and telemetry; return 1 if it is refused and nothing
+    has moved.
 
-    A page may have written to the hand's recording since the last control step. ``guides`` says that the hand may have
-    more than a push and sines.
+    A page may have written to the hand's recording since the last control step. ``guides`` says
+    that the hand may have more than a push and sines.
     """
     w, word = carray(world, (ROWS, 1)), carray(words, (1, 2))
     config, numbers = carray(shared, 1), carray(constants, 1)
@@ -87,14 +107,31 @@ def step(
         move_declared(w, 1, config, guides != 0)
     conclude_step(w, 1, 1, word, 0, config, numbers, True)
     write_observation(w, 0, carray(seen, (1, entries)), 0, config, numbers)
-    record_step(w, 0, carray(told, (1, 1, COLUMNS)), 0, 0, config[CONFIG.substep] * config[CONFIG.substeps], numbers)
+    record_step(
+        w,
+        0,
+        carray(told, (1, 1, COLUMNS)),
+        0,
+        0,
+        config[CONFIG.substep] * config[CONFIG.substeps],
+        numbers,
+    )
     return 0
 
 
 def act(
-    seen: Any, entries: int, scales: Any, gains: Any, count: int, memory: Any, kept: int, volts: Any, declared: int
+    seen: Any,
+    entries: int,
+    scales: Any,
+    gains: Any,
+    count: int,
+    memory: Any,
+    kept: int,
+    volts: Any,
+    declared: int,
 ) -> int:
-    """Write the voltages of a built-in law, a trained network among them, which keeps ``kept`` numbers in ``memory``.
+    """Write the voltages of a built-in law, a trained network among them, which keeps ``kept``
+    numbers in ``memory``.
 
     ``declared`` says that it is told of other clutches than the paper's.
     """
@@ -102,7 +139,9 @@ def act(
     obs, past = carray(seen, entries), carray(memory, kept)
     scale, gain = carray(scales, entries), carray(gains, count)
     guides = (declared != 0) & (gain[0] >= IMPEDANCE)
-    wanted = built_in_declared(obs, scale, gain, past) if guides else built_in(obs, scale, gain, past)
+    wanted = (
+        built_in_declared(obs, scale, gain, past) if guides else built_in(obs, scale, gain, past)
+    )
     out[0], out[1], out[2], out[3] = wanted.x1, wanted.x2, wanted.x3, wanted.x4
     return 0
 
@@ -127,14 +166,20 @@ def join(points: Any, count: int, table: Any) -> int:
         after = here if ends else complex(given[k + 1, 0], given[k + 1, 1])
         if k == 1:
             heading = (here - before) / abs(here - before)
-            heading = heading if ends else mirrored(heading_through(before, here, after), here - before)
-        following = mirrored(heading, here - before) if ends else heading_through(before, here, after)
+            heading = (
+                heading if ends else mirrored(heading_through(before, here, after), here - before)
+            )
+        following = (
+            mirrored(heading, here - before) if ends else heading_through(before, here, after)
+        )
         for piece in biarc(before, heading, here, following):
             point, direction, curvature, length = piece
             parts = parts_of(curvature, length)
             step = length / parts
             for _ in range(parts):
-                arc = ArcSegment(point.real, point.imag, direction.real, direction.imag, curvature, start, step)
+                arc = ArcSegment(
+                    point.real, point.imag, direction.real, direction.imag, curvature, start, step
+                )
                 write(arcs[rows * SEGMENT_WIDTH : (rows + 1) * SEGMENT_WIDTH], SEGMENT, arc)
                 point, direction = end_of(point, direction, curvature, step)
                 start += step

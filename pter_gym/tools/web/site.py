@@ -39,7 +39,11 @@ TYPES = MappingProxyType(
 
 def site_files() -> dict[str, Path]:
     """Return the files of the page, with shipped weights, by their addresses without a leading slash."""
-    own = {path.name: path for path in sorted(STATIC.iterdir()) if path.suffix in TYPES and path.name != "package.json"}
+    own = {
+        path.name: path
+        for path in sorted(STATIC.iterdir())
+        if path.suffix in TYPES and path.name != "package.json"
+    }
     weights = (f"{name}.safetensors" for name in shipped_policies())
     return own | {f"policies/{name}": SHIPPED / name for name in weights}
 
@@ -56,22 +60,27 @@ def write_site(folder: FilePath) -> None:
 def make_server(
     port: int = 0, made: Mapping[str, Any] | None = None, allowed_hosts: Collection[str] = ()
 ) -> ThreadingHTTPServer:
-    """Return a server of the page that listens on this computer only; a taken port raises an OSError.
+    """Return a server of the page that listens on this computer only; a taken port raises an
+    OSError.
 
-    It answers requests to ``localhost``, to IP addresses and to ``allowed_hosts``, at any port, since a tunnel may
-    lead here from another one. Any other name may belong to a web page that has its name resolved to this computer.
+    It answers requests to ``localhost``, to IP addresses and to ``allowed_hosts``, at any port,
+    since a tunnel may lead here from another one. Any other name may belong to a web page that has
+    its name resolved to this computer.
 
     Parameters
     ----------
     port
         Its port, or 0 for any.
     made
-        Tables in place of those of the same names that the page has; see ``pter_gym.tools.web.tables.tables``.
+        Tables in place of those of the same names that the page has; see
+        ``pter_gym.tools.web.tables.tables``.
     allowed_hosts
         Names of other hosts under which a browser reaches this server.
     """
     hosts = {"localhost", *map(str.lower, allowed_hosts)}
-    return _Server((HOST, port), partial(_Handler, site_files(), {} if made is None else _tables(made), hosts))
+    return _Server(
+        (HOST, port), partial(_Handler, site_files(), {} if made is None else _tables(made), hosts)
+    )
 
 
 def _tables(made: Mapping[str, Any]) -> dict[str, bytes]:
@@ -91,7 +100,9 @@ class _Handler(BaseHTTPRequestHandler):
 
     timeout = 10.0  # seconds for which a connection may be silent
 
-    def __init__(self, files: dict[str, Path], made: dict[str, bytes], hosts: set[str], *arguments: object) -> None:
+    def __init__(
+        self, files: dict[str, Path], made: dict[str, bytes], hosts: set[str], *arguments: object
+    ) -> None:
         self._files, self._made, self._hosts = files, made, hosts
         super().__init__(*arguments)  # pyright: ignore[reportArgumentType]
 
@@ -107,7 +118,9 @@ class _Handler(BaseHTTPRequestHandler):
         host = _host_name(self.headers.get_all("Host", []))
         if not (host in self._hosts or _is_ip_address(host)):
             hint = f"To reach this page as {host}, start it with: pter play --allow-host {host}"
-            self.send_error(HTTPStatus.MISDIRECTED_REQUEST, explain=hint if host else "A Host header is needed.")
+            self.send_error(
+                HTTPStatus.MISDIRECTED_REQUEST, explain=hint if host else "A Host header is needed."
+            )
             return
         address = self.path.partition("?")[0].removeprefix("/") or "index.html"
         file = self._files.get(address)

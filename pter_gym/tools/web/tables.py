@@ -1,7 +1,9 @@
-"""A page's information about the kernels and its choices, as JSON, all from the package's declarations.
+"""A page's information about the kernels and its choices, as JSON, all from the package's
+declarations.
 
-Numbers in the module's memory are found by places: ``places(ROW)`` is the record of a world with row numbers in place
-of values. What a page chooses from (machines, hands, paths, laws, networks) are values in the same records.
+Numbers in the module's memory are found by places: ``places(ROW)`` is the record of a world with
+row numbers in place of values. What a page chooses from (machines, hands, paths, laws, networks)
+are values in the same records.
 """
 
 from dataclasses import asdict, replace
@@ -43,7 +45,9 @@ VOLTAGE_MAX = BASELINE.clutch.voltage_max
 POINTER = RecordedForces(times=(0.0,), along=(0.0,), across=(0.0,))
 """A hand whose recording a page goes on writing while the world moves."""
 
-HANDS: MappingProxyType[str, Operator] = MappingProxyType({"paper": MultiSineHand(), "pointer": POINTER})
+HANDS: MappingProxyType[str, Operator] = MappingProxyType(
+    {"paper": MultiSineHand(), "pointer": POINTER}
+)
 """Hands by name."""
 
 
@@ -66,13 +70,15 @@ def tables(
     Raises
     ------
     ParameterError
-        If the machine cannot follow the paths of a page, its largest voltage is not that of a page, or there is no such
-        path or pace.
+        If the machine cannot follow the paths of a page, its largest voltage is not that of a page,
+        or there is no such path or pace.
     """
     found = {**declarations(), **choices(own)}
     if path is not None:
         found["begin"] = {"path": path if path in PATHS else OWN}
-        found["paths"][found["begin"]["path"]] = path_table(find_path(path), BASELINE if own is None else own)
+        found["paths"][found["begin"]["path"]] = path_table(
+            find_path(path), BASELINE if own is None else own
+        )
     if pace is not None:
         called = name_of_pace(pace)
         found["begin"] = {**found.get("begin", {}), "pace": called if called in PACES else OWN}
@@ -110,7 +116,13 @@ def choices(own: Machine | None = None) -> dict[str, Any]:
     batch = pages_batch()
     nominal = BASELINE if own is None else own
     top = nominal.clutch.voltage_max
-    require(top == VOLTAGE_MAX, nominal.clutch, "voltage_max", top, f"{VOLTAGE_MAX:g} V, as the page has it")
+    require(
+        top == VOLTAGE_MAX,
+        nominal.clutch,
+        "voltage_max",
+        top,
+        f"{VOLTAGE_MAX:g} V, as the page has it",
+    )
     rows = rows_of(nominal)
     machines = {name: machine for name, machine in MACHINES.items() if rows_of(machine) == rows}
     machines = machines if own is None else {OWN: own, **machines}
@@ -122,11 +134,15 @@ def choices(own: Machine | None = None) -> dict[str, Any]:
         "control_period": batch.task.control_period,
         "paces": dict(PACES),
         "scoring": {"segments": SEGMENTS, "price": PRICE, "allowance": ALLOWANCE, "start": START},
-        "machines": {name: part(machine=machine, record="machine") for name, machine in machines.items()},
+        "machines": {
+            name: part(machine=machine, record="machine") for name, machine in machines.items()
+        },
         "told": {name: part(machine=machine, record="told") for name, machine in machines.items()},
         "hands": {name: part(hand=hand, record="hand") for name, hand in HANDS.items()},
         "task": part(record="task"),
-        "arrangements": {name: part(machine=machine, record="arrangement") for name, machine in machines.items()},
+        "arrangements": {
+            name: part(machine=machine, record="arrangement") for name, machine in machines.items()
+        },
         "clutches": [
             {"name": clutch.name, "line": rows.index(clutch.row), "colour": clutch_name(clutch.row)}
             for clutch in nominal.clutches
@@ -183,7 +199,8 @@ def path_table(path: Path, machine: Machine) -> dict[str, Any]:
 def laws(name: str, nominal: Machine, layout: Layout) -> dict[str, list[float]]:
     """Return the gains of a law for each of the scenarios whose gains a page uses."""
     return {
-        scenario: gains(find_policy(name, scenario=scenario), nominal, layout) for scenario in ("standard", "paths")
+        scenario: gains(find_policy(name, scenario=scenario), nominal, layout)
+        for scenario in ("standard", "paths")
     }
 
 

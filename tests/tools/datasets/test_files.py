@@ -19,12 +19,26 @@ minari = pytest.importorskip("minari")
 pytest.importorskip("h5py")
 
 NAME = "pter/standard/random-v0"
-COMMAND = ["record", "--scenario", "standard", "--level", "random", "--steps", "400", "--seed", "2", "--out"]
+COMMAND = [
+    "record",
+    "--scenario",
+    "standard",
+    "--level",
+    "random",
+    "--steps",
+    "400",
+    "--seed",
+    "2",
+    "--out",
+]
 
 
 def digests(folder: Path) -> dict[str, str]:
     files = sorted(path for path in folder.rglob("*") if path.is_file())
-    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in files
+    }
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +65,9 @@ def test_minari_reads_what_was_recorded(dataset: Any, episodes: list[RecordedEpi
     assert dataset.total_episodes == len(episodes)
     assert dataset.total_steps == sum(len(each.rewards) for each in episodes)
     metadata = dataset.storage.metadata
-    scores = minari.get_normalized_score(dataset, np.array([metadata["ref_min_score"], metadata["ref_max_score"]]))
+    scores = minari.get_normalized_score(
+        dataset, np.array([metadata["ref_min_score"], metadata["ref_max_score"]])
+    )
     assert scores.tolist() == [0.0, 1.0]
     assert metadata["num_episodes_average_score"] == REFERENCE_EPISODES
     summary = dataset.storage.metadata["summary"]
@@ -70,7 +86,9 @@ def test_the_environment_comes_back_and_pays_the_same_bit_for_bit(dataset: Any) 
     env = dataset.recover_environment()
     assert env.action_space == dataset.action_space
     assert env.observation_space == dataset.observation_space
-    for number, seed in enumerate(each["seed"] for each in dataset.storage.get_episode_metadata(range(3))):
+    for number, seed in enumerate(
+        each["seed"] for each in dataset.storage.get_episode_metadata(range(3))
+    ):
         episode = dataset[number]
         obs, _ = env.reset(seed=seed)
         assert obs.tobytes() == episode.observations[0].tobytes()
@@ -79,7 +97,9 @@ def test_the_environment_comes_back_and_pays_the_same_bit_for_bit(dataset: Any) 
     assert judged.spec.kwargs["starts"] == "rest"
 
 
-def test_the_same_command_writes_the_same_bytes_over_what_is_there(folder: Path, tmp_path: Path) -> None:
+def test_the_same_command_writes_the_same_bytes_over_what_is_there(
+    folder: Path, tmp_path: Path
+) -> None:
     shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     (data,) = tmp_path.rglob("*.hdf5")
     data.write_bytes(b"earlier")
@@ -87,7 +107,9 @@ def test_the_same_command_writes_the_same_bytes_over_what_is_there(folder: Path,
     assert digests(tmp_path) == digests(folder)
 
 
-def test_data_sets_go_to_minaris_folder_by_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_data_sets_go_to_minaris_folder_by_default(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
     assert main(["record", "--scenario", "standard", "--level", "random", "--steps", "1"]) == 0
     assert minari.load_dataset("pter/standard/random-v0").total_episodes == 1
@@ -106,7 +128,9 @@ def test_a_full_disk_keeps_the_earlier_data(
     folder: Path, episodes: list[RecordedEpisode], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
-    (tmp_path / "pter" / "standard" / ".random-v0" / "new").mkdir(parents=True)  # of a process that was killed
+    (tmp_path / "pter" / "standard" / ".random-v0" / "new").mkdir(
+        parents=True
+    )  # of a process that was killed
 
     def fail(*_: object) -> None:
         raise OSError(28, "No space left on device")

@@ -46,17 +46,30 @@ def test_episodes_are_whole_and_enough(found: tuple[str, list[RecordedEpisode]])
     level, episodes = found
     first = 3 * EPISODES_OF_A_SEED
     assert [each.seed for each in episodes] == list(range(first, first + len(episodes)))
-    assert STEPS <= sum(len(each.rewards) for each in episodes) < STEPS + 1000 * len(actors_of("hands", level))
+    assert (
+        STEPS
+        <= sum(len(each.rewards) for each in episodes)
+        < STEPS + 1000 * len(actors_of("hands", level))
+    )
     for each in episodes:
-        assert each.observations.shape == (len(each.rewards) + 1, len(observation_layout(BASELINE, "torque")))
+        assert each.observations.shape == (
+            len(each.rewards) + 1,
+            len(observation_layout(BASELINE, "torque")),
+        )
         assert each.actions.shape == (len(each.rewards), 4)
-        assert (each.observations.dtype, each.actions.dtype, each.rewards.dtype) == (np.float32, np.float32, np.float64)
+        assert (each.observations.dtype, each.actions.dtype, each.rewards.dtype) == (
+            np.float32,
+            np.float32,
+            np.float64,
+        )
         over = each.terminations | each.truncations
         assert over.nonzero()[0].tolist() == [len(each.rewards) - 1]
         assert np.abs(each.actions).max() <= 1.0
 
 
-def test_the_actions_give_the_same_bits_in_an_environment_of_ones_own(found: tuple[str, list[RecordedEpisode]]) -> None:
+def test_the_actions_give_the_same_bits_in_an_environment_of_ones_own(
+    found: tuple[str, list[RecordedEpisode]],
+) -> None:
     name, arguments = environment_of("hands", 3)
     env = gymnasium.make(name, **arguments)
     for each in (found[1][0], found[1][-1]):
@@ -74,7 +87,9 @@ def test_the_actions_give_the_same_bits_in_an_environment_of_ones_own(found: tup
 
 
 def test_levels_have_the_same_episodes_and_seeds_have_others() -> None:
-    expert, chance = (record_episodes("hands", level, 1, seed=0)[0] for level in ("expert", "random"))
+    expert, chance = (
+        record_episodes("hands", level, 1, seed=0)[0] for level in ("expert", "random")
+    )
     assert expert.observations[0].tobytes() == chance.observations[0].tobytes()
     other = record_episodes("hands", "random", 1, seed=1)[0]
     assert other.observations[0].tobytes() != chance.observations[0].tobytes()

@@ -46,7 +46,9 @@ WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Werror")
 
 has_zig = importlib.util.find_spec("ziglang") is not None
 needs_zig = pytest.mark.skipif(not has_zig, reason="ziglang is not installed")
-needs_compiler = pytest.mark.skipif(not (has_zig or shutil.which("cc")), reason="no C compiler is installed")
+needs_compiler = pytest.mark.skipif(
+    not (has_zig or shutil.which("cc")), reason="no C compiler is installed"
+)
 
 
 def compiled(source: Source, folder: Path, program: Path | None = None) -> Path:
@@ -54,7 +56,17 @@ def compiled(source: Source, folder: Path, program: Path | None = None) -> Path:
     source.write(folder)
     compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
     files = [folder / "pter.c", program or folder / "main.c"]
-    options = ["-std=c99", "-O1", *WARNINGS, "-I", folder, "-nodefaultlibs", "-lc", "-o", folder / "program"]
+    options = [
+        "-std=c99",
+        "-O1",
+        *WARNINGS,
+        "-I",
+        folder,
+        "-nodefaultlibs",
+        "-lc",
+        "-o",
+        folder / "program",
+    ]
     subprocess.run([*compiler, *files, *options], check=True)
     return folder / "program"
 
@@ -67,7 +79,9 @@ def lines_of(rows: Any) -> str:
 def episodes_of(observations: Any) -> str:
     """What a program without force sensors reads: episodes (steps, worlds, entries), each after an empty line."""
     count = len(observation_layout(BASELINE, "torque"))
-    return "".join("\n" + lines_of(observations[:, world, :count]) for world in range(observations.shape[1]))
+    return "".join(
+        "\n" + lines_of(observations[:, world, :count]) for world in range(observations.shape[1])
+    )
 
 
 def said(program: Path, text: str) -> Any:
@@ -110,7 +124,16 @@ def held_policy() -> Any:
     return replace(policy, interface=replace(policy.interface, frame_skip=3))
 
 
-LAWS = ("impedance", "torque-feedback", "single-dof", "velocity-ratio", "locked", *TUNED, "ppo-standard", "residual")
+LAWS = (
+    "impedance",
+    "torque-feedback",
+    "single-dof",
+    "velocity-ratio",
+    "locked",
+    *TUNED,
+    "ppo-standard",
+    "residual",
+)
 SMALLER = [
     ("torque-feedback-tuned", "float", "float"),
     ("residual", "float", "float"),
@@ -119,23 +142,34 @@ SMALLER = [
 
 
 @needs_compiler
-@pytest.mark.parametrize(("name", "numbers", "weights"), [*((name, "double", "float") for name in LAWS), *SMALLER])
+@pytest.mark.parametrize(
+    ("name", "numbers", "weights"), [*((name, "double", "float") for name in LAWS), *SMALLER]
+)
 def test_a_program_gives_pythons_actions_on_ten_thousand_observations(
     name: str, numbers: Any, weights: Any, recorded: Any, tmp_path: Path
 ):
     source = source_of(find_policy(name), name=name, numbers=numbers, weights=weights)
     observations, text = recorded
-    differ = np.abs(said(compiled(source, tmp_path), text) - actions(source.policy, observations)).max()
+    differ = np.abs(
+        said(compiled(source, tmp_path), text) - actions(source.policy, observations)
+    ).max()
     assert differ == 0.0 if numbers == "double" else 0.0 < differ < ROUNDING
 
 
 @needs_compiler
-@pytest.mark.parametrize(("policy", "machine"), [(held_policy, "baseline"), ("single-dof", "couplings-1-2")])
-def test_a_decision_is_held_and_a_law_knows_other_clutches(policy: Any, machine: str, tmp_path: Path):
+@pytest.mark.parametrize(
+    ("policy", "machine"), [(held_policy, "baseline"), ("single-dof", "couplings-1-2")]
+)
+def test_a_decision_is_held_and_a_law_knows_other_clutches(
+    policy: Any, machine: str, tmp_path: Path
+):
     own = find_machine(machine)
     observations = ride([own] * 2, [PathFollowing(pace=0.25)] * 2)
     source = source_of(policy() if callable(policy) else find_policy(policy), machine=own)
-    assert (said(compiled(source, tmp_path), episodes_of(observations)) == actions(source.policy, observations)).all()
+    assert (
+        said(compiled(source, tmp_path), episodes_of(observations))
+        == actions(source.policy, observations)
+    ).all()
 
 
 @device
@@ -187,17 +221,25 @@ def test_a_law_whose_types_c_cannot_keep_is_refused(law: Any, what: str):
 
 @needs_compiler
 @pytest.mark.parametrize(
-    ("path", "numbers", "tolerance"), [("line", "double", 1e-6), ("sine", "double", 1e-6), ("sine", "float", 1e-4)]
+    ("path", "numbers", "tolerance"),
+    [("line", "double", 1e-6), ("sine", "double", 1e-6), ("sine", "float", 1e-4)],
 )
-def test_the_observation_is_the_simulators(path: str, numbers: Any, tolerance: float, tmp_path: Path):
+def test_the_observation_is_the_simulators(
+    path: str, numbers: Any, tolerance: float, tmp_path: Path
+):
     task = PathFollowing(path=find_path(path), pace=0.25)
     episode = record_episode(find_policy("single-dof-tuned"), BASELINE, task, 0, STEPS)
     layout = observation_layout(BASELINE, "force")
     theta = episode.telemetry[:, [*COLUMN.theta]]
     places = [layout.index(each) for each in ("omega_a", "torque_1", "force_along", "volts_1")]
-    others = [episode.obs[:, k : k + n] * layout.scales[k : k + n] for k, n in zip(places, (2, 4, 2, 4), strict=True)]
+    others = [
+        episode.obs[:, k : k + n] * layout.scales[k : k + n]
+        for k, n in zip(places, (2, 4, 2, 4), strict=True)
+    ]
     program = compiled(
-        source_of(find_policy("single-dof-tuned"), path=path, numbers=numbers), tmp_path, HERE / "observe.c"
+        source_of(find_policy("single-dof-tuned"), path=path, numbers=numbers),
+        tmp_path,
+        HERE / "observe.c",
     )
     found = said(program, lines_of(np.hstack([theta, *others])))
     np.testing.assert_allclose(found, episode.obs[:, : found.shape[1]], rtol=0.0, atol=tolerance)
@@ -246,17 +288,22 @@ def two_outputs() -> Any:
     policy, rows = find_policy("residual"), clutch_rows(MACHINES["two-brakes"])
     *before, (weight, bias) = policy.layers
     interface = replace(policy.interface, clutches=rows)
-    return replace(policy, interface=interface, layers=(*before, (weight[: len(rows)], bias[: len(rows)])))
+    return replace(
+        policy, interface=interface, layers=(*before, (weight[: len(rows)], bias[: len(rows)]))
+    )
 
 
 @pytest.mark.parametrize(
-    ("name", "machine"), [("ppo-standard", "baseline"), ("residual", "baseline"), (two_outputs, "two-brakes")]
+    ("name", "machine"),
+    [("ppo-standard", "baseline"), ("residual", "baseline"), (two_outputs, "two-brakes")],
 )
 def test_onnx_gives_the_policys_actions(name: Any, machine: str, recorded: Any, tmp_path: Path):
     pytest.importorskip("onnx")
     runtime = pytest.importorskip("onnxruntime")
     policy = name() if callable(name) else find_policy(name)
-    session = runtime.InferenceSession(write_onnx(policy, tmp_path / "policy.onnx", machine=machine))
+    session = runtime.InferenceSession(
+        write_onnx(policy, tmp_path / "policy.onnx", machine=machine)
+    )
     layout, interface = observation_layout(machine, "torque"), policy.interface
     bound, names = bind(policy, machine, layout), [each.name for each in session.get_inputs()]
     base = bind(interface.base, machine, layout) if interface.base else None
@@ -269,13 +316,18 @@ def test_onnx_gives_the_policys_actions(name: Any, machine: str, recorded: Any, 
             volts = base.act(obs)
             given |= {f"base_{k + 1}": volts[:, [k]] for k in range(4)}
         if "earlier" in names:
-            given["earlier"] = np.zeros((WORLDS, interface.size - len(interface.inputs)), np.float32)
+            given["earlier"] = np.zeros(
+                (WORLDS, interface.size - len(interface.inputs)), np.float32
+            )
             (now,) = session.run(["inputs"], {each: given[each] for each in names})
             past = [now, *(past or [now] * 64)]
             means = [
-                mean + (now - mean) / steps for mean, steps in zip(means or [now], interface.averages, strict=True)
+                mean + (now - mean) / steps
+                for mean, steps in zip(means or [now], interface.averages, strict=True)
             ]
-            given["earlier"] = np.concatenate([*(past[delay] for delay in interface.history), *means], axis=1)
+            given["earlier"] = np.concatenate(
+                [*(past[delay] for delay in interface.history), *means], axis=1
+            )
         (volts,) = session.run(["volts"], {each: given[each] for each in names})
         assert volts.shape == (WORLDS, len(interface.clutches))
         assert np.abs(volts - bound.act(obs)[:, : len(interface.clutches)]).max() < 1e-6 * TOP
@@ -301,7 +353,13 @@ def unsupported() -> Any:
     ],
 )
 def test_policies_that_c_cannot_express_are_refused(policy: Any, options: Any, message: str):
-    found = find_policy(policy) if isinstance(policy, str) else unsupported() if policy is unsupported else policy
+    found = (
+        find_policy(policy)
+        if isinstance(policy, str)
+        else unsupported()
+        if policy is unsupported
+        else policy
+    )
     with pytest.raises(ParameterError, match=message):
         source_of(found, **options)
 
@@ -317,7 +375,10 @@ def test_policies_that_c_cannot_express_are_refused(policy: Any, options: Any, m
     ],
 )
 def test_a_refused_command_writes_nothing(
-    arguments: Sequence[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    arguments: Sequence[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ):
     monkeypatch.chdir(tmp_path)
     assert main(["export", *arguments]) == 2

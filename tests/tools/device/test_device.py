@@ -39,11 +39,17 @@ def test_examine_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
     pytest.importorskip("optuna")
     machine = replace(BASELINE, clutch=ACTUATORS["rough-mr-brake"].clutch)
     said: list[str] = []
-    report = examine_device(machine, tmp_path, name="a <brake>", trials=2, episodes=4, on_progress=said.append)
+    report = examine_device(
+        machine, tmp_path, name="a <brake>", trials=2, episodes=4, on_progress=said.append
+    )
     stored = json.loads((tmp_path / "device.json").read_text("utf-8"))
     assert stored == json.loads(json.dumps(report.as_json()))
-    assert {board["scenario"] for board in stored["boards"]} == set(SCENARIOS) == set(stored["gains"])
-    assert stored["rendering"]["largest_steering_n"] > stored["rendering"]["least_steering_n"] >= 0.0
+    assert (
+        {board["scenario"] for board in stored["boards"]} == set(SCENARIOS) == set(stored["gains"])
+    )
+    assert (
+        stored["rendering"]["largest_steering_n"] > stored["rendering"]["least_steering_n"] >= 0.0
+    )
     page = (tmp_path / "index.html").read_text("utf-8")
     assert "a &lt;brake&gt;" in page
     assert "<brake>" not in page
@@ -54,9 +60,12 @@ def test_examine_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("options", "field"), [({"pace": "fast"}, "pace"), ({"trials": 0}, "trials"), ({"episodes": -1}, "episodes")]
+    ("options", "field"),
+    [({"pace": "fast"}, "pace"), ({"trials": 0}, "trials"), ({"episodes": -1}, "episodes")],
 )
-def test_bad_arguments_are_refused_before_anything_is_written(tmp_path: Path, options: dict, field: str):
+def test_bad_arguments_are_refused_before_anything_is_written(
+    tmp_path: Path, options: dict, field: str
+):
     with pytest.raises(ParameterError, match=field):
         examine_device(BASELINE, tmp_path / "out", **options)
     assert not (tmp_path / "out").exists()

@@ -1,10 +1,10 @@
 """A second reference: friction of a real axis, as printed, from a log made of the printed numbers.
 
-EMPS is an electro-mechanical axis with dry and viscous friction whose parameters are printed (Janot, Gautier and
-Brunot, 2019). Its measured signals are not used here: the moves are ours, and the force is what the printed model
-needs for them, M·q̈ + Fv·q̇ + Fc·sign(q̇). So this shows that ``identify`` and its model of an axis agree with numbers
-and a formula of others; it does not show that they explain EMPS.
-"""
+EMPS is an electro-mechanical axis with dry and viscous friction whose parameters are printed
+(Janot, Gautier and Brunot, 2019). Its measured signals are not used here: the moves are ours, and
+the force is what the printed model needs for them, M·q̈ + Fv·q̇ + Fc·sign(q̇). So this shows that
+``identify`` and its model of an axis agree with numbers and a formula of others; it does not show
+that they explain EMPS."""
 
 from dataclasses import replace
 
@@ -35,7 +35,9 @@ def moves() -> np.ndarray:
             phase = rate * np.arange(INTERVAL, duration, INTERVAL)
             moved = place + way * (phase - np.sin(phase)) / (2.0 * np.pi)
             speed = way / duration
-            parts.append(np.array([moved, speed * (1.0 - np.cos(phase)), speed * rate * np.sin(phase)]))
+            parts.append(
+                np.array([moved, speed * (1.0 - np.cos(phase)), speed * rate * np.sin(phase)])
+            )
             place += way
             parts.append(np.tile([[place], [0.0], [0.0]], 150))
     return np.concatenate(parts, axis=1)
@@ -50,7 +52,13 @@ def emps_log() -> Log:
     force = along_b[:, None] * [np.cos(LINK_B), np.sin(LINK_B)] + rng.normal(0.0, 0.3, (len(q), 2))
     step = 2.0 * np.pi / 2**17
     theta = step * np.round(np.column_stack([q / LENGTH, np.full(len(q), LINK_B)]) / step)
-    return Log(interval=INTERVAL, volts=np.zeros((len(q), 4)), theta=theta, force=force, name="EMPS, as printed")
+    return Log(
+        interval=INTERVAL,
+        volts=np.zeros((len(q), 4)),
+        theta=theta,
+        force=force,
+        name="EMPS, as printed",
+    )
 
 
 @pytest.mark.long

@@ -37,7 +37,10 @@ OTHER = replace(
 def errors(found: Identification, machine: Machine, delay: float) -> dict[str, float]:
     """Errors over the scale, by name."""
     true = quantities(machine, delay, found.fit.shape.top)
-    return {f.quantity.name: (f.quantity.value - q.value) / q.scale for f, q in zip(found.findings, true, strict=True)}
+    return {
+        f.quantity.name: (f.quantity.value - q.value) / q.scale
+        for f, q in zip(found.findings, true, strict=True)
+    }
 
 
 def rows_of(log: Log, rows: slice) -> Log:
@@ -81,10 +84,14 @@ def crossing(clutches: str, lag: str) -> tuple[Shape, np.ndarray, LogInputs, np.
     clutch = replace(clutch, stribeck=0.1, fall_ratio=1.5)
     machine = replace(OTHER, arm=arm, clutch=clutch, clutches=start.clutches)
     shape = Shape(machine, 18.0)
-    volts = np.repeat(rng.uniform(0.0, 18.0, (41, 4)) * (rng.uniform(size=(41, 4)) < 0.4), 10, axis=0)
+    volts = np.repeat(
+        rng.uniform(0.0, 18.0, (41, 4)) * (rng.uniform(size=(41, 4)) < 0.4), 10, axis=0
+    )
     volts[:, len(machine.clutches) :] = 0.0
     force = np.repeat(rng.normal(0.0, 40.0, (41, 2)), 10, axis=0)
-    starts = np.column_stack([rng.uniform(0.4, 1.0, 4), rng.uniform(2.0, 2.5, 4), rng.normal(0.0, 0.5, (4, 2))])
+    starts = np.column_stack(
+        [rng.uniform(0.4, 1.0, 4), rng.uniform(2.0, 2.5, 4), rng.normal(0.0, 0.5, (4, 2))]
+    )
     return shape, shape.coordinates(machine, 3.3e-3), make_inputs(2e-3, volts, force), starts
 
 
@@ -99,8 +106,8 @@ def crossing(clutches: str, lag: str) -> tuple[Shape, np.ndarray, LogInputs, np.
 def test_windows_have_the_derivatives_of_central_differences(clutches: str, lag: str):
     """By each coordinate and each number of a start, over 800 substeps of stick-slip.
 
-    A difference over 2·10⁻⁶ steps loses 10⁻¹⁶ rad to rounding per substep, and the formulas from coordinates to the
-    kernel's constants are differentiated by differences that are right to 10⁻⁹.
+    A difference over 2·10⁻⁶ steps loses 10⁻¹⁶ rad to rounding per substep, and the formulas from
+    coordinates to the kernel's constants are differentiated by differences that are right to 10⁻⁹.
     """
     shape, p, inputs, starts = crossing(clutches, lag)
     angles, by_p, by_start = differentiate(shape, p, inputs, starts, 100)
@@ -113,7 +120,11 @@ def test_windows_have_the_derivatives_of_central_differences(clutches: str, lag:
         e = step * np.eye(len(p))[i]
         difference = (predicted(p + e, starts) - predicted(p - e, starts)) / (2.0 * step)
         np.testing.assert_allclose(
-            by_p[..., i], difference, rtol=1e-4, atol=400 * 1e-16 / step + 1e-7, err_msg=COORDINATES[i].quantity
+            by_p[..., i],
+            difference,
+            rtol=1e-4,
+            atol=400 * 1e-16 / step + 1e-7,
+            err_msg=COORDINATES[i].quantity,
         )
     for j, e in enumerate(1e-6 * np.eye(4)):
         difference = (predicted(p, starts + e) - predicted(p, starts - e)) / 2e-6
@@ -150,13 +161,17 @@ def test_a_log_without_noise_gives_the_machine_back(clutches: str):
     kept = {name for name, status in states(found).items() if status == "kept"}
     assert kept == {"off_state", "stribeck", "fall_ratio"}
     for name, error in off.items():
-        assert abs(error) < (0.005 if name in ("breakaway_ratio", "curvature", "delay") else 0.001), name
+        assert abs(error) < (
+            0.005 if name in ("breakaway_ratio", "curvature", "delay") else 0.001
+        ), name
 
 
 @pytest.mark.slow
 def test_unobservable_clutch_numbers_are_named_and_kept():
     log = record_log(OTHER, replace(SHORT, levels=(4.0, 10.0)), Recorder(delay=0.006))
-    first = int(np.flatnonzero(log.volts[:, 2])[0])  # what comes before was recorded without clutches 3 and 4
+    first = int(
+        np.flatnonzero(log.volts[:, 2])[0]
+    )  # what comes before was recorded without clutches 3 and 4
     found = identify(rows_of(log, slice(0, first)), BASELINE)
     told = {finding.quantity.name: finding for finding in found.findings}
     for name in ("scale_3", "scale_4", "curvature", "knee"):
@@ -179,7 +194,9 @@ def test_a_combination_that_the_log_leaves_open_is_named(monkeypatch: pytest.Mon
     told = {finding.quantity.name: finding for finding in found.findings}
     assert found.verdict.explained
     assert {told["slope"].status, told["dry_a"].status} == {"kept", "uncertain"}
-    assert any("only together with" in each.reason and "dry_a" in each.reason for each in told.values())
+    assert any(
+        "only together with" in each.reason and "dry_a" in each.reason for each in told.values()
+    )
     assert "identified" not in {told["slope"].status, told["dry_a"].status}
     assert told["inertia_a"].status == told["dry_b"].status == "identified"
 
@@ -187,10 +204,14 @@ def test_a_combination_that_the_log_leaves_open_is_named(monkeypatch: pytest.Mon
 def drawn_machine(rng: np.random.Generator) -> Machine:
     """A machine unlike PTER."""
     inertia_a, inertia_b = np.exp(rng.uniform(np.log(0.25), np.log(1.5), 2)).tolist()
-    slope, knee, top = (float(rng.uniform(*ends)) for ends in ((0.5, 1.3), (10.0, 19.5), (10.0, 26.0)))
+    slope, knee, top = (
+        float(rng.uniform(*ends)) for ends in ((0.5, 1.3), (10.0, 19.5), (10.0, 26.0))
+    )
     curvature = max(top - 22.0 * slope, 0.1 * top) / (22.0 - knee) ** 2
     dynamic = TorqueCurve(slope=slope, knee=knee, curvature=curvature)
-    friction = (rng.uniform(-0.5, 1.0, 4).clip(0.0) * [0.6, 0.6, 0.3, 0.3]).tolist()  # a third of them is zero
+    friction = (
+        rng.uniform(-0.5, 1.0, 4).clip(0.0) * [0.6, 0.6, 0.3, 0.3]
+    ).tolist()  # a third of them is zero
     scale = rng.uniform(0.85, 1.18, 4)
     return replace(
         BASELINE,
@@ -227,9 +248,15 @@ def test_identified_values_are_within_five_percent(number: int):
     found = identify(record_log(machine, recorder=recorder, seed=number), start)
     off = errors(found, machine, recorder.delay)
     assert found.verdict.explained
-    assert all(abs(off[name]) <= 0.05 for name, status in states(found).items() if status == "identified")
+    assert all(
+        abs(off[name]) <= 0.05 for name, status in states(found).items() if status == "identified"
+    )
     assert sum(status == "identified" for status in states(found).values()) >= 17
-    outside = [f for f in found.findings if abs(off[f.quantity.name]) * f.quantity.scale > f.half_width + 1e-12]
+    outside = [
+        f
+        for f in found.findings
+        if abs(off[f.quantity.name]) * f.quantity.scale > f.half_width + 1e-12
+    ]
     assert len(outside) <= 2
 
 
@@ -251,14 +278,20 @@ def test_a_machine_with_noise_and_its_files(tmp_path: Path, monkeypatch: pytest.
 
 @pytest.mark.slow
 def test_the_preset_is_the_machine_and_says_where_it_comes_from():
-    small = identify(record_log(OTHER, replace(SHORT, levels=(10.0,), on=0.6, free=2.0), EXACT), BASELINE)
+    small = identify(
+        record_log(OTHER, replace(SHORT, levels=(10.0,), on=0.6, free=2.0), EXACT), BASELINE
+    )
     preset = preset_of(small)
     again = parse_preset(format_preset(preset, "title"))
     assert again == preset
     assert again.clutch["scale"] == small.machine.clutch_scale
     assert again.provenance["arm.inertia_a"].startswith("identified: from simulated, ")
-    assert again.provenance["clutch.knee"].startswith("chosen: from simulated, not shown by it and kept: ")
-    assert again.provenance["clutch.off_state"].startswith("chosen: from simulated, not shown by it and kept: ")
+    assert again.provenance["clutch.knee"].startswith(
+        "chosen: from simulated, not shown by it and kept: "
+    )
+    assert again.provenance["clutch.off_state"].startswith(
+        "chosen: from simulated, not shown by it and kept: "
+    )
     assert again.path == PRESET.path
     assert {again.provenance[name] for name in ("path.x", "hand.push", "delrin.dynamic_scale")} == {
         "chosen: not in the file"

@@ -26,7 +26,11 @@ def motion(times: np.ndarray) -> np.ndarray:
 
 
 def written(
-    folder: Path, times: np.ndarray = TIMES, origin: float = 0.0, head: str = HEAD, edit: dict[int, str] | None = None
+    folder: Path,
+    times: np.ndarray = TIMES,
+    origin: float = 0.0,
+    head: str = HEAD,
+    edit: dict[int, str] | None = None,
 ) -> Path:
     """A log of known motion and forces at times [s]; ``edit`` replaces lines by number."""
     table = np.column_stack([origin + times, volts(times), motion(times), 20.0 * motion(times)])
@@ -47,7 +51,9 @@ def clock(late: int = 0, wander: float = 0.0) -> np.ndarray:
 
 @pytest.mark.parametrize("origin", [0.0, 1732550400.25, -3e9])
 @pytest.mark.parametrize(("late", "wander"), [(0, 0.0), (0, 1e-3), (3, 0.0), (60, 1e-3)])
-def test_rows_of_a_loggers_clock_are_interpolated(late: int, wander: float, origin: float, tmp_path: Path):
+def test_rows_of_a_loggers_clock_are_interpolated(
+    late: int, wander: float, origin: float, tmp_path: Path
+):
     times = clock(late, wander)
     log = read_log(written(tmp_path, times, origin))
     clear = log.is_clear(0)
@@ -55,7 +61,9 @@ def test_rows_of_a_loggers_clock_are_interpolated(late: int, wander: float, orig
     assert log.duration == pytest.approx(times[-1], abs=log.interval)
     assert np.allclose(log.theta[clear], motion(log.times)[clear], atol=1e-5)
     assert np.allclose(log.force[clear], 20.0 * motion(log.times)[clear], atol=1e-3)
-    missing = np.array([np.any((times[:-1] < t) & (t < times[1:]) & (np.diff(times) > 0.01)) for t in log.times])
+    missing = np.array(
+        [np.any((times[:-1] < t) & (t < times[1:]) & (np.diff(times) > 0.01)) for t in log.times]
+    )
     assert clear[missing].sum() <= late  # the ends of gaps
     assert log.drift == pytest.approx(2.0 * wander, rel=0.1, abs=1e-5)
     charge = np.cumsum(log.interval * log.volts, axis=0)[-2]
@@ -81,7 +89,9 @@ def test_a_voltage_that_changed_in_a_gap_is_uncertain_until_it_has_settled(tmp_p
 @pytest.mark.smoke
 def test_names_units_blanks_and_missing_columns(tmp_path: Path):
     head = HEAD.replace("theta_A", "thetaA").replace("V3", "spare")
-    path = written(tmp_path, head=head, edit={k: f"{0.002 * (k - 2)},0,0,0,0,,,," for k in range(3, 400, 2)})
+    path = written(
+        tmp_path, head=head, edit={k: f"{0.002 * (k - 2)},0,0,0,0,,,," for k in range(3, 400, 2)}
+    )
     log = read_log(path, columns={"theta_A": "thetaA"}, degrees=True, relative_b=True)
     theta_a, theta_b = np.radians(motion(log.times)).T
     assert np.allclose(log.theta, np.column_stack([theta_a, theta_a + theta_b]), atol=1e-6)
@@ -174,7 +184,9 @@ def test_the_command_names_what_is_wrong(
 @pytest.mark.slow
 def test_an_uneven_log_gives_the_machine_back(tmp_path: Path):
     """Of an angle that is relative and in degrees, by a clock that wanders and loses rows, joined with an even log."""
-    machine = replace(BASELINE, arm=replace(BASELINE.arm, inertia_a=0.7, inertia_b=0.6, coupling=0.1))
+    machine = replace(
+        BASELINE, arm=replace(BASELINE.arm, inertia_a=0.7, inertia_b=0.6, coupling=0.1)
+    )
     even = record_log(machine, Experiment(levels=(6.0, 18.0), on=0.7, off=0.2, free=4.0))
     times = clock(12, 1e-3)
     times = times[times <= even.duration]

@@ -29,7 +29,8 @@ def wrong(case: Mismatch, found: Identification) -> dict[str, str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name in IN_THE_GATE else pytest.mark.long) for name in CASES]
+    "name",
+    [pytest.param(name, marks=[] if name in IN_THE_GATE else pytest.mark.long) for name in CASES],
 )
 def test_wrong_values_are_never_called_identified(name: str):
     case = CASES[name]

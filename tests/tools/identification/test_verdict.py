@@ -1,4 +1,5 @@
-"""What ``identify`` says where it cannot know: machines that break its model, and logs that are not what they seem.
+"""What ``identify`` says where it cannot know: machines that break its model, and logs that are not
+what they seem.
 
 The logs of real machines come from an integrator of the tests' own, tests/oracle/recorded.py.
 """
@@ -12,7 +13,14 @@ import pytest
 
 from oracle.recorded import RecordedMachine, record
 from pter_gym.params import BASELINE
-from pter_gym.tools.identification import Experiment, Identification, Log, Recorder, identify, record_log
+from pter_gym.tools.identification import (
+    Experiment,
+    Identification,
+    Log,
+    Recorder,
+    identify,
+    record_log,
+)
 from pter_gym.tools.identification.parameters import Shape
 from pter_gym.tools.identification.verdict import other_readings
 from pter_gym.tools.identification.windows import smooth
@@ -84,7 +92,9 @@ def test_breakaways_are_judged_by_themselves():
 
 @pytest.mark.long
 def test_a_log_in_pounds_is_a_warning():
-    found = identify(replace(record(RecordedMachine()), force=record(RecordedMachine()).force / 4.448), BASELINE)
+    found = identify(
+        replace(record(RecordedMachine()), force=record(RecordedMachine()).force / 4.448), BASELINE
+    )
     assert found.verdict.explained
     (hint,) = found.verdict.hints
     assert "lbf" in hint
@@ -139,7 +149,9 @@ def test_a_good_log_is_read_as_it_is():
 def sines() -> Log:
     times = good().times[:, None]
     theta = np.array([0.7, 2.2]) + 0.3 * np.sin(times * [3.0, 4.1])
-    return replace(forces(lambda f: np.random.default_rng(0).normal(0.0, 20.0, f.shape)), theta=theta)
+    return replace(
+        forces(lambda f: np.random.default_rng(0).normal(0.0, 20.0, f.shape)), theta=theta
+    )
 
 
 def wandering() -> Log:

@@ -21,7 +21,9 @@ from pter_gym.tools.paper.setup import STUDY, setup_of
 
 def points(count: int) -> np.ndarray:
     rng = np.random.default_rng(7)
-    return np.concatenate([rng.random((count, len(SPACE))), rng.integers(0, 2, (count, len(SPACE))).astype(float)])
+    return np.concatenate(
+        [rng.random((count, len(SPACE))), rng.integers(0, 2, (count, len(SPACE))).astype(float)]
+    )
 
 
 def test_run_cases_gives_table_1():
@@ -38,7 +40,9 @@ def test_rules_hold_at_every_point():
     for point in points(60):
         preset = decode(point)
         setup = setup_of(preset)
-        baseline, experimental, theoretical = (machine.clutch for machine in setup.machines.values())
+        baseline, experimental, theoretical = (
+            machine.clutch for machine in setup.machines.values()
+        )
         assert min(preset.arm["length_a"], preset.arm["length_b"]) >= 0.3
         assert max(preset.arm["length_a"], preset.arm["length_b"]) <= 0.66
         assert min(preset.arm["inertia_a"], preset.arm["inertia_b"]) >= 0.25
@@ -60,11 +64,15 @@ def test_rules_hold_at_every_point():
             for machine in setup.machines.values():
                 check_machine(setup.task, machine)
         line = setup.task.path
-        assert sin_elbow(preset.arm["length_a"], preset.arm["length_b"], line.sampled(3)).min() >= 0.39
+        assert (
+            sin_elbow(preset.arm["length_a"], preset.arm["length_b"], line.sampled(3)).min() >= 0.39
+        )
 
 
 def test_an_arm_that_the_substep_cannot_hold_is_left_out():
-    refused = next(preset for preset in map(decode, points(60)) if not is_accepted(setup_of(preset)))
+    refused = next(
+        preset for preset in map(decode, points(60)) if not is_accepted(setup_of(preset))
+    )
     with pytest.raises(ParameterError, match="hand"):
         check_machine(setup_of(refused).task, setup_of(refused).baseline)
     alone, (beside, other) = misfit([refused], 0.3), misfit([refused, STUDY], 0.3)
@@ -100,7 +108,11 @@ def test_search_refuses_bad_arguments(name: str, value: float):
 
 
 @pytest.mark.parametrize("out", ["no/such/folder/p.toml", "p.json"])
-def test_fit_refuses_a_file_that_it_cannot_write_before_any_work(monkeypatch, tmp_path: Path, out: str):
-    monkeypatch.setattr(calibration, "search", lambda *_: pytest.fail("searched before it looked at the file"))
+def test_fit_refuses_a_file_that_it_cannot_write_before_any_work(
+    monkeypatch, tmp_path: Path, out: str
+):
+    monkeypatch.setattr(
+        calibration, "search", lambda *_: pytest.fail("searched before it looked at the file")
+    )
     assert cli.main(["fit", "--out", str(tmp_path / out)]) == 2
     assert not list(tmp_path.iterdir())

@@ -30,7 +30,10 @@ NOT_MET = {
     "theoretical-better-than-experimental",
     "peak-explains-theoretical-speed",
 }
-"""Claims that do not hold with the present parameters. A change in either direction has to be looked at."""
+"""Claims that do not hold with the present parameters.
+
+A change in either direction has to be looked at.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -53,16 +56,19 @@ def test_each_statement_is_complete():
 
 @pytest.mark.slow
 def test_labels_follow_one_rule():
-    """A claim that no other machine of the search space fails would follow from the equations; one that was in the
-    objective is a calibration, whatever its number.
-    """
+    """A claim that no other machine of the search space fails would follow from the equations; one
+    that was in the objective is a calibration, whatever its number."""
     left = {statement.id: statement for statement in STATEMENTS}
     middle = np.full(len(SPACE), 0.5)  # its arm has no coupling
     rng = np.random.default_rng(0)
     for point in [middle, *rng.random((8, len(SPACE)))]:
         setup = setup_of(decode(point))
         if left and is_accepted(setup):
-            left = {claim.statement.id: claim.statement for claim in check(Study(setup), left.values()) if claim.holds}
+            left = {
+                claim.statement.id: claim.statement
+                for claim in check(Study(setup), left.values())
+                if claim.holds
+            }
     assert not left
     kinds = {statement.measure: statement.how for statement in STATEMENTS}
     assert {measure for measure, how in kinds.items() if how == "calibration"} == FITTED
@@ -73,7 +79,8 @@ def test_labels_follow_one_rule():
 def test_an_arm_without_coupling_fails_what_is_predicted_of_single_clutches(name):
     """Paper section III-B: without M12 and V2 nothing loads link B."""
     machines = {
-        key: replace(machine, arm=replace(machine.arm, coupling=0.0)) for key, machine in PAPER_MACHINES.items()
+        key: replace(machine, arm=replace(machine.arm, coupling=0.0))
+        for key, machine in PAPER_MACHINES.items()
     }
     (statement,) = (each for each in STATEMENTS if each.id == name)
     (claim,) = check(Study(Setup(machines=machines)), [statement])
@@ -83,8 +90,12 @@ def test_an_arm_without_coupling_fails_what_is_predicted_of_single_clutches(name
 def test_the_pages_show_the_verdicts_of_today(claims):
     """`python docs/make/pictures.py paper` writes the file."""
     stored = json.loads((ROOT / "docs" / "images" / "paper" / "claims.json").read_text("utf-8"))
-    assert [(each["id"], each["kind"]) for each in stored] == [(name, each.kind) for name, each in claims.items()]
-    assert [each["measured"] for each in stored] == pytest.approx([each.value for each in claims.values()], rel=1e-6)
+    assert [(each["id"], each["kind"]) for each in stored] == [
+        (name, each.kind) for name, each in claims.items()
+    ]
+    assert [each["measured"] for each in stored] == pytest.approx(
+        [each.value for each in claims.values()], rel=1e-6
+    )
 
 
 def test_the_verdict_follows_from_the_number(claims):
@@ -92,7 +103,9 @@ def test_the_verdict_follows_from_the_number(claims):
     for claim in claims.values():
         entry = claim.as_json()
         assert keys <= entry.keys()
-        assert entry["holds"] == (claim.statement.at_least <= claim.value <= claim.statement.at_most)
+        assert entry["holds"] == (
+            claim.statement.at_least <= claim.value <= claim.statement.at_most
+        )
         assert entry["kind"] == (claim.statement.how if entry["holds"] else "not met")
         json.dumps(entry, allow_nan=False)
 
@@ -104,8 +117,12 @@ def test_table_1_is_compared_with_the_papers_numbers(study, claims):
             claim = claims[f"table1-{name}-{entry}".replace("_", "-")]
             assert claim.value == row[column]
             assert claim.statement.how == "calibration"
-            assert claim.statement.at_least == pytest.approx((1.0 - TABLE_TOLERANCE) * PAPER_TABLE[name][column])
-            assert claim.statement.at_most == pytest.approx((1.0 + TABLE_TOLERANCE) * PAPER_TABLE[name][column])
+            assert claim.statement.at_least == pytest.approx(
+                (1.0 - TABLE_TOLERANCE) * PAPER_TABLE[name][column]
+            )
+            assert claim.statement.at_most == pytest.approx(
+                (1.0 + TABLE_TOLERANCE) * PAPER_TABLE[name][column]
+            )
 
 
 def test_a_constant_has_no_rank_correlation():

@@ -1,4 +1,7 @@
-"""The tests of single clutches: Figs. 3, 4, 5 and 9, the step response, and four clutches that hold together."""
+"""The tests of single clutches: Figs.
+
+3, 4, 5 and 9, the step response, and four clutches that hold together.
+"""
 
 from dataclasses import replace
 
@@ -40,7 +43,9 @@ def test_single_dof_tests_give_way_at_the_papers_breakaway_torque(name):
         increment = test.share * float(np.diff(test.input_torque).max())
         assert test.volts[test.clutch - 1] == volts
         assert abs(float(test.torque.max()) - holding_torque(machine, volts)) <= increment
-        slipping = np.abs(test.trajectory.slip_velocity[:-1, test.clutch - 1]) >= machine.slip_threshold
+        slipping = (
+            np.abs(test.trajectory.slip_velocity[:-1, test.clutch - 1]) >= machine.slip_threshold
+        )
         assert test.torque[1:][slipping] == pytest.approx(machine.clutch.dynamic.torque(volts))
         assert (test.trajectory.mode[: test.breakaway] == ClutchMode.ZERO_DOF).all()
         assert (test.trajectory.mode[test.breakaway :] == test.locked).all()
@@ -53,8 +58,12 @@ def test_the_locked_clutch_carries_what_equation_4_asks_for(study):
     middles = run.theta[1:] - 0.5 * h * run.omega[1:]
     difference = middles[:, 0] - middles[:, 1]
     acceleration = np.diff(run.omega[:, 0]) / h
-    wanted = arm.coupling * (np.cos(difference) * acceleration - np.sin(difference) * run.omega[:-1, 0] ** 2)
-    in_band = np.abs(run.slip_velocity[:-1, 0]) < BASELINE.slip_threshold  # the kick that leaves it has parts
+    wanted = arm.coupling * (
+        np.cos(difference) * acceleration - np.sin(difference) * run.omega[:-1, 0] ** 2
+    )
+    in_band = (
+        np.abs(run.slip_velocity[:-1, 0]) < BASELINE.slip_threshold
+    )  # the kick that leaves it has parts
     assert (~in_band).sum() > 300
     assert test.locked_torque[1:][~in_band] == pytest.approx(wanted[~in_band], abs=1e-9)
 
@@ -64,8 +73,12 @@ def test_the_line_is_the_one_that_the_locked_clutch_leaves(study):
     for test in study.single_dof:
         turned = test.trajectory.theta[-1] - test.trajectory.theta[test.breakaway - 1]
         assert abs(W[test.locked - 1] @ turned) < 1e-9
-        assert tip(BASELINE, test.trajectory.theta[-1]) == pytest.approx(test.trajectory.tip_position[-1])
-        gaps = np.linalg.norm(test.line[:, None] - test.trajectory.tip_position[None, ::50], axis=2).min(axis=0)
+        assert tip(BASELINE, test.trajectory.theta[-1]) == pytest.approx(
+            test.trajectory.tip_position[-1]
+        )
+        gaps = np.linalg.norm(
+            test.line[:, None] - test.trajectory.tip_position[None, ::50], axis=2
+        ).min(axis=0)
         assert gaps.max() < 0.5 * np.linalg.norm(np.diff(test.line, axis=0), axis=1).max()
 
 
@@ -74,7 +87,9 @@ def test_tip_force_does_the_work_of_the_joint_torques():
     force = tip_force(BASELINE, POSE, load)
     for k in range(2):
         moved = np.array(POSE) + step * np.eye(2)[k]
-        assert force @ (tip(BASELINE, moved) - tip(BASELINE, POSE)) / step == pytest.approx(load[k], rel=1e-5)
+        assert force @ (tip(BASELINE, moved) - tip(BASELINE, POSE)) / step == pytest.approx(
+            load[k], rel=1e-5
+        )
 
 
 # --- step response ---
@@ -94,7 +109,8 @@ def test_a_lagged_voltage_is_not_a_first_order_torque_on_a_curved_characteristic
     bent = TorqueCurve(slope=0.4, knee=0.0, curvature=0.2)
     clutch = replace(BASELINE.clutch, breakaway=bent.scaled(1.2), dynamic=bent)
     pure, other = (
-        step_response(replace(BASELINE, clutch=replace(clutch, lag=lag))) for lag in ("normal_force", "voltage")
+        step_response(replace(BASELINE, clutch=replace(clutch, lag=lag)))
+        for lag in ("normal_force", "voltage")
     )
     assert pure.torque == pytest.approx(np.tile(pure.first_order, (4, 1)), abs=1e-9)
     assert np.abs(other.torque - other.first_order).max() > 0.1 * other.final
@@ -112,7 +128,9 @@ def test_the_bench_test_finds_the_curves_again(study):
             held = holding_torque(PAPER_MACHINES[name], float(volts))
             increment = held * RESOLUTION / RAMP_TIME
             assert abs(material.bench_breakaway[k] - held) <= increment
-            assert material.bench_dynamic[k] == pytest.approx(clutch.dynamic.torque(float(volts)), rel=1e-9)
+            assert material.bench_dynamic[k] == pytest.approx(
+                clutch.dynamic.torque(float(volts)), rel=1e-9
+            )
 
 
 # --- Fig. 9 ---
@@ -141,7 +159,12 @@ def test_the_largest_load_is_that_of_a_linear_program():
         angle = random.uniform(0.0, 2.0 * np.pi)
         direction = np.array([np.cos(angle), np.sin(angle)])
         equal = np.column_stack([np.array(W).T, -direction])
-        best = linprog([0, 0, 0, 0, -1], A_eq=equal, b_eq=[0, 0], bounds=[*((-c, c) for c in capacity), (0, None)])
+        best = linprog(
+            [0, 0, 0, 0, -1],
+            A_eq=equal,
+            b_eq=[0, 0],
+            bounds=[*((-c, c) for c in capacity), (0, None)],
+        )
         assert largest_load(capacity, direction) == pytest.approx(best.x[-1], rel=1e-6, abs=1e-9)
 
 
@@ -166,7 +189,9 @@ def test_clutches_only_take_energy_and_all_six_modes_occur(any_study):
 def test_a_clutch_absorbs_the_ramp_and_falls_back_to_its_dynamic_torque(any_study):
     for test in any_study.single_dof:
         level, stuck = from_inch_pounds(63.5), slice(0, test.breakaway)
-        assert test.torque[stuck] == pytest.approx(test.share * test.input_torque[stuck], abs=1e-9 * level)
+        assert test.torque[stuck] == pytest.approx(
+            test.share * test.input_torque[stuck], abs=1e-9 * level
+        )
         assert test.torque.max() == pytest.approx(level, abs=from_inch_pounds(0.2))
         assert test.torque[-1] < 0.99 * level
 
@@ -181,7 +206,9 @@ def test_materials_stick_and_slip_as_the_paper_says(any_study):
 
 
 def test_torque_jumps_at_a_reversal_where_clutches_stick_and_slip(any_study):
-    baseline, experimental, theoretical = (reversal.jump for reversal in any_study.reversals.values())
+    baseline, experimental, theoretical = (
+        reversal.jump for reversal in any_study.reversals.values()
+    )
     assert min(baseline, experimental) > 0.1
     assert 0.6 < experimental / baseline < 1.7
     assert theoretical < 0.01

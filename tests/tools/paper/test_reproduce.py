@@ -41,11 +41,17 @@ def test_table_1_keeps_its_contract(files, study):
 
 def test_data_of_a_figure_are_its_experiment(files, study):
     for name, sweep in study.sweeps.items():
-        errors = [float(row["position_error_m"]) for row in rows_of(files["fig7.csv"]) if row["model"] == name]
+        errors = [
+            float(row["position_error_m"])
+            for row in rows_of(files["fig7.csv"])
+            if row["model"] == name
+        ]
         assert errors == pytest.approx(sweep.position_error.tolist(), rel=1e-8)
     largest = max(float(row["clutch_torque_in_lbf"]) for row in rows_of(files["fig4.csv"]))
     assert largest == pytest.approx(63.5, abs=0.2)
-    measured = [float(row["volts_v"]) for row in rows_of(files["fig5.csv"]) if row["bench_dynamic_nm"]]
+    measured = [
+        float(row["volts_v"]) for row in rows_of(files["fig5.csv"]) if row["bench_dynamic_nm"]
+    ]
     assert min(measured) == 4.0
 
 
@@ -74,7 +80,9 @@ def test_an_unknown_figure_is_refused_before_any_work(tmp_path):
 
 
 def test_a_folder_that_cannot_be_made_is_refused_before_any_work(tmp_path, monkeypatch):
-    monkeypatch.setattr(products, "results", lambda *_, **__: pytest.fail("worked before it looked at the folder"))
+    monkeypatch.setattr(
+        products, "results", lambda *_, **__: pytest.fail("worked before it looked at the folder")
+    )
     blocked = tmp_path / "file"
     blocked.write_text("mine")
     assert cli.main(["reproduce", "step", "--out", str(blocked / "below")]) == 2

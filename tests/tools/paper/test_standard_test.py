@@ -34,12 +34,18 @@ def test_a_sweep_is_the_benchmark_on_each_machine():
     table = table1(sweeps)
     assert list(sweeps) == list(table) == list(PAPER_TABLE)
     for name, machine in PAPER_MACHINES.items():
-        runs = run_standard_test({"": IMPEDANCE}, machine=machine, task=setup.task, time_constants=TAUS).runs[""]
+        runs = run_standard_test(
+            {"": IMPEDANCE}, machine=machine, task=setup.task, time_constants=TAUS
+        ).runs[""]
         scores = [run.score for run in runs]
         assert sweeps[name].position_error.tolist() == [score.mean_error_m for score in scores]
         assert sweeps[name].tip_speed.tolist() == [score.mean_speed_m_s for score in scores]
-        assert sweeps[name].tip_acceleration.tolist() == [score.mean_acceleration_m_s2 for score in scores]
-        assert sweeps[name].peak_acceleration.tolist() == [score.peak_acceleration_m_s2 for score in scores]
+        assert sweeps[name].tip_acceleration.tolist() == [
+            score.mean_acceleration_m_s2 for score in scores
+        ]
+        assert sweeps[name].peak_acceleration.tolist() == [
+            score.peak_acceleration_m_s2 for score in scores
+        ]
         assert sweeps[name].path_length.tolist() == [score.path_length_m for score in scores]
         means = (sweeps[name].position_error, sweeps[name].tip_speed, sweeps[name].tip_acceleration)
         assert table[name] == pytest.approx([to_inches(values.mean()) for values in means])
@@ -55,18 +61,26 @@ def test_at_least_fifteen_time_constants_and_twenty_gains(study):
 
 def test_the_controller_of_a_delrin_machine_has_the_baselines_table():
     common, own = (time_constant_sweep(Setup(own_table=own), TAUS) for own in (False, True))
-    same = [(common[name].position_error == own[name].position_error).all() for name in PAPER_MACHINES]
+    same = [
+        (common[name].position_error == own[name].position_error).all() for name in PAPER_MACHINES
+    ]
     assert same == [True, False, False]
 
 
 def test_a_controller_with_a_wrong_table_is_that_of_a_machine_with_those_torques():
     taus, factor = [0.105], 0.8
     clutch = with_friction(BASELINE.clutch, factor, factor)
-    wrong = Setup(table_error=factor).policy(BASELINE, layout := observation_layout(BASELINE, "torque"), 0.0)
+    wrong = Setup(table_error=factor).policy(
+        BASELINE, layout := observation_layout(BASELINE, "torque"), 0.0
+    )
     weaker = replace(CONTROLLER, feedback=0.0).bind(replace(BASELINE, clutch=clutch), layout)
     assert (wrong.gains == weaker.gains).all()
-    exact, believed = (time_constant_sweep(Setup(table_error=each), taus)["baseline"] for each in (1.0, factor))
-    assert believed.tip_speed < exact.tip_speed  # it thinks its clutches weaker than they are, and brakes too hard
+    exact, believed = (
+        time_constant_sweep(Setup(table_error=each), taus)["baseline"] for each in (1.0, factor)
+    )
+    assert (
+        believed.tip_speed < exact.tip_speed
+    )  # it thinks its clutches weaker than they are, and brakes too hard
 
 
 def test_equal_peaks_change_the_size_of_the_torques_alone():
@@ -83,7 +97,9 @@ def test_equal_peaks_change_the_size_of_the_torques_alone():
 def test_gain_zero_is_impedance_control_and_gains_have_the_papers_unit():
     sweep = gain_sweep(SETUP, gains=[0.0, 0.06])
     controllers = {"": IMPEDANCE, "feedback": replace(CONTROLLER, feedback=0.06 / INCH_POUND)}
-    runs = run_standard_test(controllers, machine=BASELINE, time_constants=[0.105], task=Setup().task).runs
+    runs = run_standard_test(
+        controllers, machine=BASELINE, time_constants=[0.105], task=Setup().task
+    ).runs
     assert sweep.position_error.tolist() == [run[0].score.mean_error_m for run in runs.values()]
 
 

@@ -30,7 +30,9 @@ def telemetry(steps: int) -> np.ndarray:
     return rows
 
 
-@pytest.mark.parametrize(("rate", "speed", "count"), [(50, 1.0, 11), (25, 1.0, 6), (50, 0.5, 21), (50, 3.0, 5)])
+@pytest.mark.parametrize(
+    ("rate", "speed", "count"), [(50, 1.0, 11), (25, 1.0, 6), (50, 0.5, 21), (50, 3.0, 5)]
+)
 def test_frames_are_equally_spaced(rate: float, speed: float, count: int):
     film = Film(BASELINE, TASK, {"": telemetry(20)}, rate, speed, SIZE)
     assert len(film) == count
@@ -50,7 +52,10 @@ def test_an_episode_that_is_over_keeps_its_last_state():
 @pytest.mark.smoke
 def test_a_webp_moves_and_repeats(tmp_path: Path):
     path, shares = tmp_path / "film.WEBP", list[float]()
-    assert write_film(BASELINE, TASK, {"a": telemetry(30)}, path, size=SIZE, on_progress=shares.append) == path
+    assert (
+        write_film(BASELINE, TASK, {"a": telemetry(30)}, path, size=SIZE, on_progress=shares.append)
+        == path
+    )
     frames = 1 + round(0.3 * RATES[".webp"] + 0.49)
     assert len(shares) == frames
     assert shares[-1] == 1.0
@@ -87,7 +92,9 @@ def test_an_interrupted_film_leaves_the_file_as_it_was(tmp_path: Path):
 
     with pytest.raises(KeyboardInterrupt):
         write_film(BASELINE, TASK, {"a": telemetry(20)}, path, size=SIZE, on_progress=interrupt)
-    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("film.webp", "older")]
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [
+        ("film.webp", "older")
+    ]
 
 
 def test_a_missing_ffmpeg_is_told(monkeypatch: pytest.MonkeyPatch):
@@ -101,7 +108,10 @@ def test_a_film_of_two_arms_shows_the_errors_of_all():
     quiet, lost = telemetry(20), telemetry(20)
     lost[:, COLUMN.normal_error] = 0.1 * lost[:, COLUMN.time]
     shown = [{"a": quiet, "b": rows, "c": quiet} for rows in (quiet, lost)]
-    one, other = (Film(BASELINE, TASK, each, 50, size=(360, 300), arms=("a", "c")).pixels(10) for each in shown)
+    one, other = (
+        Film(BASELINE, TASK, each, 50, size=(360, 300), arms=("a", "c")).pixels(10)
+        for each in shown
+    )
     changed = (one != other).any(axis=(1, 2))
     assert changed.any()
     assert not changed[:200].any()

@@ -30,7 +30,9 @@ def test_profiles_show_each_policy_at_each_pace(scored):
     for axes, board in zip(figure.axes, boards, strict=True):
         for standing, line in zip(board.standings, axes.get_lines(), strict=True):
             errors = next(
-                run.scores["path_error_m"] for run in runs if (run.policy, run.pace) == (standing.policy, board.pace)
+                run.scores["path_error_m"]
+                for run in runs
+                if (run.policy, run.pace) == (standing.policy, board.pace)
             )
             x, shares = np.asarray(line.get_xydata()).T
             np.testing.assert_allclose(shares, (errors <= 1e-3 * x[:, None]).mean(axis=1))
@@ -40,19 +42,32 @@ def test_profiles_show_each_policy_at_each_pace(scored):
 def test_errors_are_drawn_at_the_paces_that_were_reached(scored):
     boards, _ = scored
     (axes,) = plots.error_against_pace(boards).axes
-    found = [np.asarray(line.get_xydata())[0] for line in axes.get_lines() if line.get_markersize() == 6.0]
+    found = [
+        np.asarray(line.get_xydata())[0]
+        for line in axes.get_lines()
+        if line.get_markersize() == 6.0
+    ]
     scores = [standing.scores for board in boards for standing in board.standings]
     paces = np.clip([s["mean_pace_m_s"].value for s in scores], plots.MIN_PACE, plots.MAX_PACE)
-    expected = [(pace, 1e3 * s["path_error_m"].value) for pace, s in zip(paces.tolist(), scores, strict=True)]
+    expected = [
+        (pace, 1e3 * s["path_error_m"].value)
+        for pace, s in zip(paces.tolist(), scores, strict=True)
+    ]
     np.testing.assert_allclose(sorted(map(tuple, found)), sorted(expected))
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("mean pace along the path [m/s]", "path error [mm]")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == (
+        "mean pace along the path [m/s]",
+        "path error [mm]",
+    )
 
 
 def test_one_policy_and_one_episode_can_be_drawn(tmp_path: Path):
     runs = run_scenario("standard", ["locked"], ["brisk"], episodes=1)
     paths = plots.draw_scenario(leaderboards(runs), runs, tmp_path)
     assert sorted(tmp_path.iterdir()) == sorted(paths)
-    assert [path.name for path in paths] == ["standard-profiles.png", "standard-error-against-pace.png"]
+    assert [path.name for path in paths] == [
+        "standard-profiles.png",
+        "standard-error-against-pace.png",
+    ]
     assert "matplotlib.pyplot" not in sys.modules
 
 
@@ -61,7 +76,9 @@ def test_the_same_figure_gives_the_same_bytes(scored, tmp_path: Path):
     before = mpl.rcParams.copy()
     for kind, beginning in (("png", b"\x89PNG\r\n\x1a\n"), ("pdf", b"%PDF-")):
         first = save(plots.error_against_pace(boards), tmp_path / f"a.{kind}").read_bytes()
-        with mpl.rc_context({"font.size": 20.0, "axes.grid": False, "savefig.dpi": 50, "axes.facecolor": "black"}):
+        with mpl.rc_context(
+            {"font.size": 20.0, "axes.grid": False, "savefig.dpi": 50, "axes.facecolor": "black"}
+        ):
             second = save(plots.error_against_pace(boards), tmp_path / f"b.{kind}").read_bytes()
         assert first == second
         assert first.startswith(beginning)

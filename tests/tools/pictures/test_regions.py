@@ -18,7 +18,9 @@ def test_polygons_and_the_map_are_those_of_the_machine() -> None:
     reach = BASELINE.arm.length_a + BASELINE.arm.length_b
     first = np.array(regions.TIPS[0]) * reach
     at_rest = next(patch for patch in poses.patches if isinstance(patch, Polygon))
-    expected = first + regions.METRES_PER_NEWTON * force_region(BASELINE, link_angles(BASELINE.arm, first))
+    expected = first + regions.METRES_PER_NEWTON * force_region(
+        BASELINE, link_angles(BASELINE.arm, first)
+    )
     np.testing.assert_allclose(at_rest.get_xy()[:-1], expected, atol=1e-9)
     (mesh,) = steering.collections
     values = np.ma.filled(mesh.get_array(), np.nan)
@@ -34,6 +36,11 @@ def test_polygons_and_the_map_are_those_of_the_machine() -> None:
 
 
 @pytest.mark.parametrize("name", ["baseline", "two-brakes"])
-def test_a_machine_is_drawn_by_the_registered_artist_the_same_each_time(name: str, tmp_path: Path) -> None:
+def test_a_machine_is_drawn_by_the_registered_artist_the_same_each_time(
+    name: str, tmp_path: Path
+) -> None:
     first = load_artist("region")(name, tmp_path / "a.png")
-    assert first.read_bytes() == regions.draw_force_region(MACHINES[name], tmp_path / "b.png").read_bytes()
+    assert (
+        first.read_bytes()
+        == regions.draw_force_region(MACHINES[name], tmp_path / "b.png").read_bytes()
+    )

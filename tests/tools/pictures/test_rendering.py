@@ -40,7 +40,9 @@ def test_a_picture_has_the_size_that_was_asked_for(width: int, height: int):
     assert picture.dtype == np.uint8
 
 
-@pytest.mark.parametrize(("field", "bad"), [("width", 0), ("height", 2.5), ("height", "wide"), ("width", 10**5)])
+@pytest.mark.parametrize(
+    ("field", "bad"), [("width", 0), ("height", 2.5), ("height", "wide"), ("width", 10**5)]
+)
 def test_a_bad_size_is_refused(field: str, bad: Any):
     with pytest.raises(ParameterError, match=field):
         gymnasium.make(ID, **{**SMALL, field: bad})
@@ -62,7 +64,9 @@ def test_many_worlds_give_a_picture_each():
     assert env.metadata["render_fps"] == 100
 
 
-@pytest.mark.parametrize(("name", "drawn"), [(ID, {}), ("PTER/Everything-v0", {"contexts": 3, "action_unit": "volt"})])
+@pytest.mark.parametrize(
+    ("name", "drawn"), [(ID, {}), ("PTER/Everything-v0", {"contexts": 3, "action_unit": "volt"})]
+)
 def test_a_world_is_drawn_the_same_among_many(name: str, drawn: dict[str, Any]):
     """With its own machine, task and trail, in each episode."""
     many = make_vec(2, name, max_episode_steps=4, **drawn)
@@ -113,8 +117,12 @@ def test_rendering_changes_nothing_else():
         assert got[4].keys() == expected[4].keys()
 
 
-@pytest.mark.parametrize("copied", [deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["deepcopy", "pickle"])
-@pytest.mark.parametrize("make", [lambda: gymnasium.make(ID, **SMALL), lambda: make_vec(2)], ids=["one", "many"])
+@pytest.mark.parametrize(
+    "copied", [deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["deepcopy", "pickle"]
+)
+@pytest.mark.parametrize(
+    "make", [lambda: gymnasium.make(ID, **SMALL), lambda: make_vec(2)], ids=["one", "many"]
+)
 def test_rendered_environments_can_be_copied(make: Callable[[], Any], copied: Callable[[Any], Any]):
     env = make()
     env.reset(seed=1)
@@ -145,7 +153,12 @@ def test_without_a_render_mode_no_drawing_code_is_loaded():
         "gymnasium.make_vec('PTER/PathFollowing-v0', 2)\n"
         "print([name for name in sys.modules if name.startswith('pter_gym.tools.pictures')])"
     )
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout
+        == "[]\n"
+    )
 
 
 def frames_in(path: Path) -> int:
@@ -158,7 +171,9 @@ def test_gymnasium_records_one_world_and_many(tmp_path: Path):
     pytest.importorskip("moviepy")
     if not hasattr(wrappers, "RecordVideo"):
         pytest.skip("this Gymnasium records no vector environments")
-    one = RecordVideo(gymnasium.make(ID, **SMALL), str(tmp_path / "one"), episode_trigger=lambda _: True)
+    one = RecordVideo(
+        gymnasium.make(ID, **SMALL), str(tmp_path / "one"), episode_trigger=lambda _: True
+    )
     four = wrappers.RecordVideo(make_vec(4), str(tmp_path / "four"), episode_trigger=lambda _: True)
     for name, env, actions in (("one", one, volts(1)[0]), ("four", four, volts(4))):
         env.reset(seed=0)

@@ -82,7 +82,11 @@ def test_the_handle_is_at_the_tip_and_the_trail_behind_it(viewer: Viewer):
 @settings(max_examples=25, deadline=None)
 @given(st.integers(32, 700), st.integers(32, 700))
 def test_any_size_can_be_drawn(width: int, height: int):
-    assert Picture(Subject(BASELINE, TASK, "name" * 9), width, height).draw(row(), TRAIL).shape == (height, width, 3)
+    assert Picture(Subject(BASELINE, TASK, "name" * 9), width, height).draw(row(), TRAIL).shape == (
+        height,
+        width,
+        3,
+    )
 
 
 def test_mode_is_checked():
@@ -90,7 +94,9 @@ def test_mode_is_checked():
         Viewer(BASELINE, TASK, "ansi")  # pyright: ignore[reportArgumentType]
 
 
-def test_nothing_is_drawn_before_the_first_picture_and_the_background_once(monkeypatch: pytest.MonkeyPatch):
+def test_nothing_is_drawn_before_the_first_picture_and_the_background_once(
+    monkeypatch: pytest.MonkeyPatch,
+):
     drawn: list[PathFollowing] = []
     monkeypatch.setattr(Picture, "_draw_background", lambda _, task: drawn.append(task))
     other = PathFollowing(path=Line(x=-0.1, y=0.5, direction=0.1, length=0.2))
@@ -124,9 +130,17 @@ def test_clutch_states(mode: ClutchMode, expected: list[str]):
 
 def run_fresh(program: str, **variables: str) -> str:
     """Run a program in a fresh process without a display, and without SDL's variables unless they are given."""
-    bare = {k: v for k, v in os.environ.items() if not k.startswith("SDL_") and k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    bare = {
+        k: v
+        for k, v in os.environ.items()
+        if not k.startswith("SDL_") and k not in ("DISPLAY", "WAYLAND_DISPLAY")
+    }
     result = subprocess.run(
-        [sys.executable, "-c", SETUP + program], capture_output=True, text=True, check=False, env={**bare, **variables}
+        [sys.executable, "-c", SETUP + program],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**bare, **variables},
     )
     assert result.returncode == 0, result.stderr
     return result.stdout.splitlines()[-1]

@@ -28,7 +28,12 @@ def test_policies_side_by_side_and_their_table(here: Path, capsys: pytest.Captur
     files = ["--out", "end.png", "--csv", "both.csv", "--size", "640", "240"]
     assert main(["watch", "torque-feedback,residual", *arguments, *files]) == 0
     said = capsys.readouterr().out
-    for part in ("torque-feedback: arrived after", "residual: arrived after", "wrote end.png", "wrote both.csv"):
+    for part in (
+        "torque-feedback: arrived after",
+        "residual: arrived after",
+        "wrote end.png",
+        "wrote both.csv",
+    ):
         assert part in said
     with Image.open(here / "end.png") as picture:
         assert picture.size == (640, 240)
@@ -57,9 +62,15 @@ def test_policies_side_by_side_and_their_table(here: Path, capsys: pytest.Captur
     ],
 )
 def test_a_wrong_argument_is_named(
-    here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, arguments: list[str], field: str
+    here: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    field: str,
 ):
-    monkeypatch.setattr("pter_gym.benchmark.simulation.record_episode", lambda *_: pytest.fail("it simulates first"))
+    monkeypatch.setattr(
+        "pter_gym.benchmark.simulation.record_episode", lambda *_: pytest.fail("it simulates first")
+    )
     assert main(["watch", *arguments]) == 2
     assert field in capsys.readouterr().err.lower()
     assert not list(here.iterdir())
@@ -71,7 +82,9 @@ def test_a_window_shows_the_film_where_there_is_a_display(
 ):
     pytest.importorskip("pygame")
     shown: list[tuple[object, ...]] = []
-    monkeypatch.setattr("pter_gym.tools.pictures.film.show_film", lambda *given: shown.append(given))
+    monkeypatch.setattr(
+        "pter_gym.tools.pictures.film.show_film", lambda *given: shown.append(given)
+    )
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     assert main(["watch", "free"]) == 2
     assert "out" in capsys.readouterr().err
@@ -86,7 +99,18 @@ def test_a_window_shows_the_film_where_there_is_a_display(
     "command",
     [
         ["watch", "free", "--pace", "brisk", "--out", "film.webp"],
-        ["benchmark", "--policies", "free", "--paces", "brisk", "--episodes", "1", "--no-film", "--out", "results"],
+        [
+            "benchmark",
+            "--policies",
+            "free",
+            "--paces",
+            "brisk",
+            "--episodes",
+            "1",
+            "--no-film",
+            "--out",
+            "results",
+        ],
     ],
 )
 def test_commands_ignore_the_backend_of_a_notebook(command: list[str], here: Path):
@@ -95,6 +119,8 @@ def test_commands_ignore_the_backend_of_a_notebook(command: list[str], here: Pat
         pytest.skip("ipympl is installed")
     program = [sys.executable, "-m", "pter_gym._commands.main", *command]
     environment = {**os.environ, "MPLBACKEND": "module://ipympl.backend_nbagg"}
-    result = subprocess.run(program, cwd=here, env=environment, capture_output=True, text=True, check=False)
+    result = subprocess.run(
+        program, cwd=here, env=environment, capture_output=True, text=True, check=False
+    )
     assert result.returncode == 0, result.stderr
     assert list(here.rglob("*.png")) or list(here.rglob("*.webp"))

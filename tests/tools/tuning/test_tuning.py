@@ -73,7 +73,9 @@ def test_a_search_is_repeatable_resumable_and_begins_with_known_gains(
     monkeypatch.setattr("pter_gym.tools.tuning.search.STARTUP_TRIALS", 4)
     calls: list[tuple[int, float]] = []
     first, second = tmp_path / "a.journal", tmp_path / "b.journal"
-    found = tune(*CASE, trials=8, episodes=4, storage=first, on_trial=lambda *told: calls.append(told))
+    found = tune(
+        *CASE, trials=8, episodes=4, storage=first, on_trial=lambda *told: calls.append(told)
+    )
     assert found == tune(*CASE, trials=8, episodes=4, storage=second)
     assert told_by(first) == told_by(second)
     assert [count for count, _ in calls] == list(range(1, 9))
@@ -81,14 +83,20 @@ def test_a_search_is_repeatable_resumable_and_begins_with_known_gains(
     paper = find_policy("impedance").at(PACES["brisk"])  # type: ignore[union-attr]
     points = [point_at("impedance", known, 0.5) for known in (shipped, paper)]
     assert [trial.params for trial in trials_in(first)[:2]] == points
-    value = Examination("standard", "brisk", 4, seed=0).judge(make_guided("impedance", gains_at(points[0], 0.5))).value
+    value = (
+        Examination("standard", "brisk", 4, seed=0)
+        .judge(make_guided("impedance", gains_at(points[0], 0.5)))
+        .value
+    )
     assert calls[0][1] == value
     more = tune(*CASE, trials=10, episodes=4, storage=first)
     assert (more.trials, len(trials_in(first))) == (10, 10)
     assert told_by(first)[:8] == told_by(second)
 
 
-def test_only_trials_that_keep_up_are_judged_on_all_draws(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_trials_that_keep_up_are_judged_on_all_draws(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("pter_gym.tools.tuning.search.STARTUP_TRIALS", 4)
     judged: list[int] = []
     judge = Examination.judge
@@ -99,17 +107,25 @@ def test_only_trials_that_keep_up_are_judged_on_all_draws(tmp_path: Path, monkey
 
     monkeypatch.setattr(Examination, "judge", counting)
     tune("impedance", "standard", "brisk", trials=40, episodes=32, storage=tmp_path / "a.journal")
-    search = judged[: -judged.count(32) // 2]  # fewer than FINALISTS, so each is judged on other draws too
+    search = judged[
+        : -judged.count(32) // 2
+    ]  # fewer than FINALISTS, so each is judged on other draws too
     assert search[:3] == [2, 8, 32]
     assert search.count(2) == 40 > search.count(8) > search.count(32) >= 1
-    trials = [trial for trial in trials_in(tmp_path / "a.journal") if trial.state.name == "COMPLETE"]
+    trials = [
+        trial for trial in trials_in(tmp_path / "a.journal") if trial.state.name == "COMPLETE"
+    ]
     assert len(trials) == search.count(32)
     for draws, value in ((2, trials[-1].intermediate_values[1]), (32, trials[-1].value)):
         exam = Examination("standard", "brisk", draws, seed=0)
-        assert judge(exam, make_guided("impedance", gains_at(trials[-1].params, 0.5))).value == value
+        assert (
+            judge(exam, make_guided("impedance", gains_at(trials[-1].params, 0.5))).value == value
+        )
 
 
-def test_a_full_disk_is_reported_and_the_search_continues(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_reported_and_the_search_continues(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
@@ -130,7 +146,10 @@ def test_a_full_disk_is_reported_and_the_search_continues(tmp_path: Path, monkey
 
 def test_bad_arguments_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given: dict[str, Any] = {"storage": tmp_path / "trials.journal"}
-    for names, field in ((("free", *CASE[1:]), "controller"), (("impedance", "standart", "brisk"), "scenario")):
+    for names, field in (
+        (("free", *CASE[1:]), "controller"),
+        (("impedance", "standart", "brisk"), "scenario"),
+    ):
         with pytest.raises(ParameterError, match=field):
             tune(*names, **given)
     bad = {"trials": 0, "episodes": 0, "seed": -1, "storage": Path("/nowhere/trials.journal")}
@@ -152,7 +171,9 @@ def test_a_search_for_another_machine_is_another_one(tmp_path: Path) -> None:
     given: dict[str, Any] = {"trials": 2, "episodes": 4, "storage": tmp_path / "trials.journal"}
     usual = tune(*CASE, **given)
     named = tune(*CASE, machine="delrin_experimental", **given)
-    assert named == replace(tune(*CASE, machine=DELRIN_EXPERIMENTAL, **given), machine="delrin_experimental")
+    assert named == replace(
+        tune(*CASE, machine=DELRIN_EXPERIMENTAL, **given), machine="delrin_experimental"
+    )
     assert named.assessment != usual.assessment
     assert len(optuna.get_all_study_names(open_journal(given["storage"]))) == 2
 
@@ -192,7 +213,9 @@ def test_gains_are_written_beside_others_and_found(tmp_path: Path) -> None:
         },
     }
     tuned = Impedance(stiffness=123.4, tip_space=True)
-    assert find_tuned("impedance-tuned", "standard", path=path) == PaceSchedule(((PACES["slow"], tuned),))
+    assert find_tuned("impedance-tuned", "standard", path=path) == PaceSchedule(
+        ((PACES["slow"], tuned),)
+    )
     fallback = PaceSchedule(((PACES["brisk"], tuned),))
     assert find_tuned("impedance-tuned", "paths", path=path) == fallback
     assert find_tuned("impedance-tuned", path=path) == fallback
@@ -227,7 +250,12 @@ def test_a_broken_table_is_refused(text: str, tmp_path: Path) -> None:
 
 
 SHIPPED = [
-    pytest.param(scenario, name, pace, marks=() if (scenario, pace) == ("standard", "brisk") else pytest.mark.long)
+    pytest.param(
+        scenario,
+        name,
+        pace,
+        marks=() if (scenario, pace) == ("standard", "brisk") else pytest.mark.long,
+    )
     for scenario, controllers in read_table().items()
     for name, paces in controllers.items()
     for pace in paces
@@ -235,7 +263,9 @@ SHIPPED = [
 
 
 @pytest.mark.parametrize(("scenario", "name", "pace"), SHIPPED)
-def test_shipped_gains_have_their_published_scores_bit_for_bit(scenario: str, name: str, pace: str) -> None:
+def test_shipped_gains_have_their_published_scores_bit_for_bit(
+    scenario: str, name: str, pace: str
+) -> None:
     entry = read_table()[scenario][name][pace]
     words = entry["command"].split()
     seed = int(words[words.index("--seed") + 1])
@@ -282,7 +312,9 @@ def test_a_law_of_ones_own_is_searched_within_its_ranges(tmp_path: Path) -> None
     found = tune(f"{file}:Law", "standard", "0.3", **given, path=Circle())
     assert found.gains.keys() == {"stiffness", "tip_space"}
     assert 100.0 <= found.gains["stiffness"] <= 2000.0
-    assert {"stiffness": 500.0, "tip_space": False} in [trial.params for trial in trials_in(given["storage"])]
+    assert {"stiffness": 500.0, "tip_space": False} in [
+        trial.params for trial in trials_in(given["storage"])
+    ]
     for name, match in {"Reversed": "search", "Unknown": "search", "Free": "controller"}.items():
         with pytest.raises(ParameterError, match=match):
             tune(f"{file}:{name}", "standard", "slow", **given)
@@ -292,5 +324,7 @@ def test_gains_for_a_path_of_ones_own_are_stored_and_found(tmp_path: Path) -> No
     given: dict[str, Any] = {"trials": 1, "episodes": 2, "storage": tmp_path / "own.journal"}
     found = tune("impedance", "standard", "0.3", **given, path="circle")
     add_gains(found, tmp_path / "gains.toml")
-    ((pace, law),) = find_policy(tmp_path / "gains.toml", find_scenario("standard", path="circle").whose_gains).knots
+    ((pace, law),) = find_policy(
+        tmp_path / "gains.toml", find_scenario("standard", path="circle").whose_gains
+    ).knots
     assert (pace, gains_of(law)["stiffness"]) == (0.3, found.gains["stiffness"])

@@ -2,13 +2,13 @@
 
     python native.py FUNCTIONS.so worlds FOLDER STEPS
 
-steps worlds of every scenario, and writes what ``replay.mjs`` needs to do the same in the module and hashes of all that
-came of it.
+steps worlds of every scenario, and writes what ``replay.mjs`` needs to do the same in the module
+and hashes of all that came of it.
 
     python native.py FUNCTIONS.so trial FILE
 
-repeats a trial of a page and prints, as JSON, at which steps something came of it that was not the same bits.
-"""
+repeats a trial of a page and prints, as JSON, at which steps something came of it that was not the
+same bits."""
 
 import ctypes
 import hashlib
@@ -40,7 +40,9 @@ def link(functions: str) -> None:
 def held_volts(rng: np.random.Generator, now: Any, top: float) -> Any:
     """Keep most voltages and draw others: released, at the top, or anything between."""
     fresh = rng.random(now.shape) < 0.05
-    drawn = rng.choice([0.0, 0.1, 1.0], now.shape, p=[0.4, 0.4, 0.2]) * rng.uniform(0.0, top, now.shape)
+    drawn = rng.choice([0.0, 0.1, 1.0], now.shape, p=[0.4, 0.4, 0.2]) * rng.uniform(
+        0.0, top, now.shape
+    )
     return np.where(fresh, np.where(rng.random(now.shape) < 0.05, top, drawn), now)
 
 
@@ -68,8 +70,12 @@ def run_scenario(name: str, steps: int, folder: Path) -> dict[str, Any]:
     from pter_gym.envs.scenario import training_draws
     from pter_gym.params import BASELINE
 
-    machines, tasks = zip(*training_draws(name, contexts=32, context_seed=steps).pairs(), strict=True)
-    batch = Batch(machines, tasks, WORLDS, draws=True, sensors="force", observe_context=True, max_steps=LIMIT)
+    machines, tasks = zip(
+        *training_draws(name, contexts=32, context_seed=steps).pairs(), strict=True
+    )
+    batch = Batch(
+        machines, tasks, WORLDS, draws=True, sensors="force", observe_context=True, max_steps=LIMIT
+    )
     arrays = batch.device_arrays()
     arrays["constants"].tofile(folder / f"{name}.constants")
     policies = [find_policy(law, scenario=name).bind(BASELINE, batch.layout) for law in LAWS]
@@ -89,7 +95,9 @@ def run_scenario(name: str, steps: int, folder: Path) -> dict[str, Any]:
                 if flags[:2, world].any():
                     hashes.add(world, final_obs[world], telemetry[1, world])
                 state = arrays["worlds"][0, :, world]
-                hashes.add(world, obs[world], rewards[world], flags[:, world], state, telemetry[0, world])
+                hashes.add(
+                    world, obs[world], rewards[world], flags[:, world], state, telemetry[0, world]
+                )
             if (step + 1) % CHUNK == 0:
                 hashes.close_chunk()
     assert len(arrays["worlds"]) == 1
@@ -128,13 +136,19 @@ def differences(trial: dict[str, Any], csv: Path) -> list[int]:
     from pter_gym.tasks.path_following import PathFollowing
     from pter_gym.tools.web.tables import PATHS
 
-    task = PathFollowing(path=PATHS["sine"], hand=read_forces(csv), pace=trial["settings"]["pace"], error_max=WIDTH)
+    task = PathFollowing(
+        path=PATHS["sine"], hand=read_forces(csv), pace=trial["settings"]["pace"], error_max=WIDTH
+    )
     batch = Batch(BASELINE, task, 1, sensors="force")
     batch.reset([3])
     found: list[int] = []
     for step, row in enumerate(trial["rows"]):
         obs, telemetry, reward, *_ = batch.step_alone(row["volts"])
-        same = obs.tolist() == row["observation"] and reward == row["reward"] and telemetry.tolist() == row["telemetry"]
+        same = (
+            obs.tolist() == row["observation"]
+            and reward == row["reward"]
+            and telemetry.tolist() == row["telemetry"]
+        )
         found += [] if same else [step]
     return found
 

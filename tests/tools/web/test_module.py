@@ -36,7 +36,9 @@ from pter_gym.tools.web.tables import PATHS, pages_batch
 HERE = Path(__file__).parent
 
 needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
-needs_zig = pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="ziglang is not installed")
+needs_zig = pytest.mark.skipif(
+    importlib.util.find_spec("ziglang") is None, reason="ziglang is not installed"
+)
 
 
 def node(script: str, *arguments: object) -> Any:
@@ -122,7 +124,9 @@ def compared(functions: Path, folder: Path, steps: int) -> Any:
 @pytest.mark.slow
 @needs_node
 @needs_zig
-def test_worlds_of_all_scenarios_have_the_bits_of_the_native_ones(functions: Path, tmp_path: Path) -> None:
+def test_worlds_of_all_scenarios_have_the_bits_of_the_native_ones(
+    functions: Path, tmp_path: Path
+) -> None:
     """State, observation, reward, flags and telemetry at each step, and the voltages of the laws."""
     found = compared(functions, tmp_path, 2500)
     assert found["different"] == []
@@ -133,7 +137,9 @@ def test_worlds_of_all_scenarios_have_the_bits_of_the_native_ones(functions: Pat
 @pytest.mark.long
 @needs_node
 @needs_zig
-def test_ten_million_steps_have_the_bits_of_the_native_ones(functions: Path, tmp_path: Path) -> None:
+def test_ten_million_steps_have_the_bits_of_the_native_ones(
+    functions: Path, tmp_path: Path
+) -> None:
     found = compared(functions, tmp_path, 250_000)
     assert found["different"] == []
     assert found["steps"] >= 10_000_000
@@ -170,9 +176,15 @@ def test_forces_are_written_as_a_recording_is_read(page: Any, tmp_path: Path) ->
 @needs_node
 @pytest.mark.parametrize("path", ["line", "sine"])
 @pytest.mark.parametrize("name", [*CONTROLLERS, *TUNED])
-def test_laws_have_the_bits_of_the_native_ones(name: str, path: str, page: Any, recorded: Any) -> None:
-    policy = find_policy(name, scenario="standard" if path == "line" else "paths").bind(BASELINE, pages_batch().layout)
-    assert page["answers"][f"{name} on {path}"] == [policy.act(row[None])[0].tolist() for row in recorded]
+def test_laws_have_the_bits_of_the_native_ones(
+    name: str, path: str, page: Any, recorded: Any
+) -> None:
+    policy = find_policy(name, scenario="standard" if path == "line" else "paths").bind(
+        BASELINE, pages_batch().layout
+    )
+    assert page["answers"][f"{name} on {path}"] == [
+        policy.act(row[None])[0].tolist() for row in recorded
+    ]
 
 
 @needs_node
@@ -199,12 +211,16 @@ def test_the_clutches_can_be_adjusted(page: Any, tmp_path: Path) -> None:
     file = tmp_path / "trial.csv"
     file.write_text(trial["csv"])
     machine = MACHINES["delrin_experimental"]
-    machine = replace(machine, clutch=replace(machine.clutch, time_constant=0.03), clutch_scale=(1.2,) * 4)
+    machine = replace(
+        machine, clutch=replace(machine.clutch, time_constant=0.03), clutch_scale=(1.2,) * 4
+    )
     task = PathFollowing(path=PATHS["arc"], hand=read_forces(file), pace=0.25, error_max=WIDTH)
     batch = Batch(machine, task, 1, sensors="force")
     batch.reset([3])
     rows = np.array([batch.step_alone(row["volts"])[1] for row in trial["rows"]])
-    np.testing.assert_allclose([row["telemetry"] for row in trial["rows"]], rows, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        [row["telemetry"] for row in trial["rows"]], rows, rtol=1e-9, atol=1e-9
+    )
     assert len(rows) > 20
 
 
@@ -273,7 +289,9 @@ def test_a_stroke_becomes_a_smooth_path_that_is_followed(page: Any) -> None:
     distances = np.hypot(x[:, None] - stroke[:, 0], y[:, None] - stroke[:, 1]).min(axis=1)
     assert distances.max() < 0.015
     np.testing.assert_allclose([x[0], y[0]], stroke[0], atol=1e-12)
-    assert abs(curvature).max() * drawing["path"]["error_max"] <= MAX_CURVATURE_RATIO * (1.0 + 1e-12)
+    assert abs(curvature).max() * drawing["path"]["error_max"] <= MAX_CURVATURE_RATIO * (
+        1.0 + 1e-12
+    )
     assert drawing["success"]
     assert drawing["worst"] < 0.03
 
@@ -281,7 +299,13 @@ def test_a_stroke_becomes_a_smooth_path_that_is_followed(page: Any) -> None:
 @needs_node
 @pytest.mark.parametrize(
     ("stroke", "told"),
-    [("short", "long"), ("sharp", "sharply"), ("far", "reach"), ("none", "two points"), ("nan", "finite")],
+    [
+        ("short", "long"),
+        ("sharp", "sharply"),
+        ("far", "reach"),
+        ("none", "two points"),
+        ("nan", "finite"),
+    ],
 )
 def test_strokes_that_make_no_path_are_refused(stroke: str, told: str, page: Any) -> None:
     kind, message = page["drawing"]["refused"][stroke]

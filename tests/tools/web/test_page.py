@@ -63,7 +63,13 @@ def answer(address: str, path: str, method: str = "GET") -> tuple[int, str | Non
 @pytest.mark.smoke
 def test_all_files_of_the_page_are_served(address: str) -> None:
     files = site_files()
-    assert {"index.html", "style.css", "page.js", "pter.wasm", "policies/residual.safetensors"} <= set(files)
+    assert {
+        "index.html",
+        "style.css",
+        "page.js",
+        "pter.wasm",
+        "policies/residual.safetensors",
+    } <= set(files)
     for name, file in files.items():
         assert answer(address, f"/{name}")[::2] == (200, file.read_bytes())
     assert answer(address, "/")[:2] == (200, "text/html; charset=utf-8")
@@ -73,7 +79,8 @@ def test_all_files_of_the_page_are_served(address: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["/../__init__.py", "/%2e%2e/site.py", "//etc/passwd", "/policies/../pter.js", "/package.json"]
+    "path",
+    ["/../__init__.py", "/%2e%2e/site.py", "//etc/passwd", "/policies/../pter.js", "/package.json"],
 )
 def test_nothing_else_is_served(path: str, address: str) -> None:
     assert answer(address, path)[0] == 404
@@ -157,7 +164,9 @@ def test_a_silent_connection_ends(served: int, monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_site_has_all_files(tmp_path: Path) -> None:
     write_site(tmp_path / "push")
-    found = {path.relative_to(tmp_path / "push").as_posix() for path in (tmp_path / "push").rglob("*.*")}
+    found = {
+        path.relative_to(tmp_path / "push").as_posix() for path in (tmp_path / "push").rglob("*.*")
+    }
     assert found == set(site_files())
     weights = tmp_path / "push" / "policies" / "residual.safetensors"
     assert weights.read_bytes() == (SHIPPED / "residual.safetensors").read_bytes()
@@ -181,7 +190,9 @@ def test_ctrl_c_ends_it() -> None:
 
     heard = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"  # not ignored in the background
     command = [sys.executable, "-c", f"{heard}; {playing.PLAY}", "play", "--no-open"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
         try:
             assert process.stdout is not None
             assert process.stdout.readline().startswith("http://127.0.0.1:")
@@ -220,9 +231,18 @@ def task_of(path: str, push: Path, pace: str) -> PathFollowing:
 
 
 def compare(
-    play: Any, path: str, *, pace: str = "medium", machine: str = "baseline", lag: float, friction: float
+    play: Any,
+    path: str,
+    *,
+    pace: str = "medium",
+    machine: str = "baseline",
+    lag: float,
+    friction: float,
 ) -> Any:
-    """Compare the trial on the page with Python: the same push, the same voltages. Return its score."""
+    """Compare the trial on the page with Python: the same push, the same voltages.
+
+    Return its score.
+    """
     import playing
 
     push = play.saved("save-push", "push.csv")
@@ -259,10 +279,15 @@ def test_a_push_by_mouse_is_that_of_python(play: Any) -> None:
     assert shown_millimetres(play) == f"{1000 * scored.path_error_m:.1f} mm"
     assert float(play.text("time")) == pytest.approx(scored.duration_s, abs=0.005)
     assert play.text("energy-given") == "0"
-    ledger = {name: float(play.text(f"energy-{name}")) for name in ("hand", "kinetic", "clutches", "rounding")}
+    ledger = {
+        name: float(play.text(f"energy-{name}"))
+        for name in ("hand", "kinetic", "clutches", "rounding")
+    }
     assert ledger["hand"] == pytest.approx(scored.hand_work_j, abs=0.006)
     assert ledger["clutches"] == pytest.approx(scored.dissipated_j, abs=0.006)
-    assert ledger["hand"] == pytest.approx(ledger["kinetic"] + ledger["clutches"] + ledger["rounding"], abs=0.03)
+    assert ledger["hand"] == pytest.approx(
+        ledger["kinetic"] + ledger["clutches"] + ledger["rounding"], abs=0.03
+    )
 
 
 @pytest.mark.slow
@@ -272,7 +297,10 @@ def test_the_learned_policy_rides_on_the_same_push(play: Any) -> None:
     push = play.saved("save-push", "push.csv")
     play.until("document.querySelectorAll('#board tbody tr').length === 2")
     row = play.run("document.querySelector('#board tbody tr:not([aria-current])').innerText")
-    task, limit = task_of("sine", push, "medium"), play.run("page.workshop.timeLimit(page.settings, page.push)")
+    task, limit = (
+        task_of("sine", push, "medium"),
+        play.run("page.workshop.timeLimit(page.settings, page.push)"),
+    )
     ridden = record_episode(find_policy("residual", scenario="paths"), BASELINE, task, 1, limit)
     assert f"{1000 * score(ridden.telemetry, task).path_error_m:.1f} mm" in row
     assert play.saved("save-board", "scores.png").read_bytes().startswith(b"\x89PNG")
@@ -284,7 +312,9 @@ def test_a_dot_keeps_the_pace(play: Any) -> None:
     sagitta = (path.length / 200) ** 2 * path.max_curvature / 8  # of the page's 200 chords
     for part in (0.0, 0.37, 1.0, 2.0):
         found = play.run(f"page.trials[0].paced({part * path.length / pace})")
-        np.testing.assert_allclose(found["at"], path.point(min(part, 1.0) * path.length), atol=1.01 * sagitta)
+        np.testing.assert_allclose(
+            found["at"], path.point(min(part, 1.0) * path.length), atol=1.01 * sagitta
+        )
 
 
 def test_an_arm_on_which_clutches_slip_is_not_called_free(play: Any) -> None:
@@ -295,10 +325,18 @@ def test_an_arm_on_which_clutches_slip_is_not_called_free(play: Any) -> None:
     for k in range(50):
         play.mouse("mouseMoved", start[0] + 6 * k, start[1] - 2 * k)
         play.run("page.readout.show(page.trials[0])")
-        seen.add((play.text("mode"), str(play.run("[0, 1, 2, 3].map((k) => page.trials[0].clutch(k)).join(' ')"))))
+        seen.add(
+            (
+                play.text("mode"),
+                str(play.run("[0, 1, 2, 3].map((k) => page.trials[0].clutch(k)).join(' ')")),
+            )
+        )
     play.mouse("mouseReleased", *start)
     assert any("slipping" in states for _, states in seen)
-    assert all((mode == "free to move") == ("s" not in states.replace("released", "")) for mode, states in seen)
+    assert all(
+        (mode == "free to move") == ("s" not in states.replace("released", ""))
+        for mode, states in seen
+    )
 
 
 @pytest.mark.slow
@@ -313,9 +351,14 @@ def test_a_user_machine_moves_as_in_python(opened: Any, tmp_path: Path) -> None:
         play = playing.Play(opened.tab, address, tmp_path)
         play.open("path=arc&friction=1.2")
         assert play.run("[page.settings.material, page.settings.lag]") == ["own", 52]
-        assert play.run("document.getElementById('material').selectedOptions[0].text") == "Your machine"
+        assert (
+            play.run("document.getElementById('material').selectedOptions[0].text")
+            == "Your machine"
+        )
         assert "material" not in play.run("location.hash")
-        law = find_policy("single-dof-tuned", scenario="paths").bind(machine_of(own), pages_batch().layout)
+        law = find_policy("single-dof-tuned", scenario="paths").bind(
+            machine_of(own), pages_batch().layout
+        )
         assert play.run("page.workshop.tables.laws['single-dof-tuned'].paths") == law.gains.tolist()
         play.drag()
         compare(play, "arc", machine=str(preset), lag=0.052, friction=1.2)
@@ -326,7 +369,9 @@ def test_a_user_machine_moves_as_in_python(opened: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["two-brakes", pytest.param("double-brakes", marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "name", ["two-brakes", pytest.param("double-brakes", marks=pytest.mark.long)]
+)
 def test_a_machine_with_other_clutches_is_felt(name: str, opened: Any, tmp_path: Path) -> None:
     """Laws brake with what is there; policies, which were trained with the paper's clutches, are not offered."""
     import playing
@@ -335,14 +380,18 @@ def test_a_machine_with_other_clutches_is_felt(name: str, opened: Any, tmp_path:
     with playing.started("--machine", name) as address:
         play = playing.Play(opened.tab, address, tmp_path)
         play.open("control=single-dof")
-        assert play.run("page.readout.clutches.map((row) => row.cells[1].textContent)") == [c.name for c in clutches]
+        assert play.run("page.readout.clutches.map((row) => row.cells[1].textContent)") == [
+            c.name for c in clutches
+        ]
         assert "residual" not in play.run(CONTROLS)
         assert play.run("page.workshop.tables.laws['single-dof'].standard.length") > 5
         play.drag()
         compare(play, "line", machine=name, lag=0.105, friction=1.0)
         play.open("control=locked")
         play.drag(seconds=0.5)
-        states = play.run("page.trials[0].env.tables.clutches.map((_, k) => page.trials[0].clutch(k))")
+        states = play.run(
+            "page.trials[0].env.tables.clutches.map((_, k) => page.trials[0].clutch(k))"
+        )
         assert states == ["stuck"] * len(clutches)
         assert play.problems == []
 
@@ -376,7 +425,9 @@ def test_every_setting_can_be_chosen(play: Any) -> None:
     play.open("hand=paper")
     for control in play.run(CONTROLS):
         play.choose("control", control)
-        play.until(f"page.trials[0].settings.control === '{control}' && page.trials[0].rows.length > 5")
+        play.until(
+            f"page.trials[0].settings.control === '{control}' && page.trials[0].rows.length > 5"
+        )
     for identity, values in {
         "path": PATHS,
         "pace": PACES,
@@ -401,7 +452,9 @@ def test_every_setting_can_be_chosen(play: Any) -> None:
 @pytest.mark.slow
 def test_an_address_keeps_the_settings(play: Any) -> None:
     stroke = ";".join(f"{x},{600 + x // 5}" for x in range(-300, 300, 20))
-    address = f"control=sliders&path=drawn&stroke={stroke}&pace=slow&lag=30&friction=0.5&volts=1,2,3,4"
+    address = (
+        f"control=sliders&path=drawn&stroke={stroke}&pace=slow&lag=30&friction=0.5&volts=1,2,3,4"
+    )
     play.open(address)
     told = play.run("page.settings")
     assert (told["path"], told["pace"], told["lag"], told["friction"]) == ("drawn", "slow", 30, 0.5)
@@ -480,6 +533,8 @@ def test_every_path_is_pushed_to_its_end(path: str, play: Any) -> None:
     pushed = play.run("page.trials[0].rows.map((row) => [...row])")
     play.click("compare")
     play.until("page.trials.length === 2 && page.trials.every((trial) => trial.ended)", 60)
-    assert play.run("page.trials[0].rows.map((row) => [...row])") == pushed, "the same push, the same controller"
+    assert play.run("page.trials[0].rows.map((row) => [...row])") == pushed, (
+        "the same push, the same controller"
+    )
     assert play.run("page.trials[1].settings.control") == "free"
     assert play.run("page.trials[1].rows.map((row) => [...row])") != pushed
