@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.haptics import force_extremes, force_range, link_angles
 from pter_gym.params import BASELINE, Connection, Machine
 from pter_gym.paths import Path
-from pter_gym.rendering import force_extremes, force_range, link_angles
 
 Array = NDArray[np.float64]
 

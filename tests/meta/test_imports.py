@@ -22,7 +22,7 @@ CORE = (
     ("_internal", "_compiled"),
     ("params",),
     ("_physics",),
-    ("hands", "paths", "rendering"),
+    ("hands", "paths", "haptics"),
     ("tasks",),
     ("_engine", "scenarios"),
     ("controllers",),
