@@ -17,7 +17,7 @@ from pter_gym._compiled.compiler import Device, compile_kernel, device
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.records import entrywise, write
 from pter_gym._engine.law import CLUTCHES
-from pter_gym._physics.friction import between
+from pter_gym._physics.scalars import clamp
 from pter_gym.controllers._laws import built_in
 from pter_gym.errors import LawIndexError, ParameterError
 
@@ -38,7 +38,7 @@ _config: Any = config
 @device
 def rounded(volts: float) -> float:
     """Return a voltage [V] as a float32, as which a clutch gets it; NaN if it is not finite."""
-    limited = between(volts, -LARGEST, LARGEST)
+    limited = clamp(volts, -LARGEST, LARGEST)
     return float(np.float32(limited)) if math.isfinite(volts) else math.nan
 
 
