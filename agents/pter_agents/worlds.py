@@ -228,7 +228,7 @@ def _sample(
     layout, rng = env.observation_layout, np.random.default_rng(seed)
     residual = base is not None
     obs: Any = env.reset(seed=seed)[0]
-    memory = base.start(len(obs)) if residual else None
+    memory: Any = base.start(len(obs)) if residual else None
     seen: list[NDArray[Any]] = []
     true: list[NDArray[Any]] = []
     for _ in range(SAMPLE_STEPS):

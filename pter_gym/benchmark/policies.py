@@ -132,15 +132,18 @@ def find_policies(
         raise ParameterError(
             f"policies must have names, as in {{'mine': policy}}, got {policies!r:.200}"
         )
-    if not isinstance(policies, Mapping):
-        policies = {_text_of(name): name for name in names_in("policies", policies)}
-    if not policies:
+    named: Mapping[str, Any] = (
+        cast("Mapping[str, Any]", policies)
+        if isinstance(policies, Mapping)
+        else {_text_of(name): name for name in names_in("policies", cast("Any", policies))}
+    )
+    if not named:
         raise ParameterError("policies must hold at least one name")
     by_name: dict[str, tuple[AnyPolicy, ...]] = {}
-    for name, policy in policies.items():
+    for name, policy in named.items():
         _check_name(name)
         several = isinstance(policy, Sequence) and not isinstance(policy, str)
-        seeds: Any = policy if several else (policy,)
+        seeds = cast("Sequence[Any]", policy if several else (policy,))
         if not seeds or len({id(each) for each in seeds}) < len(seeds):
             raise ParameterError(
                 "policies must hold one policy or more for a name, a different one for each "

@@ -87,8 +87,8 @@ def rollout(
 
 def bind_to(policy: AnyPolicy, episodes: Episodes) -> Policy:
     """Return a policy bound to the nominal machine of episodes, with the sensors that it needs."""
-    nominal = episodes.nominal
-    return bind(policy, nominal, observation_layout(nominal, sensors_of(policy)))
+    layout = observation_layout(episodes.machines[0], sensors_of(policy))
+    return bind(policy, episodes.nominal, layout)
 
 
 def evaluate(
@@ -163,5 +163,7 @@ def record_episode(
 ) -> Episode:
     """Return an episode in a world of its own, with the benchmark's time limit."""
     episode = Episodes("", (machine,), (task,), (seed,), ("",), nominal)
-    telemetry, obs = (each[:, 0] for each in rollout(policy, episode, sensors="force"))
-    return Episode(telemetry, obs, telemetry[1:, [*COLUMN.volts]].astype(np.float32))
+    recorded = rollout(policy, episode, sensors="force")
+    telemetry = recorded.telemetry[:, 0]
+    volts = telemetry[1:, np.array(COLUMN.volts, int)]
+    return Episode(telemetry, recorded.obs[:, 0], volts.astype(np.float32))

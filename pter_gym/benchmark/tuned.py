@@ -126,7 +126,7 @@ def read_table(path: FilePath = TABLE) -> Table:
             for controller, paces in controllers.items():
                 for pace, entry in paces.items():
                     if (
-                        controller not in CONTROLLERS
+                        controller not in guided()
                         or not find_pace(pace)
                         or not isinstance(entry["gains"], dict)
                     ):
@@ -146,6 +146,11 @@ def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
         return with_gains(name, {**entry.get("defaults", {}), **entry["gains"]})
 
 
+def guided() -> dict[str, type[Guided]]:
+    """Return the controllers that have gains, by name."""
+    return {name: kind for name, kind in CONTROLLERS.items() if issubclass(kind, Guided)}
+
+
 def with_gains(name: str, gains: Mapping[str, Any]) -> Guided:
     """Return a guiding controller by its name; unnamed gains take their defaults.
 
@@ -154,7 +159,7 @@ def with_gains(name: str, gains: Mapping[str, Any]) -> Guided:
     ParameterError
         If there is no such controller or gain (the nearest is suggested), or a gain is rejected.
     """
-    laws = {law: kind for law, kind in CONTROLLERS.items() if issubclass(kind, Guided)}
+    laws = guided()
     if name not in laws:
         raise unknown_name("controller", name, laws)
     known = [item.name for item in fields(laws[name])]

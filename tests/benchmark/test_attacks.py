@@ -15,12 +15,13 @@ from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
 from pter_gym.benchmark._measures import SEGMENTS, Recorded, pace_factor
 from pter_gym.benchmark.boards import rank, reason_below, summarise
+from pter_gym.benchmark.episodes import time_limit
 from pter_gym.benchmark.intervals import difference_interval
 from pter_gym.benchmark.scores import ScenarioRun, Scores, score_episodes
-from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.controllers import BoundPolicy, bind
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
+from rollouts import run
 
 EPISODES = 32
 SEED = 77

@@ -12,13 +12,13 @@ from gymnasium.wrappers.vector import NormalizeObservation
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym.benchmark import from_actions, from_sb3, run_scenario
-from pter_gym.benchmark.simulation import run
 from pter_gym.controllers import bind
 from pter_gym.envs import PathFollowingEnv
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing, Sensors, observation_layout
+from rollouts import run
 
 pytestmark = pytest.mark.agents
 sb3 = pytest.importorskip("stable_baselines3")

@@ -24,8 +24,8 @@ from benchmark.test_attacks_on_reward import DISCOUNTS, discounted
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
 from pter_gym.benchmark._measures import column
+from pter_gym.benchmark.episodes import time_limit
 from pter_gym.benchmark.scores import score_episodes
-from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.controllers import bind
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
@@ -33,6 +33,7 @@ from pter_gym.policies import shipped_policies
 from pter_gym.scenarios import SCENARIOS, find_scenario
 from pter_gym.tasks.path_following import COLUMN
 from pter_gym.tasks.path_following._rules import PERFECT
+from rollouts import run
 
 DRAWS = 50
 SEED = 991

@@ -24,13 +24,13 @@ import pter_gym
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym.benchmark import from_actions
-from pter_gym.benchmark.simulation import run
 from pter_gym.controllers import Impedance, Random, TorqueFeedback, bind
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
 from pter_gym.paths import Arc, Line, Sine
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing, Sensing
+from rollouts import run
 
 ID = "PTER/PathFollowing-v0"
 NEXT_STEP, SAME_STEP, DISABLED = (

@@ -8,11 +8,11 @@ import pytest
 
 from pter_gym._compiled.records import rows
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import PerClutch, Policy, device
 from pter_gym.errors import ActionError, LawIndexError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing
+from rollouts import simulate
 
 TASK = PathFollowing(start_offset=0.01)
 STEP, WORLD, VALUE = range(3)

@@ -21,8 +21,8 @@ from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.benchmark.rollout import record_episode
 from pter_gym.benchmark.runs import evaluate
-from pter_gym.benchmark.simulation import record_episode
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import PerClutch, Policy, bind, device
 from pter_gym.errors import ParameterError

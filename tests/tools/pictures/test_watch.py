@@ -13,7 +13,8 @@ from PIL import Image
 
 from pter_gym._commands.main import main
 from pter_gym.benchmark import find_policy
-from pter_gym.benchmark.simulation import record_episode, time_limit
+from pter_gym.benchmark.episodes import time_limit
+from pter_gym.benchmark.rollout import record_episode
 from pter_gym.scenarios import find_scenario
 
 

@@ -18,9 +18,9 @@ import pytest
 
 from pter_gym._commands.main import main
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark._find_policy import find_policy
+from pter_gym.benchmark.policies import find_policy
+from pter_gym.benchmark.rollout import record_episode
 from pter_gym.benchmark.scores import score
-from pter_gym.benchmark.simulation import record_episode
 from pter_gym.errors import ParameterError
 from pter_gym.hands import read_forces
 from pter_gym.params import BASELINE, MACHINES, Machine, find_machine, machine_of
