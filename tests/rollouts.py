@@ -8,6 +8,7 @@ import numpy as np
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark.episodes import Episodes
 from pter_gym.benchmark.rollout import Rollout, rollout
+from pter_gym.controllers import Policy
 from pter_gym.params import BASELINE, Machine
 
 
@@ -30,3 +31,24 @@ def simulate(
 ) -> np.ndarray:
     """Return the telemetry of episodes with one limit, (steps + 1, N, columns)."""
     return run(batch, policy, seeds, [max_steps] * batch.num_worlds, nominal).telemetry
+
+
+class Acting:
+    """A policy in worlds that go on, with its memory: ``volts = acting(observations)``."""
+
+    def __init__(self, policy: Policy) -> None:
+        self.policy = policy
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin new episodes in all worlds."""
+        self.memory: Any = None
+        self.begins = True
+
+    def __call__(self, observations: np.ndarray) -> Any:
+        """Return voltages, (N, clutches), or (clutches,) for one observation."""
+        rows = np.ascontiguousarray(np.atleast_2d(observations), np.float32)
+        if self.begins:
+            self.memory, self.begins = self.policy.start(len(rows)), False
+        volts = self.policy.act(rows, self.memory)
+        return volts[0] if np.ndim(observations) == 1 else volts

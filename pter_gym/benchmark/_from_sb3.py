@@ -109,6 +109,8 @@ class Model:
     ----------
     sensors
         Sensors whose readings its observations include.
+    frame_skip
+        Control steps for which its actions are held.
     """
 
     def __init__(self, model: Any, normalise: Normalise, frame_skip: int) -> None:
@@ -120,7 +122,7 @@ class Model:
                 "model.action_space must be a Box with bounds for 1 to "
                 f"{SLOTS} clutches, got {space}"
             )
-        self._model, self._normalise, self._frame_skip = model, normalise, frame_skip
+        self._model, self._normalise, self.frame_skip = model, normalise, frame_skip
         self._bounds = list(zip(space.low.tolist(), space.high.tolist(), strict=True))
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
@@ -157,7 +159,7 @@ class Model:
         def start(worlds: int) -> Any:
             return np.zeros(worlds, object)
 
-        return Policy.of_function(act, layout, start=start, frame_skip=self._frame_skip)
+        return Policy.of_function(act, layout, start=start, frame_skip=self.frame_skip)
 
 
 class _Kept(NamedTuple):

@@ -118,6 +118,11 @@ class Policy:
             return rows_of_worlds
 
         def act(observations: Observations, memory: Any) -> Volts:
+            if observations.shape != (len(memory), len(scales)):
+                raise ParameterError(
+                    f"observations must have the shape {(len(memory), len(scales))}, one for each "
+                    f"world of the memory, got {observations.shape}"
+                )
             volts = np.empty((len(observations), SLOTS))
             try:
                 kernel(observations, scales, numbers, memory, top, volts)

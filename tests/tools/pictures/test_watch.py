@@ -70,7 +70,7 @@ def test_a_wrong_argument_is_named(
     field: str,
 ):
     monkeypatch.setattr(
-        "pter_gym.benchmark.simulation.record_episode", lambda *_: pytest.fail("it simulates first")
+        "pter_gym.benchmark.rollout.record_episode", lambda *_: pytest.fail("it simulates first")
     )
     assert main(["watch", *arguments]) == 2
     assert field in capsys.readouterr().err.lower()

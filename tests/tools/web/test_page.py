@@ -359,7 +359,10 @@ def test_a_user_machine_moves_as_in_python(opened: Any, tmp_path: Path) -> None:
         law = find_policy("single-dof-tuned", scenario="paths").bind(
             machine_of(own), pages_batch().layout
         )
-        assert play.run("page.workshop.tables.laws['single-dof-tuned'].paths") == law.gains.tolist()
+        assert (
+            play.run("page.workshop.tables.laws['single-dof-tuned'].paths")
+            == law.law.gains.tolist()
+        )
         play.drag()
         compare(play, "arc", machine=str(preset), lag=0.052, friction=1.2)
         play.choose("material", "baseline")
