@@ -10,7 +10,7 @@ from pter_gym._engine.batch import Batch
 from pter_gym._internal.files import write_text_atomic
 from pter_gym.benchmark import episodes as stored
 from pter_gym.benchmark import tuned
-from pter_gym.benchmark._measures import Recorded
+from pter_gym.benchmark.measures import Recorded
 from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.controllers import Impedance, TorqueFeedback
 from pter_gym.params import BASELINE

@@ -28,7 +28,7 @@ from pter_gym.errors import PterError, unknown_name
 
 Command = Callable[..., int | None]
 
-CORE_COMMANDS = ("benchmark", "verify")
+CORE_COMMANDS = ("benchmark",)
 """Commands of the core: command NAME is the function NAME in NAME.py, beside this file."""
 
 DESCRIPTION = "PTER, a passive haptic arm with four friction clutches."

@@ -2,7 +2,7 @@
 
 ``episodes`` → ``simulation``, ``runs`` → ``scores`` → ``intervals`` → ``boards``: episodes are
 simulated with policies, each run is scored, scores become intervals, and these a leaderboard.
-``results`` stores runs in a folder, and ``verification`` repeats them.
+``results`` stores runs in a folder.
 
 The names are imported when they are first used, so a policy can act without loading the code for
 scores.
@@ -18,22 +18,14 @@ from pter_gym.scenarios import PACES
 if TYPE_CHECKING:
     from pter_gym.benchmark._examination import Assessment, Examination, examine
     from pter_gym.benchmark._find_policy import PerSeed, find_policy
-    from pter_gym.benchmark.boards import (
-        Leaderboard,
-        leaderboards,
-        print_boards,
-        suite_scores,
-        suites,
-    )
+    from pter_gym.benchmark.boards import Leaderboard, leaderboards, print_boards
     from pter_gym.benchmark.results import ResultsFolder
     from pter_gym.benchmark.runs import run_scenario
     from pter_gym.benchmark.scores import ScenarioRun, Score, score, score_episodes
-    from pter_gym.benchmark.verification import Comparison, verify
 
 __all__ = [
     "PACES",
     "Assessment",
-    "Comparison",
     "Examination",
     "Leaderboard",
     "PerSeed",
@@ -49,9 +41,6 @@ __all__ = [
     "run_scenario",
     "score",
     "score_episodes",
-    "suite_scores",
-    "suites",
-    "verify",
 ]
 
 __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
@@ -59,10 +48,9 @@ __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVa
     submod_attrs={
         "_examination": ["Assessment", "Examination", "examine"],
         "_find_policy": ["PerSeed", "find_policy"],
-        "boards": ["Leaderboard", "leaderboards", "print_boards", "suite_scores", "suites"],
+        "boards": ["Leaderboard", "leaderboards", "print_boards"],
         "results": ["ResultsFolder"],
         "runs": ["run_scenario"],
         "scores": ["ScenarioRun", "Score", "score", "score_episodes"],
-        "verification": ["Comparison", "verify"],
     },
 )

@@ -6,7 +6,7 @@ import numpy as np
 
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark._find_policy import find_policies
-from pter_gym.benchmark._measures import RANKED, Travel
+from pter_gym.benchmark.measures import RANKED, Travel
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.runs import Policies
 from pter_gym.benchmark.simulation import AnyPolicy, run, time_limit

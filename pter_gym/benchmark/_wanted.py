@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark._measures import column, headings, vector
+from pter_gym.benchmark.measures import column, headings, vector
 from pter_gym.controllers._base import BoundPolicy, Policy
 from pter_gym.controllers._gains import Gains, read_gains
 from pter_gym.controllers._laws import BRAKE_LIMIT, IMPEDANCE, built_in, built_in_declared

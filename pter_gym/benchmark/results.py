@@ -13,7 +13,7 @@ from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
 from pter_gym._internal.terminal import make_folder
-from pter_gym.benchmark.boards import Leaderboard, leaderboards, suite_scores, suites
+from pter_gym.benchmark.boards import Leaderboard, leaderboards
 from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.scenarios import name_of_pace
@@ -50,14 +50,10 @@ class ResultsFolder:
             path.unlink(missing_ok=True)
             number += 1
 
-    def files(self) -> list[Path]:
-        """Return the files of runs."""
-        return sorted((self.path / "runs").glob("*.json"))
-
     def runs(self) -> list[ScenarioRun]:
         """Return all runs; a file that cannot be read is left out, with a warning from the logger ``pter_gym``."""
         runs: list[ScenarioRun] = []
-        for path in self.files():
+        for path in sorted((self.path / "runs").glob("*.json")):
             try:
                 runs.append(read_run(path))
             except DataError as error:
@@ -68,17 +64,7 @@ class ResultsFolder:
         """Write ``benchmark.json`` from all runs in the folder and return its leaderboards."""
         self.make()
         boards = leaderboards(self.runs())
-        suite = [
-            {
-                **{name: getattr(mine[0], name) for name in ("version", "digest", "seed")},
-                "boards": [[board.scenario, board.pace] for board in mine],
-                "policies": {
-                    name: score.ratio._asdict() for name, score in suite_scores(mine).items()
-                },
-            }
-            for mine in suites(boards)
-        ]
-        content = {"suite": suite, "leaderboards": [board.as_json() for board in boards]}
+        content = {"leaderboards": [board.as_json() for board in boards]}
         write_text_atomic(self.summary, json.dumps(content, indent=2, allow_nan=False) + "\n")
         return boards
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pter_gym._physics.friction import ClutchMode
 from pter_gym._version import __version__
-from pter_gym.benchmark._measures import PRICE, TOUCH, Array, Recorded, column, mean_over
+from pter_gym.benchmark.measures import PRICE, TOUCH, Array, Recorded, column, mean_over
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing

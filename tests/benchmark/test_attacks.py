@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
-from pter_gym.benchmark._measures import SEGMENTS, Recorded, pace_factor
+from pter_gym.benchmark.measures import SEGMENTS, Recorded, pace_factor
 from pter_gym.benchmark.boards import rank, reason_below, summarise
 from pter_gym.benchmark.intervals import difference_interval
 from pter_gym.benchmark.scores import ScenarioRun, Scores, score_episodes

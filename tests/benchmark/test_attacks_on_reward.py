@@ -20,7 +20,7 @@ from benchmark.test_attacks import (
     tells,
 )
 from pter_gym.benchmark import find_policy
-from pter_gym.benchmark._measures import column
+from pter_gym.benchmark.measures import column
 from pter_gym.controllers import bind
 from pter_gym.params import BASELINE
 

@@ -23,7 +23,7 @@ from benchmark.test_attacks import (
 from benchmark.test_attacks_on_reward import DISCOUNTS, discounted
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
-from pter_gym.benchmark._measures import column
+from pter_gym.benchmark.measures import column
 from pter_gym.benchmark.scores import score_episodes
 from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.controllers import bind

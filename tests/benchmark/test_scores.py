@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from benchmark.handmade import LENGTH, METRE, PERIOD, TASK, Array, episode, padded, travel
 from pter_gym._engine.batch import Batch
 from pter_gym._physics.friction import ClutchMode
-from pter_gym.benchmark._measures import (
+from pter_gym.benchmark.measures import (
     CUTOFF,
     START_UP,
     Recorded,

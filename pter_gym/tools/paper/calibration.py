@@ -20,7 +20,7 @@ from pter_gym._engine.batch import Batch
 from pter_gym._engine.law import MEMORY
 from pter_gym._internal.checks import whole_number
 from pter_gym._physics.clutch import PerClutch
-from pter_gym.benchmark._measures import START_UP, Recorded, mean_over
+from pter_gym.benchmark.measures import START_UP, Recorded, mean_over
 from pter_gym.controllers._laws import IMPEDANCE, guide
 from pter_gym.errors import ParameterError
 from pter_gym.params import Arm, Machine, TorqueCurve
