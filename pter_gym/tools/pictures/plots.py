@@ -142,7 +142,8 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
     plain_ticks(axes, "y")
     label(axes, "mean pace along the path [m/s]", "path error [mm]")
     label_ends(axes, ends, {name: look.colour for name, look in _looks(boards).items()})
-    note = f"dashed: control laws; {UNRANKED}, hollow: not ranked; bars: 95 % intervals\nshaded: within 15 % of a commanded pace"
+    note = f"dashed: control laws; {UNRANKED}, hollow: not ranked; bars: 95 % intervals\n"
+    note += f"shaded: within {100 * PACE_ERROR:g} % of a commanded pace"
     board_note(figure, boards[0], note)
     return figure
 
