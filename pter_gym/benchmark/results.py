@@ -1,4 +1,4 @@
-"""A folder of results: a JSON file for each run, and ``benchmark.json``, the leaderboards of all of them."""
+"""A folder of results: a JSON file for each run, and ``benchmark.json``, their leaderboards."""
 
 import json
 import logging
@@ -33,7 +33,7 @@ class ResultsFolder:
         self.summary = self.path / "benchmark.json"
 
     def make(self) -> None:
-        """Make the folder if needed; raise a ParameterError if it is not writable, or if links lead elsewhere."""
+        """Make the folder if needed; raise a ParameterError if it is not writable or has links."""
         for path in (*self.path.glob("*"), *self.path.glob("runs/*")):
             if path.is_symlink():
                 raise ParameterError(
@@ -42,7 +42,7 @@ class ResultsFolder:
         make_folder(self.path / "runs")
 
     def add(self, runs: Sequence[ScenarioRun]) -> None:
-        """Store the runs of all training seeds of one policy at one pace, in place of earlier ones of that name."""
+        """Store the runs of all training seeds of a policy at a pace, replacing earlier ones."""
         for run in runs:
             write_run(self.path, run)
         number = len(runs)
@@ -51,7 +51,7 @@ class ResultsFolder:
             number += 1
 
     def runs(self) -> list[ScenarioRun]:
-        """Return all runs; a file that cannot be read is left out, with a warning from the logger ``pter_gym``."""
+        """Return all runs; leave out files that cannot be read, with a warning of ``pter_gym``."""
         runs: list[ScenarioRun] = []
         for path in sorted((self.path / "runs").glob("*.json")):
             try:
@@ -94,7 +94,7 @@ def write_run(folder: FilePath, run: ScenarioRun) -> None:
 
 
 def read_run(path: FilePath) -> ScenarioRun:
-    """Return the run in a file, or raise a DataError that names the file if it holds something else."""
+    """Return the run in a file, or raise a DataError that names the file if it holds no run."""
     path = find_path("path", path)
     with reading(path.name):
         content = parse_json(read_bytes(path, MAX_JSON_SIZE))

@@ -129,11 +129,11 @@ def test_attacks_are_unranked_with_a_reason_and_the_papers_laws_ranked() -> None
         run_scenario("standard", {name: name for name in names} | own, "medium", episodes=24)
     )
     standings = {standing.policy: standing for standing in board.standings}
-    for cheat, word in CHEATS.items():
-        reason = standings[cheat].reason
+    for cheat, fast in CHEATS.items():
+        scores, reason = standings[cheat].scores, standings[cheat].reason
         assert reason is not None
-        assert reason.word == word
-        assert word == "too fast" or standings[cheat].error.value > 0.2
+        assert reason.word == "incomplete"
+        assert scores["mean_pace_m_s"] > 0.5 if fast else scores["path_error_m"] > 0.2
     assert {standings[name].rank for name in names[:2]} == {1, 2}
     plain = json.loads(json.dumps(board.as_json(), allow_nan=False))
     assert set(plain["policies"]["free"]) >= {"rank", "reason", *SCORES} - OPTIONAL

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmark.test_attacks import (
+from benchmark.attacks import (
     Attack,
     Course,
     beside,
     beyond,
     every,
+    lingers,
     locks,
     rides,
     sets,
     tells,
-    within,
 )
-from benchmark.test_attacks_on_reward import DISCOUNTS, discounted
+from benchmark.test_attacks import DISCOUNTS, discounted
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
 from pter_gym.benchmark.measures import column
@@ -59,14 +59,14 @@ def is_short_sighted(pace: str, discount: float, better: str) -> bool:
 
 
 GAMES: dict[str, Attack] = {
-    "rushes": rides(lambda *_: 4.0),
-    "crawls": rides(lambda *_: 0.4),
+    "rushes": rides(lambda _: 4.0),
+    "crawls": rides(lambda _: 0.4),
     "rides beside": beside(-0.15),
     "stops and goes": locks(partial(every, steps=30, of=60)),
 }
 """What is made of honest policies, and has no rank or a large error."""
 
-LINGERS = rides(within(0, 0.3))
+LINGERS = lingers(0.3)
 
 LAWS = ("impedance", "torque-feedback")
 TUNED = ("impedance-tuned", "torque-feedback-tuned", "single-dof-tuned", "velocity-ratio-tuned")
@@ -107,9 +107,8 @@ def policies(course: Course) -> dict[str, Any]:
         except ParameterError:
             continue
     for honest in ("residual", "single-dof-tuned"):
-        attacked = course.attacked(found[honest], course.telemetry(found[honest]))
         found |= {
-            f"{honest} {game}": play(attacked)
+            f"{honest} {game}": play(found[honest])
             for game, play in (*GAMES.items(), (LINGERING, LINGERS))
         }
     return found
@@ -180,9 +179,8 @@ def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: s
     for name in (
         riders & ranked.keys() or riders
     ):  # on `tremor` at the brisk pace neither ranks, and both are tried
-        attacked = course.attacked(found[name], course.telemetry(found[name]))
         for stop, play in STOPS.items():
-            early = judge(play(attacked), course)
+            early = judge(play(found[name]), course)
             if early.arrives > 0.5:
                 continue
             stopped += 1

@@ -331,7 +331,7 @@ def test_times_at_marks_between_rows_on_a_row_and_unreached() -> None:
     found = find_marks(furthest, np.array([[0.0], [0.25], [1.0], [2.0], [3.5]]))
     np.testing.assert_array_equal(found.after[:4, 0], [0, 2, 2, 4])
     np.testing.assert_array_equal(found.part[:, 0], [1.0, 0.25, 1.0, 0.5, np.nan])
-    times = found.find(np.array([[0.0], [10.0], [20.0], [30.0], [40.0]]))
+    times = found.interpolate(np.array([[0.0], [10.0], [20.0], [30.0], [40.0]]))
     np.testing.assert_array_equal(times[:, 0], [0.0, 12.5, 20.0, 35.0, np.nan])
 
 

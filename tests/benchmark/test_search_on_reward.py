@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmark.test_attacks import Course
-from benchmark.test_attacks_on_reward import discounted, returns
+from benchmark.attacks import Course
+from benchmark.test_attacks import discounted, returns
 from benchmark.test_reward import CLEARLY, judge, policies, sight
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES

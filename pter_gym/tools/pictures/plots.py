@@ -82,25 +82,20 @@ def profiles(boards: Sequence[Leaderboard]) -> Figure:
         plain_ticks(axes, "x")
         axes.set_xlabel("path error [mm]")
     panels[0].set_ylabel("share of episodes within it")
-    shares = np.linspace(0.05, 0.95, len(curves))[
-        ::-1
-    ]  # each curve is labelled at a height of its own
+    # each curve is labelled at a height of its own
+    shares = np.linspace(0.95, 0.05, len(curves))
     ends = {
         name: (_x_at(line, float(share)), float(share))
         for share, (name, line) in zip(shares, curves.items(), strict=True)
     }
     label_ends(panels[-1], ends, {name: str(line.get_color()) for name, line in curves.items()})
-    board_note(
-        figure,
-        boards[0],
-        f"dashed: control laws; {UNRANKED}, faint: not ranked",
-    )
+    board_note(figure, boards[0], f"dashed: control laws; {UNRANKED}, faint: not ranked")
     return figure
 
 
 @styled
 def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
-    """Return each policy's path error over its actual mean pace, with the commanded paces marked."""
+    """Return the path error of each policy over its mean pace, with the commanded paces marked."""
     figure = Figure(figsize=(WIDTH, 3.9))
     axes = figure.add_subplot()
     for board in boards:
@@ -172,7 +167,7 @@ def plain_ticks(axes: Axes, which: str) -> None:
 
 
 def _pace_ticks(axes: Axes, paces: Mapping[str, float]) -> None:
-    """Label a logarithmic axis at each commanded pace [m/s] by its name, and at the slowest pace drawn."""
+    """Label a logarithmic axis at each commanded pace [m/s], and at the ends that are drawn."""
     low, high = axes.get_xlim()
     axes.set_xlim(min(low, 0.9 * min(paces.values())), max(high, 1.1 * max(paces.values())))
     labels = {
@@ -196,7 +191,7 @@ def _looks(boards: Sequence[Leaderboard]) -> dict[str, Look]:
 def label_ends(
     axes: Axes, ends: Mapping[str, tuple[float, float]], colours: Mapping[str, str]
 ) -> None:
-    """Write names beside the axes, each in its colour at the height of its line's end (x, y), and none over another."""
+    """Write names beside the axes, in the colours and at the heights of the ends (x, y)."""
     figure: Any = axes.figure
     to_axes = axes.transData + axes.transAxes.inverted()
     heights = {name: float(to_axes.transform(end)[1]) for name, end in ends.items()}
