@@ -192,7 +192,7 @@ def mean_scores(scores: Mapping[str, ArrayLike]) -> dict[str, float]:
 
     ``worst_path_error_m`` is the mean of the largest twentieth of all path errors.
     """
-    means = {name: float(np.mean(values, dtype=np.float64)) for name, values in scores.items()}
+    means = {name: np.asarray(values, np.float64).mean().item() for name, values in scores.items()}
     return {**means, "worst_path_error_m": worst_twentieth(scores["path_error_m"])}
 
 

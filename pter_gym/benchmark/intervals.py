@@ -63,10 +63,9 @@ def mean_interval(values: ArrayLike, strata: Sequence[Hashable] = ()) -> Interva
     if too_few or np.ptp(sample) <= 1e-12 * abs(mean):
         return Interval(mean)
     if count > 1:
-        low, high = stats.t.interval(0.95, count - 1, mean, stats.sem(sample))
-    else:
-        low, high = _bootstrap(sample, strata)
-    return Interval(mean, float(low), float(high))
+        reach = stats.t(count - 1).ppf(0.975) * np.std(sample, ddof=1) / np.sqrt(count)
+        return Interval(mean, float(mean - reach), float(mean + reach))
+    return Interval(mean, *_bootstrap(sample, strata))
 
 
 def _bootstrap(sample: NDArray[np.float64], strata: Sequence[Hashable]) -> tuple[float, float]:
@@ -81,7 +80,8 @@ def _bootstrap(sample: NDArray[np.float64], strata: Sequence[Hashable]) -> tuple
     def mean(*resampled: Any, axis: int = -1) -> Any:
         return np.concatenate(resampled, axis=axis).mean(axis=axis)
 
-    resampled: Any = stats.bootstrap(
+    bootstrap: Any = stats.bootstrap(
         kinds, mean, n_resamples=RESAMPLES, rng=np.random.default_rng(SEED)
     )
-    return resampled.confidence_interval
+    low, high = bootstrap.confidence_interval
+    return float(low), float(high)

@@ -211,14 +211,14 @@ class Travel:
         )
 
     def _average_on_path(self, integral: Array, missed: Array) -> Array:
-        """Return an integral over the path (T + 2, N) over its length, ``missed`` beyond its end."""
+        """Return an integral (T + 2, N) over the path's length, ``missed`` where not reached."""
         whole: Array = self.marks.interpolate(integral)[-1]
         missing = np.maximum(self.length - self.furthest[-1], 0.0)
         return np.where(np.isfinite(whole), whole, integral[-1] + missing * missed) / self.length
 
     @cached_property
     def lost_at_start(self) -> Array:
-        """The delay on the first ``START`` of the path [s], up to ``ALLOWANCE``: it does not count."""
+        """The delay on the first ``START`` of the path that does not count [s]: ≤ ``ALLOWANCE``."""
         start = self.length * START
         begun: Array = find_marks(self.furthest, start[None]).interpolate(self.clock)[0]
         return np.clip(
