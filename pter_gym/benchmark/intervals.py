@@ -1,5 +1,6 @@
 """The mean of a score over episodes or training seeds, with its 95 % interval."""
 
+import math
 from collections.abc import Hashable, Sequence
 from typing import Any, NamedTuple
 
@@ -34,8 +35,8 @@ def mean_interval(values: ArrayLike, strata: Sequence[Hashable] = ()) -> Interva
     """Return the mean of values (N,) of episodes, or (S, N) of S training seeds, and its interval.
 
     Over episodes it is SciPy's bootstrap (BCa), as errors are skewed. Over several training seeds
-    it is Student's for the S means: resampled, five seeds would give intervals that hold the mean
-    in 83 % of the cases only.
+    it is Student's for their S means: an interval from five resampled seeds would hold the mean in
+    83 % of the cases only.
 
     Parameters
     ----------
@@ -63,8 +64,9 @@ def mean_interval(values: ArrayLike, strata: Sequence[Hashable] = ()) -> Interva
     if too_few or np.ptp(sample) <= 1e-12 * abs(mean):
         return Interval(mean)
     if count > 1:
-        reach = stats.t(count - 1).ppf(0.975) * np.std(sample, ddof=1) / np.sqrt(count)
-        return Interval(mean, float(mean - reach), float(mean + reach))
+        quantile: Any = stats.t.ppf(0.975, count - 1)
+        reach = float(quantile) * float(np.std(sample, ddof=1)) / math.sqrt(count)
+        return Interval(mean, mean - reach, mean + reach)
     return Interval(mean, *_bootstrap(sample, strata))
 
 
