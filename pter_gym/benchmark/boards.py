@@ -327,37 +327,22 @@ def _completion(rows: Mapping[str, Sequence[Standing | None]]) -> str:
     return f"Completed episodes: {', '.join(shares)}{others}; a rank needs {percent(COMPLETION)}."
 
 
-def _cell(standing: Standing | None, marks: Mapping[tuple[str, str], str]) -> list[str]:
-    """Return a mean path error and the ends of its interval, or why it has no rank, as texts."""
+def _cell(standing: Standing | None, marks: Mapping[tuple[str, str], str]) -> tuple[str, str]:
+    """Return a mean path error, and its interval or why it has no rank, as texts."""
     if standing is None:
-        return [""]
-    value, low, high = standing.error
-    decimals = 1 if value < 0.01995 else 0
+        return "", ""
+    decimals = 1 if standing.error.value < 0.01995 else 0
+    error, *ends = (millimetres(each, decimals) for each in standing.error if each is not None)
     if reason := standing.reason:
         mark = marks.get((standing.policy, reason.word), "")
-        error = millimetres(value, decimals) if standing.scores["completed"] else "–"
-        return [error, f"{reason.word} {mark}".rstrip()]
-    ends = [] if low is None or high is None else [low, high]
-    return [millimetres(each, decimals) for each in (value, *ends)]
+        return error if standing.scores["completed"] else "–", f"  {reason.word} {mark}"
+    return error, f" ({' – '.join(ends)})" if ends else ""
 
 
 def _column(title: str, cells: Sequence[Sequence[str]]) -> list[str]:
-    """Return a column of errors, aligned at their values and at the ends of their intervals."""
-    value, low, high = (
-        max((len(cell[k]) for cell in cells if len(cell) in lengths), default=0)
-        for k, lengths in ((0, (1, 2, 3)), (1, (3,)), (2, (3,)))
-    )
-    texts = [title]
-    for first, *rest in cells:
-        match rest:
-            case [start, end]:
-                text = f" ({start:>{low}} – {end:>{high}})"
-            case [word]:
-                text = f"  {word}"
-            case _:
-                text = ""
-        texts.append(f"{first:>{value}}{text}")
-    return texts
+    """Return a column of errors with what follows each of them, aligned between the two."""
+    longest = max(len(error) for error, _ in cells)
+    return [title, *(f"{error:>{longest}}{rest}".rstrip() for error, rest in cells)]
 
 
 def _lines(
