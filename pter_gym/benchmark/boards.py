@@ -51,6 +51,9 @@ MIN_NAME = 12
 INCOMPLETE, UNEVEN = "incomplete", "uneven"
 """Why a policy has no rank: it completes too few episodes, or its segments are off the pace."""
 
+WHAT = {UNEVEN: "segments "}
+"""What is off the pace, if not the whole path."""
+
 SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -65,7 +68,8 @@ class Reason(NamedTuple):
         if self.word == INCOMPLETE:
             share = percent(self.score, digits=4)
             return f"completes {share} of the episodes ({percent(COMPLETION)} needed)"
-        return f"is {self.word}: {percent(self.score)} off the pace ({percent(PACE_ERROR)} allowed)"
+        off = f"{WHAT.get(self.word, '')}{percent(self.score)} off the pace"
+        return f"is {self.word}: {off} ({percent(PACE_ERROR)} allowed)"
 
 
 def percent(share: float, digits: int = 3) -> str:
@@ -282,11 +286,8 @@ def _table(boards: Sequence[Leaderboard]) -> str:
     ]
     notes = [_completion(rows)]
     for (name, word), shares in footnotes.items():
-        of = "segments " if word == UNEVEN else ""
-        limit = f"{percent(PACE_ERROR)} allowed"
-        notes.append(
-            f"{marks[name, word]} {name} is {word}: {of}{', '.join(shares)} off the pace; {limit}."
-        )
+        off = f"{WHAT.get(word, '')}{', '.join(shares)} off the pace"
+        notes.append(f"{marks[name, word]} {name} is {word}: {off}; {percent(PACE_ERROR)} allowed.")
     if any(each and len(each.errors) > 1 for standings in rows.values() for each in standings):
         notes.append("Intervals are over training seeds for policies that have several.")
     lines = _lines(["   ", *(f"{place:>2} " for place in places)], ["", *rows], columns)

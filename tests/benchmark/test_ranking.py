@@ -248,7 +248,7 @@ def test_details_have_the_papers_other_criterion(capsys: pytest.CaptureFixture[s
 
 def test_a_reason_is_a_predicate() -> None:
     assert str(Reason("incomplete", 0.98955)) == "completes 98.95 % of the episodes (99 % needed)"
-    assert str(Reason("uneven", 0.2371)) == "is uneven: 23.7 % off the pace (15 % allowed)"
+    assert str(Reason("uneven", 0.2371)) == "is uneven: segments 23.7 % off the pace (15 % allowed)"
 
 
 @pytest.mark.parametrize(("width", "expected"), [(9, "abcdefghi"), (8, "abcd…ghi"), (3, "a…i")])
