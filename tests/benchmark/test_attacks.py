@@ -92,7 +92,7 @@ def test_no_attack_has_the_return_of_the_honest_policy(scenario: str, pace: str)
 
 
 def mean_return(policy: str, leaves_at: float = np.inf) -> float:
-    """Return the mean return of a policy in the episodes of the id, if beyond a part of the path it rides off it."""
+    """Return the mean return of a policy that is led off the path beyond a part of it."""
     envs: Any = gymnasium.make_vec(
         "PTER/Standard-v0", 128, frame_skip=1, action_unit="volt", autoreset_mode="SAME_STEP"
     ).unwrapped

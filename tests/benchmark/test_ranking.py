@@ -173,7 +173,7 @@ OFF = {"mean_pace_error": 0.173, "mean_pace_m_s": 9.0}
 
 
 def test_the_table_is_in_the_order_of_the_mean_over_the_paces() -> None:
-    """Policies that are ranked at some paces only come next, those at none last, without a place."""
+    """Policies that are ranked at some paces come next, those at none last, without a place."""
     cheat = at_paces("cheat", (0.0, 0.0, 0.0), **OFF)
     often = [*at_paces("often", (0.001, 0.001, 0.001))[:2], with_error("often", 0.001, **OFF)]
     runs = [*cheat, *often, *at_paces("b", (0.01, 0.02, 0.05)), *at_paces("a", (0.02, 0.02, 0.03))]
@@ -205,6 +205,8 @@ def test_there_is_a_sentence_on_completion_and_one_for_each_footnote() -> None:
     assert text.count("too fast ¹") == 3
     assert text.count("–  incomplete") == 3, "an error means nothing where none arrives"
     assert "All policies complete all episodes." in boards_text(leaderboards(runs[:3]))
+    runs[0].scores["completed"][:1] = False
+    assert "Completed episodes: mine 97.5 to 100 %; a rank" in boards_text(leaderboards(runs[:3]))
 
 
 @settings(max_examples=100, deadline=None)
@@ -236,6 +238,14 @@ def test_the_table_has_80_columns_and_all_numbers(policies: dict[str, tuple[obje
             assert line.count("(") == sum(
                 each is not None and each.rank is not None for each in standings
             )
+
+
+def test_names_of_policies_here_are_whole_beside_the_widest_numbers() -> None:
+    name = "torque-feedback-tuned"
+    text = boards_text(leaderboards([*at_paces(name, (0.009, 0.0176, 0.0176))]))
+    assert f" 1 {name} " in text
+    assert "17.6 (17.3 – 17.9)" in text
+    assert f" 1 {name}  " in boards_text(leaderboards(at_paces(name, (0.001, 0.001, 0.03))))
 
 
 def test_details_have_the_papers_other_criterion(capsys: pytest.CaptureFixture[str]) -> None:

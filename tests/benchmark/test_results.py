@@ -50,7 +50,7 @@ def test_scores_that_are_not_defined_or_that_an_older_file_lacks_are_left_out(
     assert len(ResultsFolder(tmp_path).summarise()) == 2
 
 
-@pytest.mark.parametrize("damage", ["", "[]", '{"version": "0"}', "pace", "seed"])
+@pytest.mark.parametrize("damage", ["", "[]", '{"version": "0"}', "pace", "seed", "policy"])
 def test_a_damaged_file_is_named_and_left_out(
     damage: str, run: ScenarioRun, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

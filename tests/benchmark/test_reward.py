@@ -1,4 +1,4 @@
-"""The reward agrees with the score: who scores clearly better returns more, at any usual discount."""
+"""The reward agrees with the score: who scores clearly better returns more at any discount."""
 
 from functools import partial
 from itertools import permutations
@@ -85,7 +85,7 @@ STOPS: dict[str, Attack] = {
 
 
 class Judged(NamedTuple):
-    """What a policy scores, in what share of its episodes it arrives, and the rewards of its control steps (T, N)."""
+    """A policy's path error, if it is ranked, its share of arrivals, and its rewards (T, N)."""
 
     error: float
     ranks: bool
@@ -122,7 +122,7 @@ def judge(policy: Any, course: Course) -> Judged:
 
 
 def sight(course: Course) -> float:
-    """Return the discount that looks as far ahead as an episode may last: 1/(1 − γ) control steps."""
+    """Return the discount whose horizon, 1/(1 − γ) control steps, is that of an episode."""
     return 1.0 - 1.0 / float(np.median([time_limit(task) for task in course.tasks]))
 
 
@@ -165,7 +165,7 @@ STOPPING = [
 
 @pytest.mark.parametrize(("scenario", "pace"), STOPPING)
 def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: str) -> None:
-    """Less than the policy that rides on at any discount, and less than any other for who sees the whole episode."""
+    """Less than the policy that rides on, and undiscounted less than any other that is ranked."""
     course = Course(scenario, pace, DRAWS, SEED)
     found = policies(course)
     judged = {
@@ -197,7 +197,7 @@ def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: s
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_an_episode_pays_at_most_its_new_arc_length(scenario: str) -> None:
-    """Whatever the voltages: a step pays at most what it newly covers, an episode at most ``PERFECT``."""
+    """A step pays at most what it newly covers, an episode ``PERFECT``, whatever the voltages."""
     pairs = find_scenario(scenario).randomisation(contexts=16, seed=3).pairs()
     machines, tasks = map(list, zip(*pairs, strict=True))
     batch = Batch(machines, tasks)
