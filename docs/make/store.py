@@ -9,8 +9,8 @@ import tyro
 from pter_gym._internal.files import write_text_atomic
 from pter_gym.benchmark import episodes as stored
 from pter_gym.benchmark import tuned
-from pter_gym.benchmark._measures import Recorded
 from pter_gym.benchmark.episodes import Episodes
+from pter_gym.benchmark.measures import Recorded
 from pter_gym.benchmark.rollout import rollout
 from pter_gym.controllers import Impedance, TorqueFeedback
 from pter_gym.params import BASELINE

@@ -16,13 +16,7 @@ from pter_gym.benchmark._from_sb3 import from_actions, from_sb3
 from pter_gym.scenarios import PACES
 
 if TYPE_CHECKING:
-    from pter_gym.benchmark.boards import (
-        Leaderboard,
-        leaderboards,
-        print_boards,
-        suite_scores,
-        suites,
-    )
+    from pter_gym.benchmark.boards import Leaderboard, leaderboards, print_boards
     from pter_gym.benchmark.episodes import Episodes, training_episodes
     from pter_gym.benchmark.policies import find_policy
     from pter_gym.benchmark.results import ResultsFolder
@@ -49,15 +43,13 @@ __all__ = [
     "run_scenario",
     "score",
     "score_episodes",
-    "suite_scores",
-    "suites",
     "training_episodes",
 ]
 
 __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
     __name__,
     submod_attrs={
-        "boards": ["Leaderboard", "leaderboards", "print_boards", "suite_scores", "suites"],
+        "boards": ["Leaderboard", "leaderboards", "print_boards"],
         "results": ["ResultsFolder"],
         "episodes": ["Episodes", "training_episodes"],
         "policies": ["find_policy"],

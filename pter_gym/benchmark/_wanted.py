@@ -11,7 +11,7 @@ from pter_gym._compiled.compiler import compile_kernel
 from pter_gym._compiled.records import read, width
 from pter_gym._engine.law import Memory
 from pter_gym._physics.arm import Motion, UnitVector, Vector
-from pter_gym.benchmark._measures import column, headings, vector
+from pter_gym.benchmark.measures import column, headings, vector
 from pter_gym.controllers import Policy
 from pter_gym.controllers._gains import IMPEDANCE, NOMINAL, read_gains
 from pter_gym.controllers._laws import built_in, built_in_declared, demanded_force

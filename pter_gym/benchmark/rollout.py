@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
-from pter_gym.benchmark._measures import RANKED, Travel
 from pter_gym.benchmark._wanted import wanted_forces
 from pter_gym.benchmark.episodes import Episodes
+from pter_gym.benchmark.measures import RANKED, Travel
 from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
 from pter_gym.controllers import AnyPolicy, Policy, bind
 from pter_gym.controllers._policy import sensors_of

@@ -1,11 +1,11 @@
-"""What a search for reward alone finds, by another way than an agent's: it does not out-earn who rides better."""
+"""A search for reward alone, by another way than an agent's, finds nothing that rides worse."""
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmark.test_attacks import Course
-from benchmark.test_attacks_on_reward import discounted, returns
+from benchmark.attacks import Course
+from benchmark.test_attacks import discounted, returns
 from benchmark.test_reward import CLEARLY, judge, policies, sight
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES
@@ -29,7 +29,7 @@ JUDGED = 50
 """Other training draws, on which the best candidate is compared with the policies."""
 
 STICKS = {("tremor", "slow"): "single-dof-tuned"}
-"""A law that earns less than its error says, as it sticks and slips: docs/reward.md, Limitations."""
+"""A law that earns less than its error says, as it sticks and slips (docs/reward.md)."""
 
 Array = NDArray[np.float64]
 ENTRIES = len(observation_layout(BASELINE, "torque"))
@@ -37,7 +37,7 @@ WEIGHTS = (ENTRIES + 1) * HIDDEN + (HIDDEN + 1) * 4
 
 
 class Networks:
-    """Networks of one hidden layer, each for so many worlds in turn; their actions are normalised."""
+    """Networks of one hidden layer and normalised actions, each for so many worlds in turn."""
 
     def __init__(self, weights: Array, worlds: int) -> None:
         count = len(weights)
@@ -54,7 +54,7 @@ class Networks:
 
 
 def searched(course: Course, discount: float, seed: int) -> Array:
-    """Return the candidate with the highest return of a search by CMA-ES (Hansen, arXiv 1604.00772)."""
+    """Return the best candidate of a search by CMA-ES (Hansen, arXiv:1604.00772)."""
     draws = (
         find_scenario(course.scenario)
         .randomisation(course.pace, contexts=EPISODES, seed=seed)
@@ -78,7 +78,7 @@ def searched(course: Course, discount: float, seed: int) -> Array:
 
 
 def rides_clearly_worse(course: Course, rows: Array, best: float) -> bool:
-    """Return whether episodes would have no rank if the limits were twice as wide, or have a clearly larger error."""
+    """Return whether there is no rank at limits twice as wide, or a clearly larger error."""
     scores = score_episodes(rows, course.tasks)
     off = max(float(scores[name].mean()) for name in ("mean_pace_error", "segment_pace_error"))
     missed = 1.0 - float(scores["completed"].mean())

@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull
 
 from pter_gym._engine.batch import Batch
 from pter_gym._physics.model import model_of
-from pter_gym.benchmark._measures import per_clutch, vector
+from pter_gym.benchmark.measures import per_clutch, vector
 from pter_gym.controllers import Random
 from pter_gym.haptics import (
     _region,

@@ -10,7 +10,7 @@ import gymnasium
 
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym._version import __version__
-from pter_gym.benchmark.intervals import mean_interval, rate_interval
+from pter_gym.benchmark.intervals import mean_interval
 from pter_gym.errors import StorageError, needs_extra
 from pter_gym.tools.datasets.recording import (
     LEVELS,
@@ -117,6 +117,6 @@ def summary_of(episodes: Sequence[RecordedEpisode]) -> dict[str, Any]:
         "steps": sum(len(episode.rewards) for episode in episodes),
         "episodes": len(episodes),
         "mean_return": list(mean_interval([float(episode.rewards.sum()) for episode in episodes])),
-        "arrived": list(rate_interval([float(episode.arrived) for episode in episodes])),
+        "arrived": list(mean_interval([float(episode.arrived) for episode in episodes])),
         "distance_m": list(mean_interval([episode.distance for episode in episodes])),
     }

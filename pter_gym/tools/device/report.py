@@ -249,10 +249,10 @@ def _board(board: Leaderboard) -> str:
     rows = [
         (
             each.policy,
-            _number(1e3 * each.scores["path_error_m"].value, "mm"),
-            _number(100.0 * each.scores["completed"].value, "%"),
-            _number(each.scores["resisting_force_n"].value, "N"),
-            _number(each.scores["peak_force_n"].value, "N"),
+            _number(1e3 * each.error.value, "mm"),
+            _number(100.0 * each.scores["completed"], "%"),
+            _number(each.scores["resisting_force_n"], "N"),
+            _number(each.scores["peak_force_n"], "N"),
             str(each.rank or each.reason),
         )
         for each in board.standings

@@ -21,7 +21,7 @@ from pter_gym._engine.law import MEMORY
 from pter_gym._engine.world import SKIP
 from pter_gym._internal.checks import whole_number
 from pter_gym._physics.clutch import PerClutch
-from pter_gym.benchmark._measures import START_UP, Recorded, mean_over
+from pter_gym.benchmark.measures import START_UP, Recorded, mean_over
 from pter_gym.controllers import Policy
 from pter_gym.controllers._gains import IMPEDANCE
 from pter_gym.controllers._laws import guide

@@ -4,7 +4,7 @@ from dataclasses import fields, replace
 
 import pytest
 
-from pter_gym.benchmark._measures import column, vector
+from pter_gym.benchmark.measures import column, vector
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
 from pter_gym.params import with_friction
