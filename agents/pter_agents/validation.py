@@ -12,7 +12,6 @@ from pter_gym.benchmark import score_episodes
 from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.controllers import Controller
 from pter_gym.params import BASELINE, Machine
-from pter_gym.scenarios._fixed_machine import FixedMachine
 
 SEED = 2**31 + 1
 """Seed of the draws, larger than any seed of a run."""
@@ -50,13 +49,13 @@ class Validation:
         scenario: str,
         paces: Sequence[str],
         episodes: int,
-        machine: FixedMachine | None = None,
+        machine: Machine | None = None,
     ) -> None:
         self._tasks: dict[str, Any] = {}
         self._batches: dict[str, Batch] = {}
         for pace in paces:
-            draws = draws_for(scenario, pace, contexts=episodes, seed=SEED, machine=machine)
-            machines, tasks = zip(*draws.pairs(), strict=True)
+            pairs = draws_for(scenario, pace, machine).pairs(episodes, SEED)
+            machines, tasks = zip(*pairs, strict=True)
             self._tasks[pace] = tasks
             self._batches[pace] = Batch(machines, tasks, sensors="torque")
 

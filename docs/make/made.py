@@ -13,6 +13,7 @@ import docstring_parser
 import pictures
 import tyro
 from markup import IMAGES, code, number, table
+from pter_gym.scenarios.randomisation import LogUniform, OneOf, Shared, Uniform, Vary
 
 from pter_gym._commands.main import commands as find_commands
 from pter_gym._commands.main import load_command
@@ -24,7 +25,6 @@ from pter_gym.params import ACTUATORS, Hand
 from pter_gym.params._fields import SHIPPED
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
-from pter_gym.scenarios.randomisation import LogUniform, OneOf, Shared, Uniform, Vary
 from pter_gym.tasks.path_following import TELEMETRY, Sensors
 
 MADE: dict[str, Callable[..., str]] = {}

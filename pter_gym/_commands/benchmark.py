@@ -120,7 +120,7 @@ def film_policies(
     from pter_gym.benchmark.simulation import record_episode, time_limit
 
     artist = load_artist("film")
-    ((machine, goal),) = scenario.randomisation(pace, contexts=1, seed=0).pairs()
+    ((machine, goal),) = scenario.draws.pairs(1, 0, pace)
     limit = time_limit(goal)
     episodes = {
         name: record_episode(policy, machine, goal, 0, limit, nominal=scenario.nominal).telemetry

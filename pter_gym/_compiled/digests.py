@@ -25,7 +25,6 @@ ROOMS = ("_compiled", "_engine", "_physics", "controllers", "hands", "params", "
 SOURCES = (
     *sorted(PACKAGE.glob("*.py")),
     *(path for room in ROOMS for path in sorted((PACKAGE / room).rglob("*.py"))),
-    PACKAGE / "presets" / "pter.toml",
 )
 """Their files, and those that set their constants."""
 

@@ -11,8 +11,8 @@ from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.runs import Policies
 from pter_gym.benchmark.simulation import AnyPolicy, run, time_limit
 from pter_gym.controllers import bind
+from pter_gym.params import Machine
 from pter_gym.scenarios import Scenario, find_scenario
-from pter_gym.scenarios._fixed_machine import AnyMachine
 from pter_gym.tasks.path_following import PathFollowing
 
 RESERVE, MISSING = 0.97, 0.75
@@ -67,10 +67,10 @@ class Examination:
         pace: str,
         episodes: int,
         seed: int,
-        machine: AnyMachine | None = None,
+        machine: Machine | str | None = None,
     ) -> None:
         drawn = find_scenario(scenario, machine)
-        pairs = drawn.randomisation(pace, contexts=episodes, seed=seed).pairs()
+        pairs = drawn.draws.pairs(episodes, seed, pace)
         pairs.sort(
             key=lambda pair: time_limit(pair[1])
         )  # blocks of worlds then end at about one time
@@ -104,7 +104,7 @@ def examine(
     *,
     episodes: int = 64,
     seed: int = UNSEEN,
-    machine: AnyMachine | None = None,
+    machine: Machine | str | None = None,
 ) -> dict[str, Assessment]:
     """Score policies on training draws, together with ``free``, ``locked`` and ``random``; the best
     comes first.

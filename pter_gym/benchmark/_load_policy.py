@@ -6,8 +6,7 @@ from typing import Any, cast
 from pter_gym._internal.files import FilePath
 from pter_gym.benchmark._find_policy import find_policy
 from pter_gym.benchmark.simulation import AnyPolicy
-from pter_gym.envs._acting import ActingPolicy
-from pter_gym.scenarios import find_scenario
+from pter_gym.envs._acting import ActingPolicy, attributes
 
 
 def load_policy(policy: FilePath | AnyPolicy, env: Any) -> ActingPolicy:
@@ -25,8 +24,8 @@ def load_policy(policy: FilePath | AnyPolicy, env: Any) -> ActingPolicy:
         or a function from observations, float32 (N, entries), to volts, (N, 4).
     env
         Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or
-        ``make_sb3_vec_env``, with its wrappers. Tuned gains are those for its scenario or, if it
-        has none, for ``standard``; on a path of your own, for ``paths``.
+        ``make_sb3_vec_env``, with its wrappers. Tuned gains are those for its ``gains``:
+        of its scenario or, if it has none, of ``standard``; on a path of your own, of ``paths``.
 
     Raises
     ------
@@ -36,8 +35,6 @@ def load_policy(policy: FilePath | AnyPolicy, env: Any) -> ActingPolicy:
         If a file of the policy is damaged.
     """
     if isinstance(policy, str | os.PathLike):
-        first = next(iter(getattr(env, "envs", ())), env)
-        given = getattr(getattr(first, "spec", None), "kwargs", {})
-        scenario = find_scenario(given.get("scenario", "standard"))
-        policy = find_policy(cast("FilePath", policy), scenario.gains_on(given.get("path")))
+        (gains,) = attributes(env, "gains")
+        policy = find_policy(cast("FilePath", policy), gains)
     return ActingPolicy(policy, env)

@@ -19,7 +19,6 @@ from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import Machine
 from pter_gym.scenarios import Scenario, find_pace, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds
-from pter_gym.scenarios._fixed_machine import FixedMachine
 from pter_gym.tasks._stored import codec
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -96,7 +95,7 @@ def find_episodes(
     scenario: str | Scenario,
     pace: str,
     seed: int | None = None,
-    machine: FixedMachine | None = None,
+    machine: Machine | str | None = None,
 ) -> Episodes:
     """Return a scenario's stored evaluation episodes at a pace, or fresh ones from a seed within
     [0, 2⁶⁴).

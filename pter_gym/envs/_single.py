@@ -94,18 +94,23 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     any workspace, so the workspace ends the episode first.
 
     ## Arguments
-    - `machine`: a `Machine`, or the name of one of `pter_gym.params.MACHINES`.
+    - `machine`: a `Machine`, the name of one of `pter_gym.params.MACHINES`, or its file.
     - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, truncation error,
       arrival, starts, sensing, reward weights.
-    - `path`, `pace`: without a `task`, what is followed, and how fast [m/s]: a `Path`, its name in
-      `pter_gym.paths.PATHS` or a CSV file of waypoints, and a number or its name in
-      `pter_gym.scenarios.PACES`. The workspace about a curved path is as wide as its curvature
-      allows.
-    - `randomisation`: a `Randomisation` or `Mixture` from which each episode draws its machine and
-      task instead, or the name of a scenario.
-    - `scenario`: the name of a scenario from which training episodes are drawn instead, as for
-      `PTER/Standard-v0`, with the arguments of `pter_gym.envs.scenario.training_draws`; actions are
-      then normalised and held for 3 control steps by default.
+    - `path`, `pace`, `reward`, `error_max`, `truncation_error`, `starts`: fields of a task in place
+      of `task`. `path` is a `Path`, its name in `pter_gym.paths.PATHS` or a CSV file of waypoints,
+      and the workspace about a curved one is as wide as its curvature allows; `pace` is in m/s or a
+      name in `pter_gym.scenarios.PACES`; `starts` may be a name in
+      `pter_gym.tasks.path_following.STARTS`.
+    - `scenario`: what each episode draws its machine and task from, as for `PTER/Standard-v0`: a
+      name in `pter_gym.scenarios.SCENARIOS`, a `Scenario`, or `Draws` of one's own
+      (`pter_gym.scenarios.distributions`). `machine`, `path` and the other fields then replace what
+      is drawn. By default actions are normalised and held for 3 control steps, the pace is drawn
+      between the slowest and the fastest named one, and episodes of a named scenario begin anywhere
+      along the path, moving; with `starts="rest"` they begin like evaluation episodes, so
+      exploration sees little of the path.
+    - `contexts`, `context_seed`: number of pairs of machine and task that a scenario's episodes
+      draw from, 512 by default, and the seed of their list.
     - `observe_context`: whether the observation ends with the context of machine and task (time
       constant, torque and drift of the clutches, what the hand adds). The telemetry always includes
       it.

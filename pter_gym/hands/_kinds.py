@@ -18,8 +18,7 @@ from pter_gym._internal.tables import read_table
 from pter_gym._physics.arm import UnitVector
 from pter_gym.errors import ParameterError
 from pter_gym.hands._model import NO_FORCE, SINES, HandModel, PerSine, Sines
-from pter_gym.params import Checked, Hand, preset, quantity, require, require_numbers
-from pter_gym.params._fields import SHIPPED
+from pter_gym.params import Checked, Hand, quantity, require, require_numbers
 
 EQ5_FREQUENCIES = tuple(2.0**n / 2.0 for n in range(SINES))
 """Frequencies of Eq. 5 [Hz]: sin(2ⁿπt) for n = 0 … 4."""
@@ -84,12 +83,14 @@ class MultiSineHand(Operator):
     printed in the paper.
     """
 
-    push: float = preset("hand", "push")
+    push: float = quantity(
+        "N", "fitted: the constant tangential force of section IV-A", default=57.67
+    )
     amplitudes: tuple[float, ...] = quantity(
         "N",
-        f"Fmax/5 each, by Eq. 5; Fmax is {SHIPPED['hand']['force_max']['from']}",
+        "Fmax/5 each, by Eq. 5; Fmax is fitted: Fmax of Eq. 5",
         **_FIVE,
-        default=(SHIPPED["hand"]["force_max"]["value"] / SINES,) * SINES,
+        default=(21.82 / SINES,) * SINES,
     )
     frequencies: tuple[float, ...] = quantity(
         "Hz", "published: Eq. 5", **_RATES, default=EQ5_FREQUENCIES

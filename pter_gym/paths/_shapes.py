@@ -16,7 +16,7 @@ from pter_gym._internal.codec import tuple_of
 from pter_gym._internal.files import FilePath
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.params import preset, quantity, require
+from pter_gym.params import quantity, require
 from pter_gym.paths._arcs import Arcs, Curve, Path, Piece, arc_between, chain, fit_arcs
 
 Points = tuple[tuple[float, float], ...]
@@ -26,6 +26,8 @@ MAX_POINTS = 4096
 
 MAX_COORDINATE = 1e3
 """Largest coordinate and size of a path [m]; arcs through points further away would be rounded to nothing."""
+
+_ACROSS = "fitted: across the workspace"
 
 WITHIN: dict[str, Any] = {"at_least": -MAX_COORDINATE, "at_most": MAX_COORDINATE}
 SIZE: dict[str, Any] = {"above": 0.0, "at_most": MAX_COORDINATE}
@@ -38,10 +40,10 @@ MAX_EVALUATIONS = 1 << 18
 class Line(Path):
     """A straight path (paper section IV-A: "spanning the width of the workspace")."""
 
-    x: float = preset("path", "x", **WITHIN)
-    y: float = preset("path", "y", **WITHIN)
-    direction: float = preset("path", "direction")
-    length: float = preset("path", "length", **SIZE)  # pyright: ignore[reportIncompatibleMethodOverride]
+    x: float = quantity("m", _ACROSS, **WITHIN, default=-0.6064)
+    y: float = quantity("m", _ACROSS, **WITHIN, default=0.7809)
+    direction: float = quantity("rad", "chosen: along the x axis", default=0.0)
+    length: float = quantity("m", _ACROSS, **SIZE, default=0.9829)  # pyright: ignore[reportIncompatibleMethodOverride]
 
     def make_arcs(self) -> Arcs:
         """Return one straight segment."""
@@ -52,9 +54,9 @@ class Line(Path):
 class Arc(Path):
     """A circular arc from a point in a direction; it turns left with a positive angle."""
 
-    x: float = preset("path", "x", **WITHIN)
-    y: float = preset("path", "y", **WITHIN)
-    direction: float = preset("path", "direction")
+    x: float = quantity("m", _ACROSS, **WITHIN, default=-0.6064)
+    y: float = quantity("m", _ACROSS, **WITHIN, default=0.7809)
+    direction: float = quantity("rad", "chosen: along the x axis", default=0.0)
     radius: float = quantity("m", "chosen", above=0.0, default=0.4)
     angle: float = quantity(
         "rad", "chosen", at_least=-2.0 * math.pi, at_most=2.0 * math.pi, default=-1.0
@@ -96,10 +98,10 @@ class Circle(Path):
 class Sine(Path):
     """A sine about a straight axis: ``amplitude·sin(2π·periods·ξ/extent)`` to the left of the axis at its point ξ."""
 
-    x: float = preset("path", "x", **WITHIN)
-    y: float = preset("path", "y", **WITHIN)
-    direction: float = preset("path", "direction")
-    extent: float = preset("path", "length", **SIZE)
+    x: float = quantity("m", _ACROSS, **WITHIN, default=-0.6064)
+    y: float = quantity("m", _ACROSS, **WITHIN, default=0.7809)
+    direction: float = quantity("rad", "chosen: along the x axis", default=0.0)
+    extent: float = quantity("m", _ACROSS, **SIZE, default=0.9829)
     amplitude: float = quantity("m", "chosen", **WITHIN, default=0.03)
     periods: float = quantity("1", "chosen", above=0.0, at_most=20.0, default=1.0)
 

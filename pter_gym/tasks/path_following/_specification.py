@@ -215,6 +215,22 @@ def substeps(task: PathFollowing, machine: Machine) -> int:
     return count
 
 
+def sensing_of(task: PathFollowing, machine: Machine) -> Sensing:
+    """Return a task's sensors, with the delay of a machine that has one, in whole control steps.
+
+    Raises
+    ------
+    ParameterError
+        If the delay is longer than a task allows.
+    """
+    if machine.delay == 0.0:
+        return task.sensing
+    steps, longest = round(machine.delay / task.control_period), MAX_DELAY * task.control_period
+    accepted = f"at most {longest:g} s, {MAX_DELAY} control steps"
+    require(steps <= MAX_DELAY, machine, "delay", machine.delay, accepted)
+    return replace(task.sensing, delay=steps)
+
+
 def held_machine(task: PathFollowing, machine: Machine) -> Machine:
     """Return the machine with the task's hand attached at the tip, and substeps that fill a control
     period.
@@ -247,9 +263,10 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
         If a point of the path or a start off it lies outside the arm's reach or too close to a
         singular pose, the path bends so much that its centre of curvature is within the workspace,
         a control period has too many substeps, a sine is too fast for the substep, the machine's
-        hand has a spring, which would need an intent, or the arm may become too fast for the
-        integrator (``pter_gym._physics.limits``).
+        hand has a spring, which would need an intent, its delay is too long, or the arm may become
+        too fast for the integrator (``pter_gym._physics.limits``).
     """
+    sensing_of(task, machine)
     substep = held_machine(task, machine).substep
     require(
         max(task.hand.frequencies, default=0.0) * substep <= 0.1,

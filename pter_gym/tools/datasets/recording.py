@@ -4,7 +4,6 @@ They are recorded in many worlds at once, 8,700 to 13,800 control steps per seco
 where Minari's own ``DataCollector``, which wraps a single environment, records 450 to 1,150.
 """
 
-import tomllib
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -17,6 +16,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from pter_gym._internal.checks import whole_number
+from pter_gym._internal.reading import read_toml
 from pter_gym.benchmark._load_policy import load_policy
 from pter_gym.errors import unknown_name
 from pter_gym.policies import TrainedPolicy, read_policy
@@ -108,7 +108,7 @@ def actors_of(scenario: str, level: str) -> list[Actor]:
     ParameterError
         If there is no such level.
     """
-    table = tomllib.loads((STAGES / "stages.toml").read_text("utf-8"))
+    table = read_toml(STAGES / "stages.toml", "stages")
     stages = {each["name"]: read_policy(STAGES / each["name"]) for each in table["stages"]}
     if level == "random":
         return [Actor("random")]

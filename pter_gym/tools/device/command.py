@@ -11,7 +11,7 @@ from pter_gym._internal.terminal import say, terminal
 
 
 def device(
-    machine: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME|PRESET.toml")],
+    machine: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME|FILE.toml")],
     pace: PaceName = "medium",
     trials: int = 200,
     episodes: int = 100,
@@ -27,7 +27,7 @@ def device(
     Example: pter device particle-brake --out particle-brake
 
     Args:
-        machine: A machine or an actuator by its name, or a preset of your own. pace: Commanded
+        machine: A machine or an actuator by its name, or the file of your own. pace: Commanded
         pace. trials: Gains to try for each law. episodes: Fresh episodes of each scenario, at most
         as many as it has stored ones. train: Train a policy by PPO for the machine, too, and score
         it beside the laws. Needs the extra agents. out: Folder for the results, created if

@@ -12,7 +12,6 @@ from pter_gym.params import Machine
 from pter_gym.paths import Line
 from pter_gym.rendering import force_extremes, impedance, link_angles, wall_stiffness, z_width
 from pter_gym.scenarios import find_scenario
-from pter_gym.scenarios._fixed_machine import FixedMachine
 from pter_gym.tasks.path_following._telemetry import COLUMN
 
 FREQUENCY = 5.0
@@ -56,12 +55,12 @@ class Rendering:
     z_width_db: float
 
 
-def measure_rendering(own: FixedMachine, law: AnyPolicy, pace: str) -> Rendering:
+def measure_rendering(own: Machine, law: AnyPolicy, pace: str) -> Rendering:
     """Return what a machine can render; ``law`` guards the wall, at a commanded pace given by its name."""
-    machine, line = own.machine, Line()
-    theta = link_angles(machine.arm, line.point(0.5 * line.length))
-    found = force_extremes(machine, theta)
-    free, stiff = _free_impedance(machine, theta), _stiffness_of_wall(own, law, pace)
+    line = Line()
+    theta = link_angles(own.arm, line.point(0.5 * line.length))
+    found = force_extremes(own, theta)
+    free, stiff = _free_impedance(own, theta), _stiffness_of_wall(own, law, pace)
     wide = math.isfinite(free) and stiff > 0.0
     return Rendering(
         least_steering_n=float(found.least_steering),
@@ -87,15 +86,13 @@ def _free_impedance(machine: Machine, theta: Any) -> float:
     return impedance(push[last, 1], across, machine.substep, FREQUENCY)
 
 
-def _stiffness_of_wall(own: FixedMachine, law: AnyPolicy, pace: str) -> float:
+def _stiffness_of_wall(own: Machine, law: AnyPolicy, pace: str) -> float:
     """Return the stiffness of the wall that a law renders [N/m], from training draws of the scenario ``wall``."""
     forces, depths = [np.empty(0)], [np.empty(0)]
     scenario = find_scenario("wall", own)
-    for seed, (machine, task) in enumerate(
-        scenario.randomisation(pace, contexts=WALLS, seed=0).pairs()
-    ):
+    for seed, (machine, task) in enumerate(scenario.draws.pairs(WALLS, 0, pace)):
         rows: Any = record_episode(
-            law, machine, task, seed, time_limit(task), nominal=own.machine
+            law, machine, task, seed, time_limit(task), nominal=own
         ).telemetry[1:]
         into = np.array([[math.sin(task.path.heading(0.0))], [-math.cos(task.path.heading(0.0))]])
         forces.append((rows[:, [*COLUMN.force]] @ into)[:, 0])

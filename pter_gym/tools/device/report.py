@@ -20,9 +20,9 @@ from pter_gym.benchmark.runs import evaluate
 from pter_gym.benchmark.scores import ScenarioRun
 from pter_gym.benchmark.simulation import AnyPolicy, record_episode, time_limit
 from pter_gym.errors import unknown_name
+from pter_gym.params import Machine, find_machine
 from pter_gym.policies._stored_gains import make_guided
 from pter_gym.scenarios import PACES, find_scenario
-from pter_gym.scenarios._fixed_machine import AnyMachine, FixedMachine, find_fixed_machine
 from pter_gym.tools.device.measures import FREQUENCY, Rendering, measure_rendering
 from pter_gym.tools.tuning.search import tune
 
@@ -88,7 +88,7 @@ class DeviceReport:
 
 
 def examine_device(
-    machine: AnyMachine,
+    machine: Machine | str,
     out: FilePath,
     *,
     name: str = "device",
@@ -103,7 +103,7 @@ def examine_device(
     Parameters
     ----------
     machine
-        The machine, its name, or the path of a preset.
+        The machine, its name, or its file.
     out
         The folder, created if necessary.
     name
@@ -126,7 +126,7 @@ def examine_device(
     DependencyError
         If Optuna, which searches for gains, is not installed.
     """
-    own = find_fixed_machine(machine)
+    own = find_machine(machine)
     if pace not in PACES:
         raise unknown_name("pace", pace, PACES)
     trials, count = whole_number("trials", trials), whole_number("episodes", episodes)
@@ -157,7 +157,7 @@ def examine_device(
 
 
 def _runs(
-    policies: dict[str, AnyPolicy], scenario: str, pace: str, own: FixedMachine, count: int
+    policies: dict[str, AnyPolicy], scenario: str, pace: str, own: Machine, count: int
 ) -> list[ScenarioRun]:
     """Return the runs of policies on fresh episodes with a machine."""
     drawn = find_episodes(scenario, pace, SEED, own).first(count)
@@ -169,28 +169,24 @@ def _runs(
             0,
             SEED,
             drawn.strata,
-            evaluate(policy, drawn, nominal=own.machine),
+            evaluate(policy, drawn, nominal=own),
         )
         for name, policy in policies.items()
     ]
 
 
 def _draw(
-    report: DeviceReport, own: FixedMachine, tuned: dict[str, AnyPolicy], folder: Path
+    report: DeviceReport, own: Machine, tuned: dict[str, AnyPolicy], folder: Path
 ) -> dict[str, str]:
     """Draw what the installed tools can draw into a folder; return captions by file name."""
     known, captions = registered(PICTURES), dict[str, str]()
     if "region" in known:
-        known["region"].load()(own.machine, folder / "forces.png")
+        known["region"].load()(own, folder / "forces.png")
         captions["forces.png"] = "Forces that the device can display; its smallest steering force."
     if "film" in known:
         for scenario, law in tuned.items():
-            ((machine, task),) = (
-                find_scenario(scenario, own).randomisation(report.pace, contexts=1, seed=0).pairs()
-            )
-            rows = record_episode(
-                law, machine, task, 0, time_limit(task), nominal=own.machine
-            ).telemetry
+            ((machine, task),) = find_scenario(scenario, own).draws.pairs(1, 0, report.pace)
+            rows = record_episode(law, machine, task, 0, time_limit(task), nominal=own).telemetry
             label = f"{SCENARIOS[scenario]}-tuned"
             known["film"].load().write_film(
                 machine, task, {label: rows}, folder / f"{scenario}.webp"

@@ -5,40 +5,31 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pter_gym._compiled.layout import Layout
+from pter_gym._internal.codec import tuple_of
+from pter_gym._internal.reading import read_toml
 from pter_gym.controllers import Policy, TorqueFeedback
 from pter_gym.hands import eq5
-from pter_gym.params import Machine, paper_machines_of, require, with_friction
-from pter_gym.params._preset import Preset, load_preset
+from pter_gym.params import Machine, paper_machines, require, with_friction
+from pter_gym.params._files import machine_from
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import PathFollowing
 
-STUDY = load_preset(Path(__file__).with_name("study.toml"))
-"""The numbers of the experiments, as ``pter fit`` finds them.
+RUNS = 20
+"""Number of time constants, evenly spaced up to the largest; the paper's are lost with its figures."""
 
-Scenarios have those of ``presets/pter.toml``.
-"""
+STUDY = read_toml(Path(__file__).with_name("study.toml"), "study")
+"""The numbers of the experiments by section and name; scenarios have the defaults of the classes."""
 
-PAPER_MACHINES = paper_machines_of(STUDY)
+PAPER_MACHINES = paper_machines(machine_from(STUDY["machine"]), **STUDY["delrin"])
 """The three machines of Table I by name, as the experiments have them."""
 
+STANDARD_TEST = PathFollowing(path=Line(**STUDY["path"]), hand=eq5(**STUDY["hand"]))
+"""The task of the experiments."""
 
-RUNS = 20
-"""Number of time constants, evenly spaced up to the largest.
-
-Those of the paper are lost with its figures.
-"""
-
-
-def task_of(preset: Preset) -> PathFollowing:
-    """Return the standard test of a preset."""
-    return PathFollowing(
-        path=Line(**preset.path), hand=eq5(preset.hand["force_max"], preset.hand["push"])
-    )
-
-
-def time_constants_of(preset: Preset) -> tuple[float, ...]:
-    """Return the time constants of a preset's test runs [s]."""
-    return tuple(round(preset.runs["time_constant_max"] * k / RUNS, 6) for k in range(1, RUNS + 1))
+TIME_CONSTANTS = tuple(
+    round(STUDY["runs"]["time_constant_max"] * k / RUNS, 6) for k in range(1, RUNS + 1)
+)
+"""Those of the test runs [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,11 +55,13 @@ class Setup:
     """
 
     machines: Mapping[str, Machine] = field(default_factory=lambda: dict(PAPER_MACHINES))
-    task: PathFollowing = field(default_factory=lambda: task_of(STUDY))
-    controller: TorqueFeedback = field(default_factory=lambda: TorqueFeedback(**STUDY.controller))
+    task: PathFollowing = STANDARD_TEST
+    controller: TorqueFeedback = TorqueFeedback(
+        **{name: tuple_of(value) for name, value in STUDY["controller"].items()}
+    )
     own_table: bool = False
-    table_error: float = STUDY.runs["table_error"]
-    time_constants: tuple[float, ...] = time_constants_of(STUDY)
+    table_error: float = STUDY["runs"]["table_error"]
+    time_constants: tuple[float, ...] = TIME_CONSTANTS
 
     def __post_init__(self) -> None:
         """Check that there are machines; the parts have checked themselves."""
@@ -92,14 +85,3 @@ class Setup:
 
 SETUP = Setup()
 """The setup of the package's own parameters."""
-
-
-def setup_of(preset: Preset) -> Setup:
-    """Return the setup of a preset."""
-    return Setup(
-        machines=paper_machines_of(preset),
-        task=task_of(preset),
-        controller=TorqueFeedback(**preset.controller),
-        table_error=preset.runs["table_error"],
-        time_constants=time_constants_of(preset),
-    )

@@ -41,7 +41,7 @@ def tune(
         search, at least 0. out: TOML file for the best gains of a named controller, which `pter
         benchmark --policies` and others accept;
             its other entries are kept. By default they are only printed.
-        machine: Clutch material, or the preset of a machine of your own, instead of those that the
+        machine: Clutch material, or the file of a machine of your own, instead of those that the
         scenario draws.
     """
     from pter_gym.benchmark._find_policy import is_code
