@@ -219,7 +219,8 @@ class Draws(Checked):
     def __post_init__(self) -> None:
         """Check the draws that are mixed in."""
         super().__post_init__()
-        also, instead = cast("object", self.also), cast("object", self.instead)
+        also: Any = self.also
+        instead = cast("object", self.instead)
         parts = cast("tuple[object, ...]", also) if isinstance(also, tuple) else (also,)
         mixed = all(isinstance(part, Draws) for part in parts)
         require(mixed, self, "also", also, "a tuple of Draws")
