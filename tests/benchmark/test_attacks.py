@@ -210,7 +210,7 @@ class Course:
     ) -> None:
         self.scenario, self.pace = scenario, PACES[pace]
         machines, self.tasks = zip(
-            *find_scenario(scenario).randomisation(pace, contexts=episodes, seed=seed).pairs(),
+            *find_scenario(scenario).draws.pairs(episodes, seed, pace),
             strict=True,
         )
         self.batch = Batch(machines, self.tasks)

@@ -200,7 +200,7 @@ def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: s
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_an_episode_pays_at_most_its_new_arc_length(scenario: str) -> None:
     """Whatever the voltages: a step pays at most what it newly covers, an episode at most ``PERFECT``."""
-    pairs = find_scenario(scenario).randomisation(contexts=16, seed=3).pairs()
+    pairs = find_scenario(scenario).draws.pairs(16, 3)
     machines, tasks = map(list, zip(*pairs, strict=True))
     batch = Batch(machines, tasks)
     rng = np.random.default_rng(0)

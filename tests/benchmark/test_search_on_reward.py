@@ -54,12 +54,8 @@ class Networks:
 
 def searched(course: Course, discount: float, seed: int) -> Array:
     """Return the candidate with the highest return of a search by CMA-ES (Hansen, arXiv 1604.00772)."""
-    draws = (
-        find_scenario(course.scenario)
-        .randomisation(course.pace, contexts=EPISODES, seed=seed)
-        .pairs()
-    )
-    machines, tasks = (list(each) * POPULATION for each in zip(*draws, strict=True))
+    pairs = find_scenario(course.scenario).draws.pairs(EPISODES, seed, course.pace)
+    machines, tasks = (list(each) * POPULATION for each in zip(*pairs, strict=True))
     batch, limits = Batch(machines, tasks), [time_limit(task) for task in tasks]
     search = cmaes.CMA(np.zeros(WEIGHTS), 0.3, seed=seed, population_size=POPULATION)
     best, highest = np.zeros(WEIGHTS), -np.inf

@@ -234,9 +234,15 @@ def test_after_a_checkpoint(mode: AutoresetMode) -> None:
 @settings(max_examples=3, deadline=None, phases=[Phase.explicit, Phase.generate])
 @given(seed=st.integers(0, 2**31), skip=st.integers(2, 9))
 def test_a_held_action_equals_a_repeated_one(seed: int, skip: int) -> None:
-    drawn = SCENARIOS["everything"].randomisation("brisk", contexts=7, seed=seed)
-    held: Any = gymnasium.make(ID, randomisation=drawn, frame_skip=skip).unwrapped
-    plain: Any = gymnasium.make(ID, randomisation=drawn).unwrapped
+    shared = {
+        "scenario": SCENARIOS["everything"].draws,
+        "pace": "brisk",
+        "contexts": 7,
+        "context_seed": seed,
+        "action_unit": "volt",
+    }
+    held: Any = gymnasium.make(ID, **shared, frame_skip=skip).unwrapped
+    plain: Any = gymnasium.make(ID, **shared, frame_skip=1).unwrapped
     endings = 0
     for episode in range(6):
         (obs, _), (other, _) = (

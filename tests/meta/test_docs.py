@@ -9,6 +9,7 @@ from pathlib import Path
 
 import fill
 import pytest
+from pter_gym.params._preset import PRESET, format_preset
 
 from documents import (
     DOCS,
@@ -24,7 +25,6 @@ from documents import (
 from pter_gym import params
 from pter_gym._commands.main import main
 from pter_gym.benchmark.tuned import read_table
-from pter_gym.params._preset import PRESET, format_preset
 from pter_gym.tools.tuning.gains_file import format_table
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *DOCS.glob("**/*.md")])

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pter_gym.params._preset import PRESET, format_preset, parse_preset
 
 from pter_gym._commands.main import main
 from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.params import BASELINE, Arm, Clutch, Machine, TorqueCurve, find_machine
-from pter_gym.params._preset import PRESET, format_preset, parse_preset
 from pter_gym.tools.identification import (
     Experiment,
     Identification,

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pter_gym.params._preset import load_preset
 
 from pter_gym._commands import main as cli
 from pter_gym.errors import ParameterError
 from pter_gym.hands import eq5
-from pter_gym.params._preset import load_preset
 from pter_gym.tasks.path_following import check_machine
 from pter_gym.tasks.path_following._specification import sin_elbow
 from pter_gym.tools.paper import calibration
