@@ -1,4 +1,4 @@
-"""Compile the kernels into numba's cache, once for all processes of a test run."""
+"""Compile the simulator's kernels into numba's cache: once for all processes of a test run, in two at the same time."""
 
 import subprocess
 import sys
@@ -26,11 +26,6 @@ def main(part: str) -> None:
     if part == "steps":
         simulate(batch, policy, [0], 1)
         simulate(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
-        if find_spec("pter_gym.tools.paper"):
-            from pter_gym.tools.paper.calibration import Case, run_cases
-            from pter_gym.tools.paper.setup import Setup
-
-            run_cases([Case(Setup(), BASELINE)])
         run_extending()  # after the others: laws share what they have compiled
         compile_law()
         if find_spec("jax"):
