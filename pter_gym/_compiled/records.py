@@ -76,6 +76,16 @@ def rows(kind: type[R], first: int = 0) -> R:
     return kind(*found)
 
 
+def joined(name: str, *kinds: type[Any]) -> Any:
+    """Return a record of a name that has the fields of several, in the order of these."""
+    fields = [
+        field for kind in kinds for field in get_type_hints(kind, include_extras=True).items()
+    ]
+    record: Any = NamedTuple(name, fields)
+    record.__module__ = kinds[0].__module__
+    return record
+
+
 class Leaf(NamedTuple):
     """One number of a record: its name, and the entries that say what it is, the outermost first."""
 
