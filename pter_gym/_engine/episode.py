@@ -21,15 +21,17 @@ from pter_gym._engine.step import (
     write_observation,
 )
 from pter_gym._engine.world import (
-    BASIC_ROWS,
     CONFIG,
-    CONSTANT_ROWS,
+    CONSTANTS,
+    EXTRAS,
     FLAGS,
+    KEPT,
     NEXT_STEP,
     ROW,
     SAME_STEP,
     STORED_ROWS,
     Arrays,
+    Span,
     Target,
 )
 from pter_gym._physics.arm import (
@@ -96,8 +98,8 @@ def put_back(w: Any, i: int, worlds: Any, world: int) -> None:
 def take_context(w: Any, i: int, constants: Any) -> None:
     """Read the constants of a world, where the world says that they begin."""
     first = int(w[ROW.context_at, i])
-    for row in range(CONSTANT_ROWS):
-        w[STORED_ROWS + row, i] = constants[first + row]
+    for row in range(CONSTANTS.first, CONSTANTS.end):
+        w[row, i] = constants[first + row - CONSTANTS.first]
 
 
 # --- how an episode begins ---
@@ -108,10 +110,8 @@ def start_episode(
     w: Any, i: int, seed: np.uint64, episode: np.uint64, config: Any, constants: Any
 ) -> None:
     """Start an episode: the arm at rest at the start of the path, clutches released, draws from seed and episode."""
-    for row in range(int(ROW.context_at)):
-        w[row, i] = 0.0
-    for row in range(BASIC_ROWS, STORED_ROWS):
-        w[row, i] = 0.0
+    clear(w, i, KEPT)
+    clear(w, i, EXTRAS)
     u0, u1, u2, u3 = uniform4(seed, _RESET_STREAM, _FIRST_DRAWS, episode)
     v0, v1, v2, _ = uniform4(seed, _RESET_STREAM, _SECOND_DRAWS, episode)
     w[ROW.context_at, i] = w[ROW.draws_from, i] + CONTEXT_WIDTH * math.floor(v2 * w[ROW.draws, i])
@@ -148,6 +148,13 @@ def start_episode(
         )
     if w[ROW.task.sensing.is_ideal, i] == 0.0:
         take_first_readings(w, i, seed, episode, config[CONFIG.substep] * config[CONFIG.substeps])
+
+
+@device
+def clear(w: Any, i: int, span: Span) -> None:
+    """Set the rows of a record to zero."""
+    for row in range(span.first, span.end):
+        w[row, i] = 0.0
 
 
 @device

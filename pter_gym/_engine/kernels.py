@@ -38,10 +38,9 @@ from pter_gym._engine.step import (
 )
 from pter_gym._engine.world import (
     BASIC_ROWS,
-    COMMAND_ROWS,
     CONFIG,
     CONFIG_WIDTH,
-    CONSTANT_ROWS,
+    CONSTANTS,
     LANES,
     NEXT_STEP,
     ROW,
@@ -49,7 +48,9 @@ from pter_gym._engine.world import (
     STORED_ROWS,
     Arrays,
 )
-from pter_gym._physics.step import count_nonzero
+from pter_gym._physics.arm import Vector
+from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.step import Energy, count_nonzero
 
 law: Any = no_law
 """The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
@@ -91,9 +92,10 @@ def _clear(w: Any, worlds: Any) -> None:
     for row in range(worlds.shape[1], STORED_ROWS):
         for i in range(worlds.shape[2]):
             w[row, i] = 0.0
-    for row in range(STORED_ROWS + CONSTANT_ROWS, STORED_ROWS + CONSTANT_ROWS + COMMAND_ROWS):
-        for i in range(worlds.shape[2]):
-            w[row, i] = 0.0
+    for i in range(worlds.shape[2]):
+        store(w, ROW.last_command, i, PerClutch(0.0, 0.0, 0.0, 0.0))
+        store(w, ROW.start_velocity, i, Vector(0.0, 0.0))
+        store(w, ROW.energy, i, Energy(0.0, 0.0, 0.0, 0.0))
 
 
 @device
@@ -107,20 +109,17 @@ def _take_contexts(w: Any, width: int, constants: Any, present: float) -> float:
     for i in range(width):
         others += 1 if w[ROW.context_at, i] != first else 0
     if others > 0:
-        for row in range(CONSTANT_ROWS):
-            for i in range(
-                width
-            ):  # one row of all lanes at a time: to write rows is faster than to write columns
-                w[STORED_ROWS + row, i] = constants[
-                    np.uint64(w[ROW.context_at, i]) + np.uint64(row)
-                ]
+        for row in range(CONSTANTS.end - CONSTANTS.first):
+            for i in range(width):  # all lanes of a row in turn: faster than all rows of a lane
+                place = np.uint64(w[ROW.context_at, i]) + np.uint64(row)
+                w[CONSTANTS.first + row, i] = constants[place]
         return -1.0
     if first != present:
         begin = int(first)
-        for row in range(CONSTANT_ROWS):
-            value = constants[begin + row]
+        for row in range(CONSTANTS.first, CONSTANTS.end):
+            value = constants[begin + row - CONSTANTS.first]
             for i in range(width):
-                w[STORED_ROWS + row, i] = value
+                w[row, i] = value
     return first
 
 

@@ -18,13 +18,11 @@ from pter_gym._compiled.records import entrywise, load, read, rows, store, width
 from pter_gym._engine.world import (
     CONFIG,
     CONFIG_WIDTH,
-    CONSTANT_ROWS,
     REFUSE,
     ROW,
     SAME_STEP,
     Drive,
     Flags,
-    Reading,
     Target,
 )
 from pter_gym._physics.arm import (
@@ -58,7 +56,14 @@ from pter_gym.hands._model import (
 )
 from pter_gym.paths._projection import point_at, project
 from pter_gym.tasks.path_following._context import CONTEXT
-from pter_gym.tasks.path_following._observation import BOUND, ENTRIES, observation
+from pter_gym.tasks.path_following._observation import (
+    BOUND,
+    ENTRIES,
+    Measurement,
+    Reading,
+    measurement_of,
+    observation,
+)
 from pter_gym.tasks.path_following._rules import (
     Outcome,
     PathState,
@@ -82,6 +87,7 @@ INSTANT = width(PathVector)
 _NOISE_STREAM = np.uint64(0x4E4F495345)
 
 _FIRST_SEEN = ROW.seen.cos_a
+_FIRST_TOLD = CONTEXT.told.time_constant
 _FIRST_INVERSE_SCALE = CONFIG.inverse_scale.cos_a
 
 
@@ -458,50 +464,39 @@ def take_reading(w: Any, i: int, seed: np.uint64, episode: np.uint64, period: fl
 
 
 @device
-def observe_world(w: Any, i: int) -> None:
-    """Find the present observation as ideal sensors see it, in SI units."""
+def store_observation(w: Any, i: int, measured: Measurement) -> None:
+    """Store the present observation that a measurement gives, in SI units."""
     seen = observation(
-        load(w, ROW.motion, i),
-        present_state(w, i),
+        measured,
+        load(w, ROW.machine.arm, i),
+        load(w, ROW.task.free, i),
         w[ROW.task.path.length, i],
         w[ROW.task.pace, i],
         load(w, ROW.command, i),
-        load(w, ROW.torque, i),
-        hand_force(w, i),
     )
     store(w, ROW.seen, i, seen)
+
+
+@device
+def observe_world(w: Any, i: int) -> None:
+    """Find the present observation as ideal sensors see it."""
+    store_observation(
+        w,
+        i,
+        Measurement(
+            load(w, ROW.motion, i), load(w, ROW.foot, i), load(w, ROW.torque, i), hand_force(w, i)
+        ),
+    )
 
 
 @outlined
 def observe_reading(w: Any, i: int, constants: Any) -> None:
-    """Find the present observation from what the sensors read, now or earlier, in SI units."""
+    """Find the present observation from what the sensors read, now or earlier."""
     reading = load(w, ROW.readings[int(w[ROW.task.sensing.delay, i])], i)
-    a, b = unit_vector(reading.theta.a), unit_vector(reading.theta.b)
-    q = Motion(
-        reading.theta.a,
-        reading.theta.b,
-        reading.omega.a,
-        reading.omega.b,
-        a.cos,
-        a.sin,
-        b.cos,
-        b.sin,
-    )
-    arm = load(w, ROW.machine.arm, i)
-    path = load(w, ROW.task.path, i)
-    x, y = tip_position(arm, q)
-    v_x, v_y = tip_velocity(arm, q)
-    foot = project(constants, int(path.first), int(path.arcs), int(w[ROW.foot.segment, i]), x, y)
-    seen = observation(
-        q,
-        path_state(foot, v_x, v_y, load(w, ROW.task.free, i)),
-        path.length,
-        w[ROW.task.pace, i],
-        load(w, ROW.command, i),
-        reading.torque,
-        reading.force,
-    )
-    store(w, ROW.seen, i, seen)
+    arm, path = load(w, ROW.machine.arm, i), load(w, ROW.task.path, i)
+    segment = int(w[ROW.foot.segment, i])
+    first, count = int(path.first), int(path.arcs)
+    store_observation(w, i, measurement_of(reading, arm, constants, first, count, segment))
 
 
 @device
@@ -530,7 +525,7 @@ def write_observation(w: Any, i: int, obs: Any, world: int, config: Any, constan
     for k in range(ENTRIES):  # not over the entries: compilers unroll what they can count
         if k < plain:
             obs[world, k] = w[_FIRST_SEEN + k, i]
-    told = int(w[ROW.context_at, i]) + CONSTANT_ROWS - plain
+    told = int(w[ROW.context_at, i]) + _FIRST_TOLD - plain
     for k in range(plain, obs.shape[1]):
         obs[world, k] = clamp(constants[told + k] / config[CONFIG_WIDTH + k], -BOUND, BOUND)
 

@@ -10,7 +10,7 @@ from pter_gym._physics.model import Model
 from pter_gym._physics.step import Energy, Impact
 from pter_gym.hands._model import HandModel, Sines
 from pter_gym.paths._projection import Foot
-from pter_gym.tasks.path_following._observation import Observation
+from pter_gym.tasks.path_following._observation import Observation, Reading
 from pter_gym.tasks.path_following._rules import PathVector, TaskModel, Terms
 
 
@@ -26,15 +26,6 @@ class Drive(NamedTuple):
 
     force: Annotated[PathVector, Entry("N", "recorded force")]
     change: Annotated[PathVector, Entry("N", "change per substep of the recorded force")]
-
-
-class Reading(NamedTuple):
-    """What the sensors read at a control instant."""
-
-    theta: Annotated[PerLink, Entry("rad", "angle{}")]
-    omega: Annotated[PerLink, Entry("rad/s", "angular velocity{}")]
-    torque: Annotated[PerClutch, Entry("N·m", "generated torque{}")]
-    force: Annotated[PathVector, Entry("N", "the hand's force{}")]
 
 
 class Readings(NamedTuple):

@@ -11,15 +11,20 @@ from typing import Any, NamedTuple
 from pter_gym._compiled.compiler import device
 from pter_gym._compiled.records import entrywise, write
 from pter_gym._engine.step import clipped
-from pter_gym._engine.world import Reading
-from pter_gym._physics.arm import Linkage, Motion, tip_position, tip_velocity
+from pter_gym._physics.arm import Linkage
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.scalars import clamp
-from pter_gym.hands._model import unit_vector
 from pter_gym.paths._arcs import SEGMENT
-from pter_gym.paths._projection import SEGMENT_WIDTH, project
-from pter_gym.tasks.path_following._observation import BOUND, OBS, Observation, observation
-from pter_gym.tasks.path_following._rules import NO_BAND, path_state
+from pter_gym.paths._projection import SEGMENT_WIDTH
+from pter_gym.tasks.path_following._observation import (
+    BOUND,
+    OBS,
+    Observation,
+    Reading,
+    measurement_of,
+    observation,
+)
+from pter_gym.tasks.path_following._rules import NO_BAND
 
 HALF_PI, HALF_PI_REST = 1.5703125, 0.00048382679489661923
 """π/2 in two parts, the first of 8 bits, so small multiples of it are exact."""
@@ -115,26 +120,12 @@ def observe(
     As the simulator does with sensors that are not ideal, for a path without a free band.
     ``segment`` is the arc that the tip was on before.
     """
-    a, b = unit_vector(reading.theta.a), unit_vector(reading.theta.b)
-    q = Motion(
-        reading.theta.a,
-        reading.theta.b,
-        reading.omega.a,
-        reading.omega.b,
-        a.cos,
-        a.sin,
-        b.cos,
-        b.sin,
-    )
-    x, y = tip_position(arm, q)
-    v_x, v_y = tip_velocity(arm, q)
-    foot = project(arcs, 0, count, segment, x, y)
+    measured = measurement_of(reading, arm, arcs, 0, count, segment)
     last = (count - 1) * SEGMENT_WIDTH
     length = arcs[last + SEGMENT.start] + arcs[last + SEGMENT.length]
-    at = path_state(foot, v_x, v_y, NO_BAND)
-    seen = observation(q, at, length, pace, volts, reading.torque, reading.force)
+    seen = observation(measured, arm, NO_BAND, length, pace, volts)
     write(out, OBS, scaled(seen, inverse_scale))
-    return int(foot.segment)
+    return int(measured.foot.segment)
 
 
 @device
