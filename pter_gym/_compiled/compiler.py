@@ -6,6 +6,7 @@ vectorised loop has the bits of a world alone.
 """
 
 import inspect
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from types import FunctionType
@@ -13,6 +14,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config
+from numba.core.caching import IndexDataCacheFile
 from numba.core.registry import CPUDispatcher
 
 from pter_gym._compiled import pipeline
@@ -95,7 +97,8 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
         Global names of the kernel to bind to other values: a control law, for example. A closure
         over a compiled function would give a new cache key in each process; a global name does not.
     """
-    digest = digest_of(_bind(cast(FunctionType, build("")), inlined))
+    plain = cast(FunctionType, build(""))
+    digest = digest_of(_bind(plain, inlined))
     function = _bind(cast(FunctionType, build(digest or "")), inlined)
     kernel: Any = numba.njit(**_KERNEL)(function)
     if not _NUMBA.DISABLE_JIT:
@@ -105,8 +108,19 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
         ):
             with suppress(RuntimeError):  # there is no folder to write to
                 kernel.enable_caching()
+                _index_by(digest_of(plain), kernel)
         pipeline.announce(kernel)
     return cast(Function, kernel)
+
+
+def _index_by(stamp: str | None, kernel: Any) -> None:
+    """Let a stamp say whether the kernels of a factory that are in the cache are still good.
+
+    Numba takes the time at which the factory's file was written, and the number of its line.
+    """
+    cache, function = kernel._cache, kernel.py_func
+    name = f"{function.__module__}.{function.__qualname__}.{sys.implementation.cache_tag}"
+    cache._cache_file = IndexDataCacheFile(cache._cache_path, name, stamp)
 
 
 def _bind(function: FunctionType, names: dict[str, object]) -> FunctionType:

@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numba import types
 
 from pter_gym._compiled.compiler import compile_kernel, device, inlined
 from pter_gym._compiled.records import store
@@ -51,6 +52,28 @@ from pter_gym._engine.world import (
 from pter_gym._physics.arm import Vector
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.step import Energy, count_nonzero
+
+_WORLDS, _TELEMETRY = types.float64[:, :, ::1], types.float64[:, :, ::1]
+_WORDS, _NUMBERS = types.uint64[:, ::1], types.float64[::1]
+_OBS, _FLAGS = types.float32[:, ::1], types.boolean[:, ::1]
+
+ADVANCE: Any = types.int64(
+    _WORLDS,
+    _WORDS,
+    types.float64[:, ::1],
+    _OBS,
+    _OBS,
+    _NUMBERS,
+    _FLAGS,
+    _TELEMETRY,
+    _NUMBERS,
+    _NUMBERS,
+    *(types.int64,) * 4,
+)
+"""Signature of ``advance_kernel``."""
+
+RESET: Any = types.none(_WORLDS, _WORDS, types.boolean[::1], _OBS, _TELEMETRY, _NUMBERS, _NUMBERS)
+"""Signature of ``reset_kernel``."""
 
 law: Any = no_law
 """The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""

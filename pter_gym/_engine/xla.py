@@ -26,6 +26,8 @@ from numpy.typing import NDArray
 from pter_gym._compiled.compiler import compile_kernel, inlined
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.records import write
+from pter_gym._compiled.symbols import caller, export
+from pter_gym._engine import kernels
 from pter_gym._engine.kernels import advance_kernel, reset_kernel
 from pter_gym._engine.law import CLUTCHES, no_law
 from pter_gym._engine.world import FLAG, FLAGS, LANES, SAME_STEP
@@ -220,7 +222,7 @@ def _step_handler(advance: Any) -> Any:
             _gather(block, mine, _data(arguments, 0), _data(arguments, 1), first)
             given[:lanes] = actions[first : first + lanes]
             outputs = seen, last, earned[:lanes], told, telemetry, config, constants
-            advance(block, mine, given[:lanes], *outputs, ended, steps, first_block, steps)
+            advance((block, mine, given[:lanes], *outputs, ended, steps, first_block, steps))
             _scatter(block, mine, _data(results, 0), _data(results, 1), first)
             for i in range(lanes):
                 rewards[first + i, 0] = earned[i]
@@ -251,15 +253,8 @@ def _reset_handler(start: Any) -> Any:
         for first in range(0, n, LANES):
             lanes = min(LANES, n - first)
             _gather(block, words[:lanes], _data(arguments, 0), _data(arguments, 1), first)
-            start(
-                block,
-                words[:lanes],
-                chosen[:lanes],
-                obs[first : first + lanes],
-                telemetry,
-                config,
-                constants,
-            )
+            mine, seen = words[:lanes], obs[first : first + lanes]
+            start((block, mine, chosen[:lanes], seen, telemetry, config, constants))
             _scatter(block, words[:lanes], _data(results, 0), _data(results, 1), first)
 
     return reset
@@ -296,8 +291,13 @@ def register_calls(step: str = STEP) -> None:
 
 @cache
 def _register_call(name: str) -> None:
-    kernel = reset_kernel() if name == RESET else advance_kernel(no_law, name == DECLARED_STEP)
-    register(name, _reset_handler(kernel) if name == RESET else _step_handler(kernel))
+    symbol = f"{name}_kernel"
+    if name == RESET:
+        export(reset_kernel(), kernels.RESET, symbol)
+        register(name, _reset_handler(caller(kernels.RESET, symbol)))
+    else:
+        export(advance_kernel(no_law, name == DECLARED_STEP), kernels.ADVANCE, symbol)
+        register(name, _step_handler(caller(kernels.ADVANCE, symbol)))
 
 
 @cache
