@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from conformance.test_law_faults import compile_law
 from documents import run_extending
 from pter_gym._engine.batch import Batch
 from pter_gym._physics import open_loop
@@ -33,7 +32,6 @@ def main(part: str) -> None:
 
             run_cases([Case(setup_of(PRESET), BASELINE)])
         run_extending()  # after the others: laws share what they have compiled
-        compile_law()
         if find_spec("jax"):
             from pter_gym._engine.xla import register_calls
 

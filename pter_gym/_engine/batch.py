@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pter_gym._compiled.records import flat, read
 from pter_gym._engine.kernels import advance_kernel, reset_kernel
-from pter_gym._engine.law import check_law, compiling, empty_memory, no_law
 from pter_gym._engine.threads import Threads
-from pter_gym._engine.world import CONFIG, FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
+from pter_gym._engine.world import FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
 from pter_gym._engine.worlds import WorldArrays, listed
 from pter_gym._internal.checks import whole_number
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
@@ -162,7 +161,6 @@ class Batch(WorldArrays):
             substeps=substeps(self.task, self.machine),
             limit=limit,
             frame_skip=self.frame_skip,
-            has_law=0.0,
             entries=entries,
             inverse_scale=read(inverse, OBS, 0),
         )
@@ -260,86 +258,31 @@ class Batch(WorldArrays):
         (terminated,), (truncated,), (success,) = flags.tolist()
         return obs[0], telemetry[0, 0], rewards.item(), terminated, truncated, success
 
-    def rollout(
-        self, obs: Observations, law: Any, gains: Array, steps: int, memory: Array | None = None
-    ) -> tuple[Observations, Array]:
-        """Run a compiled control law in all worlds, from their present state, for at most ``steps``
-        control periods.
-
-        Parameters
-        ----------
-        obs
-            The latest observations, shape (N, len(layout)).
-        law, gains
-            A law as in ``pter_gym.controllers._laws`` and its gains, shape (G,).
-        steps
-            Number of control periods.
-        memory
-            What the law keeps, from ``empty_memory``; it is changed, so a further rollout may go on
-            with it. Empty by default.
-
-        Returns
-        -------
-        observations, telemetry
-            The last observations, and float64 (steps, N, len(TELEMETRY)); NaN after the end of an
-            episode.
-
-        Raises
-        ------
-        ActionError
-            If the law returns a voltage that is not finite; worlds and memory are as before. One
-            beyond the range is clipped.
-        """
-        telemetry = np.full((steps, self.num_worlds, COLUMNS), np.nan)
-        obs = obs.copy()
-        memory = self.empty_memory() if memory is None else memory
-        check_law(law, self.layout.scales, gains, memory[0])
-        config: Any = np.concatenate([self._config, gains])
-        config[CONFIG.has_law] = 1.0
-        rewards = np.empty(self.num_worlds)
-        flags = np.zeros((FLAGS, self.num_worlds), np.bool_)
-        worlds, kept = self._worlds.copy(), memory.copy()
-        with compiling(law):
-            refused = self._run(law, memory, (obs, rewards, flags, telemetry), config, SKIP, steps)
-        if refused >= 0:
-            volts = self._row(refused)[[*ROW.command]]
-            self._worlds[:], memory[:] = worlds, kept
-            raise ActionError(
-                f"the law's voltages of world {refused} must be finite, got {volts.tolist()}"
-            )
-        return obs, telemetry
-
-    def empty_memory(self) -> Array:
-        """Return the memory of a law at the start of an episode; see ``pter_gym._engine.law``."""
-        return empty_memory(self.num_worlds)
-
     def device_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that kernels get: worlds, words, config and constants, and which worlds have begun."""
         return {**self._changing, "config": self._config, "constants": self._constants}
 
-    def _run(
-        self, law: Any, given: Array, outputs: Outputs, config: Array, ended: int, steps: int
-    ) -> int:
-        """Run the kernel with a law inside over all blocks, in one thread or several; return a refused world or −1."""
-        kernel = advance_kernel(law, self._declared)
+    def _run(self, outputs: Outputs, ended: int) -> int:
+        """Run the kernel over all blocks, in one thread or several; return a refused world or −1."""
+        kernel = advance_kernel(self._declared)
         obs, *others = outputs
         arrays = (
             self._worlds,
             self._words,
-            given,
+            self._slots,
             obs,
             self._final_obs,
             *others,
-            config,
+            self._config,
             self._constants,
         )
         shares = self._threads.shares(len(self._worlds))
         if len(shares) == 1:
-            return kernel(*arrays, ended, steps, *shares[0])
-        refused = kernel(*arrays, ended, 0, 0, 0)
+            return kernel(*arrays, ended, *shares[0])
+        refused = kernel(*arrays, ended, 0, 0)
         if refused >= 0:
             return refused
-        found = self._threads.run_parallel(partial(kernel, *arrays, ended, steps), shares)
+        found = self._threads.run_parallel(partial(kernel, *arrays, ended), shares)
         return min((world for world in found if world >= 0), default=-1)
 
     def close(self) -> None:
@@ -353,7 +296,7 @@ class Batch(WorldArrays):
 
     def _advance(self, outputs: Outputs, ended: int) -> None:
         """Run a step with the given actions, or raise what ``step`` raises."""
-        world = self._run(no_law, self._slots, outputs, self._config, ended, 1)
+        world = self._run(outputs, ended)
         if world < 0:
             return
         if self._row(world)[ROW.alive] == 0.0:

@@ -334,18 +334,18 @@ def total_force(w: Any, i: int) -> Vector:
 
 
 @device
-def next_episode(w: Any, i: int, world: int, a: Arrays, t: int) -> None:
+def next_episode(w: Any, i: int, world: int, a: Arrays) -> None:
     """Start the next episode of a world's seed, and write its first observation and telemetry."""
     a.words[world, 1] += _ONE
     start_episode(w, i, a.words[world, 0], a.words[world, 1], a.config, a.constants)
     observe(w, i, a.config, a.constants)
     write_observation(w, i, a.obs, world, a.config, a.constants)
     if a.telemetry.shape[0] > 0:
-        record_reset(w, i, a.telemetry, t, world, a.constants)
+        record_reset(w, i, a.telemetry, 0, world, a.constants)
 
 
 @device
-def end_step(w: Any, i: int, world: int, a: Arrays, t: int, ended: int) -> None:
+def end_step(w: Any, i: int, world: int, a: Arrays, ended: int) -> None:
     """Write what a control step of one world returns, and begin its next episode as ``ended`` says.
 
     The world was judged and observed. Its rows of the arrays are written; with SAME_STEP the final
@@ -360,15 +360,15 @@ def end_step(w: Any, i: int, world: int, a: Arrays, t: int, ended: int) -> None:
         for flag in range(FLAGS):
             a.flags[flag, world] = w[ROW.end[flag], i] != 0.0
         if records:
-            record_step(w, i, a.telemetry, t, world, period, a.constants)
+            record_step(w, i, a.telemetry, 0, world, period, a.constants)
         begins = w[ROW.alive, i] == 0.0 and ended == SAME_STEP
         if begins:
             write_observation(w, i, a.final_obs, world, a.config, a.constants)
             if records:
-                record_step(w, i, a.telemetry, t + 1, world, period, a.constants)
+                record_step(w, i, a.telemetry, 1, world, period, a.constants)
     elif begins:
         a.rewards[world] = 0.0
         for flag in range(FLAGS):
             a.flags[flag, world] = False
     if begins:
-        next_episode(w, i, world, a, t)
+        next_episode(w, i, world, a)

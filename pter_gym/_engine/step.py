@@ -131,17 +131,6 @@ def given_volts(actions: Any, world: int, low: float, high: float, voltage_max: 
 
 
 @device
-def are_finite(volts: PerClutch) -> bool:
-    """Return whether all voltages are finite numbers."""
-    return (
-        math.isfinite(volts.x1)
-        & math.isfinite(volts.x2)
-        & math.isfinite(volts.x3)
-        & math.isfinite(volts.x4)
-    )
-
-
-@device
 def take_command(w: Any, i: int, volts: PerClutch) -> None:
     """Take the command of a control step, keep the last one and the tip's velocity, and clear the step's energies."""
     store(w, ROW.last_command, i, load(w, ROW.command, i))

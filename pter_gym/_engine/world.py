@@ -165,7 +165,7 @@ With SAME_STEP no world stays ended: a world that is not alive was never reset, 
 
 
 class Config(NamedTuple):
-    """What all worlds of a batch share; the scales of the observation and a law's gains follow in the same array."""
+    """What all worlds of a batch share; the scales of the observation follow in the same array."""
 
     low: Annotated[float, Entry("action", "smallest action")]
     high: Annotated[float, Entry("action", "largest action")]
@@ -174,7 +174,6 @@ class Config(NamedTuple):
     substeps: Annotated[float, Entry("1", "substeps in a control step")]
     limit: Annotated[float, Entry("1", "control steps after which an episode is truncated")]
     frame_skip: Annotated[float, Entry("1", "control steps for which a given action is held")]
-    has_law: Annotated[float, Entry("1", "1 for voltages from a law, 0 for given ones")]
     entries: Annotated[float, Entry("1", "entries of an observation before those of the context")]
     inverse_scale: Annotated[Observation, Entry("", "inverse scale of an entry")]
 
@@ -184,8 +183,7 @@ CONFIG_WIDTH = width(Config)
 
 
 class Arrays(NamedTuple):
-    """The arrays that a kernel works on in addition to the worlds: N worlds, O entries, T steps, K
-    columns.
+    """The arrays that a kernel works on in addition to the worlds: N worlds, O entries, K columns.
 
     Attributes
     ----------
@@ -196,10 +194,9 @@ class Arrays(NamedTuple):
     rewards, flags
         (N,) and (FLAGS, N).
     telemetry
-        (T, N, K); T may be 0, for no telemetry. With SAME_STEP a second layer holds the last of an
-        episode.
+        (1, N, K), or (0, …) for none. With SAME_STEP a second layer holds the last of an episode.
     config
-        ``Config``, the scales of the observation, a law's gains.
+        ``Config``, and the scales of the observation.
     constants
         Contexts, arcs of paths, recorded forces.
     """

@@ -29,7 +29,7 @@ from pter_gym._compiled.records import write
 from pter_gym._compiled.symbols import caller, export
 from pter_gym._engine import kernels
 from pter_gym._engine.kernels import advance_kernel, reset_kernel
-from pter_gym._engine.law import CLUTCHES, no_law
+from pter_gym._engine.law import CLUTCHES
 from pter_gym._engine.world import FLAG, FLAGS, LANES, SAME_STEP
 
 TERMINATED, TRUNCATED = int(FLAG.terminated), int(FLAG.truncated)
@@ -211,7 +211,7 @@ def _step_handler(advance: Any) -> Any:
             np.empty((FLAGS, LANES), np.bool_),
             np.empty((0, LANES, 1)),
         )
-        ended, steps, first_block = np.int64(SAME_STEP), np.int64(1), np.int64(0)
+        ended, first_block, last_block = np.int64(SAME_STEP), np.int64(0), np.int64(1)
         for first in range(0, n, LANES):
             lanes = min(LANES, n - first)
             mine, seen, last = (
@@ -222,7 +222,7 @@ def _step_handler(advance: Any) -> Any:
             _gather(block, mine, _data(arguments, 0), _data(arguments, 1), first)
             given[:lanes] = actions[first : first + lanes]
             outputs = seen, last, earned[:lanes], told, telemetry, config, constants
-            advance((block, mine, given[:lanes], *outputs, ended, steps, first_block, steps))
+            advance((block, mine, given[:lanes], *outputs, ended, first_block, last_block))
             _scatter(block, mine, _data(results, 0), _data(results, 1), first)
             for i in range(lanes):
                 rewards[first + i, 0] = earned[i]
@@ -296,7 +296,7 @@ def _register_call(name: str) -> None:
         export(reset_kernel(), kernels.RESET, symbol)
         register(name, _reset_handler(caller(kernels.RESET, symbol)))
     else:
-        export(advance_kernel(no_law, name == DECLARED_STEP), kernels.ADVANCE, symbol)
+        export(advance_kernel(name == DECLARED_STEP), kernels.ADVANCE, symbol)
         register(name, _step_handler(caller(kernels.ADVANCE, symbol)))
 
 

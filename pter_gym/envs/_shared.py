@@ -53,6 +53,8 @@ class Worlds:
     """One world or many, as environments have them."""
 
     batch: Batch
+    gains: str
+    """Name of the scenario whose gains control laws have here: on a path of one's own, ``paths``."""
     metadata: dict[str, Any]
     _spec: EnvSpec | None = None
 
@@ -77,11 +79,16 @@ class Worlds:
                 f"render_mode must be {', '.join(modes)} or None, got {render_mode!r}"
             )
         given: dict[str, Any] = {name: _from_plain(value) for name, value in arguments.items()}
-        if "scenario" in given or isinstance(given.get("randomisation"), str):
+        name = given.get("scenario", given.get("randomisation"))
+        if isinstance(name, str):
             from pter_gym.envs import scenario  # imports what a fixed task doesn't need
 
+            self.gains = scenario.find_scenario(name).gains_on(given.get("path"))
             given = scenario.find_arguments(**given)
         self.batch = _make_batch(num_envs, engine, **given)
+        if not isinstance(name, str):
+            paths = {task.path for _, task in self.batch.pairs}
+            self.gains = "standard" if paths == {PathFollowing.path} else "paths"
         rate = 1.0 / (self.batch.frame_skip * self.batch.task.control_period)
         self.metadata = {**self.metadata, "render_fps": max(1, round(rate))}
         return (

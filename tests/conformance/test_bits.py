@@ -297,20 +297,6 @@ def test_a_law_may_decide_less_often_than_the_kernel_asks_it() -> None:
     assert (changes % 5 == 0).all()
 
 
-@pytest.mark.parametrize("policy", [TorqueFeedback(), Random(seed=4)])
-def test_a_compiled_rollout_has_the_bits_of_stepping_from_python(policy: Any) -> None:
-    one, two = (Batch(machines(9), tasks(9)) for _ in range(2))
-    bound = policy.bind(BASELINE, one.layout)
-    last, telemetry = one.rollout(one.reset(seeds(9))[0], bound.law, bound.gains, 120)
-    obs, _ = two.reset(seeds(9))
-    for row in telemetry:
-        obs, _, _, _, (rows,) = two.step(bound(obs), SKIP)
-        assert row.tobytes() == rows.tobytes()
-    running = np.isfinite(rows[:, 0])
-    assert last[running].tobytes() == obs[running].tobytes()
-    require_same(one.get_state(), two.get_state(), 0)
-
-
 def digest() -> str:
     """Hash what four worlds do under given actions, and under laws called from Python."""
     batch = Batch(machines(4), tasks(4))

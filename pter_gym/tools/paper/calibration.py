@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import device
 from pter_gym._engine.batch import Batch
-from pter_gym._engine.law import MEMORY
+from pter_gym._engine.law import MEMORY, empty_memory
+from pter_gym._engine.world import SKIP
 from pter_gym._internal.checks import whole_number
 from pter_gym._physics.clutch import PerClutch
 from pter_gym.benchmark._measures import START_UP, Recorded, mean_over
+from pter_gym.controllers import Policy
 from pter_gym.controllers._laws import IMPEDANCE, guide
 from pter_gym.errors import ParameterError
 from pter_gym.params import Arm, Machine, TorqueCurve
@@ -307,8 +309,14 @@ def run_cases(cases: Sequence[Case]) -> Recorded:
     gains = np.array([bound[id(case.setup), case.feedback] for case in cases])
     obs, first = batch.reset([0] * len(cases))
     flat = np.concatenate([[IMPEDANCE, gains.shape[1]], gains.ravel()])
-    rows: Any
-    _, rows = batch.rollout(obs, own_impedance, flat, STEPS)
+    law = Policy(flat, batch.layout, own_impedance)
+    memory, taken = empty_memory(len(cases)), list[Any]()
+    for _ in range(STEPS):
+        volts = law.decide(obs, memory)[:, : batch.num_actions]
+        returns = batch.step(np.clip(volts, 0.0, batch.action_high), SKIP)
+        obs = returns.obs
+        taken.append(returns.telemetry)
+    rows: Any = np.concatenate(taken)
     rows = rows[np.isfinite(rows[..., COLUMN.time]).any(axis=1)]
     return Recorded(np.concatenate([first[None], rows]), tasks, cases[0].machine.clutch.voltage_max)
 
