@@ -113,6 +113,11 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
     return cast(Function, kernel)
 
 
+def entry_of(kernel: Any, signature: Any) -> Any:
+    """Return the machine code of a kernel for a signature, which looks at no argument's type."""
+    return kernel if _NUMBA.DISABLE_JIT else kernel.compile(tuple(signature.args))
+
+
 def _index_by(stamp: str | None, kernel: Any) -> None:
     """Let a stamp say whether the kernels of a factory that are in the cache are still good.
 

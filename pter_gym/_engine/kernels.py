@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from pter_gym._compiled.compiler import compile_kernel, device, inlined
+from pter_gym._compiled.compiler import compile_kernel, device, entry_of, inlined
 from pter_gym._compiled.records import store
 from pter_gym._engine.episode import (
     end_step,
@@ -286,6 +286,15 @@ def advance_kernel(declared: bool, /) -> Any:
         {"move_worlds": move_declared, "arrange": take_arrangements} if declared else {}
     )
     return compile_kernel(_build_advance, **others)
+
+
+@cache
+def advance_for(declared: bool, /) -> Any:
+    """Return ``advance_kernel`` for arrays that are known to have the types of ``ADVANCE``.
+
+    Numba looks at the type of each argument otherwise, a fifth of a microsecond in all.
+    """
+    return entry_of(advance_kernel(declared), ADVANCE)
 
 
 @cache
