@@ -24,13 +24,23 @@ from typing import Any, cast
 import llvmlite.binding as llvm
 import numba
 
-from pter_gym._compiled.digests import SOURCES
 from pter_gym._internal.files import write_bytes_atomic, write_text_atomic
 from pter_gym.tools.web.kernels import KERNELS, ModuleKernel
 from pter_gym.tools.web.site import MODULE, STATIC, TABLES
 from pter_gym.tools.web.tables import tables
 
 FUNCTIONS = Path(__file__).with_name("functions.zig")
+
+PACKAGE = Path(__file__).parents[2] / "pter_gym"
+
+ROOMS = ("_compiled", "_engine", "_physics", "controllers", "hands", "params", "paths", "tasks")
+"""Folders of the package that the module is made of."""
+
+SOURCES = [
+    *sorted(PACKAGE.glob("*.py")),
+    *(path for room in ROOMS for path in sorted((PACKAGE / room).rglob("*.py"))),
+    *sorted((PACKAGE / "presets").glob("*.toml")),
+]
 
 TRIPLE = "wasm32-unknown-unknown"
 DATA_LAYOUT = "e-m:e-p:32:32-p10:8:8-p20:8:8-i64:64-i128:128-n32:64-S128-ni:1:10:20"

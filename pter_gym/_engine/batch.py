@@ -11,7 +11,7 @@ from pter_gym._compiled.records import flat, read
 from pter_gym._engine.kernels import advance_for, reset_kernel
 from pter_gym._engine.threads import Threads
 from pter_gym._engine.world import FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
-from pter_gym._engine.worlds import WorldArrays, listed
+from pter_gym._engine.storage import Storage, listed
 from pter_gym._internal.checks import whole_number
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import SLOTS, Machine
@@ -55,7 +55,7 @@ class Returns(NamedTuple):
     telemetry: NDArray[np.float64]
 
 
-class Batch(WorldArrays):
+class Batch(Storage):
     """N worlds, each with its own machine, task, seed and episode count.
 
     Parameters

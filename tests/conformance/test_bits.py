@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 import pter_gym
 from pter_gym._engine.batch import Batch
-from pter_gym._engine.world import SKIP
+from pter_gym._engine.world import LANES, SKIP
 from pter_gym.benchmark import from_actions
 from pter_gym.benchmark.simulation import run
 from pter_gym.controllers import Impedance, Random, TorqueFeedback, bind
@@ -201,6 +201,17 @@ def test_a_row_of_a_batch_equals_a_single_environment(skip: int, mode: Autoreset
     env = make(ALONE, mode, frame_skip=skip)
     for step, record in enumerate(live(env, seeds(ALONE), actions(ALONE))):
         require_same(record, alone(mode, skip)[step], step)
+
+
+def test_blocks_of_one_machine_each_have_the_bits_of_batches_of_it() -> None:
+    kinds = (BASELINE, DELRIN_EXPERIMENTAL, BASELINE)
+    both = Batch([kind for kind in kinds for _ in range(LANES)], PathFollowing())
+    alone = [Batch(kind, PathFollowing(), LANES) for kind in kinds]
+    for batch in (both, *alone):
+        batch.reset([0] * batch.num_worlds)
+    for row in actions(LANES)[:8]:
+        expected = np.concatenate([batch.step(row).obs for batch in alone])
+        assert both.step(np.tile(row, (len(kinds), 1))).obs.tobytes() == expected.tobytes()
 
 
 @each_mode

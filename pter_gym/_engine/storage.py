@@ -122,7 +122,7 @@ def empty_blocks(contexts: Array, draws: int, rows: int) -> Array:
     return worlds
 
 
-class WorldArrays:
+class Storage:
     """N worlds that have not begun, without the kernels that move them: what ``Batch`` is built on.
 
     ``machines`` and ``tasks`` hold one for each world, or one for each pair of which ``drawing``
@@ -213,9 +213,9 @@ class WorldArrays:
 
     def _fits(self, worlds: Any) -> bool:
         """Return whether worlds from elsewhere point at constants, arcs and instants that exist, in slow motion."""
-        drawn = worlds[:, ROW.draws_from : ROW.draws + 1]
+        drawn = [int(ROW.draws_from), int(ROW.draws)]
         numbers = (worlds[:, ROW.context_at] - worlds[:, ROW.draws_from]) / CONTEXT_WIDTH
-        if not np.array_equal(drawn, self._worlds[:, ROW.draws_from : ROW.draws + 1]) or not (
+        if not np.array_equal(worlds[:, drawn], self._worlds[:, drawn]) or not (
             np.isin(numbers, np.arange(int(worlds[:, ROW.draws].max()))).all()
             and ((worlds[:, ROW.step] >= 0.0) & (worlds[:, ROW.step] < 2.0**31)).all()
         ):
