@@ -26,7 +26,7 @@ _INLINED: Any = {"forceinline": True, "error_model": "numpy"}
 _WITHOUT_WRAPPERS: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 WITHOUT_ARRAYS: Any = {**_INLINED, **_WITHOUT_WRAPPERS, "_nrt": False}
-"""Options of code that is inlined into kernels, makes no arrays and is called by no Python code when compiled."""
+"""Options of code that kernels inline, that makes no arrays and that Python does not call."""
 
 _KERNEL: Any = {"nogil": True, "error_model": "numpy", "pipeline_class": pipeline.Kernel}
 
@@ -72,7 +72,7 @@ def device(function: Function) -> Function:
 
 
 def outlined(function: Function) -> Function:
-    """Compile a scalar function of the kind of ``device`` once, however often it is called: what is rare but long."""
+    """Compile a function like ``device``, but once for all its calls: what is long but rare."""
     return _for_compiled_callers(function, **{**WITHOUT_ARRAYS, "forceinline": False})
 
 
@@ -84,18 +84,18 @@ def inlined(function: Function) -> Function:
 def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Function:
     """Compile a kernel with a cache that notices a change in any function that it inlines.
 
-    Numba's cache sees only the file of the kernel itself (numba issue 1833). So ``build`` gets a
-    digest of everything that the kernel reaches and returns the kernel with that digest in its
-    closure, which is part of numba's cache key. A kernel without a digest is compiled by each
-    process, in memory.
+    Numba's cache looks at the file of the kernel alone (numba issue 1833). So ``build`` gets a
+    digest of all that the kernel reaches and returns the kernel with that digest in its closure,
+    which is part of the key in numba's cache. A kernel without a digest is compiled anew by each
+    process.
 
     Parameters
     ----------
     build
         A factory: ``build(digest)`` returns a function whose body names ``digest``.
     **inlined
-        Global names of the kernel to bind to other values: a control law, for example. A closure
-        over a compiled function would give a new cache key in each process; a global name does not.
+        Global names of the kernel to bind to other values: a control law, for example. In a
+        closure, a compiled function would give the kernel another key in each process.
     """
     plain = cast(FunctionType, build(""))
     digest = digest_of(_bind(plain, inlined))

@@ -17,8 +17,8 @@ from typing import Any, cast
 import numpy as np
 from numba.core import types
 from numba.core.dispatcher import Dispatcher
+from numba.core.extending import _Intrinsic  # pyright: ignore[reportPrivateUsage]
 from numba.core.typing.templates import Signature
-from numba.extending import _Intrinsic
 
 _COMPILER = ("compiler.py", "generated.py", "pipeline.py", "records.py")
 """What makes code of functions beside their bytecode: all of it counts for each of them."""

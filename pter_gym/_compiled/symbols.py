@@ -7,6 +7,8 @@ from numba.core import cgutils, types
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
+_cgutils: Any = cgutils
+
 _EXPORTED: list[Any] = []
 """Kernels whose symbols are known: their code must stay where it is."""
 
@@ -25,18 +27,18 @@ def caller(signature: Any, symbol: str) -> Any:
 
     @intrinsic
     def call(_: Any, arguments: Any) -> Any:
-        if not isinstance(arguments, types.BaseTuple) or tuple(arguments) != signature.args:
+        if arguments != types.Tuple(signature.args):
             raise TypingError(f"{symbol} takes {signature.args}, got {arguments}")
 
         def generate(context: Any, builder: Any, _: Any, values: Any) -> Any:
             convention = context.call_conv
             kind = convention.get_function_type(signature.return_type, signature.args)
-            function = cgutils.get_or_insert_function(builder.module, kind, symbol)
-            given = cgutils.unpack_tuple(builder, values[0])
+            function = _cgutils.get_or_insert_function(builder.module, kind, symbol)
+            given = _cgutils.unpack_tuple(builder, values[0])
             status, value = convention.call_function(
                 builder, function, signature.return_type, signature.args, given
             )
-            with cgutils.if_unlikely(builder, status.is_error):
+            with _cgutils.if_unlikely(builder, status.is_error):
                 convention.return_status_propagate(builder, status)
             return value
 

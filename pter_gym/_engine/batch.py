@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pter_gym._compiled.records import flat, read
 from pter_gym._engine.kernels import advance_for, reset_kernel
+from pter_gym._engine.storage import Storage, listed
 from pter_gym._engine.threads import Threads
 from pter_gym._engine.world import FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
-from pter_gym._engine.storage import Storage, listed
 from pter_gym._internal.checks import whole_number
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import SLOTS, Machine
@@ -266,7 +266,7 @@ class Batch(Storage):
         return obs[0].copy(), telemetry[0, 0].copy(), rewards.item(), terminated, truncated, success
 
     def device_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays that kernels get: worlds, words, config and constants, and which worlds have begun."""
+        """Return the arrays by name that kernels get, and which worlds have begun; no copies."""
         return {**self._changing, "config": self._config, "constants": self._constants}
 
     def _arrays(self, outputs: Outputs) -> tuple[NDArray[Any], ...]:

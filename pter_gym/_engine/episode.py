@@ -109,7 +109,10 @@ def take_context(w: Any, i: int, constants: Any) -> None:
 def start_episode(
     w: Any, i: int, seed: np.uint64, episode: np.uint64, config: Any, constants: Any
 ) -> None:
-    """Start an episode: the arm at rest at the start of the path, clutches released, draws from seed and episode."""
+    """Start an episode: at rest at the path's start unless the task says otherwise.
+
+    What is drawn depends on seed and episode alone.
+    """
     clear(w, i, KEPT)
     clear(w, i, EXTRAS)
     u0, u1, u2, u3 = uniform4(seed, _RESET_STREAM, _FIRST_DRAWS, episode)
@@ -165,7 +168,7 @@ def spread(draw: float, half_range: float) -> float:
 
 @device
 def place(w: Any, i: int, point: Vector, heading: UnitVector, offset: float) -> None:
-    """Put the arm at rest with the tip beside a point of the path, to its left by ``offset`` [m]."""
+    """Put the arm at rest with the tip ``offset`` [m] to the left of a point of the path."""
     x = point.x - offset * heading.sin
     y = point.y + offset * heading.cos
     store(w, ROW.motion, i, motion_at(load(w, ROW.machine.arm, i), x, y))
@@ -247,7 +250,7 @@ def settle(w: Any, i: int, volts: PerClutch) -> None:
 @entrywise
 @device
 def gripping(draw: float) -> float:
-    """Return a share of the largest voltage for a draw from [0, 1): 0 if it is below ``RELEASED``, otherwise even."""
+    """Return a share of the largest voltage: 0 for a share ``RELEASED`` of draws, else even."""
     return (draw - RELEASED) / (1.0 - RELEASED) if draw > RELEASED else 0.0
 
 
@@ -319,7 +322,7 @@ def record_step(
 
 @device
 def total_force(w: Any, i: int) -> Vector:
-    """Return the force of the hand on the tip at the control instant [N], that of its spring and damper included."""
+    """Return the whole force of the hand on the tip at a control instant [N]."""
     arm = load(w, ROW.machine.arm, i)
     q = load(w, ROW.motion, i)
     force = load(w, ROW.force, i)

@@ -73,12 +73,12 @@ RESET: Any = types.none(_WORLDS, _WORDS, types.boolean[::1], _OBS, _TELEMETRY, _
 """Signature of ``reset_kernel``."""
 
 arrange: Any = no_arrangements
-"""What the kernel reads of the clutches; ``compile_kernel`` binds it to ``take_arrangements`` for others."""
+"""What the kernel reads of the clutches; for declared ones it is ``take_arrangements``."""
 
 
 @inlined
 def _scratch() -> Any:
-    """Return room for a block whose rows begin at cache lines: across two, eight numbers take twice as long."""
+    """Return room for a block whose rows begin at cache lines, so eight numbers never take two."""
     room = np.empty((ROWS, LANES + 8))
     return room[:, -room.ctypes.data % 64 // 8 :]
 

@@ -58,7 +58,7 @@ class Addresses(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """What a world keeps from step to step; zero where an episode begins, unless a reset sets it."""
+    """What a world keeps from step to step; zero after a reset, unless a reset sets it."""
 
     motion: Motion
     torques: Torques

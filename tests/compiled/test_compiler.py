@@ -1,4 +1,4 @@
-"""Device functions, kernels and their cache: compiled code computes what Python does, and changes are noticed."""
+"""Compiled code computes what Python does, and its cache notices changes."""
 
 from enum import Enum
 from pathlib import Path

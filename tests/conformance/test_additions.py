@@ -68,7 +68,7 @@ def test_an_entry_is_observed_with_the_sensors_that_it_needs_and_moves_no_other(
     entry = '\n    of_{}: Annotated[float, Entry("1", "a number", 10.0)]'
     lines = {
         "encoders": '    volts: Annotated[PerClutch, Entry("V", "last voltage", largest_voltage)]',
-        "torque": '    torque: Annotated[PerClutch, Entry("N·m", "generated torque", TORQUE_SCALE)]',
+        "torque": '[PerClutch, Entry("N·m", "generated torque", TORQUE_SCALE)]',
         "force": '    force: Annotated[PathVector, Entry("N", "the hand\'s force", FORCE_SCALE)]',
     }
     changes = {line: entry.format(sensors) for sensors, line in lines.items()}

@@ -95,7 +95,7 @@ def seeds(count: int) -> list[int]:
 
 @cache
 def actions(count: int) -> np.ndarray:
-    """Random voltages (STEPS, count, 4), half of them zero; those of a world do not depend on how many there are."""
+    """Random voltages (STEPS, count, 4), half of them zero, of a world the same in any count."""
     drawn = np.random.default_rng(7).random((count, STEPS, 8), np.float32)
     return np.ascontiguousarray((24.0 * drawn[..., :4] * (drawn[..., 4:] < 0.5)).swapaxes(0, 1))
 
@@ -111,7 +111,7 @@ def make(count: int, mode: AutoresetMode, **options: Any) -> Any:
 
 
 def live(env: Any, first: Sequence[int] | None, voltages: np.ndarray) -> Iterator[Record]:
-    """Reset, unless ``first`` is None, and step; yield what came out, world by world, in the form of SAME_STEP."""
+    """Reset, unless ``first`` is None, and step; yield what came out, as with SAME_STEP."""
     if first is not None:
         obs, infos = env.reset(seed=list(first))
         yield {"obs": obs, "telemetry": infos["telemetry"]}
@@ -134,7 +134,7 @@ def live(env: Any, first: Sequence[int] | None, voltages: np.ndarray) -> Iterato
 
 
 def live_alone(world: int, mode: AutoresetMode, skip: int) -> Iterator[Record]:
-    """The same of one world in an environment of its own, which is reset with its seed and then without."""
+    """The same of one world in an environment of its own, reset with its seed and then without."""
     kinds = {"machine": machines(world + 1)[-1], "task": tasks(world + 1)[-1]}
     env = gymnasium.make(ID, **kinds, frame_skip=skip, max_episode_steps=LIMIT)
     obs, info = env.reset(seed=seeds(world + 1)[-1])
@@ -324,7 +324,10 @@ def digest() -> str:
 
 @pytest.mark.parametrize("setting", ["", "NUMBA_DISABLE_JIT=1"])
 def test_another_process_has_the_same_bits(setting: str) -> None:
-    code = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import test_bits; print(test_bits.digest())"
+    folder = str(Path(__file__).parent)
+    code = (
+        f"import sys; sys.path.insert(0, {folder!r}); import test_bits; print(test_bits.digest())"
+    )
     command = ["env", *filter(None, [setting]), sys.executable, "-c", code]
     found = subprocess.run(command, capture_output=True, text=True, check=True)
     assert found.stdout.strip() == digest()

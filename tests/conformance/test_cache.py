@@ -1,4 +1,4 @@
-"""Kernels are compiled once, and again after a change in another file; laws may be in no file, the cache missing."""
+"""Kernels are compiled once, and again after a change of code; there may be no cache."""
 
 import os
 import subprocess
@@ -39,7 +39,7 @@ print(kernel(), sum(kernel.stats.cache_hits.values()))
 
 
 def run(folder: Path, **environment: str) -> str:
-    """Run the caller in a fresh interpreter and return what it printed: its value and the hits in the cache."""
+    """Run the caller in a fresh interpreter; return its value and the hits in the cache."""
     settings = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache"), **environment}
     found = subprocess.run(
         [sys.executable, "caller.py"],

@@ -98,7 +98,7 @@ ENTRIES = width(Observation)
 def observation_layout(
     machine: Machine | str | None, sensors: Sensors, told: Layout | None = None
 ) -> Layout:
-    """Return the layout of the observation; an entry is stored relative to its scale, within ±BOUND.
+    """Return the layout of the observation; entries are stored by their scales, within ±BOUND.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def observation(
     q = measured.motion
     v_x, v_y = tip_velocity(arm, q)
     at = path_state(measured.foot, v_x, v_y, free)
-    return Observation(  # pyright: ignore[reportCallIssue]
+    return Observation(
         cos_a=q.cos_a,
         sin_a=q.sin_a,
         cos_b=q.cos_b,
@@ -193,6 +193,6 @@ def observation(
         pace=pace,
         pace_error=at.speed.along / pace - 1.0,
         volts=volts,
-        torque=measured.torque,
-        force=measured.force,
+        torque=measured.torque,  # pyright: ignore[reportCallIssue]
+        force=measured.force,  # pyright: ignore[reportCallIssue]
     )

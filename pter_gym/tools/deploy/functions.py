@@ -1,8 +1,6 @@
-"""What a controller does before its law acts: angles from encoders, and the observation from
-readings and a path.
+"""What a controller computes before its law acts: angles, and the observation of a path.
 
-With the sine, cosine and arctangent that these need. All of it is Python that is translated to C
-with the laws.
+This Python is translated to C with the laws; so are the sine, cosine and arctangent that it needs.
 """
 
 import math
@@ -48,7 +46,7 @@ def encoder(count: int, before: int, resolution: float, zero: float, period: flo
 
 @device
 def series(x: float, first: float, start: int) -> float:
-    """Return the series of sine (first = x, start = 1) or cosine (first = 1, start = 0) for |x| ≤ π/4."""
+    """Return the sine (first = x, start = 1) or cosine (first = 1, start = 0) for |x| ≤ π/4."""
     found = first
     term = first
     for k in range(start + 1, start + 18, 2):
@@ -77,7 +75,7 @@ def cosine(angle: float) -> float:
 
 @device
 def arctangent(y: float, x: float) -> float:
-    """Return the angle of (x, y) [rad], by halving it three times before the series; 0 for (0, 0)."""
+    """Return the angle of (x, y) [rad], halved three times before the series; 0 for (0, 0)."""
     turned = 0.0
     if x < 0.0:
         turned = (
@@ -114,10 +112,9 @@ def observe(
     inverse_scale: Observation,
     out: Any,
 ) -> int:
-    """Write the observation that readings, the last voltages and a path give; return the arc that
-    the tip is on.
+    """Write the observation of a reading on a path, and return the arc that the tip is on.
 
-    As the simulator does with sensors that are not ideal, for a path without a free band.
+    It is that of the simulator with sensors that are not ideal, for a path without a free band.
     ``segment`` is the arc that the tip was on before.
     """
     measured = measurement_of(reading, arm, arcs, 0, count, segment)
