@@ -67,7 +67,7 @@ def test_ids_and_public_packages_need_no_import() -> None:
     code = (
         "import gymnasium\n"
         "assert gymnasium.make('pter_gym:PTER/Standard-v0', contexts=4).unwrapped.frame_skip == 3\n"
-        f"found = {{name for name in gymnasium.registry if name.startswith('PTER/')}}\n"
+        "found = {name for name in gymnasium.registry if name.startswith('PTER/')}\n"
         f"assert found == {set(IDS)}\n"
         "import pter_gym\n"
         "pter_gym.params, pter_gym.benchmark, pter_gym.controllers, pter_gym.tasks, "
