@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from conformance.test_law_faults import compile_law
 from documents import run_extending
 from pter_gym._engine.batch import Batch
 from pter_gym._physics import open_loop
@@ -27,7 +26,6 @@ def main(part: str) -> None:
         simulate(batch, policy, [0], 1)
         simulate(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
         run_extending()  # after the others: laws share what they have compiled
-        compile_law()
         if find_spec("jax"):
             from pter_gym._engine.xla import register_calls
 

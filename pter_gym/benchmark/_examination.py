@@ -26,9 +26,6 @@ much. """
 PENALTY = 1.0
 """Path error [m] that counts for each unit over a limit."""
 
-SEGMENT = 128
-"""Control steps that are simulated at a time."""
-
 BASELINES = ("free", "locked", "random")
 """Policies that know nothing; any that has learned something is better than each of them."""
 
@@ -83,9 +80,7 @@ class Examination:
     def judge(self, policy: AnyPolicy) -> Assessment:
         """Return the means of the scores that decide ranks, as in the benchmark."""
         acting = bind(policy, self.nominal, self.batch.layout)
-        telemetry = run(
-            self.batch, acting, self.seeds, self.limits, columns=[*RANKED], stride=SEGMENT
-        ).telemetry
+        telemetry = run(self.batch, acting, self.seeds, self.limits, columns=[*RANKED]).telemetry
         telemetry[np.arange(len(telemetry))[:, None] > np.array(self.limits)] = np.nan
         travel = Travel(telemetry, self.tasks)
         scores = (

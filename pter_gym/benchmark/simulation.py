@@ -50,26 +50,20 @@ class BatchRollout:
         self.seen: list[Observations] = [self.obs]
         self._columns = columns
         self._rows = [first[None][..., columns]]
-        self._memory = (
-            policy.empty_memory(batch.num_worlds)
-            if isinstance(policy, Policy)
-            else batch.empty_memory()
+        self._memory: Any = (
+            policy.empty_memory(batch.num_worlds) if isinstance(policy, Policy) else None
         )
         self._volts: Any = None
-
-    def advance(self, steps: int) -> None:
-        """Advance by ``steps`` control steps inside the kernel if the law is compiled, otherwise by one."""
-        policy = self.policy
-        if isinstance(policy, Policy) and policy.frame_skip == 1:
-            self._keep(*self.batch.rollout(self.obs, policy.law, policy.gains, steps, self._memory))
-        else:
-            self.step()
 
     def step(self) -> None:
         """Advance by one control step; the policy decides at every ``frame_skip``-th."""
         if self.steps % self.policy.frame_skip == 0:
-            volts = self.policy.act(self.obs[:, : len(self.policy.layout)].copy())
-            self._volts = volts[:, : self.batch.num_actions] if self.policy.compiled else volts
+            seen = np.ascontiguousarray(self.obs[:, : len(self.policy.layout)])
+            if isinstance(self.policy, Policy):
+                volts = self.policy.decide(seen, self._memory)[:, : self.batch.num_actions]
+                self._volts = np.clip(volts, 0.0, self.batch.action_high, out=volts)
+            else:
+                self._volts = self.policy.act(seen.copy())
         returns = self.batch.step(self._volts, SKIP)
         self.seen.append(returns.obs)
         self._keep(returns.obs, returns.telemetry)
@@ -94,7 +88,6 @@ def run(
     limits: Sequence[int],
     *,
     columns: Columns = slice(None),
-    stride: int | None = None,
 ) -> BatchRollout:
     """Run new episodes in N worlds until each has ended or reached its limit.
 
@@ -107,16 +100,13 @@ def run(
         Seeds of the resets, and control steps after which an episode is truncated, N each.
     columns
         Columns of the telemetry that are kept; all by default.
-    stride
-        For a compiled law, control steps between checks for ended episodes; by default, it runs to
-        the largest limit.
     """
     episodes = BatchRollout(batch, bind(policy, BASELINE, batch.layout), seeds, columns)
     last = max(limits)
     while (
         episodes.steps < last and not (episodes.ended | (np.array(limits) <= episodes.steps)).all()
     ):
-        episodes.advance(stride or last)
+        episodes.step()
     return episodes
 
 

@@ -9,17 +9,15 @@ policy.
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._compiled.compiler import compile_kernel
 from pter_gym._compiled.layout import Layout
-from pter_gym._compiled.records import write
-from pter_gym._engine.law import CLUTCHES, Memory, check_law, compiling, empty_memory
+from pter_gym._engine.law import Memory, empty_memory
 from pter_gym._internal.checks import whole_number
+from pter_gym.controllers._law_kernel import errors_of, kernel_of
 from pter_gym.controllers._laws import built_in
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
@@ -27,9 +25,6 @@ from pter_gym.params import Machine, find_machine
 Observations = NDArray[np.float32]
 Volts = NDArray[np.float32]
 Mask = NDArray[np.bool_]
-
-law: Any = built_in
-"""The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
 
 
 class BoundPolicy(ABC):
@@ -184,7 +179,7 @@ class Policy(BoundPolicy):
         """Check the law, and start with an empty memory."""
         self.gains = np.asarray(self.gains, np.float64)
         self._scales = self.layout.scales
-        check_law(self.law, self._scales, self.gains, self.empty_memory(1)[0])
+        self._kernel = kernel_of(self.law)
         self.reset()
 
     def reset(self, worlds: Mask | None = None) -> None:
@@ -194,29 +189,20 @@ class Policy(BoundPolicy):
         elif len(worlds) == len(self._memory):
             self._memory[worlds] = self.empty_memory(len(worlds))[worlds]
 
-    def act(self, observations: Observations) -> Volts:
-        """Return clutch voltages [V], float32 (N, 4), for observations, float32 (N, entries), contiguous."""
+    def act(self, observations: Observations) -> Any:
+        """Return clutch voltages [V], (N, 4), for observations, float32 (N, entries), contiguous."""
         if len(self._memory) != len(observations):
             self._memory = self.empty_memory(len(observations))
-        volts = np.empty((len(observations), 4), np.float32)
-        with compiling(self.law):
-            _act_kernel(self.law)(observations, self._scales, self.gains, self._memory, volts)
+        return self.decide(observations, self._memory)
+
+    def decide(self, observations: Observations, memory: NDArray[np.float64]) -> Any:
+        """Return clutch voltages [V], (N, 4), and change the law's memory, (N, M)."""
+        volts = np.empty((len(observations), 4))
+        lengths = f"obs and scales have {len(self._scales)} entries, gains {len(self.gains)}, memory {memory.shape[1]}"
+        with errors_of(self.law, lengths):
+            self._kernel(observations, self._scales, self.gains, memory, volts)
         return volts
 
     def empty_memory(self, worlds: int) -> NDArray[np.float64]:
         """Return the law's state at the start of an episode, a row for each world: (N, numbers of the record)."""
         return empty_memory(worlds, self.memory)
-
-
-def _build_act(digest: str) -> Any:
-    def act(obs: Any, scales: Any, gains: Any, memory: Any, out: Any) -> None:
-        _ = digest
-        for world in range(obs.shape[0]):
-            write(out[world], CLUTCHES, law(obs[world], scales, gains, memory[world]))
-
-    return act
-
-
-@cache
-def _act_kernel(law: Callable[..., Any]) -> Any:
-    return compile_kernel(_build_act, law=law)

@@ -21,7 +21,7 @@ from pter_gym._engine.step import (
     set_strengths,
     take_command,
 )
-from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANT_ROWS, FLAG, ROW, STORED_ROWS, Config
+from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANTS, FLAG, ROW, Config
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH
 from pter_gym._physics.order import is_kick, is_whole, stage_count
@@ -243,12 +243,14 @@ def _following(config: Config, frame_skip: int) -> Any:
         w.rows |= enumerate(jnp.unstack(states[1]))
 
     def follow(numbers: Any, action: Any, constants: _Words) -> Any:
-        context: Any = jnp.unstack(constants.part(_whole(numbers[ROW.context_at]), CONSTANT_ROWS))
+        context: Any = jnp.unstack(
+            constants.part(_whole(numbers[ROW.context_at]), CONSTANTS.end - CONSTANTS.first)
+        )
 
         def world(numbers: Any) -> Column:
             w = Column({}, given=lambda _: 0.0)
             w.rows |= enumerate(jnp.unstack(numbers))
-            w.rows |= enumerate(context, STORED_ROWS)
+            w.rows |= enumerate(context, CONSTANTS.first)
             return w
 
         def hold(numbers: Any, _: Any) -> Any:

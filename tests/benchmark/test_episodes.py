@@ -19,6 +19,7 @@ from pter_gym.benchmark.episodes import (
     scenarios,
     store_episodes,
 )
+from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Free
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.hands import MultiSineHand
@@ -145,8 +146,7 @@ def test_every_hand_can_go_faster_than_the_pace(scenario: str, pace: str) -> Non
     episodes = load_episodes(scenario, pace)
     batch = Batch(episodes.machines, episodes.tasks)
     policy = Free().bind(BASELINE, batch.layout)
-    obs, _ = batch.reset(list(episodes.seeds))
-    _, rows = batch.rollout(obs, policy.law, policy.gains, 1000)
+    rows = simulate(batch, policy, episodes.seeds, 1000)[1:]
     speed = np.nanmax(
         np.hypot(rows[..., COLUMN.tip_velocity.x], rows[..., COLUMN.tip_velocity.y]), axis=0
     )

@@ -429,10 +429,14 @@ def test_an_episode_that_strays_is_truncated_and_is_no_failure() -> None:
             near.step(free)
 
 
-@pytest.mark.parametrize(("error_max", "terminated"), [(0.099, True), (0.1, False), (0.101, False)])
+@pytest.mark.parametrize(
+    ("error_max", "terminated"),
+    [(0.099, True), (0.1 - 1e-9, True), (0.1, False), (0.101, False)],
+)
 def test_the_nearer_limit_ends_an_episode_and_truncation_wins_ties(
     error_max: float, terminated: bool
 ) -> None:
+    """A step that goes beyond both is terminated alone."""
     env: Any = gymnasium.make(
         "PTER/PathFollowing-v0", task=replace(NEAR, error_max=error_max)
     ).unwrapped

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pter_gym._compiled.records import leaves, parts
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import NEXT_STEP, SAME_STEP, SKIP, STORED_ROWS, World
+from pter_gym.benchmark.simulation import run
 from pter_gym.controllers import Impedance
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces, TremorArm
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, Hand, Machine
@@ -171,9 +172,9 @@ def of_a_law() -> Arrays:
     """Worlds that follow a compiled law."""
     batch = Batch(MACHINE, [TASKS[k] for k in (0, 1, 3)])
     law = Impedance().bind(MACHINE, batch.layout)
-    obs, _ = batch.reset([7, 8, 9])
-    last, telemetry = batch.rollout(obs, law.law, law.gains, 8)
-    return {"obs": last, "telemetry": np.nansum(telemetry, axis=0), **entries(batch)}
+    episodes = run(batch, law, [7, 8, 9], [8] * 3)
+    telemetry = episodes.telemetry[1:]
+    return {"obs": episodes.obs, "telemetry": np.nansum(telemetry, axis=0), **entries(batch)}
 
 
 PARTS: dict[str, Callable[[], Arrays]] = {

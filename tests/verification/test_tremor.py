@@ -10,6 +10,7 @@ import pytest
 from scipy import signal
 
 from pter_gym._engine.batch import Batch
+from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Free
 from pter_gym.errors import ParameterError
 from pter_gym.hands import (
@@ -170,8 +171,7 @@ def test_the_kernel_adds_the_tremor_along_its_line_until_it_ends() -> None:
     tasks = [PathFollowing(hand=each) for each in (hand, replace(hand, acceleration=0.0))]
     batch = Batch([heavy, heavy], tasks)
     policy = Free().bind(heavy, batch.layout)
-    obs, _ = batch.reset([0, 0])
-    rows = batch.rollout(obs, policy.law, policy.gains, 250)[1]
+    rows = simulate(batch, policy, [0, 0], 250)[1:]
     found = rows[:, 0, [*COLUMN.force]] - rows[:, 1, [*COLUMN.force]]
     assert np.isfinite(found).all()
     instants = rows[:, 0, COLUMN.time]
