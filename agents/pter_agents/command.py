@@ -36,14 +36,16 @@ def train(
 
     Args:
         algo: What to train: the clutch voltages (ppo), or corrections to a controller (residual).
-        scenario: Scenario whose draws are trained on, or all. pace: Commanded pace, or all of them.
-        steps: Total decisions in all worlds, each held for frame_skip control steps. seed: Seed of
-        weights, worlds, draws and actions, at least 0. out: Folder of the run, created if
-        necessary; it must not hold another run. resume: Continue from the newest checkpoint in the
-        folder; only the steps may have changed. config: TOML file with hyper-parameters that
-        replace the default ones. smoke: Train for a few seconds to check that everything works.
+        scenario: Scenario whose draws are trained on, or all.
+        pace: Commanded pace, or all of them.
+        steps: Total decisions in all worlds, each held for frame_skip control steps.
+        seed: Seed of weights, worlds, draws and actions, at least 0.
+        out: Folder of the run, created if necessary; it must not hold another run.
+        resume: Continue from the newest checkpoint in the folder; only the steps may have changed.
+        config: TOML file with hyper-parameters that replace the default ones.
+        smoke: Train for a few seconds to check that everything works.
         machine: Clutch material, or the file of a machine of your own, instead of those that the
-        scenario draws.
+            scenario draws.
     """
     with terminal(errors=True).status("loading"):
         from pter_agents.runs import RunFolder

@@ -80,7 +80,9 @@ def value_text(value: Any) -> str:
         return ", ".join(getattr(each, "name", None) or number(each) for each in value)
     if isinstance(value, float):
         return number(value)
-    return str(value) if isinstance(value, int) else code(f"{type(value).__name__}()")
+    if isinstance(value, int | str):
+        return str(value)
+    return code(f"{type(value).__name__}()")
 
 
 @made

@@ -53,15 +53,16 @@ def benchmark(
 
     Args:
         policies: Names of controllers and trained policies, paths of exported ones or of gains from
-        `pter tune`, or
-            FILE.py:attribute or package.module:attribute for your own. Commas may separate them
-            too.
-        scenario: Scenario whose evaluation episodes are run. paces: Commanded paces: slow, medium,
-        brisk, or speeds in m/s. path: Path of all episodes instead of the scenario's: a CSV file of
-        waypoints x, y in metres, or a path's name. episodes: How many of the scenario's episodes to
-        run; all by default. Ranks from fewer than 200 are provisional. seed: Seed of fresh
-        episodes, as many as the stored ones; by default the stored episodes are run, or with
-            --path, where there are none, those of seed 0.
+            `pter tune`, or FILE.py:attribute or package.module:attribute for your own. Commas may
+            separate them too.
+        scenario: Scenario whose evaluation episodes are run.
+        paces: Commanded paces: slow, medium, brisk, or speeds in m/s.
+        path: Path of all episodes instead of the scenario's: a CSV file of waypoints x, y in
+            metres, or a path's name.
+        episodes: How many of the scenario's episodes to run; all by default. Ranks from fewer than
+            200 are provisional.
+        seed: Seed of fresh episodes, as many as the stored ones; by default the stored episodes are
+            run, or with --path, where there are none, those of seed 0.
         film: Whether to film the policies on a training draw of the scenario.
         out: Folder for the results, created if necessary.
     """

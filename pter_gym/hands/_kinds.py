@@ -88,7 +88,7 @@ class MultiSineHand(Operator):
     )
     amplitudes: tuple[float, ...] = quantity(
         "N",
-        "Fmax/5 each, by Eq. 5; Fmax is fitted: Fmax of Eq. 5",
+        "fitted: Fmax/5 each (Eq. 5)",
         **_FIVE,
         default=(21.82 / SINES,) * SINES,
     )
