@@ -219,11 +219,10 @@ class Draws(Checked):
     def __post_init__(self) -> None:
         """Check the draws that are mixed in."""
         super().__post_init__()
-        also: Any = self.also
-        instead = cast("object", self.instead)
-        parts = cast("tuple[object, ...]", also) if isinstance(also, tuple) else (also,)
+        also, instead = cast("object", self.also), cast("object", self.instead)
+        parts: Any = also if isinstance(also, tuple) else (also,)
         mixed = all(isinstance(part, Draws) for part in parts)
-        require(mixed, self, "also", also, "a tuple of Draws")
+        require(mixed, self, "also", self.also, "a tuple of Draws")
         fixed = instead is None or isinstance(instead, Machine)
         require(fixed, self, "instead", instead, "a Machine or None")
 
