@@ -232,11 +232,11 @@ def _task_with(fields: dict[str, Any]) -> PathFollowing:
 def _checked_tasks(task: Any) -> list[PathFollowing]:
     """Return one task or several as a list, or raise a ParameterError if there is another thing."""
     tasks: list[Any] = list(task) if _several(task) else [task]
-    for each in tasks:
-        if not isinstance(each, PathFollowing):
+    for goal in tasks:
+        if not isinstance(goal, PathFollowing):
             raise ParameterError(
                 "task must be a PathFollowing, or a sequence of them for many worlds, "
-                f"got {each!r:.200}"
+                f"got {goal!r:.200}"
             )
     return tasks
 

@@ -47,13 +47,13 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     |---|---|
     | `cos_a`, `sin_a`, `cos_b`, `sin_b` | absolute angles of links A and B |
     | `omega_a`, `omega_b` | their angular velocities |
-    | `normal_error`, `near_error` | distance from the path, or from its free band; from the path, up to 10 mm |
+    | `normal_error`, `near_error` | distance from free band or path; from the path, up to 10 mm |
     | `progress` | part of the path covered |
     | `heading_cos`, `heading_sin`, `curvature` | the path there |
     | `speed_along`, `speed_across` | tip velocity along and across the path |
-    | `pace`, `pace_error` | commanded mean speed along the path; `speed_along` divided by it, minus 1 |
+    | `pace`, `pace_error` | commanded mean speed; `speed_along` divided by it, minus 1 |
     | `volts_1`, `volts_2`, `volts_3`, `volts_4` | last voltages; 0 for a clutch that is not there |
-    | `torque_1`, `torque_2`, `torque_3`, `torque_4` | generated torques (`sensors="torque"` and `"force"`) |
+    | `torque_1`, `torque_2`, `torque_3`, `torque_4` | generated torques (`"torque"`, `"force"`) |
     | `force_along`, `force_across` | the hand's force (`sensors="force"`) |
 
     ## Rewards
@@ -157,8 +157,7 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start a new episode; without a seed, the next one of the current seed. There are no
-        options.
+        """Start a new episode; without a seed, the next one of the current seed.
 
         A generator that was assigned to ``np_random`` gives the seed of the next episode,
         ``np_random_seed``.
@@ -204,7 +203,7 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         return obs, reward, terminated, truncated, {"telemetry": row, "is_success": success}
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Return a picture (height, width, 3) in the mode ``rgb_array``; ``human`` shows each step by itself."""
+        """Return a picture (height, width, 3) with ``rgb_array``; ``human`` shows each step."""
         if self._viewer is None:
             gymnasium.logger.warn(
                 "render_mode was not given to gymnasium.make; nothing is rendered"

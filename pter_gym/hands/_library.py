@@ -49,7 +49,7 @@ class LibraryArm:
 
     @property
     def hand(self) -> Hand:
-        """The hand for the simulator, with its axes, ``own`` ones too, along the world's; of the mass, the mean."""
+        """The hand for the simulator: axes, ``own`` ones too, along the world's; mean mass."""
         damping, stiffness = _anisotropy(self.damping), _anisotropy(self.stiffness)
         return replace(
             self.isotropic_hand, damping_anisotropy=damping, stiffness_anisotropy=stiffness
@@ -57,7 +57,7 @@ class LibraryArm:
 
     @property
     def isotropic_hand(self) -> Hand:
-        """The same with damping and stiffness that are their means over all directions, half of each trace."""
+        """The same with damping and stiffness averaged over all directions: half of each trace."""
         mass, damping, stiffness = (
             0.5 * (m[0][0] + m[1][1]) for m in (self.mass, self.damping, self.stiffness)
         )

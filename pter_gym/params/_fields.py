@@ -19,8 +19,7 @@ MIN_POSITIVE = 1e-12
 def quantity(
     unit: str, provenance: str, *, default: Any = MISSING, later: bool = False, **limits: float
 ) -> Any:
-    """Declare a field with its unit, where its value comes from, and the limits that ``Checked``
-    requires.
+    """Declare a field with its unit, its provenance and the limits that ``Checked`` requires.
 
     Parameters
     ----------

@@ -59,8 +59,9 @@ class Arm(Checked):
 class TorqueCurve(Checked):
     """Steady torque of a clutch over voltage (paper section IV-B.1, Fig. 5).
 
-    A linear and a quadratic segment, C1: ``T(v) = off_state + slope·v + curvature·max(v − knee, 0)²``. The paper assumes no torque
-    without voltage; the fluid or powder of other brakes leaves some.
+    ``T(v) = off_state + slope·v + curvature·max(v − knee, 0)²`` is C1: a linear and a quadratic
+    segment. The paper assumes no torque without voltage; the fluid or powder of other brakes leaves
+    some.
     """
 
     slope: float = quantity(
@@ -230,13 +231,15 @@ class Machine(Checked):
         )
 
     def _check_clutches(self) -> None:
-        """Check names, that slots can hold motion in every direction, and where dry friction acts."""
+        """Check names, that slots hold motion in every direction, and where dry friction acts."""
         require_kind(self, "clutches", tuple)
         clutches = self.clutches
         fits = (
             0 < len(clutches) <= SLOTS
-            and all(isinstance(each, Connection) for each in cast("tuple[object, ...]", clutches))
-            and len({each.name for each in clutches}) == len(clutches)
+            and all(
+                isinstance(clutch, Connection) for clutch in cast("tuple[object, ...]", clutches)
+            )
+            and len({clutch.name for clutch in clutches}) == len(clutches)
         )
         accepted = f"1 to {SLOTS} Connections with different names"
         require(fits, self, "clutches", clutches, accepted)
@@ -254,8 +257,8 @@ class Machine(Checked):
 
     @property
     def slot_rows(self) -> tuple[tuple[float, float], ...]:
-        """The rows of W of all slots; an empty one has that of a missing brake, for dry friction."""
-        rows = tuple(each.row for each in self.clutches)
+        """The rows of W of all slots; an empty one has a missing brake's, for dry friction."""
+        rows = tuple(clutch.row for clutch in self.clutches)
         empty = [brake.row for brake in (BRAKE_A, BRAKE_B) if brake.row not in rows]
         return (*rows, *empty, *[BRAKE_A.row] * SLOTS)[:SLOTS]
 
@@ -269,14 +272,14 @@ class Machine(Checked):
     @property
     def has_paper_clutches(self) -> bool:
         """Whether W is the paper's."""
-        return tuple(each.row for each in self.clutches) == tuple(
-            each.row for each in PAPER_CLUTCHES
+        return tuple(clutch.row for clutch in self.clutches) == tuple(
+            clutch.row for clutch in PAPER_CLUTCHES
         )
 
 
 def require_paper_clutches(machine: Machine, why: str) -> None:
     """Raise a ParameterError unless W is the paper's."""
-    rows = [each.row for each in machine.clutches]
+    rows = [clutch.row for clutch in machine.clutches]
     require(machine.has_paper_clutches, machine, "clutches", rows, f"the paper's four: {why}")
 
 

@@ -114,17 +114,19 @@ def find_scenario(
     DataError
         If the machine's file is malformed.
     """
-    found = _find(scenario)
+    chosen = _find(scenario)
     if path is not None:
-        found = _on_path(found, path)
+        chosen = _on_path(chosen, path)
     if machine is not None:
         from pter_gym.params import find_machine
         from pter_gym.tasks.path_following._specification import sensing_of
 
         own = find_machine(machine)
-        sensing_of(found.draws.varied_task.base, own)  # raises where the delay is too long
-        found = replace(found, own=found.draws.each(lambda part: replace(part, instead=own)))
-    return found
+        sensing_of(chosen.draws.varied_task.base, own)  # raises where the delay is too long
+        chosen = replace(
+            chosen, own=chosen.draws.map_parts(lambda part: replace(part, instead=own))
+        )
+    return chosen
 
 
 def gains_for(tasks: "Iterable[PathFollowing]") -> str:
@@ -187,7 +189,7 @@ def _on_path(scenario: Scenario, source: "Path | str") -> Scenario:
         scenario,
         name=f"{scenario.name}-on-{title}",
         place=None,
-        own=scenario.draws.each(changed),
+        own=scenario.draws.map_parts(changed),
         gains=gains,
     )
 

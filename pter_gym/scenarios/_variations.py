@@ -23,7 +23,7 @@ from pter_gym.scenarios.distributions import Draws, LogUniform, OneOf, Shared, U
 from pter_gym.tasks.path_following import PathFollowing, Sensing
 
 WIDTH = 0.1
-"""Half-width of the workspace about curved paths [m], nine tenths of their smallest radius at most."""
+"""Half-width of the workspace about curved paths [m]: at most 0.9 of their smallest radius."""
 
 MIN_RADIUS = 0.13
 """Smallest radius of a drawn arc or rounded corner [m]."""
@@ -167,7 +167,7 @@ LEANING = MultiSineHand(
     frequencies=(0.0, 0.5, 1.0, 2.0, 4.0),
     phases=(-0.5 * math.pi, 0.0, 0.0, 0.0, 0.0),
 )
-"""A hand that pushes along the wall and leans on it with 12 N; its sines lift it off now and then."""
+"""A hand that pushes along the wall and leans on it with 12 N, but for now and then."""
 
 WAVERING = (-0.5 * math.pi, *[Uniform(-math.pi, math.pi)] * (SINES - 1))
 """Phases of a hand that leans all the time and moves away now and then."""

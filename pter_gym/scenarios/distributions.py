@@ -51,7 +51,7 @@ def drawn(value: Any, rng: np.random.Generator) -> Any:
 
 
 def extremes(value: Any) -> Sequence[Any]:
-    """Return the extremes of a distribution, tuples of all first and all last ones, or the value."""
+    """Return a distribution's extremes, tuples of all first and all last ones, or the value."""
     if isinstance(value, tuple):
         ends = [extremes(item) for item in cast("tuple[Any, ...]", value)]
         return [tuple(values[place] for values in ends) for place in (0, -1)]
@@ -219,8 +219,8 @@ class Draws(Checked):
     def __post_init__(self) -> None:
         """Check the draws that are mixed in."""
         super().__post_init__()
-        also, instead = cast("object", self.also), cast("object", self.instead)
-        parts: Any = also if isinstance(also, tuple) else (also,)
+        also, instead = cast(Any, self.also), cast("object", self.instead)
+        parts = cast("tuple[object, ...]", also) if isinstance(also, tuple) else (also,)
         mixed = all(isinstance(part, Draws) for part in parts)
         require(mixed, self, "also", self.also, "a tuple of Draws")
         fixed = instead is None or isinstance(instead, Machine)
@@ -231,7 +231,7 @@ class Draws(Checked):
         """The task, also where none of its fields is drawn."""
         return self.task if isinstance(self.task, Vary) else Vary(self.task)
 
-    def each(self, change: "Callable[[Draws], Draws]") -> "Draws":
+    def map_parts(self, change: "Callable[[Draws], Draws]") -> "Draws":
         """Return changed draws, with the same change to those that are mixed in."""
         return replace(change(self), also=tuple(map(change, self.also)))
 
@@ -254,7 +254,7 @@ class Draws(Checked):
                     )
             return replace(draws, task=Vary(replace(base, **values), **varied))
 
-        return self.each(changed) if values else self
+        return self.map_parts(changed) if values else self
 
     def at_pace(self, pace: "float | str | Distribution | None") -> "Draws":
         """Return draws at a commanded pace [m/s], its name or its distribution; None: as drawn.
@@ -273,7 +273,7 @@ class Draws(Checked):
             task = Vary(varied.base, **{**varied.fields, "pace": commanded})
             return replace(draws, task=task)
 
-        return self.each(changed)
+        return self.map_parts(changed)
 
     def pairs(
         self, n: int = 512, seed: int = 0, pace: "float | str | Distribution | None" = None

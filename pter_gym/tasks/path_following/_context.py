@@ -1,4 +1,4 @@
-"""The context of a world: the constants of machine, hand and task for the kernels, and those that are observable."""
+"""The context of a world: constants of machine, hand and task, and what is observable of them."""
 
 import math
 from typing import Annotated, Any, NamedTuple

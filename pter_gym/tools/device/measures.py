@@ -1,4 +1,4 @@
-"""What a device can render, measured without learning: forces, drag in free motion, the stiffness of a wall."""
+"""What a device can render, without learning: forces, drag, and the stiffness of a wall."""
 
 import math
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ FREQUENCY = 5.0
 """Frequency at which impedances are compared [Hz]."""
 
 SHAKE, SETTLING, PERIODS = 10.0, 2, 5
-"""Force that shakes the free device [N], and the periods before and while its impedance is measured."""
+"""Force that shakes the free device [N], and the periods before and during the measurement."""
 
 WALLS = 8
 """Episodes from which the stiffness of the wall is estimated."""
@@ -56,17 +56,17 @@ class Rendering:
 
 
 def measure_rendering(own: Machine, law: AnyPolicy, pace: str) -> Rendering:
-    """Return what a machine can render; ``law`` guards the wall, at a commanded pace given by its name."""
+    """Return what a machine can render; ``law`` guards the wall at a named commanded pace."""
     line = Line()
     theta = link_angles(own.arm, line.point(0.5 * line.length))
-    found = force_extremes(own, theta)
+    forces = force_extremes(own, theta)
     free, stiff = _free_impedance(own, theta), _stiffness_of_wall(own, law, pace)
     wide = math.isfinite(free) and stiff > 0.0
     return Rendering(
-        least_steering_n=float(found.least_steering),
-        largest_steering_n=float(found.largest_steering),
-        least_resisting_n=float(found.least_resisting),
-        largest_resisting_n=float(found.largest_resisting),
+        least_steering_n=float(forces.least_steering),
+        largest_steering_n=float(forces.largest_steering),
+        least_resisting_n=float(forces.least_resisting),
+        largest_resisting_n=float(forces.largest_resisting),
         free_impedance=free,
         wall_stiffness=stiff,
         z_width_db=z_width(stiff, free, FREQUENCY) if wide else math.nan,
@@ -87,7 +87,7 @@ def _free_impedance(machine: Machine, theta: Any) -> float:
 
 
 def _stiffness_of_wall(own: Machine, law: AnyPolicy, pace: str) -> float:
-    """Return the stiffness of the wall that a law renders [N/m], from training draws of the scenario ``wall``."""
+    """Return the stiffness of the wall that a law renders [N/m], from draws of ``wall``."""
     forces, depths = [np.empty(0)], [np.empty(0)]
     scenario = find_scenario("wall", own)
     for seed, (machine, task) in enumerate(scenario.draws.pairs(WALLS, 0, pace)):

@@ -63,7 +63,9 @@ class DeviceReport:
     def verdict(self) -> str:
         """What the device is good for, in a sentence."""
         ranked = [
-            board.scenario for board in self.boards if any(each.rank for each in board.standings)
+            board.scenario
+            for board in self.boards
+            if any(standing.rank for standing in board.standings)
         ]
         steer = self.rendering.least_steering_n
         can = (
@@ -75,7 +77,7 @@ class DeviceReport:
 
     def as_json(self) -> dict[str, Any]:
         """Return the report as plain data, None for a number that is not finite."""
-        found = {
+        content = {
             "version": __version__,
             "device": self.device,
             "pace": self.pace,
@@ -84,7 +86,7 @@ class DeviceReport:
             "gains": self.gains,
             "boards": [board.as_json() for board in self.boards],
         }
-        return _finite(found)
+        return _finite(content)
 
 
 def examine_device(
@@ -160,7 +162,7 @@ def _runs(
     policies: dict[str, AnyPolicy], scenario: str, pace: str, own: Machine, count: int
 ) -> list[ScenarioRun]:
     """Return the runs of policies on fresh episodes with a machine."""
-    drawn = find_episodes(scenario, pace, SEED, own).first(count)
+    episodes = find_episodes(scenario, pace, SEED, own).first(count)
     return [
         ScenarioRun(
             scenario,
@@ -168,8 +170,8 @@ def _runs(
             name,
             0,
             SEED,
-            drawn.strata,
-            evaluate(policy, drawn, nominal=own),
+            episodes.strata,
+            evaluate(policy, episodes, nominal=own),
         )
         for name, policy in policies.items()
     ]
@@ -198,9 +200,9 @@ def _draw(
 def _finite(value: Any) -> Any:
     """Return plain data with None in place of numbers that are not finite."""
     if isinstance(value, dict):
-        return {key: _finite(each) for key, each in cast("dict[str, Any]", value).items()}
+        return {key: _finite(item) for key, item in cast("dict[str, Any]", value).items()}
     if isinstance(value, list | tuple):
-        return [_finite(each) for each in cast("list[Any]", value)]
+        return [_finite(item) for item in cast("list[Any]", value)]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -216,9 +218,10 @@ ROWS = {
 """What the page says of each number of ``Rendering``."""
 
 STYLE = (
-    "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color-scheme:light dark}"
-    "table{border-collapse:collapse}td,th{padding:.2rem .8rem;text-align:right}td:first-child,th:first-child"
-    "{text-align:left}img{max-width:100%;background:#fff}figure{margin:1.5rem 0}"
+    "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;"
+    "color-scheme:light dark}table{border-collapse:collapse}td,th{padding:.2rem .8rem;"
+    "text-align:right}td:first-child,th:first-child{text-align:left}"
+    "img{max-width:100%;background:#fff}figure{margin:1.5rem 0}"
 )
 
 
@@ -230,14 +233,17 @@ def page(report: DeviceReport, pictures: dict[str, str]) -> str:
     )
     boards = "".join(_board(board) for board in report.boards)
     figures = "".join(
-        f'<figure><img src="{html.escape(name)}" alt=""><figcaption>{html.escape(caption)}</figcaption></figure>'
+        f'<figure><img src="{html.escape(name)}" alt="">'
+        f"<figcaption>{html.escape(caption)}</figcaption></figure>"
         for name, caption in pictures.items()
     )
     return (
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+        '<!doctype html><html lang="en"><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width">'
         f"<title>{html.escape(report.device)}</title><style>{STYLE}</style>"
         f"<h1>{html.escape(report.device)}</h1><p>{html.escape(report.verdict)}</p>"
-        f"<h2>What it can render</h2>{rendering}<h2>Tuned laws, pace {html.escape(report.pace)}</h2>{boards}"
+        f"<h2>What it can render</h2>{rendering}"
+        f"<h2>Tuned laws, pace {html.escape(report.pace)}</h2>{boards}"
         f"<h2>Pictures</h2>{figures}<p>pter_gym {__version__}; the numbers are in "
         "<a href='device.json'>device.json</a>.</p></html>\n"
     )
@@ -246,23 +252,23 @@ def page(report: DeviceReport, pictures: dict[str, str]) -> str:
 def _board(board: Leaderboard) -> str:
     rows = [
         (
-            each.policy,
-            _number(1e3 * each.scores["path_error_m"].value, "mm"),
-            _number(100.0 * each.scores["completed"].value, "%"),
-            _number(each.scores["resisting_force_n"].value, "N"),
-            _number(each.scores["peak_force_n"].value, "N"),
-            str(each.rank or each.reason),
+            standing.policy,
+            _number(1e3 * standing.scores["path_error_m"].value, "mm"),
+            _number(100.0 * standing.scores["completed"].value, "%"),
+            _number(standing.scores["resisting_force_n"].value, "N"),
+            _number(standing.scores["peak_force_n"].value, "N"),
+            str(standing.rank or standing.reason),
         )
-        for each in board.standings
+        for standing in board.standings
     ]
     heads = ("policy", "path error", "completed", "resisting force", "peak force", "rank")
     return f"<h3>{html.escape(board.scenario)}</h3>{_table(heads, rows)}"
 
 
 def _table(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    head = "".join(f"<th>{html.escape(each)}</th>" for each in heads)
+    head = "".join(f"<th>{html.escape(cell)}</th>" for cell in heads)
     body = "".join(
-        f"<tr>{''.join(f'<td>{html.escape(each)}</td>' for each in row)}</tr>" for row in rows
+        f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in rows
     )
     return f"<table><tr>{head}</tr>{body}</table>"
 
