@@ -246,22 +246,25 @@ def _several(value: object) -> bool:
 
 
 def _to_plain(value: Any) -> Any:
-    """Return this package's dataclasses as plain data, and anything else as it is."""
+    """Return this package's dataclasses, NumPy's numbers and paths as plain data."""
     if _several(value):
         return [_to_plain(item) for item in value]
     try:
-        return codec().to_plain(value) if is_dataclass(value) else _from_plain(value)
+        return codec().to_plain(value) if is_dataclass(value) else _builtin(value)
     except ParameterError:  # a user's own class
         return value
 
 
 def _from_plain(value: Any) -> Any:
-    """Return what ``_to_plain`` made plain data from, NumPy's numbers and paths as plain ones."""
+    """Return what ``_to_plain`` made plain data from."""
     if isinstance(value, list):
         return [_from_plain(item) for item in cast("list[Any]", value)]
-    if isinstance(value, np.generic):
-        return cast(Any, value).item()
-    if isinstance(value, os.PathLike):
-        return os.fspath(cast("os.PathLike[str]", value))
     stored = isinstance(cast("object", value), dict) and "type" in value
-    return codec().from_plain(value) if stored else value
+    return codec().from_plain(value) if stored else _builtin(value)
+
+
+def _builtin(value: Any) -> Any:
+    """Return a number of NumPy's or a path as Python's own, and anything else as it is."""
+    if isinstance(value, np.number | np.bool_):
+        return value.item()
+    return os.fspath(cast(Any, value)) if isinstance(value, os.PathLike) else value
