@@ -56,7 +56,7 @@ def program(folder: Path, main: Path) -> Path:
 
 
 def memory(folder: Path, cpu: str) -> tuple[int, int, int]:
-    """Flash, static RAM and the sum of all stack frames [B] of a whole program for a microcontroller."""
+    """Flash, static RAM and the sum of all stack frames [B] of a microcontroller's program."""
     elf = folder / "program.elf"
     target = (*MICROCONTROLLER, cpu)
     files = ("-cflags", "-std=c99", "--", HERE / "deploy.c", folder / "pter.c")
@@ -96,7 +96,8 @@ def memory(folder: Path, cpu: str) -> tuple[int, int, int]:
 
 def costs(observations: Any) -> None:
     print(
-        "| policy | numbers | weights | step, median / worst [µs] | M4 flash, RAM, stack [kB] | with FPU [kB] |"
+        "| policy | numbers | weights | step, median / worst [µs] "
+        "| M4 flash, RAM, stack [kB] | with FPU [kB] |"
     )
     print("|---|---|---|---|---|---|")
     for name in POLICIES:
@@ -116,7 +117,8 @@ def costs(observations: Any) -> None:
                 )
                 kind = weights if name in NETWORKS else "-"
                 print(
-                    f"| {name} | {numbers} | {kind} | {median:.1f} / {worst:.1f} | {' | '.join(kilobytes)} |",
+                    f"| {name} | {numbers} | {kind} | {median:.1f} / {worst:.1f} "
+                    f"| {' | '.join(kilobytes)} |",
                     flush=True,
                 )
 

@@ -127,8 +127,7 @@ def _write(axes: Axes, text: str, at: tuple[float, float], coordinates: Any, **s
 def film(policy: Controller, arguments: TrainingArguments, path: Path) -> Path:
     """Film a policy beside the better of the paper's laws on one validation draw."""
     pace = "medium" if "medium" in arguments.paces else arguments.paces[0]
-    draws = draws_for(arguments.scenario, pace, contexts=1, seed=SEED, machine=arguments.machine)
-    machine, task = draws.pairs()[0]
+    machine, task = draws_for(arguments.scenario, pace, arguments.machine).pairs(1, SEED)[0]
     shown = {arguments.algorithm: policy, LAWS[-1]: _law(LAWS[-1], arguments)}
     episodes = {
         name: record_episode(law, machine, task, 0, nominal=arguments.nominal).telemetry

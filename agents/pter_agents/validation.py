@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from pter_agents.worlds import draws_for
 from pter_gym.benchmark import Episodes, evaluate
 from pter_gym.controllers import AnyPolicy
-from pter_gym.params import BASELINE
-from pter_gym.scenarios._fixed_machine import FixedMachine
+from pter_gym.params import BASELINE, Machine
 
 SEED = 2**31 + 1
 """Seed of the draws, larger than any seed of a run."""
@@ -47,13 +46,13 @@ class Validation:
         scenario: str,
         paces: Sequence[str],
         episodes: int,
-        machine: FixedMachine | None = None,
+        machine: Machine | None = None,
     ) -> None:
-        nominal = BASELINE if machine is None else machine.machine
+        nominal = BASELINE if machine is None else machine
         self._episodes: dict[str, Episodes] = {}
         for pace in paces:
-            draws = draws_for(scenario, pace, contexts=episodes, seed=SEED, machine=machine)
-            machines, tasks = zip(*draws.pairs(), strict=True)
+            pairs = draws_for(scenario, pace, machine).pairs(episodes, SEED)
+            machines, tasks = zip(*pairs, strict=True)
             seeds = tuple(range(FIRST_RESET, FIRST_RESET + len(tasks)))
             strata = ("",) * len(tasks)
             self._episodes[pace] = Episodes(scenario, machines, tasks, seeds, strata, nominal)

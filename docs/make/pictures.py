@@ -156,8 +156,7 @@ def frames(
     """Return the pictures of a scenario's draw under some policies, side by side: all of them, or the last."""
     from pter_gym.tools.pictures.film import PAUSE, Film
 
-    draws = find_scenario(scenario).randomisation(PACE, contexts=DRAWS, seed=FILM_SEED)
-    machine, task = list(draws.pairs())[draw]
+    machine, task = find_scenario(scenario).draws.pairs(DRAWS, FILM_SEED, PACE)[draw]
     drawn = what_is_drawn(scenario, machine, task)
     episodes = {f"{name}{drawn}": telemetry(name, scenario, machine, task) for name in names}
     film = Film(machine, task, episodes, RATE, size=size)

@@ -1,4 +1,4 @@
-"""Data of the package that a script makes: `python docs/make/store.py episodes|paces`."""
+"""Data of the package that a script makes: `python docs/make/store.py episodes|dampers`."""
 
 import math
 from dataclasses import replace
@@ -17,10 +17,10 @@ from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws
 
-PACES_HEAD = """\
+DAMPERS_HEAD = """\
 # Dampers along the path [N·s/m] with which the paper's controllers keep the commanded paces on the
 # training draws of each scenario; their other gains are the paper's.
-# derived: made by `python docs/make/store.py paces`.
+# derived: made by `python docs/make/store.py dampers`.
 """
 
 
@@ -50,13 +50,13 @@ def episodes(
         )
 
 
-def paces() -> None:
-    """Solve the dampers in pter_gym/presets/paces.toml again, after a change of the physics."""
-    text = PACES_HEAD
+def dampers() -> None:
+    """Solve the dampers in pter_gym/presets/dampers.toml again, after a change of the physics."""
+    text = DAMPERS_HEAD
     for scenario, controllers in solve_table().items():
-        for name, dampers in controllers.items():
+        for name, by_pace in controllers.items():
             text += f"\n[{scenario}.{name}]\n"
-            text += "".join(f"{pace} = {damping!r}\n" for pace, damping in dampers.items())
+            text += "".join(f"{pace} = {damping!r}\n" for pace, damping in by_pace.items())
     write_text_atomic(tuned.DAMPERS, text)
 
 
@@ -80,9 +80,8 @@ def damping_for_pace(
     draws
         Number of the training draws over which the pace is averaged.
     """
-    machines, tasks = zip(
-        *find_scenario(scenario).randomisation(pace, contexts=draws, seed=SEED).pairs(), strict=True
-    )
+    pairs = find_scenario(scenario).draws.pairs(draws, SEED, pace)
+    machines, tasks = zip(*pairs, strict=True)
     chosen = Episodes(scenario, machines, tasks, tuple(range(draws)), ("",) * draws)
     low, high = math.log(MIN_DAMPER), math.log(MAX_DAMPER)
     while high - low > 1e-4:
@@ -118,4 +117,4 @@ def _cruising_pace(controller: Impedance, chosen: Episodes) -> float:
 
 
 if __name__ == "__main__":
-    tyro.extras.subcommand_cli_from_dict({each.__name__: each for each in (episodes, paces)})
+    tyro.extras.subcommand_cli_from_dict({each.__name__: each for each in (episodes, dampers)})

@@ -31,7 +31,7 @@ PathName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.csv")]
 """A path by its name, or a file of waypoints; None for what is usual."""
 
 MachineName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.toml")]
-"""A machine by its name or its preset; None for what is usual."""
+"""A machine by its name or its file; None for what is usual."""
 
 
 def split(text: str) -> list[str]:

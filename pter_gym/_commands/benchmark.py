@@ -113,7 +113,7 @@ def film_policies(
     from pter_gym.benchmark.rollout import record_episode
 
     artist = load_artist("film")
-    ((machine, goal),) = scenario.randomisation(pace, contexts=1, seed=0).pairs()
+    ((machine, goal),) = scenario.draws.pairs(1, 0, pace)
     episodes = {
         name: record_episode(policy, machine, goal, 0, nominal=scenario.nominal).telemetry
         for name, policy in policies.items()

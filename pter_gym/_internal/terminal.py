@@ -1,4 +1,4 @@
-"""What the commands share on the terminal: folders, text, the progress bar, and Ctrl-C."""
+"""What commands share: folders for results, text on the terminal, progress bars, and Ctrl-C."""
 
 import io
 import os
@@ -33,7 +33,7 @@ def make_folder(path: FilePath, field: str = "out") -> None:
 
 
 def accept_all_characters() -> None:
-    """Escape characters that the terminal cannot show, unless the user chose another way."""
+    """Escape characters that the terminal cannot show, unless the user has chosen otherwise."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
             stream.reconfigure(errors="backslashreplace")
@@ -80,7 +80,7 @@ def close_output() -> None:
 
 
 def end_on_interrupt(status: int) -> None:
-    """Let Ctrl-C end this process with a status after ``GRACE``, even while compiled code runs.
+    """Let Ctrl-C end this process after ``GRACE``, even while compiled code runs.
 
     Until then Python may end by itself: the main thread gets a KeyboardInterrupt as usual. Call it
     in the main thread.

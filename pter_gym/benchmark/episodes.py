@@ -20,7 +20,6 @@ from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import BASELINE, Machine
 from pter_gym.scenarios import Scenario, find_pace, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds
-from pter_gym.scenarios._fixed_machine import AnyMachine, FixedMachine
 from pter_gym.tasks._stored import codec
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -123,7 +122,7 @@ def find_episodes(
     scenario: str | Scenario,
     pace: str,
     seed: int | None = None,
-    machine: FixedMachine | None = None,
+    machine: Machine | str | None = None,
 ) -> Episodes:
     """Return a scenario's stored evaluation episodes at a pace, or fresh ones from a seed within
     [0, 2⁶⁴).
@@ -146,16 +145,16 @@ def training_episodes(
     pace: str,
     episodes: int,
     seed: int,
-    machine: AnyMachine | None = None,
+    machine: Machine | str | None = None,
 ) -> Episodes:
     """Return training draws of a scenario at a pace, the shortest episodes first.
 
     ``seed`` is that of the draws, and a machine replaces those that they would hold.
     """
     drawn = find_scenario(scenario, machine)
-    pairs = drawn.randomisation(pace, contexts=episodes, seed=seed).pairs()
-    pairs.sort(key=lambda pair: time_limit(pair[1]))  # those of a chunk end at about one time
-    machines, tasks = zip(*pairs, strict=True)
+    pairs = drawn.draws.pairs(episodes, seed, pace)
+    # those of a chunk end at about one time
+    machines, tasks = zip(*sorted(pairs, key=lambda pair: time_limit(pair[1])), strict=True)
     seeds = tuple(seed * episodes + k for k in range(episodes))
     return Episodes(drawn.name, machines, tasks, seeds, ("",) * episodes, drawn.nominal)
 

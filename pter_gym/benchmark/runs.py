@@ -14,8 +14,8 @@ from pter_gym.benchmark.results import ResultsFolder
 from pter_gym.benchmark.rollout import evaluate
 from pter_gym.benchmark.scores import ScenarioRun
 from pter_gym.controllers import AnyPolicy
+from pter_gym.params import Machine
 from pter_gym.scenarios import PACES, Scenario, find_scenario, name_of_pace
-from pter_gym.scenarios._fixed_machine import AnyMachine
 from pter_gym.tasks.path_following import PathFollowing
 
 
@@ -159,7 +159,7 @@ def examine(
     *,
     episodes: int = 64,
     seed: int = UNSEEN,
-    machine: AnyMachine | None = None,
+    machine: Machine | str | None = None,
 ) -> dict[str, Assessment]:
     """Assess policies on training draws, beside those that know nothing; the best comes first.
 

@@ -3,12 +3,11 @@ pace.
 
 ``presets/tuned.toml`` has a table for each scenario, controller and pace: the gains that ``pter
 tune`` found on training draws, the defaults of all others, the search command, and scores on draws
-that the search had not seen. ``presets/paces.toml``, which ``docs/make/store.py paces`` writes, has
+that the search had not seen. ``presets/dampers.toml``, which ``docs/make/store.py dampers`` writes, has
 the damper along the path with which the paper's gains, made for about 0.5 m/s, keep a commanded
 pace on a scenario's training draws.
 """
 
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from functools import cache
@@ -17,14 +16,14 @@ from typing import Any
 
 from pter_gym._internal.codec import tuple_of
 from pter_gym._internal.files import FilePath, find_path
-from pter_gym._internal.reading import MAX_TOML_SIZE, parse_toml, read_text, reading
+from pter_gym._internal.reading import read_toml, reading
 from pter_gym.controllers import CONTROLLERS, Controller, Guided, Impedance, PaceSchedule
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.scenarios import find_pace
 
 TABLE = Path(__file__).parents[1] / "presets" / "tuned.toml"
 
-DAMPERS = TABLE.with_name("paces.toml")
+DAMPERS = TABLE.with_name("dampers.toml")
 
 SUFFIX = "-tuned"
 
@@ -110,7 +109,7 @@ def find_paced(name: str, scenario: str | None) -> Controller:
 @cache
 def damping_table() -> Mapping[str, Mapping[str, Mapping[str, float]]]:
     """Return the damper along the path [N·s/m] by scenario, controller and pace."""
-    return tomllib.loads(DAMPERS.read_text("utf-8"))
+    return read_toml(DAMPERS, "dampers")
 
 
 def read_table(path: FilePath = TABLE) -> Table:
@@ -121,7 +120,7 @@ def read_table(path: FilePath = TABLE) -> Table:
     """
     path = find_path("path", path)
     with reading(f"tuned gains {path} cannot be read"):
-        table = parse_toml(read_text(path, MAX_TOML_SIZE)) if path.exists() else {}
+        table = read_toml(path, "tuned gains") if path.exists() else {}
         for scenario, controllers in table.items():
             for controller, paces in controllers.items():
                 for pace, entry in paces.items():

@@ -25,13 +25,13 @@ from pter_gym.errors import ParameterError
 from pter_gym.params import (
     Machine,
     find_machine,
-    preset,
     quantity,
     require,
     require_flag,
     require_number,
     require_numbers,
 )
+from pter_gym.params._fields import types_of
 from pter_gym.tasks.path_following._observation import OBS
 
 Search = dict[str, tuple[float, float] | tuple[bool, bool]]
@@ -51,7 +51,7 @@ class Guided:
     V, 0 N·m). It ends at the machine's largest voltage, which replaces all knots from there on.
     """
 
-    damping_tangential: float = preset("controller", "damping_tangential")
+    damping_tangential: float = quantity("N·s/m", "fitted: damper along the path", default=106.4)
     pace_fraction: float = quantity(
         "1",
         "chosen: the damper along the path leaves this fraction of the commanded pace alone; paper: 0",
@@ -67,8 +67,12 @@ class Guided:
         "chosen: control steps at the start of an episode with all clutches fully engaged; paper: 0",
         default=0.0,
     )
-    table_volts: tuple[float, ...] = preset("controller", "table_volts")
-    slip_threshold: float = preset("controller", "slip_threshold")
+    table_volts: tuple[float, ...] = quantity(
+        "V", "chosen: five knots; 4 V published", default=(0.0, 4.0, 10.0, 17.0, 24.0)
+    )
+    slip_threshold: float = quantity(
+        "rad/s", "fitted: a slower clutch counts as stuck", default=0.005983
+    )
 
     kind: ClassVar[float]
     """Number of the law, from ``pter_gym.controllers._gains``."""
@@ -94,10 +98,11 @@ class Guided:
 
     def __post_init__(self) -> None:
         """Check gains and table."""
+        types = types_of(type(self))
         for item in fields(self):
-            if item.type is bool:
+            if types[item.name] is bool:
                 require_flag(self, item.name)
-            elif item.type is float:
+            elif types[item.name] is float:
                 require_number(self, item.name, **self.ranges.get(item.name, {"at_least": 0.0}))
         require_numbers(self, "table_volts")
         rising = self.table_volts[:1] == (0.0,) and all(
@@ -140,8 +145,8 @@ class Impedance(Guided):
         "tip_space": (False, True),
     }
 
-    stiffness: float = preset("controller", "stiffness")
-    damping_normal: float = preset("controller", "damping_normal")
+    stiffness: float = quantity("N/m", "fitted: spring normal to the path", default=640.6)
+    damping_normal: float = quantity("N·s/m", "fitted: damper normal to the path", default=135.6)
     tip_space: bool = quantity(
         "1", "chosen: allocate for tip force, not joint torque", default=False
     )
@@ -154,7 +159,11 @@ class TorqueFeedback(Impedance):
     label = "Torque feedback"
     search = Impedance.search | LOOP
 
-    feedback: float = preset("controller", "feedback")
+    feedback: float = quantity(
+        "V/(N·m)",
+        "published: Kp = 0.06 (section IV-C.3), read as V per in·lbf",
+        default=0.5310447474796312,
+    )
     hold_when_stuck: bool = quantity(
         "1", "chosen: leave the loop out where it has no effect", default=False
     )

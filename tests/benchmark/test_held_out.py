@@ -29,10 +29,10 @@ print(json.dumps(errors))
 """
 
 ENTRIES = {
-    "the randomisation of each scenario": """
+    "the draws of each scenario": """
 from pter_gym.scenarios import SCENARIOS
 for scenario in SCENARIOS.values():
-    scenario.randomisation("slow", contexts=3).pairs()
+    scenario.draws.pairs(3, pace="slow")
 """,
     "the environments": """
 import gymnasium, pter_gym

@@ -101,9 +101,7 @@ def policies(course: Course) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name in (*IDLE, *LAWS, *TUNED, *shipped_policies()):
         try:
-            found[name] = bind(
-                find_policy(name, scenario=course.scenario), BASELINE, course.layout
-            )
+            found[name] = bind(find_policy(name, scenario=course.scenario), BASELINE, course.layout)
         except ParameterError:
             continue
     for honest in ("residual", "single-dof-tuned"):
@@ -198,7 +196,7 @@ def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: s
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_an_episode_pays_at_most_its_new_arc_length(scenario: str) -> None:
     """A step pays at most what it newly covers, an episode ``PERFECT``, whatever the voltages."""
-    pairs = find_scenario(scenario).randomisation(contexts=16, seed=3).pairs()
+    pairs = find_scenario(scenario).draws.pairs(16, 3)
     machines, tasks = map(list, zip(*pairs, strict=True))
     batch = Batch(machines, tasks)
     rng = np.random.default_rng(0)

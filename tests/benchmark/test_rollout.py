@@ -21,9 +21,7 @@ SEEDS = [3, 4, 5]
 
 
 def drawn(scenario: str, pace: str) -> tuple[Sequence[Any], Sequence[Any]]:
-    machines, tasks = zip(
-        *find_scenario(scenario).randomisation(pace, contexts=3, seed=8).pairs(), strict=True
-    )
+    machines, tasks = zip(*find_scenario(scenario).draws.pairs(3, 8, pace), strict=True)
     return machines, tasks
 
 

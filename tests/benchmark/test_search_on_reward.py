@@ -7,15 +7,14 @@ from numpy.typing import NDArray
 from benchmark.attacks import Course
 from benchmark.test_attacks import discounted, returns
 from benchmark.test_reward import CLEARLY, judge, policies, sight
-from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
-from pter_gym.benchmark.episodes import time_limit
+from pter_gym.benchmark.episodes import Episodes
+from pter_gym.benchmark.rollout import rollout
 from pter_gym.benchmark.scores import score_episodes
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, observation_layout
-from rollouts import run
 
 cmaes = pytest.importorskip("cmaes")
 
@@ -55,21 +54,17 @@ class Networks:
 
 def searched(course: Course, discount: float, seed: int) -> Array:
     """Return the best candidate of a search by CMA-ES (Hansen, arXiv:1604.00772)."""
-    draws = (
-        find_scenario(course.scenario)
-        .randomisation(course.pace, contexts=EPISODES, seed=seed)
-        .pairs()
-    )
-    machines, tasks = (list(each) * POPULATION for each in zip(*draws, strict=True))
-    batch, limits = Batch(machines, tasks), [time_limit(task) for task in tasks]
+    pairs = find_scenario(course.scenario).draws.pairs(EPISODES, seed, course.pace)
+    machines, tasks = (list(each) * POPULATION for each in zip(*pairs, strict=True))
+    worlds = len(tasks)
+    episodes = Episodes("", tuple(machines), tuple(tasks), tuple(range(worlds)), ("",) * worlds)
     search = cmaes.CMA(np.zeros(WEIGHTS), 0.3, seed=seed, population_size=POPULATION)
     best, highest = np.zeros(WEIGHTS), -np.inf
     for _ in range(CANDIDATES // POPULATION):
         points = np.array([search.ask() for _ in range(POPULATION)])
-        episodes = run(
-            batch, Networks(points, EPISODES), range(len(limits)), limits, columns=[COLUMN.reward]
-        )
-        rewards = np.nan_to_num(episodes.telemetry[1:, :, 0])
+        networks = Networks(points, EPISODES)
+        telemetry = rollout(networks, episodes, columns=[COLUMN.reward]).telemetry
+        rewards = np.nan_to_num(telemetry[1:, :, 0])
         found = [discounted(part, discount) for part in np.split(rewards, POPULATION, axis=1)]
         search.tell([(point, -value) for point, value in zip(points, found, strict=True)])
         if max(found) > highest:

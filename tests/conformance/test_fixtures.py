@@ -1,4 +1,4 @@
-"""Virtual fixtures: a corridor and a wall are paths with a free band, in which there is no error."""
+"""Virtual fixtures: corridor and wall are paths with a free band, where there is no error."""
 
 import math
 from typing import Any

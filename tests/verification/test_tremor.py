@@ -185,9 +185,7 @@ def test_the_kernel_adds_the_tremor_along_its_line_until_it_ends() -> None:
 
 
 def test_the_scenario_draws_all_kinds_and_arms_within_the_ranges_of_the_library() -> None:
-    hands: list[Any] = [
-        task.hand for _, task in find_scenario("tremor").randomisation(contexts=300, seed=1).pairs()
-    ]
+    hands: list[Any] = [task.hand for _, task in find_scenario("tremor").draws.pairs(300, 1)]
     assert {type(hand) for hand in hands} == set(KINDS.values())
     assert {hand.impedance for hand in hands} == {arm.hand for arm in LIBRARY_ARMS.values()}
     for name, kind in KINDS.items():

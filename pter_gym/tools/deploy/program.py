@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import layout_of, read
-from pter_gym._engine.world import Reading
 from pter_gym._internal.files import FilePath, find_path, write_files_atomic
 from pter_gym._internal.terminal import make_folder
 from pter_gym._physics.clutch import PerClutch
@@ -27,7 +26,7 @@ from pter_gym.paths import Path as Curve
 from pter_gym.paths import find_path as find_curve
 from pter_gym.policies import TrainedPolicy
 from pter_gym.tasks.path_following import PathFollowing, observation_layout
-from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Observation
+from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Observation, Reading
 from pter_gym.tools.deploy.functions import arctangent, command, cosine, encoder, observe, sine
 from pter_gym.tools.deploy.translating import Program
 from pter_gym.tools.deploy.values import Array, ConstantTable, Expression, Region

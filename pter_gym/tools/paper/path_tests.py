@@ -13,8 +13,7 @@ from pter_gym.benchmark.measures import per_clutch
 from pter_gym.params import Machine, with_friction
 from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.paper.clutch_tests import holding_torque
-from pter_gym.tools.paper.printed_values import TIME_CONSTANT
-from pter_gym.tools.paper.setup import SETUP, Setup
+from pter_gym.tools.paper.parameters import SETUP, TIME_CONSTANT, Setup
 from pter_gym.tools.paper.standard_test import Result, Run, run_standard_test
 from pter_gym.units import INCH, INCH_POUND
 

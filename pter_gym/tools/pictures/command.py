@@ -44,7 +44,7 @@ def watch(
         the final picture, with the tip's trail; its folder must exist. csv: File for the episode's
         whole telemetry; see docs/watching.md. Its folder must exist. size: Width and height of the
         picture in pixels. speed: Playback speed relative to real time; 0.2 is slow motion. machine:
-        Clutch material, or the preset of a machine of your own, instead of the one that the
+        Clutch material, or the file of a machine of your own, instead of the one that the
         scenario draws.
     """
     from pter_gym.benchmark import find_policy
@@ -56,7 +56,7 @@ def watch(
     check_arguments(names, out, csv, size, speed)
     seed = whole_number("seed", seed, at_least=0)
     drawn = find_scenario(scenario, machine, path)
-    held, task = drawn.randomisation(pace, contexts=1, seed=seed).pairs()[0]
+    held, task = drawn.draws.pairs(1, seed, pace)[0]
     found = {name: find_policy(name, drawn.whose_gains) for name in names}
     telemetry: dict[str, Any] = {}
     for name, policy in found.items():

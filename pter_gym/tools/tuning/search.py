@@ -14,9 +14,9 @@ from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, check_target, find_path
 from pter_gym.benchmark import Assessment, Episodes, assess, training_episodes
 from pter_gym.errors import ParameterError, StorageError, needs_extra
+from pter_gym.params import Machine
 from pter_gym.paths import Path as AnyPath
 from pter_gym.scenarios import find_pace, find_scenario, name_of_pace
-from pter_gym.scenarios._fixed_machine import AnyMachine, find_fixed_machine
 from pter_gym.tools.tuning.laws import Range, TunableLaw, find_law
 
 TRIALS = 3000
@@ -47,7 +47,7 @@ class TunedGains:
     trials: int
     episodes: int
     seed: int
-    machine: AnyMachine | None = None
+    machine: Machine | str | None = None
     path: AnyPath | str | None = None
 
     @property
@@ -58,7 +58,7 @@ class TunedGains:
             f"--episodes {self.episodes} --seed {self.seed}"
         )
         for name, given, kind in (
-            ("machine", self.machine, "PRESET.toml"),
+            ("machine", self.machine, "MACHINE.toml"),
             ("path", self.path, "FILE.csv"),
         ):
             if given is not None:
@@ -75,7 +75,7 @@ def tune(
     episodes: int = EPISODES,
     storage: FilePath = "pter-tune.journal",
     seed: int = 0,
-    machine: AnyMachine | None = None,
+    machine: Machine | str | None = None,
     path: AnyPath | str | None = None,
     on_trial: Callable[[int, float], None] = lambda _count, _best: None,
 ) -> TunedGains:
@@ -100,8 +100,8 @@ def tune(
     seed
         Seed of the draws and the search.
     machine
-        One machine for all draws, in place of those of the scenario: a machine, its name, or the
-        path of a preset.
+        One machine for all draws, in place of those of the scenario: a machine, its name, or
+        its file.
     path
         One path for all draws, as in ``find_scenario``.
     on_trial
@@ -120,10 +120,7 @@ def tune(
         holds.
     """
     journal = find_path("storage", storage)
-    own = (
-        None if machine is None else find_fixed_machine(machine)
-    )  # read once, in case its file changes
-    drawn, pace = find_scenario(scenario, own, path), name_of_pace(pace)
+    drawn, pace = find_scenario(scenario, machine, path), name_of_pace(pace)
     law = find_law(controller, find_pace(pace), drawn.whose_gains)
     trials, episodes = whole_number("trials", trials), whole_number("episodes", episodes)
     seed = whole_number("seed", seed, at_least=0)

@@ -104,7 +104,7 @@ def ride(machines: Sequence[Any], tasks: Sequence[Any]) -> Any:
 
 @pytest.fixture(scope="module")
 def recorded() -> Any:
-    pairs = find_scenario("everything").randomisation(contexts=WORLDS, seed=1).pairs()
+    pairs = find_scenario("everything").draws.pairs(WORLDS, 1)
     found = ride(*zip(*pairs, strict=True))
     assert np.isfinite(found).all()
     return found, episodes_of(found)

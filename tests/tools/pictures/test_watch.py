@@ -38,7 +38,7 @@ def test_policies_side_by_side_and_their_table(here: Path, capsys: pytest.Captur
         assert part in said
     with Image.open(here / "end.png") as picture:
         assert picture.size == (640, 240)
-    ((machine, task),) = find_scenario("hands").randomisation("brisk", contexts=1, seed=2).pairs()
+    ((machine, task),) = find_scenario("hands").draws.pairs(1, 2, "brisk")
     policy = find_policy("torque-feedback", scenario="hands")
     expected = record_episode(policy, machine, task, 2, time_limit(task)).telemetry
     with (here / "both.csv").open(newline="", encoding="utf-8") as file:

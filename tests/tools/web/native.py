@@ -67,12 +67,12 @@ def run_scenario(name: str, steps: int, folder: Path) -> dict[str, Any]:
     from pter_gym._engine.batch import Batch
     from pter_gym._engine.world import BASIC_ROWS, FLAGS, SAME_STEP
     from pter_gym.benchmark.policies import find_policy
-    from pter_gym.envs.scenario import training_draws
     from pter_gym.params import BASELINE
+    from pter_gym.scenarios import find_scenario
+    from pter_gym.tasks.path_following import STARTS
 
-    machines, tasks = zip(
-        *training_draws(name, contexts=32, context_seed=steps).pairs(), strict=True
-    )
+    draws = find_scenario(name).draws.with_task(starts=STARTS["path"])
+    machines, tasks = zip(*draws.pairs(32, steps), strict=True)
     batch = Batch(
         machines, tasks, WORLDS, draws=True, sensors="force", observe_context=True, max_steps=LIMIT
     )

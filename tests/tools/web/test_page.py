@@ -15,6 +15,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from pter_gym.params._preset import PRESET, format_preset
 
 from pter_gym._commands.main import main
 from pter_gym._engine.batch import Batch
@@ -24,7 +25,6 @@ from pter_gym.benchmark.scores import score
 from pter_gym.errors import ParameterError
 from pter_gym.hands import read_forces
 from pter_gym.params import BASELINE, MACHINES, Machine, find_machine, machine_of
-from pter_gym.params._preset import PRESET, format_preset
 from pter_gym.paths import Circle
 from pter_gym.policies._files import SHIPPED
 from pter_gym.scenarios import PACES
