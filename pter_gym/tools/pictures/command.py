@@ -50,7 +50,7 @@ def watch(
     from pter_gym.benchmark import find_policy
     from pter_gym.benchmark.simulation import record_episode, time_limit
     from pter_gym.tools.pictures import film
-    from pter_gym.tools.pictures.trajectories import write_trajectories
+    from pter_gym.benchmark.results import write_trajectories
 
     names = split(policies)
     check_arguments(names, out, csv, size, speed)
@@ -88,7 +88,7 @@ def check_arguments(
 ) -> None:
     """Check the arguments as far as possible before the simulation; errors name the argument."""
     from pter_gym.tools.pictures import film, viewer
-    from pter_gym.tools.pictures.trajectories import check_table
+    from pter_gym.benchmark.results import check_table
 
     if not 1 <= len(names) <= MAX_POLICIES:
         raise ParameterError(
