@@ -228,14 +228,20 @@ def _sample(
     layout, rng = env.observation_layout, np.random.default_rng(seed)
     residual = base is not None
     obs: Any = env.reset(seed=seed)[0]
+    memory: Any = base.start(len(obs)) if residual else None
     seen: list[NDArray[Any]] = []
     true: list[NDArray[Any]] = []
     for _ in range(SAMPLE_STEPS):
-        volts = base.act(obs).astype(np.float64) if residual else middle_volts(len(obs), interface)
+        volts = base.act(obs, memory) if residual else middle_volts(len(obs), interface)
         seen.append(quantities(obs * layout.scales, volts, layout, residual=residual))
         true.append(env.batch.truth())
         outputs = DEVIATION * rng.standard_normal((len(obs), len(interface.clutches)))
-        obs = env.step(to_volts(outputs, volts, interface).astype(np.float32))[0]
+        obs, _, terminated, truncated, _ = env.step(
+            to_volts(outputs, volts, interface).astype(np.float32)
+        )
+        if residual:
+            over = terminated | truncated
+            memory[over] = base.start(len(obs))[over]
     env.close()
     center, scale, varies = _moments(seen)
     names = available(layout, residual=residual)

@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 from pter_gym._internal.files import write_bytes_atomic
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.boards import UNRANKED, in_order
-from pter_gym.benchmark.simulation import record_episode, time_limit
+from pter_gym.benchmark.rollout import record_episode
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS, TorqueFeedback
 from pter_gym.params import Machine
@@ -177,7 +177,7 @@ def what_is_drawn(scenario: str, machine: Machine, task: PathFollowing) -> str:
 def telemetry(name: str, scenario: str, machine: Machine, task: PathFollowing) -> np.ndarray:
     """Return the telemetry of the episode that is shown."""
     policy = find_policy(name, scenario=scenario)
-    return record_episode(policy, machine, task, FILM_SEED, time_limit(task)).telemetry
+    return record_episode(policy, machine, task, FILM_SEED).telemetry
 
 
 def write_webp(shown: list[np.ndarray], path: Path, quality: int) -> None:

@@ -14,7 +14,7 @@ from pter_gym.scenarios import PACES, find_scenario
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from pter_gym.benchmark.simulation import AnyPolicy
+    from pter_gym.controllers import AnyPolicy
     from pter_gym.scenarios import Scenario
 
 POLICIES = ("residual", "single-dof-tuned", "torque-feedback", "impedance")
@@ -110,13 +110,12 @@ def film_policies(
     progress: "Progress",
 ) -> Path:
     """Film policies, the best first, on a training draw into a folder; return the path."""
-    from pter_gym.benchmark.simulation import record_episode, time_limit
+    from pter_gym.benchmark.rollout import record_episode
 
     artist = load_artist("film")
     ((machine, goal),) = scenario.randomisation(pace, contexts=1, seed=0).pairs()
-    limit = time_limit(goal)
     episodes = {
-        name: record_episode(policy, machine, goal, 0, limit, nominal=scenario.nominal).telemetry
+        name: record_episode(policy, machine, goal, 0, nominal=scenario.nominal).telemetry
         for name, policy in policies.items()
     }
     path = folder / f"{scenario.name}-{pace}{FILM_SUFFIX}"

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pter_gym._engine.batch import Batch
-from pter_gym.benchmark import PACES
+from pter_gym._compiled.layout import Layout
+from pter_gym.benchmark import PACES, training_episodes
 from pter_gym.benchmark.boards import mean_scores, reason_unranked
 from pter_gym.benchmark.measures import SEGMENTS
+from pter_gym.benchmark.rollout import rollout
 from pter_gym.benchmark.scores import Scores
-from pter_gym.benchmark.simulation import run, time_limit
-from pter_gym.controllers import BoundPolicy
-from pter_gym.params import BASELINE
-from pter_gym.scenarios import find_scenario
+from pter_gym.controllers import Policy
+from pter_gym.params import BASELINE, Machine
+from pter_gym.tasks.path_following import observation_layout
 
 EPISODES = 32
 SEED = 77
@@ -38,27 +38,29 @@ COURSES = [
 class Changed:
     """A policy of which the observations, or the volts, are changed; ``steps`` counts its steps."""
 
-    def __init__(self, honest: BoundPolicy, act: Callable[["Changed", Observations], Any]) -> None:
+    def __init__(self, honest: Policy, act: Callable[["Changed", Observations], Any]) -> None:
         self.honest = honest
         self._act = act
-        self.reset()
 
-    def reset(self) -> None:
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
+        return Policy.of_function(self.decide, layout, start=self.start)
+
+    def start(self, worlds: int) -> None:
         self.steps = 0
-        self.honest.reset()
+        self.memory = self.honest.start(worlds)
 
     def observe(self, obs: Observations, name: str) -> Array:
         """Return an entry of observations in its unit."""
         place = self.honest.layout.index(name)
         return obs[:, place] * float(self.honest.layout.scales[place])
 
-    def __call__(self, obs: Observations) -> Any:
+    def decide(self, obs: Observations, memory: None) -> Any:
         volts = self._act(self, obs)
         self.steps += 1
         return volts
 
 
-Attack = Callable[[BoundPolicy], Changed]
+Attack = Callable[[Policy], Changed]
 When = Callable[[Changed, Observations], Any]
 
 
@@ -73,7 +75,7 @@ def tells(pace: When = lambda *_: 1.0, error: When = lambda *_: 0.0) -> Attack:
         changed[:, off] = (changed[:, off] + 1.0) / factor - 1.0
         place = layout.index("normal_error")
         changed[:, place] += error(self, obs) / float(layout.scales[place])
-        return self.honest.act(changed)
+        return self.honest.act(changed, self.memory)
 
     return lambda honest: Changed(honest, act)
 
@@ -87,7 +89,7 @@ def sets(volts: float, when: When) -> Attack:
     """Set all clutches to a voltage at times."""
 
     def act(self: Changed, obs: Observations) -> Any:
-        decided = np.array(self.honest.act(obs))
+        decided = np.array(self.honest.act(obs, self.memory))
         decided[when(self, obs)] = volts
         return decided
 
@@ -147,15 +149,12 @@ class Course:
         self, scenario: str, pace: str, episodes: int = EPISODES, seed: int = SEED
     ) -> None:
         self.scenario, self.pace = scenario, PACES[pace]
-        machines, self.tasks = zip(
-            *find_scenario(scenario).randomisation(pace, contexts=episodes, seed=seed).pairs(),
-            strict=True,
-        )
-        self.batch = Batch(machines, self.tasks)
+        self.episodes = training_episodes(scenario, pace, episodes, seed)
+        self.tasks = self.episodes.tasks
+        self.layout = observation_layout(BASELINE, "torque")
 
     def telemetry(self, policy: Any) -> Array:
-        limits = [time_limit(task) for task in self.tasks]
-        return run(self.batch, policy, list(range(len(limits))), limits).telemetry
+        return rollout(policy, self.episodes).telemetry
 
     def ranked(self, scores: Scores) -> bool:
         return reason_unranked(mean_scores(scores), self.pace) is None

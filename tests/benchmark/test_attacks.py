@@ -24,6 +24,7 @@ from pter_gym.benchmark.measures import column
 from pter_gym.benchmark.scores import score_episodes
 from pter_gym.controllers import bind
 from pter_gym.params import BASELINE
+from rollouts import Acting
 
 HONEST = {"standard": "ppo-standard", "paths": "single-dof-tuned"}
 DISCOUNTS = (1.0, 0.998, 0.995, 0.99)
@@ -65,7 +66,7 @@ ON_SCORE: tuple[Attack, ...] = (
 
 def test_no_attack_ranks_above_the_honest_policy() -> None:
     course = Course("standard", "brisk")
-    policy = bind(find_policy("residual", scenario="standard"), BASELINE, course.batch.layout)
+    policy = bind(find_policy("residual", scenario="standard"), BASELINE, course.layout)
     honest, *attacks = (
         score_episodes(course.telemetry(rider), course.tasks)
         for rider in (policy, *(attack(policy) for attack in ON_SCORE))
@@ -78,7 +79,7 @@ def test_no_attack_ranks_above_the_honest_policy() -> None:
 @pytest.mark.parametrize(("scenario", "pace"), COURSES)
 def test_no_attack_has_the_return_of_the_honest_policy(scenario: str, pace: str) -> None:
     course = Course(scenario, pace)
-    policy = bind(find_policy(HONEST[scenario], scenario=scenario), BASELINE, course.batch.layout)
+    policy = bind(find_policy(HONEST[scenario], scenario=scenario), BASELINE, course.layout)
     rows = course.telemetry(policy)
     honest = [returns(rows, discount) for discount in DISCOUNTS]
     more = {}
@@ -97,7 +98,7 @@ def mean_return(policy: str, leaves_at: float = np.inf) -> float:
         "PTER/Standard-v0", 128, frame_skip=1, action_unit="volt", autoreset_mode="SAME_STEP"
     ).unwrapped
     layout = envs.batch.layout
-    rider = bind(find_policy(policy, scenario="standard"), BASELINE, layout)
+    rider = Acting(bind(find_policy(policy, scenario="standard"), BASELINE, layout))
     progress, error = layout.index("progress"), layout.index("normal_error")
     obs = envs.reset(seed=3)[0]
     total, alive = np.zeros(len(obs)), np.ones(len(obs), bool)
@@ -106,7 +107,7 @@ def mean_return(policy: str, leaves_at: float = np.inf) -> float:
         told[told[:, progress] * layout.scales[progress] >= leaves_at, error] += (
             0.5 / layout.scales[error]
         )
-        obs, rewards, terminated, truncated, _ = envs.step(rider.act(told))
+        obs, rewards, terminated, truncated, _ = envs.step(rider(told))
         total += np.where(alive, rewards, 0.0)
         alive &= ~(terminated | truncated)
     return float(total.mean())

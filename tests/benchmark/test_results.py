@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pter_gym.benchmark import PerSeed, ResultsFolder, ScenarioRun, leaderboards, run_scenario
+from pter_gym.benchmark import ResultsFolder, ScenarioRun, leaderboards, run_scenario
 from pter_gym.benchmark.results import read_run, run_path
 from pter_gym.benchmark.scores import OPTIONAL
 from pter_gym.controllers import Free, Locked
@@ -83,7 +83,7 @@ def test_a_strange_name_stays_in_its_folder(name: str, tmp_path: Path) -> None:
 def test_training_seeds_replace_those_of_an_earlier_policy(tmp_path: Path) -> None:
     for policies in ((Free(), Locked()), (Free(),)):
         run_scenario(
-            "standard", {"mine": PerSeed(policies)}, ["brisk"], episodes=1, results=tmp_path
+            "standard", {"mine": policies}, ["brisk"], episodes=1, results=tmp_path
         )
         assert len(ResultsFolder(tmp_path).runs()) == len(policies)
 

@@ -25,7 +25,6 @@ from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
 from pter_gym.benchmark.measures import column
 from pter_gym.benchmark.scores import score_episodes
-from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.controllers import bind
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
@@ -33,6 +32,7 @@ from pter_gym.policies import shipped_policies
 from pter_gym.scenarios import SCENARIOS, find_scenario
 from pter_gym.tasks.path_following import COLUMN
 from pter_gym.tasks.path_following._rules import PERFECT
+from rollouts import run
 
 DRAWS = 50
 SEED = 991
@@ -102,7 +102,7 @@ def policies(course: Course) -> dict[str, Any]:
     for name in (*IDLE, *LAWS, *TUNED, *shipped_policies()):
         try:
             found[name] = bind(
-                find_policy(name, scenario=course.scenario), BASELINE, course.batch.layout
+                find_policy(name, scenario=course.scenario), BASELINE, course.layout
             )
         except ParameterError:
             continue
@@ -123,7 +123,7 @@ def judge(policy: Any, course: Course) -> Judged:
 
 def sight(course: Course) -> float:
     """Return the discount whose horizon, 1/(1 − γ) control steps, is that of an episode."""
-    return 1.0 - 1.0 / float(np.median([time_limit(task) for task in course.tasks]))
+    return 1.0 - 1.0 / float(np.median(course.episodes.limits))
 
 
 @pytest.mark.parametrize(

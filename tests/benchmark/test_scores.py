@@ -22,12 +22,12 @@ from pter_gym.benchmark.measures import (
     smoothness,
 )
 from pter_gym.benchmark.scores import score, score_episodes
-from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Free
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import TELEMETRY
 from pter_gym.tasks.path_following._rules import ALLOWANCE
+from rollouts import simulate
 
 
 def test_constant_error_at_constant_speed() -> None:

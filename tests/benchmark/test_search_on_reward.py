@@ -10,11 +10,12 @@ from benchmark.test_reward import CLEARLY, judge, policies, sight
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.episodes import time_limit
 from pter_gym.benchmark.scores import score_episodes
-from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, observation_layout
+from rollouts import run
 
 cmaes = pytest.importorskip("cmaes")
 

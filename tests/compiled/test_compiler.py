@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 import pytest
+from pter_gym.controllers._base import _build_act
 
 from pter_gym._compiled import digests, pipeline
 from pter_gym._compiled.compiler import compile_kernel, device, outlined
 from pter_gym._compiled.digests import SOURCES, digest_of
 from pter_gym._compiled.records import load, rows, store
 from pter_gym._engine.kernels import _build_advance, _build_reset
-from pter_gym.controllers._base import _build_act
 
 needs_jit = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 

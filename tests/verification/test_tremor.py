@@ -10,7 +10,6 @@ import pytest
 from scipy import signal
 
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Free
 from pter_gym.errors import ParameterError
 from pter_gym.hands import (
@@ -27,6 +26,7 @@ from pter_gym.hands._tremor import KINDS
 from pter_gym.params import BASELINE, Arm
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from rollouts import simulate
 
 PERIOD = PathFollowing().control_period
 

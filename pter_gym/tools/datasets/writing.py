@@ -16,8 +16,8 @@ from pter_gym.tools.datasets.recording import (
     LEVELS,
     REFERENCE_EPISODES,
     RecordedEpisode,
-    actors_of,
     environment_of,
+    name_of_actor,
     reference_score,
 )
 
@@ -76,7 +76,7 @@ def write_dataset(
         "dataset_id": ident,
         "minari_version": minari.__version__,
         "eval_env_spec": judged.spec.to_json(),  # type: ignore[union-attr]
-        "algorithm_name": ", ".join(actor.name for actor in actors_of(scenario, level)),
+        "algorithm_name": name_of_actor(scenario, level),
         "author": {"pter_gym contributors"},
         "description": f"{LEVELS[level]}; {command}",
         "requirements": [f"pter-gym=={__version__}"],

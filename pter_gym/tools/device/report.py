@@ -16,11 +16,11 @@ from pter_gym._version import __version__
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.boards import Leaderboard, leaderboards
 from pter_gym.benchmark.episodes import find_episodes
-from pter_gym.benchmark.runs import evaluate
+from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.benchmark.scores import ScenarioRun
-from pter_gym.benchmark.simulation import AnyPolicy, record_episode, time_limit
+from pter_gym.benchmark.tuned import with_gains
+from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import unknown_name
-from pter_gym.policies._stored_gains import make_guided
 from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.scenarios._fixed_machine import AnyMachine, FixedMachine, find_fixed_machine
 from pter_gym.tools.device.measures import FREQUENCY, Rendering, measure_rendering
@@ -141,7 +141,7 @@ def examine_device(
         gains[scenario] = tune(
             law, scenario, pace, trials=trials, storage=storage, machine=own
         ).gains
-        tuned[scenario] = make_guided(law, gains[scenario])
+        tuned[scenario] = with_gains(law, gains[scenario])
         named = {f"{law}-tuned": tuned[scenario], FREE: find_policy(FREE), **(policies or {})}
         runs += _runs(named, scenario, pace, own, count)
     on_progress("measuring forces")
@@ -169,7 +169,7 @@ def _runs(
             0,
             SEED,
             drawn.strata,
-            evaluate(policy, drawn, nominal=own.machine),
+            evaluate(policy, drawn),
         )
         for name, policy in policies.items()
     ]
@@ -188,9 +188,7 @@ def _draw(
             ((machine, task),) = (
                 find_scenario(scenario, own).randomisation(report.pace, contexts=1, seed=0).pairs()
             )
-            rows = record_episode(
-                law, machine, task, 0, time_limit(task), nominal=own.machine
-            ).telemetry
+            rows = record_episode(law, machine, task, 0, nominal=own.machine).telemetry
             label = f"{SCENARIOS[scenario]}-tuned"
             known["film"].load().write_film(
                 machine, task, {label: rows}, folder / f"{scenario}.webp"

@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import device
 from pter_gym._engine.batch import Batch
-from pter_gym._engine.law import MEMORY, empty_memory
+from pter_gym._engine.law import MEMORY
 from pter_gym._engine.world import SKIP
 from pter_gym._internal.checks import whole_number
 from pter_gym._physics.clutch import PerClutch
 from pter_gym.benchmark.measures import START_UP, Recorded, mean_over
 from pter_gym.controllers import Policy
-from pter_gym.controllers._laws import IMPEDANCE, guide
+from pter_gym.controllers._gains import IMPEDANCE
+from pter_gym.controllers._laws import guide
 from pter_gym.errors import ParameterError
 from pter_gym.params import Arm, Machine, TorqueCurve
 from pter_gym.params._fields import check_number
@@ -305,15 +306,16 @@ def run_cases(cases: Sequence[Case]) -> Recorded:
     batch = Batch([slowed[id(case.machine), case.time_constant] for case in cases], tasks)
     for setup, _, _, feedback in cases:
         if (id(setup), feedback) not in bound:
-            bound[id(setup), feedback] = setup.policy(setup.baseline, batch.layout, feedback).gains
+            bound[id(setup), feedback] = setup.policy(
+                setup.baseline, batch.layout, feedback
+            ).law.gains
     gains = np.array([bound[id(case.setup), case.feedback] for case in cases])
     obs, first = batch.reset([0] * len(cases))
     flat = np.concatenate([[IMPEDANCE, gains.shape[1]], gains.ravel()])
-    law = Policy(flat, batch.layout, own_impedance)
-    memory, taken = empty_memory(len(cases)), list[Any]()
+    law = Policy.of_law(own_impedance, flat, batch.machine, batch.layout)
+    memory, taken = law.start(len(cases)), list[Any]()
     for _ in range(STEPS):
-        volts = law.decide(obs, memory)[:, : batch.num_actions]
-        returns = batch.step(np.clip(volts, 0.0, batch.action_high), SKIP)
+        returns = batch.step(law.act(obs, memory), SKIP)
         obs = returns.obs
         taken.append(returns.telemetry)
     rows: Any = np.concatenate(taken)
@@ -325,7 +327,7 @@ def run_cases(cases: Sequence[Case]) -> Recorded:
 def own_impedance(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of the impedance law with each world's own gains, (kind, count, gains of world 0, …)."""
     count = int(gains[1])
-    first = 2 + int(memory[MEMORY.world]) * count
+    first = 2 + int(memory[MEMORY.episode]) * count
     return guide(obs, scales, gains[first : first + count], memory)
 
 

@@ -48,7 +48,7 @@ def watch(
         scenario draws.
     """
     from pter_gym.benchmark import find_policy
-    from pter_gym.benchmark.simulation import record_episode, time_limit
+    from pter_gym.benchmark.rollout import record_episode
     from pter_gym.tools.pictures import film
     from pter_gym.benchmark.results import write_trajectories
 
@@ -60,9 +60,8 @@ def watch(
     found = {name: find_policy(name, drawn.whose_gains) for name in names}
     telemetry: dict[str, Any] = {}
     for name, policy in found.items():
-        telemetry[name] = record_episode(
-            policy, held, task, seed, time_limit(task), nominal=drawn.nominal
-        ).telemetry
+        episode = record_episode(policy, held, task, seed, nominal=drawn.nominal)
+        telemetry[name] = episode.telemetry
         say(f"{name}: {summary(telemetry[name])}")
     if csv:
         write_trajectories(telemetry, csv)
