@@ -82,9 +82,7 @@ def test_a_strange_name_stays_in_its_folder(name: str, tmp_path: Path) -> None:
 
 def test_training_seeds_replace_those_of_an_earlier_policy(tmp_path: Path) -> None:
     for policies in ((Free(), Locked()), (Free(),)):
-        run_scenario(
-            "standard", {"mine": policies}, ["brisk"], episodes=1, results=tmp_path
-        )
+        run_scenario("standard", {"mine": policies}, ["brisk"], episodes=1, results=tmp_path)
         assert len(ResultsFolder(tmp_path).runs()) == len(policies)
 
 

@@ -101,9 +101,7 @@ def policies(course: Course) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name in (*IDLE, *LAWS, *TUNED, *shipped_policies()):
         try:
-            found[name] = bind(
-                find_policy(name, scenario=course.scenario), BASELINE, course.layout
-            )
+            found[name] = bind(find_policy(name, scenario=course.scenario), BASELINE, course.layout)
         except ParameterError:
             continue
     for honest in ("residual", "single-dof-tuned"):
