@@ -1,6 +1,7 @@
 """Run policies on the evaluation episodes of the scenarios, score and rank them.
 
-``policies``, ``episodes`` → ``rollout``, ``runs`` → ``scores`` → ``intervals`` → ``boards``: policies
+``policies``, ``episodes`` → ``rollout``, ``runs`` → ``scores`` → ``intervals`` → ``boards``:
+policies
 act in episodes, each run is scored, scores become intervals, and these a leaderboard. ``results``
 stores runs in a folder.
 
