@@ -142,8 +142,8 @@ class ModelPolicy(BoundPolicy):
             len(rows) == len(self._low),
             machine,
             "clutches",
-            rows,
             f"{len(self._low)}, as the model's actions",
+            got=rows,
         )
         bound = ModelPolicy(
             self._model, self._normalise, self.frame_skip, machine.clutch.voltage_max

@@ -46,9 +46,7 @@ class Guided:
     V, 0 N·m). It ends at the machine's largest voltage, which replaces all knots from there on.
     """
 
-    damping_tangential: float = quantity(
-        "N·s/m", "fitted: damper along the path", default=106.4
-    )
+    damping_tangential: float = quantity("N·s/m", "fitted: damper along the path", default=106.4)
     pace_fraction: float = quantity(
         "1",
         "chosen: the damper along the path leaves this fraction of the commanded pace alone; paper: 0",
@@ -91,7 +89,7 @@ class Guided:
         rising = self.table_volts[:1] == (0.0,) and all(
             a < b for a, b in pairwise(self.table_volts)
         )
-        require(rising, self, "table_volts", self.table_volts, "a tuple of rising voltages from 0")
+        require(rising, self, "table_volts", "a tuple of rising voltages from 0")
 
     def gains(self) -> Gains:
         """Return the gains as the law reads them: the fields of the same names, and 0 for gains of other laws."""
@@ -122,12 +120,8 @@ class Impedance(Guided):
 
     kind = IMPEDANCE
 
-    stiffness: float = quantity(
-        "N/m", "fitted: spring normal to the path", default=640.6
-    )
-    damping_normal: float = quantity(
-        "N·s/m", "fitted: damper normal to the path", default=135.6
-    )
+    stiffness: float = quantity("N/m", "fitted: spring normal to the path", default=640.6)
+    damping_normal: float = quantity("N·s/m", "fitted: damper normal to the path", default=135.6)
     tip_space: bool = quantity(
         "1", "chosen: allocate for tip force, not joint torque", default=False
     )
@@ -247,17 +241,15 @@ class PaceSchedule:
         knots = self.knots
         given: Any = knots
         are_knots = isinstance(given, tuple) and len(knots) > 0 and all(map(_is_knot, knots))
-        require(are_knots, self, "knots", knots, accepted)
-        require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", knots, accepted)
+        require(are_knots, self, "knots", accepted)
+        require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", accepted)
         alike = {(type(controller), controller.table_volts) for _, controller in knots}
-        require(
-            len(alike) == 1, self, "knots", knots, "controllers of one kind with one table_volts"
-        )
+        require(len(alike) == 1, self, "knots", "controllers of one kind with one table_volts")
         require_number(self, "hold", at_least=0.0, below=1.0)
         apart = all(
             a * (1.0 + self.hold) < b * (1.0 - self.hold) for (a, _), (b, _) in pairwise(knots)
         )
-        require(apart, self, "hold", self.hold, "small enough to leave room between the knots")
+        require(apart, self, "hold", "small enough to leave room between the knots")
 
     def at(self, pace: float) -> Guided:
         """Return the controller of the knot at a commanded pace [m/s].

@@ -265,6 +265,7 @@ def _from_plain(value: Any) -> Any:
 
 def _builtin(value: Any) -> Any:
     """Return a number of NumPy's or a path as Python's own, and anything else as it is."""
-    if isinstance(value, np.number | np.bool_):
-        return value.item()
-    return os.fspath(cast(Any, value)) if isinstance(value, os.PathLike) else value
+    scalar: Any = value
+    if isinstance(value, np.generic):
+        return scalar.item()
+    return os.fspath(scalar) if hasattr(scalar, "__fspath__") else scalar

@@ -23,13 +23,7 @@ MAX_SUBSTEPS = 10_000
 def divided(machine: Machine | str | None, period: float) -> tuple[Machine, int]:
     """Return a machine whose substeps fill a control step of a period [s], and their number."""
     found = find_machine(machine)
-    require(
-        found.clutch.fade == 0.0,
-        found.clutch,
-        "fade",
-        found.clutch.fade,
-        "0: heat has no derivatives",
-    )
+    require(found.clutch.fade == 0.0, found.clutch, "fade", "0: heat has no derivatives")
     if not 0.0 < period <= MAX_SUBSTEPS * found.substep:
         raise ParameterError(
             f"period must be > 0 s and at most {MAX_SUBSTEPS * found.substep:g} s, got {period!r}"

@@ -109,13 +109,13 @@ class Interface:
     def __post_init__(self) -> None:
         """Check each field by itself."""
         known = {type(each) for each in self.inputs} == {Input} and len(self.inputs) <= MAX_INPUTS
-        require(known, self, "inputs", self.inputs, f"1 to {MAX_INPUTS} inputs")
+        require(known, self, "inputs", f"1 to {MAX_INPUTS} inputs")
         for name in ("reach", "voltage_max"):
             require_number(self, name, above=0.0)
         require_kind(self, "base", PaceSchedule, type(None))
         require_flag(self, "normalised")
         absolute = not (self.normalised and self.base)
-        require(absolute, self, "normalised", self.normalised, "False with a base controller")
+        require(absolute, self, "normalised", "False with a base controller")
         require_whole(self, "frame_skip")
         for name, largest in (("history", MAX_DELAY), ("averages", MAX_AVERAGE)):
             steps: tuple[int, ...] = getattr(self, name)
@@ -125,12 +125,14 @@ class Interface:
                 whole and all(a < b for a, b in pairwise((0, *steps, largest + 1))),
                 self,
                 name,
-                steps,
                 accepted,
+                got=steps,
             )
         require_kind(self, "clutches", tuple)
         for row in self.clutches:
-            require(type(row) is tuple and len(row) == 2, self, "clutches", row, "pairs of numbers")
+            require(
+                type(row) is tuple and len(row) == 2, self, "clutches", "pairs of numbers", got=row
+            )
 
     @property
     def size(self) -> int:

@@ -219,7 +219,9 @@ ASSUMED = "chosen: stated to pter identify, or that of its start"
 def origins_of(found: Identification) -> dict[str, str]:
     """Return where the numbers of the identified machine come from, by field."""
     name = _plain(PurePath(found.log.name).name)
-    origins: dict[str, str] = dict.fromkeys(("arm.length_a", "arm.length_b", "clutch.voltage_max"), ASSUMED)
+    origins: dict[str, str] = dict.fromkeys(
+        ("arm.length_a", "arm.length_b", "clutch.voltage_max"), ASSUMED
+    )
     for place in {finding.quantity.place for finding in found.findings} - {""}:
         told = [finding for finding in found.findings if finding.quantity.place == place]
         kind = "chosen" if all(finding.status == "kept" for finding in told) else "identified"

@@ -73,9 +73,7 @@ class Setup:
 
     def __post_init__(self) -> None:
         """Check that there are machines; the parts have checked themselves."""
-        require(
-            bool(self.machines), self, "machines", self.machines, "at least one machine by name"
-        )
+        require(bool(self.machines), self, "machines", "at least one machine by name")
 
     @property
     def baseline(self) -> Machine:
