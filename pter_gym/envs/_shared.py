@@ -265,7 +265,6 @@ def _from_plain(value: Any) -> Any:
 
 def _builtin(value: Any) -> Any:
     """Return a number of NumPy's or a path as Python's own, and anything else as it is."""
-    scalar: Any = value
-    if isinstance(value, np.generic):
-        return scalar.item()
-    return os.fspath(scalar) if hasattr(scalar, "__fspath__") else scalar
+    if isinstance(value, os.PathLike):
+        return os.fspath(cast("os.PathLike[str]", value))
+    return value.item() if hasattr(value, "item") and np.ndim(value) == 0 else value
