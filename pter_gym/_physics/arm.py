@@ -7,7 +7,9 @@ Both angles are absolute. With a coaxial drive and a parallelogram the mass matr
     M(θ)·θ̈ + V(θ, θ̇) = Wᵀτ + JᵀF      M12 = c·cos(θA − θB)   V = c·sin(θA − θB)·(θ̇B², −θ̇A²)
 """
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
 
 from pter_gym._compiled.compiler import device
 from pter_gym._compiled.records import Entry
@@ -104,6 +106,48 @@ class Load(NamedTuple):
     torque_b: float
     target_x: float
     target_y: float
+
+
+@device
+def components(vector: Vector, direction: UnitVector) -> tuple[float, float]:
+    """Return the components of a vector along a direction and across it, positive to its left."""
+    return (
+        vector.x * direction.cos + vector.y * direction.sin,
+        vector.y * direction.cos - vector.x * direction.sin,
+    )
+
+
+def motion_of(theta: Any, omega: Any = (0.0, 0.0)) -> Any:
+    """Return the ``Motion`` of angles [rad] and angular velocities [rad/s], of shape (…, 2) each."""
+    (a, b), (omega_a, omega_b) = (
+        np.moveaxis(np.asarray(x, np.float64), -1, 0) for x in (theta, omega)
+    )
+    return Motion(a, b, omega_a, omega_b, np.cos(a), np.sin(a), np.cos(b), np.sin(b))
+
+
+@device
+def elbow_cosine(length_a: float, length_b: float, x: float, y: float) -> float:
+    """Return cos(θA − θB) with the tip at (x, y) [m], outside of [−1, 1] where it is out of reach."""
+    return (x * x + y * y - length_a * length_a - length_b * length_b) / (2.0 * length_a * length_b)
+
+
+@device
+def motion_at(arm: Linkage, x: float, y: float) -> Motion:
+    """Return the arm at rest with the tip at (x, y) [m]; θB leads θA.
+
+    Called from Python, it takes arrays too, and returns NaN out of reach.
+    """
+    cos = elbow_cosine(arm.length_a, arm.length_b, x, y)
+    sin = np.sqrt(1.0 - cos * cos)
+    re = arm.length_a + arm.length_b * cos
+    im = arm.length_b * sin
+    square = x * x + y * y
+    cos_a = (x * re + y * im) / square
+    sin_a = (y * re - x * im) / square
+    cos_b = cos_a * cos - sin_a * sin
+    sin_b = sin_a * cos + cos_a * sin
+    theta_a, theta_b = np.arctan2(sin_a, cos_a), np.arctan2(sin_b, cos_b)
+    return Motion(theta_a, theta_b, 0.0, 0.0, cos_a, sin_a, cos_b, sin_b)
 
 
 @device

@@ -11,10 +11,10 @@ from pter_gym._compiled.compiler import compile_kernel, device, inlined, outline
 from pter_gym._compiled.records import load, rows, store, width, write
 from pter_gym._physics.arm import (
     Load,
-    Motion,
     PerLink,
     Vector,
     kinetic_energy,
+    motion_of,
     tip_position,
     tip_velocity,
 )
@@ -241,10 +241,8 @@ def body_of(machine: Machine, state: State) -> Array:
     body: Any = np.zeros((BODY_WIDTH, 1))
     store(body, BODY.machine, 0, model_of(machine))
     store(body, BODY.arrangement, 0, arrangement_of(machine))
-    theta_a, theta_b = _vector("state.theta", state.theta, 2)
-    omega_a, omega_b = _vector("state.omega", state.omega, 2)
-    units = np.cos(theta_a), np.sin(theta_a), np.cos(theta_b), np.sin(theta_b)
-    store(body, BODY.motion, 0, Motion(theta_a, theta_b, omega_a, omega_b, *units))
+    theta, omega = _vector("state.theta", state.theta, 2), _vector("state.omega", state.omega, 2)
+    store(body, BODY.motion, 0, motion_of(theta, omega))
     names = ("torque_breakaway", "torque_dynamic", "lagged_volts", "heat")
     found = {name: PerClutch(*_vector(f"state.{name}", getattr(state, name), 4)) for name in names}
     for name, values in found.items():

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pter_gym._physics.arm import Motion, tip_position, tip_velocity
 from pter_gym._physics.open_loop import BODY_WIDTH, State, body_of, check_volts, numbers
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.gradients._adjoint import FIRST, LAST, kernels
@@ -233,9 +234,7 @@ def run(inputs: Inputs) -> Rollout:
         raise DivergenceError(
             f"the motion diverged in control step {int(diverged.argmax()) - 1}: make substeps shorter"
         )
-    position, velocity = tip_motion(
-        states, np.array([machine.arm.length_a, machine.arm.length_b]), np
-    )
+    position, velocity = tip_motion(states, machine.arm, np)
     return Rollout(
         **{name: states[:, begin:end] for name, (begin, end) in STATE.items()},
         tip_position=position,
@@ -245,11 +244,10 @@ def run(inputs: Inputs) -> Rollout:
     )
 
 
-def tip_motion(states: Any, lengths: Any, library: Any) -> tuple[Any, Any]:
-    """Return position and velocity of the tip at the control instants, by the functions of NumPy or of JAX."""
-    reach = lengths[:, None] * states[:, UNITS].reshape(-1, 2, 2)
-    across = library.stack([-reach[..., 1], reach[..., 0]], axis=-1)
-    return reach.sum(axis=1), (states[:, 2:4, None] * across).sum(axis=1)
+def tip_motion(states: Any, arm: Any, library: Any) -> tuple[Any, Any]:
+    """Return position and velocity of the tip at the control instants, as arrays of NumPy or of JAX."""
+    q = Motion(*states.T[: len(Motion._fields)])
+    return tuple(library.stack(of(arm, q), axis=-1) for of in (tip_position, tip_velocity))
 
 
 def gradient_of(inputs: Inputs, states: Array, by_states: Array) -> Gradient:

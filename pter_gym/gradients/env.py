@@ -38,7 +38,7 @@ from pter_gym.gradients.jax import (
     lax,
     rolling,
 )
-from pter_gym.paths._projection import foot_on, project, segment_at
+from pter_gym.paths._projection import foot_on, neighbour, project, segment_at
 from pter_gym.tasks.path_following._observation import BOUND
 
 
@@ -158,9 +158,7 @@ def _project(constants: Any, first: Any, count: Any, segment: Any, x: Any, y: An
     def turn(segment: Any, direction: Any) -> Any:
         arc = segment_at(constants, first, segment)
         s = _foot_on(arc, segment, *lax.stop_gradient((x, y))).arc_length
-        ahead = (s > arc.start + arc.length) & (segment < count - 1) & (direction >= 0)
-        behind = (s < arc.start) & (segment > 0) & (direction <= 0)
-        return jnp.where(ahead, 1, jnp.where(behind, -1, 0))
+        return _neighbour(arc, segment, count, s, direction)
 
     def walk(at: Any) -> Any:
         return at[0] + at[1], turn(at[0] + at[1], at[1])
@@ -176,6 +174,7 @@ def _clipped(volts: PerClutch, most: Any) -> PerClutch:
 _MADE: dict[Any, Any] = {clipped: _clipped, getattr(project, "py_func", project): _project}
 (
     _foot_on,
+    _neighbour,
     _given_volts,
     _take_command,
     _set_strengths,
@@ -188,6 +187,7 @@ _MADE: dict[Any, Any] = {clipped: _clipped, getattr(project, "py_func", project)
     branchless(each, MEANING, _MADE)
     for each in (
         foot_on,
+        neighbour,
         given_volts,
         take_command,
         set_strengths,

@@ -177,13 +177,13 @@ def make_rollout(
             body.at[:FIRST].set(jnp.stack([*map(jnp.asarray, flat(model))])).at[STRENGTH].set(1.0)
         )
         states = roll(body.at[BODY.arrangement.a.x1 :].set(fixed), volts, force, target)
-        return _motion(states, jnp.stack([model.arm.length_a, model.arm.length_b]))
+        return _motion(states, model.arm)
 
     return rollout
 
 
-def _motion(states: jax.Array, lengths: jax.Array) -> JaxMotion:
-    position, velocity = tip_motion(states, lengths, jnp)
+def _motion(states: jax.Array, arm: Any) -> JaxMotion:
+    position, velocity = tip_motion(states, arm, jnp)
     return JaxMotion(
         **{name: states[:, begin:end] for name, (begin, end) in STATE.items()},
         tip_position=position,

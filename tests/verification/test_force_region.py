@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from pter_gym._engine.batch import Batch
+from pter_gym._physics.arm import motion_at
 from pter_gym._physics.model import model_of
 from pter_gym.benchmark._measures import per_clutch, vector
 from pter_gym.benchmark.simulation import simulate
@@ -23,7 +24,6 @@ from pter_gym.haptics import (
 )
 from pter_gym.params import BASELINE, MACHINES, Machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
-from pter_gym.tasks.path_following._rules import motion_at
 
 ARM = BASELINE.arm
 DYNAMIC, HELD = BASELINE.clutch.dynamic.torque(24.0), BASELINE.clutch.breakaway.torque(24.0)

@@ -13,7 +13,15 @@ from pter_gym._compiled.records import load, store
 from pter_gym._engine.episode import place, spread
 from pter_gym._engine.step import gaussians, hand_force, take_reading
 from pter_gym._engine.world import ROW, ROWS, Target
-from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, tip_position, tip_velocity
+from pter_gym._physics.arm import (
+    Linkage,
+    Motion,
+    UnitVector,
+    Vector,
+    motion_at,
+    tip_position,
+    tip_velocity,
+)
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.limits import MAX_SUBSTEPS, largest_energy, largest_travel
 from pter_gym._physics.model import model_of
@@ -52,7 +60,6 @@ from pter_gym.tasks.path_following._rules import (
     SensingModel,
     Terms,
     in_start_up,
-    motion_at,
     pace_cost,
     pace_share,
     reached_end,

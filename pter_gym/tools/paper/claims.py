@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from pter_gym._physics.arm import velocity_torque
+from pter_gym._physics.arm import motion_of, velocity_torque
 from pter_gym._physics.model import model_of
-from pter_gym.tools.paper.clutch_tests import holding_torque, motion
+from pter_gym.tools.paper.clutch_tests import holding_torque
 from pter_gym.tools.paper.experiments import Experiments
 from pter_gym.tools.paper.path_tests import BEST_GAIN, PLATEAU_FROM
 
@@ -180,7 +180,7 @@ def _velocity_share(experiments: Experiments) -> float:
     test = experiments.single_dof[0]
     run, locked = test.trajectory, float(test.locked_torque[-1])
     _, v2 = velocity_torque(
-        model_of(experiments.setup.baseline).arm, motion(run.theta[-1], run.omega[-1])
+        model_of(experiments.setup.baseline).arm, motion_of(run.theta[-1], run.omega[-1])
     )
     return v2 / locked if locked != 0.0 else math.nan
 

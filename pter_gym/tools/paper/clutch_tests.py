@@ -32,20 +32,14 @@ def resolved(machine: Machine, longest: float = RESOLUTION) -> Machine:
     return replace(machine, substep=min(machine.substep, longest))
 
 
-def motion(theta: ArrayLike, omega: ArrayLike = (0.0, 0.0)) -> arm.Motion:
-    """Return angles [rad] and angular velocities [rad/s], shape (2,), as the arm's equations take them."""
-    (a, b), (omega_a, omega_b) = np.asarray(theta, float), np.asarray(omega, float)
-    return arm.Motion(a, b, omega_a, omega_b, np.cos(a), np.sin(a), np.cos(b), np.sin(b))
-
-
 def tip(machine: Machine, theta: ArrayLike) -> Array:
     """Return the tip position [m], shape (2,), at angles [rad]."""
-    return np.array(arm.tip_position(model_of(machine).arm, motion(theta)))
+    return np.array(arm.tip_position(model_of(machine).arm, arm.motion_of(theta)))
 
 
 def tip_force(machine: Machine, theta: ArrayLike, joint_torque: ArrayLike) -> Array:
     """Return the tip force [N], shape (2,), that loads the links with given torques [N·m] at angles [rad]."""
-    at = model_of(machine).arm, motion(theta)
+    at = model_of(machine).arm, arm.motion_of(theta)
     columns = [arm.joint_torque(*at, 1.0, 0.0), arm.joint_torque(*at, 0.0, 1.0)]
     return np.linalg.solve(np.array(columns).T, np.asarray(joint_torque, float))
 
