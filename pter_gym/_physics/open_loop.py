@@ -258,7 +258,7 @@ def body_of(machine: Machine, state: State) -> Array:
 
 @inlined
 def scratch(body: Any) -> Any:
-    """Return a copy of a machine, from ``body_of``, whose shape the compiler knows: its entries stay in registers."""
+    """Return a copy of a ``body_of`` with a constant shape, so its entries stay in registers."""
     copy = np.empty((BODY_WIDTH, 1))
     copy[:] = body
     return copy
@@ -270,12 +270,12 @@ def _load_on(body: Any, i: int) -> Load:
 
 
 def _functions(arrangement_at: Any) -> tuple[Any, Any]:
-    """Return ``advance`` and ``row_of`` for machines whose clutches ``arrangement_at`` tells; see ``substep_on``."""
+    """Return ``advance`` and ``row_of``; see ``substep_on`` for ``arrangement_at``."""
     control_step = control_step_on(BODY, _load_on, arrangement_at)
 
     @device
     def advance(body: Any, command: PerClutch, on: Load, h: float) -> None:
-        """Advance one machine, from ``body_of``, by a substep of h [s] at a command [V] under a load."""
+        """Advance a ``body_of`` by a substep of h [s] at a command [V] under a load."""
         store(body, BODY.command, 0, command)
         store(body, BODY.load, 0, on)
         store(
@@ -287,7 +287,7 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
 
     @outlined
     def heat_clutches(body: Any, h: float) -> None:
-        """Add what the clutches have dissipated in a substep, and find what that leaves of their torques."""
+        """Add what a substep has dissipated to the clutches' heat, and fade their torques."""
         q, impact, capacity = (
             load(body, BODY.motion, 0),
             load(body, BODY.impact, 0),

@@ -1,5 +1,4 @@
-"""The adjoint of a rollout: control steps forward on the simulator's own functions, and backward
-through each substep.
+"""The adjoint of a rollout: control steps forward, then backward through each stage.
 
 Forward, the state at each control instant is kept. Backward, a control step is simulated again from
 there, and its stages are gone through from the last to the first: drift, kick, and what the
@@ -49,8 +48,7 @@ aim, drift, _ = substep_on(BODY, load_on)
 
 
 class Kick(NamedTuple):
-    """A kick's stages, as ``substep_on`` makes them, each of a column of an array with the rows
-    ``BODY``.
+    """A kick's stages, as ``substep_on`` makes them, on columns with the rows ``BODY``.
 
     Attributes
     ----------
@@ -108,7 +106,7 @@ def _drift_adjoint(body: Any, bar: Any, h: float, whole: bool, aims: bool) -> No
 
 @device
 def _take_adjoint(bar: Any) -> None:
-    """Pull adjoints back through the step from the velocities of before a kick to those that were found."""
+    """Pull adjoints back from the velocities after a kick to those that ``find`` stores."""
     bar[BODY.omega.a, 0] += bar[OMEGA.a, 0]
     bar[BODY.omega.b, 0] += bar[OMEGA.b, 0]
     store(bar, OMEGA, 0, PerLink(0.0, 0.0))
@@ -307,7 +305,7 @@ def _build_backward(digest: str) -> Any:
 
 @cache
 def kernels(*, has_paper_clutches: bool) -> tuple[Any, Any]:
-    """Return ``forward`` and ``backward`` of whole rollouts, for the paper's clutches or other ones."""
+    """Return ``forward`` and ``backward`` of rollouts, for the paper's or declared clutches."""
     stages = kick_stages(paper_clutches if has_paper_clutches else arrangement_from(BODY))
     forward, backward = _forward_on(stages.whole), _backward_on(stages)
     backward_kernel = compile_kernel(_build_backward, forward_step=forward, backward_step=backward)

@@ -1,5 +1,4 @@
-"""Functions of the simulator without branches, for values that have no truth of their own: a
-trace's, or JAX's.
+"""Functions of the simulator without branches, for the numbers of a trace or of JAX.
 
 The functions of a substep are straight-line code but for conditional expressions. ``branchless``
 makes the same function with calls in place of those.
@@ -22,7 +21,7 @@ _REWRITTEN = tuple(
 
 
 class _Branchless(ast.NodeTransformer):
-    """Replace ``a if c else b``, ``not c``, ``a / b`` and an ``if c: return a`` with calls; drop annotations."""
+    """Replace ``a if c else b``, ``not c``, ``a / b`` and ``if c: return a`` with calls."""
 
     def visit_IfExp(self, node: ast.IfExp) -> ast.AST:
         self.generic_visit(node)
@@ -70,8 +69,7 @@ def _call(name: str, *arguments: ast.expr) -> ast.Call:
 
 
 def branchless(function: Any, meaning: Mapping[str, Any], made: dict[Any, Any]) -> Any:
-    """Return a function of the simulator, and all that it calls, as Python code for any kind of
-    number.
+    """Return a function of the simulator, and all that it calls, for any kind of number.
 
     Parameters
     ----------
@@ -125,8 +123,7 @@ def _parsed(function: FunctionType) -> ast.Module:
 
 
 class Column:
-    """One column of an array as a stage of a substep reads and writes it, with any kind of numbers
-    in its rows.
+    """A column of an array, as a stage reads and writes it, of any kind of number.
 
     Attributes
     ----------

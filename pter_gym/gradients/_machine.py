@@ -1,4 +1,4 @@
-"""Derivatives with respect to a machine's parameters, from those with respect to the kernels' constants."""
+"""Derivatives by a machine's parameters, from those by the kernels' constants."""
 
 import math
 from dataclasses import fields, is_dataclass, replace
@@ -47,7 +47,7 @@ def numbers_of(machine: Machine) -> dict[str, float]:
 
 
 def by_machine(machine: Machine, bar: Any) -> dict[str, float]:
-    """Return derivatives with respect to a machine's parameters, from those for the entries of a body (entries, 1)."""
+    """Return derivatives by a machine's parameters, from those by a body's (entries, 1)."""
     places = numbers_of(machine)
     rows = BODY_WIDTH + len(places)
     w, found = np.zeros((rows, 1)), np.zeros((rows, 1))

@@ -30,7 +30,7 @@ UNITS = slice(4, 8)
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a rollout begins with and what acts in it, checked, as the kernels take it: N control steps, S substeps."""
+    """Arguments of a rollout, checked, as the kernels take them: N control steps, S substeps."""
 
     machine: Machine
     body: Array
@@ -41,8 +41,7 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Gradient:
-    """Derivatives of a scalar with respect to the inputs of a rollout of N control steps with S
-    substeps each.
+    """Derivatives of a scalar by the inputs of a rollout, N control steps of S substeps each.
 
     Attributes
     ----------
@@ -97,8 +96,7 @@ class Rollout:
         return _state_of(self._states[-1])
 
     def gradient(self, **by: ArrayLike) -> Gradient:
-        """Return the gradient of a scalar, given its derivatives with respect to attributes of this
-        rollout.
+        """Return the gradient of a scalar, from its derivatives by attributes of this rollout.
 
         Parameters
         ----------
@@ -134,7 +132,7 @@ class Rollout:
         return array
 
     def _by_states(self, by: dict[str, Array]) -> tuple[Array, dict[str, float]]:
-        """Return derivatives by all that is kept of a control instant, and by lengths, from those by named parts."""
+        """Return derivatives by the states at control instants, and by lengths of links."""
         found = np.zeros_like(self._states)
         for name, (begin, end) in STATE.items():
             found[:, begin:end] += by.get(name, 0.0)
@@ -232,7 +230,8 @@ def run(inputs: Inputs) -> Rollout:
     diverged = ~np.isfinite(states).all(axis=1)
     if diverged.any():
         raise DivergenceError(
-            f"the motion diverged in control step {int(diverged.argmax()) - 1}: make substeps shorter"
+            f"the motion diverged in control step {int(diverged.argmax()) - 1}: "
+            "make substeps shorter"
         )
     position, velocity = tip_motion(states, machine.arm, np)
     return Rollout(
@@ -245,13 +244,13 @@ def run(inputs: Inputs) -> Rollout:
 
 
 def tip_motion(states: Any, arm: Any, library: Any) -> tuple[Any, Any]:
-    """Return position and velocity of the tip at the control instants, as arrays of NumPy or of JAX."""
+    """Return position and velocity of the tip at the control instants, for NumPy or JAX."""
     q = Motion(*states.T[: len(Motion._fields)])
     return tuple(library.stack(of(arm, q), axis=-1) for of in (tip_position, tip_velocity))
 
 
 def gradient_of(inputs: Inputs, states: Array, by_states: Array) -> Gradient:
-    """Return the gradient of a scalar by its derivatives with respect to what is kept of each control instant."""
+    """Return the gradient of a scalar, from its derivatives by the states at control instants."""
     volts, force, target = (
         np.empty_like(each) for each in (inputs.volts, inputs.hand_force, inputs.hand_target)
     )
@@ -269,7 +268,8 @@ def _in_substeps(name: str, values: ArrayLike, shape: tuple[int, int, int]) -> A
     array, (steps, _, width) = numbers(name, values), shape
     if array.shape not in ((width,), (steps, width), shape):
         raise ParameterError(
-            f"{name} must have the shape ({width},), ({steps}, {width}) or {shape}, got {array.shape}"
+            f"{name} must have the shape ({width},), ({steps}, {width}) or {shape}, "
+            f"got {array.shape}"
         )
     spread = array[:, None] if array.ndim == 2 else array
     return np.array(np.broadcast_to(spread, shape), order="C")

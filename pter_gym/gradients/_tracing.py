@@ -1,5 +1,4 @@
-"""Derivatives from the simulator's own source: the adjoint and the tangents of a stage, from a
-trace of it.
+"""Derivatives from the simulator's own source: adjoints and tangents from a trace.
 
 ``adjoint_of`` and ``tangent_of`` run a stage of a substep once, without branches, on values that
 note each operation, and write out the vector–Jacobian product, or the Jacobian–vector products, as
@@ -158,7 +157,7 @@ tangent g adds to that of the operation. """
 
 
 def _traced(*given: Any) -> Any:
-    """Note the friction problem, whose derivatives are ``resolve_adjoint`` and ``resolve_tangent``."""
+    """Note the friction problem; it has ``resolve_adjoint`` and ``resolve_tangent``."""
     trace: _Trace = next(each.trace for each in flat(given) if isinstance(each, _Value))
     return trace.note("resolve", *given, results=2)
 

@@ -60,12 +60,11 @@ class DifferentiableEnvState(NamedTuple):
 
 
 EpisodeEnd = Literal["raise", "constant"]
-"""What to do with a derivative that would pass through the end of an episode, where there is a jump."""
+"""What to do with a derivative that would pass through the end of an episode, a jump."""
 
 
 class DifferentiableEnv(jax_env.JaxEnv):
-    """Pure functions of one world as ``JaxEnv`` has them, whose ``step`` has a derivative; make one
-    with ``make``.
+    """A ``JaxEnv`` whose ``step`` has a derivative; make one with ``make``.
 
     Observation, reward and next state are differentiated by the action and the state. ``params``
     counts as constant; ``step`` takes its constants alone.
@@ -80,8 +79,8 @@ class DifferentiableEnv(jax_env.JaxEnv):
             )
         if env.batch.device_arrays()["worlds"].shape[1] != BASIC_ROWS:
             raise ParameterError(
-                "hand must be a push and sines, and sensing ideal, for a step to be differentiated: "
-                "not a recorded hand, one with an intent, or noise and delay"
+                "hand must be a push and sines, and sensing ideal, for a step to be "
+                "differentiated: not a recorded hand, one with an intent, or noise and delay"
             )
         if env.observation_layout.names[-1].startswith(("torque", "force")):
             raise ParameterError('sensors must be "encoders" for a step to be differentiated')
@@ -153,7 +152,7 @@ _whole = MEANING["int"]
 
 
 def _project(constants: Any, first: Any, count: Any, segment: Any, x: Any, y: Any) -> Any:
-    """Return the projection of a point onto a chain of arcs; the walk to the arc that holds it has no derivative."""
+    """Return a point's projection onto a chain of arcs; the walk to its arc has no derivative."""
 
     def turn(segment: Any, direction: Any) -> Any:
         arc = segment_at(constants, first, segment)
@@ -275,8 +274,9 @@ def _following(config: Config, frame_skip: int) -> Any:
 
 def _refuse() -> None:
     raise ParameterError(
-        "gradient must not pass through the end of an episode, where there is a jump: take fewer steps, apply "
-        'jax.lax.stop_gradient where an episode ends, or make the environment with episode_end="constant"'
+        "gradient must not pass through the end of an episode, where there is a jump: take fewer "
+        "steps, apply jax.lax.stop_gradient where an episode ends, or make the environment with "
+        'episode_end="constant"'
     )
 
 
@@ -294,7 +294,7 @@ def _(size: int, _: Any, passes: Any) -> Any:
 
 
 def _advancing(advance: Any, config: Config, frame_skip: int, episode_end: EpisodeEnd) -> Any:
-    """Return a step as a function of a world's numbers, an action, the other parts of its state, and what is shared."""
+    """Return a step as a function of a world's numbers, an action, its state and shared data."""
     follow = _following(config, frame_skip)
 
     @first_order

@@ -41,7 +41,7 @@ STRENGTH = slice(BODY.strength.x1, BODY.strength.x4 + 1)
 
 
 def _divide(x: Any, y: Any) -> Any:
-    """Return x/y; what a branch that is not taken divides by zero is finite, so that its derivative is."""
+    """Return x/y, finite in a branch that is not taken, as its derivative has to be."""
     return x / jnp.where(y == 0.0, 1.0, y)
 
 
@@ -107,8 +107,7 @@ class JaxMotion(NamedTuple):
 def make_rollout(
     machine: Machine | str | None = None, period: float = 0.01
 ) -> Callable[..., JaxMotion]:
-    """Return ``pter_gym.gradients.rollout`` of a machine as a JAX function, for ``grad``, ``jit``
-    and ``vmap``.
+    """Return ``rollout`` of a machine as a JAX function, for ``grad``, ``jit`` and ``vmap``.
 
     Parameters
     ----------
@@ -210,7 +209,7 @@ def _spread(name: str, values: Any, shape: tuple[int, int, int]) -> jax.Array:
 
 
 def rolling(has_paper_clutches: bool, substep: float) -> Any:
-    """Return the states at the control instants as a function of a body, voltages, forces and targets."""
+    """Return a function of body, voltages, forces and targets: states at control instants."""
     names = {name: _registered(name, has_paper_clutches) for name in ("forward", "backward")}
     h = words_of(np.array([substep]))
 
@@ -271,7 +270,7 @@ def floats_of(words: jax.Array) -> jax.Array:
 
 @cache
 def _registered(name: str, has_paper_clutches: bool) -> str:
-    """Register the call ``forward`` or ``backward``, once; return the name by which XLA knows it."""
+    """Register the call ``forward`` or ``backward``, once; return its name in XLA."""
     forward, backward = kernels(has_paper_clutches=has_paper_clutches)
     called = f"pter_rollout_{name}_{'paper' if has_paper_clutches else 'declared'}"
     _XLA.register(
@@ -282,7 +281,7 @@ def _registered(name: str, has_paper_clutches: bool) -> str:
 
 @inlined
 def _rollout(buffers: int, first: int, i: int) -> tuple[Any, Any, Any, Any]:
-    """Return the body, voltages, forces and targets of rollout ``i``, in the buffers from ``first`` on."""
+    """Return body, voltages, forces and targets of rollout ``i``, in buffers from ``first`` on."""
     body, volts = _double_rows(buffers, first)[i], _double_rows(buffers, first + 1)[i]
     force, target = _double_rows(buffers, first + 2)[i], _double_rows(buffers, first + 3)[i]
     steps = len(volts) // 4

@@ -32,7 +32,7 @@ AT_REST = (0.0, 0.0)
 
 
 def link_angles(arm: Arm, tip: ArrayLike) -> Array:
-    """Return the angles (θA, θB) [rad], (…, 2), at tip positions (…, 2) [m]; θB leads, NaN where out of reach."""
+    """Return the angles [rad] at tip positions [m], both (…, 2); θB leads, NaN out of reach."""
     links: Any = arm
     at: Any = np.moveaxis(np.asarray(tip, np.float64), -1, 0)
     with np.errstate(invalid="ignore"):
@@ -42,8 +42,7 @@ def link_angles(arm: Arm, tip: ArrayLike) -> Array:
 
 
 def force_per_torque(machine: Machine, theta: ArrayLike) -> Array:
-    """Return W·J⁻¹ [1/m], shape (…, SLOTS, 2): for each clutch, the force on the hand (x, y) of a
-    torque of 1 N·m.
+    """Return W·J⁻¹ [1/m], (…, SLOTS, 2): the force on the hand of 1 N·m of each clutch.
 
     Its product with the velocity of the tip [m/s] is the slip velocity [rad/s]. Not finite at a
     singular pose.
@@ -65,8 +64,7 @@ def force_per_torque(machine: Machine, theta: ArrayLike) -> Array:
 
 
 def torque_limits(machine: Machine, slip: ArrayLike) -> tuple[Array, Array]:
-    """Return the least and the largest steady torque [N·m] of the clutches over all voltages, (…,
-    SLOTS) each.
+    """Return the least and largest steady torques [N·m] over all voltages, (…, SLOTS) each.
 
     A clutch that slips makes at least its torque of 0 V and at most that of the largest voltage, at
     the present speed, against the slip. One that sticks makes any torque up to the one that it can
@@ -101,10 +99,10 @@ def _falling(machine: Machine, speed: Array) -> Any:
 
 
 def force_region(machine: Machine, theta: ArrayLike, tip_velocity: ArrayLike = AT_REST) -> Array:
-    """Return the corners [N] of the polygon of displayable forces, anticlockwise, shape (…,
-    2·SLOTS, 2).
+    """Return the corners [N] of the polygon of displayable forces, anticlockwise.
 
-    Corners coincide where clutches are absent or push along the same line.
+    Their shape is (…, 2·SLOTS, 2). Corners coincide where clutches are absent or push along the
+    same line.
 
     Parameters
     ----------
@@ -130,7 +128,7 @@ def force_region(machine: Machine, theta: ArrayLike, tip_velocity: ArrayLike = A
 
 
 class ForceRange(NamedTuple):
-    """The largest forces [N] of a polygon in three directions relative to the tip's velocity, an array (…) each."""
+    """The largest forces [N] in three directions relative to the tip's velocity, (…) each."""
 
     resisting: Array
     left: Array
@@ -157,7 +155,7 @@ def force_range(machine: Machine, theta: ArrayLike, tip_velocity: ArrayLike) -> 
 
 
 class ForceExtremes(NamedTuple):
-    """The smallest and the largest of ``ForceRange`` over all directions of motion [N], an array (…) each."""
+    """The extremes of ``ForceRange`` over all directions of motion [N], (…) each."""
 
     least_resisting: Array
     largest_resisting: Array
@@ -168,10 +166,10 @@ class ForceExtremes(NamedTuple):
 def force_extremes(
     machine: Machine, theta: ArrayLike, *, speed: float = 0.25, directions: int = 360
 ) -> ForceExtremes:
-    """Return the extremes of ``force_range`` over equally spaced directions, and those in which a
-    clutch sticks.
+    """Return the extremes of ``force_range`` over directions of motion.
 
-    The smallest steering force is the one to the side that has less, in the worst direction.
+    Directions are equally spaced, and those in which a clutch sticks. The smallest steering force
+    is the one to the side that has less, in the worst direction.
 
     Parameters
     ----------

@@ -1,4 +1,5 @@
-"""The functions of the task and the hand, each against a formula written otherwise; borders of what is accepted."""
+"""The functions of the task and the hand, each against a formula written otherwise; borders of what
+is accepted."""
 
 import cmath
 import math
@@ -266,7 +267,8 @@ def test_a_passive_hand():
     ],
 )
 def test_the_strongest_force_that_a_hand_can_have(hand: Any, force: float):
-    """A spring is as long as the path, its width and the lead, and half as long again as the tip's way in a step."""
+    """A spring is as long as the path, its width and the lead, and half as long again as the tip's
+    way in a step."""
     machine = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.4, length_b=0.5))
     task = PathFollowing(hand=hand, pace=0.5, path=Line(length=0.6), error_max=0.2)
     travel = largest_travel(
