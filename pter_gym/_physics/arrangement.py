@@ -94,19 +94,19 @@ def on_line(
     a, b = arrangement.a[x], arrangement.b[x]
     q = a * p_b - b * p_a
     turn = sign(q)
-    reach, held, left_a, left_b = 0.0, 0.0, p_a, p_b
+    reach, capacity, left_a, left_b = 0.0, 0.0, p_a, p_b
     for y in range(4):
         slip = cross(arrangement, x, y)
         impulse = turn * side(slip, 0.0) * c[y]
         reach += c[y] * abs(slip)
-        held += c[y] if slip == 0.0 else 0.0
+        capacity += c[y] if slip == 0.0 else 0.0
         left_a -= impulse * arrangement.a[y]
         left_b -= impulse * arrangement.b[y]
     push_a = a * m12 - b * m11
     push_b = a * m22 - b * m12
     speed = turn * (abs(q) - reach) / (a * push_b - b * push_a)
-    left = a * (left_a - speed * push_a) + b * (left_b - speed * push_b)
-    return OnLine(abs(q) > reach, turn, speed, side(left / (a * a + b * b), held))
+    multiplier = a * (left_a - speed * push_a) + b * (left_b - speed * push_b)
+    return OnLine(abs(q) > reach, turn, speed, side(multiplier / (a * a + b * b), capacity))
 
 
 @device
@@ -221,13 +221,13 @@ def share_any(
             if along[y] != 0.0:
                 to_low, to_high = (low[y] - at[y]) / along[y], (high[y] - at[y]) / along[y]
                 first, last = max(first, min(to_low, to_high)), min(last, max(to_low, to_high))
-        found = combined(
+        candidate = combined(
             at, 1.0, along, clamp(0.0, first, last) if first <= last else 0.5 * (first + last)
         )
-        missed, shift = 0.0, combined(found, 1.0, least, -1.0)
+        missed, shift = 0.0, combined(candidate, 1.0, least, -1.0)
         for y in range(4):
-            missed = max(missed, low[y] - found[y], found[y] - high[y])
+            missed = max(missed, low[y] - candidate[y], candidate[y] - high[y])
         distance = dot(shift, shift) if missed <= slack else FAR * min(missed, 1.0)
         closer = (edge != least[x]) & (distance < nearest)
-        best, nearest = (found, distance) if closer else (best, nearest)
+        best, nearest = (candidate, distance) if closer else (best, nearest)
     return within(best, low, high)

@@ -193,9 +193,9 @@ def falling(slip: PerClutch, threshold: float, stribeck: float) -> PerClutch:
     d3 = stribeck + squared_slip(slip.x3, threshold)
     d4 = stribeck + squared_slip(slip.x4, threshold)
     d12, d34 = d1 * d2, d3 * d4
-    left = stribeck / (d12 * d34)
-    left12, left34 = left * d34, left * d12
-    return PerClutch(left12 * d2, left12 * d1, left34 * d4, left34 * d3)
+    ratio = stribeck / (d12 * d34)
+    ratio12, ratio34 = ratio * d34, ratio * d12
+    return PerClutch(ratio12 * d2, ratio12 * d1, ratio34 * d4, ratio34 * d3)
 
 
 @device

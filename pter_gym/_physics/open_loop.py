@@ -244,11 +244,13 @@ def body_of(machine: Machine, state: State) -> Array:
     theta, omega = _vector("state.theta", state.theta, 2), _vector("state.omega", state.omega, 2)
     store(body, BODY.motion, 0, motion_of(theta, omega))
     names = ("torque_breakaway", "torque_dynamic", "lagged_volts", "heat")
-    found = {name: PerClutch(*_vector(f"state.{name}", getattr(state, name), 4)) for name in names}
-    for name, values in found.items():
+    entries = {
+        name: PerClutch(*_vector(f"state.{name}", getattr(state, name), 4)) for name in names
+    }
+    for name, values in entries.items():
         if min(values) < 0.0:
             raise ParameterError(f"state.{name} must be ≥ 0, got {min(values):g}")
-    breakaway, dynamic, lagged, heat = found.values()
+    breakaway, dynamic, lagged, heat = entries.values()
     store(body, BODY.torques, 0, Torques(breakaway, dynamic))
     store(body, BODY.lagged_volts, 0, lagged)
     store(body, BODY.heat, 0, heat)
@@ -341,7 +343,7 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
 
 def _build(digest: str) -> Any:
     def kernel(
-        given: Any,
+        start: Any,
         volts: Any,
         hand_force: Any,
         joint_torque: Any,
@@ -350,7 +352,7 @@ def _build(digest: str) -> Any:
         record: Any,
     ) -> None:
         _ = digest
-        body = scratch(given)
+        body = scratch(start)
         for k in range(record.shape[0]):
             on = Load(
                 hand_force[k, 0],
@@ -362,7 +364,7 @@ def _build(digest: str) -> Any:
             )
             advance(body, PerClutch(volts[k, 0], volts[k, 1], volts[k, 2], volts[k, 3]), on, h)
             write(record[k], COLUMN, row_of(body))
-        given[:] = body
+        start[:] = body
 
     return kernel
 
@@ -462,8 +464,8 @@ def _steps(machine: Machine, duration: float | None, *inputs: ArrayLike) -> int:
             raise ParameterError(f"duration must be a finite number > 0 s, got {duration!r}")
         lengths.add(round(duration / machine.substep))
     if len(lengths) != 1:
-        found = ", ".join(map(str, sorted(lengths))) or "none"
+        lengths_text = ", ".join(map(str, sorted(lengths))) or "none"
         raise ParameterError(
-            f"inputs and duration must agree on one number of substeps, found {found}"
+            f"inputs and duration must agree on one number of substeps, found {lengths_text}"
         )
     return lengths.pop()

@@ -204,9 +204,9 @@ def torques_at(
         impact.hand_b - impact.fictitious_b - arm.implicit * damper_b - arm.viscous_b * q.omega_b
     )
     slide_a, slide_b = torques_on_links(sliding_torques(slip, capacity), arrangement)
-    held = stuck_capacities(slip, capacity)
+    stuck = stuck_capacities(slip, capacity)
     alpha_a, alpha_b = resolve(
-        impact.m11, impact.m12, impact.m22, free_a + slide_a, free_b + slide_b, held, arrangement
+        impact.m11, impact.m12, impact.m22, free_a + slide_a, free_b + slide_b, stuck, arrangement
     )
     load_a = impact.m11 * alpha_a + impact.m12 * alpha_b - free_a
     load_b = impact.m12 * alpha_a + impact.m22 * alpha_b - free_b
@@ -244,8 +244,8 @@ def slid_velocities(
     slide_a, slide_b = torques_on_links(sliding_torques(slips, capacity), arrangement)
     p_a = impact.p_a + h * slide_a
     p_b = impact.p_b + h * slide_b
-    held = impulses(stuck_capacities(slips, capacity), h)
-    omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, p_a, p_b, held, arrangement)
+    stuck = impulses(stuck_capacities(slips, capacity), h)
+    omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, p_a, p_b, stuck, arrangement)
     return slip_velocities(omega_a, omega_b, arrangement)
 
 

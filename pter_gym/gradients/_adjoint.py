@@ -248,10 +248,10 @@ backward_step: Any = None
 
 
 def _build_forward(digest: str) -> Any:
-    def forward(given: Any, volts: Any, force: Any, target: Any, h: float, states: Any) -> None:
+    def forward(start: Any, volts: Any, force: Any, target: Any, h: float, states: Any) -> None:
         """Fill the states at the control instants, (steps + 1, entries)."""
         _ = digest
-        body = scratch(given)
+        body = scratch(start)
         for row in range(FIRST, LAST):
             states[0, row - FIRST] = body[row, 0]
         nothing = np.empty((0, 0))
@@ -268,7 +268,7 @@ def _build_forward(digest: str) -> Any:
 
 def _build_backward(digest: str) -> Any:
     def backward(
-        given: Any,
+        start: Any,
         volts: Any,
         force: Any,
         target: Any,
@@ -282,7 +282,7 @@ def _build_backward(digest: str) -> Any:
     ) -> None:
         """Fill the adjoints of the inputs, and of a body's entries, by those of the states."""
         _ = digest
-        body = scratch(given)
+        body = scratch(start)
         tape = np.empty((stage_count(force.shape[1]), _STATE + _STEADY + 1))
         bar[:] = 0.0
         for n in range(volts.shape[0] - 1, -1, -1):

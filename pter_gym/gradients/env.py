@@ -144,8 +144,8 @@ def make(
         As there, and if machine, hand or sensors are such that a step has no derivative here.
     """
     keywords = {"sensors": "encoders", **keywords}
-    made = DifferentiableEnv.from_id(env_id, keywords, episode_end=episode_end)
-    return made, made.default_params
+    env = DifferentiableEnv.from_id(env_id, keywords, episode_end=episode_end)
+    return env, env.default_params
 
 
 _whole = MEANING["int"]
@@ -265,9 +265,9 @@ def _following(config: Config, frame_skip: int) -> Any:
         numbers, earned = lax.scan(hold, numbers, length=frame_skip)
         w = world(numbers)
         _observe(w, 0)
-        seen = jnp.stack(flat(load(w, ROW.seen, 0))) * jnp.stack(flat(config.inverse_scale))
-        seen = jnp.clip(seen, -BOUND, BOUND)[: int(config.entries)]
-        return numbers, seen.astype(jnp.float32), earned.sum().astype(jnp.float32)
+        obs = jnp.stack(flat(load(w, ROW.seen, 0))) * jnp.stack(flat(config.inverse_scale))
+        obs = jnp.clip(obs, -BOUND, BOUND)[: int(config.entries)]
+        return numbers, obs.astype(jnp.float32), earned.sum().astype(jnp.float32)
 
     return follow
 
@@ -304,34 +304,34 @@ def _advancing(advance: Any, config: Config, frame_skip: int, episode_end: Episo
         return DifferentiableEnvState(world, episode, floats_of(world)), *rest
 
     def keep(numbers: Any, action: Any, state: Any, shared: Any) -> Any:
-        found = run(numbers, action, state, shared)
-        flags = found[-1]
-        return found, (
+        result = run(numbers, action, state, shared)
+        flags = result[-1]
+        return result, (
             numbers,
             action,
             shared.constants,
             flags[FLAG.terminated] | flags[FLAG.truncated],
         )
 
-    def pull(kept: Any, by: Any) -> Any:
-        *given, constants, over = kept
+    def pull(residuals: Any, by: Any) -> Any:
+        *inputs, constants, over = residuals
         by_state, by_obs, by_final, by_reward, _ = by
         zero: Any = np.float32(0.0)
         if episode_end == "raise":
             ends = by_state.numbers, by_obs, by_final, by_reward
-            passes = over & jnp.any(jnp.concatenate([jnp.ravel(each) != 0.0 for each in ends]))
+            passes = over & jnp.any(jnp.concatenate([jnp.ravel(entry) != 0.0 for entry in ends]))
             if isinstance(passes, cast(Any, jax).core.Tracer):
                 zero = _zero_unless(passes)
             elif passes:
                 _refuse()
 
-        def unless_over(each: Any) -> Any:
-            return jnp.where(over, zero, each)
+        def unless_over(entry: Any) -> Any:
+            return jnp.where(over, zero, entry)
 
         def near(numbers: Any, action: Any) -> Any:
             return follow(numbers, action, _Words(constants))
 
-        back: Any = cast(Any, jax).vjp(near, *given)[1]
+        back: Any = cast(Any, jax).vjp(near, *inputs)[1]
         by_found = by_state.numbers, by_obs[: int(config.entries)], by_reward
         return *map(unless_over, back(tuple(map(unless_over, by_found)))), None, None
 

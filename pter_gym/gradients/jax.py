@@ -134,11 +134,11 @@ def make_rollout(
         raise ParameterError(
             f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu"
         )
-    held, substeps = divided(machine, period)
-    known = {place: value for place, value in numbers_of(held).items() if place != "substep"}
-    fixed = jnp.asarray(flat(arrangement_of(held)))
+    machine, substeps = divided(machine, period)
+    defaults = {place: value for place, value in numbers_of(machine).items() if place != "substep"}
+    fixed = jnp.asarray(flat(arrangement_of(machine)))
     to_model = branchless(model_of, MEANING, {})
-    roll = rolling(held.has_paper_clutches, held.substep)
+    roll = rolling(machine.has_paper_clutches, machine.substep)
 
     def rollout(
         state: State | dict[str, Any],
@@ -147,26 +147,26 @@ def make_rollout(
         hand_target: Any = (0.0, 0.0),
         numbers: dict[str, Any] | None = None,
     ) -> JaxMotion:
-        given = vars(state) if isinstance(state, State) else state
+        fields = vars(state) if isinstance(state, State) else state
         at = {
-            name: _floats(f"state.{name}", given[name], (end - begin,))
+            name: _floats(f"state.{name}", fields[name], (end - begin,))
             for name, (begin, end) in STATE.items()
         }
-        volts = jnp.clip(_floats("volts", volts, (len(volts), 4)), 0.0, held.clutch.voltage_max)
+        volts = jnp.clip(_floats("volts", volts, (len(volts), 4)), 0.0, machine.clutch.voltage_max)
         shape = len(volts), substeps, 2
         force, target = (
             _spread("hand_force", hand_force, shape),
             _spread("hand_target", hand_target, shape),
         )
-        unknown = set(numbers or {}) - set(known)
+        unknown = set(numbers or {}) - set(defaults)
         if unknown:
             raise ParameterError(
-                f"numbers must be among {', '.join(known)}, got {', '.join(sorted(unknown))}"
+                f"numbers must be among {', '.join(defaults)}, got {', '.join(sorted(unknown))}"
             )
-        values = known | {
+        values = defaults | {
             place: _floats(place, each, ()) for place, each in (numbers or {}).items()
         }
-        model = to_model(copied(held, "", values.get))
+        model = to_model(copied(machine, "", values.get))
         a, b = at["theta"]
         units = jnp.stack([jnp.cos(a), jnp.sin(a), jnp.cos(b), jnp.sin(b)])
         motion = jnp.concatenate([at["theta"], at["omega"], units])
@@ -214,17 +214,17 @@ def rolling(has_paper_clutches: bool, substep: float) -> Any:
     h = words_of(np.array([substep]))
 
     def call(
-        name: str, shapes: tuple[tuple[int, ...], ...], given: tuple[Any, ...]
+        name: str, shapes: tuple[tuple[int, ...], ...], arguments: tuple[Any, ...]
     ) -> tuple[Any, ...]:
         ffi: Any = jax.ffi
         results = tuple(
             jax.ShapeDtypeStruct((2 * math.prod(shape),), jnp.uint32) for shape in shapes
         )
-        found = ffi.ffi_call(names[name], results, vmap_method="broadcast_all")(
-            h, *map(_words, given)
+        buffers = ffi.ffi_call(names[name], results, vmap_method="broadcast_all")(
+            h, *map(_words, arguments)
         )
         return tuple(
-            floats_of(words).reshape(shape) for words, shape in zip(found, shapes, strict=True)
+            floats_of(words).reshape(shape) for words, shape in zip(buffers, shapes, strict=True)
         )
 
     @first_order
@@ -232,18 +232,18 @@ def rolling(has_paper_clutches: bool, substep: float) -> Any:
         return call("forward", ((len(volts) + 1, LAST - FIRST),), (body, volts, force, target))[0]
 
     @first_order
-    def back(*given: Any) -> Any:
-        return call("backward", tuple(each.shape for each in given[:4]), given)
+    def back(*arguments: Any) -> Any:
+        return call("backward", tuple(each.shape for each in arguments[:4]), arguments)
 
     custom: Any = jax.custom_vjp
     roll = custom(run)
 
-    def keep(*given: Any) -> Any:
-        states = run(*given)
-        return states, (*given, states)
+    def keep(*arguments: Any) -> Any:
+        states = run(*arguments)
+        return states, (*arguments, states)
 
-    def pull(kept: Any, by_states: Any) -> Any:
-        return back(*kept, by_states)
+    def pull(residuals: Any, by_states: Any) -> Any:
+        return back(*residuals, by_states)
 
     roll.defvjp(keep, pull)
     return roll

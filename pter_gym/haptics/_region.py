@@ -84,8 +84,8 @@ def torque_limits(machine: Machine, slip: ArrayLike) -> tuple[Array, Array]:
     part = _falling(machine, speed)
     least = sliding(speed, *weakest, part, clutch.viscous)
     most = sliding(speed, *strongest, part, clutch.viscous)
-    held, sticks = holding(*strongest), speed < machine.slip_threshold
-    return np.where(sticks, -held, least) * scale, np.where(sticks, held, most) * scale
+    hold, sticks = holding(*strongest), speed < machine.slip_threshold
+    return np.where(sticks, -hold, least) * scale, np.where(sticks, hold, most) * scale
 
 
 def _falling(machine: Machine, speed: Array) -> Any:
@@ -185,11 +185,11 @@ def force_extremes(
     at = np.concatenate(
         [np.broadcast_to(even, (*stuck.shape[:-1], directions)), stuck, stuck + np.pi], axis=-1
     )
-    found = force_range(machine, angles, speed * np.stack([np.cos(at), np.sin(at)], axis=-1))
-    either = np.maximum(found.left, found.right)
+    ranges = force_range(machine, angles, speed * np.stack([np.cos(at), np.sin(at)], axis=-1))
+    either = np.maximum(ranges.left, ranges.right)
     return ForceExtremes(
-        found.resisting.min(axis=-1),
-        found.resisting.max(axis=-1),
-        found.steering.min(axis=-1),
+        ranges.resisting.min(axis=-1),
+        ranges.resisting.max(axis=-1),
+        ranges.steering.min(axis=-1),
         either.max(axis=-1),
     )

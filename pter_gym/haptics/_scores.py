@@ -139,5 +139,5 @@ def spectral_arc_length(
     if spectrum[0] == 0.0:
         return 0.0
     magnitude = spectrum[: math.floor(cutoff * period * length) + 1] / spectrum[0]
-    kept = magnitude[: np.flatnonzero(magnitude >= threshold)[-1] + 1]
-    return -float(np.hypot(1.0 / max(len(kept) - 1, 1), np.diff(kept)).sum())
+    band = magnitude[: np.flatnonzero(magnitude >= threshold)[-1] + 1]
+    return -float(np.hypot(1.0 / max(len(band) - 1, 1), np.diff(band)).sum())

@@ -80,11 +80,11 @@ def time_constant_sweep(
 
     The time constants of the clutches [s] are those of the setup by default.
     """
-    chosen = setup.time_constants if time_constants is None else time_constants
+    taus = setup.time_constants if time_constants is None else time_constants
     machines = setup.machines.items()
     return {
-        name: sweep_of(*run_with_gains(setup, each, [0.0], chosen).runs.values())
-        for name, each in machines
+        name: sweep_of(*run_with_gains(setup, machine, [0.0], taus).runs.values())
+        for name, machine in machines
     }
 
 
