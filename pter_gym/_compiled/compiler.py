@@ -127,7 +127,8 @@ def _index_by(stamp: str | None, kernel: Any) -> None:
     Numba takes the time at which the factory's file was written, and the number of its line.
     """
     cache, function = kernel._cache, kernel.py_func
-    name = f"{function.__module__}.{function.__qualname__}.{sys.implementation.cache_tag}"
+    qualname = function.__qualname__.replace("<locals>", "locals")
+    name = f"{function.__module__}.{qualname}.{sys.implementation.cache_tag}"
     cache._cache_file = IndexDataCacheFile(cache._cache_path, name, stamp)
 
 
