@@ -40,6 +40,7 @@ from pter_gym.hands._model import (
 )
 from pter_gym.params import BASELINE, Clutch, Hand, TorqueCurve
 from pter_gym.paths import Arc, Line
+from pter_gym.paths._projection import Foot
 from pter_gym.tasks.path_following import (
     TELEMETRY,
     PathFollowing,
@@ -52,9 +53,10 @@ from pter_gym.tasks.path_following import (
     reason_of,
 )
 from pter_gym.tasks.path_following._context import context_of
-from pter_gym.tasks.path_following._observation import observation
+from pter_gym.tasks.path_following._observation import Measurement, observation
 from pter_gym.tasks.path_following._rules import (
     ALLOWANCE,
+    Band,
     Outcome,
     PathState,
     PathVector,
@@ -380,13 +382,20 @@ def test_the_allowance_is_for_the_first_hundredth_of_a_path():
 
 def test_an_observation_has_the_declared_entries():
     q = Motion(0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-    at = PathState(0.3, 0.004, 0.004, unit(0.2), 7.0, PathVector(0.8, 0.9))
+    arm = model_of(BASELINE).arm
     volts, torque, force = (
         PerClutch(1.0, 2.0, 3.0, 4.0),
         PerClutch(5.0, 6.0, 7.0, 8.0),
         PathVector(9.0, 10.0),
     )
-    seen = observation(q, at, 1.5, 0.4, volts, torque, force)
+
+    def seen(offset: float) -> Any:
+        foot = Foot(0.3, offset, unit(0.2), 7.0, 2.0)
+        measured = Measurement(q, foot, torque, force)
+        return observation(measured, arm, Band(0.003, 0.001), 1.5, 0.4, volts)
+
+    v_x, v_y = tip_velocity(arm, q)
+    speed = complex(v_x, v_y) / cmath.exp(0.2j)
     expected = {
         "cos_a": 3.0,
         "sin_a": 4.0,
@@ -394,24 +403,20 @@ def test_an_observation_has_the_declared_entries():
         "sin_b": 6.0,
         "omega_a": 1.0,
         "omega_b": 2.0,
-        "normal_error": 0.004,
+        "normal_error": pytest.approx(0.003),
         "near_error": 0.004,
         "progress": pytest.approx(0.2),
         "heading": unit(0.2),
         "curvature": 7.0,
-        "speed": PathVector(0.8, 0.9),
+        "speed": pytest.approx((speed.real, speed.imag)),
         "pace": 0.4,
-        "pace_error": pytest.approx(1.0),
+        "pace_error": pytest.approx(speed.real / 0.4 - 1.0),
         "volts": volts,
         "torque": torque,
         "force": force,
     }
-    assert {name: getattr(seen, name) for name in expected} == expected
-    for error, near in ((0.5, 0.01), (-0.5, -0.01)):
-        assert (
-            observation(q, at._replace(offset=error), 1.5, 0.4, volts, torque, force).near_error
-            == near
-        )
+    assert {name: getattr(seen(0.004), name) for name in expected} == expected
+    assert [seen(offset).near_error for offset in (0.5, -0.5)] == [0.01, -0.01]
 
 
 def test_observed_context_of_machine_and_task():
