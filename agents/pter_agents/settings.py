@@ -32,16 +32,16 @@ Each has a table NAME.toml here.
 """
 
 ALL = "all"
-"""Name for all scenarios of ``worlds.MIXED``, and for a commanded pace that is drawn among those of the scores."""
+"""Name for all scenarios of ``worlds.MIXED``, and for a pace drawn among those of the scores."""
 
 NO_BASE = "none"
 """Name of the base of a policy that corrects no controller."""
 
 BASES = (NO_BASE, "impedance", "torque-feedback", *TUNED)
-"""What a policy may correct: the paper's controllers with a damper for each pace, and those with tuned gains."""
+"""What a policy may correct: the paper's controllers, and those with tuned gains."""
 
 PARTS = 2
-"""Parts of the worlds, each on a core; the results depend on their number, not on the number of cores."""
+"""Parts of the worlds, each on a core; results depend on their number, not on that of cores."""
 
 SMOKE = {"worlds": 64, "steps": 32, "contexts": 16, "minibatch": 512, "epochs": 2}
 """Hyper-parameters of a short run that shows that training works, not that it learns."""

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import tyro
 
-from pter_gym._engine.batch import Batch
 from pter_gym._internal.files import write_text_atomic
 from pter_gym.benchmark import episodes as stored
 from pter_gym.benchmark import tuned
-from pter_gym.benchmark._measures import Recorded
-from pter_gym.benchmark.simulation import simulate, time_limit
+from pter_gym.benchmark.episodes import Episodes
+from pter_gym.benchmark.measures import Recorded
+from pter_gym.benchmark.rollout import rollout
 from pter_gym.controllers import Impedance, TorqueFeedback
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
@@ -82,11 +82,12 @@ def damping_for_pace(
     """
     pairs = find_scenario(scenario).draws.pairs(draws, SEED, pace)
     machines, tasks = zip(*pairs, strict=True)
-    batch = Batch(machines, tasks)
+    chosen = Episodes(scenario, machines, tasks, tuple(range(draws)), ("",) * draws)
     low, high = math.log(MIN_DAMPER), math.log(MAX_DAMPER)
     while high - low > 1e-4:
         middle = 0.5 * (low + high)
-        if _cruising_pace(replace(controller, damping_tangential=math.exp(middle)), batch) > pace:
+        law = replace(controller, damping_tangential=math.exp(middle))
+        if _cruising_pace(law, chosen) > pace:
             low = middle
         else:
             high = middle
@@ -108,10 +109,11 @@ def solve_table() -> dict[str, dict[str, dict[str, float]]]:
     }
 
 
-def _cruising_pace(controller: Impedance, batch: Batch) -> float:
-    tasks = [task for _, task in batch.pairs]
-    telemetry = simulate(batch, controller, range(len(tasks)), max(map(time_limit, tasks)))
-    return float(Recorded(telemetry, tasks, BASELINE.clutch.voltage_max).cruising_pace().mean())
+def _cruising_pace(controller: Impedance, chosen: Episodes) -> float:
+    travel = Recorded(
+        rollout(controller, chosen).telemetry, chosen.tasks, BASELINE.clutch.voltage_max
+    )
+    return float(travel.cruising_pace().mean())
 
 
 if __name__ == "__main__":

@@ -15,6 +15,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from pter_gym._internal.files import FilePath, check_target, find_path
 from pter_gym.errors import ParameterError
 
+WIDTH = 80
+"""Characters in a line of a table."""
+
 GRACE = 0.3
 """Seconds in which Python may end by itself after Ctrl-C."""
 
@@ -45,6 +48,12 @@ def terminal(*, errors: bool = False) -> Console:
 def say(text: str) -> None:
     """Print text as it is, without rich's markup and line breaks."""
     terminal().out(text, highlight=False)
+
+
+def shorten(text: str, width: int) -> str:
+    """Return text of at most so many characters, ≥ 3; a longer one loses its middle."""
+    half = (width - 1) // 2
+    return text if len(text) <= width else f"{text[: width - 1 - half]}…{text[-half:]}"
 
 
 def progress_bar() -> Progress:

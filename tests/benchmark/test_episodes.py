@@ -19,7 +19,6 @@ from pter_gym.benchmark.episodes import (
     scenarios,
     store_episodes,
 )
-from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Free
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.hands import MultiSineHand
@@ -28,6 +27,7 @@ from pter_gym.paths import Line
 from pter_gym.scenarios import PACES, SCENARIOS, Scenario
 from pter_gym.scenarios._evaluation_draws import FRESH, evaluation_draws
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from rollouts import simulate
 
 PINNED_SEEDS, PINNED_PHASE = (4215971544462223395, 7145062265811555858), 1.929293725323279
 """Of the first fresh episodes of one seed: results that name a seed mean the same episodes for ever."""

@@ -10,7 +10,7 @@ import pytest
 
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import ROW, SAME_STEP
-from pter_gym.benchmark import Examination
+from pter_gym.benchmark import assess, training_episodes
 from pter_gym.benchmark.episodes import load_episodes, scenarios
 from pter_gym.controllers import TorqueFeedback, bind
 from pter_gym.envs.sb3 import make_sb3_vec_env
@@ -304,12 +304,13 @@ def test_environments_and_laws_take_a_user_machine(own: str) -> None:
         OWN,
         BASELINE,
     )
-    exam, law = Examination("standard", "slow", 4, 5, own), TorqueFeedback(feedback=0.5)
-    layout = exam.batch.layout
-    assert exam.judge(law) == exam.judge(bind(law, OWN, layout))
-    assert exam.judge(law) != exam.judge(
-        bind(law, replace(OWN, clutch=DELRIN_EXPERIMENTAL.clutch), layout)
+    draws, law = training_episodes("standard", "slow", 4, 5, own), TorqueFeedback(feedback=0.5)
+    layout, others = (
+        observation_layout(OWN, "torque"),
+        replace(OWN, clutch=DELRIN_EXPERIMENTAL.clutch),
     )
+    assert assess([law], draws) == assess([bind(law, OWN, layout)], draws)
+    assert assess([law], draws) != assess([bind(law, others, layout)], draws)
 
 
 # --- how episodes begin, and end near the path ---

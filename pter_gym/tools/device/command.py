@@ -51,7 +51,7 @@ def device(
     say(f"{report.device}: {report.verdict}")
     for board in report.boards:
         best = board.standings[0]
-        say(f"{board.scenario}: {best.policy} {1e3 * best.scores['path_error_m'].value:.1f} mm")
+        say(f"{board.scenario}: {best.policy} {1e3 * best.error.value:.1f} mm")
     say(f"wrote {out / 'index.html'}")
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from pter_gym._physics.open_loop import initial_state, simulate
-from pter_gym.benchmark.simulation import AnyPolicy, record_episode, time_limit
+from pter_gym.benchmark.rollout import record_episode
+from pter_gym.controllers import AnyPolicy
 from pter_gym.haptics import force_extremes, impedance, link_angles, wall_stiffness, z_width
 from pter_gym.params import Machine
 from pter_gym.paths import Line
@@ -91,9 +92,7 @@ def _stiffness_of_wall(own: Machine, law: AnyPolicy, pace: str) -> float:
     forces, depths = [np.empty(0)], [np.empty(0)]
     scenario = find_scenario("wall", own)
     for seed, (machine, task) in enumerate(scenario.draws.pairs(WALLS, 0, pace)):
-        rows: Any = record_episode(
-            law, machine, task, seed, time_limit(task), nominal=own
-        ).telemetry[1:]
+        rows: Any = record_episode(law, machine, task, seed, nominal=own).telemetry[1:]
         into = np.array([[math.sin(task.path.heading(0.0))], [-math.cos(task.path.heading(0.0))]])
         forces.append((rows[:, [*COLUMN.force]] @ into)[:, 0])
         depths.append(-rows[:, COLUMN.normal_error])

@@ -16,12 +16,12 @@ from pter_gym._version import __version__
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.boards import Leaderboard, leaderboards
 from pter_gym.benchmark.episodes import find_episodes
-from pter_gym.benchmark.runs import evaluate
+from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.benchmark.scores import ScenarioRun
-from pter_gym.benchmark.simulation import AnyPolicy, record_episode, time_limit
+from pter_gym.benchmark.tuned import with_gains
+from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import unknown_name
 from pter_gym.params import Machine, find_machine
-from pter_gym.policies._stored_gains import make_guided
 from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.tools.device.measures import FREQUENCY, Rendering, measure_rendering
 from pter_gym.tools.tuning.search import tune
@@ -143,7 +143,7 @@ def examine_device(
         gains[scenario] = tune(
             law, scenario, pace, trials=trials, storage=storage, machine=own
         ).gains
-        tuned[scenario] = make_guided(law, gains[scenario])
+        tuned[scenario] = with_gains(law, gains[scenario])
         named = {f"{law}-tuned": tuned[scenario], FREE: find_policy(FREE), **(policies or {})}
         runs += _runs(named, scenario, pace, own, count)
     on_progress("measuring forces")
@@ -171,7 +171,7 @@ def _runs(
             0,
             SEED,
             episodes.strata,
-            evaluate(policy, episodes, nominal=own),
+            evaluate(policy, episodes),
         )
         for name, policy in policies.items()
     ]
@@ -188,7 +188,7 @@ def _draw(
     if "film" in known:
         for scenario, law in tuned.items():
             ((machine, task),) = find_scenario(scenario, own).draws.pairs(1, 0, report.pace)
-            rows = record_episode(law, machine, task, 0, time_limit(task), nominal=own).telemetry
+            rows = record_episode(law, machine, task, 0, nominal=own).telemetry
             label = f"{SCENARIOS[scenario]}-tuned"
             known["film"].load().write_film(
                 machine, task, {label: rows}, folder / f"{scenario}.webp"
@@ -253,10 +253,10 @@ def _board(board: Leaderboard) -> str:
     rows = [
         (
             standing.policy,
-            _number(1e3 * standing.scores["path_error_m"].value, "mm"),
-            _number(100.0 * standing.scores["completed"].value, "%"),
-            _number(standing.scores["resisting_force_n"].value, "N"),
-            _number(standing.scores["peak_force_n"].value, "N"),
+            _number(1e3 * standing.error.value, "mm"),
+            _number(100.0 * standing.scores["completed"], "%"),
+            _number(standing.scores["resisting_force_n"], "N"),
+            _number(standing.scores["peak_force_n"], "N"),
             str(standing.rank or standing.reason),
         )
         for standing in board.standings

@@ -48,9 +48,9 @@ def watch(
         scenario draws.
     """
     from pter_gym.benchmark import find_policy
-    from pter_gym.benchmark._trajectories import write_trajectories
-    from pter_gym.benchmark.simulation import record_episode, time_limit
+    from pter_gym.benchmark.rollout import record_episode
     from pter_gym.tools.pictures import film
+    from pter_gym.tools.pictures.trajectories import write_trajectories
 
     names = split(policies)
     check_arguments(names, out, csv, size, speed)
@@ -60,9 +60,8 @@ def watch(
     found = {name: find_policy(name, drawn.whose_gains) for name in names}
     telemetry: dict[str, Any] = {}
     for name, policy in found.items():
-        telemetry[name] = record_episode(
-            policy, held, task, seed, time_limit(task), nominal=drawn.nominal
-        ).telemetry
+        episode = record_episode(policy, held, task, seed, nominal=drawn.nominal)
+        telemetry[name] = episode.telemetry
         say(f"{name}: {summary(telemetry[name])}")
     if csv:
         write_trajectories(telemetry, csv)
@@ -87,8 +86,8 @@ def check_arguments(
     names: list[str], out: Path | None, csv: Path | None, size: tuple[int, int] | None, speed: float
 ) -> None:
     """Check the arguments as far as possible before the simulation; errors name the argument."""
-    from pter_gym.benchmark._trajectories import check_table
     from pter_gym.tools.pictures import film, viewer
+    from pter_gym.tools.pictures.trajectories import check_table
 
     if not 1 <= len(names) <= MAX_POLICIES:
         raise ParameterError(

@@ -47,7 +47,7 @@ def tune(
         machine: Clutch material, or the file of a machine of your own, instead of those that the
             scenario draws.
     """
-    from pter_gym.benchmark._find_policy import is_code
+    from pter_gym.benchmark.policies import is_code
     from pter_gym.tools.tuning.gains_file import add_gains
     from pter_gym.tools.tuning.search import tune as search
 
