@@ -156,20 +156,12 @@ class Settings(RewardWeights):
         require_flag(self, "normalised")
         for name in ("history", "averages", "hidden", "value_hidden"):
             sizes = getattr(self, name)
-            require(_are_sizes(sizes), self, name, sizes, "whole numbers from 1 to 1024")
-        require(
-            are_hidden(self.hidden), self, "hidden", self.hidden, f"at most {MAX_LAYERS - 1} layers"
-        )
-        require(self.worlds % PARTS == 0, self, "worlds", self.worlds, f"a multiple of {PARTS}")
+            require(_are_sizes(sizes), self, name, "whole numbers from 1 to 1024", got=sizes)
+        require(are_hidden(self.hidden), self, "hidden", f"at most {MAX_LAYERS - 1} layers")
+        require(self.worlds % PARTS == 0, self, "worlds", f"a multiple of {PARTS}")
         samples = self.worlds * self.steps
         even = samples % self.minibatch == 0 and self.minibatch % PARTS == 0
-        require(
-            even,
-            self,
-            "minibatch",
-            self.minibatch,
-            f"an even divisor of worlds × steps = {samples}",
-        )
+        require(even, self, "minibatch", f"an even divisor of worlds × steps = {samples}")
         self.reward()
 
     def reward(self) -> RewardWeights:

@@ -138,7 +138,7 @@ class Model:
             )
         clutches, top = [clutch.row for clutch in machine.clutches], machine.clutch.voltage_max
         accepted = f"{len(self._bounds)}, as the model's actions"
-        require(len(clutches) == len(self._bounds), machine, "clutches", clutches, accepted)
+        require(len(clutches) == len(self._bounds), machine, "clutches", accepted, got=clutches)
 
         def act(observations: Observations, memory: Any) -> Any:
             before, begins = [kept for kept in memory if kept], memory == 0

@@ -109,7 +109,7 @@ class Guided:
         rising = self.table_volts[:1] == (0.0,) and all(
             a < b for a, b in pairwise(self.table_volts)
         )
-        require(rising, self, "table_volts", self.table_volts, "a tuple of rising voltages from 0")
+        require(rising, self, "table_volts", "a tuple of rising voltages from 0")
 
     def gains(self) -> Gains:
         """Return the gains as the law reads them, 0 for those of other laws."""
@@ -277,17 +277,15 @@ class PaceSchedule:
         knots = self.knots
         given: Any = knots
         are_knots = isinstance(given, tuple) and len(knots) > 0 and all(map(_is_knot, knots))
-        require(are_knots, self, "knots", knots, accepted)
-        require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", knots, accepted)
+        require(are_knots, self, "knots", accepted)
+        require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", accepted)
         alike = {(type(controller), controller.table_volts) for _, controller in knots}
-        require(
-            len(alike) == 1, self, "knots", knots, "controllers of one kind with one table_volts"
-        )
+        require(len(alike) == 1, self, "knots", "controllers of one kind with one table_volts")
         require_number(self, "hold", at_least=0.0, below=1.0)
         apart = all(
             a * (1.0 + self.hold) < b * (1.0 - self.hold) for (a, _), (b, _) in pairwise(knots)
         )
-        require(apart, self, "hold", self.hold, "small enough to leave room between the knots")
+        require(apart, self, "hold", "small enough to leave room between the knots")
 
     def at(self, pace: float) -> Guided:
         """Return the controller of the knot at a commanded pace [m/s].

@@ -265,6 +265,6 @@ def _from_plain(value: Any) -> Any:
 
 def _builtin(value: Any) -> Any:
     """Return a number of NumPy's or a path as Python's own, and anything else as it is."""
-    if isinstance(value, np.number | np.bool_):
-        return value.item()
-    return os.fspath(cast(Any, value)) if isinstance(value, os.PathLike) else value
+    if isinstance(value, os.PathLike):
+        return os.fspath(cast("os.PathLike[str]", value))
+    return value.item() if hasattr(value, "item") and np.ndim(value) == 0 else value

@@ -169,13 +169,7 @@ class HumanArm(Operator):
     def __post_init__(self) -> None:
         """Check that the arm has a spring."""
         super().__post_init__()
-        require(
-            self.impedance.stiffness > 0.0,
-            self,
-            "impedance.stiffness",
-            self.impedance.stiffness,
-            "> 0 N/m",
-        )
+        require(self.impedance.stiffness > 0.0, self, "impedance.stiffness", "> 0 N/m")
 
     def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:  # noqa: ARG002
         """Return its constants for the kernels; see ``Operator``."""
@@ -222,8 +216,8 @@ class RecordedForces(Operator):
             self.times[-1] <= longest,
             self,
             "times",
-            self.times[-1],
             f"in seconds, up to {longest:g} s",
+            got=self.times[-1],
         )
         instants = period * np.arange(math.ceil(self.times[-1] / period) + 1)
         return np.stack(

@@ -103,15 +103,15 @@ class TrainedPolicy:
             top == interface.voltage_max,
             machine.clutch,
             "voltage_max",
-            top,
             f"{interface.voltage_max:g} V",
+            got=top,
         )
         require(
             rows == interface.clutches,
             machine,
             "clutches",
-            rows,
             f"{interface.clutches}, as in its training",
+            got=rows,
         )
         names = available(layout, residual=interface.base is not None)
         for each in interface.inputs:
