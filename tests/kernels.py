@@ -1,4 +1,4 @@
-"""Compile the kernels into numba's cache, once for all processes of a test run."""
+"""Compile the simulator's kernels into numba's cache: once for all processes of a test run, in two at the same time."""
 
 import subprocess
 import sys
@@ -11,10 +11,10 @@ from documents import run_extending
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.kernels import alone_kernel
 from pter_gym._physics import open_loop
-from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Free
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing
+from rollouts import simulate
 
 ROOT = Path(__file__).parents[1]
 

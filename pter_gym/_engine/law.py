@@ -6,12 +6,9 @@ the memory holds is a record: ``Memory`` for the built-in laws, any other for a 
 (``pter_gym.controllers.Policy`` takes it).
 """
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from pter_gym._compiled.records import Entry, rows, width
+from pter_gym._compiled.records import Entry, rows
 from pter_gym._physics.clutch import PerClutch
 
 
@@ -21,27 +18,9 @@ class Memory(NamedTuple):
     kept: Annotated[float, Entry("1", "the clutch engaged last, or a counter")]
     brake: Annotated[float, Entry("N", "force along the path that the pace's integral has come to")]
     steps: Annotated[float, Entry("1", "control steps of the episode that went before")]
-    progress: Annotated[float, Entry("1", "part of the path at the last of them")]
-    world: Annotated[float, Entry("1", "number of the world")]
+    episode: Annotated[float, Entry("1", "number of the episode")]
 
 
 MEMORY = rows(Memory)
 CLUTCHES = rows(PerClutch)
 """Places of the voltages in an array (4,)."""
-
-
-def empty_memory(worlds: int, kind: type[Any] = Memory) -> NDArray[np.float64]:
-    """Return what a law keeps at the start of an episode, a row for each world: (N, numbers of the
-    record).
-
-    Parameters
-    ----------
-    worlds
-        N.
-    kind
-        Record of what is kept. All of it is zero; an entry ``world`` is the number of the world.
-    """
-    memory: Any = np.zeros((worlds, width(kind)))
-    if "world" in kind._fields:
-        memory[:, rows(kind).world] = np.arange(worlds)
-    return memory

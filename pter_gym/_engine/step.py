@@ -48,6 +48,7 @@ from pter_gym._physics.step import (
 )
 from pter_gym.hands._model import advance_sines, intent_speed, renew_sines, sum_of_sines
 from pter_gym.paths._projection import point_at, project
+from pter_gym.tasks.path_following._actions import volts_of_each
 from pter_gym.tasks.path_following._context import CONTEXT
 from pter_gym.tasks.path_following._observation import (
     BOUND,
@@ -103,24 +104,11 @@ def is_refused(alive: float, actions: Any, low: float, high: float, ended: int, 
     return ((ended == REFUSE) | (ended == SAME_STEP)) if alive == 0.0 else refused
 
 
-@entrywise
-@device
-def scaled_volts(action: float, low: float, high: float, voltage_max: float) -> float:
-    """Return the voltage [V] of an action, from its share of the bounds.
-
-    A lower bound of 0 is that of a voltage. Of a normalised action, whose lower bound is negative,
-    the square of the share counts: steps are fine where clutches slip, and exploring noise about 0
-    V brakes little.
-    """
-    linear = (action - low) * (voltage_max / (high - low))
-    return linear * (linear / voltage_max) if low < 0.0 else linear
-
-
 @device
 def given_volts(actions: Any, world: int, low: float, high: float, voltage_max: float) -> PerClutch:
     """Return the voltages [V] of an action."""
     given = PerClutch(actions[world, 0], actions[world, 1], actions[world, 2], actions[world, 3])
-    return scaled_volts(given, low, high, voltage_max)
+    return volts_of_each(given, low, high, voltage_max)
 
 
 @device

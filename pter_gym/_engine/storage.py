@@ -16,7 +16,12 @@ from pter_gym.hands import Operator
 from pter_gym.params import Machine
 from pter_gym.paths import Path
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, context_of
-from pter_gym.tasks.path_following._specification import IDEAL_SENSING, PathFollowing, check_machine
+from pter_gym.tasks.path_following._specification import (
+    IDEAL_SENSING,
+    PathFollowing,
+    check_machine,
+    sensing_of,
+)
 
 Array = NDArray[np.float64]
 Pair = tuple[Machine, PathFollowing]
@@ -144,7 +149,8 @@ class Storage:
         checked = checked_constants.__wrapped__ if drawing is None else checked_constants
         self._constants: Any = checked(tuple(self.pairs))
         extras = any(
-            t.hand.plans or t.sensing != IDEAL_SENSING or m.clutch.fade > 0.0 for m, t in self.pairs
+            t.hand.plans or sensing_of(t, m) != IDEAL_SENSING or m.clutch.fade > 0.0
+            for m, t in self.pairs
         )
         self._worlds: Any = empty_blocks(
             float(CONTEXT_WIDTH) * numbers if drawing is None else np.zeros(drawing),

@@ -1,8 +1,7 @@
-"""The kernel that runs a control law in many worlds; laws of users are compiled with bounds checks."""
+"""The kernel that runs a control law in many worlds; users' laws have their bounds checked."""
 
 import math
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import cache
 from types import CellType, FunctionType
 from typing import Any
@@ -19,7 +18,7 @@ from pter_gym._compiled.records import entrywise, write
 from pter_gym._engine.law import CLUTCHES
 from pter_gym._physics.scalars import clamp
 from pter_gym.controllers._laws import built_in
-from pter_gym.errors import LawIndexError, ParameterError
+from pter_gym.errors import LawIndexError, ParameterError, PterError
 
 Law = Callable[..., Any]
 
@@ -36,24 +35,24 @@ _config: Any = config
 
 @entrywise
 @device
-def rounded(volts: float) -> float:
-    """Return a voltage [V] as a float32, as which a clutch gets it; NaN if it is not finite."""
-    limited = clamp(volts, -LARGEST, LARGEST)
-    return float(np.float32(limited)) if math.isfinite(volts) else math.nan
+def applied(volts: float, voltage_max: float) -> float:
+    """Return a voltage [V] as a clutch gets it: a float32 within its range; NaN if not finite."""
+    single = float(np.float32(clamp(volts, -LARGEST, LARGEST)))
+    return clamp(single, 0.0, voltage_max) if math.isfinite(volts) else math.nan
 
 
 def _build_act(digest: str) -> Any:
-    def act(obs: Any, scales: Any, gains: Any, memory: Any, volts: Any) -> None:
+    def act(obs: Any, scales: Any, gains: Any, memory: Any, voltage_max: float, volts: Any) -> None:
         _ = digest
         for world in range(obs.shape[0]):
             decided = law(obs[world], scales, gains, memory[world])
-            write(volts[world], CLUTCHES, rounded(decided))
+            write(volts[world], CLUTCHES, applied(decided, voltage_max))
 
     return act
 
 
 def kernel_of(law: Law) -> Any:
-    """Return ``act(obs, scales, gains, memory, volts)``, which runs a law in N worlds.
+    """Return ``act(obs, scales, gains, memory, voltage_max, volts)``, which runs a law in N worlds.
 
     The kernel of a user's law is made anew when its code, or a value that it reads, has changed.
     """
@@ -70,21 +69,22 @@ def kernel_of(law: Law) -> Any:
 _KERNELS: dict[str, Any] = {}
 
 
-@contextmanager
-def errors_of(law: Law, lengths: str) -> Generator[None]:
-    """Turn what goes wrong in a law into errors of one line: what cannot be compiled, what is not there."""
+FAULTS = (IndexError, NumbaError, AttributeError, NameError, TypeError, ValueError)
+"""What a law raises that is wrong; all but the first two only where numba is disabled."""
+
+
+def law_error(law: Law, error: Exception, observed: int, gains: int, remembered: int) -> PterError:
+    """Return an error of one line for what went wrong in a law with arrays of these lengths."""
     name = getattr(law, "__name__", repr(law))
-    try:
-        yield
-    except IndexError as error:
-        raise LawIndexError(f"law {name}: {error}; {lengths}") from None
-    except NumbaError as error:
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        skipped = ("Failed", "Compilation", "- ")
-        reason = next((line for line in lines if not line.startswith(skipped)), lines[0])
-        raise ParameterError(f"law {name} cannot be compiled: {reason:.300}") from error
-    except (AttributeError, NameError, TypeError, ValueError) as error:  # where numba is disabled
-        raise ParameterError(f"law {name}: {error}") from None
+    if isinstance(error, IndexError):
+        return LawIndexError(
+            f"law {name}: {error}; obs and scales have {observed} entries, gains {gains}, "
+            f"memory {remembered}"
+        )
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    skipped = ("Failed", "Compilation", "- ")
+    reason = next((line for line in lines if not line.startswith(skipped)), lines[0])
+    return ParameterError(f"law {name} cannot be compiled: {reason:.300}")
 
 
 def _is_ours(law: Law) -> bool:

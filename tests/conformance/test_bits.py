@@ -24,13 +24,13 @@ import pter_gym
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import LANES, SKIP
 from pter_gym.benchmark import from_actions
-from pter_gym.benchmark.simulation import run
 from pter_gym.controllers import Impedance, Random, TorqueFeedback, bind
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
 from pter_gym.paths import Arc, Line, Sine
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing, Sensing
+from rollouts import Acting, run
 
 ID = "PTER/PathFollowing-v0"
 NEXT_STEP, SAME_STEP, DISABLED = (
@@ -245,9 +245,15 @@ def test_after_a_checkpoint(mode: AutoresetMode) -> None:
 @settings(max_examples=3, deadline=None, phases=[Phase.explicit, Phase.generate])
 @given(seed=st.integers(0, 2**31), skip=st.integers(2, 9))
 def test_a_held_action_equals_a_repeated_one(seed: int, skip: int) -> None:
-    drawn = SCENARIOS["everything"].randomisation("brisk", contexts=7, seed=seed)
-    held: Any = gymnasium.make(ID, randomisation=drawn, frame_skip=skip).unwrapped
-    plain: Any = gymnasium.make(ID, randomisation=drawn).unwrapped
+    shared = {
+        "scenario": SCENARIOS["everything"].draws,
+        "pace": "brisk",
+        "contexts": 7,
+        "context_seed": seed,
+        "action_unit": "volt",
+    }
+    held: Any = gymnasium.make(ID, **shared, frame_skip=skip).unwrapped
+    plain: Any = gymnasium.make(ID, **shared, frame_skip=1).unwrapped
     endings = 0
     for episode in range(6):
         (obs, _), (other, _) = (
@@ -300,8 +306,7 @@ def test_a_policy_decides_at_its_training_frame_skip(skip: int) -> None:
 
 def test_a_law_may_decide_less_often_than_the_kernel_asks_it() -> None:
     batch = Batch(BASELINE, PathFollowing(), 1)
-    law = bind(Impedance(), BASELINE, batch.layout)
-    law.frame_skip = 5
+    law = replace(bind(Impedance(), BASELINE, batch.layout), frame_skip=5)
     volts = run(batch, law, [1], [50]).telemetry[1:, 0][:, [*COLUMN.volts]]
     changes = np.flatnonzero(np.diff(volts, axis=0).any(axis=1)) + 1
     assert len(changes) > 3
@@ -313,7 +318,7 @@ def digest() -> str:
     batch = Batch(machines(4), tasks(4))
     content = hashlib.sha256()
     for law in (None, TorqueFeedback(), Random(seed=9)):
-        policy = law and law.bind(BASELINE, batch.layout)
+        policy = law and Acting(law.bind(BASELINE, batch.layout))
         obs, _ = batch.reset([1, 2, 3, 4])
         for row in actions(4)[:8]:
             returns = batch.step(policy(obs) if policy else row, SKIP)

@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from pter_gym.benchmark.simulation import record_episode
+from pter_gym.benchmark.rollout import record_episode
 from pter_gym.controllers import Free
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE

@@ -87,6 +87,7 @@ def test_ids_and_public_packages_need_no_import() -> None:
             },
         ),
         (ID, {"machine": "delrin_experimental", "action_unit": "normalised", "frame_skip": 2}),
+        (ID, {"scenario": "paths", "contexts": np.int64(3), "pace": np.float32(0.25)}),
         (
             "PTER/Standard-v0",
             {"contexts": 4, "reward": RewardWeights(effort=1.0), "starts": Starts(moving=1.0)},

@@ -8,20 +8,20 @@ import pytest
 
 from pter_gym._compiled.records import rows
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import PerClutch, Policy, device
 from pter_gym.errors import ActionError, LawIndexError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing
+from rollouts import simulate
 
 TASK = PathFollowing(start_offset=0.01)
-STEP, WORLD, VALUE = range(3)
+STEP, EPISODE, VALUE = range(3)
 
 
 class Kept(NamedTuple):
     """What the law below keeps of a world: a record of its own."""
 
-    world: float
+    episode: float
     steps: float
     unused: float
 
@@ -33,13 +33,13 @@ KEPT = rows(Kept)
 def fails_later(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Hold clutch 4, and from a step on return a value as the voltage of clutch 2, in the worlds from one on."""
     memory[KEPT.steps] += 1.0
-    fails = memory[KEPT.steps] > gains[STEP] and memory[KEPT.world] >= gains[WORLD]
+    fails = memory[KEPT.steps] > gains[STEP] and memory[KEPT.episode] >= gains[EPISODE]
     return PerClutch(0.0, gains[VALUE] if fails else 1.0, 0.0, 24.0)
 
 
 def run_law(law: Any, gains: Any, *, worlds: int = 2, steps: int = 8) -> np.ndarray:
     batch = Batch(BASELINE, TASK, worlds)
-    policy = Policy(gains, batch.layout, law=law, memory=Kept)
+    policy = Policy.of_law(law, gains, BASELINE, batch.layout, memory=Kept)
     return simulate(batch, policy, range(worlds), steps)
 
 
@@ -61,12 +61,15 @@ def test_a_voltage_beyond_the_range_is_clipped() -> None:
 def test_a_policy_keeps_the_record_that_its_law_declares() -> None:
     batch = Batch(BASELINE, TASK, 3)
     obs, _ = batch.reset([0, 1, 2])
-    policy = Policy(np.array([1.0, 1.0, 5.0]), batch.layout, law=fails_later, memory=Kept)
-    assert policy.empty_memory(3).tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]
-    for volts in ([1.0, 1.0, 1.0], [1.0, 5.0, 5.0]):  # the law counts steps, and knows its world
-        assert policy(obs)[:, 1].tolist() == volts
-    policy.reset()
-    assert policy(obs)[:, 1].tolist() == [1.0, 1.0, 1.0]
+    gains = [1.0, 1.0, 5.0]
+    policy = Policy.of_law(fails_later, gains, BASELINE, batch.layout, memory=Kept)
+    assert policy.start(3).tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]
+    memory = policy.start(2, [7, 9])
+    assert memory[:, KEPT.episode].tolist() == [7.0, 9.0]
+    memory = policy.start(3)
+    for volts in ([1.0, 1.0, 1.0], [1.0, 5.0, 5.0]):  # the law counts steps, and its episode
+        assert policy.act(obs, memory)[:, 1].tolist() == volts
+    assert policy.act(obs, policy.start(3))[:, 1].tolist() == [1.0, 1.0, 1.0]
 
 
 @device
@@ -174,4 +177,5 @@ def law(obs, scales, gains, memory):
     obs = np.zeros((1, len(layout)), np.float32)
     for volts in (1.0, 5.0):
         scope["VOLTS"] = volts
-        assert Policy([0.0], layout, law=scope["law"])(obs)[0, 0] == volts
+        policy = Policy.of_law(scope["law"], [0.0], BASELINE, layout)
+        assert policy.act(obs, policy.start(1))[0, 0] == volts

@@ -98,7 +98,7 @@ def test_values_beyond_the_limits_are_refused(text: str, make: Callable[[], Any]
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_draws_of_scenarios_are_far_from_the_limits(name: str) -> None:
-    for machine, task in SCENARIOS[name].randomisation(contexts=64).pairs():
+    for machine, task in SCENARIOS[name].draws.pairs(64):
         arm = model_of(held_machine(task, machine)).arm
         force = strongest(task, machine)
         assert force < 0.5 * largest_force(arm, machine.substep, task.control_period)

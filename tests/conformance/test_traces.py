@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from pter_gym._compiled.records import leaves, parts
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import NEXT_STEP, SAME_STEP, SKIP, STORED_ROWS, World
-from pter_gym.benchmark.simulation import run
 from pter_gym.controllers import Impedance
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces, TremorArm
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, Hand, Machine
@@ -28,6 +27,7 @@ from pter_gym.paths import Arc, Circle, Line, Sine
 from pter_gym.tasks.path_following import STARTS, PathFollowing, RewardWeights, Sensing, Starts
 from pter_gym.tasks.path_following._context import Context
 from pter_gym.tasks.path_following._telemetry import TELEMETRY
+from rollouts import run
 
 FILE = Path(__file__).with_name("traces.npz")
 

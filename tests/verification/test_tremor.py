@@ -10,7 +10,6 @@ import pytest
 from scipy import signal
 
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Free
 from pter_gym.errors import ParameterError
 from pter_gym.hands import (
@@ -27,6 +26,7 @@ from pter_gym.hands._tremor import KINDS
 from pter_gym.params import BASELINE, Arm
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from rollouts import simulate
 
 PERIOD = PathFollowing().control_period
 
@@ -185,9 +185,7 @@ def test_the_kernel_adds_the_tremor_along_its_line_until_it_ends() -> None:
 
 
 def test_the_scenario_draws_all_kinds_and_arms_within_the_ranges_of_the_library() -> None:
-    hands: list[Any] = [
-        task.hand for _, task in find_scenario("tremor").randomisation(contexts=300, seed=1).pairs()
-    ]
+    hands: list[Any] = [task.hand for _, task in find_scenario("tremor").draws.pairs(300, 1)]
     assert {type(hand) for hand in hands} == set(KINDS.values())
     assert {hand.impedance for hand in hands} == {arm.hand for arm in LIBRARY_ARMS.values()}
     for name, kind in KINDS.items():

@@ -13,7 +13,6 @@ meets follows from the equations, and is no claim here but a test of the model.
 """
 
 import math
-import tomllib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
+from pter_gym._internal.reading import read_toml
 from pter_gym._physics.arm import velocity_torque
 from pter_gym._physics.model import model_of
 from pter_gym.tools.paper.clutch_tests import holding_torque, motion
@@ -269,7 +269,7 @@ MEASURES = {function.__name__.removeprefix("_"): function for function in _FUNCT
 
 def _read() -> tuple[Statement, ...]:
     """Return the statements of ``claims.toml``."""
-    table = tomllib.loads(Path(__file__).with_name("claims.toml").read_text("utf-8"))
+    table = read_toml(Path(__file__).with_name("claims.toml"), "claims")
     for entry in table["claims"]:
         for key in {"note", "reason"} & entry.keys():
             entry[key] = table["texts"].get(entry[key], entry[key])

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pter_gym.benchmark._measures import column
+from pter_gym.benchmark.measures import column
 from pter_gym.tools import figures as style
 from pter_gym.tools.figures import MILLIMETRE, label, legend_of, name_lines, styled
 from pter_gym.tools.paper.claims import COLUMNS, NAMES, TABLE_TOLERANCE

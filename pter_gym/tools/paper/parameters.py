@@ -7,34 +7,36 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pter_gym._compiled.layout import Layout
+from pter_gym._internal.codec import tuple_of
+from pter_gym._internal.reading import read_toml
 from pter_gym.controllers import Policy, TorqueFeedback
 from pter_gym.hands import eq5
-from pter_gym.params import Machine, paper_machines_of, require, with_friction
-from pter_gym.params._preset import load_preset
+from pter_gym.params import Clutch, Machine, paper_machines, require, with_friction
+from pter_gym.params._files import machine_from
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.units import from_inch_pounds
 
-STUDY = load_preset(Path(__file__).with_name("study.toml"))
-"""The numbers of the experiments, which a search found (``docs/calibration.md``).
+STUDY = read_toml(Path(__file__).with_name("study.toml"), "study")
+"""The numbers of the experiments by section and name, which a search found (``docs/calibration.md``).
 
-Scenarios have those of ``presets/pter.toml``.
+Scenarios have the defaults of the classes.
 """
 
 BREAKAWAY_SMALL_VOLTAGE = from_inch_pounds(63.5)
 """Breakaway torque of clutch 1 at the small voltage of Figs. 3 and 4 [N·m] (section III-B)."""
 
-TIME_CONSTANT = STUDY.clutch["time_constant"]
+TIME_CONSTANT = Clutch.time_constant
 """Time constant of the clutches by their manufacturer [s] (section IV-C.3)."""
 
-PAPER_MACHINES = paper_machines_of(STUDY)
+PAPER_MACHINES = paper_machines(machine_from(STUDY["machine"]), **STUDY["delrin"])
 """The three machines of Table I by name, as the experiments have them."""
 
 
-def standard_task() -> PathFollowing:
-    """Return the paper's standard test."""
-    hand = eq5(STUDY.hand["force_max"], STUDY.hand["push"])
-    return PathFollowing(path=Line(**STUDY.path), hand=hand)
+STANDARD_TASK = PathFollowing(path=Line(**STUDY["path"]), hand=eq5(**STUDY["hand"]))
+"""The paper's standard test."""
+
+_GAINS = {name: tuple_of(value) for name, value in STUDY["controller"].items()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,12 +63,12 @@ class Setup:
     """
 
     machines: Mapping[str, Machine] = field(default_factory=lambda: dict(PAPER_MACHINES))
-    task: PathFollowing = field(default_factory=standard_task)
-    controller: TorqueFeedback = field(default_factory=lambda: TorqueFeedback(**STUDY.controller))
+    task: PathFollowing = STANDARD_TASK
+    controller: TorqueFeedback = TorqueFeedback(**_GAINS)
     own_table: bool = False
-    table_error: float = STUDY.runs["table_error"]
+    table_error: float = STUDY["runs"]["table_error"]
     time_constants: tuple[float, ...] = tuple(
-        round(STUDY.runs["time_constant_max"] * k / 20, 6) for k in range(1, 21)
+        round(STUDY["runs"]["time_constant_max"] * k / 20, 6) for k in range(1, 21)
     )
 
     def __post_init__(self) -> None:
@@ -81,7 +83,7 @@ class Setup:
         return next(iter(self.machines.values()))
 
     def policy(self, machine: Machine, layout: Layout, feedback: float) -> Policy:
-        """Return a machine's controller with a gain of its torque loops [V/(N·m)]; 0 is plain impedance control."""
+        """Return a machine's controller with a gain of its torque loops [V/(N·m)]; 0: impedance."""
         known = machine if self.own_table else self.baseline
         assumed = replace(
             known, clutch=with_friction(known.clutch, self.table_error, self.table_error)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark._measures import per_clutch
+from pter_gym.benchmark.measures import per_clutch
 from pter_gym.params import Machine, with_friction
 from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.paper.clutch_tests import holding_torque

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.benchmark._measures import column
+from pter_gym.benchmark.measures import column
 from pter_gym.tools.paper.experiments import Experiments
 from pter_gym.tools.paper.path_tests import PAPER_TABLE
 from pter_gym.units import INCH, INCH_POUND

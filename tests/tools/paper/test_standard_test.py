@@ -4,7 +4,7 @@ from dataclasses import fields, replace
 
 import pytest
 
-from pter_gym.benchmark._measures import column, vector
+from pter_gym.benchmark.measures import column, vector
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
 from pter_gym.params import with_friction
@@ -74,7 +74,7 @@ def test_a_controller_with_a_wrong_table_is_that_of_a_machine_with_those_torques
         BASELINE, layout := observation_layout(BASELINE, "torque"), 0.0
     )
     weaker = replace(CONTROLLER, feedback=0.0).bind(replace(BASELINE, clutch=clutch), layout)
-    assert (wrong.gains == weaker.gains).all()
+    assert (wrong.law.gains == weaker.law.gains).all()
     exact, believed = (
         time_constant_sweep(Setup(table_error=each), taus)["baseline"] for each in (1.0, factor)
     )
