@@ -20,7 +20,7 @@ __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVa
     __name__,
     submodules=["jax", "sb3", "scenario"],
     submod_attrs={
-        "_shared": ["Batch"],
+        "_mixin": ["Batch"],
         "_single": ["PathFollowingEnv"],
         "_vector": ["PathFollowingVectorEnv", "Returns"],
     },
