@@ -27,7 +27,9 @@ _ENDED = {
 }
 
 
-class PathFollowingVectorEnv(WorldsMixin, VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):  # pyright: ignore[reportIncompatibleVariableOverride]
+class PathFollowingVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
+    WorldsMixin, VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
+):
     """N worlds of ``PathFollowingEnv`` in one compiled call.
 
     A world with seed s goes through the same episodes, bit for bit, as a single environment that is
