@@ -15,7 +15,6 @@
 //
 // All numbers are in SI. Names, places and scales are those of pter.json, which the package's declarations make.
 
-import { pathThrough } from "./drawn.js";
 import { Network, readTensors } from "./network.js";
 import { fill, inUnits, Law, named, World } from "./world.js";
 
@@ -35,8 +34,6 @@ const DEFAULTS = {
   path: "line",
   hand: "paper",
   pace: 0.25,
-  timeConstant: null,
-  friction: 1,
   maxSteps: Infinity,
 };
 
@@ -61,14 +58,12 @@ export class Simulator {
   /**
    * Make an environment.
    *
-   * machine       a name in `tables.machines`
-   * path          a name in `tables.paths`, or `{ arcs, length, error_max }` as `draw` returns them
-   * hand          "paper": a push along the path and sines across it; "pointer": the force that `step` gets; or
-   *               `{ along, across }`, forces [N] at the control instants, as `trial` of another environment has them
-   * pace          commanded mean speed along the path [m/s]
-   * timeConstant  of the clutches [s]; null for the machine's own
-   * friction      torques of all clutches over those of the machine
-   * maxSteps      control steps after which an episode is truncated
+   * machine   a name in `tables.machines`
+   * path      a name in `tables.paths`
+   * hand      "paper": a push along the path and sines across it; "pointer": the force that `step` gets; or
+   *           `{ along, across }`, forces [N] at the control instants, as `trial` of another environment has them
+   * pace      commanded mean speed along the path [m/s]
+   * maxSteps  control steps after which an episode is truncated
    */
   async make(settings = {}) {
     return new Environment(this.tables, await this.kernels(), { ...DEFAULTS, ...settings });
@@ -84,17 +79,6 @@ export class Simulator {
   async policy(name, weights) {
     const card = find(this.tables.policies, "policy", name);
     return new Network(this.tables, await this.kernels(), card, readTensors(weights));
-  }
-
-  /** Make a path of a stroke, [x, y] of its points [m]; one that a machine cannot follow raises a ParameterError. */
-  async draw(stroke, machine = "baseline") {
-    const { arm } = find(this.tables.machines, "machine", machine);
-    const points = Array.from(stroke ?? []);
-    const fits = points.length > 1 && points.every((point) => point?.length === 2 && point.every(Number.isFinite));
-    require(fits, "stroke", `${points.length} points`, "at least two points [x, y] of finite numbers");
-    const path = pathThrough(this.tables, await this.kernels(), points, arm);
-    if (typeof path === "string") throw new ParameterError(path);
-    return path;
   }
 
   /** Return the module's functions with a memory of their own. */
@@ -123,24 +107,6 @@ export class Environment {
     this.state = this.#world.state;
     this.seen = inUnits(tables.observation, this.#world.observation);
     this.telemetry = inUnits(tables.telemetry, this.#world.telemetry);
-    this.adjust(settings);
-  }
-
-  /** Change the clutches from now on: their time constant [s], null for the machine's own; their torques over its. */
-  adjust({ timeConstant, friction }) {
-    const told = this.tables.told[this.settings.machine];
-    const time = timeConstant ?? told.time_constant;
-    require(time > 0 && time <= 10, "timeConstant", time, "within (0, 10] s");
-    require(friction === undefined || (friction > 0 && friction <= 10), "friction", friction, "within (0, 10]");
-    for (const { machine } of [this.context, this.state]) {
-      if (timeConstant !== undefined) Object.assign(machine.torque_decay, this.#decay(timeConstant));
-      if (friction !== undefined) for (const [clutch, own] of Object.entries(this.machine.scale)) machine.scale[clutch] = friction * own;
-    }
-    if (timeConstant !== undefined) this.context.told.time_constant = time;
-    if (friction !== undefined) {
-      this.context.told.breakaway_factor = friction * told.breakaway_factor;
-      this.context.told.dynamic_factor = friction * told.dynamic_factor;
-    }
   }
 
   /** Start an episode and return its first observation; without a seed, the next episode of the present seed. */
@@ -199,19 +165,7 @@ export class Environment {
 
   /** Return the trial as a CSV file: a recording that `pter_gym.hands.read_forces` reads. */
   trialAsCSV() {
-    const { along, across } = this.trial;
-    const rows = along.map((force, k) => `${k * this.tables.control_period},${force},${across[k]}`);
-    return ["time,along,across", ...rows, ""].join("\n");
-  }
-
-  /** Return the parts of the clutches' lag that half a substep leaves of a rising and of a falling torque. */
-  #decay(timeConstant) {
-    const own = this.machine.torque_decay;
-    if (timeConstant === null) return own;
-    const { kernels, config } = this.#world;
-    const half = 0.5 * config[this.tables.places.config.substep];
-    const ratio = own.rise === own.fall ? 1 : Math.log(own.rise) / Math.log(own.fall);
-    return { rise: kernels.decay(half, timeConstant), fall: kernels.decay(half, ratio * timeConstant) };
+    return recordingAsCSV(this.trial, this.tables.control_period);
   }
 
   /** Write the force of the pointer at the end of the period to the hand's recording, and return it along the path. */
@@ -233,6 +187,12 @@ export class Environment {
   #write(forces) {
     this.#world.constants.set(forces, this.context.hand.record_first);
   }
+}
+
+/** Return forces { along, across } [N] at the control instants as a CSV file. */
+export function recordingAsCSV({ along, across }, period) {
+  const rows = along.map((force, k) => `${k * period},${force},${across[k]}`);
+  return ["time,along,across", ...rows, ""].join("\n");
 }
 
 /** A hand that a pointer leads: a spring and a damper between both, up to a largest force [N/m, N·s/m, N]. */
@@ -264,7 +224,7 @@ export class SpringHand {
 function arraysOf(tables, settings) {
   const { places, widths } = tables;
   const machine = find(tables.machines, "machine", settings.machine);
-  const path = typeof settings.path === "string" ? find(tables.paths, "path", settings.path) : settings.path;
+  const path = find(tables.paths, "path", settings.path);
   const hand = typeof settings.hand === "string" ? find(tables.hands, "hand", settings.hand) : tables.hands.pointer;
   const { pace, maxSteps } = settings;
   require(pace > 0 && pace <= 5, "pace", pace, "within (0, 5] m/s");
@@ -282,7 +242,7 @@ function arraysOf(tables, settings) {
       error_max: path.error_max,
     },
     told: { ...tables.told[settings.machine], hand_push: hand.push },
-    arrangement: tables.arrangements[settings.machine],
+    arrangement: tables.arrangement,
   };
   if (typeof settings.hand !== "string") context.hand.record_count = settings.hand.along.length;
   fill(places.context, context, constants);

@@ -1,7 +1,6 @@
 // The picture of a trial: arm, path, trail, hand and the clutches of the drive, on a canvas.
 
 const WORLD = { left: -0.88, right: 0.76, low: -0.35, high: 1.04 };
-const REACH = 1;
 const BESIDE = 0.05; // of the path [m]
 const DISC = { radius: 0.075, y: -0.175, spacing: 0.23 };
 const FULL_ARROW = 0.28; // of a force of ARROW_FORCE [m]
@@ -63,10 +62,9 @@ export class Scene {
    *
    * part     how far the picture is between the last two control steps, 0 to 1
    * pointer  { x, y } [m] of the hand or null
-   * stroke   points of a path that is being drawn, or null
    * ready    whether the trial waits for its hand
    */
-  draw(trial, { part = 1, pointer = null, stroke = null, ready = false, palette }) {
+  draw(trial, { part, pointer, ready, palette }) {
     const { context, width, height } = fitted(this.canvas);
     const view = this.view(width, height);
     Object.assign(this, { c: context, palette, px: 1 / view.scale });
@@ -75,14 +73,12 @@ export class Scene {
     context.translate(view.x, view.y);
     context.scale(view.scale, -view.scale);
     context.lineCap = context.lineJoin = "round";
-    if (stroke) this.reach();
-    this.path(trial, stroke !== null);
+    this.path(trial);
     this.trail(trial);
-    if (!stroke) this.pacer(trial, part);
+    this.pacer(trial, part);
     const pose = this.pose(trial, part);
     this.drive(trial);
     this.arm(pose);
-    if (stroke) this.polyline(stroke, palette.force, 3);
     this.handle(trial, pose.tip, pointer, ready);
     context.restore();
   }
@@ -122,21 +118,15 @@ export class Scene {
     c.stroke();
   }
 
-  reach() {
-    this.disc([0, 0], REACH, "transparent", this.palette.muted, 1);
-  }
-
   /** The path with its lane, in which the tip may move, a ring where it starts and a flag where it ends. */
-  path(trial, faint) {
-    const { c, palette } = this;
+  path(trial) {
+    const { palette } = this;
     const { line } = trial;
-    c.globalAlpha = faint ? 0.3 : 1;
     this.polyline(line, palette.lane, (2 * trial.env.context.task.error_max) / this.px);
     this.polyline(line, palette.line, 2.5);
     this.disc(line[0], 5 * this.px, palette.stage, palette.line, 2);
     this.disc(line.at(-1), 6 * this.px, palette.line);
     this.disc(line.at(-1), 2.5 * this.px, palette.stage);
-    c.globalAlpha = 1;
   }
 
   /** A dot beside the path that moves at the commanded pace. */
@@ -211,7 +201,7 @@ export class Scene {
     const { c, palette, px } = this;
     const colour = palette[trial.env.tables.clutches[k].colour];
     const { radius } = DISC;
-    const torque = Math.min(1, Math.abs(trial.now[`torque_${k + 1}`]) / trial.torqueLimit);
+    const torque = Math.min(1, Math.abs(trial.now[`torque_${k + 1}`]) / trial.env.tables.torque_max[trial.settings.machine]);
     const glow = Math.sqrt(torque);
     if (glow > 0.02) {
       const halo = c.createRadialGradient(x, y, radius, x, y, radius * 1.9);

@@ -7,8 +7,7 @@
  * task   { length, error_max, pace } of the path [m, m, m/s]
  * rules  `tables.scoring`
  *
- * Returns path_error_m, mean_error_m, mean_pace_m_s, mean_pace_error, segment_pace_error and completed, as the package
- * calls them.
+ * Returns path_error_m, mean_pace_m_s and completed, as the package calls them.
  */
 export function score(rows, task, rules) {
   const { segments, price } = rules;
@@ -37,10 +36,7 @@ export function score(rows, task, rules) {
   });
   return {
     path_error_m: Math.min(mean(segmentErrors), worst),
-    mean_error_m: mean(errors.slice(1)),
     mean_pace_m_s: passed.at(-1) > 0 ? Math.min(furthest.at(-1), task.length) / passed.at(-1) : 0,
-    mean_pace_error: paceError(mean(ratios), finished.at(-1)),
-    segment_pace_error: mean(ratios.map((ratio, k) => paceError(ratio, finished[k]))),
     completed: rows.slice(1).some((row) => row.is_success === 1),
   };
 }
@@ -50,8 +46,6 @@ const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.
 const differences = (values) => values.slice(1).map((value, k) => value - values[k]);
 
 const paceFactor = (ratio, price) => (ratio > 1 ? ratio ** price : 1 + price * (1 - ratio));
-
-const paceError = (ratio, finished) => Math.max(Math.abs(ratio - 1), finished ? 0 : 1);
 
 function runningMaximum(values) {
   let most = -Infinity;

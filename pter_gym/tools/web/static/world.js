@@ -114,7 +114,6 @@ export class Law {
       [Float64Array, 4],
     ]);
     this.kernels = kernels;
-    this.declared = tables.declared ? 1 : 0;
   }
 
   reset() {
@@ -133,7 +132,6 @@ export class Law {
       this.memory.byteOffset,
       this.memory.length,
       this.wanted.byteOffset,
-      this.declared,
     );
     return Float32Array.from(this.wanted);
   }
