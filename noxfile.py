@@ -1,9 +1,9 @@
-"""Every check of this project: `nox --list` names them, `nox -s lint` runs one, `bash .ci/run` all
-that must hold.
+"""Every check of this project: `nox --list` names them, `nox -s lint` runs one.
 
 Each works in a copy of what a commit of the present files would contain, so no cache or stray file
 plays a part. Sessions with the tag `gate` must pass before a change is kept; those with the tag
-`long` take longer."""
+`long` take longer.
+"""
 
 import os
 import re
@@ -26,7 +26,7 @@ OLD_GYMNASIUM = ("-W", "default")
 
 
 def copy(session: nox.Session, name: str, *, keep: str = "") -> Path:
-    """Make a copy of the checkout, in which nothing of an earlier one is kept but an environment."""
+    """Make a fresh copy of the checkout that keeps nothing of an earlier one but ``keep``."""
     place = session.cache_dir / name
     for old in place.glob("*"):
         if old.name != keep:
@@ -41,7 +41,7 @@ def copy(session: nox.Session, name: str, *, keep: str = "") -> Path:
 
 
 def readme_command(session: nox.Session, name: str) -> Path:
-    """Type the command that README.md shows as NAME in a new copy, where `python3` is the Python that runs nox."""
+    """Type the command that README.md shows as NAME in a new copy, with nox's Python."""
     (command,) = re.findall(
         rf"<!-- command: {name} -->\n```sh\n(.*)\n```", (ROOT / "README.md").read_text("utf-8")
     )
@@ -63,7 +63,7 @@ def reported(session: nox.Session, part: str = "tests") -> dict[str, str]:
 
 
 def workshop(session: nox.Session) -> Path:
-    """Go to a copy with everything in its `.venv`, that of the tests if they have run; return where the tools are."""
+    """Go to a copy with everything installed, the tests' if they have run; return its tools."""
     place, python = copy(session, "tests", keep=".venv"), f"{sys.base_prefix}/bin/python3"
     tools = place / ".venv" / "bin"
     if not tools.exists():
@@ -78,7 +78,7 @@ def workshop(session: nox.Session) -> Path:
 def pytest_in_copy(
     session: nox.Session, *arguments: str, pins: tuple[str, ...] = PINNED, extras: str = "test"
 ) -> None:
-    """Run tests in a new copy, in an environment of this session; `test` is what the core's tests need."""
+    """Run tests in a new copy and environment; the core's need the extra `test`."""
     place = copy(session, session.name)
     session.install("-q", *pins, "-e", f"{place}[{extras}]")
     session.chdir(place)
@@ -100,15 +100,8 @@ def site(session: nox.Session, folder: str, *marks: str, **variables: str) -> No
 def build(session: nox.Session) -> Path:
     """Return a folder with wheel and sdist."""
     session.install("-q", *PINNED, "build")
-    session.run(
-        "python",
-        "-m",
-        "build",
-        "--outdir",
-        session.create_tmp(),
-        str(copy(session, "build")),
-        silent=True,
-    )
+    place = str(copy(session, "build"))
+    session.run("python", "-m", "build", "--outdir", session.create_tmp(), place, silent=True)
     return Path(session.create_tmp())
 
 
@@ -116,20 +109,9 @@ def package_works(session: nox.Session, suffix: str) -> None:
     """Install the built wheel or sdist alone, and use it away from the checkout."""
     session.chdir(build(session))
     session.install("-q", *PINNED, *map(str, Path.cwd().glob(f"pter_gym*{suffix}")))
-    session.run(
-        "python", "-c", "import pter_agents, pter_gym as p; print(p.__version__, p.__file__)"
-    )
-    options = (
-        "--scenario",
-        "everything",
-        "--episodes",
-        "20",
-        "--paces",
-        "slow",
-        "--policies",
-        "impedance",
-    )
-    session.run("pter", "benchmark", *options, "--out", "suite")
+    session.run("python", "-c", "import pter_agents, pter_gym as p; print(p.__version__)")
+    options = "--scenario everything --episodes 20 --paces slow --policies impedance --out suite"
+    session.run("pter", "benchmark", *options.split())
 
 
 @nox.session(venv_backend="none", tags=["gate"])
@@ -155,107 +137,70 @@ def types(session: nox.Session) -> None:
 
 @nox.session(venv_backend="none", tags=["gate"])
 def docs(session: nox.Session) -> None:
-    """The site, without a warning; its notebooks are not run."""
+    """The site without a warning, its notebooks not run; opened in a browser if there is one."""
     site(session, "site")
-
-
-@nox.session(venv_backend="none", tags=["gate"])
-def website(session: nox.Session) -> None:
-    """The site in a browser; skips where none is installed."""
     site(session, "site", "-m", "not long")
-
-
-@nox.session(venv_backend="none", tags=["gate"])
-def benchmark(session: nox.Session) -> None:
-    """README's command that installs and runs the benchmark, and how long the first step takes."""
-    place = readme_command(session, "benchmark")
-    session.run(
-        str(place / ".venv" / "bin" / "python"), str(ROOT / ".ci" / "first_use.py"), external=True
-    )
 
 
 @nox.session(tags=["gate"])
 def wheel(session: nox.Session) -> None:
-    """The built wheel alone."""
+    """The built wheel alone; README's command for the benchmark; how long a first step takes."""
     package_works(session, ".whl")
-
-
-@nox.session(python=["3.12", "3.13"], tags=["long"])
-def wheels(session: nox.Session) -> None:
-    """The same wheel on the other versions of Python."""
-    package_works(session, ".whl")
-
-
-@nox.session(python="3.13", tags=["long"])
-def newest(session: nox.Session) -> None:
-    """The core's tests on the newest Python."""
-    pytest_in_copy(session, "-m", CORE)
-
-
-@nox.session(venv_backend="none", tags=["long"])
-def docs_executed(session: nox.Session) -> None:
-    """The site with what its notebooks print, and every page of it in a browser."""
-    site(
-        session,
-        "site-long",
-        PTER_DOCS_EXECUTE="1",
-        PTER_TRAINING_STEPS="81920",
-        PTER_NOTEBOOK_EPISODES="24",
-        PTER_NOTEBOOK_TRIALS="30",
-    )
-    site(session, "site-long", "-m", "long or not long")
+    place = readme_command(session, "benchmark")
+    python = str(place / ".venv" / "bin" / "python")
+    session.run(python, str(ROOT / ".ci" / "first_use.py"), external=True)
 
 
 @nox.session(venv_backend="none", tags=["long"])
 def long(session: nox.Session) -> None:
-    """The tests marked `long`."""
+    """The tests marked `long`, and the site with what its notebooks print."""
     tools = workshop(session)
-    whole = (
-        "-n",
-        "auto",
-        "-m",
-        "long",
-        "--ignore=tests/agents/test_libraries.py",
-    )  # `libraries` runs these
-    session.run(str(tools / "pytest"), *whole, env=reported(session), external=True)
+    options = ("-n", "auto", "-m", "long", "--ignore=tests/agents/test_libraries.py")
+    session.run(str(tools / "pytest"), *options, env=reported(session), external=True)
+    shorter = {"TRAINING_STEPS": "81920", "NOTEBOOK_EPISODES": "24", "NOTEBOOK_TRIALS": "30"}
+    settings = {f"PTER_{name}": value for name, value in shorter.items()}
+    site(session, "site-long", PTER_DOCS_EXECUTE="1", **settings)
+    site(session, "site-long", "-m", "long or not long")
+
+
+@nox.session(python=["3.11", "3.12", "3.13"], tags=["long"])
+def versions(session: nox.Session) -> None:
+    """The core's tests with the lowest dependencies and on the newest Python; the wheel between."""
+    if session.python == "3.11":
+        pytest_in_copy(session, "-m", CORE, *OLD_GYMNASIUM, pins=("-c", lowest_pins(session)))
+    elif session.python == "3.12":
+        package_works(session, ".whl")
+    else:
+        pytest_in_copy(session, "-m", CORE)
+
+
+def lowest_pins(session: nox.Session) -> str:
+    """Write constraints with the lowest promised version of each dependency; return their path."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    promises = [*project["dependencies"], *project["optional-dependencies"]["test"]]
+    lowest = filter(None, (re.match(r"([\w-]+)>=([\w.]+)", promise) for promise in promises))
+    path = Path(session.create_tmp()) / "lowest.txt"
+    path.write_text(
+        "".join(f"{name}=={version}\n" for name, version in map(re.Match.groups, lowest))
+    )
+    return str(path)
 
 
 @nox.session(tags=["long"])
 def libraries(session: nox.Session) -> None:
-    """Other learning libraries; each trains for a minute."""
+    """Other learning libraries, each of which trains for a minute."""
     files = ("tests/agents/test_libraries.py", "tests/agents/test_offline.py")
     pytest_in_copy(session, "-m", "long or not long", *files, extras="agents,libraries,test")
 
 
 @nox.session(tags=["long"])
-def lowest(session: nox.Session) -> None:
-    """The core's tests with the lowest promised version of each dependency."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    promised = [*project["dependencies"], *project["optional-dependencies"]["test"]]
-    found = filter(None, (re.match(r"([\w-]+)>=([\w.]+)", each) for each in promised))
-    versions = Path(session.create_tmp()) / "lowest.txt"
-    versions.write_text("".join(f"{each[1]}=={each[2]}\n" for each in found), "utf-8")
-    pytest_in_copy(session, "-m", CORE, *OLD_GYMNASIUM, pins=("-c", str(versions)))
-
-
-@nox.session(tags=["long"])
-def ray(session: nox.Session) -> None:
-    """The example for more than one machine."""
-    place = copy(session, "ray")
-    session.install("-q", *PINNED, "-e", str(place), "ray==2.60.0")
-    session.run("python", str(place / "examples" / "ray_rollouts.py"), "--worlds", "16")
-
-
-@nox.session(tags=["long"])
-def sdist(session: nox.Session) -> None:
-    """The built sdist alone."""
+def packages(session: nox.Session) -> None:
+    """The built sdist alone; metadata and recipe as PyPI and conda-forge read them; Ray."""
     package_works(session, ".tar.gz")
-
-
-@nox.session(tags=["long"])
-def metadata(session: nox.Session) -> None:
-    """What PyPI and conda-forge read: metadata of wheel and sdist, and the recipe, by their own tools."""
     session.install("-q", "twine==7.0.0", "py-rattler-build==0.73.0")
     session.run("twine", "check", "--strict", *map(str, build(session).glob("pter_gym*")))
     render = "import sys, rattler_build as r; r.Stage0Recipe.from_file(sys.argv[1]).render()"
     session.run("python", "-c", render, str(ROOT / "docs" / "conda" / "recipe.yaml"))
+    place = copy(session, "ray")
+    session.install("-q", *PINNED, "-e", str(place), "ray==2.60.0")
+    session.run("python", str(place / "examples" / "ray_rollouts.py"), "--worlds", "16")

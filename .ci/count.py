@@ -1,4 +1,4 @@
-"""Print a table of nox's report and of what pytest reports to a folder, and `N passed, N failed`."""
+"""Print a table of nox's report and pytest's reports in a folder, then `N passed, N failed`."""
 
 import json
 import sys

@@ -1,10 +1,10 @@
-"""Measure how long a newcomer waits for the first step of the environment, with and without
-compilation.
+"""Measure how long a newcomer waits for the first step, with and without compilation.
 
 Each number is the processor time of a whole process, from its start to the end of its first step.
 The limits are ratios to what the same machine needs to import Gymnasium and numba: a slow or a busy
 machine judges as a fast one does. Measured were 37 to 52 and 2.4 to 3.2;
-docs/development/verification.md has those of its last run."""
+docs/development/verification.md has those of its last run.
+"""
 
 import os
 import subprocess
@@ -25,7 +25,7 @@ env.step(env.action_space.sample())
 
 
 def seconds_of(program: str, cache: str) -> float:
-    """Return the processor time of a new process that runs a program, with numba's cache at the given place."""
+    """Return the processor time [s] of a new process that runs a program, with a numba cache."""
     before = os.times()
     subprocess.run(
         [sys.executable, "-c", program], env=os.environ | {"NUMBA_CACHE_DIR": cache}, check=True
@@ -45,10 +45,12 @@ def main() -> int:
     imports, again = (min(times) for times in zip(*pairs, strict=True))
     print(f"imports of Gymnasium and numba: {imports:.2f} s")
     print(
-        f"first use, with compilation: {first:.1f} s, {first / imports:.1f} times as long (limit {FIRST_LIMIT:g})"
+        f"first use, with compilation: {first:.1f} s, "
+        f"{first / imports:.1f} times as long (limit {FIRST_LIMIT:g})"
     )
     print(
-        f"afterwards, to the first step: {again:.2f} s, {again / imports:.2f} times as long (limit {AGAIN_LIMIT:g})"
+        f"afterwards, to the first step: {again:.2f} s, "
+        f"{again / imports:.2f} times as long (limit {AGAIN_LIMIT:g})"
     )
     return int(first > FIRST_LIMIT * imports or again > AGAIN_LIMIT * imports)
 

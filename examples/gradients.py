@@ -1,4 +1,4 @@
-"""Differentiate through stick-slip: find voltages under which a constant push brings the tip to a place."""
+"""Differentiate through stick-slip: find voltages under which a push takes the tip to a target."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Step the environment inside `jax.jit` and `lax.scan`: pure functions of one world, for many by `vmap`."""
+"""Step the environment inside `jax.jit` and `lax.scan`; `vmap` makes one world many."""
 
 import jax
 from jax import numpy as jnp
@@ -35,5 +35,6 @@ def rollout(key, weights):
 changes = 0.1 * jax.random.normal(jax.random.key(2), (8, *weights.shape))
 found = jnp.array([rollout(jax.random.key(0), weights + change) for change in changes])
 print(
-    f"mean reward: {rollout(jax.random.key(0), weights):.2f}, best of eight changes: {found.max():.2f}"
+    f"mean reward: {rollout(jax.random.key(0), weights):.2f}, "
+    f"best of eight changes: {found.max():.2f}"
 )

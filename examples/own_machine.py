@@ -27,5 +27,6 @@ while not over:
     over = terminated or truncated
 telemetry = env.unwrapped.telemetry_layout.as_dict(info["telemetry"])
 print(
-    f"after {telemetry['time']:.2f} s the tip is {1000 * abs(telemetry['normal_error']):.0f} mm from the path"
+    f"after {telemetry['time']:.2f} s the tip is "
+    f"{1000 * abs(telemetry['normal_error']):.0f} mm from the path"
 )

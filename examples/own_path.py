@@ -1,4 +1,4 @@
-"""Follow a path of your own: any smooth curve, given by its points and derivatives as complex numbers."""
+"""Follow a path of your own: a smooth curve as complex points and derivatives."""
 
 import cmath
 from dataclasses import dataclass
@@ -36,5 +36,6 @@ while not over:
     over = terminated or truncated
 telemetry = env.unwrapped.telemetry_layout.as_dict(info["telemetry"])
 print(
-    f"{telemetry['reached']:.2f} of {task.path.length:.2f} m of the spiral, arrived: {info['is_success']}"
+    f"{telemetry['reached']:.2f} of {task.path.length:.2f} m of the spiral, "
+    f"arrived: {info['is_success']}"
 )

@@ -1,4 +1,4 @@
-"""Train on a distribution of your own: any field of machine and task may be drawn for each episode."""
+"""Train on a distribution of your own: episodes may draw any field of machine and task."""
 
 import gymnasium
 from gymnasium.vector import AutoresetMode

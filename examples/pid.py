@@ -1,4 +1,4 @@
-"""A PID law as a template: `pter watch examples/pid.py:Pid`, `pter tune examples/pid.py:Pid`, or run this file."""
+"""A PID law as a template: `pter watch examples/pid.py:Pid`, `pter tune examples/pid.py:Pid`."""
 
 from dataclasses import astuple, dataclass
 

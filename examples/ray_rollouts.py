@@ -1,4 +1,4 @@
-"""Episodes on a Ray cluster: `python examples/ray_rollouts.py --workers 2`, then what each worker has."""
+"""Episodes on a Ray cluster: `python examples/ray_rollouts.py --workers 2`."""
 
 import time
 
@@ -37,7 +37,8 @@ def main(
     ]
     for k, (returns, speed) in enumerate(shares := ray.get(episodes)):
         print(
-            f"worker {k}: mean return {returns.mean():.1f} of {worlds} worlds, {speed:,.0f} control steps/s"
+            f"worker {k}: mean return {returns.mean():.1f} of {worlds} worlds, "
+            f"{speed:,.0f} control steps/s"
         )
     return np.concatenate([returns for returns, _ in shares])
 

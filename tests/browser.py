@@ -100,7 +100,8 @@ class Tab:
 def problem(event: str, told: dict[str, Any]) -> Iterator[str]:
     """What an event says that went wrong, if anything."""
     if event == "Runtime.exceptionThrown":
-        yield f"script error: {told['exceptionDetails'].get('exception', {}).get('description', told)}"
+        exception = told["exceptionDetails"].get("exception", {})
+        yield f"script error: {exception.get('description', told)}"
     elif event == "Log.entryAdded" and told["entry"]["level"] == "error":
         yield f"error: {told['entry']['text']} {told['entry'].get('url', '')}"
     elif event == "Network.requestWillBeSent" and told["request"]["url"].startswith("http"):

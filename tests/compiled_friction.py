@@ -1,4 +1,4 @@
-"""Friction compiled by itself, from plain numbers: what the tests compare with other formulations."""
+"""Friction compiled by itself, from plain numbers, to compare with other formulations."""
 
 from functools import cache
 from typing import Any
@@ -63,7 +63,7 @@ def _share_kernel() -> Any:
 
 
 def resolve_friction(*numbers: float) -> tuple[float, float, ClutchMode]:
-    """Return velocities and mode for the mass matrix (m11, m12, m22), the momentum (p_a, p_b) and four capacities."""
+    """Return velocities and mode for a mass matrix, a momentum and four capacities."""
     omega_a, omega_b, mode = _resolve_kernel()(*map(float, numbers))
     return omega_a, omega_b, ClutchMode(mode)
 
@@ -122,7 +122,7 @@ def _shared_kernel() -> Any:
 
 
 def resolve_arranged(mass: Array, p: Array, c: Array, w: Array) -> Array:
-    """Return velocities (n, 2) for masses (n, 3), momenta (n, 2), capacities (n, 4) and rows of W (n, 4, 2)."""
+    """Return velocities (n, 2) for n masses (3), momenta (2), capacities (4) and rows of W (4, 2)."""
     omega = np.empty_like(p)
     _arranged_kernel()(mass, p, c, w, omega)
     return omega

@@ -1,4 +1,4 @@
-"""Kernels are compiled before the workers of pytest-xdist start, which share the cores; the slow tests come first."""
+"""Kernels are compiled before the workers of pytest-xdist start; slow tests come first."""
 
 import os
 

@@ -53,7 +53,7 @@ def load_script(script: Path) -> ModuleType:
 
 
 def run_program(blocks: Iterable[str], name: str) -> dict[str, object]:
-    """Run blocks one after another, as one main program: then numba caches what their laws compile to."""
+    """Run blocks one after another, as one main program, so numba caches compiled laws."""
     names: dict[str, object] = {"__name__": "__main__"}
     for block in blocks:
         exec(compile(block, name, "exec"), names)

@@ -15,7 +15,8 @@ from browser import Tab
 PLAY = "import sys; from pter_gym._commands.main import main; sys.exit(main())"
 
 READY = """(async () => {
-  while (!("ready" in document.documentElement.dataset)) await new Promise((done) => setTimeout(done, 20));
+  const pause = () => new Promise((done) => setTimeout(done, 20));
+  while (!("ready" in document.documentElement.dataset)) await pause();
   globalThis.page = (await import("./page.js")).page;
 })()"""
 
@@ -88,7 +89,9 @@ class Play:
               const before = page.trials[0];
               control.value = {json.dumps(str(value))};
               if (control.value !== {json.dumps(str(value))}) throw new Error("no such choice");
-              for (const kind of ["input", "change"]) control.dispatchEvent(new Event(kind, {{ bubbles: true }}));
+              for (const kind of ["input", "change"]) {{
+                control.dispatchEvent(new Event(kind, {{ bubbles: true }}));
+              }}
               await new Promise((done) => setTimeout(done, 60));
             }})()"""
         )

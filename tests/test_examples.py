@@ -26,7 +26,7 @@ def test_an_example_has_at_most_forty_lines(path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("path", RUN)
 def test_an_example_runs(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Ray's runs in an environment of its own, with the other tests of Ray; that of Stable-Baselines3 is README's."""
+    """Ray's runs in an environment of its own; that of Stable-Baselines3 is README's."""
     if path.stem == "jax_env":
         pytest.importorskip("jax")
     runpy.run_path(str(path), run_name="__main__")

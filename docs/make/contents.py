@@ -1,4 +1,4 @@
-"""The order of the site's pages: the side bar shows the chapters; pages below a page are linked from it."""
+"""The order of the site's pages: chapters in the side bar, and the pages linked from a page."""
 
 import re
 

@@ -70,7 +70,7 @@ def process(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: li
 
 
 def data_docstring(name: str) -> list[str]:
-    """Return the lines below the definition of a name, in the module that is named or in one of its package."""
+    """Return the lines below the definition of a name in a module, or in one of its package."""
     module, _, variable = name.rpartition(".")
     path = Path(ModuleAnalyzer.get_module_source(module)[0] or "")
     inside = (
@@ -114,7 +114,7 @@ def default(item: Any) -> str:
 
 
 def choose(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
-    """Show public data of a module, whose docstring `process` finds; leave out what NamedTuple says of its fields."""
+    """Show public data of a module; leave out what NamedTuple says of its fields."""
     if isinstance(obj, type(Sample.field)):
         return True
     is_data = what == "module" and not (
@@ -124,13 +124,13 @@ def choose(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any
 
 
 def follow(app: Sphinx, module: str, attribute: str) -> str | None:
-    """Return where the source of a name is: data of built-in types are where they are documented."""
+    """Return where the source of a name is; data of built-in types are where they are defined."""
     value = getattr(import_module(module), attribute.partition(".")[0], None)
     return module if getattr(value, "__module__", "builtins") == "builtins" else None
 
 
 def unlink(app: Sphinx, doctree: nodes.document) -> None:
-    """Leave names of results and attributes alone: Sphinx would link each to anything that is called the same."""
+    """Leave names of results and attributes alone: Sphinx would link each to any namesake."""
     for link in list(doctree.findall(addnodes.pending_xref)):
         if (
             link["refdomain"] == "py"

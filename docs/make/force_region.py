@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.haptics import force_extremes, force_range, link_angles
 from pter_gym.params import BASELINE, Connection, Machine
 from pter_gym.paths import Path
-from pter_gym.rendering import force_extremes, force_range, link_angles
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ SPEED = 0.25
 
 
 class PageRow(NamedTuple):
-    """An arrangement of the page: its name, its machine, and its errors [mm] in the order of ``COLUMNS``."""
+    """An arrangement of the page: name, machine, errors [mm] in the order of ``COLUMNS``."""
 
     name: str
     machine: Machine
@@ -74,7 +74,7 @@ def measured(machine: Machine, paths: list[Path], poses: int) -> tuple[float, ..
 
 
 def correlations(found: list[PageRow], forces: dict[str, Array]) -> Iterator[list[str]]:
-    """Yield a row for each column of errors: Spearman's rank correlation with each measure, and its p-value."""
+    """Yield for each column of errors Spearman's correlation with each measure, and its p-value."""
     for name, errors in zip(COLUMNS, zip(*(row.errors for row in found), strict=True), strict=True):
         tests = [spearmanr(values, errors) for values in forces[name.split("`")[1]].T]
         yield [
@@ -84,7 +84,7 @@ def correlations(found: list[PageRow], forces: dict[str, Array]) -> Iterator[lis
 
 
 def main() -> None:
-    """Print the measures of each arrangement, and their rank correlations with the page's errors."""
+    """Print each arrangement's measures and their rank correlations with the page's errors."""
     found = list(rows())
     forces: dict[str, Array] = {}
     for scenario, poses in POSES.items():

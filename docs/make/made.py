@@ -20,7 +20,7 @@ from pter_gym.controllers import CONTROLLERS
 from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.hands import LIBRARY_ARMS, LIBRARY_TREMORS
 from pter_gym.hands._library import Grade
-from pter_gym.params import ACTUATORS, Hand
+from pter_gym.params import ACTUATORS, Clutch, Hand
 from pter_gym.params._fields import SHIPPED
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
@@ -69,7 +69,7 @@ def parameters(name: str) -> str:
 
 
 def default(item: Field[Any]) -> str:
-    """Return the default of a field: a number or several, the class of a default record, or the names of several."""
+    """Return the default of a field: numbers, or the names of the classes of default records."""
     if item.default is MISSING:
         return "none"
     if isinstance(item.default, tuple):
@@ -150,7 +150,8 @@ env = gymnasium.make("{found.id}")
 {found.asks} Each training episode draws:
 
 {table(["What", "Unit", "Drawn"], drawn)}
-The pace is drawn unless one is given. Everything else is as in [the robot in equations](../model.md)."""
+The pace is drawn unless one is given. Everything else is as in
+[the robot in equations](../model.md)."""
 
 
 def varied(name: str, value: Any, unit: str = "1") -> Iterable[list[str]]:
@@ -197,7 +198,8 @@ def described(value: Any) -> str:
         case LogUniform(low, high):
             return f"log-uniform in {number(low)} … {number(high)}"
         case Shared(common, individual, count):
-            return f"{count} values: one factor {described(common)}, times one each {described(individual)}"
+            factors = f"one factor {described(common)}, times one each {described(individual)}"
+            return f"{count} values: {factors}"
         case (first, *rest) as of if rest and all(each == first for each in rest):
             return f"{len(of)} values, each {described(first)}"
         case tuple() as of:
@@ -258,6 +260,12 @@ def arms() -> str:
     return table(header, rows)
 
 
+def torque_at_full_voltage(clutch: Clutch) -> str:
+    """Return the dynamic torque at the largest voltage."""
+    top = clutch.voltage_max
+    return f"{clutch.dynamic.torque(top):.3g} at {top:g} V"
+
+
 @made
 def actuators() -> str:
     """The library's clutches and brakes, and where they come from."""
@@ -265,7 +273,7 @@ def actuators() -> str:
         [
             each.grade,
             code(each.name),
-            f"{each.clutch.dynamic.torque(each.clutch.voltage_max):.3g} at {each.clutch.voltage_max:g} V",
+            torque_at_full_voltage(each.clutch),
             f"{each.clutch.dynamic.off_state:.3g}",
             f"{1e3 * each.clutch.time_constant:.3g}",
             f"{each.clutch.viscous:.3g}",
@@ -304,12 +312,14 @@ def tremors() -> str:
 
 @made
 def claims() -> str:
-    """Return how many claims of the paper are met, and how, in the run that docs/images/paper holds."""
+    """Return how many claims of the paper the run in docs/images/paper meets, and how."""
     stored = json.loads((IMAGES / "paper" / "claims.json").read_text("utf-8"))
     count = Counter(each["kind"] for each in stored)
     return (
-        f"`pter reproduce` makes the paper's figures and table, and checks {len(stored)} of its claims:\n"
-        f"{count['prediction']} are predictions that hold, {count['calibration']} hold because parameters were fitted\n"
+        "`pter reproduce` makes the paper's figures and table, "
+        f"and checks {len(stored)} of its claims:\n"
+        f"{count['prediction']} are predictions that hold, "
+        f"{count['calibration']} hold because parameters were fitted\n"
         f"to them, and {count['not met']} are "
         "[not met](/development/tables.md#the-papers-claims).\n"
     )
@@ -343,7 +353,8 @@ def claim_table() -> str:
 def policies() -> str:
     """A card with a picture for each policy of the leaderboards."""
     cards = (
-        f"- ![{name} at the end of its episode](/images/policies/{name}.webp)\n\n  **{name}.** {policy_text(name)}\n"
+        f"- ![{name} at the end of its episode](/images/policies/{name}.webp)\n\n"
+        f"  **{name}.** {policy_text(name)}\n"
         for name in pictures.policy_names()
     )
     return cards_of(cards)
@@ -381,7 +392,8 @@ def policy_text(name: str) -> str:
 def scenarios() -> str:
     """A card with a moving picture for each scenario."""
     cards = (
-        f"- ![An episode of {name}](/images/moving/{name}.webp)\n\n  **[{name}](/scenarios/{name}.md).** {each.asks}\n"
+        f"- ![An episode of {name}](/images/moving/{name}.webp)\n\n"
+        f"  **[{name}](/scenarios/{name}.md).** {each.asks}\n"
         for name, each in SCENARIOS.items()
     )
     return cards_of(cards)

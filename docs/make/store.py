@@ -18,8 +18,9 @@ from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws
 
 PACES_HEAD = """\
-# Dampers along the path [N·s/m] with which the paper's controllers keep the commanded paces on the training
-# draws of each scenario; their other gains are those of pter.toml. derived: made by `python docs/make/store.py paces`.
+# Dampers along the path [N·s/m] with which the paper's controllers keep the commanded paces on the
+# training draws of each scenario; their other gains are the paper's.
+# derived: made by `python docs/make/store.py paces`.
 """
 
 
@@ -94,7 +95,7 @@ def damping_for_pace(
 
 
 def solve_table() -> dict[str, dict[str, dict[str, float]]]:
-    """Solve for the damper of each of the paper's controllers, scenario and pace, to four digits."""
+    """Solve for the damper of each paper controller, scenario and pace, to four digits."""
     laws = {"impedance": Impedance(), "torque-feedback": TorqueFeedback()}
     return {
         scenario: {

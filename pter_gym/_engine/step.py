@@ -39,7 +39,8 @@ from pter_gym._physics.arm import (
     tip_velocity,
 )
 from pter_gym._physics.clutch import PerClutch, faded, heated, product
-from pter_gym._physics.friction import between, slip_velocities
+from pter_gym._physics.friction import slip_velocities
+from pter_gym._physics.scalars import clamp
 from pter_gym._physics.step import (
     Energy,
     arrangement_from,
@@ -91,7 +92,7 @@ _FIRST_INVERSE_SCALE = CONFIG.inverse_scale.cos_a
 @device
 def clipped(volts: float, voltage_max: float) -> float:
     """Return the voltage [V] that reaches the clutch: a float32 action within the bounds."""
-    return between(float(np.float32(volts)), 0.0, voltage_max)
+    return clamp(float(np.float32(volts)), 0.0, voltage_max)
 
 
 @device
@@ -259,9 +260,9 @@ def hand_force(w: Any, i: int) -> PathVector:
 
 
 @device
-def drift_torques(w: Any, i: int, period: float) -> None:
+def set_strengths(w: Any, i: int, period: float) -> None:
     """Find what the friction's drift and the clutches' heat have made of their torques by the present control step."""
-    drift = between(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
+    drift = clamp(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
     store(w, ROW.strength, i, faded(load(w, ROW.heat, i), w[ROW.machine.fade, i], drift))
 
 
@@ -509,7 +510,7 @@ def scale_entries(w: Any, first: int, last: int, config: Any) -> None:
     for k in range(ENTRIES):
         inverse_scale = config[_FIRST_INVERSE_SCALE + k]
         for i in range(first, last):
-            w[_FIRST_SEEN + k, i] = between(w[_FIRST_SEEN + k, i] * inverse_scale, -BOUND, BOUND)
+            w[_FIRST_SEEN + k, i] = clamp(w[_FIRST_SEEN + k, i] * inverse_scale, -BOUND, BOUND)
 
 
 @device
@@ -531,7 +532,7 @@ def write_observation(w: Any, i: int, obs: Any, world: int, config: Any, constan
             obs[world, k] = w[_FIRST_SEEN + k, i]
     told = int(w[ROW.context_at, i]) + CONSTANT_ROWS - plain
     for k in range(plain, obs.shape[1]):
-        obs[world, k] = between(constants[told + k] / config[CONFIG_WIDTH + k], -BOUND, BOUND)
+        obs[world, k] = clamp(constants[told + k] / config[CONFIG_WIDTH + k], -BOUND, BOUND)
 
 
 # --- the stages of a control step, in their order ---
@@ -569,7 +570,7 @@ def _mover(arrangement_at: Any) -> Any:
         """
         h, count = config[CONFIG.substep], int(config[CONFIG.substeps])
         for i in range(lanes):
-            drift_torques(w, i, h * count)
+            set_strengths(w, i, h * count)
         control_step(
             w, lanes, h, count, count_nonzero(w, ROW.machine.voltage_decay.rise, lanes) > 0, guides
         )

@@ -98,9 +98,9 @@ class World(NamedTuple):
     steady: Torques
     impact: Impact
     omega: Annotated[PerLink, Entry("rad/s", "angular velocity after friction")]
-    limit: Annotated[PerClutch, Entry("N·m", "torque limit in this substep")]
+    capacity: Annotated[PerClutch, Entry("N·m", "torque limit in this substep")]
     span: Annotated[float, Entry("s", "time that the last part of a kick stands for")]
-    changes: Annotated[float, Entry("1", "1 if a clutch changes between sticking and slipping")]
+    switches: Annotated[float, Entry("1", "1 if a clutch changes between sticking and slipping")]
     force: Annotated[Vector, Entry("N", "the hand's force on the tip")]
     travel: Annotated[float, Entry("m", "change of the arc length")]
     advance: Annotated[float, Entry("m", "how far beyond the largest arc length before the step")]

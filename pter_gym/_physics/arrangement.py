@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 from pter_gym._compiled.compiler import device
 from pter_gym._compiled.records import Entry
 from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.scalars import clamp, sign
 
 FAR = 1e300
 """A squared distance beyond any other."""
@@ -46,19 +47,6 @@ class OnLine(NamedTuple):
 
 
 @device
-def between(x: float, low: float, high: float) -> float:
-    """Return x limited to [low, high]."""
-    x = x if x > low else low
-    return x if x < high else high
-
-
-@device
-def sign(x: float) -> float:
-    """Return 1 for x ≥ 0 and −1 otherwise."""
-    return 1.0 if x >= 0.0 else -1.0
-
-
-@device
 def side(multiplier: float, capacity: float) -> float:
     """Return on which side of a clutch's line the minimum lies: 0 where that clutch can hold the multiplier."""
     over = 1.0 if multiplier > capacity else 0.0
@@ -82,8 +70,8 @@ def dot(x: PerClutch, y: PerClutch) -> float:
 @device
 def within(x: PerClutch, low: PerClutch, high: PerClutch) -> PerClutch:
     """Return x limited to [low, high], for each clutch."""
-    x1, x2 = between(x.x1, low.x1, high.x1), between(x.x2, low.x2, high.x2)
-    return PerClutch(x1, x2, between(x.x3, low.x3, high.x3), between(x.x4, low.x4, high.x4))
+    x1, x2 = clamp(x.x1, low.x1, high.x1), clamp(x.x2, low.x2, high.x2)
+    return PerClutch(x1, x2, clamp(x.x3, low.x3, high.x3), clamp(x.x4, low.x4, high.x4))
 
 
 @device
@@ -228,7 +216,7 @@ def share_any(
     slack = 1e-12 * slack + 2.0 * rounding
     best, nearest = least, FAR
     for x in range(4):
-        edge = between(least[x], low[x], high[x])
+        edge = clamp(least[x], low[x], high[x])
         at, along = least_torques(load_a, load_b, x, edge, arrangement), opposed(x, arrangement)
         first, last = -FAR, FAR
         for y in range(4):
@@ -236,7 +224,7 @@ def share_any(
                 to_low, to_high = (low[y] - at[y]) / along[y], (high[y] - at[y]) / along[y]
                 first, last = max(first, min(to_low, to_high)), min(last, max(to_low, to_high))
         found = combined(
-            at, 1.0, along, between(0.0, first, last) if first <= last else 0.5 * (first + last)
+            at, 1.0, along, clamp(0.0, first, last) if first <= last else 0.5 * (first + last)
         )
         missed, shift = 0.0, combined(found, 1.0, least, -1.0)
         for y in range(4):

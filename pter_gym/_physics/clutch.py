@@ -233,7 +233,7 @@ def capacities(
 
 
 @device
-def changes(
+def switches(
     before: float, after: float, threshold: float, breakaway: float, dynamic: float
 ) -> bool:
     """Return whether a slip velocity passes zero from outside the stick band, or leaves one that can hold more."""
@@ -242,21 +242,21 @@ def changes(
 
 
 @device
-def any_changes(before: PerClutch, after: PerClutch, threshold: float, torques: Torques) -> bool:
+def any_switches(before: PerClutch, after: PerClutch, threshold: float, torques: Torques) -> bool:
     """Return whether any clutch changes between sticking and slipping."""
     ts = torques.breakaway
     tk = torques.dynamic
     return (
-        changes(before.x1, after.x1, threshold, ts.x1, tk.x1)
-        | changes(before.x2, after.x2, threshold, ts.x2, tk.x2)
-        | changes(before.x3, after.x3, threshold, ts.x3, tk.x3)
-        | changes(before.x4, after.x4, threshold, ts.x4, tk.x4)
+        switches(before.x1, after.x1, threshold, ts.x1, tk.x1)
+        | switches(before.x2, after.x2, threshold, ts.x2, tk.x2)
+        | switches(before.x3, after.x3, threshold, ts.x3, tk.x3)
+        | switches(before.x4, after.x4, threshold, ts.x4, tk.x4)
     )
 
 
 @device
 def share_before(before: float, slid: float, threshold: float) -> float:
-    """Return the share of a kick after which a clutch changes that ``changes`` within it, 1 if
+    """Return the share of a kick after which a clutch changes that ``switches`` within it, 1 if
     another one does first.
 
     Parameters

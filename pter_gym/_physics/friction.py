@@ -17,16 +17,15 @@ from pter_gym._compiled.compiler import device
 from pter_gym._physics.arrangement import (
     FAR,
     OptionalArrangement,
-    between,
     combined,
     dot,
     resolve_any,
     share_any,
     side,
-    sign,
     within,
 )
 from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.scalars import clamp, sign
 from pter_gym.params import PAPER_CLUTCHES
 
 COUPLING = tuple(each.row for each in PAPER_CLUTCHES)
@@ -69,12 +68,12 @@ def torques_on_links(
 
 @device
 def with_dry(
-    limit: PerClutch, dry_a: float, dry_b: float, arrangement: OptionalArrangement = None
+    capacity: PerClutch, dry_a: float, dry_b: float, arrangement: OptionalArrangement = None
 ) -> PerClutch:
     """Return the torque limits [N·m] of clutches 1 and 2 with the axes' dry friction, which brakes the same slips."""
     if arrangement is not None:
-        return combined(limit, 1.0, arrangement.dry, 1.0)
-    return PerClutch(limit.x1 + dry_a, limit.x2 + dry_b, limit.x3, limit.x4)
+        return combined(capacity, 1.0, arrangement.dry, 1.0)
+    return PerClutch(capacity.x1 + dry_a, capacity.x2 + dry_b, capacity.x3, capacity.x4)
 
 
 @device
@@ -90,8 +89,8 @@ def without_dry(
             -1.0,
         )
     return PerClutch(
-        torque.x1 - between(torque.x1, -dry_a, dry_a),
-        torque.x2 - between(torque.x2, -dry_b, dry_b),
+        torque.x1 - clamp(torque.x1, -dry_a, dry_a),
+        torque.x2 - clamp(torque.x2, -dry_b, dry_b),
         torque.x3,
         torque.x4,
     )
@@ -226,7 +225,7 @@ def along_edge(
     the inside of an edge has found its projection, so its distance is given as −1; it is infinite
     where the edge does not count.
     """
-    nearest = between(across, low, high)
+    nearest = clamp(across, low, high)
     shift = across - nearest
     distance = -1.0 if shift == 0.0 else beyond * beyond + shift * shift
     counts = (beyond != 0.0) & (low <= high + slack)
@@ -274,10 +273,10 @@ def share(
     diff_high = high.x2 - load_b
     ranges = high.x1 - low.x1 + high.x2 - low.x2 + high.x3 - low.x3 + high.x4 - low.x4
     slack = 1e-12 * (abs(load_a) + abs(load_b) + ranges) + 2.0 * rounding
-    edge_u = between(u0, low.x3, high.x3)
-    edge_v = between(v0, low.x4, high.x4)
-    edge_sum = between(u0 + v0, sum_low, sum_high)
-    edge_diff = between(u0 - v0, diff_low, diff_high)
+    edge_u = clamp(u0, low.x3, high.x3)
+    edge_v = clamp(v0, low.x4, high.x4)
+    edge_sum = clamp(u0 + v0, sum_low, sum_high)
+    edge_diff = clamp(u0 - v0, diff_low, diff_high)
 
     v, best = along_edge(
         u0 - edge_u,
@@ -317,23 +316,23 @@ def share(
     )
 
     inside = best >= 0.5 * FAR
-    u = between(u0 if inside else u, low.x3, high.x3)
-    v = between(v0 if inside else v, low.x4, high.x4)
+    u = clamp(u0 if inside else u, low.x3, high.x3)
+    v = clamp(v0 if inside else v, low.x4, high.x4)
     return PerClutch(
-        between(load_a - u - v, low.x1, high.x1), between(load_b + u - v, low.x2, high.x2), u, v
+        clamp(load_a - u - v, low.x1, high.x1), clamp(load_b + u - v, low.x2, high.x2), u, v
     )
 
 
 @device
-def lower_bound(slip: float, limit: float) -> float:
+def lower_bound(slip: float, capacity: float) -> float:
     """Return the smallest torque on the arm that a clutch can generate at a slip velocity."""
-    return limit if slip < 0.0 else -limit
+    return capacity if slip < 0.0 else -capacity
 
 
 @device
-def upper_bound(slip: float, limit: float) -> float:
+def upper_bound(slip: float, capacity: float) -> float:
     """Return the largest torque on the arm that a clutch can generate at a slip velocity."""
-    return -limit if slip > 0.0 else limit
+    return -capacity if slip > 0.0 else capacity
 
 
 @device
@@ -342,28 +341,28 @@ def generated_torques(
     omega_b: float,
     load_a: float,
     load_b: float,
-    limit: PerClutch,
+    capacity: PerClutch,
     rounding: float = 0.0,
     arrangement: OptionalArrangement = None,
 ) -> PerClutch:
     """Return the torque of each clutch on the arm [N·m], given what all four exert on the two
     links, to a rounding.
 
-    A slipping clutch generates its limit against the slip. Stuck ones share the rest with the least
-    Σ τ_x², each within its limit; where the paper's equations are statically indeterminate (section
+    A slipping clutch generates its capacity against the slip. Stuck ones share the rest with the least
+    Σ τ_x², each within its capacity; where the paper's equations are statically indeterminate (section
     III-A) this picks one answer.
     """
     w = slip_velocities(omega_a, omega_b, arrangement)
     low = PerClutch(
-        lower_bound(w.x1, limit.x1),
-        lower_bound(w.x2, limit.x2),
-        lower_bound(w.x3, limit.x3),
-        lower_bound(w.x4, limit.x4),
+        lower_bound(w.x1, capacity.x1),
+        lower_bound(w.x2, capacity.x2),
+        lower_bound(w.x3, capacity.x3),
+        lower_bound(w.x4, capacity.x4),
     )
     high = PerClutch(
-        upper_bound(w.x1, limit.x1),
-        upper_bound(w.x2, limit.x2),
-        upper_bound(w.x3, limit.x3),
-        upper_bound(w.x4, limit.x4),
+        upper_bound(w.x1, capacity.x1),
+        upper_bound(w.x2, capacity.x2),
+        upper_bound(w.x3, capacity.x3),
+        upper_bound(w.x4, capacity.x4),
     )
     return share(load_a, load_b, low, high, rounding, arrangement)

@@ -290,13 +290,15 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
     @outlined
     def heat_clutches(body: Any, h: float) -> None:
         """Add what the clutches have dissipated in a substep, and find what that leaves of their torques."""
-        q, impact, limit = (
+        q, impact, capacity = (
             load(body, BODY.motion, 0),
             load(body, BODY.impact, 0),
-            load(body, BODY.limit, 0),
+            load(body, BODY.capacity, 0),
         )
         arm, arrangement = load(body, BODY.machine.arm, 0), arrangement_at(body, 0)
-        exerted = kick_torques(impact, q.omega_a, q.omega_b, limit, body[BODY.span, 0], arrangement)
+        exerted = kick_torques(
+            impact, q.omega_a, q.omega_b, capacity, body[BODY.span, 0], arrangement
+        )
         torque = without_dry(exerted, arm.dry_a, arm.dry_b, arrangement)
         power = product(torque, slip_velocities(q.omega_a, q.omega_b, arrangement))
         heat = heated(load(body, BODY.heat, 0), power, h, body[BODY.machine.cooling, 0])
@@ -309,9 +311,11 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
         arm = load(body, BODY.machine.arm, 0)
         q = load(body, BODY.motion, 0)
         torques = load(body, BODY.torques, 0)
-        impact, limit = load(body, BODY.impact, 0), load(body, BODY.limit, 0)
+        impact, capacity = load(body, BODY.impact, 0), load(body, BODY.capacity, 0)
         arrangement = arrangement_at(body, 0)
-        torque = kick_torques(impact, q.omega_a, q.omega_b, limit, body[BODY.span, 0], arrangement)
+        torque = kick_torques(
+            impact, q.omega_a, q.omega_b, capacity, body[BODY.span, 0], arrangement
+        )
         x, y = tip_position(arm, q)
         v_x, v_y = tip_velocity(arm, q)
         return Row(

@@ -27,19 +27,19 @@ from pter_gym._physics.arm import (
     tip_position,
     velocity_torque,
 )
-from pter_gym._physics.arrangement import Arrangement, OptionalArrangement, sign
+from pter_gym._physics.arrangement import Arrangement, OptionalArrangement
 from pter_gym._physics.clutch import (
     Decay,
     PerClutch,
     Torques,
-    any_changes,
+    any_switches,
     capacities,
-    changes,
     relax,
     relax_torques,
     scaled,
     share_before,
     steady_torques,
+    switches,
     whole_decay,
 )
 from pter_gym._physics.friction import (
@@ -51,11 +51,12 @@ from pter_gym._physics.friction import (
     without_dry,
 )
 from pter_gym._physics.model import Model
+from pter_gym._physics.scalars import sign
 
 MAX_PARTS = 4
 """Most parts of a kick; what changes in the last one waits for the next substep."""
 
-_MIN_PART = 1e-6
+MIN_PART = 1e-6
 """Smallest share of a kick that is worth a part: over a shorter time, torques drown in rounding."""
 
 
@@ -100,9 +101,9 @@ class Body(NamedTuple):
     steady: Torques
     impact: Impact
     omega: PerLink
-    limit: PerClutch
+    capacity: PerClutch
     span: float
-    changes: float
+    switches: float
     energy: Energy
     arrangement: Arrangement
 
@@ -149,36 +150,36 @@ def count_nonzero(w: Any, row: float, lanes: int) -> int:
 
 
 @device
-def impulses(limit: PerClutch, h: float) -> PerClutch:
+def impulses(capacity: PerClutch, h: float) -> PerClutch:
     """Return the largest impulse [N·m·s] of each clutch over a time h [s]."""
-    return PerClutch(h * limit.x1, h * limit.x2, h * limit.x3, h * limit.x4)
+    return PerClutch(h * capacity.x1, h * capacity.x2, h * capacity.x3, h * capacity.x4)
 
 
 @device
-def against(slip: float, limit: float) -> float:
+def against(slip: float, capacity: float) -> float:
     """Return the torque [N·m] of a sliding clutch, 0 for one that does not slip."""
-    return 0.0 if slip == 0.0 else -sign(slip) * limit
+    return 0.0 if slip == 0.0 else -sign(slip) * capacity
 
 
 @device
-def sliding_torques(slip: PerClutch, limit: PerClutch) -> PerClutch:
+def sliding_torques(slip: PerClutch, capacity: PerClutch) -> PerClutch:
     """Return the torques [N·m] of those clutches that slip."""
     return PerClutch(
-        against(slip.x1, limit.x1),
-        against(slip.x2, limit.x2),
-        against(slip.x3, limit.x3),
-        against(slip.x4, limit.x4),
+        against(slip.x1, capacity.x1),
+        against(slip.x2, capacity.x2),
+        against(slip.x3, capacity.x3),
+        against(slip.x4, capacity.x4),
     )
 
 
 @device
-def stuck_limits(slip: PerClutch, limit: PerClutch) -> PerClutch:
+def stuck_capacities(slip: PerClutch, capacity: PerClutch) -> PerClutch:
     """Return the limits [N·m] of those clutches that do not slip, 0 for the others."""
     return PerClutch(
-        limit.x1 if slip.x1 == 0.0 else 0.0,
-        limit.x2 if slip.x2 == 0.0 else 0.0,
-        limit.x3 if slip.x3 == 0.0 else 0.0,
-        limit.x4 if slip.x4 == 0.0 else 0.0,
+        capacity.x1 if slip.x1 == 0.0 else 0.0,
+        capacity.x2 if slip.x2 == 0.0 else 0.0,
+        capacity.x3 if slip.x3 == 0.0 else 0.0,
+        capacity.x4 if slip.x4 == 0.0 else 0.0,
     )
 
 
@@ -192,13 +193,13 @@ def torques_at(
 ) -> PerClutch:
     """Return the torque of each clutch on the arm at an instant [N·m].
 
-    Clutches that slip exert their limit; stuck ones what keeps them so, if they can, by the
+    Clutches that slip exert their capacity; stuck ones what keeps them so, if they can, by the
     friction problem of the accelerations.
     """
     arm = machine.arm
     slip = slip_velocities(q.omega_a, q.omega_b, arrangement)
-    limit = capacities(slip, machine.slip_threshold, torques, machine.sliding)
-    limit = with_dry(limit, arm.dry_a, arm.dry_b, arrangement)
+    capacity = capacities(slip, machine.slip_threshold, torques, machine.sliding)
+    capacity = with_dry(capacity, arm.dry_a, arm.dry_b, arrangement)
     impact = free_motion(q, arm, on, 0.0)
     damper_a, damper_b = damper_torque(arm, q)
     free_a = (
@@ -207,14 +208,14 @@ def torques_at(
     free_b = (
         impact.hand_b - impact.fictitious_b - arm.implicit * damper_b - arm.viscous_b * q.omega_b
     )
-    slide_a, slide_b = torques_on_links(sliding_torques(slip, limit), arrangement)
-    held = stuck_limits(slip, limit)
+    slide_a, slide_b = torques_on_links(sliding_torques(slip, capacity), arrangement)
+    held = stuck_capacities(slip, capacity)
     alpha_a, alpha_b = resolve(
         impact.m11, impact.m12, impact.m22, free_a + slide_a, free_b + slide_b, held, arrangement
     )
     load_a = impact.m11 * alpha_a + impact.m12 * alpha_b - free_a
     load_b = impact.m12 * alpha_a + impact.m22 * alpha_b - free_b
-    generated = generated_torques(q.omega_a, q.omega_b, load_a, load_b, limit, 0.0, arrangement)
+    generated = generated_torques(q.omega_a, q.omega_b, load_a, load_b, capacity, 0.0, arrangement)
     return without_dry(generated, arm.dry_a, arm.dry_b, arrangement)
 
 
@@ -229,7 +230,7 @@ def slid_velocities(
     impact: Impact,
     before: PerClutch,
     after: PerClutch,
-    limit: PerClutch,
+    capacity: PerClutch,
     threshold: float,
     h: float,
     arrangement: OptionalArrangement = None,
@@ -237,7 +238,7 @@ def slid_velocities(
     """Return the slip velocities [rad/s] after a kick in which clutches whose slip passes zero
     never cease to slide.
 
-    They exert their limit against the slip of before, so the slip passes zero on a straight line.
+    They exert their capacity against the slip of before, so the slip passes zero on a straight line.
     """
     slips = PerClutch(
         passing(before.x1, after.x1, threshold),
@@ -245,21 +246,21 @@ def slid_velocities(
         passing(before.x3, after.x3, threshold),
         passing(before.x4, after.x4, threshold),
     )
-    slide_a, slide_b = torques_on_links(sliding_torques(slips, limit), arrangement)
+    slide_a, slide_b = torques_on_links(sliding_torques(slips, capacity), arrangement)
     p_a = impact.p_a + h * slide_a
     p_b = impact.p_b + h * slide_b
-    held = impulses(stuck_limits(slips, limit), h)
+    held = impulses(stuck_capacities(slips, capacity), h)
     omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, p_a, p_b, held, arrangement)
     return slip_velocities(omega_a, omega_b, arrangement)
 
 
 @device
-def share_before_change(
+def share_before_switch(
     q: Motion,
     omega: PerLink,
     impact: Impact,
     torques: Torques,
-    limit: PerClutch,
+    capacity: PerClutch,
     threshold: float,
     h: float,
     arrangement: OptionalArrangement = None,
@@ -267,26 +268,26 @@ def share_before_change(
     """Return the share of a kick after which the first clutch changes between sticking and slipping, 1 for none."""
     w = slip_velocities(q.omega_a, q.omega_b, arrangement)
     v = slip_velocities(omega.a, omega.b, arrangement)
-    slid = slid_velocities(impact, w, v, limit, threshold, h, arrangement)
+    slid = slid_velocities(impact, w, v, capacity, threshold, h, arrangement)
     ts, tk = torques.breakaway, torques.dynamic
     s1 = (
         share_before(w.x1, slid.x1, threshold)
-        if changes(w.x1, v.x1, threshold, ts.x1, tk.x1)
+        if switches(w.x1, v.x1, threshold, ts.x1, tk.x1)
         else 1.0
     )
     s2 = (
         share_before(w.x2, slid.x2, threshold)
-        if changes(w.x2, v.x2, threshold, ts.x2, tk.x2)
+        if switches(w.x2, v.x2, threshold, ts.x2, tk.x2)
         else 1.0
     )
     s3 = (
         share_before(w.x3, slid.x3, threshold)
-        if changes(w.x3, v.x3, threshold, ts.x3, tk.x3)
+        if switches(w.x3, v.x3, threshold, ts.x3, tk.x3)
         else 1.0
     )
     s4 = (
         share_before(w.x4, slid.x4, threshold)
-        if changes(w.x4, v.x4, threshold, ts.x4, tk.x4)
+        if switches(w.x4, v.x4, threshold, ts.x4, tk.x4)
         else 1.0
     )
     return min(s1, s2, s3, s4)
@@ -306,7 +307,7 @@ def kick_torques(
     impact: Impact,
     omega_a: float,
     omega_b: float,
-    limit: PerClutch,
+    capacity: PerClutch,
     h: float,
     arrangement: OptionalArrangement = None,
 ) -> PerClutch:
@@ -318,10 +319,14 @@ def kick_torques(
     """
     load_a, load_b = clutch_load(impact, omega_a, omega_b, h)
     m11, m12, m22 = impact.m11, impact.m12, impact.m22
-    momentum = abs(impact.p_a) + abs(impact.p_b) + h * (limit.x1 + limit.x2 + limit.x3 + limit.x4)
+    momentum = (
+        abs(impact.p_a)
+        + abs(impact.p_b)
+        + h * (capacity.x1 + capacity.x2 + capacity.x3 + capacity.x4)
+    )
     condition = (m11 + m22) * (m11 + m22) / (m11 * m22 - m12 * m12)
     return generated_torques(
-        omega_a, omega_b, load_a, load_b, limit, 1e-15 * condition * momentum / h, arrangement
+        omega_a, omega_b, load_a, load_b, capacity, 1e-15 * condition * momentum / h, arrangement
     )
 
 
@@ -331,7 +336,7 @@ def kick_energy(
     omega: PerLink,
     arm: Linkage,
     impact: Impact,
-    limit: PerClutch,
+    capacity: PerClutch,
     h: float,
     arrangement: OptionalArrangement = None,
 ) -> Energy:
@@ -352,10 +357,10 @@ def kick_energy(
         h * (omega_a * impact.hand_a + omega_b * impact.hand_b) - damped,
         h
         * (
-            limit.x1 * abs(w.x1)
-            + limit.x2 * abs(w.x2)
-            + limit.x3 * abs(w.x3)
-            + limit.x4 * abs(w.x4)
+            capacity.x1 * abs(w.x1)
+            + capacity.x2 * abs(w.x2)
+            + capacity.x3 * abs(w.x3)
+            + capacity.x4 * abs(w.x4)
         )
         + h * (arm.viscous_a * omega_a * omega_a + arm.viscous_b * omega_b * omega_b),
         0.5 * (arm.m11 * change_a * change_a + arm.m22 * change_b * change_b)
@@ -445,15 +450,15 @@ def substep_on(
         store(w, at.motion, i, after)
         w[at.energy.residual, i] += turning_energy(before, after, load(w, at.machine.arm, i))
 
-    find, take, divide = _parts_on(at, load_on, arrangement_at, plain)
+    find, take, divide = kick_stages_on(at, load_on, arrangement_at, plain)
 
     @device
     def kick(w: Any, lanes: int, h: float) -> None:
         for i in range(lanes):
             find(w, i, h)
-        if count_nonzero(w, at.changes, lanes) > 0:
+        if count_nonzero(w, at.switches, lanes) > 0:
             for i in range(lanes):
-                if w[at.changes, i] != 0.0:
+                if w[at.switches, i] != 0.0:
                     divide(w, i)
         for i in range(lanes):
             take(w, i)
@@ -513,7 +518,7 @@ def control_step_on(
     return control_step
 
 
-def _parts_on(at: Any, load_on: Any, arrangement_at: Any, plain: bool) -> tuple[Any, Any, Any]:
+def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any, plain: bool) -> tuple[Any, Any, Any]:
     """Return what makes a kick, each for the machine in column ``i`` of an array; see ``substep_on``."""
 
     @device
@@ -527,20 +532,20 @@ def _parts_on(at: Any, load_on: Any, arrangement_at: Any, plain: bool) -> tuple[
         arrangement = arrangement_at(w, i)
         before = slip_velocities(q.omega_a, q.omega_b, arrangement)
         if plain:
-            limit = capacities(before, threshold, torques)
+            capacity = capacities(before, threshold, torques)
         else:
-            limit = capacities(before, threshold, torques, load(w, at.machine.sliding, i))
-        limit = with_dry(limit, arm.dry_a, arm.dry_b, arrangement)
-        most = impulses(limit, h)
+            capacity = capacities(before, threshold, torques, load(w, at.machine.sliding, i))
+        capacity = with_dry(capacity, arm.dry_a, arm.dry_b, arrangement)
+        most = impulses(capacity, h)
         omega_a, omega_b = resolve(
             impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, most, arrangement
         )
         after = slip_velocities(omega_a, omega_b, arrangement)
         store(w, at.impact, i, impact)
         store(w, at.omega, i, PerLink(omega_a, omega_b))
-        store(w, at.limit, i, limit)
+        store(w, at.capacity, i, capacity)
         w[at.span, i] = h
-        w[at.changes, i] = 1.0 if any_changes(before, after, threshold, torques) else 0.0
+        w[at.switches, i] = 1.0 if any_switches(before, after, threshold, torques) else 0.0
 
     @device
     def take(w: Any, i: int) -> None:
@@ -548,8 +553,8 @@ def _parts_on(at: Any, load_on: Any, arrangement_at: Any, plain: bool) -> tuple[
         omega = load(w, at.omega, i)
         q = load(w, at.motion, i)
         arm = load(w, at.machine.arm, i)
-        impact, limit = load(w, at.impact, i), load(w, at.limit, i)
-        energy = kick_energy(q, omega, arm, impact, limit, w[at.span, i], arrangement_at(w, i))
+        impact, capacity = load(w, at.impact, i), load(w, at.capacity, i)
+        energy = kick_energy(q, omega, arm, impact, capacity, w[at.span, i], arrangement_at(w, i))
         w[at.motion.omega_a, i] = omega.a
         w[at.motion.omega_b, i] = omega.b
         w[at.energy.hand_work, i] += energy.hand_work
@@ -562,22 +567,22 @@ def _parts_on(at: Any, load_on: Any, arrangement_at: Any, plain: bool) -> tuple[
         """Take a kick in which a clutch changes in parts, each up to the next change, until one is left to take."""
         for _ in range(MAX_PARTS - 1):
             span = w[at.span, i]
-            share = share_before_change(
+            share = share_before_switch(
                 load(w, at.motion, i),
                 load(w, at.omega, i),
                 load(w, at.impact, i),
                 load(w, at.torques, i),
-                load(w, at.limit, i),
+                load(w, at.capacity, i),
                 w[at.machine.slip_threshold, i],
                 span,
                 arrangement_at(w, i),
             )
-            if not share < 1.0 - _MIN_PART:
+            if not share < 1.0 - MIN_PART:
                 break
             find(w, i, share * span)
             take(w, i)
             find(w, i, span - share * span)
-            if w[at.changes, i] == 0.0:
+            if w[at.switches, i] == 0.0:
                 break
 
     return find, take, divide

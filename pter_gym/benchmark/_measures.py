@@ -8,14 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.params import Machine
-from pter_gym.rendering import (
+from pter_gym.haptics import (
     force_error,
     force_per_torque,
     mean_resisting_force,
     spectral_arc_length,
     wall_stiffness,
 )
+from pter_gym.params import Machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._rules import ALLOWANCE, START
 

@@ -17,8 +17,8 @@ from pter_gym._compiled.records import Entry, flat, lerp, read, rows, width
 from pter_gym._physics.arm import Linkage
 from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.friction import between
 from pter_gym._physics.model import optional_arrangement
+from pter_gym._physics.scalars import clamp
 from pter_gym.params import Machine
 
 
@@ -121,7 +121,7 @@ def read_gains(gains: Any, pace: float) -> Gains:
     for k in range(count - 1):
         if pace > gains[paces + k]:
             low = k
-            part = between(
+            part = clamp(
                 (pace - gains[paces + k]) / (gains[paces + k + 1] - gains[paces + k]), 0.0, 1.0
             )
     here = paces + count + low * WIDTH
@@ -157,4 +157,4 @@ def clutch_voltage(
     error = abs(wanted) - abs(generated)
     idle = (g.hold_when_stuck >= 0.5) & (abs(slip) <= g.slip_threshold) & (error > 0.0)
     volts = table_voltage(gains, abs(wanted) / scale) + (0.0 if idle else g.feedback * error)
-    return between(volts, 0.0, gains[NOMINAL.voltage_max]) if scale > 0.0 else 0.0
+    return clamp(volts, 0.0, gains[NOMINAL.voltage_max]) if scale > 0.0 else 0.0

@@ -24,7 +24,8 @@ from pter_gym._physics.arm import (
 )
 from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.friction import between, slip_velocities
+from pter_gym._physics.friction import slip_velocities
+from pter_gym._physics.scalars import clamp
 from pter_gym.controllers._allocation import allocate, largest_torque, least_torque
 from pter_gym.controllers._gains import (
     ARRANGEMENT,
@@ -133,7 +134,7 @@ def steps_before(obs: Any, memory: Any) -> float:
 def pace_integral(g: Gains, tip: Tip, pace: float, memory: Any) -> float:
     """Return the integral of the pace [N] after one more control step: ``pace_integral``·(speed − pace) is added."""
     more = g.pace_integral * (speed_along(tip) - pace)
-    memory[MEMORY.brake] = between(memory[MEMORY.brake] + more, -BRAKE_LIMIT, BRAKE_LIMIT)
+    memory[MEMORY.brake] = clamp(memory[MEMORY.brake] + more, -BRAKE_LIMIT, BRAKE_LIMIT)
     return memory[MEMORY.brake]
 
 

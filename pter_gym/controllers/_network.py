@@ -16,7 +16,7 @@ from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.records import Entry, entrywise, read, rows, width
 from pter_gym._engine.law import Memory
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.friction import between
+from pter_gym._physics.scalars import clamp
 from pter_gym.tasks.path_following._observation import OBS
 
 NETWORK = 6.0
@@ -154,7 +154,7 @@ def decide(obs: Any, scales: Any, gains: Any, memory: Any, base: PerClutch) -> P
     for i in range(inputs):
         value = quantity(obs, scales, base, int(gains[table + i]))
         value = (value - gains[table + inputs + i]) / gains[table + 2 * inputs + i]
-        value = between(value, -INPUT_LIMIT, INPUT_LIMIT)
+        value = clamp(value, -INPUT_LIMIT, INPUT_LIMIT)
         values[i] = value
         if begins:
             for k in range(ring):
@@ -191,8 +191,8 @@ def decide(obs: Any, scales: Any, gains: Any, memory: Any, base: PerClutch) -> P
 @device
 def voltage(net: Network, output: float, base: float) -> float:
     """Return the voltage [V] of an output, which is limited to ±1."""
-    limited = between(output, -1.0, 1.0)
+    limited = clamp(output, -1.0, 1.0)
     if net.normalised != 0.0:
         linear = (limited + 1.0) * (net.voltage_max / 2.0)
         return linear * (linear / net.voltage_max)
-    return between(base + net.reach * limited, 0.0, net.voltage_max)
+    return clamp(base + net.reach * limited, 0.0, net.voltage_max)

@@ -14,9 +14,10 @@ from typing import NamedTuple
 from pter_gym._compiled.compiler import device
 from pter_gym._compiled.records import entrywise
 from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, cos_difference, tip_velocity
-from pter_gym._physics.arrangement import OptionalArrangement, sign
+from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import COUPLING, LINES
+from pter_gym._physics.scalars import sign
 from pter_gym.controllers._gains import Gains
 
 

@@ -14,21 +14,19 @@ import numpy as np
 
 from pter_gym._compiled.compiler import compile_kernel, device, outlined
 from pter_gym._compiled.records import load, store, width
-from pter_gym._physics import step as _step
 from pter_gym._physics.arm import Load, PerLink
 from pter_gym._physics.clutch import PerClutch, Torques
 from pter_gym._physics.open_loop import BODY, scratch
 from pter_gym._physics.step import (
     MAX_PARTS,
+    MIN_PART,
     arrangement_from,
+    kick_stages_on,
     paper_clutches,
-    share_before_change,
+    share_before_switch,
     substep_on,
 )
 from pter_gym.gradients._tracing import adjoint_of
-
-_STEP: Any = _step
-MIN_PART: float = _STEP._MIN_PART
 
 FIRST, LAST = int(BODY.motion.theta_a), int(BODY.lagged_volts.x4) + 1
 """Rows of a body's state: motion, torques, lagged voltages."""
@@ -71,16 +69,16 @@ class Kick(NamedTuple):
 
 def kick_stages(arrangement_at: Any) -> Kick:
     """Return a kick's stages for clutches as ``arrangement_at`` tells."""
-    find, _, _ = _STEP._parts_on(BODY, load_on, arrangement_at, plain=False)
+    find, _, _ = kick_stages_on(BODY, load_on, arrangement_at, plain=False)
 
     @outlined
     def share(w: Any, i: int) -> float:
-        return share_before_change(
+        return share_before_switch(
             load(w, BODY.motion, i),
             load(w, BODY.omega, i),
             load(w, BODY.impact, i),
             load(w, BODY.torques, i),
-            load(w, BODY.limit, i),
+            load(w, BODY.capacity, i),
             w[BODY.machine.slip_threshold, i],
             w[BODY.span, i],
             arrangement_at(w, i),
@@ -136,7 +134,7 @@ def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
         def kick_adjoint(w: Any, i: int, bar: Any, span: float) -> float:
             before = load(w, OMEGA, i)
             find(w, i, span)
-            part = share(w, i) if w[BODY.changes, i] != 0.0 else 1.0
+            part = share(w, i) if w[BODY.switches, i] != 0.0 else 1.0
             if not part < 1.0 - MIN_PART:
                 return whole_adjoint(w, i, bar, span)
             first = part * span

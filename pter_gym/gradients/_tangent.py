@@ -8,8 +8,8 @@ from typing import Any
 from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.records import flat, load, store
 from pter_gym._physics.open_loop import BODY
-from pter_gym._physics.step import MAX_PARTS
-from pter_gym.gradients._adjoint import MIN_PART, OMEGA, Kick, aim, drift, kick_stages, lags
+from pter_gym._physics.step import MAX_PARTS, MIN_PART
+from pter_gym.gradients._adjoint import OMEGA, Kick, aim, drift, kick_stages, lags
 from pter_gym.gradients._tracing import tangent_of
 
 MOTION = frozenset(flat(BODY.motion))
@@ -25,7 +25,7 @@ KICK = MOTION | TORQUES | frozenset(
     flat((
         *(BODY.machine.arm.m11, BODY.machine.arm.m22, BODY.machine.arm.coupling, BODY.machine.arm.dry_a),
         *(BODY.machine.arm.dry_b, BODY.machine.arm.viscous_a, BODY.machine.arm.viscous_b, BODY.arrangement.dry),
-        *(BODY.impact, BODY.omega, BODY.limit, BODY.span, BODY.changes),
+        *(BODY.impact, BODY.omega, BODY.capacity, BODY.span, BODY.switches),
     ))
 )  # fmt: skip
 
@@ -99,7 +99,7 @@ def _kick_tangents(arrangement_at: Any, lanes: int) -> Any:
     @outlined
     def divide(body: Any, dot: Any) -> None:
         for _ in range(MAX_PARTS - 1):
-            if body[BODY.changes, 0] == 0.0 or not share(body, 0) < 1.0 - MIN_PART:
+            if body[BODY.switches, 0] == 0.0 or not share(body, 0) < 1.0 - MIN_PART:
                 break
             part(body, 0, dot)
 
@@ -109,7 +109,7 @@ def _kick_tangents(arrangement_at: Any, lanes: int) -> Any:
         for j in range(lanes):
             dot[BODY.span, j] = 0.0
         find(body, 0, dot)
-        if body[BODY.changes, 0] != 0.0:
+        if body[BODY.switches, 0] != 0.0:
             divide(body, dot)
         store(body, OMEGA, 0, load(body, BODY.omega, 0))
         for j in range(lanes):

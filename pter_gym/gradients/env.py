@@ -12,13 +12,13 @@ import numpy as np
 from pter_gym._compiled.records import flat, load, store
 from pter_gym._engine.step import (
     clipped,
-    drift_torques,
     given_volts,
     judge_step,
     locate,
     move_hand,
     observe_world,
     push_tip,
+    set_strengths,
     take_command,
 )
 from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANT_ROWS, FLAG, ROW, STORED_ROWS, Config
@@ -177,7 +177,7 @@ _MADE: dict[Any, Any] = {clipped: _clipped, getattr(project, "py_func", project)
     _foot_on,
     _given_volts,
     _take_command,
-    _drift_torques,
+    _set_strengths,
     _move_hand,
     _push_tip,
     _locate,
@@ -189,7 +189,7 @@ _MADE: dict[Any, Any] = {clipped: _clipped, getattr(project, "py_func", project)
         foot_on,
         given_volts,
         take_command,
-        drift_torques,
+        set_strengths,
         move_hand,
         push_tip,
         locate,
@@ -252,7 +252,7 @@ def _following(config: Config, frame_skip: int) -> Any:
             w = world(numbers)
             most = w[ROW.machine.voltage_max, 0]
             _take_command(w, 0, _given_volts(action[None], 0, config.low, config.high, most))
-            _drift_torques(w, 0, period)
+            _set_strengths(w, 0, period)
             move(w)
             _locate(w, 0, constants)
             _judge(w, 0, period, config.limit)

@@ -1,11 +1,11 @@
-"""A digest of all bits of 1,024 worlds on each scenario: a change that should not change the
-physics keeps them.
+"""A digest of all bits of 1,024 worlds on each scenario: a refactoring keeps them.
 
     python tests/campaigns/test_digest.py      stores the digests of this computer in digests.json
 
 Sine, cosine, exponential and logarithm are those of the computer's mathematical library, whose last
 bits depend on library and processor, so the digests hold where these functions give the same bits;
-elsewhere the test skips."""
+elsewhere the test skips.
+"""
 
 import hashlib
 import json
@@ -25,7 +25,7 @@ WORLDS, STEPS = 1024, 400
 
 
 def digest(scenario: str) -> str:
-    """Return a hash of observations, rewards and ends of worlds under random voltages that change slowly."""
+    """Hash observations, rewards and ends of worlds under slow random voltages."""
     envs = gymnasium.make_vec(f"PTER/{scenario}-v0", num_envs=WORLDS)
     found, rng = hashlib.sha256(), np.random.default_rng(5)
     found.update(np.ascontiguousarray(envs.reset(seed=3)[0]).tobytes())

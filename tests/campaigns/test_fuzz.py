@@ -1,4 +1,4 @@
-"""Policy cards, weights and results files that are damaged in any way are refused with a typed error, or valid."""
+"""Damaged policy cards, weights and results files are refused with a typed error, or valid."""
 
 import json
 import shutil
@@ -71,7 +71,7 @@ def changed_tree(draw: st.DrawFn, tree: Any) -> Any:
 
 
 def damaged(content: bytes) -> st.SearchStrategy[bytes]:
-    """Return a strategy for what may become of a file: JSON, or safetensors with a header of JSON."""
+    """Return a strategy for damaged files: JSON, or safetensors with a header of JSON."""
     start = 0 if content[:1] == b"{" else 8
     end = len(content) if start == 0 else 8 + int.from_bytes(content[:8], "little")
 

@@ -29,7 +29,7 @@ class Ascii(io.TextIOWrapper):
 
 
 def ascii_terminal(monkeypatch: pytest.MonkeyPatch) -> Ascii:
-    """Print to a terminal for ASCII alone; pytest's own one comes back between a fixture and its test."""
+    """Print to an ASCII terminal; pytest restores its own between a fixture and its test."""
     stream = Ascii()
     monkeypatch.setattr("sys.stdout", stream)
     monkeypatch.setattr("sys.stderr", stream)

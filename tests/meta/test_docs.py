@@ -1,4 +1,4 @@
-"""What the documents promise exists: imports, commands, links, examples, results; units of every parameter."""
+"""What the documents promise exists: imports, commands, links, examples, results, units."""
 
 import ast
 import dataclasses

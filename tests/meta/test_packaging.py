@@ -1,4 +1,4 @@
-"""The package says the same about itself everywhere: metadata, constraints, recipe for conda, environment of Ray."""
+"""The package says the same about itself everywhere: metadata, constraints, conda's recipe."""
 
 import importlib.metadata
 import importlib.resources

@@ -13,8 +13,7 @@ from pter_gym._physics.model import model_of
 from pter_gym.benchmark._measures import per_clutch, vector
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Random
-from pter_gym.params import BASELINE, MACHINES, Machine
-from pter_gym.rendering import (
+from pter_gym.haptics import (
     _region,
     force_extremes,
     force_per_torque,
@@ -22,6 +21,7 @@ from pter_gym.rendering import (
     force_region,
     link_angles,
 )
+from pter_gym.params import BASELINE, MACHINES, Machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._rules import motion_at
 

@@ -144,7 +144,7 @@ def test_each_stage_has_the_adjoint_that_autodiff_of_its_twin_in_jax_has(name: s
         BODY.omega.a,
         BODY.omega.b,
         *BODY.impact,
-        *BODY.limit,
+        *BODY.capacity,
         *range(FIRST, LAST),
         *flat(BODY.steady),
     ]
@@ -160,7 +160,7 @@ def test_each_stage_has_the_adjoint_that_autodiff_of_its_twin_in_jax_has(name: s
             body = random_body(rng)
             if name == "share":
                 STAGES.find(body, 0, SUBSTEP)
-                if body[BODY.changes, 0] == 0.0 or not STAGES.share(body, 0) < 1.0:
+                if body[BODY.switches, 0] == 0.0 or not STAGES.share(body, 0) < 1.0:
                     continue
             by = np.zeros(BODY_WIDTH)
             by[outputs] = rng.normal(size=len(outputs))
@@ -196,7 +196,7 @@ def test_each_stage_has_the_tangents_that_its_adjoint_has(name: str):
         body = random_body(rng)
         if name == "part":
             STAGES.find(body, 0, SUBSTEP)
-            if body[BODY.changes, 0] == 0.0 or not STAGES.share(body, 0) < 1.0:
+            if body[BODY.switches, 0] == 0.0 or not STAGES.share(body, 0) < 1.0:
                 continue
         by, v, given = (
             np.zeros((BODY_WIDTH, 1)),

@@ -270,8 +270,8 @@ def test_karnopps_rule_at_the_border_of_its_band():
 def test_changing_clutches_are_found():
     """From outside of the band at zero, from inside at its edge if more can be held there."""
     for before, after in [(0.1, -0.001), (-0.2, 5.0), (0.2, 0.0), (-0.1, 0.0)]:
-        assert clutch.changes(before, after, 0.1, 2.0, 1.0)
-        assert clutch.changes(before, after, 0.1, 1.0, 2.0)
+        assert clutch.switches(before, after, 0.1, 2.0, 1.0)
+        assert clutch.switches(before, after, 0.1, 1.0, 2.0)
     for before, after in [
         (0.2, 0.1),
         (-0.2, -0.1),
@@ -280,24 +280,24 @@ def test_changing_clutches_are_found():
         (0.0, 0.09),
         (0.0, 0.0),
     ]:
-        assert not clutch.changes(before, after, 0.1, 2.0, 1.0)
+        assert not clutch.switches(before, after, 0.1, 2.0, 1.0)
     for before, after in [(0.0, 0.1), (0.0, -0.1), (0.09, -3.0), (-0.05, -0.2)]:
-        assert clutch.changes(before, after, 0.1, 2.0, 1.0)
-        assert not clutch.changes(before, after, 0.1, 1.0, 1.0)
-        assert not clutch.changes(before, after, 0.1, 1.0, 2.0)
+        assert clutch.switches(before, after, 0.1, 2.0, 1.0)
+        assert not clutch.switches(before, after, 0.1, 1.0, 1.0)
+        assert not clutch.switches(before, after, 0.1, 1.0, 2.0)
 
 
 def test_one_changing_clutch_counts_as_a_change():
     torques = Torques(PerClutch(2.0, 2.0, 2.0, 2.0), PerClutch(1.0, 1.0, 1.0, 1.0))
     stays = PerClutch(1.0, 1.0, 1.0, 1.0)
-    assert not clutch.any_changes(stays, stays, 0.1, torques)
+    assert not clutch.any_switches(stays, stays, 0.1, torques)
     still = PerClutch(0.0, 0.0, 0.0, 0.0)
     for name in PerClutch._fields:
-        assert clutch.any_changes(stays, stays._replace(**{name: -1.0}), 0.1, torques)
+        assert clutch.any_switches(stays, stays._replace(**{name: -1.0}), 0.1, torques)
         leaves = still._replace(**{name: 0.2})
-        assert clutch.any_changes(still, leaves, 0.1, torques)
+        assert clutch.any_switches(still, leaves, 0.1, torques)
         equal = torques._replace(breakaway=torques.breakaway._replace(**{name: 1.0}))
-        assert not clutch.any_changes(still, leaves, 0.1, equal)
+        assert not clutch.any_switches(still, leaves, 0.1, equal)
 
 
 @pytest.mark.parametrize(
@@ -585,14 +585,14 @@ def test_a_stopped_clutch_tells_what_it_holds_in_the_last_part(name: str):
     KICK(body, 1, H)
     after = seen(body)
     torque = step.kick_torques(
-        after.impact, after.motion.omega_a, after.motion.omega_b, after.limit, after.span
+        after.impact, after.motion.omega_a, after.motion.omega_b, after.capacity, after.span
     )
     if after.motion.omega_a == 0.0:
         assert torque.x1 == pytest.approx(
             -solo.torque, abs=16 * UNIT * SOLO.m11 * SPEED / after.span
         )
     else:
-        assert torque.x1 == -math.copysign(after.limit.x1, after.motion.omega_a)
+        assert torque.x1 == -math.copysign(after.capacity.x1, after.motion.omega_a)
 
 
 def test_the_first_of_several_changes_divides_a_kick(parts: list[KickPart]):
@@ -703,8 +703,8 @@ def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts:
             )
             slips = [slip_velocities(*omega) for omega in (last.before[2:4], last.omega)]
             assert (
-                not clutch.any_changes(*slips, threshold, torques)
-                or step.share_before_change(*changes) > 0.99999
+                not clutch.any_switches(*slips, threshold, torques)
+                or step.share_before_switch(*changes) > 0.99999
             )
     assert np.bincount(counts, minlength=step.MAX_PARTS + 1)[1:].min() >= 10, (
         "not every number of parts occurs"
@@ -750,7 +750,7 @@ def shortest_kick(q: Motion, torques: Torques, on: Load, threshold: float) -> np
     body = body_with(q, torques, on, threshold)
     KICK(body, 1, 1e-9)
     after = seen(body)
-    return np.array(step.kick_torques(after.impact, *after.motion[2:4], after.limit, after.span))
+    return np.array(step.kick_torques(after.impact, *after.motion[2:4], after.capacity, after.span))
 
 
 @pytest.mark.parametrize("lag", ["normal_force", "voltage"])

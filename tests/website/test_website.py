@@ -32,7 +32,9 @@ FEW = (
 )
 """Pages that are opened in the gate: one of each kind."""
 
-LOADED = "Promise.all([...document.images].map((i) => { i.loading = 'eager'; return i.decode().catch(() => {}); }))"
+LOADED = """Promise.all([...document.images].map(
+  (i) => { i.loading = 'eager'; return i.decode().catch(() => {}); }
+))"""
 
 
 @pytest.fixture(scope="module")

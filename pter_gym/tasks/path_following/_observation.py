@@ -12,7 +12,7 @@ from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import Entry, layout_of, leaves, rows, width
 from pter_gym._physics.arm import Motion, UnitVector
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.friction import between
+from pter_gym._physics.scalars import clamp
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
 from pter_gym.tasks.path_following._rules import PathState, PathVector
@@ -143,7 +143,7 @@ def observation(
         omega_a=q.omega_a,
         omega_b=q.omega_b,
         normal_error=at.normal_error,
-        near_error=between(at.offset, -ERROR_SCALE, ERROR_SCALE),
+        near_error=clamp(at.offset, -ERROR_SCALE, ERROR_SCALE),
         progress=at.arc_length / path_length,
         heading=at.heading,
         curvature=at.curvature,

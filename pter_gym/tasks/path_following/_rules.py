@@ -23,8 +23,8 @@ from pter_gym._physics.arm import (
     sin_difference,
 )
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.friction import between
 from pter_gym._physics.model import model_of
+from pter_gym._physics.scalars import clamp
 from pter_gym._physics.step import Energy
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE, Checked, quantity
@@ -82,7 +82,7 @@ def path_state(foot: Foot, v_x: float, v_y: float, free: Band) -> PathState:
 @device
 def beyond_band(offset: float, free: Band) -> float:
     """Return how far the tip is beyond the free band [m], from its distance from the path, positive to the left."""
-    return offset - between(offset, -free.right, free.left)
+    return offset - clamp(offset, -free.right, free.left)
 
 
 @device

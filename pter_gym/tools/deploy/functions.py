@@ -14,7 +14,7 @@ from pter_gym._engine.step import clipped
 from pter_gym._engine.world import Reading
 from pter_gym._physics.arm import Linkage, Motion, tip_position, tip_velocity
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.friction import between
+from pter_gym._physics.scalars import clamp
 from pter_gym.hands._model import unit_vector
 from pter_gym.paths._arcs import SEGMENT
 from pter_gym.paths._projection import SEGMENT_WIDTH, project
@@ -94,7 +94,7 @@ def arctangent(y: float, x: float) -> float:
 @device
 def scaled(value: float, inverse_scale: float) -> float:
     """Return an entry of an observation as a policy sees it."""
-    return between(value * inverse_scale, -BOUND, BOUND)
+    return clamp(value * inverse_scale, -BOUND, BOUND)
 
 
 @device

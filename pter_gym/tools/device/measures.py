@@ -8,9 +8,9 @@ import numpy as np
 
 from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.benchmark.simulation import AnyPolicy, record_episode, time_limit
+from pter_gym.haptics import force_extremes, impedance, link_angles, wall_stiffness, z_width
 from pter_gym.params import Machine
 from pter_gym.paths import Line
-from pter_gym.rendering import force_extremes, impedance, link_angles, wall_stiffness, z_width
 from pter_gym.scenarios import find_scenario
 from pter_gym.scenarios._fixed_machine import FixedMachine
 from pter_gym.tasks.path_following._telemetry import COLUMN

@@ -21,9 +21,7 @@ from pter_gym.controllers._laws import (
     wanted_force,
 )
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, MACHINES
-from pter_gym.paths import Circle, Line
-from pter_gym.rendering import (
+from pter_gym.haptics import (
     force_error,
     impedance,
     mean_resisting_force,
@@ -32,6 +30,8 @@ from pter_gym.rendering import (
     wall_stiffness,
     z_width,
 )
+from pter_gym.params import BASELINE, MACHINES
+from pter_gym.paths import Circle, Line
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, observation_layout
 
 PERIOD = 0.01

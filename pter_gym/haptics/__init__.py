@@ -5,7 +5,7 @@ make, from geometry and torque curves alone. The other functions are scores of t
 or simulated.
 """
 
-from pter_gym.rendering._region import (
+from pter_gym.haptics._region import (
     ForceExtremes,
     ForceRange,
     force_extremes,
@@ -15,7 +15,7 @@ from pter_gym.rendering._region import (
     link_angles,
     torque_limits,
 )
-from pter_gym.rendering._scores import (
+from pter_gym.haptics._scores import (
     ForceError,
     force_error,
     impedance,
