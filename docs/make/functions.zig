@@ -23,10 +23,6 @@ export fn pter_atan2(y: f64, x: f64) f64 {
     return std.math.atan2(y, x);
 }
 
-export fn pter_hypot(x: f64, y: f64) f64 {
-    return std.math.hypot(x, y);
-}
-
 /// Compilers for this computer make one call of a sine and a cosine of one angle.
 export fn pter_sincos(x: f64, sine: *f64, cosine: *f64) void {
     sine.* = @call(.never_inline, pter_sin, .{x});

@@ -40,7 +40,7 @@ OPTIONS = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper
 INSTRUCTIONS = {"sqrt": "llvm.sqrt.f64", "floor": "llvm.floor.f64"}
 """Functions that are exact instructions of WebAssembly."""
 
-LINKED = ("sin", "cos", "exp", "log", "atan2", "hypot")
+LINKED = ("sin", "cos", "exp", "log", "atan2")
 """Functions that are linked in, under names of our own."""
 
 STACK = 1 << 16

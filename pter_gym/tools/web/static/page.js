@@ -92,6 +92,7 @@ class Page {
     const request = ++this.#request;
     const trials = await Promise.all(loading);
     if (request !== this.#request) return;
+    byId("problem").hidden = true;
     this.pointer.release();
     this.trials = trials;
     this.waiting = trials[0].live;
