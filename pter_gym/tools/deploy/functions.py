@@ -1,8 +1,6 @@
-"""What a controller does before its law acts: angles from encoders, and the observation from
-readings and a path.
+"""What a controller does before its law acts: encoders, observation, elementary functions.
 
-With the sine, cosine and arctangent that these need. All of it is Python that is translated to C
-with the laws.
+All of it is Python that is translated to C with the laws.
 """
 
 import math
@@ -43,51 +41,54 @@ def encoder(count: int, before: int, resolution: float, zero: float, period: flo
 
 @device
 def series(x: float, first: float, start: int) -> float:
-    """Return the series of sine (first = x, start = 1) or cosine (first = 1, start = 0) for |x| ≤ π/4."""
-    found = first
+    """Return the sine (first = x, start = 1) or cosine (first = 1, start = 0) of |x| ≤ π/4."""
+    total = first
     term = first
     for k in range(start + 1, start + 18, 2):
         term = -term * x * x / (k * (k + 1.0))
-        found += term
-    return found
+        total += term
+    return total
+
+
+@device
+def sine_ahead(angle: float, quarters: int) -> float:
+    """Return the sine of an angle [rad] of at most a few hundred turns, so many quarters ahead."""
+    k = int(angle / (HALF_PI + HALF_PI_REST) + (0.5 if angle >= 0.0 else -0.5))
+    x = angle - k * HALF_PI - k * HALF_PI_REST
+    turn = ((k + quarters) % 4 + 4) % 4  # in C the remainder of a negative number is negative
+    size = series(x, 1.0, 0) if turn % 2 != 0 else series(x, x, 1)
+    return size if turn < 2 else -size
 
 
 @device
 def sine(angle: float) -> float:
-    """Return the sine of an angle [rad] of at most a few hundred turns."""
-    k = int(angle / (HALF_PI + HALF_PI_REST) + (0.5 if angle >= 0.0 else -0.5))
-    x = angle - k * HALF_PI - k * HALF_PI_REST
-    size = series(x, 1.0, 0) if k % 2 != 0 else series(x, x, 1)
-    return size if ((k % 4) + 4) % 4 < 2 else -size
+    """Return the sine of an angle [rad]."""
+    return sine_ahead(angle, 0)
 
 
 @device
 def cosine(angle: float) -> float:
-    """Return the cosine of an angle [rad] of at most a few hundred turns."""
-    k = int(angle / (HALF_PI + HALF_PI_REST) + (0.5 if angle >= 0.0 else -0.5))
-    x = angle - k * HALF_PI - k * HALF_PI_REST
-    size = series(x, x, 1) if k % 2 != 0 else series(x, 1.0, 0)
-    return size if ((k % 4) + 5) % 4 < 2 else -size
+    """Return the cosine of an angle [rad]."""
+    return sine_ahead(angle, 1)
 
 
 @device
 def arctangent(y: float, x: float) -> float:
-    """Return the angle of (x, y) [rad], by halving it three times before the series; 0 for (0, 0)."""
+    """Return the angle of (x, y) [rad], halved three times before the series; 0 for (0, 0)."""
     turned = 0.0
     if x < 0.0:
-        turned = (
-            2.0 * HALF_PI + 2.0 * HALF_PI_REST if y >= 0.0 else -2.0 * HALF_PI - 2.0 * HALF_PI_REST
-        )
+        half_turn = 2.0 * HALF_PI + 2.0 * HALF_PI_REST
+        turned = half_turn if y >= 0.0 else -half_turn
         x = -x
         y = -y
     reach = x + math.sqrt(x * x + y * y)
     t = y / reach if reach > 0.0 else 0.0
     t = t / (1.0 + math.sqrt(1.0 + t * t))
     t = t / (1.0 + math.sqrt(1.0 + t * t))
-    found = 0.0
+    total = 0.0
     for k in range(21, 0, -2):
-        found = 1.0 / k - t * t * found
-    return turned + 8.0 * t * found
+        total = 1.0 / k - t * t * total
+    return turned + 8.0 * t * total
 
 
 @entrywise

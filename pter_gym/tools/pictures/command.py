@@ -115,14 +115,12 @@ def check_arguments(
 def summary(telemetry: Any) -> str:
     """Return how an episode ended, and how far the tip was from the path, in words."""
     from pter_gym.tasks.path_following import COLUMN
+    from pter_gym.tools.pictures.drawing import outcome
 
     last = telemetry[-1]
-    end = (
-        "arrived"
-        if last[COLUMN.is_success]
-        else "left the workspace"
-        if last[COLUMN.terminated]
-        else "time is up"
-    )
+    ending = outcome(last) if last[COLUMN.terminated] else "time is up"
     error = 1e3 * abs(telemetry[:, COLUMN.normal_error])
-    return f"{end} after {last[COLUMN.time]:.2f} s; error {error.mean():.1f} mm on average, {error.max():.1f} at most"
+    return (
+        f"{ending} after {last[COLUMN.time]:.2f} s; "
+        f"error {error.mean():.1f} mm on average, {error.max():.1f} at most"
+    )

@@ -40,7 +40,7 @@ WORLDS, STEPS = 40, 250
 TOP = BASELINE.clutch.voltage_max
 
 ROUNDING = 256 * 2.0**-24 * TOP
-"""What float32 arithmetic may change a voltage by: about as many roundings as the longest sum has terms [V]."""
+"""Change of a voltage [V] by float32: about as many roundings as the longest sum has terms."""
 
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Werror")
 
@@ -77,7 +77,7 @@ def lines_of(rows: Any) -> str:
 
 
 def episodes_of(observations: Any) -> str:
-    """What a program without force sensors reads: episodes (steps, worlds, entries), each after an empty line."""
+    """Input of a program without force sensors: episodes (steps, worlds, entries)."""
     count = len(observation_layout(BASELINE, "torque"))
     return "".join(
         "\n" + lines_of(observations[:, world, :count]) for world in range(observations.shape[1])
@@ -110,7 +110,7 @@ def recorded() -> Any:
 
 
 def actions(policy: Any, observations: Any) -> Any:
-    """Voltages in Python, each decision held for its period, world after world: float32 (STEPS·worlds, 4)."""
+    """Voltages in Python, decisions held, world after world: float32 (STEPS·worlds, 4)."""
     policy.reset()
     seen = np.ascontiguousarray(observations[..., : len(policy.layout)])
     decided = [policy.act(each) for each in seen[:: policy.frame_skip]]
