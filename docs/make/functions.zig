@@ -1,5 +1,5 @@
-//! The mathematical functions of the WebAssembly module, those of Zig's own library. A native library of the same
-//! functions is what the module's bits are compared with.
+//! The mathematical functions of the WebAssembly module, those of Zig's own library. A native
+//! library of the same functions is what the module's bits are compared with.
 
 const std = @import("std");
 

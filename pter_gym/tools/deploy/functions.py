@@ -110,8 +110,7 @@ def observe(
     inverse_scale: Observation,
     out: Any,
 ) -> int:
-    """Write the observation that readings, the last voltages and a path give; return the arc that
-    the tip is on.
+    """Write the observation of readings, last voltages and a path; return the tip's arc.
 
     As the simulator does with sensors that are not ideal, for a path without a free band.
     ``segment`` is the arc that the tip was on before.

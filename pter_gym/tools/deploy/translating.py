@@ -206,7 +206,7 @@ class Program:
         return text if np.isfinite(number) else "INFINITE" if number > 0 else "-INFINITE"
 
     def text(self, value: Any, kind: Any = None, level: int = 0) -> str:
-        """Return a value, if known as a ``kind``, as C that binds at least as tightly as ``level``."""
+        """Return a value, a known one as a ``kind``, as C that binds as tightly as ``level``."""
         if isinstance(value, Expression):
             return bound(value, level)
         text = self.literal(value, kind_of(value) if kind is None else kind)

@@ -23,7 +23,10 @@ async function thrown(call) {
 /** A pointer that wanders along a path, as a person's does: ahead of the tip, and beside it. */
 function wander(env, step) {
   const { tip_x, tip_y } = env.telemetry;
-  return { x: tip_x + 0.15 + 0.1 * Math.sin(0.11 * step), y: tip_y + 0.2 * Math.sin(0.07 * step + 1) };
+  return {
+    x: tip_x + 0.15 + 0.1 * Math.sin(0.11 * step),
+    y: tip_y + 0.2 * Math.sin(0.07 * step + 1),
+  };
 }
 
 /** Push a world with a pointer and return its trial, the voltages, and all that came of it. */
@@ -38,7 +41,12 @@ async function pushed(settings, name, steps) {
     const result = env.step(volts, hand.force(env, wander(env, step)));
     observation = result.observation;
     const { reward, telemetry } = result;
-    rows.push({ volts: [...volts], observation: [...observation], reward, telemetry: [...telemetry] });
+    rows.push({
+      volts: [...volts],
+      observation: [...observation],
+      reward,
+      telemetry: [...telemetry],
+    });
     if (result.terminated || result.truncated) break;
   }
   return { settings, csv: env.trialAsCSV(), trial: env.trial, rows };
@@ -48,10 +56,15 @@ async function pushed(settings, name, steps) {
 async function answers() {
   const flat = new Float32Array(new Uint8Array(readFileSync(recorded)).buffer);
   const width = tables.observation.length;
-  const observations = Array.from({ length: flat.length / width }, (_, k) => flat.slice(k * width, (k + 1) * width));
+  const observations = Array.from({ length: flat.length / width }, (_, k) =>
+    flat.slice(k * width, (k + 1) * width),
+  );
   const found = {};
   for (const name of Object.keys(tables.laws)) {
-    for (const [scenario, path] of [["standard", "line"], ["paths", "sine"]]) {
+    for (const [scenario, path] of [
+      ["standard", "line"],
+      ["paths", "sine"],
+    ]) {
       const law = await simulator.law(name, path);
       found[`${name}, ${scenario}`] = observations.map((observation) => [...law.act(observation)]);
     }
@@ -105,11 +118,19 @@ async function seeds() {
   for (const env of [first, second]) {
     env.state.hand.random_phases = env.context.hand.random_phases = 1;
   }
-  const begun = [first.reset({ seed: 5 }), first.reset(), second.reset({ seed: 5 }), second.reset()];
+  const begun = [
+    first.reset({ seed: 5 }),
+    first.reset(),
+    second.reset({ seed: 5 }),
+    second.reset(),
+  ];
   return [...begun, first.reset({ seed: 6 })].map((observation) => [...observation]);
 }
 
-/** A minute of wild dragging: the largest power of a clutch [W] and the least of what a step dissipates [J]. */
+/**
+ * A minute of wild dragging: the largest power of a clutch [W] and the least of what a step
+ * dissipates [J].
+ */
 async function dragging() {
   const env = await simulator.make({ hand: "pointer", path: "circle" });
   const hand = new pter.SpringHand({ stiffness: 600, damping: 30, limit: 150 });
@@ -143,6 +164,10 @@ console.log(
     seeds: await seeds(),
     dragging: await dragging(),
     points: env.path(9),
-    names: { seen: Object.keys(env.seen), telemetry: Object.keys(env.telemetry), state: Object.keys(env.state) },
+    names: {
+      seen: Object.keys(env.seen),
+      telemetry: Object.keys(env.telemetry),
+      state: Object.keys(env.state),
+    },
   }),
 );

@@ -8,7 +8,8 @@ import { Workshop } from "./trial.js";
 const byId = (id) => document.getElementById(id);
 const LONGEST_FRAME = 0.1; // [s]; time lost in longer frames is not made up
 const FRAMES_PER_READING = 3;
-const INVITATION = "Drag the handle along the path to its end. The small dot beside the path moves at the commanded pace.";
+const INVITATION =
+  "Drag the handle along the path to its end. The small dot moves at the commanded pace.";
 const REPLAY = "This is a replay. Press Again to push the arm yourself.";
 
 class Page {
@@ -24,7 +25,9 @@ class Page {
   async open() {
     this.workshop = await Workshop.open();
     const { tables } = this.workshop;
-    this.scenes = [...document.querySelectorAll(".stage canvas")].map((canvas) => new Scene(canvas));
+    this.scenes = [...document.querySelectorAll(".stage canvas")].map(
+      (canvas) => new Scene(canvas),
+    );
     this.pointer = new Pointer(this.scenes[0], () => this.tip, {
       grab: () => this.grab(),
       key: (key) => key === "r" && (this.again(), true),
@@ -32,10 +35,18 @@ class Page {
     this.readings = new Readings(tables.clutches);
     this.comparison = new Comparison((policy) => this.compare(policy));
     this.palette = colours();
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => (this.palette = colours()));
-    const choices = { policy: this.workshop.policies, path: tables.paths, pace: tables.paces, machine: tables.machines };
-    for (const [name, values] of Object.entries(choices)) {
-      fillSelect(byId(name), Array.isArray(values) ? values : Object.keys(values), this.settings[name]);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener(
+      "change",
+      () => (this.palette = colours()),
+    );
+    const { paths: path, paces: pace, machines: machine } = tables;
+    for (const [name, choices] of Object.entries({
+      policy: this.workshop.policies,
+      path,
+      pace,
+      machine,
+    })) {
+      fillSelect(byId(name), Object.keys(choices), this.settings[name]);
       byId(name).addEventListener("change", ({ target }) => this.change(name, target.value));
     }
     byId("again").addEventListener("click", () => this.again());
@@ -54,7 +65,7 @@ class Page {
     byId("caption").textContent = text;
   }
 
-  /** Change a setting and begin again; another policy leaves the comparison, since the task is the same. */
+  /** Change a setting and begin again; a comparison stays while its task does. */
   async change(name, value) {
     this.settings = { ...this.settings, [name]: value };
     if (name !== "policy") {
@@ -98,7 +109,9 @@ class Page {
     this.waiting = trials[0].live;
     byId("stages").classList.toggle("two", trials.length === 2);
     byId("second").hidden = trials.length === 1;
-    ["name-first", "name-second"].forEach((id, k) => (byId(id).textContent = trials[k]?.settings.policy ?? ""));
+    ["name-first", "name-second"].forEach(
+      (id, k) => (byId(id).textContent = trials[k]?.settings.policy ?? ""),
+    );
     this.say(text);
   }
 
@@ -123,7 +136,9 @@ class Page {
     this.say(verdict(trial));
     const { settings, push } = trial;
     const pushed = (this.pushed = { settings, push });
-    const replays = this.workshop.policies.map((policy) => this.workshop.trial({ ...settings, policy }, push));
+    const replays = Object.keys(this.workshop.policies).map((policy) =>
+      this.workshop.trial({ ...settings, policy }, push),
+    );
     const results = (await Promise.all(replays)).map((replay) => replay.finish());
     if (this.pushed === pushed) this.comparison.show(results, settings.policy);
   }
@@ -131,7 +146,8 @@ class Page {
   // --- time ---
 
   frame(time) {
-    const passed = this.#lastTime === null ? 0 : Math.min((time - this.#lastTime) / 1000, LONGEST_FRAME);
+    const passed =
+      this.#lastTime === null ? 0 : Math.min((time - this.#lastTime) / 1000, LONGEST_FRAME);
     this.#lastTime = time;
     const { period } = this.trials[0];
     this.#unspent = this.waiting ? 0 : this.#unspent + passed;

@@ -1,4 +1,4 @@
-// The text beside the arm: its choices, the present readings, and what every policy makes of a push.
+// The text beside the arm: choices, present readings, and what every policy makes of a push.
 
 const byId = (id) => document.getElementById(id);
 const AT_PACE = 1.05; // ratio of paces up to which a run counts as on pace
@@ -14,14 +14,17 @@ export function fillSelect(select, names, chosen) {
 export function verdict({ ending, result, settings: { policy }, pace }) {
   if (ending === "left") return `${policy}: the handle left its lane.`;
   if (ending === "time") return `${policy}: time ran out before the end of the path.`;
-  return `${policy}: path error ${millimetres(result.path_error_m)}, ${tempo(result.mean_pace_m_s, pace)}.`;
+  const error = millimetres(result.path_error_m);
+  return `${policy}: path error ${error}, ${tempo(result.mean_pace_m_s, pace)}.`;
 }
 
 /** Return how a pace compares with the commanded one [m/s], such as “20 % too slow”. */
 function tempo(pace, commanded) {
   const [ratio, way] = pace < commanded ? [commanded / pace, "slow"] : [pace / commanded, "fast"];
   if (ratio < AT_PACE) return "on pace";
-  return ratio < 2 ? `${Math.round(100 * (ratio - 1))} % too ${way}` : `${ratio.toFixed(1)} × too ${way}`;
+  return ratio < 2
+    ? `${Math.round(100 * (ratio - 1))} % too ${way}`
+    : `${ratio.toFixed(1)} × too ${way}`;
 }
 
 /** Return a number with its sign, a true minus, and no sign for a zero. */
@@ -62,7 +65,7 @@ export class Readings {
   }
 }
 
-/** The table of all policies under the last push, best first; `replay(policy)` is called when one is chosen. */
+/** All policies under the last push, best first; `replay(policy)` is called with a choice. */
 export class Comparison {
   constructor(replay) {
     this.replay = replay;
@@ -75,7 +78,8 @@ export class Comparison {
   /** Show finished trials; `pushed` names the policy under which the person pushed. */
   show(trials, pushed) {
     const ranked = trials.toSorted(
-      ({ result: a }, { result: b }) => b.completed - a.completed || a.path_error_m - b.path_error_m,
+      ({ result: a }, { result: b }) =>
+        b.completed - a.completed || a.path_error_m - b.path_error_m,
     );
     byId("comparison").hidden = false;
     const [body] = byId("comparison").querySelector("table").tBodies;
@@ -88,7 +92,8 @@ export class Comparison {
     if (policy === pushed) {
       row.setAttribute("aria-current", "true");
     } else {
-      const button = Object.assign(document.createElement("button"), { type: "button", textContent: policy });
+      const button = document.createElement("button");
+      Object.assign(button, { type: "button", textContent: policy });
       button.addEventListener("click", () => this.replay(policy));
       head.replaceChildren(button);
     }

@@ -11,11 +11,13 @@ const TURN = 2 * Math.PI;
 /** Return the colours of the style sheet by their names there. */
 export function colours() {
   const style = getComputedStyle(document.documentElement);
-  const names = ["paper", "stage", "ink", "muted", "line", "lane", "link-a", "link-b", "trail", "force", "difference", "sum", "groove"];
-  return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+  const names = "paper stage ink muted line lane link-a link-b trail force difference sum groove";
+  return Object.fromEntries(
+    names.split(" ").map((name) => [name, style.getPropertyValue(`--${name}`).trim()]),
+  );
 }
 
-/** Give a canvas as many pixels as it has on the screen; return its context and its size [CSS px]. */
+/** Match a canvas to its pixels on the screen; return context and size [CSS px]. */
 export function fitted(canvas) {
   const ratio = Math.min(window.devicePixelRatio || 1, 2);
   const { clientWidth: width, clientHeight: height } = canvas;
@@ -38,7 +40,10 @@ export class Scene {
   world(event) {
     const box = this.canvas.getBoundingClientRect();
     const { scale, x, y } = this.view(box.width, box.height);
-    return { x: (event.clientX - box.left - x) / scale, y: (y - (event.clientY - box.top)) / scale };
+    return {
+      x: (event.clientX - box.left - x) / scale,
+      y: (y - (event.clientY - box.top)) / scale,
+    };
   }
 
   /** Return the point of the window [CSS px] where a point of the world [m] is seen. */
@@ -87,7 +92,8 @@ export class Scene {
   pose(trial, part) {
     const last = trial.rows.length - 1;
     const before = Math.max(last - 1, 0);
-    const angle = (name) => trial.at(name, before) + part * (trial.at(name, last) - trial.at(name, before));
+    const angle = (name) =>
+      trial.at(name, before) + part * (trial.at(name, last) - trial.at(name, before));
     const [a, b] = [angle("theta_a"), angle("theta_b")];
     const { length_a, length_b } = trial.env.context.machine.arm;
     const elbowA = [length_a * Math.cos(a), length_a * Math.sin(a)];
@@ -118,7 +124,7 @@ export class Scene {
     c.stroke();
   }
 
-  /** The path with its lane, in which the tip may move, a ring where it starts and a flag where it ends. */
+  /** The path with its lane, a ring where it starts and a flag where it ends. */
   path(trial) {
     const { palette } = this;
     const { line } = trial;
@@ -131,8 +137,10 @@ export class Scene {
 
   /** A dot beside the path that moves at the commanded pace. */
   pacer(trial, part) {
-    const { at, along } = trial.paced(trial.now.time - (trial.rows.length > 1 ? (1 - part) * trial.period : 0));
-    this.disc([at[0] - BESIDE * along[1], at[1] + BESIDE * along[0]], 5 * this.px, this.palette.ink);
+    const rest = trial.rows.length > 1 ? (1 - part) * trial.period : 0;
+    const { at, along } = trial.paced(trial.now.time - rest);
+    const place = [at[0] - BESIDE * along[1], at[1] + BESIDE * along[0]];
+    this.disc(place, 5 * this.px, this.palette.ink);
   }
 
   trail(trial) {
@@ -167,7 +175,8 @@ export class Scene {
       this.polyline([tip, [pointer.x, pointer.y]], palette.muted, 1.5, [3, 5]);
       this.disc([pointer.x, pointer.y], 6 * px, "transparent", palette.muted, 1.5);
     }
-    if (size > 0.5) this.arrow(tip, (FULL_ARROW * size) / ARROW_FORCE, Math.atan2(force_y, force_x));
+    if (size > 0.5)
+      this.arrow(tip, (FULL_ARROW * size) / ARROW_FORCE, Math.atan2(force_y, force_x));
     if (ready) this.disc(tip, 22 * px, "transparent", palette.force, 1.5);
     this.disc(tip, 13 * px, palette.stage, palette.ink, 3);
     this.disc(tip, 5 * px, palette.force);
@@ -180,19 +189,22 @@ export class Scene {
     c.translate(x, y);
     c.rotate(angle);
     c.beginPath();
-    for (const [u, v] of [[0, -2.5], [0, 2.5]]) c.lineTo(u, v * px);
-    for (const [u, v] of [[length - head, 2.5], [length - head, 8], [length, 0], [length - head, -8], [length - head, -2.5]]) {
-      c.lineTo(u, v * px);
-    }
+    c.rect(0, -2.5 * px, length - head, 5 * px);
+    c.moveTo(length - head, 8 * px);
+    c.lineTo(length, 0);
+    c.lineTo(length - head, -8 * px);
     c.fillStyle = this.palette.force;
     c.fill();
     c.restore();
   }
 
-  /** The drive's clutches: they glow with their torque, fill with their voltage, and close when they lock. */
+  /** Clutches glow with their torque, fill with their voltage, and close when they lock. */
   drive(trial) {
     const { clutches } = trial.env.tables;
-    const centres = clutches.map((_, k) => [(k - (clutches.length - 1) / 2) * DISC.spacing, DISC.y]);
+    const centres = clutches.map((_, k) => [
+      (k - (clutches.length - 1) / 2) * DISC.spacing,
+      DISC.y,
+    ]);
     for (const centre of centres) this.polyline([[0, 0], centre], this.palette.groove, 3);
     centres.forEach((centre, k) => this.clutch(trial, k, centre));
   }
@@ -201,8 +213,8 @@ export class Scene {
     const { c, palette, px } = this;
     const colour = palette[trial.env.tables.clutches[k].colour];
     const { radius } = DISC;
-    const torque = Math.min(1, Math.abs(trial.now[`torque_${k + 1}`]) / trial.env.tables.torque_max[trial.settings.machine]);
-    const glow = Math.sqrt(torque);
+    const most = trial.env.tables.torque_max[trial.settings.machine];
+    const glow = Math.sqrt(Math.min(1, Math.abs(trial.now[`torque_${k + 1}`]) / most));
     if (glow > 0.02) {
       const halo = c.createRadialGradient(x, y, radius, x, y, radius * 1.9);
       halo.addColorStop(0, colour);

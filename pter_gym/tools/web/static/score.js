@@ -1,4 +1,4 @@
-// The package's own score of an episode along its path, as pter_gym/benchmark/_measures.py finds it.
+// The package's score of an episode along its path, as pter_gym/benchmark/_measures.py has it.
 
 /**
  * Score an episode.
@@ -16,7 +16,9 @@ export function score(rows, task, rules) {
   const clock = [rows[0].time, ...rows.map((row) => row.time)];
   const end = clock.at(-1);
   const needed = task.length / segments / task.pace;
-  const marks = Array.from({ length: segments + 1 }, (_, k) => passing(furthest, (task.length * k) / segments));
+  const marks = Array.from({ length: segments + 1 }, (_, k) =>
+    passing(furthest, (task.length * k) / segments),
+  );
 
   const lost = lostAtStart(furthest, clock, task, rules);
   const passed = marks.map((mark, k) => (mark ? at(mark, clock) : end) - (k > 0 ? lost : 0));
@@ -58,7 +60,7 @@ function integral(parts) {
   return [0, ...parts.map((part) => (sum += part))];
 }
 
-/** Return where a running maximum passed a mark, { before, after, part } between two rows; null for never. */
+/** Return where a maximum passed a mark, { before, after, part } of two rows, or null. */
 function passing(furthest, mark) {
   const after = furthest.findIndex((way) => way >= mark);
   if (after < 0) return null;
@@ -67,9 +69,10 @@ function passing(furthest, mark) {
   return { before, after, part: step > 0 ? (mark - furthest[before]) / step : 1 };
 }
 
-const at = ({ before, after, part }, values) => values[before] + part * (values[after] - values[before]);
+const at = ({ before, after, part }, values) =>
+  values[before] + part * (values[after] - values[before]);
 
-/** Return ∫|e|ds up to each row [m²]; new way counts with the largest error since there was new way. */
+/** Return ∫|e|ds up to each row [m²]; new way counts with the largest error since the last. */
 function wayIntegral(furthest, errors) {
   let worst = 0;
   const parts = differences(furthest).map((increment, k) => {
@@ -81,7 +84,7 @@ function wayIntegral(furthest, errors) {
   return integral(parts);
 }
 
-/** Return the time that does not count [s]: what the first part of the path takes too long, within the allowance. */
+/** Return the late start that does not count [s], within the allowance. */
 function lostAtStart(furthest, clock, { length, pace }, { start, allowance }) {
   const begun = passing(furthest, length * start);
   const late = (begun ? at(begun, clock) : clock.at(-1)) - (length * start) / pace;

@@ -15,27 +15,33 @@ export class Workshop {
   constructor(simulator) {
     this.simulator = simulator;
     this.tables = simulator.tables;
-    this.policies = [...Object.keys(this.tables.laws), ...Object.keys(this.tables.policies)];
+    this.policies = { ...this.tables.laws, ...this.tables.policies };
   }
 
   static async open() {
     return new Workshop(await Simulator.fetch());
   }
 
-  /** Make a trial with settings { policy, path, pace, machine }; `push` { along, across } takes the hand's place. */
+  /** Make a trial with settings of the page; `push` { along, across } takes the hand's place. */
   async trial(settings, push = null) {
     const { policy, path, machine } = settings;
     const pace = this.tables.paces[settings.pace];
     const maxSteps = push ? this.timeLimit(path, pace, push) : MAX_STEPS;
-    const env = await this.simulator.make({ path, machine, pace, maxSteps, hand: push ?? "pointer" });
-    const weights = Object.hasOwn(this.tables.policies, policy) ? await this.#fetched(policy) : null;
-    const controller = await (weights ? this.simulator.policy(policy, weights) : this.simulator.law(policy, path));
-    return new Trial(env, controller, settings, push);
+    const hand = push ?? "pointer";
+    const env = await this.simulator.make({ path, machine, pace, maxSteps, hand });
+    return new Trial(env, await this.#policy(policy, path), settings, push);
   }
 
-  /** Return the control steps that a replay may take: three times what the pace asks for, or what was recorded. */
+  async #policy(name, path) {
+    if (Object.hasOwn(this.tables.laws, name)) return this.simulator.law(name, path);
+    return this.simulator.policy(name, await this.#fetched(name));
+  }
+
+  /** Return a replay's limit: three times what the pace asks for, or what was recorded. */
   timeLimit(path, pace, push) {
-    const most = Math.ceil((SLOWEST * this.tables.paths[path].length) / (pace * this.tables.control_period));
+    const most = Math.ceil(
+      (SLOWEST * this.tables.paths[path].length) / (pace * this.tables.control_period),
+    );
     return Math.min(MAX_STEPS, Math.max(MIN_REPLAY, most, push.along.length - 1));
   }
 
@@ -85,7 +91,7 @@ export class Trial {
     return this.#replayed ?? this.env.trial;
   }
 
-  /** Where the tip should be [m] after a time [s] at the commanded pace, with the direction of the path there. */
+  /** Return point and direction of the path [m] after a time [s] at the commanded pace. */
   paced(time) {
     const last = this.line.length - 1;
     const place = Math.min((last * this.pace * time) / this.env.context.task.path.length, last);
@@ -93,7 +99,10 @@ export class Trial {
     const [from, to] = [this.line[k], this.line[k + 1]];
     const along = [to[0] - from[0], to[1] - from[1]];
     const size = Math.hypot(...along);
-    return { at: along.map((step, i) => from[i] + (place - k) * step), along: along.map((step) => step / size) };
+    return {
+      at: along.map((step, i) => from[i] + (place - k) * step),
+      along: along.map((step) => step / size),
+    };
   }
 
   /** Run a replay to its end at once. */
@@ -120,8 +129,11 @@ export class Trial {
   /** Return the state of a clutch (0 to 3): released, stuck or slipping. */
   clutch(index) {
     const { mode } = this.now;
-    if (this.now[`volts_${index + 1}`] === 0 && this.now[`torque_${index + 1}`] === 0) return "released";
-    return ["ZERO_DOF", `STUCK_${index + 1}`].includes(this.env.tables.modes[mode]) ? "stuck" : "slipping";
+    if (this.now[`volts_${index + 1}`] === 0 && this.now[`torque_${index + 1}`] === 0)
+      return "released";
+    return ["ZERO_DOF", `STUCK_${index + 1}`].includes(this.env.tables.modes[mode])
+      ? "stuck"
+      : "slipping";
   }
 
   /** Return the push as a CSV file that `pter_gym.hands.read_forces` reads. */
@@ -143,7 +155,9 @@ export class Trial {
     this.ended = true;
     this.ending = success ? "arrived" : terminated ? "left" : "time";
     const fields = ["time", "arc_length", "normal_error", "is_success"];
-    const rows = this.rows.map((_, k) => Object.fromEntries(fields.map((name) => [name, this.at(name, k)])));
+    const rows = this.rows.map((_, k) =>
+      Object.fromEntries(fields.map((name) => [name, this.at(name, k)])),
+    );
     const { path, error_max, pace } = this.env.context.task;
     this.result = score(rows, { length: path.length, error_max, pace }, this.env.tables.scoring);
   }
