@@ -29,6 +29,7 @@ from pter_gym.policies._files import SHIPPED
 from pter_gym.scenarios import PACES
 from pter_gym.scenarios._variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
+from pter_gym.tools.pictures.drawing import clutch_states
 from pter_gym.tools.web import site
 from pter_gym.tools.web.site import make_server, site_files, write_site
 from pter_gym.tools.web.tables import PATHS
@@ -251,6 +252,8 @@ def compare(play: Any, path: str, *, pace: str = "medium", machine: str = "basel
     volts = telemetry[1:, [names.index(f"volts_{n}") for n in range(1, 5)]]
     expected = np.array([batch.step_alone(action)[1] for action in volts])
     np.testing.assert_allclose(telemetry[1:], expected, rtol=1e-7, atol=1e-7)
+    states = clutch_states(telemetry[-1], MACHINES[machine])
+    assert play.run("[0, 1, 2, 3].map((k) => page.trials[0].clutch(k))") == states
     scored = score(telemetry, task)
     for name, value in play.run("page.trials[0].result").items():
         assert value == pytest.approx(getattr(scored, name), rel=1e-9), name
@@ -280,6 +283,10 @@ def test_every_policy_gets_the_same_push(path: str, play: Any) -> None:
     shown = dict(play.run(COMPARED))
     assert sorted(shown) == sorted(play.run(POLICIES))
     assert shown["impedance-tuned"].startswith(f"{1000 * scored.path_error_m:.1f} mm")
+    arrived = [text.endswith("mm") for text in shown.values()]
+    errors = [float(text.split()[0]) for text in shown.values() if text.endswith("mm")]
+    assert arrived == sorted(arrived, reverse=True)
+    assert errors == sorted(errors)
     push = play.saved("save-push", "push.csv")
     limit = play.run(f"page.workshop.timeLimit({path!r}, page.trials[0].pace, page.trials[0].push)")
     task = task_of(path, push)
@@ -293,6 +300,9 @@ def test_every_policy_gets_the_same_push(path: str, play: Any) -> None:
     assert play.run("page.trials[1].rows.map((row) => [...row])") != pushed
     play.click("again")
     play.until("page.trials.length === 1 && page.waiting")
+    assert not play.run("document.getElementById('comparison').hidden")
+    play.choose("pace", "brisk")
+    assert play.run("document.getElementById('comparison').hidden"), "of another task"
 
 
 def test_a_dot_keeps_the_pace(play: Any) -> None:

@@ -23,7 +23,7 @@ function tempo(pace, commanded) {
   const [ratio, way] = pace < commanded ? [commanded / pace, "slow"] : [pace / commanded, "fast"];
   if (ratio < AT_PACE) return "on pace";
   return ratio < 2
-    ? `${Math.round(100 * (ratio - 1))} % too ${way}`
+    ? `${Math.round(100 * (ratio - 1))}\u00a0% too ${way}`
     : `${ratio.toFixed(1)} × too ${way}`;
 }
 
