@@ -71,19 +71,21 @@ def policy_names() -> list[str]:
 
 @styled
 def error_against_pace(results: Path) -> Figure:
-    """Return path errors over commanded paces on `standard`; hollow markers are not ranked."""
-    by_pace = boards.boards_of(results, "standard")
-    ranked = by_pace["slow"]["policies"]
-    names = [name for name in policy_names() if name not in FALLING and name in ranked]
+    """Return path errors over commanded paces on `standard`; markers are hollow where a policy has no rank."""
+    found = boards.boards_of(results, "standard")
+    names = [
+        name for name in policy_names() if name not in FALLING and name in found["slow"]["policies"]
+    ]
     figure = Figure(figsize=(WIDTH, 4.0))
     axes, ends, colours = figure.add_subplot(), dict[str, tuple[float, float]](), dict[str, str]()
     paces = np.array(list(PACES.values()))
     for place, (name, marker) in enumerate(zip(names, MARKERS, strict=False)):
-        scores = [board["policies"][name] for board in by_pace.values()]
-        # apart, so that intervals do not cover each other
-        at = paces * 1.022 ** (place - 0.5 * (len(names) - 1))
+        scores = [board["policies"][name] for board in found.values()]
+        at = paces * 1.022 ** (
+            place - 0.5 * (len(names) - 1)
+        )  # apart, so that intervals do not cover each other
         low, value, high = (
-            1000 * np.array([score["path_error_m"][key] for score in scores])
+            1000 * np.array([each["path_error_m"][key] for each in scores])
             for key in ("low", "value", "high")
         )
         (line,) = axes.plot(
@@ -94,19 +96,21 @@ def error_against_pace(results: Path) -> Figure:
         axes.errorbar(
             at, value, (value - low, high - value), fmt="none", ecolor=colour, elinewidth=1.2
         )
-        faces = [colour if score["rank"] else "white" for score in scores]
+        faces = [colour if each["rank"] else "white" for each in scores]
         axes.scatter(at, value, 40.0, faces, marker, edgecolors=colour, zorder=4)
-        for x, y, score in zip(at, value, scores, strict=True):
-            if not score["rank"]:
-                offset = {"xytext": (3.0, 3.0), "textcoords": "offset points"}
-                axes.annotate(boards.UNRANKED, (x, y), color=colour, **offset)
+        for x, y in (
+            (x, y) for x, y, each in zip(at, value, scores, strict=True) if not each["rank"]
+        ):
+            axes.annotate(
+                boards.UNRANKED, (x, y), xytext=(3.0, 3.0), textcoords="offset points", color=colour
+            )
     axes.set(xscale="log", yscale="log", xlim=(min(paces) / 1.25, max(paces) * 1.25))
     axes.set_xticks(paces, [f"{pace:g}\n{name}" for name, pace in PACES.items()])
     axes.set_xticks([], minor=True)
     plain_ticks(axes, "y")
     label(axes, "commanded pace [m/s]", "path error [mm]")
     label_ends(axes, ends, colours)
-    note = f"standard, {boards.episodes_text(by_pace['slow'])}; bars: 95 % intervals"
+    note = f"standard, {boards.episodes_text(found['slow'])}; bars: 95 % intervals"
     figure.supxlabel(
         f"{note}; dashed: control laws; hollow {boards.UNRANKED}: not ranked", fontsize=8.5
     )

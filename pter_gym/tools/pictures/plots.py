@@ -61,7 +61,8 @@ def _x_at(line: Line2D, y: float) -> float:
 
 @styled
 def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figure:
-    """Return the share of a scenario's episodes within a path error, with a panel for each pace.
+    """Return the performance profiles of a scenario: the share of episodes within an error, a panel
+    for each pace.
 
     Parameters
     ----------
@@ -98,7 +99,9 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
         plain_ticks(axes, "x")
         axes.set_xlabel("path error [mm]")
     panels[0].set_ylabel("share of episodes within it")
-    shares = np.linspace(0.95, 0.05, len(curves))  # a label's height on each curve
+    shares = np.linspace(0.05, 0.95, len(curves))[
+        ::-1
+    ]  # each curve is labelled at a height of its own
     ends = {
         name: (_x_at(line, float(share)), float(share))
         for share, (name, line) in zip(shares, curves.items(), strict=True)
@@ -114,7 +117,7 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
 
 @styled
 def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
-    """Return each policy's path error over its mean pace, with the commanded paces marked."""
+    """Return each policy's path error over its actual mean pace, with the commanded paces marked."""
     figure = Figure(figsize=(WIDTH, 3.9))
     axes = figure.add_subplot()
     for board in boards:
@@ -159,10 +162,7 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
     plain_ticks(axes, "y")
     label(axes, "mean pace along the path [m/s]", "path error [mm]")
     label_ends(axes, ends, {name: look.colour for name, look in _looks(boards).items()})
-    note = (
-        f"dashed: control laws; {UNRANKED}, hollow: not ranked; bars: 95 % intervals\n"
-        "shaded: paces that rank"
-    )
+    note = f"dashed: control laws; {UNRANKED}, hollow: not ranked; bars: 95 % intervals\nshaded: paces that rank"
     board_note(figure, boards[0], note)
     return figure
 
@@ -194,7 +194,7 @@ def plain_ticks(axes: Axes, which: str) -> None:
 
 
 def _pace_ticks(axes: Axes, paces: Mapping[str, float]) -> None:
-    """Label a logarithmic axis at the commanded paces [m/s], by name, and at its limits."""
+    """Label a logarithmic axis at each commanded pace [m/s] by its name, and at the slowest pace drawn."""
     low, high = axes.get_xlim()
     axes.set_xlim(min(low, 0.9 * min(paces.values())), max(high, 1.1 * max(paces.values())))
     labels = {
@@ -218,10 +218,7 @@ def _looks(boards: Sequence[Leaderboard]) -> dict[str, Look]:
 def label_ends(
     axes: Axes, ends: Mapping[str, tuple[float, float]], colours: Mapping[str, str]
 ) -> None:
-    """Write names beside the axes in their colours, at the heights of their lines' ends (x, y).
-
-    Names that would overlap move apart.
-    """
+    """Write names beside the axes, each in its colour at the height of its line's end (x, y), and none over another."""
     figure: Any = axes.figure
     to_axes = axes.transData + axes.transAxes.inverted()
     heights = {name: float(to_axes.transform(end)[1]) for name, end in ends.items()}

@@ -1,4 +1,4 @@
-// The package's score of an episode along its path, as pter_gym/benchmark/_measures.py has it.
+// The package's score of an episode along its path, as pter_gym/benchmark/measures.py has it.
 
 /**
  * Score an episode.
