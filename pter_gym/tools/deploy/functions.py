@@ -1,6 +1,8 @@
-"""What a controller does before its law acts: encoders, observation, elementary functions.
+"""What a controller does before its law acts: angles from encoders, and the observation from
+readings and a path.
 
-All of it is Python that is translated to C with the laws.
+With the sine, cosine and arctangent that these need. All of it is Python that is translated to C
+with the laws.
 """
 
 import math
@@ -41,13 +43,13 @@ def encoder(count: int, before: int, resolution: float, zero: float, period: flo
 
 @device
 def series(x: float, first: float, start: int) -> float:
-    """Return the sine (first = x, start = 1) or cosine (first = 1, start = 0) of |x| ≤ π/4."""
-    total = first
+    """Return the series of sine (first = x, start = 1) or cosine (first = 1, start = 0) for |x| ≤ π/4."""
+    found = first
     term = first
     for k in range(start + 1, start + 18, 2):
         term = -term * x * x / (k * (k + 1.0))
-        total += term
-    return total
+        found += term
+    return found
 
 
 @device
@@ -74,21 +76,22 @@ def cosine(angle: float) -> float:
 
 @device
 def arctangent(y: float, x: float) -> float:
-    """Return the angle of (x, y) [rad], halved three times before the series; 0 for (0, 0)."""
+    """Return the angle of (x, y) [rad], by halving it three times before the series; 0 for (0, 0)."""
     turned = 0.0
     if x < 0.0:
-        half_turn = 2.0 * HALF_PI + 2.0 * HALF_PI_REST
-        turned = half_turn if y >= 0.0 else -half_turn
+        turned = (
+            2.0 * HALF_PI + 2.0 * HALF_PI_REST if y >= 0.0 else -2.0 * HALF_PI - 2.0 * HALF_PI_REST
+        )
         x = -x
         y = -y
     reach = x + math.sqrt(x * x + y * y)
     t = y / reach if reach > 0.0 else 0.0
     t = t / (1.0 + math.sqrt(1.0 + t * t))
     t = t / (1.0 + math.sqrt(1.0 + t * t))
-    total = 0.0
+    found = 0.0
     for k in range(21, 0, -2):
-        total = 1.0 / k - t * t * total
-    return turned + 8.0 * t * total
+        found = 1.0 / k - t * t * found
+    return turned + 8.0 * t * found
 
 
 @entrywise
@@ -110,7 +113,8 @@ def observe(
     inverse_scale: Observation,
     out: Any,
 ) -> int:
-    """Write the observation of readings, last voltages and a path; return the tip's arc.
+    """Write the observation that readings, the last voltages and a path give; return the arc that
+    the tip is on.
 
     As the simulator does with sensors that are not ideal, for a path without a free band.
     ``segment`` is the arc that the tip was on before.

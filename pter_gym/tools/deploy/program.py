@@ -132,8 +132,10 @@ def source_of(
     program = Program(ELEMENTARY, single=numbers == "float")
     gains = ConstantTable(bound.gains, tuple(regions(bound.gains, steps)))
     scales = ConstantTable(layout.scales, (Region("observation_scales", 0, len(layout)),))
-    obs = Array("float", "observation", "real" if program.single else "single")
-    memory = Array("real", "memory", const=False)
+    obs, memory = (
+        Array("float", "observation", "real" if program.single else "single"),
+        Array("real", "memory", const=False),
+    )
     program.call(command, bound.law, obs, scales, gains, memory, top, whole=True)
     prepare(program, machine)
     named = {

@@ -19,7 +19,7 @@ from pter_gym._engine.step import INSTANT
 from pter_gym._engine.world import CONFIG, ROW, ROWS
 from pter_gym._internal.palette import clutch_name
 from pter_gym._physics.friction import ClutchMode
-from pter_gym.benchmark import find_policy
+from pter_gym.benchmark._find_policy import find_policy
 from pter_gym.benchmark._measures import PRICE, SEGMENTS
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS

@@ -66,7 +66,7 @@ def run_scenario(name: str, steps: int, folder: Path) -> dict[str, Any]:
     """Step the worlds of a scenario and return what is needed to do it again."""
     from pter_gym._engine.batch import Batch
     from pter_gym._engine.world import BASIC_ROWS, FLAGS, SAME_STEP
-    from pter_gym.benchmark import find_policy
+    from pter_gym.benchmark._find_policy import find_policy
     from pter_gym.envs.scenario import training_draws
     from pter_gym.params import BASELINE
 

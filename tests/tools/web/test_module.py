@@ -15,7 +15,7 @@ import web_module
 
 from pter_gym._engine.world import World
 from pter_gym._internal.palette import PICTURE
-from pter_gym.benchmark import find_policy
+from pter_gym.benchmark._find_policy import find_policy
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.hands import read_forces

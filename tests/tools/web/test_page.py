@@ -17,7 +17,7 @@ import pytest
 
 from pter_gym._commands.main import main
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark import find_policy
+from pter_gym.benchmark._find_policy import find_policy
 from pter_gym.benchmark.scores import score
 from pter_gym.benchmark.simulation import record_episode
 from pter_gym.benchmark.tuned import TUNED
