@@ -1,4 +1,4 @@
-"""Figures of a scenario's scores: content, and the same files whatever the user's settings."""
+"""Figures of a scenario's scores: what they show, and files that are the same each time whatever the user has set."""
 
 import itertools
 import sys
