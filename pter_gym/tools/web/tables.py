@@ -24,6 +24,7 @@ from pter_gym.benchmark._measures import PRICE, SEGMENTS
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.hands import MultiSineHand, Operator, RecordedForces
+from pter_gym.haptics import torque_limits
 from pter_gym.params import BASELINE, MACHINES, Machine
 from pter_gym.paths import PATHS, Path
 from pter_gym.policies import read_policy, shipped_policies
@@ -84,7 +85,9 @@ def choices() -> dict[str, Any]:
             name: part(machine=machine, record="machine") for name, machine in machines.items()
         },
         "told": {name: part(machine=machine, record="told") for name, machine in machines.items()},
-        "torque_max": {name: largest_torque(machine) for name, machine in machines.items()},
+        "torque_max": {
+            name: float(torque_limits(machine, 0.0)[1].max()) for name, machine in machines.items()
+        },
         "hands": {name: part(hand=hand, record="hand") for name, hand in HANDS.items()},
         "task": part(record="task"),
         "arrangement": part(record="arrangement"),
@@ -95,13 +98,6 @@ def choices() -> dict[str, Any]:
         "laws": {name: laws(name, batch.layout) for name in (*CONTROLLERS, *TUNED)},
         "policies": {name: network(name, batch.layout) for name in policies_of_the_paper()},
     }
-
-
-def largest_torque(machine: Machine) -> float:
-    """Return the largest steady torque of a machine's clutches [N·m]."""
-    clutch = machine.clutch
-    curves = (clutch.breakaway, clutch.dynamic)
-    return max(machine.clutch_scale) * max(curve.torque(clutch.voltage_max) for curve in curves)
 
 
 def policies_of_the_paper() -> list[str]:
