@@ -1,6 +1,4 @@
-"""What the paper's experiments are made with: three machines, one task, one controller, and the
-numbers that the paper prints.
-"""
+"""Machines, task, controller and printed numbers of the paper's experiments."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -41,8 +39,7 @@ _GAINS = {name: tuple_of(value) for name, value in STUDY["controller"].items()}
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """Machines, task and controller of the paper's experiments, and choices for what its text
-    leaves open.
+    """Machines, task and controller of the paper's experiments, and what its text leaves open.
 
     Attributes
     ----------
