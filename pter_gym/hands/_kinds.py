@@ -116,7 +116,7 @@ def eq5(force_max: float, push: float) -> MultiSineHand:
 
 
 RELAXED = Hand(mass=0.6, damping=6.0, stiffness=120.0)
-"""A relaxed human arm at the hand. The three presets lie in the ranges that ``HumanArm`` states."""
+"""A relaxed human arm at the hand. The three lie in the ranges that ``HumanArm`` states."""
 
 NORMAL = Hand(mass=1.2, damping=14.0, stiffness=300.0)
 """A human arm as one holds it in a task of some accuracy."""
@@ -125,7 +125,7 @@ TENSE = Hand(mass=2.0, damping=28.0, stiffness=600.0)
 """A human arm with its muscles tensed against disturbances."""
 
 HUMAN_ARMS = {"relaxed": RELAXED, "normal": NORMAL, "tense": TENSE}
-"""Presets of a human arm's mass, damping and stiffness by name."""
+"""A human arm's mass, damping and stiffness by name."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -63,8 +63,7 @@ def foot_on(arc: ArcSegment, segment: int, x: float, y: float) -> Foot:
 
 @device
 def neighbour(arc: ArcSegment, segment: int, count: int, s: float, direction: int) -> int:
-    """Return 1 or −1 if a foot at the arc length s [m] leaves its arc for the next or the last one,
-    0 if it stays.
+    """Return 1 or −1 if a foot at the arc length s [m] leaves for the next or last arc, else 0.
 
     A foot that has gone in one ``direction`` does not turn back.
     """

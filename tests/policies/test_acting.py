@@ -14,7 +14,7 @@ from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatist
 import pter_gym
 from pter_gym.benchmark import find_policy
 from pter_gym.controllers import Policy, bind
-from pter_gym.envs._shared import nominal_machine
+from pter_gym.envs._mixin import nominal_machine
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL
 from pter_gym.paths import Circle

@@ -41,7 +41,7 @@ WORLDS, STEPS = 40, 250
 TOP = BASELINE.clutch.voltage_max
 
 ROUNDING = 256 * 2.0**-24 * TOP
-"""What float32 arithmetic may change a voltage by: about as many roundings as the longest sum has terms [V]."""
+"""Change of a voltage [V] by float32: about as many roundings as the longest sum has terms."""
 
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Werror")
 
@@ -78,7 +78,7 @@ def lines_of(rows: Any) -> str:
 
 
 def episodes_of(observations: Any) -> str:
-    """What a program without force sensors reads: episodes (steps, worlds, entries), each after an empty line."""
+    """Input of a program without force sensors: episodes (steps, worlds, entries)."""
     count = len(observation_layout(BASELINE, "torque"))
     return "".join(
         "\n" + lines_of(observations[:, world, :count]) for world in range(observations.shape[1])

@@ -61,7 +61,7 @@ class Arguments(TypedDict, total=False):
     frame_skip: int | None
 
 
-class Worlds:
+class WorldsMixin:
     """Mixin of the Gymnasium environments: batch, spaces and spec.
 
     Attributes
