@@ -37,6 +37,7 @@ from pter_gym._physics.arm import (
 )
 from pter_gym._physics.clutch import PerClutch, faded, heated, product
 from pter_gym._physics.friction import slip_velocities
+from pter_gym._physics.order import KICK_FIRST
 from pter_gym._physics.scalars import clamp
 from pter_gym._physics.step import (
     Energy,
@@ -534,6 +535,8 @@ def _mover(arrangement_at: Any) -> Any:
         h, count = config[CONFIG.substep], int(config[CONFIG.substeps])
         for i in range(lanes):
             set_strengths(w, i, h * count)
+            if KICK_FIRST:
+                push_tip(w, i, guides)
         control_step(
             w, lanes, h, count, count_nonzero(w, ROW.machine.voltage_decay.rise, lanes) > 0, guides
         )

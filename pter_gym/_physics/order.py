@@ -19,6 +19,9 @@ CYCLE = len(ORDER) - _JOINS
 
 _KICK_AT = ORDER.index((KICK, WHOLE))
 
+KICK_FIRST = _KICK_AT == 0
+"""Whether a control step begins with a kick, whose load no drift of that step has brought up."""
+
 DRIFTS_WHOLE = (DRIFT, WHOLE) in ORDER
 """Whether a substep by itself has whole drifts."""
 
