@@ -58,4 +58,5 @@ int main(void) {
         }
         answer(number, volts);
     }
+    return 0;
 }

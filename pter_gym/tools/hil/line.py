@@ -141,6 +141,7 @@ def make_raw(end: int, baud: int) -> None:
     try:
         tty.setraw(end)
         mode = termios.tcgetattr(end)
+        mode[1] = 0  # an emulator may turn the translation of line ends on again
         mode[2] |= termios.CLOCAL | termios.CREAD
         mode[4:6] = [speed, speed]
         termios.tcsetattr(end, termios.TCSANOW, mode)
