@@ -170,7 +170,7 @@ class Compiled:
 
 
 class Timed(BoundPolicy):
-    """One program for each world, asked every ``period`` control steps ± ``jitter``, ``delay`` late."""
+    """A program for each world, asked every ``period`` ± ``jitter`` steps, ``delay`` steps late."""
 
     def __init__(
         self, programs: list[Any], layout: Any, period: int = 1, jitter: int = 0, delay: int = 0

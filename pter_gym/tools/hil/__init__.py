@@ -1,1 +1,1 @@
-"""Hardware in the loop: the simulated arm at one end of a serial line, a controller at the other."""
+"""Hardware in the loop: a controller drives the simulated arm over a serial line."""

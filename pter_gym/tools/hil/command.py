@@ -92,7 +92,7 @@ def hil(
 def report(
     records: "list[list[Array]]", episodes: Any, controller: Any, nominal: Any, csv: Path | None
 ) -> None:
-    """Print the scores of all episodes that have begun beside those in Python, and write a table."""
+    """Print the scores of the episodes that have begun, beside those in Python; write a table."""
     import numpy as np
 
     from pter_gym.benchmark._trajectories import write_trajectories
@@ -112,11 +112,12 @@ def report(
     own = score_episodes(telemetry, first.tasks, voltage_max=top)
     python = evaluate(controller, first, 1, nominal=nominal)
     same = np.all([own[name] == python[name] for name in own], axis=0)
-    for k, (ours, theirs) in enumerate(zip(own["path_error_m"], python["path_error_m"])):
+    for k in range(len(done)):
+        ours, theirs = (1e3 * each["path_error_m"][k] for each in (own, python))
         say(
-            f"episode {k + 1}: path error {1e3 * ours:.4f} mm, {1e3 * theirs:.4f} mm in Python, "
+            f"episode {k + 1}: path error {ours:.4f} mm, {theirs:.4f} mm in Python, "
             f"{'all scores have the same bits' if same[k] else 'scores differ'}; "
-            f"{'arrived' if own['completed'][k] else 'did not arrive'} in {own['duration_s'][k]:.2f} s"
+            f"{'arrived' if own['completed'][k] else 'ended'} after {own['duration_s'][k]:.2f} s"
         )
     if csv:
         write_trajectories({f"episode {k}": rows for k, rows in enumerate(done, 1)}, csv)

@@ -45,12 +45,13 @@ def payload_of(frame: bytes) -> bytes | None:
         at += code
         if code <= RUN and at < len(frame):
             data.append(0)
-    payload = bytes(data[:-4])
-    return payload if zlib.crc32(payload).to_bytes(4, "little") == data[-4:] else None
+    payload, check = bytes(data[:-4]), int.from_bytes(data[-4:], "little")
+    whole = len(data) >= 4 and at == len(frame)
+    return payload if whole and zlib.crc32(payload) == check else None
 
 
 class Line:
-    """A serial port at ``baud``, or a pseudo-terminal that is a program's standard input and output.
+    """A serial port at ``baud``, or a pseudo-terminal as standard input and output of a program.
 
     ``broken`` counts the frames that were skipped because their checksum was wrong.
     """
@@ -88,8 +89,9 @@ class Line:
                 raise self._cut(error) from None
 
     def receive(self, until: float) -> bytes | None:
-        """Return the next frame's payload, or None if none comes until a time of
-        ``time.monotonic``; raises a PolicyError if the line is cut.
+        """Return the next frame's payload, or None if there is none at a ``time.monotonic``.
+
+        Raises a PolicyError if the line is cut.
         """
         while True:
             frame, zero, rest = self._bytes.partition(b"\0")

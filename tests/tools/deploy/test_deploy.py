@@ -25,7 +25,7 @@ from pter_gym.benchmark.runs import evaluate
 from pter_gym.benchmark.simulation import record_episode
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import PerClutch, Policy, bind, device
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, StorageError
 from pter_gym.params import BASELINE, MACHINES, find_machine
 from pter_gym.paths import find_path
 from pter_gym.policies import Input
@@ -258,15 +258,131 @@ def test_elementary_functions_are_those_of_mathematics():
         y, x = math.sin(angle) * (1.0 + angle**2), math.cos(angle) * (1.0 + angle**2)
         assert arctangent(y, x) == pytest.approx(math.atan2(y, x), abs=1e-15)
     assert arctangent(0.0, 0.0) == 0.0
-    assert encoder(12, 10, 0.1, -1.0, 0.01) == pytest.approx((0.2, 20.0))
+    assert encoder(12, 2, 0.1, -1.0, 0.01) == pytest.approx((0.2, 20.0))
 
 
-@needs_zig
-def test_a_microcontroller_needs_no_library(tmp_path: Path):
-    folder = source_of(find_policy("ppo-standard"), numbers="float", weights="int8").write(tmp_path)
-    flash, ram, stack = bench.memory(folder, "cortex_m4")
-    assert flash < 20_000
-    assert ram + stack < 2_000
+needs_board = pytest.mark.skipif(
+    not (shutil.which("arm-none-eabi-gcc") and shutil.which("qemu-system-arm")),
+    reason="gcc-arm-none-eabi or qemu-system-arm is not installed",
+)
+
+
+@needs_board
+@pytest.mark.parametrize(
+    ("name", "numbers", "weights"),
+    [("ppo-standard", "float", "int8"), ("single-dof-tuned", "double", "float")],
+)
+def test_a_microcontroller_gives_pythons_voltages(name: str, numbers: Any, weights: Any):
+    source = source_of(find_policy(name), name=name, numbers=numbers, weights=weights)
+    task = PathFollowing(pace=0.25)
+    readings, observations, _ = bench.recorded(source.policy, BASELINE, task, 0)
+    found = bench.cost(source, readings[:20], observations[:20])
+    source.policy.reset()
+    rows = np.ascontiguousarray(observations[:20, None, : len(source.policy.layout)])
+    differ = np.abs(found.volts - [source.policy.act(row)[0] for row in rows]).max()
+    assert differ == 0.0 if numbers == "double" else differ < ROUNDING
+    assert 1_000 < found.act.min() <= found.act.max() < 200_000
+    assert found.flash < 30_000
+    assert found.ram + found.stack < 3_000
+
+
+CPP = """
+#include "pter.h"
+int main() {
+    pter_state state;
+    float observation[PTER_ENTRIES] = {0}, volts[4];
+    pter_reset(&state);
+    pter_act(&state, observation, volts);
+    return !(volts[0] >= 0);
+}
+"""
+
+
+@needs_compiler
+def test_a_program_in_cpp_links(tmp_path: Path):
+    source_of(find_policy("impedance")).write(tmp_path)
+    (tmp_path / "loop.cpp").write_text(CPP)
+    zig = [sys.executable, "-m", "ziglang"]
+    c, cpp = (["cc"], ["c++"]) if shutil.which("c++") else ([*zig, "cc"], [*zig, "c++"])
+    for command in ([*c, "-std=c99", "-c", "pter.c"], [*cpp, "-Wall", "loop.cpp", "pter.o"]):
+        subprocess.run(command, cwd=tmp_path, check=True)
+    subprocess.run([tmp_path / "a.out"], check=True)
+
+
+BOTH = r"""
+#include "pter.h"
+#include "tuned.h"
+#include <stdio.h>
+int main(void) {
+    pter_state a;
+    tuned_state b;
+    float observation[PTER_ENTRIES] = {0}, volts[4], others[4];
+    pter_reset(&a), tuned_reset(&b);
+    pter_act(&a, observation, volts), tuned_act(&b, observation, others);
+    printf("%.9g,%.9g,%d,%d\n", volts[0], others[0], PTER_MEMORY, TUNED_MEMORY);
+    return 0;
+}
+"""
+
+
+@needs_compiler
+def test_two_policies_are_in_one_program(tmp_path: Path):
+    first, second = find_policy("ppo-standard"), find_policy("single-dof-tuned")
+    other = source_of(second, name="a pter_x", prefix="tuned")
+    assert sorted(other.files) == ["main.c", "tuned.c", "tuned.h"]
+    other.write(tmp_path)
+    (tmp_path / "both.c").write_text(BOTH)
+    own = source_of(first)
+    own.write(tmp_path)
+    compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
+    files = [*WARNINGS, "-std=c99", "both.c", "pter.c", "tuned.c"]
+    subprocess.run([*compiler, *files], cwd=tmp_path, check=True)
+    zeros = np.zeros((1, len(own.policy.layout)), np.float32)
+    found = said(tmp_path / "a.out", "")
+    assert found[:2].tolist() == [each.policy.act(zeros)[0, 0] for each in (own, other)]
+
+
+COUNTS = r"""
+#include "pter.h"
+#include <limits.h>
+#include <stdio.h>
+int main(void) {
+    pter_reading r = {0};
+    int counts[][3] = {{65533, 3, 16}, {3, 65533, 16}, {-7, 65535, 16},
+                       {INT_MAX - 3, INT_MIN + 2, 32}};
+    for (int k = 0; k < 4; k++) {
+        int *c = counts[k], now = pter_count(c[0], (unsigned)c[1], c[2]);
+        pter_encoder(&r, 0, now, c[0], 0.125, 0);
+        printf("%d,%g\n", now, r.velocity[0]);
+    }
+    return 0;
+}
+"""
+
+
+@needs_compiler
+def test_an_encoder_whose_counter_wraps_turns_on(tmp_path: Path):
+    (tmp_path / "counts.c").write_text(COUNTS)
+    found = said(compiled(source_of(find_policy("impedance")), tmp_path, tmp_path / "counts.c"), "")
+    assert found[:3, 0].tolist() == [65539, -3, -1]
+    assert found[:, 1].tolist() == [75.0, -75.0, 75.0, 75.0]
+
+
+@pytest.mark.parametrize("prefix", ["", "1st", "a-b", "a b", "é", "x" * 41])
+def test_a_prefix_is_a_name_in_c(prefix: str):
+    with pytest.raises(ParameterError, match="prefix"):
+        source_of(find_policy("impedance"), prefix=prefix)
+
+
+def test_an_export_that_fails_leaves_the_older_one_whole(tmp_path: Path):
+    folder = source_of(find_policy("impedance")).write(tmp_path)
+    before = {path.name: path.read_bytes() for path in folder.iterdir() if path.name != "main.c"}
+    (folder / "main.c").unlink()
+    (folder / "main.c").mkdir()
+    with pytest.raises(StorageError, match=r"main\.c"):
+        source_of(find_policy("torque-feedback")).write(tmp_path)
+    after = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    assert after == before
 
 
 @needs_zig

@@ -75,9 +75,17 @@ void pter_reset(pter_state *state)
     state->arc = 0;
 }
 
+int pter_count(int before, unsigned counter, int bits)
+{
+    unsigned half = 1U << (bits - 1);
+    unsigned change = ((counter - (unsigned)before + half) & (2 * half - 1)) - half;
+    return (int)((unsigned)before + change);
+}
+
 void pter_encoder(pter_reading *reading, int link, int count, int before, real resolution, real zero)
 {
-    Encoder found = encoder(count, before, resolution, zero, PTER_PERIOD);
+    int change = (int)((unsigned)count - (unsigned)before);
+    Encoder found = encoder(count, change, resolution, zero, PTER_PERIOD);
     reading->angle[link] = found.theta;
     reading->velocity[link] = found.omega;
 }
