@@ -109,8 +109,7 @@ def export(
     path: Annotated[str, tyro.conf.arg(metavar="NAME|FILE.csv")] = "line",
     machine: MachineName = None,
 ) -> None:
-    """Turn a run of `pter train` into a policy to share, or any policy into C or ONNX for a real
-    machine.
+    """Turn a run of `pter train` into a policy to share, or any policy into C or ONNX.
 
     By default the folder then holds NAME.safetensors, weights without code, and README.md, a model
     card. That is the layout of the Hugging Face Hub; nothing is uploaded. With --c or --onnx only

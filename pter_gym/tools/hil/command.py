@@ -35,21 +35,24 @@ def hil(
 ) -> None:
     """Let a controller on its own hardware drive the simulated arm over a serial line.
 
-    The arm sends what its sensors read and waits for voltages. Scores are compared with those of
-    the policy in Python on the same evaluation episodes. docs/deploy.md has the protocol,
-    examples/serial_loop.c is a partner. For Linux and macOS.
+    The arm sends what its sensors read and waits for voltages; docs/deploy.md has the protocol, and
+    examples/serial_loop.c is a partner. Scores are compared with the policy's in Python on the same
+    evaluation episodes. For Linux and macOS.
 
     Example: pter hil residual ./loop --episodes 10
 
     Args:
-        policy: Policy that the partner holds, as for `pter benchmark --policies`. partner: Serial
-        port, or a command whose standard input and output become the line. scenario: Scenario of
-        the episodes, without a free band around its paths. pace: Commanded pace. episodes: How many
-        of its evaluation episodes to run, starting with the first, at most 64. rate: Control steps
-        per simulated second, from 10 to 1000. real_time: Begin control steps in time with the
-        clock, not as soon as there is an answer. deadline: Seconds to wait for an answer before the
-        last voltages are kept; by default a control period in real time, else 0.1. baud: Baud rate
-        of the port. csv: File for the telemetry; see docs/watching.md.
+        policy: Policy that the partner holds, as for `pter benchmark --policies`.
+        partner: Serial port, or a command whose standard input and output become the line.
+        scenario: Scenario of the episodes, without a free band around its paths.
+        pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
+        episodes: Evaluation episodes to run, starting with the first, at most 64.
+        rate: Control steps per simulated second, from 10 to 1000.
+        real_time: Begin control steps in time with the clock, not as soon as there is an answer.
+        deadline: Seconds to wait for an answer before the last voltages are kept; by default a
+            control period in real time, else 0.1.
+        baud: Baud rate of the port.
+        csv: File for the telemetry; see docs/watching.md. Its folder must exist.
     """
     from dataclasses import replace
 
@@ -128,7 +131,9 @@ def timing(other: "Partner") -> str:
     """Return how fast the partner was, in words."""
     import numpy as np
 
-    median, most = 1e3 * np.percentile(other.latencies or [np.nan], [50, 99])
+    if not other.latencies:
+        return f"no answer in time, {other.line.broken} frames broken"
+    median, most = 1e3 * np.percentile(other.latencies, [50, 99])
     return (
         f"latency {median:.2f} ms at the median, {most:.2f} ms at 99 %; {other.missed} of "
         f"{other.missed + len(other.latencies)} deadlines missed, {other.line.broken} frames broken"
