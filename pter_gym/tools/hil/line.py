@@ -93,7 +93,7 @@ class Line:
 
         Raises a PolicyError if the line is cut.
         """
-        while True:
+        while (left := until - time.monotonic()) > 0.0:
             frame, zero, rest = self._bytes.partition(b"\0")
             if zero or len(frame) > LARGEST:
                 self._bytes = rest
@@ -102,8 +102,7 @@ class Line:
                     return payload
                 self.broken += bool(frame)
                 continue
-            left = until - time.monotonic()
-            if left <= 0.0 or not select.select([self._end], [], [], left)[0]:
+            if not select.select([self._end], [], [], left)[0]:
                 return None
             try:
                 read = os.read(self._end, LARGEST)
@@ -112,6 +111,7 @@ class Line:
             if not read:
                 raise self._cut("nobody is at its other end")
             self._bytes += read
+        return None
 
     def _cut(self, why: object) -> PolicyError:
         status = ""

@@ -27,7 +27,7 @@ from pter_gym.tools.hil.line import Line
 
 ANSWER = struct.Struct("<I4f")
 
-HELLO, PATIENCE = 0.25, 20.0
+HELLO, PATIENCE = 1.0, 20.0
 """Seconds between tries to begin an episode, and until the partner must have answered one."""
 
 SILENCE = 1.0
@@ -87,7 +87,8 @@ class Partner:
         """Run an episode, whose telemetry ``rows`` gets, or raise a PolicyError."""
         self.voltage_max = machine.clutch.voltage_max
         self.period = task.control_period if self.real_time else 0.0
-        self.volts, self.number = np.zeros(4, np.float32), 0
+        self.volts = np.zeros(4, np.float32)
+        self.number = self.answered = 0
         self.begin(task)
         rows.extend(follow(machine, task, seed, self.decide))
 
@@ -139,7 +140,7 @@ class Partner:
                 f"voltages must be numbers from 0 to {self.voltage_max:g}, got {volts} at control "
                 f"step {number}"
             )
-        self.heard = time.monotonic()
-        if 0 < number <= self.number:
+        if self.answered < number <= self.number:
+            self.answered, self.heard = number, time.monotonic()
             self.volts = np.array(volts, np.float32)
         return number

@@ -167,6 +167,7 @@ WRONG: dict[str, tuple[Answer, str]] = {
     "NaN": (lambda k, _: framed(volts(k, *[np.nan if k == 9 else 0.0] * 4)), "numbers from 0 to"),
     "range": (lambda k, _: framed(volts(k, *[24.1 if k == 9 else 0.0] * 4)), "from 0 to 24, got"),
     "silent": (lambda k, _: framed(volts(k)) if k < 9 else b"", "silent for 1 s"),
+    "flood": (lambda k, _: framed(volts(k)) if k < 9 else 999 * framed(volts(1)), "silent for"),
     "cut": (lambda k, _: framed(volts(k)) if k < 9 else None, "the line was cut"),
 }
 
@@ -174,7 +175,7 @@ WRONG: dict[str, tuple[Answer, str]] = {
 @pytest.mark.parametrize("what", WRONG)
 def test_a_partner_that_fails_ends_the_episode_and_what_was_recorded_stays(what: str) -> None:
     answers, message = WRONG[what]
-    _, rows, error = drive(answers, 0.3 if what == "silent" else PATIENT)
+    _, rows, error = drive(answers, 0.3 if "silent" in message else PATIENT)
     assert re.search(message, str(error))
     assert len(rows) >= 9
     assert np.isfinite(rows[:, COLUMN.time]).all()
