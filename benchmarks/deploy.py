@@ -121,10 +121,10 @@ def recorded(policy: Any, machine: Any, task: Any, seed: int) -> tuple[Any, Any,
 
 def costs(machine: Any, task: Any, seed: int) -> None:
     print(
-        "| policy | numbers | weights | instructions, mean / most | of these, observation | "
-        "of 10 ms at 168 MHz | flash [kB] | RAM [kB] | stack [kB] | voltages differ by [mV] |"
+        "| Policy | Numbers | Weights | Instructions, mean / most | For the observation | "
+        "Of 10 ms at 168 MHz | Flash / RAM / stack [kB] | Voltages differ by [mV] |"
     )
-    print("|" + "---|" * 10)
+    print("|" + "---|" * 8)
     for name in POLICIES:
         policy = find_policy(name)
         for numbers, weights in TYPES if name in NETWORKS else TYPES[:2]:
@@ -138,10 +138,10 @@ def costs(machine: Any, task: Any, seed: int) -> None:
             whole = found.observe + found.act
             memory = (f"{each / 1e3:.1f}" for each in (found.flash, found.ram, found.stack))
             print(
-                f"| {name} | {numbers} | {weights if name in NETWORKS else '-'} | "
+                f"| `{name}` | {numbers} | {weights if name in NETWORKS else ''} | "
                 f"{whole.mean():,.0f} / {whole.max():,.0f} | {found.observe.mean():,.0f} | "
-                f"{CYCLES * whole.max() / (CLOCK * PERIOD * 1e-3):.1%} | {' | '.join(memory)} | "
-                f"{1e3 * differ:.3g} |",
+                f"{CYCLES * whole.max() / (CLOCK * PERIOD * 1e-3):.1%} | {' / '.join(memory)} | "
+                f"{1e3 * differ:.2g} |",
                 flush=True,
             )
 

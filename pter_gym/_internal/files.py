@@ -10,14 +10,14 @@ from pathlib import Path
 from pter_gym.errors import ParameterError, StorageError
 
 FilePath = str | os.PathLike[str]
-"""A path: a string or a ``pathlib.Path``, absolute, relative, or from ``~`` on."""
+"""What is accepted as a path: a string or a ``pathlib.Path``, absolute, relative, or from ``~`` on."""
 
 MAX_NAME_BYTES = 255
 """Longest name in a path that common file systems allow [B]."""
 
 
 def find_path(field: str, path: FilePath) -> Path:
-    """Return a user's path with ``~`` expanded, or raise a ParameterError that names the field."""
+    """Return a path that a user gave, with ``~`` expanded, or raise a ParameterError that names the field."""
     found = None
     with suppress(
         TypeError, ValueError, RuntimeError
@@ -92,6 +92,6 @@ def write_files_atomic(folder: FilePath, files: Mapping[str, bytes]) -> None:
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Remove the temporary files of killed processes from a folder that no process writes to."""
+    """Remove the temporary files of killed processes from a folder, which no other process may write to now."""
     for path in folder.glob(f".{'[0-9a-f]' * 16}.tmp"):
         path.unlink(missing_ok=True)
