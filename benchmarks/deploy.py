@@ -233,6 +233,7 @@ def closed_loop(episodes: Episodes) -> None:
                         + " | ".join(told(evaluate(each, fine)) for each in times)
                         + " |"
                     )
+        cells += [""] * (1 + len(TYPES) - len(cells))
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
     print("\n| policy | " + " | ".join(TIMINGS) + " |\n|" + "---|" * (1 + len(TIMINGS)))
     print("\n".join(timed))
