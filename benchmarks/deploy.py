@@ -27,9 +27,8 @@ import numpy as np
 
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import Episodes, find_episodes
-from pter_gym.benchmark.runs import evaluate
-from pter_gym.benchmark.simulation import record_episode, time_limit
-from pter_gym.controllers import BoundPolicy
+from pter_gym.benchmark.rollout import evaluate, record_episode
+from pter_gym.controllers import Policy
 from pter_gym.tools.deploy import Source, source_of
 from pter_gym.tools.hil.session import follow
 
@@ -106,7 +105,7 @@ def cost(source: Source, readings: Any, observations: Any) -> Cost:
 
 def recorded(policy: Any, machine: Any, task: Any, seed: int) -> tuple[Any, Any, Any]:
     """Readings, observations and voltages of an episode."""
-    episode = record_episode(policy, machine, task, seed, time_limit(task))
+    episode = record_episode(policy, machine, task, seed)
     readings: list[Any] = []
     volts = iter(episode.volts)
 
@@ -131,9 +130,9 @@ def costs(machine: Any, task: Any, seed: int) -> None:
             source = source_of(policy, name=name, numbers=numbers, weights=weights)
             readings, observations, _ = recorded(source.policy, machine, task, seed)
             found = cost(source, readings, observations)
-            source.policy.reset()
-            layout = len(source.policy.layout)
-            wanted = [source.policy.act(row[None, :layout].copy())[0] for row in observations]
+            rows = np.ascontiguousarray(observations[:, None, : len(source.policy.layout)])
+            memory = source.policy.start(1)
+            wanted = [np.float32(source.policy.act(row, memory)[0]) for row in rows]
             differ = np.abs(found.volts - wanted[: len(found.volts)]).max()
             whole = found.observe + found.act
             memory = (f"{each / 1e3:.1f}" for each in (found.flash, found.ram, found.stack))
@@ -169,26 +168,34 @@ class Compiled:
         self.process.communicate()
 
 
-class Timed(BoundPolicy):
-    """A program for each world, asked every ``period`` ± ``jitter`` steps, ``delay`` steps late."""
+class Timed:
+    """One program for each world, asked every ``period`` control steps, give or take ``jitter``.
+
+    Its voltages come ``delay`` control steps later.
+    """
 
     def __init__(
-        self, programs: list[Any], layout: Any, period: int = 1, jitter: int = 0, delay: int = 0
+        self, programs: list[Any], period: int = 1, jitter: int = 0, delay: int = 0
     ) -> None:
-        self.programs, self.layout = programs, layout
+        self.programs = programs
         self.period, self.jitter, self.delay = period, jitter, delay
 
-    def reset(self, worlds: Any = None) -> None:
-        for each in self.programs:
-            each.reset()
+    def bind(self, machine: Any, layout: Any) -> Policy:
+        return Policy.of_function(self.act, layout, start=self.start)
+
+    def start(self, worlds: int) -> Any:
+        """Begin episodes in all worlds; the programs remember them."""
+        for program in self.programs:
+            program.reset()
         self.random = np.random.default_rng(0)
         self.step = 0
         self.decided = np.zeros(len(self.programs), int)
         self.due = np.zeros(len(self.programs), int)
         self.volts = np.zeros((len(self.programs), 4), np.float32)
         self.pending: list[tuple[int, int, Any]] = []
+        return None
 
-    def act(self, observations: Any) -> Any:
+    def act(self, observations: Any, memory: Any) -> Any:
         for world, row in enumerate(observations):
             if self.step >= self.due[world]:
                 self.pending.append((self.step + self.delay, world, self.programs[world](row)))
@@ -209,7 +216,9 @@ def told(scores: Any) -> str:
 
 def closed_loop(episodes: Episodes) -> None:
     fine = replace(
-        episodes, tasks=tuple(replace(task, control_period=1e-3) for task in episodes.tasks)
+        episodes,
+        tasks=tuple(replace(task, control_period=1e-3) for task in episodes.tasks),
+        limits=(),
     )
     print("| policy | Python | C, double | C, float | C, float, int8 |\n|---|---|---|---|---|")
     timed: list[str] = []
@@ -219,15 +228,13 @@ def closed_loop(episodes: Episodes) -> None:
         for numbers, weights in TYPES if name in NETWORKS else TYPES[:2]:
             source = source_of(python, name=name, numbers=numbers, weights=weights)
             with folder_of(source) as folder, ExitStack() as stack:
-                path, layout = program(folder, folder / "main.c"), source.policy.layout
-                programs = [Compiled(path, len(layout)) for _ in range(len(episodes))]
+                path, entries = program(folder, folder / "main.c"), len(source.policy.layout)
+                programs = [Compiled(path, entries) for _ in range(len(episodes))]
                 for each in programs:
                     stack.callback(each.close)
-                cells.append(told(evaluate(Timed(programs, layout), episodes)))
+                cells.append(told(evaluate(Timed(programs), episodes)))
                 if numbers == "double":
-                    times = [
-                        Timed(programs, layout, PERIOD, *timing) for timing in TIMINGS.values()
-                    ]
+                    times = [Timed(programs, PERIOD, *timing) for timing in TIMINGS.values()]
                     timed.append(
                         f"| {name} | "
                         + " | ".join(told(evaluate(each, fine)) for each in times)

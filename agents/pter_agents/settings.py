@@ -8,7 +8,7 @@ from typing import Any, cast
 from pter_gym import params
 from pter_gym._internal.codec import Codec, dataclasses_in, tuple_of
 from pter_gym._internal.files import FilePath, find_path
-from pter_gym._internal.reading import MAX_TOML_SIZE, parse_toml, read_text, reading
+from pter_gym._internal.reading import read_toml
 from pter_gym.benchmark import PACES
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.errors import ParameterError, unknown_name
@@ -23,7 +23,6 @@ from pter_gym.params import (
 )
 from pter_gym.policies._trained import MAX_LAYERS, are_hidden
 from pter_gym.scenarios import SCENARIOS
-from pter_gym.scenarios._fixed_machine import FixedMachine
 from pter_gym.tasks.path_following import STARTS, RewardWeights
 
 ALGORITHMS = ("ppo", "residual")
@@ -47,7 +46,7 @@ PARTS = 2
 SMOKE = {"worlds": 64, "steps": 32, "contexts": 16, "minibatch": 512, "epochs": 2}
 """Hyper-parameters of a short run that shows that training works, not that it learns."""
 
-CODEC = Codec((*dataclasses_in(params), FixedMachine))
+CODEC = Codec(dataclasses_in(params))
 """Stores the machine of a training."""
 
 
@@ -215,9 +214,9 @@ def load_settings(algorithm: str, file: FilePath | None = None, **changes: Any) 
     """
     if algorithm not in ALGORITHMS:
         raise unknown_name("algorithm", algorithm, ALGORITHMS)
-    values = _read_table(Path(__file__).parent / f"{algorithm}.toml")
+    values = read_toml(Path(__file__).parent / f"{algorithm}.toml", "config")
     if file is not None:
-        values |= _read_table(find_path("config", file))
+        values |= read_toml(find_path("config", file), "config")
     return settings_from(values | changes)
 
 
@@ -231,11 +230,6 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         return Settings(**{name: tuple_of(value) for name, value in values.items()})
     except TypeError as error:
         raise ParameterError(f"config: {error}") from None
-
-
-def _read_table(file: Path) -> dict[str, Any]:
-    with reading(f"config {file} cannot be read"):
-        return parse_toml(read_text(file, MAX_TOML_SIZE))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -271,7 +265,7 @@ class TrainingArguments:
     checkpoint_every: int = 10
     validate_every: int = 40
     validation_episodes: int = 64
-    machine: FixedMachine | None = None
+    machine: Machine | None = None
 
     def __post_init__(self) -> None:
         """Check names and numbers."""
@@ -285,12 +279,12 @@ class TrainingArguments:
         for name in ("steps", "checkpoint_every", "validate_every", "validation_episodes"):
             require_whole(self, name)
         require_whole(self, "seed", at_least=0, below=2**31)
-        require_kind(self, "machine", FixedMachine, type(None))
+        require_kind(self, "machine", Machine, type(None))
 
     @property
     def nominal(self) -> Machine:
         """The machine that a base controller is bound to."""
-        return BASELINE if self.machine is None else self.machine.machine
+        return BASELINE if self.machine is None else self.machine
 
     @property
     def paces(self) -> tuple[str, ...]:

@@ -104,7 +104,7 @@ def _learn(
         return folder.save(model.steps, model.get_state())
 
     def validate() -> None:
-        scores = validation.scores(model.policy(), arguments.nominal)
+        scores = validation.scores(model.policy())
         folder.add_scores(model.steps, scores)
         spent = {"seconds": round(time.perf_counter() - begin, 1), "decisions": model.steps}
         folder.add_progress(

@@ -24,13 +24,23 @@ from typing import Any, cast
 import llvmlite.binding as llvm
 import numba
 
-from pter_gym._compiled.digests import SOURCES
 from pter_gym._internal.files import write_bytes_atomic, write_text_atomic
 from pter_gym.tools.web.kernels import KERNELS, ModuleKernel
 from pter_gym.tools.web.site import MODULE, STATIC, TABLES
 from pter_gym.tools.web.tables import tables
 
 FUNCTIONS = Path(__file__).with_name("functions.zig")
+
+PACKAGE = Path(__file__).parents[2] / "pter_gym"
+
+ROOMS = ("_compiled", "_engine", "_physics", "controllers", "hands", "params", "paths", "tasks")
+"""Folders of the package that the module is made of."""
+
+SOURCES = [
+    *sorted(PACKAGE.glob("*.py")),
+    *(path for room in ROOMS for path in sorted((PACKAGE / room).rglob("*.py"))),
+    *sorted((PACKAGE / "presets").glob("*.toml")),
+]
 
 TRIPLE = "wasm32-unknown-unknown"
 DATA_LAYOUT = "e-m:e-p:32:32-p10:8:8-p20:8:8-i64:64-i128:128-n32:64-S128-ni:1:10:20"
@@ -79,7 +89,7 @@ def linked(code: bytes) -> bytes:
 
 
 def as_text(module: bytes) -> str:
-    """Return the tables of a module as JSON, with hashes of the module and of what it is made of."""
+    """Return a module's tables as JSON, with hashes of the module and of what it is made of."""
     content = tables()
     hashes = {"module": hashlib.sha256(module).hexdigest(), "sources": digest(content)}
     return (
@@ -91,7 +101,7 @@ def as_text(module: bytes) -> str:
 
 
 def digest(content: dict[str, Any]) -> str:
-    """Return a hash of the tables and of what the files mean that the kernels are made of; comments do not count."""
+    """Return a hash of the tables and of what the kernels' source files mean, without comments."""
     kernels = Path(cast(str, sys.modules[ModuleKernel.__module__].__file__))
     found = hashlib.sha256(json.dumps(content).encode())
     for source in (*SOURCES, kernels, Path(__file__)):
@@ -110,7 +120,7 @@ def meaning_of(path: Path) -> str:
 
 
 def _meaning(node: object) -> object:
-    """Return a syntax tree as plain data without docstrings; what is absent in some versions of Python is left out."""
+    """Return a syntax tree without docstrings as plain data, the same in all Python versions."""
     if isinstance(node, list):
         return [_meaning(each) for each in cast("list[object]", node) if not _is_docstring(each)]
     if not isinstance(node, ast.AST):
@@ -165,7 +175,7 @@ def object_code() -> bytes:
 
 
 def retargeted(kernel: ModuleKernel) -> str:
-    """Return the LLVM code of a kernel for WebAssembly, with a function of the kernel's own name to call it by."""
+    """Return a kernel's LLVM code for WebAssembly, and a function of its name that calls it."""
     compiled: Any = numba.njit(kernel.value(*kernel.arguments), **OPTIONS)(kernel.function)
     (signature,) = compiled.signatures
     code: str = compiled.inspect_llvm(signature)
@@ -182,7 +192,7 @@ def retargeted(kernel: ModuleKernel) -> str:
 
 
 def entrance(kernel: ModuleKernel, name: str) -> str:
-    """Return the function by which a page calls a kernel: its arguments and its value, as they are."""
+    """Return the function by which a page calls a kernel, with plain arguments and value."""
     kinds = [KINDS.get(argument, "ptr") for argument in kernel.arguments]
     given = "".join(f", {kind} %{number}" for number, kind in enumerate(kinds))
     value = KINDS[kernel.value]

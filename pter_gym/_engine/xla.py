@@ -1,5 +1,4 @@
-"""The block kernels as calls of XLA's foreign-function interface: a world is a row, and no Python
-runs in a step.
+"""The kernels as calls of XLA's foreign-function interface: a world is a row, without Python.
 
 A handler gets XLA's call frame, a C structure whose fields are machine words: the version of the
 interface's header is in ``jaxlib``. Everything it is given lies in memory that XLA keeps: it reads
@@ -26,8 +25,10 @@ from numpy.typing import NDArray
 from pter_gym._compiled.compiler import compile_kernel, inlined
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.records import write
+from pter_gym._compiled.symbols import caller, export
+from pter_gym._engine import kernels
 from pter_gym._engine.kernels import advance_kernel, reset_kernel
-from pter_gym._engine.law import CLUTCHES, no_law
+from pter_gym._engine.law import CLUTCHES
 from pter_gym._engine.world import FLAG, FLAGS, LANES, SAME_STEP
 
 TERMINATED, TRUNCATED = int(FLAG.terminated), int(FLAG.truncated)
@@ -90,7 +91,7 @@ def _doubles(buffers: int, number: int) -> Any:
 
 @_njit
 def _double_rows(buffers: int, number: int) -> Any:
-    """Return a buffer of 32-bit words as rows of numbers of 64 bits, whatever axes there are before the last."""
+    """Return a buffer of 32-bit words (…, 2 n) as rows of numbers of 64 bits, (rows, n)."""
     rows = 1
     for axis in range(_whole(_whole(buffers)[number])[_RANK] - 1):
         rows *= _dimension(buffers, number, axis)
@@ -137,7 +138,7 @@ def _scatter(block: Any, words: Any, rows: int, seeds: int, first: int) -> None:
 
 @_njit
 def _opened(address: int, version: int) -> tuple[int, int]:
-    """Return the addresses of arguments and results; none where XLA only asks for the version, which it is told."""
+    """Return the addresses of arguments and results; none where XLA only asks for the version."""
     frame = _whole(address)
     if frame[_EXTENSION] != 0:
         extension = _whole(frame[_EXTENSION])
@@ -165,7 +166,7 @@ _KEPT: list[Any] = []
 
 
 def register(name: str, handler: Any) -> None:
-    """Compile a call that runs ``handler(arguments, results)``, addresses of buffers, and tell XLA its address."""
+    """Compile a call of ``handler(arguments, results)``, addresses of buffers, and tell XLA."""
     call = compile_kernel(_build_call, handle=handler, version=_installed_version())
     signature = (types.int64,)
     call.compile(signature)
@@ -209,7 +210,7 @@ def _step_handler(advance: Any) -> Any:
             np.empty((FLAGS, LANES), np.bool_),
             np.empty((0, LANES, 1)),
         )
-        ended, steps, first_block = np.int64(SAME_STEP), np.int64(1), np.int64(0)
+        ended, first_block, last_block = np.int64(SAME_STEP), np.int64(0), np.int64(1)
         for first in range(0, n, LANES):
             lanes = min(LANES, n - first)
             mine, seen, last = (
@@ -220,7 +221,7 @@ def _step_handler(advance: Any) -> Any:
             _gather(block, mine, _data(arguments, 0), _data(arguments, 1), first)
             given[:lanes] = actions[first : first + lanes]
             outputs = seen, last, earned[:lanes], told, telemetry, config, constants
-            advance(block, mine, given[:lanes], *outputs, ended, steps, first_block, steps)
+            advance((block, mine, given[:lanes], *outputs, ended, first_block, last_block))
             _scatter(block, mine, _data(results, 0), _data(results, 1), first)
             for i in range(lanes):
                 rewards[first + i, 0] = earned[i]
@@ -251,15 +252,8 @@ def _reset_handler(start: Any) -> Any:
         for first in range(0, n, LANES):
             lanes = min(LANES, n - first)
             _gather(block, words[:lanes], _data(arguments, 0), _data(arguments, 1), first)
-            start(
-                block,
-                words[:lanes],
-                chosen[:lanes],
-                obs[first : first + lanes],
-                telemetry,
-                config,
-                constants,
-            )
+            mine, seen = words[:lanes], obs[first : first + lanes]
+            start((block, mine, chosen[:lanes], seen, telemetry, config, constants))
             _scatter(block, words[:lanes], _data(results, 0), _data(results, 1), first)
 
     return reset
@@ -289,15 +283,20 @@ def _law_handler(law: Any) -> Any:
 
 
 def register_calls(step: str = STEP) -> None:
-    """Register the call that resets, and one that steps: ``STEP``, or ``DECLARED_STEP`` for other clutches."""
+    """Register the call that resets, and one that steps: ``STEP`` or ``DECLARED_STEP``."""
     for name in (RESET, step):
         _register_call(name)
 
 
 @cache
 def _register_call(name: str) -> None:
-    kernel = reset_kernel() if name == RESET else advance_kernel(no_law, name == DECLARED_STEP)
-    register(name, _reset_handler(kernel) if name == RESET else _step_handler(kernel))
+    symbol = f"{name}_kernel"
+    if name == RESET:
+        export(reset_kernel(), kernels.RESET, symbol)
+        register(name, _reset_handler(caller(kernels.RESET, symbol)))
+    else:
+        export(advance_kernel(name == DECLARED_STEP), kernels.ADVANCE, symbol)
+        register(name, _step_handler(caller(kernels.ADVANCE, symbol)))
 
 
 @cache
@@ -338,7 +337,7 @@ def words_of(numbers: NDArray[Any]) -> jax.Array:
 
 
 def rounded(words: jax.Array) -> jax.Array:
-    """Return words of float64 (…, 2 n) as float32 (…, n), rounded toward zero; what is too small for one is 0."""
+    """Return words of float64 (…, 2 n) as float32 (…, n), rounded toward zero, to 0 if tiny."""
     low, high = words[..., ::2], words[..., 1::2]
     exponent = ((high >> 20) & 0x7FF).astype(jnp.int32) - (1023 - 127)
     size = jnp.clip(exponent, 0, 254).astype(jnp.uint32) << 23 | (high & 0xFFFFF) << 3 | low >> 29

@@ -154,13 +154,11 @@ def cos_difference(q: Motion) -> float:
 
 
 @device
-def damper_matrix(arm: Linkage, q: Motion, isotropic: bool = False) -> tuple[float, float, float]:
+def damper_matrix(arm: Linkage, q: Motion) -> tuple[float, float, float]:
     """Return JᵀBJ [N·m·s], the entries (1, 1), (1, 2), (2, 2) of the hand's damping B at the links."""
     b11 = arm.damping * arm.length_a * arm.length_a
     b12 = arm.damping * arm.length_a * arm.length_b * cos_difference(q)
     b22 = arm.damping * arm.length_b * arm.length_b
-    if isotropic:
-        return b11, b12, b22
     a_x, a_y = -arm.length_a * q.sin_a, arm.length_a * q.cos_a
     b_x, b_y = -arm.length_b * q.sin_b, arm.length_b * q.cos_b
     on_a = directed(0.0, arm.damping_by, a_x, a_y)

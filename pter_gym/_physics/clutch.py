@@ -39,10 +39,6 @@ class Sliding(NamedTuple):
     viscous: Annotated[PerClutch, Entry("N·m·s", "viscous friction", name="viscous")]
 
 
-OptionalSliding = Sliding | None
-"""None for clutches that exert their dynamic torque at any slip velocity, as the paper's do."""
-
-
 class Decay(NamedTuple):
     """What half a substep leaves of a first-order lag, 0 where there is none."""
 
@@ -171,17 +167,10 @@ def sliding(slip: float, breakaway: float, dynamic: float, part: float, viscous:
 
 
 @device
-def paper_capacity(slip: float, threshold: float, breakaway: float, dynamic: float) -> float:
-    """Return the torque limit [N·m] for the next substep by Karnopp's rule (paper Eq. 2)."""
-    held = holding(breakaway, dynamic)
-    return held if abs(slip) < threshold else dynamic
-
-
-@device
 def capacity(
     slip: float, threshold: float, breakaway: float, dynamic: float, part: float, viscous: float
 ) -> float:
-    """Return the same for a clutch whose dynamic torque depends on its slip velocity."""
+    """Return the torque limit [N·m] for the next kick by Karnopp's rule (paper Eq. 2)."""
     held = holding(breakaway, dynamic)
     return held if abs(slip) < threshold else sliding(slip, breakaway, dynamic, part, viscous)
 
@@ -211,18 +200,9 @@ def falling(slip: PerClutch, threshold: float, stribeck: float) -> PerClutch:
 
 
 @device
-def capacities(
-    slip: PerClutch, threshold: float, torques: Torques, by: OptionalSliding = None
-) -> PerClutch:
-    """Return the torque limits [N·m] of the four clutches for the next substep (paper Eq. 2)."""
+def capacities(slip: PerClutch, threshold: float, torques: Torques, by: Sliding) -> PerClutch:
+    """Return the torque limits [N·m] of the four clutches for the next kick (paper Eq. 2)."""
     ts, tk = torques.breakaway, torques.dynamic
-    if by is None:
-        return PerClutch(
-            paper_capacity(slip.x1, threshold, ts.x1, tk.x1),
-            paper_capacity(slip.x2, threshold, ts.x2, tk.x2),
-            paper_capacity(slip.x3, threshold, ts.x3, tk.x3),
-            paper_capacity(slip.x4, threshold, ts.x4, tk.x4),
-        )
     part = falling(slip, threshold, by.stribeck)
     return PerClutch(
         capacity(slip.x1, threshold, ts.x1, tk.x1, part.x1, by.viscous.x1),

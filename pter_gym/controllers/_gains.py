@@ -21,6 +21,9 @@ from pter_gym._physics.model import optional_arrangement
 from pter_gym._physics.scalars import clamp
 from pter_gym.params import Machine
 
+CONSTANT, RANDOM, IMPEDANCE, SINGLE_DOF, VELOCITY_RATIO, NETWORK = map(float, range(1, 7))
+"""Numbers of the laws that share one compiled function: the first entry of their gains."""
+
 
 class Nominal(NamedTuple):
     """Which law it is, the number of knots of the torque table, and the nominal machine."""

@@ -12,27 +12,32 @@ from itertools import pairwise
 from typing import Any, ClassVar
 
 from pter_gym._compiled.layout import Layout
-from pter_gym.controllers._base import Policy
-from pter_gym.controllers._gains import Gains, gains_array
-from pter_gym.controllers._laws import (
+from pter_gym.controllers._gains import (
     IMPEDANCE,
     SINGLE_DOF,
     VELOCITY_RATIO,
-    built_in,
-    built_in_declared,
+    Gains,
+    gains_array,
 )
+from pter_gym.controllers._laws import built_in, built_in_declared
+from pter_gym.controllers._policy import Policy
 from pter_gym.errors import ParameterError
 from pter_gym.params import (
     Machine,
     find_machine,
-    preset,
     quantity,
     require,
     require_flag,
     require_number,
     require_numbers,
 )
+from pter_gym.params._fields import types_of
 from pter_gym.tasks.path_following._observation import OBS
+
+Search = dict[str, tuple[float, float] | tuple[bool, bool]]
+"""Ranges by the names of gains: (low, high), logarithmic where low > 0, or (False, True)."""
+
+LOOP: Search = {"feedback": (0.01, 5.0), "hold_when_stuck": (False, True)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +51,7 @@ class Guided:
     V, 0 N·m). It ends at the machine's largest voltage, which replaces all knots from there on.
     """
 
-    damping_tangential: float = preset("controller", "damping_tangential")
+    damping_tangential: float = quantity("N·s/m", "fitted: damper along the path", default=106.4)
     pace_fraction: float = quantity(
         "1",
         "chosen: the damper along the path leaves this fraction of the commanded pace alone; paper: 0",
@@ -62,11 +67,29 @@ class Guided:
         "chosen: control steps at the start of an episode with all clutches fully engaged; paper: 0",
         default=0.0,
     )
-    table_volts: tuple[float, ...] = preset("controller", "table_volts")
-    slip_threshold: float = preset("controller", "slip_threshold")
+    table_volts: tuple[float, ...] = quantity(
+        "V", "chosen: five knots; 4 V published", default=(0.0, 4.0, 10.0, 17.0, 24.0)
+    )
+    slip_threshold: float = quantity(
+        "rad/s", "fitted: a slower clutch counts as stuck", default=0.005983
+    )
 
     kind: ClassVar[float]
-    """Number of the law, from ``pter_gym.controllers._laws``."""
+    """Number of the law, from ``pter_gym.controllers._gains``."""
+
+    label: ClassVar[str]
+    """Name of the law for people."""
+
+    search: ClassVar[Search] = {
+        "braking": (10.0, 300.0),
+        "pace_fraction": (0.0, 0.95),
+        "pace_integral": (0.05, 30.0),
+        "grip": (0.0, 30.0),
+        "slip_threshold": (1e-3, 0.2),
+    }
+    """Ranges of the gains in SI, as ``pter tune`` reads them. ``braking`` stands for the damper along
+    the path: the force [N] with which it holds the hand back at the commanded pace, which has to
+    balance the hand's push whatever the other gains are."""
 
     ranges: ClassVar[dict[str, dict[str, float]]] = {
         "pace_fraction": {"at_least": 0.0, "at_most": 1.0}
@@ -75,10 +98,11 @@ class Guided:
 
     def __post_init__(self) -> None:
         """Check gains and table."""
+        types = types_of(type(self))
         for item in fields(self):
-            if item.type is bool:
+            if types[item.name] is bool:
                 require_flag(self, item.name)
-            elif item.type is float:
+            elif types[item.name] is float:
                 require_number(self, item.name, **self.ranges.get(item.name, {"at_least": 0.0}))
         require_numbers(self, "table_volts")
         rising = self.table_volts[:1] == (0.0,) and all(
@@ -114,9 +138,15 @@ class Impedance(Guided):
     """Spring and damper normal to the path, damper along it; allocation; piecewise-linear torque table."""
 
     kind = IMPEDANCE
+    label = "Impedance"
+    search = Guided.search | {
+        "stiffness": (50.0, 20_000.0),
+        "damping_normal": (5.0, 3000.0),
+        "tip_space": (False, True),
+    }
 
-    stiffness: float = preset("controller", "stiffness")
-    damping_normal: float = preset("controller", "damping_normal")
+    stiffness: float = quantity("N/m", "fitted: spring normal to the path", default=640.6)
+    damping_normal: float = quantity("N·s/m", "fitted: damper normal to the path", default=135.6)
     tip_space: bool = quantity(
         "1", "chosen: allocate for tip force, not joint torque", default=False
     )
@@ -126,7 +156,14 @@ class Impedance(Guided):
 class TorqueFeedback(Impedance):
     """The impedance controller with a proportional torque loop around each clutch (Fig. 6)."""
 
-    feedback: float = preset("controller", "feedback")
+    label = "Torque feedback"
+    search = Impedance.search | LOOP
+
+    feedback: float = quantity(
+        "V/(N·m)",
+        "published: Kp = 0.06 (section IV-C.3), read as V per in·lbf",
+        default=0.5310447474796312,
+    )
     hold_when_stuck: bool = quantity(
         "1", "chosen: leave the loop out where it has no effect", default=False
     )
@@ -141,6 +178,12 @@ class Steering(Guided):
     along it, the desired direction is t + (lead·κ·v − approach·e)·n. The torque loop is that of
     ``TorqueFeedback``.
     """
+
+    search = (
+        Guided.search
+        | LOOP
+        | {"approach": (1.0, 100.0), "lead": (0.0, 0.4), "strength": (3.0, 300.0)}
+    )
 
     approach: float = quantity(
         "1/m", "chosen: this inverse distance turns the tip back by 45 degrees", default=8.0
@@ -177,6 +220,8 @@ class SingleDof(Steering):
     """
 
     kind = SINGLE_DOF
+    label = "Single-DOF"
+    search = Steering.search | {"slow": (0.01, 1.0), "reluctance": (0.0, 0.5)}
 
     slow: float = quantity(
         "m/s", "chosen: a slower tip is turned less, in proportion to its speed", default=0.05
@@ -196,6 +241,8 @@ class VelocityRatio(Steering):
     """
 
     kind = VELOCITY_RATIO
+    label = "Velocity ratio"
+    search = Steering.search | {"slow": (0.02, 2.0), "tip_space": (False, True)}
 
     slow: float = quantity(
         "rad/s", "chosen: a slower arm is turned less, in proportion to its speed", default=0.1
@@ -290,4 +337,4 @@ def bind_rows(
             'torque feedback needs torque sensors: sensors="torque" or sensors="force"'
         )
     law = built_in if machine.has_paper_clutches else built_in_declared
-    return Policy(gains_array(first.kind, machine, volts, rows), layout, law)
+    return Policy.of_law(law, gains_array(first.kind, machine, volts, rows), machine, layout)

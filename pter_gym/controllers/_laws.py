@@ -2,8 +2,7 @@
 
 A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation,
 ``obs·scales`` is in physical units, ``gains`` belongs to the law (its first entry is its kind) and
-``memory`` to one world (see ``Memory``). The batch kernel inlines a law; plain Python may call it
-too.
+``memory`` to one world (see ``Memory``). ``pter_gym.controllers._law_kernel`` runs it in many worlds.
 """
 
 from typing import Any
@@ -29,27 +28,26 @@ from pter_gym._physics.scalars import clamp
 from pter_gym.controllers._allocation import allocate, largest_torque, least_torque
 from pter_gym.controllers._gains import (
     ARRANGEMENT,
+    IMPEDANCE,
+    NETWORK,
     NOMINAL,
+    RANDOM,
+    SINGLE_DOF,
+    VELOCITY_RATIO,
     Gains,
     Nominal,
     clutch_voltage,
     read_gains,
 )
-from pter_gym.controllers._network import HEADER, HEADER_WIDTH, NETWORK, decide
+from pter_gym.controllers._network import HEADER, HEADER_WIDTH, decide
 from pter_gym.controllers._steering import Tip, speed_along, steered, turning_torques
 from pter_gym.tasks.path_following._observation import OBS
-
-CONSTANT = 1.0
-RANDOM = 2.0
-IMPEDANCE = 3.0
-SINGLE_DOF = 4.0
-VELOCITY_RATIO = 5.0
 
 BRAKE_LIMIT = 200.0
 """Largest magnitude of the force along the path that the pace's integral comes to [N]."""
 
 START_PROGRESS = 0.02
-"""Part of the path within which an episode begins; a tip that is back there from twice as far has begun another."""
+"""Part of the path within which an episode begins."""
 
 JOINED_MIDWAY = 1e6
 """Control steps that no episode has."""
@@ -111,22 +109,12 @@ def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[floa
 def steps_before(obs: Any, memory: Any) -> float:
     """Return the number of earlier control steps in the episode, and count this one.
 
-    An episode begins when a tip that was under way is back at the start, even without a reset of
-    the policy; the memory of the previous episode is then cleared. An episode that the law joins
-    midway has had ``JOINED_MIDWAY`` steps.
+    An episode that the law joins midway has had ``JOINED_MIDWAY`` steps.
     """
-    progress = float(obs[OBS.progress])
-    if (progress < START_PROGRESS) & (memory[MEMORY.progress] >= 2.0 * START_PROGRESS):
-        memory[MEMORY.kept] = 0.0
-        memory[MEMORY.brake] = 0.0
-        memory[MEMORY.steps] = 0.0
-    before = (
-        JOINED_MIDWAY
-        if (memory[MEMORY.steps] == 0.0) & (progress >= START_PROGRESS)
-        else memory[MEMORY.steps]
-    )
+    steps = memory[MEMORY.steps]
+    joins = (steps == 0.0) & (float(obs[OBS.progress]) >= START_PROGRESS)
+    before = JOINED_MIDWAY if joins else steps
     memory[MEMORY.steps] = before + 1.0
-    memory[MEMORY.progress] = progress
     return before
 
 
@@ -136,6 +124,17 @@ def pace_integral(g: Gains, tip: Tip, pace: float, memory: Any) -> float:
     more = g.pace_integral * (speed_along(tip) - pace)
     memory[MEMORY.brake] = clamp(memory[MEMORY.brake] + more, -BRAKE_LIMIT, BRAKE_LIMIT)
     return memory[MEMORY.brake]
+
+
+@device
+def demanded_force(
+    g: Gains, tip: Tip, pace: float, before: float, memory: Any
+) -> tuple[bool, float, float]:
+    """Return whether a law still grips after so many control steps, and the tip force [N]."""
+    gripping = g.grip - before >= 0.5
+    integral = 0.0 if gripping else pace_integral(g, tip, pace, memory)
+    force_x, force_y = wanted_force(g, tip, pace, integral)
+    return gripping, force_x, force_y
 
 
 @device
@@ -166,9 +165,7 @@ def guide_by(
     nominal = read(gains, NOMINAL, 0)
     g = read_gains(gains, pace)
     tip = observed_tip(obs, scales, nominal)
-    gripping = g.grip - steps_before(obs, memory) >= 0.5
-    integral = 0.0 if gripping else pace_integral(g, tip, pace, memory)
-    force_x, force_y = wanted_force(g, tip, pace, integral)
+    gripping, force_x, force_y = demanded_force(g, tip, pace, steps_before(obs, memory), memory)
     want_a, want_b = joint_torque(tip.arm, tip.q, force_x, force_y)
     if nominal.kind == VELOCITY_RATIO:
         turn_a, turn_b = turning_torques(g, tip)
@@ -234,11 +231,14 @@ def looped_voltage(
 
 @device
 def random_volts(gains: Any, memory: Any) -> PerClutch:
-    """Return voltages drawn uniformly from 0 to each clutch's largest; gains hold the seed and these."""
+    """Return voltages from 0 to each clutch's largest, other draws in each episode.
+
+    The gains hold the seed and the largest voltages.
+    """
     draw = np.uint64(memory[MEMORY.kept])
     memory[MEMORY.kept] += 1.0
     u1, u2, u3, u4 = uniform4(
-        np.uint64(gains[1]), _RANDOM_STREAM, draw, np.uint64(memory[MEMORY.world])
+        np.uint64(gains[1]), _RANDOM_STREAM, draw, np.uint64(memory[MEMORY.episode])
     )
     return PerClutch(gains[2] * u1, gains[3] * u2, gains[4] * u3, gains[5] * u4)
 

@@ -17,10 +17,8 @@ from pter_gym._compiled.records import Entry, entrywise, read, rows, width
 from pter_gym._engine.law import Memory
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.scalars import clamp
+from pter_gym.tasks.path_following._actions import volts_of
 from pter_gym.tasks.path_following._observation import OBS
-
-NETWORK = 6.0
-"""Kind of the law, its first gain."""
 
 INPUT_LIMIT = 10.0
 """Inputs of a network are limited to ±INPUT_LIMIT of their scales."""
@@ -193,6 +191,5 @@ def voltage(net: Network, output: float, base: float) -> float:
     """Return the voltage [V] of an output, which is limited to ±1."""
     limited = clamp(output, -1.0, 1.0)
     if net.normalised != 0.0:
-        linear = (limited + 1.0) * (net.voltage_max / 2.0)
-        return linear * (linear / net.voltage_max)
+        return volts_of(limited, -1.0, 1.0, net.voltage_max)
     return clamp(base + net.reach * limited, 0.0, net.voltage_max)

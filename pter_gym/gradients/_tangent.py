@@ -8,6 +8,7 @@ from typing import Any
 from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.records import flat, load, store
 from pter_gym._physics.open_loop import BODY
+from pter_gym._physics.order import CYCLE, DRIFTS_WHOLE, is_kick, stage_count
 from pter_gym._physics.step import MAX_PARTS, MIN_PART
 from pter_gym.gradients._adjoint import OMEGA, Kick, aim, drift, kick_stages, lags
 from pter_gym.gradients._tracing import tangent_of
@@ -51,21 +52,21 @@ def substep_tangents(arrangement_at: Any, lanes: int, torque_lanes: int) -> Any:
         axes. ``aims`` tells whether commands may have changed.
     """
     kick = _kick_tangents(arrangement_at, lanes)
-    aim_torques = tangent_of(aim, constants=(False,), active=TORQUES, lanes=torque_lanes)
-    relax = tangent_of(drift, "h", constants=(False,), active=TORQUES, lanes=torque_lanes)
-    turn = tangent_of(drift, "h", constants=(False,), active=MOTION, lanes=lanes)
+    whole = DRIFTS_WHOLE
+    aim_torques = tangent_of(aim, constants=(whole,), active=TORQUES, lanes=torque_lanes)
+    relax = tangent_of(drift, "h", constants=(whole,), active=TORQUES, lanes=torque_lanes)
+    turn = tangent_of(drift, "h", constants=(whole,), active=MOTION, lanes=lanes)
 
     @device
     def advance(body: Any, dot: Any, h: float, aims: bool) -> None:
-        if lags(body) | aims:
-            aim_torques(body, 0, dot)
-        relax(body, 0, dot, h)
-        turn(body, 0, dot, h)
-        kick(body, dot, h)
-        if lags(body):
-            aim_torques(body, 0, dot)
-        relax(body, 0, dot, h)
-        turn(body, 0, dot, h)
+        for stage in range(stage_count(1)):
+            if is_kick(stage):
+                kick(body, dot, h)
+            else:
+                if lags(body) | (aims & (stage < CYCLE)):
+                    aim_torques(body, 0, dot)
+                relax(body, 0, dot, h)
+                turn(body, 0, dot, h)
 
     return advance
 

@@ -21,9 +21,10 @@ from pter_gym._engine.step import (
     set_strengths,
     take_command,
 )
-from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANT_ROWS, FLAG, ROW, STORED_ROWS, Config
+from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANTS, FLAG, ROW, Config
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH
+from pter_gym._physics.order import is_kick, is_whole, stage_count
 from pter_gym.envs import jax as jax_env
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.gradients._branchless import Column, branchless
@@ -225,27 +226,31 @@ def _following(config: Config, frame_skip: int) -> Any:
     def move(w: Column) -> None:
         """Move the arm by a control step."""
         force = []
-        for k in range(count + 1):
-            _move_hand(w, 0, config.substep, 0 < k < count, False)
-            _push_tip(w, 0, False)
-            force.append(jnp.stack(load(w, ROW.force, 0)))
+        for stage in range(stage_count(count)):
+            if is_kick(stage):
+                force.append(jnp.stack(load(w, ROW.force, 0)))
+            else:
+                _move_hand(w, 0, config.substep, is_whole(stage, count), False)
+                _push_tip(w, 0, False)
         body = Column({})
         for name in ("machine", "motion", "torques", "lagged_volts", "strength"):
             store(body, getattr(BODY, name), 0, load(w, getattr(ROW, name), 0))
         column = jnp.stack(
             [jnp.asarray(body.rows.get(row, 0.0), float) for row in range(BODY_WIDTH)]
         )
-        volts, push = jnp.stack(load(w, ROW.command, 0)), jnp.stack(force[:-1])
+        volts, push = jnp.stack(load(w, ROW.command, 0)), jnp.stack(force)
         states = roll(column, volts[None], push[None], jnp.zeros_like(push)[None])
         w.rows |= enumerate(jnp.unstack(states[1]))
 
     def follow(numbers: Any, action: Any, constants: _Words) -> Any:
-        context: Any = jnp.unstack(constants.part(_whole(numbers[ROW.context_at]), CONSTANT_ROWS))
+        context: Any = jnp.unstack(
+            constants.part(_whole(numbers[ROW.context_at]), CONSTANTS.end - CONSTANTS.first)
+        )
 
         def world(numbers: Any) -> Column:
             w = Column({}, given=lambda _: 0.0)
             w.rows |= enumerate(jnp.unstack(numbers))
-            w.rows |= enumerate(context, STORED_ROWS)
+            w.rows |= enumerate(context, CONSTANTS.first)
             return w
 
         def hold(numbers: Any, _: Any) -> Any:

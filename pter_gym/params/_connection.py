@@ -7,12 +7,11 @@ from pter_gym.params._fields import Checked, quantity, require
 
 @dataclass(frozen=True)
 class Connection(Checked):
-    """The name of a clutch and its row (a, b) of W [1]; raises a ParameterError unless the row has
-    one of these forms.
+    """The name of a clutch and its row (a, b) of W [1].
 
     It slips at a·ω_A + b·ω_B, and its torque τ acts as a·τ on link A and b·τ on link B. (1, 0) and
     (0, 1) are brakes; (1, −r) couples axis A to axis B, and (1, r) does so through an inverting
-    gear, for 0.01 ≤ r ≤ 100.
+    gear, for 0.01 ≤ r ≤ 100. Other rows raise a ParameterError.
     """
 
     name: str = quantity("1", "chosen")

@@ -63,8 +63,7 @@ def foot_on(arc: ArcSegment, segment: int, x: float, y: float) -> Foot:
 
 @device
 def project(constants: Any, first: int, count: int, segment: int, x: float, y: float) -> Foot:
-    """Return the projection of a point (x, y) [m] onto a chain of ``count`` arcs, from the arc that
-    it was on.
+    """Project a point (x, y) [m] onto a chain of ``count`` arcs, from the arc that it was on.
 
     Beyond the ends of the chain, its first and last arc are extended.
     """
@@ -98,7 +97,7 @@ def segment_of(constants: Any, first: int, count: int, s: float) -> int:
 
 @device
 def point_at(constants: Any, first: int, count: int, s: float) -> tuple[float, float]:
-    """Return the point (x, y) [m] of a chain at an arc length [m]; its first and last arc are extended."""
+    """Return the point (x, y) [m] at an arc length [m]; first and last arc are extended."""
     arc = segment_at(constants, first, segment_of(constants, first, count, s))
     along = s - arc.start
     half = 0.5 * arc.curvature * along

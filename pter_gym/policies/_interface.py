@@ -24,6 +24,7 @@ from pter_gym.params import (
     require_number,
     require_whole,
 )
+from pter_gym.tasks.path_following._actions import volts_of
 
 MAX_DELAY = 64
 """Largest delay of an input, in decisions."""
@@ -170,21 +171,12 @@ def quantities(physical: Any, base: Any, layout: Layout, *, residual: bool) -> A
 
 
 def to_volts(outputs: Any, base: Any, interface: Interface) -> Any:
-    """Return voltages [V] for the outputs of a network, both (N, clutches), which are clipped to [−1, 1]."""
+    """Return voltages [V] for a network's outputs, both (N, clutches), clipped to [−1, 1]."""
     library, top = outputs.__array_namespace__(), interface.voltage_max
     limited = library.clip(outputs, -1.0, 1.0)
     if interface.normalised:
-        return squared((limited + 1.0) * (top / 2.0), top)
+        return volts_of(limited, -1.0, 1.0, top)
     return library.clip(base[:, : len(interface.clutches)] + interface.reach * limited, 0.0, top)
-
-
-def squared(linear: Any, voltage_max: float) -> Any:
-    """Return the voltages [V] of normalised actions, from their share of the bounds times the
-    largest voltage [V].
-
-    Bitwise identical to the kernel's ``scaled_volts``, without numba.
-    """
-    return linear * (linear / voltage_max)
 
 
 def middle_volts(worlds: int, interface: Interface) -> Any:

@@ -18,13 +18,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import rollouts
 from compiled_friction import resolve_arranged, resolve_friction, share_arranged
 from oracle.arrangements import Arranged, problems, share, solve
 from pter_gym import initial_state, simulate
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym._physics.friction import COUPLING, ClutchMode
-from pter_gym.benchmark import simulation
 from pter_gym.controllers import Impedance, Locked, Random, SingleDof, TorqueFeedback, VelocityRatio
 from pter_gym.envs._acting import nominal_machine
 from pter_gym.errors import ParameterError
@@ -233,7 +233,7 @@ def test_worlds_move_as_in_open_loop_and_alone_as_in_a_batch(name: str) -> None:
 def test_laws_command_only_what_is_there(name: str, law: Any) -> None:
     machine = DECLARED[name]
     batch = Batch(machine, PathFollowing(), 4)
-    rows = simulation.simulate(batch, law.bind(machine, batch.layout), [*range(4)], 150)
+    rows = rollouts.simulate(batch, law.bind(machine, batch.layout), [*range(4)], 150)
     volts = rows[..., [*COLUMN.volts]]
     there = np.array(machine.slot_scale) > 0.0
     assert not np.nan_to_num(volts[..., ~there]).any()
@@ -243,7 +243,7 @@ def test_laws_command_only_what_is_there(name: str, law: Any) -> None:
 def test_single_dof_lines_engage_a_coupling_of_any_ratio() -> None:
     machine = replace(BASELINE, clutches=FOUR_COUPLINGS)
     batch = Batch(machine, PathFollowing(), 16)
-    rows = simulation.simulate(batch, SingleDof().bind(machine, batch.layout), [*range(16)], 200)
+    rows = rollouts.simulate(batch, SingleDof().bind(machine, batch.layout), [*range(16)], 200)
     assert np.nan_to_num(rows[..., [*COLUMN.volts]]).max(axis=(0, 1)).astype(bool).sum() >= 2
 
 

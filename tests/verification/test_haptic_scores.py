@@ -198,11 +198,11 @@ def test_the_wanted_force_is_the_one_of_the_law(name: str) -> None:
     seen = np.zeros((steps, len(layout)), np.float32)
     for entry, value in values.items():
         seen[:, layout.index(entry)] = value / layout.scales[layout.index(entry)]
-    memory, expected = acting.empty_memory(1)[0], []
+    memory, expected = acting.start(1)[0], []
     for obs in seen:
         tip, g = (
-            observed_tip(obs, layout.scales, read(acting.gains, NOMINAL, 0)),
-            read_gains(acting.gains, task.pace),
+            observed_tip(obs, layout.scales, read(acting.law.gains, NOMINAL, 0)),
+            read_gains(acting.law.gains, task.pace),
         )
         gripping = g.grip - steps_before(obs, memory) >= 0.5
         integral = 0.0 if gripping else pace_integral(g, tip, task.pace, memory)

@@ -19,7 +19,7 @@ from oracle.plants import VoltageStep, plant
 from pter_gym._physics.friction import ClutchMode
 from pter_gym._physics.open_loop import Trajectory, initial_state, simulate
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL
-from pter_gym.tools.paper.printed_values import BREAKAWAY_SMALL_VOLTAGE
+from pter_gym.tools.paper.parameters import BREAKAWAY_SMALL_VOLTAGE
 
 SLIPS = np.array(W, float)
 STEP = BASELINE.substep

@@ -14,7 +14,7 @@ from pter_gym._physics import arm as arms
 from pter_gym._physics import clutch, open_loop, step
 from pter_gym._physics.arm import Linkage, Load, Motion, PerLink
 from pter_gym._physics.arrangement import OptionalArrangement
-from pter_gym._physics.clutch import Curve, PerClutch, Torques
+from pter_gym._physics.clutch import Curve, PerClutch, Sliding, Torques
 from pter_gym._physics.friction import (
     COUPLING,
     LINES,
@@ -43,6 +43,7 @@ ARM = Linkage(
 RUBBING = ARM._replace(viscous_a=0.9, viscous_b=1.7)
 NONE = PerClutch(0.0, 0.0, 0.0, 0.0)
 FREE = Torques(NONE, NONE)
+NO_SLIDING = Sliding(stribeck=0.0, viscous=NONE)
 H = 2.5e-3
 UNIT = 2.0**-53
 W = np.array(COUPLING)
@@ -264,7 +265,12 @@ def test_karnopps_rule_at_the_border_of_its_band():
     assert capacity(0.1, 0.1, 2.0, 1.0) == capacity(-0.1, 0.1, 2.0, 1.0) == 1.0
     assert capacity(0.0, 0.1, 1.0, 2.0) == 2.0  # T_k above T_s
     torques = Torques(PerClutch(10.0, 20.0, 30.0, 40.0), PerClutch(1.0, 2.0, 3.0, 4.0))
-    assert clutch.capacities(PerClutch(0.0, 1.0, -1.0, 0.0), 0.1, torques) == (10.0, 2.0, 3.0, 40.0)
+    assert clutch.capacities(PerClutch(0.0, 1.0, -1.0, 0.0), 0.1, torques, NO_SLIDING) == (
+        10.0,
+        2.0,
+        3.0,
+        40.0,
+    )
 
 
 def test_changing_clutches_are_found():
@@ -681,7 +687,7 @@ def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts:
             )
             before = before._replace(omega_a=part.omega.a, omega_b=part.omega.b)
             slips = slip_velocities(part.before.omega_a, part.before.omega_b)
-            assert part.limit == clutch.capacities(slips, threshold, torques)
+            assert part.limit == clutch.capacities(slips, threshold, torques, NO_SLIDING)
             impact = step.free_motion(part.before, ARM, seen(body).load, part.span)
             capacities = step.impulses(part.limit, part.span)
             assert part.impact == impact
@@ -727,7 +733,7 @@ def test_torques_at_an_instant_make_the_accelerations_that_they_go_with(seed: in
     machine = model_of(BASELINE)._replace(arm=ARM, slip_threshold=threshold)
     torque = np.array(step.torques_at(q, machine, on, torques))
     slips = np.array(slip_velocities(q.omega_a, q.omega_b))
-    limit = np.array(clutch.capacities(PerClutch(*slips.tolist()), threshold, torques))
+    limit = np.array(clutch.capacities(PerClutch(*slips.tolist()), threshold, torques, NO_SLIDING))
     load = (
         np.array([on.torque_a, on.torque_b])
         - arms.velocity_torque(ARM, q)

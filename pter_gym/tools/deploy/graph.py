@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from pter_gym import __version__
 from pter_gym._internal.files import FilePath, check_target, find_path, write_bytes_atomic
-from pter_gym.benchmark.simulation import AnyPolicy, sensors_of
+from pter_gym.controllers import AnyPolicy
 from pter_gym.controllers._network import BASE_INPUTS, DERIVED, INPUT_LIMIT
+from pter_gym.controllers._policy import sensors_of
 from pter_gym.errors import ParameterError, needs_extra
 from pter_gym.params import Machine, find_machine
 from pter_gym.policies import TrainedPolicy

@@ -13,23 +13,21 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import layout_of, read
-from pter_gym._engine.world import Reading
 from pter_gym._internal.files import FilePath, find_path, write_files_atomic
 from pter_gym._internal.terminal import make_folder
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.model import model_of
-from pter_gym.benchmark.simulation import AnyPolicy, sensors_of
-from pter_gym.controllers import Policy, bind
-from pter_gym.controllers._gains import NOMINAL, TABLE, WIDTH
-from pter_gym.controllers._laws import IMPEDANCE
-from pter_gym.controllers._network import HEADER, HEADER_WIDTH, NETWORK
+from pter_gym.controllers import AnyPolicy, Policy, bind
+from pter_gym.controllers._gains import IMPEDANCE, NETWORK, NOMINAL, TABLE, WIDTH
+from pter_gym.controllers._network import HEADER, HEADER_WIDTH
+from pter_gym.controllers._policy import sensors_of
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
 from pter_gym.paths import Path as Curve
 from pter_gym.paths import find_path as find_curve
 from pter_gym.policies import TrainedPolicy
 from pter_gym.tasks.path_following import PathFollowing, observation_layout
-from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Observation
+from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Observation, Reading
 from pter_gym.tools.deploy.functions import arctangent, command, cosine, encoder, observe, sine
 from pter_gym.tools.deploy.translating import Program
 from pter_gym.tools.deploy.values import Array, ConstantTable, Expression, Region
@@ -139,19 +137,20 @@ def source_of(
         policy, steps = rounded(policy)
     layout = observation_layout(machine, sensors_of(policy))
     bound = bind(policy, machine, layout)
-    if not isinstance(bound, Policy):
+    law = bound.law
+    if law is None:
         raise ParameterError(
             f"policies must be laws or trained policies to become C, {name!r} is Python code"
         )
     top = machine.clutch.voltage_max
     program = Program(ELEMENTARY, single=numbers == "float")
-    gains = ConstantTable(bound.gains, tuple(regions(bound.gains, steps)))
+    gains = ConstantTable(law.gains, tuple(regions(law.gains, steps)))
     scales = ConstantTable(layout.scales, (Region("observation_scales", 0, len(layout)),))
     obs, memory = (
         Array("float", "observation", "real" if program.single else "single"),
         Array("real", "memory", const=False),
     )
-    program.call(command, bound.law, obs, scales, gains, memory, top, whole=True)
+    program.call(command, law.function, obs, scales, gains, memory, top, whole=True)
     prepare(program, machine)
     named: dict[str, Any] = {
         "title": f"The policy {name} for the passive arm PTER.",
@@ -159,7 +158,7 @@ def source_of(
         "period": repr(PathFollowing.control_period),
         "top": repr(top),
         "hold": bound.frame_skip,
-        "memory": bound.empty_memory(1).shape[1],
+        "memory": bound.start(1).shape[1],
         "entries": len(layout),
         "most": ENTRIES,
         "arcs": len(curve.arcs.table),

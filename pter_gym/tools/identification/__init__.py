@@ -20,7 +20,7 @@ if TYPE_CHECKING:
         Finding,
         Identification,
         identify,
-        preset_of,
+        origins_of,
     )
     from pter_gym.tools.identification.log import Log, join_logs, read_log, write_log
     from pter_gym.tools.identification.parameters import Quantity, quantities
@@ -36,7 +36,7 @@ __all__ = [
     "Recorder",
     "identify",
     "join_logs",
-    "preset_of",
+    "origins_of",
     "quantities",
     "read_log",
     "record_log",
@@ -47,7 +47,7 @@ __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVa
     __name__,
     submod_attrs={
         "experiment": ["EXPERIMENT", "RECORDER", "Experiment", "Recorder", "record_log"],
-        "identifying": ["Finding", "Identification", "identify", "preset_of"],
+        "identifying": ["Finding", "Identification", "identify", "origins_of"],
         "log": ["Log", "join_logs", "read_log", "write_log"],
         "parameters": ["Quantity", "quantities"],
     },

@@ -31,9 +31,8 @@ def identify(
     """Identify a real machine from logs.
 
     Says whether the simulator's model explains them, estimates inertias, friction, torque curves,
-    lag and delay with 95 % intervals, and lists what they don't determine. Writes preset.toml,
-    which other commands take as
-    --machine, and identified.png. docs/identify.md says what to record.
+    lag and delay with 95 % intervals, and lists what they don't determine. Writes machine.toml,
+    which other commands take as --machine, and identified.png. docs/identify.md says what to record.
 
     Example: pter identify log.csv --lengths 0.5645,0.4454 --out mine
 
@@ -48,10 +47,11 @@ def identify(
         necessary.
     """
     from pter_gym._internal.files import write_files_atomic
-    from pter_gym.params._preset import format_preset
+    from pter_gym.params._files import format_machine
     from pter_gym.tools.figures import png
     from pter_gym.tools.identification import identify as search
-    from pter_gym.tools.identification import join_logs, preset_of, read_log
+    from pter_gym.tools.identification import join_logs, origins_of, read_log
+    from pter_gym.tools.identification.identifying import ASSUMED
     from pter_gym.tools.identification.picture import picture
 
     start = read_start(machine, lengths, voltage_max)
@@ -68,8 +68,8 @@ def identify(
             log, start, lambda share: progress.update(task, completed=round(100 * share))
         )
     title = "\n".join(["Written by pter identify. Assumed:", *found.assumptions])
-    text = format_preset(preset_of(found), title)
-    write_files_atomic(out, {"preset.toml": text.encode(), "identified.png": png(picture(found))})
+    text = format_machine(found.machine, ASSUMED, origins_of(found), title)
+    write_files_atomic(out, {"machine.toml": text.encode(), "identified.png": png(picture(found))})
     for sentence in (found.verdict.sentence, *found.verdict.hints):
         say(sentence)
     terminal().print(findings_table(found))
@@ -78,7 +78,7 @@ def identify(
             say(f"{finding.quantity.name} is kept: {finding.reason}")
     for assumption in found.assumptions:
         say(f"assumed: {assumption}")
-    say(f"wrote {out / 'preset.toml'} and {out / 'identified.png'}")
+    say(f"wrote {out / 'machine.toml'} and {out / 'identified.png'}")
 
 
 def read_start(machine: str, lengths: str | None, voltage_max: float | None) -> "Machine":

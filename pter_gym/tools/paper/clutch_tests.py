@@ -13,7 +13,7 @@ from pter_gym._physics import arm, friction
 from pter_gym._physics.model import model_of
 from pter_gym._physics.open_loop import Trajectory, initial_state, simulate
 from pter_gym.params import Machine
-from pter_gym.tools.paper.printed_values import BREAKAWAY_SMALL_VOLTAGE
+from pter_gym.tools.paper.parameters import BREAKAWAY_SMALL_VOLTAGE
 
 Array = NDArray[np.float64]
 

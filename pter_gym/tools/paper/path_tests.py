@@ -9,12 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark._measures import per_clutch
+from pter_gym.benchmark.measures import per_clutch
 from pter_gym.params import Machine, with_friction
 from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.paper.clutch_tests import holding_torque
-from pter_gym.tools.paper.printed_values import TIME_CONSTANT
-from pter_gym.tools.paper.setup import SETUP, Setup
+from pter_gym.tools.paper.parameters import SETUP, TIME_CONSTANT, Setup
 from pter_gym.tools.paper.standard_test import Result, Run, run_standard_test
 from pter_gym.units import INCH, INCH_POUND
 

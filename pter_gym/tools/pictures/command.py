@@ -44,25 +44,24 @@ def watch(
         the final picture, with the tip's trail; its folder must exist. csv: File for the episode's
         whole telemetry; see docs/watching.md. Its folder must exist. size: Width and height of the
         picture in pixels. speed: Playback speed relative to real time; 0.2 is slow motion. machine:
-        Clutch material, or the preset of a machine of your own, instead of the one that the
+        Clutch material, or the file of a machine of your own, instead of the one that the
         scenario draws.
     """
     from pter_gym.benchmark import find_policy
-    from pter_gym.benchmark._trajectories import write_trajectories
-    from pter_gym.benchmark.simulation import record_episode, time_limit
+    from pter_gym.benchmark.rollout import record_episode
     from pter_gym.tools.pictures import film
+    from pter_gym.tools.pictures.trajectories import write_trajectories
 
     names = split(policies)
     check_arguments(names, out, csv, size, speed)
     seed = whole_number("seed", seed, at_least=0)
     drawn = find_scenario(scenario, machine, path)
-    held, task = drawn.randomisation(pace, contexts=1, seed=seed).pairs()[0]
+    held, task = drawn.draws.pairs(1, seed, pace)[0]
     found = {name: find_policy(name, drawn.whose_gains) for name in names}
     telemetry: dict[str, Any] = {}
     for name, policy in found.items():
-        telemetry[name] = record_episode(
-            policy, held, task, seed, time_limit(task), nominal=drawn.nominal
-        ).telemetry
+        episode = record_episode(policy, held, task, seed, nominal=drawn.nominal)
+        telemetry[name] = episode.telemetry
         say(f"{name}: {summary(telemetry[name])}")
     if csv:
         write_trajectories(telemetry, csv)
@@ -87,8 +86,8 @@ def check_arguments(
     names: list[str], out: Path | None, csv: Path | None, size: tuple[int, int] | None, speed: float
 ) -> None:
     """Check the arguments as far as possible before the simulation; errors name the argument."""
-    from pter_gym.benchmark._trajectories import check_table
     from pter_gym.tools.pictures import film, viewer
+    from pter_gym.tools.pictures.trajectories import check_table
 
     if not 1 <= len(names) <= MAX_POLICIES:
         raise ParameterError(

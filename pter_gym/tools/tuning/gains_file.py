@@ -8,7 +8,7 @@ from typing import Any, cast
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.locks import locked
 from pter_gym.benchmark.tuned import Table, read_table
-from pter_gym.policies._stored_gains import gains_of, make_guided
+from pter_gym.controllers import CONTROLLERS
 from pter_gym.scenarios import SCENARIOS, find_pace, find_scenario
 from pter_gym.tools.tuning.search import TunedGains
 
@@ -31,7 +31,7 @@ def add_gains(found: TunedGains, path: FilePath) -> None:
         If it cannot be written.
     """
     path = find_path("path", path)
-    defaults = gains_of(make_guided(found.controller, {}))
+    defaults = vars(CONTROLLERS[found.controller]())
     entry = {
         "command": found.command,
         "trials": found.trials,

@@ -27,7 +27,8 @@ from pter_gym._engine.step import (
 )
 from pter_gym._engine.world import CONFIG, REFUSE, ROW, ROWS
 from pter_gym._physics.clutch import lag_left
-from pter_gym.controllers._laws import IMPEDANCE, built_in, built_in_declared
+from pter_gym.controllers._gains import IMPEDANCE
+from pter_gym.controllers._laws import built_in, built_in_declared
 from pter_gym.paths._arcs import (
     SEGMENT,
     ArcSegment,

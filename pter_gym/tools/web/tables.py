@@ -20,10 +20,10 @@ from pter_gym._engine.step import INSTANT
 from pter_gym._engine.world import CONFIG, ROW, ROWS
 from pter_gym._internal.palette import clutch_name
 from pter_gym._physics.friction import ClutchMode
-from pter_gym.benchmark._find_policy import find_policy
-from pter_gym.benchmark._measures import PRICE, SEGMENTS
+from pter_gym.benchmark.measures import PRICE, SEGMENTS
+from pter_gym.benchmark.policies import find_policy
 from pter_gym.benchmark.tuned import TUNED
-from pter_gym.controllers import CONTROLLERS, Policy
+from pter_gym.controllers import CONTROLLERS
 from pter_gym.hands import MultiSineHand, Operator, RecordedForces
 from pter_gym.params import BASELINE, MACHINES, Machine, require
 from pter_gym.paths import PATHS, Path, find_path
@@ -206,18 +206,17 @@ def laws(name: str, nominal: Machine, layout: Layout) -> dict[str, list[float]]:
 
 def gains(controller: Any, nominal: Machine, layout: Layout) -> list[float]:
     """Return the gains of a controller bound to a machine, as its compiled law reads them."""
-    bound: Policy = controller.bind(nominal, layout)
-    return bound.gains.tolist()
+    return controller.bind(nominal, layout).law.gains.tolist()
 
 
 def network(name: str, nominal: Machine, layout: Layout) -> dict[str, Any]:
     """Return all but the weights of a trained policy: its gains before them, and what it keeps of a world."""
     policy = read_policy(name)
-    bound = policy.bind(nominal, layout)
+    bound: Any = policy.bind(nominal, layout)
     weights = sum(weight.size + bias.size for weight, bias in policy.layers)
     return {
         "frame_skip": policy.interface.frame_skip,
-        "gains": bound.gains[:-weights].tolist(),
+        "gains": bound.law.gains[:-weights].tolist(),
         "layers": [f"layer_{k}" for k in range(len(policy.layers))],
-        "memory": bound.empty_memory(1).shape[1],
+        "memory": bound.start(1).shape[1],
     }

@@ -21,8 +21,8 @@ from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.benchmark.rollout import record_episode
 from pter_gym.benchmark.runs import evaluate
-from pter_gym.benchmark.simulation import record_episode
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import PerClutch, Policy, bind, device
 from pter_gym.errors import ParameterError, StorageError
@@ -34,6 +34,7 @@ from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, OBS, PathFollowing, observation_layout
 from pter_gym.tools.deploy import Source, source_of, write_onnx
 from pter_gym.tools.deploy.functions import arctangent, cosine, encoder, sine
+from rollouts import Acting
 
 HERE = Path(__file__).parent
 WORLDS, STEPS = 40, 250
@@ -94,16 +95,16 @@ def ride(machines: Sequence[Any], tasks: Sequence[Any]) -> Any:
     """Observations of episodes, float32 (STEPS, worlds, entries)."""
     batch = Batch(machines, tasks, sensors="force")
     obs, _ = batch.reset(range(len(tasks)))
-    policy = bind(find_policy("torque-feedback-tuned"), BASELINE, batch.layout)
+    policy = Acting(bind(find_policy("torque-feedback-tuned"), BASELINE, batch.layout))
     rows = [obs]
     for _ in range(STEPS - 1):
-        rows.append(batch.step(policy.act(rows[-1]), SKIP).obs)
+        rows.append(batch.step(policy(rows[-1]), SKIP).obs)
     return np.array(rows)
 
 
 @pytest.fixture(scope="module")
 def recorded() -> Any:
-    pairs = find_scenario("everything").randomisation(contexts=WORLDS, seed=1).pairs()
+    pairs = find_scenario("everything").draws.pairs(WORLDS, 1)
     found = ride(*zip(*pairs, strict=True))
     assert np.isfinite(found).all()
     return found, episodes_of(found)
@@ -111,11 +112,12 @@ def recorded() -> Any:
 
 def actions(policy: Any, observations: Any) -> Any:
     """Voltages in Python, each decision held for its period, world after world: float32 (STEPS·worlds, 4)."""
-    policy.reset()
+    acting = Acting(policy)
     seen = np.ascontiguousarray(observations[..., : len(policy.layout)])
-    decided = [policy.act(each) for each in seen[:: policy.frame_skip]]
+    decided = [acting(each) for each in seen[:: policy.frame_skip]]
     held = [decided[step // policy.frame_skip] for step in range(len(seen))]
-    return np.swapaxes(held, 0, 1).reshape(-1, 4)
+    volts = np.swapaxes(held, 0, 1)
+    return np.pad(volts, ((0, 0), (0, 0), (0, 4 - volts.shape[2]))).reshape(-1, 4)
 
 
 def held_policy() -> Any:
@@ -421,15 +423,18 @@ def test_onnx_gives_the_policys_actions(name: Any, machine: str, recorded: Any, 
         write_onnx(policy, tmp_path / "policy.onnx", machine=machine)
     )
     layout, interface = observation_layout(machine, "torque"), policy.interface
-    bound, names = bind(policy, machine, layout), [each.name for each in session.get_inputs()]
-    base = bind(interface.base, machine, layout) if interface.base else None
+    bound, names = (
+        Acting(bind(policy, machine, layout)),
+        [each.name for each in session.get_inputs()],
+    )
+    base = Acting(bind(interface.base, machine, layout)) if interface.base else None
     assert set(names) <= {*layout.names, "base_1", "base_2", "base_3", "base_4", "earlier"}
     past: list[Any] = []
     means: list[Any] = []
     for obs in np.ascontiguousarray(recorded[0][:100, :, : len(layout)]):
         given = {each: obs[:, [layout.index(each)]] for each in layout.names}
         if base:
-            volts = base.act(obs)
+            volts = np.pad(base(obs), ((0, 0), (0, 4 - len(interface.clutches)))).astype(np.float32)
             given |= {f"base_{k + 1}": volts[:, [k]] for k in range(4)}
         if "earlier" in names:
             given["earlier"] = np.zeros(
@@ -446,7 +451,7 @@ def test_onnx_gives_the_policys_actions(name: Any, machine: str, recorded: Any, 
             )
         (volts,) = session.run(["volts"], {each: given[each] for each in names})
         assert volts.shape == (WORLDS, len(interface.clutches))
-        assert np.abs(volts - bound.act(obs)[:, : len(interface.clutches)]).max() < 1e-6 * TOP
+        assert np.abs(volts - bound(obs)).max() < 1e-6 * TOP
 
 
 def unsupported() -> Any:

@@ -17,7 +17,7 @@ import web_module
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import World
 from pter_gym._internal.palette import PICTURE
-from pter_gym.benchmark._find_policy import find_policy
+from pter_gym.benchmark.policies import find_policy
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.hands import read_forces
@@ -32,6 +32,7 @@ from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._specification import MAX_CURVATURE_RATIO
 from pter_gym.tools.web.site import MODULE, STATIC, TABLES
 from pter_gym.tools.web.tables import PATHS, pages_batch
+from rollouts import Acting
 
 HERE = Path(__file__).parent
 
@@ -70,13 +71,13 @@ def functions(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def recorded() -> Any:
     """Observations of an episode, and of the beginning of a second one: float32 (N, entries)."""
     batch = pages_batch()
-    policy = find_policy("impedance-tuned").bind(BASELINE, batch.layout)
+    policy = Acting(find_policy("impedance-tuned").bind(BASELINE, batch.layout))
     rows: list[Any] = []
     for seed in (0, 1):
         obs, _ = batch.reset([seed])
         for _ in range(150):
             rows.append(obs[0])
-            obs = batch.step(policy.act(obs)).obs
+            obs = batch.step(policy(obs)).obs
     return np.array(rows)
 
 
@@ -179,12 +180,9 @@ def test_forces_are_written_as_a_recording_is_read(page: Any, tmp_path: Path) ->
 def test_laws_have_the_bits_of_the_native_ones(
     name: str, path: str, page: Any, recorded: Any
 ) -> None:
-    policy = find_policy(name, scenario="standard" if path == "line" else "paths").bind(
-        BASELINE, pages_batch().layout
-    )
-    assert page["answers"][f"{name} on {path}"] == [
-        policy.act(row[None])[0].tolist() for row in recorded
-    ]
+    law = find_policy(name, scenario="standard" if path == "line" else "paths")
+    policy = Acting(law.bind(BASELINE, pages_batch().layout))
+    assert page["answers"][f"{name} on {path}"] == [policy(row).tolist() for row in recorded]
 
 
 @needs_node

@@ -15,16 +15,16 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from pter_gym.params._preset import PRESET, format_preset
 
 from pter_gym._commands.main import main
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark._find_policy import find_policy
+from pter_gym.benchmark.policies import find_policy
+from pter_gym.benchmark.rollout import record_episode
 from pter_gym.benchmark.scores import score
-from pter_gym.benchmark.simulation import record_episode
 from pter_gym.errors import ParameterError
 from pter_gym.hands import read_forces
 from pter_gym.params import BASELINE, MACHINES, Machine, find_machine, machine_of
-from pter_gym.params._preset import PRESET, format_preset
 from pter_gym.paths import Circle
 from pter_gym.policies._files import SHIPPED
 from pter_gym.scenarios import PACES
@@ -359,7 +359,10 @@ def test_a_user_machine_moves_as_in_python(opened: Any, tmp_path: Path) -> None:
         law = find_policy("single-dof-tuned", scenario="paths").bind(
             machine_of(own), pages_batch().layout
         )
-        assert play.run("page.workshop.tables.laws['single-dof-tuned'].paths") == law.gains.tolist()
+        assert (
+            play.run("page.workshop.tables.laws['single-dof-tuned'].paths")
+            == law.law.gains.tolist()
+        )
         play.drag()
         compare(play, "arc", machine=str(preset), lag=0.052, friction=1.2)
         play.choose("material", "baseline")

@@ -1,4 +1,4 @@
-// The package's own score of an episode along its path, as pter_gym/benchmark/_measures.py finds it.
+// The package's own score of an episode along its path, as pter_gym/benchmark/measures.py finds it.
 
 /**
  * Score an episode.

@@ -1,4 +1,4 @@
-"""What scores read from the telemetry of many episodes: error, pace and acceleration, each computed once."""
+"""What scores read from the telemetry of many episodes: error, pace and acceleration."""
 
 import math
 from collections.abc import Sequence
@@ -26,14 +26,13 @@ CUTOFF = 20.0
 """Cut-off [Hz] of the first-order low-pass on the tip acceleration."""
 
 SEGMENTS = 10
-"""Equal parts of a path, in each of which the pace is held against the commanded one and the error is judged."""
+"""Equal parts of a path, each with a pace error and a path error of its own."""
 
 
 class Marks(NamedTuple):
-    """The instants when the running maximum of the arc length passed K marks on each of N paths,
-    (K, N) each.
+    """When the running maximum of the arc length passed K marks on each of N paths, (K, N) each.
 
-    Each was passed between the rows ``before`` and ``after``, after ``part`` of the interval, NaN
+    A mark was passed between the rows ``before`` and ``after``, after ``part`` of the interval; NaN
     if it never was.
     """
 
@@ -41,8 +40,8 @@ class Marks(NamedTuple):
     after: NDArray[np.intp]
     part: Array
 
-    def find(self, values: Array) -> Array:
-        """Interpolate values, one row for each arc length, linearly at the marks; NaN where a mark was never passed."""
+    def interpolate(self, values: Array) -> Array:
+        """Return values, a row for each arc length, at the marks; NaN for those never passed."""
         first, last = (
             np.take_along_axis(values, rows, axis=0) for rows in (self.before, self.after)
         )
@@ -67,7 +66,7 @@ def per_clutch(telemetry: Array, name: str) -> Array:
 
 
 def find_marks(furthest: Array, marks: Array) -> Marks:
-    """Return when marks (K, N) were passed by the running maximum of the arc length (R, N), from 0 on, all in m."""
+    """Return when marks (K, N) were passed by the running maximum of the arc length (R, N) [m]."""
     passed = np.stack([furthest >= mark for mark in marks], axis=1)
     after = passed.argmax(axis=0)
     before = np.maximum(after - 1, 0)
@@ -77,11 +76,10 @@ def find_marks(furthest: Array, marks: Array) -> Marks:
 
 
 def path_integral(furthest: Array, errors: Array) -> Array:
-    """Return ∫|e|ds [m²] up to each row, shape (T + 2, N); each increment has the largest error
-    since the previous one.
+    """Return ∫|e|ds [m²] up to each row, shape (T + 2, N).
 
-    ``furthest``, (T + 2, N) [m], is the running maximum of the arc length, from 0 on; ``errors``,
-    (T + 1, N) [m], are
+    Each increment counts with the largest error since the previous one. ``furthest``, (T + 2, N)
+    [m], is the running maximum of the arc length, from 0 on; ``errors``, (T + 1, N) [m], are
     |normal error| at each control instant, NaN after the end of an episode.
     """
     parts = np.zeros_like(furthest)
@@ -102,8 +100,7 @@ def pace_errors(relative_times: Array, finished: Mask) -> Array:
 
 
 def smoothness(speed: Array, acceleration: Array, counted: Mask, period: float) -> Array:
-    """Return −ln(D) of the dimensionless jerk D = T³/v_peak²·∫|jerk|²dt, shape (N,); D below 1
-    counts as 1.
+    """Return −ln(D) of the dimensionless jerk D = T³/v_peak²·∫|jerk|²dt, D ≥ 1, shape (N,).
 
     Hogan and Sternad, Journal of Motor Behavior 41 (2009); the logarithm as in Balasubramanian,
     Melendez-Calderon and Burdet, IEEE Transactions on Biomedical Engineering 59 (2012).
@@ -124,7 +121,7 @@ def smoothness(speed: Array, acceleration: Array, counted: Mask, period: float) 
 
 
 def low_pass(values: Array, period: float) -> Array:
-    """Return values (T, …) after a first-order low-pass of ``CUTOFF``, exact for inputs held over the period [s]."""
+    """Return values (T, …) after a first-order low-pass, exact for inputs held for a period [s]."""
     decay = math.exp(-2.0 * math.pi * CUTOFF * period)
     filtered = np.empty_like(values)
     state = np.zeros_like(values[0])
@@ -150,16 +147,16 @@ def mean_over(values: ArrayLike, counted: Mask) -> Array:
 
 
 START_UP = 0.2
-"""Start-up interval [s] that accelerations leave out, here and in the calibration: no policy causes the push's jolt."""
+"""Start-up interval [s] that accelerations leave out: no policy causes the push's jolt."""
 
 TOUCH = 1e-4
 """Penetration [m] of a fixture's edge from which on its stiffness counts."""
 
 PRICE = 2.0
-"""Power of the time ratio by which the path error of a slow segment counts, and its slope for a
-fast one. With less, a slower rollout within the limits would still pay, since errors grow with the
-speed."""
+"""Power of the time ratio by which the path error of a slow segment counts; a fast one's slope.
 
+With less, a slower rollout within the limits would still pay, since errors grow with the speed.
+"""
 
 RANKED = tuple(map(TELEMETRY.index, ("time", "arc_length", "normal_error", "is_success")))
 """Columns of the telemetry that the scores that decide ranks need."""
@@ -196,7 +193,7 @@ class Travel:
 
     @cached_property
     def worst(self) -> Array:
-        """The error charged for the part of the path not reached [m]: the largest one seen, at least the bound."""
+        """The error of the part of the path not reached [m]: the largest, at least the bound."""
         return np.maximum(np.nanmax(self.errors, axis=0), self.error_max)
 
     def mean_error(self) -> Array:
@@ -214,24 +211,24 @@ class Travel:
         )
 
     def _average_on_path(self, integral: Array, missed: Array) -> Array:
-        """Return an integral over the path (T + 2, N) divided by its length, with a value for the part not reached."""
-        whole: Array = self.marks.find(integral)[-1]
+        """Return an integral (T + 2, N) over the path's length, ``missed`` where not reached."""
+        whole: Array = self.marks.interpolate(integral)[-1]
         missing = np.maximum(self.length - self.furthest[-1], 0.0)
         return np.where(np.isfinite(whole), whole, integral[-1] + missing * missed) / self.length
 
     @cached_property
     def lost_at_start(self) -> Array:
-        """Time that does not count [s]: the delay on the first ``START`` of the path, at most ``ALLOWANCE``."""
+        """The delay on the first ``START`` of the path that does not count [s]: ≤ ``ALLOWANCE``."""
         start = self.length * START
-        begun: Array = find_marks(self.furthest, start[None]).find(self.clock)[0]
+        begun: Array = find_marks(self.furthest, start[None]).interpolate(self.clock)[0]
         return np.clip(
             np.where(np.isfinite(begun), begun, self.end) - start / self.pace, 0.0, ALLOWANCE
         )
 
     @cached_property
     def passed(self) -> Array:
-        """Counted times when the tenths of the path were passed [s]; the end of the episode for those never passed."""
-        times = self.marks.find(self.clock)
+        """Counted times when the tenths of the path were passed [s]; the end for the others."""
+        times = self.marks.interpolate(self.clock)
         times = np.where(np.isfinite(times), times, self.end)
         return np.concatenate([times[:1], times[1:] - self.lost_at_start])
 
@@ -255,7 +252,8 @@ class Travel:
         steps = np.nan_to_num(np.diff(self.clock, axis=0) * self.errors)
         time_integral = np.concatenate([np.zeros_like(steps[:1]), steps.cumsum(axis=0)])
         in_time, on_path = (
-            np.diff(self.marks.find(each), axis=0) for each in (time_integral, self.path_integral)
+            np.diff(self.marks.interpolate(integral), axis=0)
+            for integral in (time_integral, self.path_integral)
         )
         spent = self.relative_times * (self.length / SEGMENTS / self.pace)
         in_time = np.divide(in_time, spent, where=spent > 0.0, out=np.zeros_like(spent))
@@ -287,11 +285,11 @@ class Travel:
         return self._mean_pace(0)
 
     def cruising_pace(self) -> Array:
-        """Return the mean speed along the path after its first segment [m/s]; 0 where the tip never got there."""
+        """Return the mean speed along the path after its first segment [m/s]; 0 without any."""
         return self._mean_pace(1)
 
     def _mean_pace(self, first: int) -> Array:
-        """Return the mean speed along the path from a segment on [m/s]; 0 where no time was spent there."""
+        """Return the mean speed along the path from a segment on [m/s]; 0 without any time."""
         distance = np.minimum(self.furthest[-1], self.length) - self.length / SEGMENTS * first
         time = self.passed[-1] - (self.passed[1] if first else 0.0)
         return np.divide(distance, time, where=time > 0.0, out=np.zeros_like(distance))
@@ -332,7 +330,7 @@ class Recorded(Travel):
 
     @cached_property
     def counted(self) -> Mask:
-        """Control steps whose accelerations count, (T, N): all after the start-up, or all if there are none."""
+        """Control steps whose accelerations count, (T, N): those after the start-up, if any."""
         settled = self.alive & (column(self.steps, "time") > START_UP)
         return settled | (self.alive & ~settled.any(axis=0))
 
@@ -365,25 +363,25 @@ class Recorded(Travel):
 
     @cached_property
     def force_error(self) -> Array | None:
-        """Error of the clutches' force against the wanted one, along and across the path [N], (2, N), or None."""
+        """Errors of the clutches' force along and across the path [N], (2, N), or None."""
         if self.wanted is None:
             return None
         angles = np.stack([column(self.steps, f"theta_{link}") for link in "ab"], axis=-1)
         torques = per_clutch(self.steps, "torque")
         heading = np.stack([np.cos(self.heading), np.sin(self.heading)], axis=-1)
-        found: list[tuple[float, float]] = []
+        errors: list[tuple[float, float]] = []
         for world, (machine, alive) in enumerate(zip(self.machines, self.alive.T, strict=True)):
             torque, wanted, along = (
-                each[alive, world] for each in (torques, self.wanted[1:], heading)
+                values[alive, world] for values in (torques, self.wanted[1:], heading)
             )
             rendered = (torque[..., None] * force_per_torque(machine, angles[alive, world])).sum(
                 axis=-2
             )
-            found.append(force_error(rendered, wanted, along))
-        return np.transpose(found)
+            errors.append(force_error(rendered, wanted, along))
+        return np.transpose(errors)
 
     def wall_stiffness(self) -> Array | None:
-        """Return the stiffness of the fixtures' edges [N/m], 0 where none was touched; None without fixtures."""
+        """Return the stiffness of the fixtures' edges [N/m], 0 if untouched; None without any."""
         if not all(task.free_left or task.free_right for task in self.tasks):
             return None
         force, error = vector(self.steps, "force"), column(self.steps, "normal_error")

@@ -1,4 +1,4 @@
-"""N worlds as arrays, without the kernels that move them: their shared constants, and their state at an instant."""
+"""What is stored of N worlds: the constants that they share, and their state."""
 
 import os
 from collections.abc import Sequence
@@ -16,7 +16,12 @@ from pter_gym.hands import Operator
 from pter_gym.params import Machine
 from pter_gym.paths import Path
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, context_of
-from pter_gym.tasks.path_following._specification import IDEAL_SENSING, PathFollowing, check_machine
+from pter_gym.tasks.path_following._specification import (
+    IDEAL_SENSING,
+    PathFollowing,
+    check_machine,
+    sensing_of,
+)
 
 Array = NDArray[np.float64]
 Pair = tuple[Machine, PathFollowing]
@@ -27,7 +32,7 @@ def listed(
     tasks: PathFollowing | Sequence[PathFollowing],
     num_worlds: int | None,
 ) -> tuple[list[Machine], list[PathFollowing]]:
-    """Return machines and tasks as lists of one length, or raise a ParameterError where they disagree."""
+    """Return machines and tasks as lists of one length, or raise a ParameterError."""
     for field, items, kind in (("machines", machines, Machine), ("tasks", tasks, PathFollowing)):
         given = cast("Sequence[object]", items if isinstance(items, Sequence) else (items,))
         if not all(isinstance(item, kind) for item in given):
@@ -51,7 +56,7 @@ def listed(
 def distinct(
     machines: Sequence[Machine], tasks: Sequence[PathFollowing]
 ) -> tuple[list[Pair], Array]:
-    """Return the pairs of machine and task without repeats, and the number of each world's, (N,)."""
+    """Return the pairs of machine and task without repeats, and the number of each one's, (N,)."""
     pairs: dict[tuple[int, int], tuple[int, Pair]] = {}
     index = [
         pairs.setdefault((id(pair[0]), id(pair[1])), (len(pairs), pair))[0]
@@ -61,7 +66,7 @@ def distinct(
 
 
 def constants_of(pairs: Sequence[Pair]) -> Array:
-    """Return the flat array of constants: a context for each pair, then the arcs of paths and recorded forces."""
+    """Return the constants: a context for each pair, then arcs of paths and recorded forces."""
     shared: list[Array] = []
     begins: dict[Path | Operator, tuple[int, int]] = {}
     end = CONTEXT_WIDTH * len(pairs)
@@ -82,7 +87,7 @@ def constants_of(pairs: Sequence[Pair]) -> Array:
 
 
 def check_shared(pairs: Sequence[Pair]) -> None:
-    """Check that machines and tasks fit together and share what the worlds of a batch must share."""
+    """Check that machines and tasks fit together and share what a batch's worlds must share."""
     first, goal = pairs[0]
     for machine, task in pairs:
         if (machine.substep, machine.clutch.voltage_max) != (
@@ -94,7 +99,7 @@ def check_shared(pairs: Sequence[Pair]) -> None:
             raise ParameterError("Machine.clutches of one batch must all be the paper's, or none")
         if len(machine.clutches) != len(first.clutches):
             raise ParameterError(
-                "Machine.clutches of one batch must be equally many: an action has an entry for each"
+                "Machine.clutches of one batch must be equally many: an action has an entry each"
             )
         if task.control_period != goal.control_period:
             raise ParameterError("tasks of one batch must share control_period")
@@ -103,13 +108,16 @@ def check_shared(pairs: Sequence[Pair]) -> None:
 
 @lru_cache(maxsize=16)
 def checked_constants(pairs: tuple[Pair, ...]) -> Array:
-    """Return the constants of pairs that fit together; worlds that draw from the same pairs share them."""
+    """Return the constants of pairs that fit together; batches that draw from them share these."""
     check_shared(pairs)
     return constants_of(pairs)
 
 
 def empty_blocks(contexts: Array, draws: int, rows: int) -> Array:
-    """Return blocks of worlds (B, rows, lanes) that have not begun, whose constants begin at ``contexts`` (N,)."""
+    """Return blocks (B, rows, lanes) of worlds that have not begun.
+
+    Their constants begin at ``contexts``, (N,).
+    """
     n = len(contexts)
     width = min(LANES, -(-n // 8) * 8)
     blocks = -(-n // width)
@@ -122,8 +130,8 @@ def empty_blocks(contexts: Array, draws: int, rows: int) -> Array:
     return worlds
 
 
-class WorldArrays:
-    """N worlds that have not begun, without the kernels that move them: what ``Batch`` is built on.
+class Storage:
+    """The state of N worlds and their constants, without the kernels that move them.
 
     ``machines`` and ``tasks`` hold one for each world, or one for each pair of which ``drawing``
     worlds draw.
@@ -141,7 +149,8 @@ class WorldArrays:
         checked = checked_constants.__wrapped__ if drawing is None else checked_constants
         self._constants: Any = checked(tuple(self.pairs))
         extras = any(
-            t.hand.plans or t.sensing != IDEAL_SENSING or m.clutch.fade > 0.0 for m, t in self.pairs
+            t.hand.plans or sensing_of(t, m) != IDEAL_SENSING or m.clutch.fade > 0.0
+            for m, t in self.pairs
         )
         self._worlds: Any = empty_blocks(
             float(CONTEXT_WIDTH) * numbers if drawing is None else np.zeros(drawing),
@@ -179,7 +188,7 @@ class WorldArrays:
         return {"worlds": self._worlds, "words": self._words, "seeded": self._seeded}
 
     def get_state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all that changes, with which ``set_state`` brings the worlds back bit for bit."""
+        """Return copies of all that changes, which ``set_state`` brings back bit for bit."""
         return {name: part.copy() for name, part in self._changing.items()}
 
     def set_state(self, state: dict[str, NDArray[Any]]) -> None:
@@ -206,16 +215,17 @@ class WorldArrays:
             raise ParameterError("state['worlds'] must hold finite numbers only")
         if not self._fits(state["worlds"]):
             raise ParameterError(
-                "state['worlds'] must be of an environment with the same machines and tasks, in motion that it can hold"
+                "state['worlds'] must be of an environment with the same machines and tasks, "
+                "in motion that it can hold"
             )
         for name, mine in self._changing.items():
             mine[:] = state[name]
 
     def _fits(self, worlds: Any) -> bool:
-        """Return whether worlds from elsewhere point at constants, arcs and instants that exist, in slow motion."""
-        drawn = worlds[:, ROW.draws_from : ROW.draws + 1]
+        """Return whether rows from elsewhere point at what exists here, in motion that is held."""
+        drawn = [int(ROW.draws_from), int(ROW.draws)]
         numbers = (worlds[:, ROW.context_at] - worlds[:, ROW.draws_from]) / CONTEXT_WIDTH
-        if not np.array_equal(drawn, self._worlds[:, ROW.draws_from : ROW.draws + 1]) or not (
+        if not np.array_equal(worlds[:, drawn], self._worlds[:, drawn]) or not (
             np.isin(numbers, np.arange(int(worlds[:, ROW.draws].max()))).all()
             and ((worlds[:, ROW.step] >= 0.0) & (worlds[:, ROW.step] < 2.0**31)).all()
         ):
@@ -243,8 +253,7 @@ class WorldArrays:
         return numbers.astype(np.intp).tolist()
 
     def truth(self) -> Array:
-        """Return all that is true of each world, (N, entries): its state, then the numbers of its
-        machine and task.
+        """Return each world's state, then the numbers of its machine and task, (N, entries).
 
         In no particular units and order, and without the limit of the energy, which follows from
         the rest; for critics, which may know more than the policies that they judge.

@@ -1,9 +1,9 @@
-"""Find the policy that a user names: by name, by the path of an exported one, or as code, ``FILE.py:attribute``."""
+"""Find the policy that a user names: by its name, by a path, or as code, ``FILE.py:attribute``."""
 
+import linecache
 import os
 import sys
-from collections.abc import Iterable, Mapping
-from functools import cache
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import EntryPoint
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -16,9 +16,9 @@ from numba.core.dispatcher import Dispatcher
 
 from pter_gym._internal.checks import names_in
 from pter_gym._internal.files import FilePath, find_path
-from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.benchmark.tuned import TUNED, find_paced, find_tuned, read_tuned
-from pter_gym.controllers import CONTROLLERS, Controller
+from pter_gym.controllers import CONTROLLERS, AnyPolicy, Controller, Policy
+from pter_gym.envs._acting import ActingPolicy, attributes
 from pter_gym.errors import ParameterError, nearest, unknown_name
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.policies._files import is_here, is_path
@@ -83,57 +83,87 @@ def is_code(name: str) -> bool:
     return bool(colon) and (place.endswith(".py") or not is_path(name))
 
 
-def find_policies(policies: Any, scenario: str) -> dict[str, tuple[AnyPolicy, ...]]:
-    """Return policies by name, those of each training seed, or raise a ParameterError; see ``run_scenario``."""
-    if callable(policies) or isinstance(policies, Controller | PerSeed):
-        raise ParameterError(
-            f"policies must have names, as in {{'mine': policy}}, got {policies!r:.200}"
-        )
-    if not isinstance(policies, Mapping):
-        policies = {_text_of(given): given for given in names_in("policies", policies)}
-    if not policies:
-        raise ParameterError("policies must hold at least one name")
-    found: dict[str, tuple[AnyPolicy, ...]] = {}
-    for name, given in cast("Mapping[str, Any]", policies).items():
-        _check_name(name)
-        seeds = given.policies if isinstance(given, PerSeed) else (given,)
-        found[name] = tuple(_resolve(name, each, scenario) for each in seeds)
-    return found
+def load_policy(policy: "FilePath | AnyPolicy", env: Any) -> ActingPolicy:
+    """Return a policy that is ready to act in an environment: ``action = policy(observation)``.
 
-
-class PerSeed:
-    """One policy trained with several seeds, which share a row of the leaderboard.
+    It returns actions in the environment's unit. Call its ``reset()`` after ``env.reset()``, and
+    ``reset(worlds)`` with a mask where worlds of a vector environment begin new episodes.
 
     Parameters
     ----------
-    policies
-        A policy for each seed, all of them different, as ``run_scenario`` takes them: a copy is not
-        another seed.
+    policy
+        What ``pter benchmark --policies`` takes: the name of a trained policy or of a controller,
+        the path of an exported policy (a string or a ``pathlib.Path``), or
+        ``package.module:attribute``. Or a policy itself: a controller, what ``from_sb3`` returns,
+        or a function from observations, float32 (N, entries), to volts, (N, 4).
+    env
+        Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or
+        ``make_sb3_vec_env``, with its wrappers. Control laws have the gains of its scenario; on a
+        path of your own, those of ``paths``.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such policy, or it cannot act in this environment; the message says why.
+    DataError
+        If a file of the policy is damaged.
     """
-
-    def __init__(self, policies: Iterable[AnyPolicy | FilePath]) -> None:
-        given = cast("object", policies)
-        if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
-            raise ParameterError(
-                f"policies must be a sequence of policies, one for each seed, got {given!r:.200}"
-            )
-        self.policies = tuple(cast("Iterable[AnyPolicy | FilePath]", given))
-        if not self.policies or len({id(each) for each in self.policies}) < len(self.policies):
-            raise ParameterError(
-                f"policies must be one or more, all of them different, got {self.policies!r:.200}"
-            )
+    if isinstance(policy, str | os.PathLike):
+        (gains,) = attributes(env, "gains")
+        policy = find_policy(cast("FilePath", policy), gains)
+    return ActingPolicy(policy, env)
 
 
-def _resolve(name: str, given: Any, scenario: str) -> AnyPolicy:
-    """Return a policy given by itself or by its name."""
-    if isinstance(given, str | os.PathLike):
-        return find_policy(cast("FilePath", given), scenario)
-    if isinstance(given, type) or not (isinstance(given, Controller) or callable(given)):
+Policies = Mapping[str, "AnyPolicy | FilePath | Sequence[AnyPolicy | FilePath]"]
+"""Policies by name; a sequence holds those of several training seeds."""
+
+
+def find_policies(
+    policies: Policies | Iterable[FilePath] | FilePath, scenario: str
+) -> dict[str, tuple[AnyPolicy, ...]]:
+    """Return policies by name, those of each training seed, with the gains for a scenario.
+
+    Raises
+    ------
+    ParameterError
+        If there are none, or one has no name, is a class, or is the same for two training seeds.
+    """
+    if callable(policies) or isinstance(policies, Controller | Policy):
         raise ParameterError(
-            "policies must be names, have a method bind or be callable, not classes (PerSeed holds those of several "
-            f"seeds), {name!r} is {given!r:.200}"
+            f"policies must have names, as in {{'mine': policy}}, got {policies!r:.200}"
         )
-    return given
+    named: Mapping[str, Any] = (
+        cast("Mapping[str, Any]", policies)
+        if isinstance(policies, Mapping)
+        else {_text_of(name): name for name in names_in("policies", cast("Any", policies))}
+    )
+    if not named:
+        raise ParameterError("policies must hold at least one name")
+    by_name: dict[str, tuple[AnyPolicy, ...]] = {}
+    for name, policy in named.items():
+        _check_name(name)
+        several = isinstance(policy, Sequence) and not isinstance(policy, str)
+        seeds = cast("Sequence[Any]", policy if several else (policy,))
+        if not seeds or len({id(each) for each in seeds}) < len(seeds):
+            raise ParameterError(
+                "policies must hold one policy or more for a name, a different one for each "
+                f"training seed, {name!r} is {policy!r:.200}"
+            )
+        by_name[name] = tuple(_resolve(name, each, scenario) for each in seeds)
+    return by_name
+
+
+def _resolve(name: str, policy: Any, scenario: str) -> AnyPolicy:
+    """Return a policy that may be there by its name."""
+    if isinstance(policy, str | os.PathLike):
+        return find_policy(cast("FilePath", policy), scenario)
+    acts = isinstance(policy, Controller | Policy) or callable(policy)
+    if isinstance(policy, type) or not acts:
+        raise ParameterError(
+            "policies must be names, have a method bind or be callable, and no classes; "
+            f"{name!r} is {policy!r:.200}"
+        )
+    return policy
 
 
 def _text_of(name: object) -> str:
@@ -201,21 +231,31 @@ def _attribute_of(file: Path, name: str) -> Any:
     return known[name]
 
 
-@cache
 def _run_file(path: Path) -> ModuleType:
-    """Return the module that a file of Python is, run once, with its folder at the end of ``sys.path``."""
+    """Return the module that a file of Python is, with its folder at the end of ``sys.path``.
+
+    A file is run again when its content has changed.
+    """
     if not path.is_file():
         raise ParameterError(f"policies must name a file that exists, there is no {str(path)!r}")
+    content = path.read_bytes()
+    if path in _RUN_FILES and _RUN_FILES[path][0] == content:
+        return _RUN_FILES[path][1]
     spec: Any = spec_from_file_location(f"file:{path}", path)  # a name that no other module has
     module = sys.modules[spec.name] = module_from_spec(spec)
-    sys.path.append(str(path.parent))
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))
     try:
-        spec.loader.exec_module(module)
+        exec(compile(content, path, "exec"), vars(module))
     except Exception as error:
-        lines = [
-            frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == str(path)
-        ]
+        frames = extract_tb(error.__traceback__)
+        lines = [frame.lineno for frame in frames if frame.filename == str(path)]
         line = error.lineno if isinstance(error, SyntaxError) else lines[-1]
-        told = f"{path.name}, line {line}: {type(error).__name__}: {error}"
-        raise ParameterError(f"policies must name code that runs, {told}") from error
+        reason = f"{path.name}, line {line}: {type(error).__name__}: {error}"
+        raise ParameterError(f"policies must name code that runs, {reason}") from error
+    linecache.checkcache(str(path))
+    _RUN_FILES[path] = content, module
     return module
+
+
+_RUN_FILES: dict[Path, tuple[bytes, ModuleType]] = {}

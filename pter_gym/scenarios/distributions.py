@@ -1,32 +1,34 @@
 """Distributions over machines and tasks: what varies from episode to episode.
 
 ``Vary(base, field=distribution, …)`` draws some fields of a frozen dataclass ``base``; a field's
-value may itself be a ``Vary``. ``Randomisation`` draws a list of pairs of machine and task from one
-seed; a world draws one pair at each reset. Each distribution has ``draw(rng)``, and ``extremes()``,
+value may itself be a ``Vary``. ``Draws`` draws a list of pairs of machine and task from one seed; a
+world draws one pair at each reset. Each distribution has ``draw(rng)``, and ``extremes()``,
 with which a ``Vary`` is checked when it is built.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any, Generic, Protocol, TypeVar, cast
 
 import numpy as np
 
+from pter_gym._internal.checks import whole_number
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Checked, Machine, quantity, require, require_number
-from pter_gym.scenarios._fixed_machine import FixedMachine, with_delay
+from pter_gym.scenarios._paces import find_pace
 from pter_gym.tasks.path_following import PathFollowing, check_machine
 
 Drawn = TypeVar("Drawn")
 Pair = tuple[Machine, PathFollowing]
 
 TRIES = 200
-"""Draws of one pair of machine and task before a randomisation is refused for paths that leave the arm's reach."""
+"""Draws of one pair until draws whose paths leave the arm's reach are refused."""
 
 ROOM = 1.5
-"""Distance of drawn paths from singular poses over the workspace's margin, so no episode ends as it begins."""
+"""Distance of drawn paths from singular poses over the workspace's margin, so no episode ends at
+its start."""
 
 
 class Distribution(Protocol):
@@ -42,16 +44,16 @@ class Distribution(Protocol):
 
 
 def drawn(value: Any, rng: np.random.Generator) -> Any:
-    """Return a draw from a distribution, a tuple with a draw from each of its entries, or the value itself."""
+    """Return a draw from a distribution or from each entry of a tuple, or the value itself."""
     if isinstance(value, tuple):
-        return tuple(drawn(each, rng) for each in cast("tuple[Any, ...]", value))
+        return tuple(drawn(item, rng) for item in cast("tuple[Any, ...]", value))
     return value.draw(rng) if hasattr(value, "draw") else value
 
 
 def extremes(value: Any) -> Sequence[Any]:
-    """Return the extreme values of a distribution, tuples of all first and all last ones, or the value itself."""
+    """Return a distribution's extremes, tuples of all first and all last ones, or the value."""
     if isinstance(value, tuple):
-        ends = [extremes(each) for each in cast("tuple[Any, ...]", value)]
+        ends = [extremes(item) for item in cast("tuple[Any, ...]", value)]
         return [tuple(values[place] for values in ends) for place in (0, -1)]
     return value.extremes() if hasattr(value, "draw") else [value]
 
@@ -169,11 +171,22 @@ class Vary(Generic[Drawn]):
         )
 
     def extremes(self) -> Sequence[Drawn]:
-        """Return draws with one field at an end, and with all at their first and at their last ends."""
+        """Return draws with one field at an end, and with all at their first and last ends."""
         ends = {name: extremes(field) for name, field in self.fields.items()}
         changes = [{name: end} for name, values in ends.items() for end in values]
         changes += [{name: values[place] for name, values in ends.items()} for place in (0, -1)]
         return [cast(Drawn, replace(cast(Any, self.base), **change)) for change in changes]
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether both draw the same fields of the same dataclass from the same values."""
+        if not isinstance(other, Vary):
+            return NotImplemented
+        theirs = cast("Vary[Any]", other)
+        return self.base == theirs.base and list(self.fields.items()) == list(theirs.fields.items())
+
+    def __hash__(self) -> int:
+        """Return a hash of what is drawn, not of the distributions, which need not have one."""
+        return hash((type(self.base), *self.fields))
 
     def __repr__(self) -> str:
         """Return the call that makes this object."""
@@ -182,62 +195,123 @@ class Vary(Generic[Drawn]):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Randomisation(Checked):
-    """Pairs of machine and task to train on.
+class Draws(Checked):
+    """What episodes are drawn from: pairs of machine and task.
 
     Attributes
     ----------
     machine, task
         Distributions or fixed values.
-    contexts
-        Number of pairs in the list that worlds draw from.
-    seed
-        Seed ≥ 0 of the list.
-    fixed_machine
-        A machine and the delay of its sensors in place of drawn ones; everything else is drawn as
-        before.
+    instead
+        A machine in place of drawn ones; everything else is drawn as before.
+    also
+        Further draws to mix in.
+    weight
+        Number of pairs relative to that of the others in such a mixture.
     """
 
     machine: Machine | Vary[Machine] = BASELINE
     task: PathFollowing | Vary[PathFollowing]
-    contexts: int = quantity("1", "chosen", at_least=1, default=512)
-    seed: int = quantity("1", "chosen", at_least=0, default=0)
-    fixed_machine: FixedMachine | None = None
+    instead: Machine | None = None
+    also: "tuple[Draws, ...]" = ()
+    weight: int = quantity("1", "chosen", at_least=1, default=1)
 
-    def pairs(self) -> list[Pair]:
-        """Return the pairs, the same for the same seed; they are drawn once and shared.
+    def __post_init__(self) -> None:
+        """Check the draws that are mixed in."""
+        super().__post_init__()
+        also, instead = cast(Any, self.also), cast("object", self.instead)
+        parts = cast("tuple[object, ...]", also) if isinstance(also, tuple) else (also,)
+        mixed = all(isinstance(part, Draws) for part in parts)
+        require(mixed, self, "also", self.also, "a tuple of Draws")
+        fixed = instead is None or isinstance(instead, Machine)
+        require(fixed, self, "instead", instead, "a Machine or None")
+
+    @property
+    def varied_task(self) -> Vary[PathFollowing]:
+        """The task, also where none of its fields is drawn."""
+        return self.task if isinstance(self.task, Vary) else Vary(self.task)
+
+    def map_parts(self, change: "Callable[[Draws], Draws]") -> "Draws":
+        """Return changed draws, with the same change to those that are mixed in."""
+        return replace(change(self), also=tuple(map(change, self.also)))
+
+    def with_task(self, **values: Any) -> "Draws":
+        """Return draws whose tasks have other values in fields that are not drawn.
 
         Raises
         ------
         ParameterError
-            If too few of the drawn tasks suit their machines.
+            If a task has no such field or draws it, or a value is out of range.
         """
-        return list(_pairs(self))
+
+        def changed(draws: Draws) -> Draws:
+            base, varied = draws.varied_task.base, draws.varied_task.fields
+            shared = [item.name for item in fields(base) if item.name not in (*varied, "pace")]
+            for name in values:
+                if name not in shared:
+                    raise ParameterError(
+                        f"{name} must be one of what all episodes share: {', '.join(shared)}"
+                    )
+            return replace(draws, task=Vary(replace(base, **values), **varied))
+
+        return self.map_parts(changed) if values else self
+
+    def at_pace(self, pace: "float | str | Distribution | None") -> "Draws":
+        """Return draws at a commanded pace [m/s], its name or its distribution; None: as drawn.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such pace.
+        """
+        if pace is None:
+            return self
+        commanded = pace if hasattr(pace, "draw") else find_pace(cast("float | str", pace))
+
+        def changed(draws: Draws) -> Draws:
+            varied = draws.varied_task
+            task = Vary(varied.base, **{**varied.fields, "pace": commanded})
+            return replace(draws, task=task)
+
+        return self.map_parts(changed)
+
+    def pairs(
+        self, n: int = 512, seed: int = 0, pace: "float | str | Distribution | None" = None
+    ) -> list[Pair]:
+        """Return ``n`` pairs, the same for the same seed.
+
+        Parameters
+        ----------
+        n, seed
+            Number of pairs, in a mixture rounded up to the weights of its parts, and their seed.
+        pace
+            As in ``at_pace``.
+
+        Raises
+        ------
+        ParameterError
+            If a number is out of range, or too few of the drawn tasks suit their machines.
+        """
+        n, seed = whole_number("n", n), whole_number("seed", seed, at_least=0)
+        draws = self.at_pace(pace)
+        parts = (draws, *draws.also)
+        share = -(-n // sum(part.weight for part in parts))
+        return [pair for part in parts for pair in _pairs(part, share * part.weight, seed)]
 
     def draw(self, rng: np.random.Generator) -> Pair:
         """Return a matching pair; a path that does not fit the workspace is drawn again."""
+        if self.also:
+            parts = [part for part in (self, *self.also) for _ in range(part.weight)]
+            return replace(parts[int(rng.integers(len(parts)))], also=()).draw(rng)
         for attempt in range(TRIES):
             machine, task = drawn(self.machine, rng), drawn(self.task, rng)
-            if self.fixed_machine is not None:
-                machine, task = self.fixed_machine.machine, with_delay(task, self.fixed_machine)
-            require(
-                isinstance(machine, Machine),
-                self,
-                "machine",
-                self.machine,
-                "a Machine, or draw one",
-            )
-            require(
-                isinstance(task, PathFollowing),
-                self,
-                "task",
-                self.task,
-                "a PathFollowing, or draw one",
-            )
+            machine = machine if self.instead is None else self.instead
+            for name, value, kind in (("machine", machine, Machine), ("task", task, PathFollowing)):
+                accepted = f"a {kind.__name__}, or draw one"
+                require(isinstance(value, kind), self, name, getattr(self, name), accepted)
+            margin = ROOM * task.singularity_margin
             try:
-                check_machine(
-                    replace(task, singularity_margin=ROOM * task.singularity_margin), machine
-                )
+                check_machine(replace(task, singularity_margin=margin), machine)
             except ParameterError:
                 if attempt == TRIES - 1:
                     raise
@@ -247,31 +321,7 @@ class Randomisation(Checked):
 
 
 @lru_cache(maxsize=32)
-def _pairs(randomisation: Randomisation) -> tuple[Pair, ...]:
-    rng = np.random.default_rng([randomisation.seed, 0x5452])
-    return tuple(randomisation.draw(rng) for _ in range(randomisation.contexts))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Mixture:
-    """Several randomisations as one, with the pairs of all: each is weighted by its own number of
-    pairs.
-
-    Attributes
-    ----------
-    parts
-        At least one.
-    """
-
-    parts: tuple[Randomisation, ...]
-
-    def __post_init__(self) -> None:
-        """Check the parts."""
-        given = cast("object", self.parts)
-        parts = cast("tuple[object, ...]", given) if isinstance(given, tuple) else ()
-        known = len(parts) > 0 and all(isinstance(part, Randomisation) for part in parts)
-        require(known, self, "parts", self.parts, "a tuple of at least one Randomisation")
-
-    def pairs(self) -> list[Pair]:
-        """Return the pairs, the same for the same seeds; see ``Randomisation.pairs``."""
-        return [pair for part in self.parts for pair in part.pairs()]
+def _pairs(draws: Draws, n: int, seed: int) -> tuple[Pair, ...]:
+    """Return the pairs of one part; they are drawn once and shared."""
+    rng, alone = np.random.default_rng([seed, 0x5452]), replace(draws, also=())
+    return tuple(alone.draw(rng) for _ in range(n))

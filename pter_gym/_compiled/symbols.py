@@ -1,0 +1,47 @@
+"""Kernels that other compiled code calls by a symbol, as C does, so none is compiled again."""
+
+from typing import Any
+
+import llvmlite.binding as llvm
+from numba.core import cgutils, types
+from numba.core.errors import TypingError
+from numba.extending import intrinsic
+
+_cgutils: Any = cgutils
+
+_EXPORTED: list[Any] = []
+"""Kernels whose symbols are known: their code must stay where it is."""
+
+
+def export(kernel: Any, signature: Any, symbol: str) -> None:
+    """Compile a kernel for a signature, and let a symbol stand for its machine code."""
+    kernel.compile(signature)
+    compiled = kernel.overloads[tuple(signature.args)]
+    address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
+    llvm.add_symbol(symbol, address)
+    _EXPORTED.append(compiled)
+
+
+def caller(signature: Any, symbol: str) -> Any:
+    """Return a compiled function of a tuple of arguments, which calls what a symbol stands for."""
+
+    @intrinsic
+    def call(_: Any, arguments: Any) -> Any:
+        if arguments != types.Tuple(signature.args):
+            raise TypingError(f"{symbol} takes {signature.args}, got {arguments}")
+
+        def generate(context: Any, builder: Any, _: Any, values: Any) -> Any:
+            convention = context.call_conv
+            kind = convention.get_function_type(signature.return_type, signature.args)
+            function = _cgutils.get_or_insert_function(builder.module, kind, symbol)
+            given = _cgutils.unpack_tuple(builder, values[0])
+            status, value = convention.call_function(
+                builder, function, signature.return_type, signature.args, given
+            )
+            with _cgutils.if_unlikely(builder, status.is_error):
+                convention.return_status_propagate(builder, status)
+            return value
+
+        return signature.return_type(arguments), generate
+
+    return call
