@@ -1,13 +1,19 @@
-"""A folder of results: a JSON file for each run, and ``benchmark.json``, their leaderboards."""
+"""A folder of results: a JSON file for each run, and ``benchmark.json``, their leaderboards.
 
+Episodes themselves can be written as a table in a CSV file.
+"""
+
+import csv
+import io
 import json
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
@@ -17,6 +23,7 @@ from pter_gym.benchmark.boards import Leaderboard, leaderboards
 from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.scenarios import name_of_pace
+from pter_gym.tasks.path_following import TELEMETRY
 
 NAMES = ("version", "scenario", "digest", "pace", "policy", "training_seed", "seed")
 """What a file says about a run, beside its numbers."""
@@ -113,3 +120,27 @@ def read_run(path: FilePath) -> ScenarioRun:
         if run_path(path.parents[1], run).name != path.name:
             raise ValueError(f"policy must be that of the file's name, got {run.policy!r:.200}")
         return run
+
+
+def write_trajectories(episodes: Mapping[str, NDArray[np.float64]], path: Path) -> None:
+    """Write episodes one below another to a CSV file, atomically, with all digits of each number.
+
+    ``episodes`` holds telemetry from the reset on, float64 (T + 1, len(TELEMETRY)), by the name of
+    the policy. Headings are such as ``policy`` and ``time [s]``. Raises a ParameterError if the
+    path does not end in .csv.
+    """
+    check_table(path)
+    text = io.StringIO(newline="")
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(
+        ["policy", *(f.name if f.unit == "1" else f"{f.name} [{f.unit}]" for f in TELEMETRY.fields)]
+    )
+    for name, telemetry in episodes.items():
+        rows.writerows([name, *row] for row in telemetry.tolist())
+    write_text_atomic(path, text.getvalue())
+
+
+def check_table(path: Path) -> None:
+    """Raise a ParameterError unless a table can be written to a file with this extension."""
+    if path.suffix.lower() != ".csv":
+        raise ParameterError(f"csv must end in .csv, got {str(path)!r}")

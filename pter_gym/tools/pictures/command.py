@@ -48,9 +48,9 @@ def watch(
         scenario draws.
     """
     from pter_gym.benchmark import find_policy
+    from pter_gym.benchmark.results import write_trajectories
     from pter_gym.benchmark.rollout import record_episode
     from pter_gym.tools.pictures import film
-    from pter_gym.tools.pictures.trajectories import write_trajectories
 
     names = split(policies)
     check_arguments(names, out, csv, size, speed)
@@ -86,8 +86,8 @@ def check_arguments(
     names: list[str], out: Path | None, csv: Path | None, size: tuple[int, int] | None, speed: float
 ) -> None:
     """Check the arguments as far as possible before the simulation; errors name the argument."""
+    from pter_gym.benchmark.results import check_table
     from pter_gym.tools.pictures import film, viewer
-    from pter_gym.tools.pictures.trajectories import check_table
 
     if not 1 <= len(names) <= MAX_POLICIES:
         raise ParameterError(
