@@ -57,8 +57,8 @@ def hil(
     from dataclasses import replace
 
     from pter_gym.benchmark import find_policy
-    from pter_gym.benchmark._trajectories import check_table
     from pter_gym.benchmark.episodes import find_episodes
+    from pter_gym.benchmark.results import check_table
     from pter_gym.scenarios import find_scenario
     from pter_gym.tools.hil.line import Line
     from pter_gym.tools.hil.session import Partner
@@ -88,32 +88,28 @@ def hil(
             other.drive(machine, task, seed, record)
     finally:
         other.line.close()
-        report(records, replace(chosen, tasks=paced), controller, drawn.nominal, csv)
+        report(records, replace(chosen, tasks=paced, limits=()), controller, csv)
         say(timing(other))
 
 
-def report(
-    records: "list[list[Array]]", episodes: Any, controller: Any, nominal: Any, csv: Path | None
-) -> None:
+def report(records: "list[list[Array]]", episodes: Any, controller: Any, csv: Path | None) -> None:
     """Print the scores of the episodes that have begun, beside those in Python; write a table."""
     import numpy as np
 
-    from pter_gym.benchmark._trajectories import write_trajectories
-    from pter_gym.benchmark.runs import evaluate
+    from pter_gym.benchmark.results import write_trajectories
+    from pter_gym.benchmark.rollout import evaluate
     from pter_gym.benchmark.scores import score_episodes
-    from pter_gym.benchmark.simulation import time_limit
 
     done = [np.array(record) for record in records if len(record) > 1]
     if not done:
         return
     first = episodes.first(len(done))
-    steps = max(time_limit(task) for task in first.tasks)
-    telemetry = np.full((steps + 1, len(done), done[0].shape[1]), np.nan)
+    telemetry = np.full((max(map(len, done)), len(done), done[0].shape[1]), np.nan)
     for k, rows in enumerate(done):
         telemetry[: len(rows), k] = rows
     top = first.machines[0].clutch.voltage_max
     own = score_episodes(telemetry, first.tasks, voltage_max=top)
-    python = evaluate(controller, first, 1, nominal=nominal)
+    python = evaluate(controller, first, 1)
     same = np.all([own[name] == python[name] for name in own], axis=0)
     for k in range(len(done)):
         ours, theirs = (1e3 * each["path_error_m"][k] for each in (own, python))

@@ -18,11 +18,12 @@ from pter_gym._compiled.records import flat, load
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import ROW
 from pter_gym._physics.arm import Vector
-from pter_gym.benchmark.simulation import time_limit
+from pter_gym.benchmark.episodes import time_limit
 from pter_gym.errors import PolicyError
 from pter_gym.params import Machine
-from pter_gym.tasks.path_following import COLUMN, PathFollowing, Sensing
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.tasks.path_following._rules import to_path
+from pter_gym.tasks.path_following._specification import IDEAL_SENSING, sensing_of
 from pter_gym.tools.hil.line import Line
 
 ANSWER = struct.Struct("<I4f")
@@ -54,8 +55,9 @@ def follow(
 def reading_of(batch: Batch, row: Any) -> Array:
     """Return what the sensors of a batch's only world read, (10,), from its last telemetry."""
     world: Any = batch.device_arrays()["worlds"][0, :, :1]
-    if batch.task.sensing != Sensing():
-        return np.array(flat(load(world, ROW.readings[batch.task.sensing.delay], 0)))
+    sensing = sensing_of(batch.task, batch.machine)
+    if sensing != IDEAL_SENSING:
+        return np.array(flat(load(world, ROW.readings[sensing.delay], 0)))
     motion, foot = load(world, ROW.motion, 0), load(world, ROW.foot, 0)
     links = (motion.theta_a, motion.theta_b, motion.omega_a, motion.omega_b)
     force = to_path(Vector(*row[[*COLUMN.force]]), foot.heading)

@@ -21,10 +21,10 @@ from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import find_episodes
-from pter_gym.benchmark.rollout import record_episode
-from pter_gym.benchmark.runs import evaluate
+from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import PerClutch, Policy, bind, device
+from pter_gym.controllers._laws import built_in
 from pter_gym.errors import ParameterError, StorageError
 from pter_gym.params import BASELINE, MACHINES, find_machine
 from pter_gym.paths import find_path
@@ -41,7 +41,7 @@ WORLDS, STEPS = 40, 250
 TOP = BASELINE.clutch.voltage_max
 
 ROUNDING = 256 * 2.0**-24 * TOP
-"""What float32 arithmetic may change a voltage by: about as many roundings as the longest sum has terms [V]."""
+"""Change of a voltage [V] by float32: about as many roundings as the longest sum has terms."""
 
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Werror")
 
@@ -78,7 +78,7 @@ def lines_of(rows: Any) -> str:
 
 
 def episodes_of(observations: Any) -> str:
-    """What a program without force sensors reads: episodes (steps, worlds, entries), each after an empty line."""
+    """Input of a program without force sensors: episodes (steps, worlds, entries)."""
     count = len(observation_layout(BASELINE, "torque"))
     return "".join(
         "\n" + lines_of(observations[:, world, :count]) for world in range(observations.shape[1])
@@ -111,7 +111,7 @@ def recorded() -> Any:
 
 
 def actions(policy: Any, observations: Any) -> Any:
-    """Voltages in Python, each decision held for its period, world after world: float32 (STEPS·worlds, 4)."""
+    """Voltages in Python, decisions held, world after world: float32 (STEPS·worlds, 4)."""
     acting = Acting(policy)
     seen = np.ascontiguousarray(observations[..., : len(policy.layout)])
     decided = [acting(each) for each in seen[:: policy.frame_skip]]
@@ -174,6 +174,11 @@ def test_a_decision_is_held_and_a_law_knows_other_clutches(
     ).all()
 
 
+def own(law: Any, gains: Any) -> Policy:
+    """The policy of a compiled law."""
+    return Policy.of_law(law, gains, BASELINE, observation_layout(BASELINE, "torque"))
+
+
 @device
 def own_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Brake more and more, the further the tip is from the path."""
@@ -188,7 +193,7 @@ def own_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 @needs_compiler
 def test_a_users_own_law_becomes_a_program(recorded: Any, tmp_path: Path):
-    source = source_of(Policy(np.arange(20.0), observation_layout(BASELINE, "torque"), own_law))
+    source = source_of(own(own_law, np.arange(20.0)))
     observations, text = recorded
     assert (said(compiled(source, tmp_path), text) == actions(source.policy, observations)).all()
 
@@ -218,7 +223,7 @@ def first_or(first: bool, other: float) -> float:
 )
 def test_a_law_whose_types_c_cannot_keep_is_refused(law: Any, what: str):
     with pytest.raises(ParameterError, match=what):
-        source_of(Policy(np.zeros(2), observation_layout(BASELINE, "torque"), law))
+        source_of(own(law, np.zeros(2)))
 
 
 @needs_compiler
@@ -230,7 +235,7 @@ def test_the_observation_is_the_simulators(
     path: str, numbers: Any, tolerance: float, tmp_path: Path
 ):
     task = PathFollowing(path=find_path(path), pace=0.25)
-    episode = record_episode(find_policy("single-dof-tuned"), BASELINE, task, 0, STEPS)
+    episode = record_episode(find_policy("single-dof-tuned"), BASELINE, task, 0)
     layout = observation_layout(BASELINE, "force")
     theta = episode.telemetry[:, [*COLUMN.theta]]
     places = [layout.index(each) for each in ("omega_a", "torque_1", "force_along", "volts_1")]
@@ -249,7 +254,7 @@ def test_the_observation_is_the_simulators(
 
 def test_a_small_gain_or_weight_stays_small_in_float32():
     gains = np.array([1.0, 1e-12, 0.0, 0.0, 0.0])
-    source = source_of(Policy(gains, observation_layout(BASELINE, "torque")), numbers="float")
+    source = source_of(own(built_in, gains), numbers="float")
     assert "1e-12f" in source.files["pter.c"]
 
 
@@ -279,9 +284,10 @@ def test_a_microcontroller_gives_pythons_voltages(name: str, numbers: Any, weigh
     task = PathFollowing(pace=0.25)
     readings, observations, _ = bench.recorded(source.policy, BASELINE, task, 0)
     found = bench.cost(source, readings[:20], observations[:20])
-    source.policy.reset()
     rows = np.ascontiguousarray(observations[:20, None, : len(source.policy.layout)])
-    differ = np.abs(found.volts - [source.policy.act(row)[0] for row in rows]).max()
+    memory = source.policy.start(1)
+    wanted = [np.float32(source.policy.act(row, memory)[0]) for row in rows]
+    differ = np.abs(found.volts - wanted).max()
     assert differ == 0.0 if numbers == "double" else differ < ROUNDING
     assert 1_000 < found.act.min() <= found.act.max() < 200_000
     assert found.flash < 30_000
@@ -341,7 +347,9 @@ def test_two_policies_are_in_one_program(tmp_path: Path):
     subprocess.run([*compiler, *files], cwd=tmp_path, check=True)
     zeros = np.zeros((1, len(own.policy.layout)), np.float32)
     found = said(tmp_path / "a.out", "")
-    assert found[:2].tolist() == [each.policy.act(zeros)[0, 0] for each in (own, other)]
+    policies = (own.policy, other.policy)
+    wanted = [np.float32(policy.act(zeros, policy.start(1))[0, 0]) for policy in policies]
+    assert found[:2].tolist() == wanted
 
 
 COUNTS = r"""
@@ -396,7 +404,7 @@ def test_a_program_that_drives_the_arm_scores_as_the_policy(tmp_path: Path):
         programs = [bench.Compiled(program, len(source.policy.layout)) for _ in range(3)]
         for each in programs:
             stack.callback(each.close)
-        found = evaluate(bench.Timed(programs, source.policy.layout), episodes)
+        found = evaluate(bench.Timed(programs), episodes)
     wanted = evaluate(find_policy("ppo-standard"), episodes)
     assert all((found[name] == wanted[name]).all() for name in wanted)
 
