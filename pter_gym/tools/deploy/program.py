@@ -125,11 +125,11 @@ def source_of(
             raise ParameterError(
                 f"{field} must be one of {', '.join(accepted.__args__)}, got {given!r}"
             )
+    machine, curve = find_machine(machine), find_curve(path)
     if not PREFIX.fullmatch(prefix):
         raise ParameterError(
             f"prefix must be a letter, then letters, digits and underscores, got {prefix!r:.200}"
         )
-    machine, curve = find_machine(machine), find_curve(path)
     steps: tuple[float, ...] = ()
     if weights == "int8":
         if not isinstance(policy, TrainedPolicy):

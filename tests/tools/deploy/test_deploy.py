@@ -359,6 +359,34 @@ int main(void) {
 }
 """
 
+BAD = r"""
+#include "pter.h"
+#include <stdio.h>
+int main(void) {
+    double angles[] = {0.0 / 0.0, 1.0 / 0.0, -1e300};
+    for (int k = 0; k < 3; k++) {
+        pter_state state;
+        pter_reading r = {{angles[k], 1}, {0}, {0}, {0}};
+        pter_path path = {pter_path_arcs, PTER_ARCS, 0.25};
+        float observation[PTER_ENTRIES], v[4];
+        pter_reset(&state);
+        pter_observe(&state, &r, &path, observation);
+        pter_act(&state, observation, v);
+        printf("%g,%g,%g,%g,%d\n", v[0], v[1], v[2], v[3], state.arc);
+    }
+    return 0;
+}
+"""
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["impedance", "ppo-standard"])
+def test_an_angle_that_is_no_number_gives_voltages(name: str, tmp_path: Path):
+    (tmp_path / "bad.c").write_text(BAD)
+    found = said(compiled(source_of(find_policy(name)), tmp_path, tmp_path / "bad.c"), "")
+    assert ((found[:, :4] >= 0.0) & (found[:, :4] <= TOP)).all()
+    assert (found[:, 4] == 0).all()
+
 
 @needs_compiler
 def test_an_encoder_whose_counter_wraps_turns_on(tmp_path: Path):
