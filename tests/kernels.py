@@ -9,6 +9,7 @@ import numpy as np
 
 from documents import run_extending
 from pter_gym._engine.batch import Batch
+from pter_gym._engine.kernels import alone_kernel
 from pter_gym._physics import open_loop
 from pter_gym.controllers import Free
 from pter_gym.params import BASELINE
@@ -25,14 +26,15 @@ def main(part: str) -> None:
     if part == "steps":
         simulate(batch, policy, [0], 1)
         simulate(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
+        alone_kernel(False)
         run_extending()  # after the others: laws share what they have compiled
         if find_spec("jax"):
             from pter_gym._engine.xla import register_calls
 
             register_calls()
     else:
-        obs, _ = batch.reset([0])
-        policy(obs)
+        policy(np.zeros((1, len(batch.layout)), np.float32))
+        alone_kernel(True)
         start = open_loop.initial_state(BASELINE, (0.5, 2.0))
         open_loop.simulate(BASELINE, start, np.zeros(4), np.zeros(2), duration=BASELINE.substep)
         if find_spec("pter_gym.tools.identification"):

@@ -94,7 +94,8 @@ def train(
     )
     say(f"next: tensorboard --logdir {out}")
     say(
-        f"      pter export {out} --name mine && pter benchmark{on} --policies mine {report.LAWS[0]}"
+        f"      pter export {out} --name mine && "
+        f"pter benchmark{on} --policies mine {report.LAWS[0]}"
     )
 
 

@@ -85,7 +85,7 @@ class WorldsState(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Result of a step of N worlds; ``last_obs`` is the observation before a reset, ``paces`` the commanded [m/s]."""
+    """Result of a step of N worlds; ``last_obs`` is from before a reset, ``paces`` commanded."""
 
     rewards: jax.Array
     paces: jax.Array
@@ -164,7 +164,7 @@ class JaxWorlds:
         return after, Step(rewards, paces, terminated, truncated, last_obs)
 
     def inputs(self, state: WorldsState) -> jax.Array:
-        """Return the networks' current inputs, (N, size): the policy's first, then those of the value network alone."""
+        """Return the networks' inputs, (N, size): the policy's, then the value network's own."""
         seen = jnp.concatenate([state.rows[:, self._ages], state.means], axis=1)
         return jnp.concatenate([seen.reshape(len(seen), -1), state.known], axis=1)
 

@@ -1,4 +1,4 @@
-"""What a run shows when it ends: scores beside those of tuned laws, a learning curve, and a film."""
+"""What a run shows when it ends: its scores, a learning curve and a film, beside tuned laws."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,7 +21,7 @@ from pter_gym.tools.pictures.film import write_film
 from pter_gym.tools.pictures.plots import plain_ticks
 
 LAWS = ("single-dof-tuned", "torque-feedback-tuned")
-"""Tuned laws that a trained policy is compared with: the best one, and the better of the paper's two."""
+"""Tuned laws to compare with: the best one, and the better of the paper's two."""
 
 
 def law_scores(arguments: TrainingArguments) -> dict[str, Scores]:

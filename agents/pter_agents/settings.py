@@ -32,16 +32,16 @@ Each has a table NAME.toml here.
 """
 
 ALL = "all"
-"""Name for all scenarios of ``worlds.MIXED``, and for a commanded pace that is drawn among those of the scores."""
+"""Name for all scenarios of ``worlds.MIXED``, and for a pace drawn among those of the scores."""
 
 NO_BASE = "none"
 """Name of the base of a policy that corrects no controller."""
 
 BASES = (NO_BASE, "impedance", "torque-feedback", *TUNED)
-"""What a policy may correct: the paper's controllers with a damper for each pace, and those with tuned gains."""
+"""What a policy may correct: the paper's controllers, and those with tuned gains."""
 
 PARTS = 2
-"""Parts of the worlds, each on a core; the results depend on their number, not on the number of cores."""
+"""Parts of the worlds, each on a core; results depend on their number, not on that of cores."""
 
 SMOKE = {"worlds": 64, "steps": 32, "contexts": 16, "minibatch": 512, "epochs": 2}
 """Hyper-parameters of a short run that shows that training works, not that it learns."""
@@ -156,20 +156,12 @@ class Settings(RewardWeights):
         require_flag(self, "normalised")
         for name in ("history", "averages", "hidden", "value_hidden"):
             sizes = getattr(self, name)
-            require(_are_sizes(sizes), self, name, sizes, "whole numbers from 1 to 1024")
-        require(
-            are_hidden(self.hidden), self, "hidden", self.hidden, f"at most {MAX_LAYERS - 1} layers"
-        )
-        require(self.worlds % PARTS == 0, self, "worlds", self.worlds, f"a multiple of {PARTS}")
+            require(_are_sizes(sizes), self, name, "whole numbers from 1 to 1024", got=sizes)
+        require(are_hidden(self.hidden), self, "hidden", f"at most {MAX_LAYERS - 1} layers")
+        require(self.worlds % PARTS == 0, self, "worlds", f"a multiple of {PARTS}")
         samples = self.worlds * self.steps
         even = samples % self.minibatch == 0 and self.minibatch % PARTS == 0
-        require(
-            even,
-            self,
-            "minibatch",
-            self.minibatch,
-            f"an even divisor of worlds × steps = {samples}",
-        )
+        require(even, self, "minibatch", f"an even divisor of worlds × steps = {samples}")
         self.reward()
 
     def reward(self) -> RewardWeights:

@@ -21,19 +21,19 @@ from pter_gym.scenarios.distributions import Draws, OneOf, Vary
 from pter_gym.tasks.path_following import STARTS
 
 MIXED = ("standard", "paths", "hands", "materials", "everything")
-"""The scenarios of ``ALL``, on which shipped policies were trained; later ones show how policies do on others."""
+"""The scenarios of ``ALL``, on which shipped policies were trained; the others test them."""
 
 MAX_VARIED = "everything"
 """The scenario that has half of the draws of ``ALL``; the others share the rest evenly."""
 
 REPEATS = {Circle: 6, Arc: 2}
-"""How often training draws a kind of path for each path of another kind: their headings are rare elsewhere."""
+"""How often training draws a kind of path for each path of another kind: rare headings."""
 
 BASE_SCENARIO = "standard"
-"""Scenario whose gains the base has in a training for ``ALL``; those for ``everything`` are poor on known machines."""
+"""Scenario whose gains the base has for ``ALL``: those of ``everything`` are poor elsewhere."""
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
-"""Chosen scales [m, 1, m/s]: with a good policy these are far smaller than random actions make them."""
+"""Chosen scales [m, 1, m/s]: random actions make these far larger than a good policy does."""
 
 SAMPLE_WORLDS, SAMPLE_STEPS = 256, 200
 
@@ -103,7 +103,7 @@ def _with_repeats(draws: Draws) -> Draws:
 
 
 def all_paces() -> tuple[float, ...]:
-    """Return the commanded paces [m/s], with fast ones repeated so that all take about the same share of time."""
+    """Return the commanded paces [m/s], fast ones repeated for about the same share of time."""
     slowest = min(PACES.values())
     return tuple(pace for pace in PACES.values() for _ in range(round(pace / slowest)))
 
@@ -145,7 +145,7 @@ class Training:
 
 
 def make_training(arguments: TrainingArguments) -> Training:
-    """Return the worlds of a training; centers and scales of the inputs are those of a short run without a network."""
+    """Return the worlds of a training; a short run without a network gives the inputs' scales."""
     s, nominal = arguments.settings, arguments.nominal
     draws = training_draws(arguments)
     schedule = find_base(s.base, arguments.scenario)
@@ -197,7 +197,7 @@ def _make_worlds(draws: Draws, count: int, arguments: TrainingArguments) -> Path
 def _sample(
     env: PathFollowingVectorEnv, interface: Interface, base: Any, seed: int
 ) -> tuple[tuple[Input, ...], Truth]:
-    """Return all inputs and the truth, with the mean and standard deviation of each under random actions."""
+    """Return the inputs and the truth, with mean and standard deviation under random actions."""
     layout, rng = env.observation_layout, np.random.default_rng(seed)
     residual = base is not None
     obs: Any = env.reset(seed=seed)[0]

@@ -35,6 +35,9 @@ _NUMBA: Any = config
 _NUMBA._config_fname = ""
 _NUMBA.reload_config()
 
+COMPILES = not _NUMBA.DISABLE_JIT
+"""Whether code is compiled; with ``NUMBA_DISABLE_JIT=1``, all of it is called as Python."""
+
 
 class Device(CPUDispatcher):
     """A function that is compiled for compiled callers; from Python, calls the original function.
@@ -53,7 +56,7 @@ class Device(CPUDispatcher):
 
 
 def _for_compiled_callers(function: Function, **options: Any) -> Function:
-    if _NUMBA.DISABLE_JIT:
+    if not COMPILES:
         return function
     return cast(
         Function,
@@ -101,7 +104,7 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
     digest = digest_of(_bind(plain, inlined))
     function = _bind(cast(FunctionType, build(digest or "")), inlined)
     kernel: Any = numba.njit(**_KERNEL)(function)
-    if not _NUMBA.DISABLE_JIT:
+    if COMPILES:
         # a cache could not load functions that are in no module, as after exec
         if digest and all(
             inspect.getmodule(value) for value in inlined.values() if callable(value)
@@ -115,7 +118,7 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
 
 def entry_of(kernel: Any, signature: Any) -> Any:
     """Return the machine code of a kernel for a signature, which looks at no argument's type."""
-    return kernel if _NUMBA.DISABLE_JIT else kernel.compile(tuple(signature.args))
+    return kernel.compile(tuple(signature.args)) if COMPILES else kernel
 
 
 def _index_by(stamp: str | None, kernel: Any) -> None:
@@ -124,7 +127,8 @@ def _index_by(stamp: str | None, kernel: Any) -> None:
     Numba takes the time at which the factory's file was written, and the number of its line.
     """
     cache, function = kernel._cache, kernel.py_func
-    name = f"{function.__module__}.{function.__qualname__}.{sys.implementation.cache_tag}"
+    qualname = function.__qualname__.replace("<locals>", "locals")
+    name = f"{function.__module__}.{qualname}.{sys.implementation.cache_tag}"
     cache._cache_file = IndexDataCacheFile(cache._cache_path, name, stamp)
 
 

@@ -7,8 +7,10 @@ from typing import Any, Literal, NamedTuple, NoReturn, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pter_gym._compiled.addresses import table_of
+from pter_gym._compiled.compiler import COMPILES
 from pter_gym._compiled.records import flat, read
-from pter_gym._engine.kernels import advance_for, reset_kernel
+from pter_gym._engine.kernels import advance_kernel, alone_kernel, reset_kernel
 from pter_gym._engine.storage import Storage, listed
 from pter_gym._engine.threads import Threads
 from pter_gym._engine.world import FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
@@ -151,7 +153,7 @@ class Batch(Storage):
             np.empty(1),
             np.empty((FLAGS, 1), np.bool_),
         )
-        self._alone = self._arrays(self._outputs)
+        self._alone: Any = None
 
     def _shared(self, observe_context: bool, limit: float) -> Config:
         """Return what all worlds share."""
@@ -258,7 +260,7 @@ class Batch(Storage):
             As Python has them.
         """
         self._slots[0, : self.num_actions] = checked_actions(action, (self.num_actions,))
-        refused = advance_for(self._declared)(*self._alone, REFUSE, 0, 1)
+        refused = self._step_alone()
         if refused >= 0:
             self._raise_refusal(refused)
         obs, telemetry, rewards, flags = self._outputs
@@ -290,7 +292,7 @@ class Batch(Storage):
 
         Return the first world whose step is refused, or −1.
         """
-        kernel, arrays = advance_for(self._declared), self._arrays(outputs)
+        kernel, arrays = advance_kernel(self._declared), self._arrays(outputs)
         shares = self._threads.shares(len(self._worlds))
         if len(shares) == 1:
             return kernel(*arrays, ended, *shares[0])
@@ -307,6 +309,20 @@ class Batch(Storage):
         """Return what is stored of a world, (rows,)."""
         width = self._worlds.shape[2]
         return self._worlds[world // width, :, world % width]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy keeps: its arrays will be elsewhere."""
+        return {**self.__dict__, "_alone": None}
+
+    def _step_alone(self) -> int:
+        """Run the kernel for the only world; return 0 if its step is refused, or −1."""
+        if not COMPILES:
+            return self._run(self._outputs, REFUSE)
+        if self._alone is None:
+            arrays = self._arrays(self._outputs)
+            table = table_of(arrays)
+            self._alone = table.ctypes.data, table, arrays
+        return alone_kernel(self._declared)(self._alone[0])
 
     def _raise_refusal(self, world: int) -> NoReturn:
         """Raise what ``step`` raises for a world whose step is refused."""

@@ -19,15 +19,13 @@ import numpy as np
 from jax import lax
 from jax import numpy as jnp
 from numba import types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from pter_gym._compiled.addresses import caller, double, export, flag, single, unsigned, whole
 from pter_gym._compiled.compiler import compile_kernel, inlined
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.records import write
-from pter_gym._compiled.symbols import caller, export
-from pter_gym._engine import kernels
-from pter_gym._engine.kernels import advance_kernel, reset_kernel
+from pter_gym._engine.kernels import RESET_TYPES, advance_caller, reset_kernel
 from pter_gym._engine.law import CLUTCHES
 from pter_gym._engine.world import FLAG, FLAGS, LANES, SAME_STEP
 
@@ -51,72 +49,53 @@ version = 0
 """What a call runs, and the version of the interface; ``compile_kernel`` binds these names."""
 
 
-def _pointer(kind: Any) -> Any:
-    """Return a compiled function from an address to a pointer."""
-
-    @intrinsic
-    def to(typing: Any, address: Any) -> Any:  # noqa: ARG001
-        pointer = types.CPointer(kind)
-
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
-            return builder.inttoptr(arguments[0], context.get_value_type(pointer))
-
-        return pointer(types.int64), generate
-
-    return to
-
-
-_whole, _double, _single = _pointer(types.int64), _pointer(types.float64), _pointer(types.float32)
-_unsigned, _flag = _pointer(types.uint64), _pointer(types.boolean)
-
-
 @_njit
 def _data(buffers: int, number: int) -> int:
     """Return the address of a buffer's data."""
-    return _whole(_whole(buffers)[number])[_DATA]
+    return whole(whole(buffers)[number])[_DATA]
 
 
 @_njit
 def _dimension(buffers: int, number: int, axis: int) -> int:
     """Return a dimension of a buffer; axes count from the end as in Python."""
-    buffer = _whole(_whole(buffers)[number])
-    return _whole(buffer[_DIMENSIONS])[axis if axis >= 0 else buffer[_RANK] + axis]
+    buffer = whole(whole(buffers)[number])
+    return whole(buffer[_DIMENSIONS])[axis if axis >= 0 else buffer[_RANK] + axis]
 
 
 @_njit
 def _doubles(buffers: int, number: int) -> Any:
     """Return a buffer of 32-bit words as numbers of 64 bits."""
-    return _numba.carray(_double(_data(buffers, number)), (_dimension(buffers, number, 0) // 2,))
+    return _numba.carray(double(_data(buffers, number)), (_dimension(buffers, number, 0) // 2,))
 
 
 @_njit
 def _double_rows(buffers: int, number: int) -> Any:
     """Return a buffer of 32-bit words (…, 2 n) as rows of numbers of 64 bits, (rows, n)."""
     rows = 1
-    for axis in range(_whole(_whole(buffers)[number])[_RANK] - 1):
+    for axis in range(whole(whole(buffers)[number])[_RANK] - 1):
         rows *= _dimension(buffers, number, axis)
     return _numba.carray(
-        _double(_data(buffers, number)), (rows, _dimension(buffers, number, -1) // 2)
+        double(_data(buffers, number)), (rows, _dimension(buffers, number, -1) // 2)
     )
 
 
 @_njit
 def _singles(buffers: int, number: int, n: int, width: int) -> Any:
     """Return a buffer as numbers of 32 bits, (n, width)."""
-    return _numba.carray(_single(_data(buffers, number)), (n, width))
+    return _numba.carray(single(_data(buffers, number)), (n, width))
 
 
 @_njit
 def _flags(buffers: int, number: int, n: int) -> Any:
     """Return a buffer as flags, (n, FLAGS)."""
-    return _numba.carray(_flag(_data(buffers, number)), (n, FLAGS))
+    return _numba.carray(flag(_data(buffers, number)), (n, FLAGS))
 
 
 @_njit
 def _gather(block: Any, words: Any, rows: int, seeds: int, first: int) -> None:
     """Read the worlds from ``first`` on into a block: rows to lanes."""
-    stored = _numba.carray(_double(rows), ((first + len(words)) * block.shape[1],))
-    counts = _numba.carray(_unsigned(seeds), ((first + len(words)) * 2,))
+    stored = _numba.carray(double(rows), ((first + len(words)) * block.shape[1],))
+    counts = _numba.carray(unsigned(seeds), ((first + len(words)) * 2,))
     for i in range(len(words)):
         for row in range(block.shape[1]):
             block[0, row, i] = stored[(first + i) * block.shape[1] + row]
@@ -127,8 +106,8 @@ def _gather(block: Any, words: Any, rows: int, seeds: int, first: int) -> None:
 @_njit
 def _scatter(block: Any, words: Any, rows: int, seeds: int, first: int) -> None:
     """Write a block back: lanes to rows."""
-    stored = _numba.carray(_double(rows), ((first + len(words)) * block.shape[1],))
-    counts = _numba.carray(_unsigned(seeds), ((first + len(words)) * 2,))
+    stored = _numba.carray(double(rows), ((first + len(words)) * block.shape[1],))
+    counts = _numba.carray(unsigned(seeds), ((first + len(words)) * 2,))
     for i in range(len(words)):
         for row in range(block.shape[1]):
             stored[(first + i) * block.shape[1] + row] = block[0, row, i]
@@ -139,11 +118,11 @@ def _scatter(block: Any, words: Any, rows: int, seeds: int, first: int) -> None:
 @_njit
 def _opened(address: int, version: int) -> tuple[int, int]:
     """Return the addresses of arguments and results; none where XLA only asks for the version."""
-    frame = _whole(address)
+    frame = whole(address)
     if frame[_EXTENSION] != 0:
-        extension = _whole(frame[_EXTENSION])
+        extension = whole(frame[_EXTENSION])
         if (extension[_TYPE] & 0xFFFFFFFF) == _METADATA_TYPE:
-            metadata = _whole(extension[_METADATA])
+            metadata = whole(extension[_METADATA])
             metadata[_VERSION] = version
             metadata[_TRAITS] = 0
             return 0, 0
@@ -225,8 +204,8 @@ def _step_handler(advance: Any) -> Any:
             _scatter(block, mine, _data(results, 0), _data(results, 1), first)
             for i in range(lanes):
                 rewards[first + i, 0] = earned[i]
-                for flag in range(FLAGS):
-                    flags[first + i, flag] = told[flag, i]
+                for end in range(FLAGS):
+                    flags[first + i, end] = told[end, i]
                 if not (told[TERMINATED, i] or told[TRUNCATED, i]):
                     for entry in range(entries):
                         last[i, entry] = seen[i, entry]
@@ -290,13 +269,11 @@ def register_calls(step: str = STEP) -> None:
 
 @cache
 def _register_call(name: str) -> None:
-    symbol = f"{name}_kernel"
     if name == RESET:
-        export(reset_kernel(), kernels.RESET, symbol)
-        register(name, _reset_handler(caller(kernels.RESET, symbol)))
+        export(reset_kernel(), RESET_TYPES, symbol := f"{name}_kernel")
+        register(name, _reset_handler(caller(RESET_TYPES, symbol)))
     else:
-        export(advance_kernel(name == DECLARED_STEP), kernels.ADVANCE, symbol)
-        register(name, _step_handler(caller(kernels.ADVANCE, symbol)))
+        register(name, _step_handler(advance_caller(name == DECLARED_STEP)))
 
 
 @cache

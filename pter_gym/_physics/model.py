@@ -80,7 +80,7 @@ def deviator_of(mean: float, anisotropy: tuple[float, ...]) -> Deviator:
 
 
 def arrangement_of(machine: Machine) -> Arrangement:
-    """Return W of a machine; the dry friction of an axis belongs to the first slot with the slip of that axis."""
+    """Return W of a machine; an axis's dry friction is with the first slot of its slip."""
     rows, dry = machine.slot_rows, [0.0] * SLOTS
     for brake, friction in ((BRAKE_A, machine.arm.dry_a), (BRAKE_B, machine.arm.dry_b)):
         if friction > 0.0:

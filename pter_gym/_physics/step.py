@@ -1,5 +1,4 @@
-"""The only place where clutches, arm and friction meet: one substep, drift–kick–drift with friction
-in the kick.
+"""The stages of a substep, where clutches, arm and friction meet: drift and kick.
 
 Arm and lags move freely for half a substep, forces and friction of its middle change the velocity
 at once, and arm and lags move freely for the other half: of second order but for the explicit
@@ -205,9 +204,9 @@ def torques_at(
         impact.hand_b - impact.fictitious_b - arm.implicit * damper_b - arm.viscous_b * q.omega_b
     )
     slide_a, slide_b = torques_on_links(sliding_torques(slip, capacity), arrangement)
-    held = stuck_capacities(slip, capacity)
+    stuck = stuck_capacities(slip, capacity)
     alpha_a, alpha_b = resolve(
-        impact.m11, impact.m12, impact.m22, free_a + slide_a, free_b + slide_b, held, arrangement
+        impact.m11, impact.m12, impact.m22, free_a + slide_a, free_b + slide_b, stuck, arrangement
     )
     load_a = impact.m11 * alpha_a + impact.m12 * alpha_b - free_a
     load_b = impact.m12 * alpha_a + impact.m22 * alpha_b - free_b
@@ -231,10 +230,10 @@ def slid_velocities(
     h: float,
     arrangement: OptionalArrangement = None,
 ) -> PerClutch:
-    """Return the slip velocities [rad/s] after a kick in which clutches whose slip passes zero
-    never cease to slide.
+    """Return the slip velocities [rad/s] after a kick if no clutch that passes zero sticks.
 
-    They exert their capacity against the slip of before, so the slip passes zero on a straight line.
+    They exert their capacity against the slip of before, so the slip passes zero on a straight
+    line.
     """
     slips = PerClutch(
         passing(before.x1, after.x1, threshold),
@@ -245,8 +244,8 @@ def slid_velocities(
     slide_a, slide_b = torques_on_links(sliding_torques(slips, capacity), arrangement)
     p_a = impact.p_a + h * slide_a
     p_b = impact.p_b + h * slide_b
-    held = impulses(stuck_capacities(slips, capacity), h)
-    omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, p_a, p_b, held, arrangement)
+    stuck = impulses(stuck_capacities(slips, capacity), h)
+    omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, p_a, p_b, stuck, arrangement)
     return slip_velocities(omega_a, omega_b, arrangement)
 
 
@@ -261,7 +260,7 @@ def share_before_switch(
     h: float,
     arrangement: OptionalArrangement = None,
 ) -> float:
-    """Return the share of a kick after which the first clutch changes between sticking and slipping, 1 for none."""
+    """Return the share of a kick after which the first clutch switches, 1 if none does."""
     w = slip_velocities(q.omega_a, q.omega_b, arrangement)
     v = slip_velocities(omega.a, omega.b, arrangement)
     slid = slid_velocities(impact, w, v, capacity, threshold, h, arrangement)
@@ -291,7 +290,7 @@ def share_before_switch(
 
 @device
 def clutch_load(impact: Impact, omega_a: float, omega_b: float, h: float) -> tuple[float, float]:
-    """Return Wᵀτ [N·m], what clutches and dry friction together exerted on the links over a kick of a time h [s]."""
+    """Return Wᵀτ [N·m] that clutches and dry friction exerted on the links in a kick of h [s]."""
     return (
         (impact.m11 * omega_a + impact.m12 * omega_b - impact.p_a) / h,
         (impact.m12 * omega_a + impact.m22 * omega_b - impact.p_b) / h,
@@ -307,8 +306,7 @@ def kick_torques(
     h: float,
     arrangement: OptionalArrangement = None,
 ) -> PerClutch:
-    """Return the torque of each clutch, with dry friction, on the arm [N·m] over a kick of h [s] or
-    a part of one.
+    """Return each clutch's torque on the arm, with dry friction [N·m], over (a part of) a kick.
 
     What they exert together is a difference of momenta over h, so the shorter the time, the coarser
     its rounding.
@@ -336,7 +334,7 @@ def kick_energy(
     h: float,
     arrangement: OptionalArrangement = None,
 ) -> Energy:
-    """Return the energy terms [J] of a kick to new velocities; the damping of the hand counts as the hand's work."""
+    """Return the energy terms [J] of a kick; the hand's damping counts as the hand's work."""
     omega_a = omega.a
     omega_b = omega.b
     change_a = omega_a - q.omega_a
@@ -367,7 +365,7 @@ def kick_energy(
 
 @device
 def turning_energy(before: Motion, after: Motion, arm: Linkage) -> float:
-    """Return the kinetic energy [J] that the arm gains while it moves freely, for its mass matrix turns with it."""
+    """Return the kinetic energy [J] that the arm gains in a drift as its mass matrix turns."""
     return (
         arm.coupling
         * (cos_difference(after) - cos_difference(before))
@@ -378,11 +376,11 @@ def turning_energy(before: Motion, after: Motion, arm: Linkage) -> float:
 
 @device
 def paper_clutches(w: Any, i: int) -> None:
-    """Return what stands for the paper's clutches: code made with it costs nothing for its generality."""
+    """Return None, the arrangement of the paper's clutches: its branches compile to nothing."""
 
 
 def arrangement_from(at: Any) -> Any:
-    """Return a function of an array and a machine's column that returns the machine's ``Arrangement``."""
+    """Return a function of an array and a column that returns a machine's ``Arrangement``."""
 
     @device
     def declared(w: Any, i: int) -> Arrangement:
@@ -503,7 +501,7 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
 
     @device
     def find(w: Any, i: int, h: float) -> None:
-        """Find the velocities that a kick over a time h leads to, and whether a clutch changes within it."""
+        """Find the velocities after a kick of a time h, and whether a clutch switches in it."""
         torques = load(w, at.torques, i)
         threshold = w[at.machine.slip_threshold, i]
         q = load(w, at.motion, i)
@@ -541,7 +539,7 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
 
     @outlined
     def divide(w: Any, i: int) -> None:
-        """Take a kick in which a clutch changes in parts, each up to the next change, until one is left to take."""
+        """Take a kick in parts, each up to the next switch of a clutch, but for the last."""
         for _ in range(MAX_PARTS - 1):
             span = w[at.span, i]
             share = share_before_switch(

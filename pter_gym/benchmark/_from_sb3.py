@@ -26,8 +26,7 @@ Normalise = Callable[[Observations], Observations]
 def from_sb3(
     model: Any, vec_normalize: Any = None, frame_skip: int | None = None, *, env: Any = None
 ) -> "Model":
-    """Return a policy that runs a model deterministically in ``run_scenario``, with a recurrent
-    state for each world.
+    """Return a policy that runs a model deterministically, with a recurrent state for each world.
 
     Parameters
     ----------
@@ -69,8 +68,7 @@ def from_sb3(
 def from_actions(
     act: Callable[[Observations], Any], env: Any, frame_skip: int | None = None
 ) -> "Model":
-    """Return a policy that runs a function, from any library, that maps observations to an
-    environment's actions.
+    """Return a policy that runs a function from observations to an environment's actions.
 
     Parameters
     ----------
@@ -140,7 +138,7 @@ class Model:
             )
         clutches, top = [clutch.row for clutch in machine.clutches], machine.clutch.voltage_max
         accepted = f"{len(self._bounds)}, as the model's actions"
-        require(len(clutches) == len(self._bounds), machine, "clutches", clutches, accepted)
+        require(len(clutches) == len(self._bounds), machine, "clutches", accepted, got=clutches)
 
         def act(observations: Observations, memory: Any) -> Any:
             before, begins = [kept for kept in memory if kept], memory == 0
@@ -196,19 +194,20 @@ def _has_statistics(wrapper: Any) -> bool:
 
 
 def _frame_skip_of(env: Any) -> int:
-    """Return for how many control steps an environment holds its actions, or raise a ParameterError."""
+    """Return the ``frame_skip`` of an environment, or raise a ParameterError."""
     inner = getattr(env, "unwrapped", env)
     try:
         return inner.get_attr("frame_skip")[0] if hasattr(inner, "get_attr") else inner.frame_skip
     except AttributeError:
         raise ParameterError(
-            "frame_skip must be given, or env, the environment of the training, which has it: from_sb3(model, "
+            "frame_skip must be given, or env, the environment of the training, which has it: "
+            "from_sb3(model, "
             f"frame_skip=3) or from_sb3(model, env=env); got env = {env!r:.100}"
         ) from None
 
 
 def _normalising(wrapper: Any) -> Normalise:
-    """Return a function that normalises observations as a wrapper does, without changing its statistics."""
+    """Return a function that normalises as a wrapper does, whose statistics it does not change."""
     if wrapper is None:
         return lambda obs: obs
     if not _has_statistics(wrapper):

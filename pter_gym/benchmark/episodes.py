@@ -124,8 +124,7 @@ def find_episodes(
     seed: int | None = None,
     machine: Machine | str | None = None,
 ) -> Episodes:
-    """Return a scenario's stored evaluation episodes at a pace, or fresh ones from a seed within
-    [0, 2⁶⁴).
+    """Return a scenario's stored evaluation episodes at a pace, or fresh ones from a seed.
 
     There are as many fresh episodes as stored ones in each stratum, in an order given by the seed;
     each pace has its own draws. A machine replaces those that fresh episodes would draw. Raises as
@@ -160,8 +159,7 @@ def training_episodes(
 
 
 def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDER) -> Path:
-    """Write the evaluation episodes of a scenario to a folder, created if needed, and return the
-    path of the file.
+    """Write the evaluation episodes of a scenario to a folder, and return the path of the file.
 
     Equal machines and tasks are stored once, and the same episodes give the same bytes. ``version``
     is the scenario's.

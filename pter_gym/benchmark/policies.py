@@ -167,7 +167,7 @@ def _resolve(name: str, policy: Any, scenario: str) -> AnyPolicy:
 
 
 def _text_of(name: object) -> str:
-    """Return a name or path as text that shows which of the two it is, or raise a ParameterError."""
+    """Return a name or path as text that shows which of the two it is."""
     if isinstance(name, str):
         return name
     if not isinstance(name, os.PathLike):
@@ -213,7 +213,8 @@ def _import(name: str) -> Any:
         ) from None
     except TypeError as error:
         raise ParameterError(
-            f"policies must name an instance, or a class that needs no arguments, got {name!r}: {error}"
+            "policies must name an instance, or a class that needs no arguments, "
+            f"got {name!r}: {error}"
         ) from None
 
 

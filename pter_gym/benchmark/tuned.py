@@ -1,9 +1,8 @@
-"""Controllers with shipped gains: tuned ones, and the paper's with a damper for each commanded
-pace.
+"""Controllers with shipped gains: tuned ones, and the paper's with a damper for each pace.
 
 ``presets/tuned.toml`` has a table for each scenario, controller and pace: the gains that ``pter
 tune`` found on training draws, the defaults of all others, the search command, and scores on draws
-that the search had not seen. ``presets/dampers.toml``, which ``docs/make/store.py dampers`` writes, has
+that the search had not seen. ``presets/dampers.toml``, by ``docs/make/store.py dampers``, has
 the damper along the path with which the paper's gains, made for about 0.5 m/s, keep a commanded
 pace on a scenario's training draws.
 """
@@ -31,14 +30,13 @@ FALLBACK = "everything"
 """The scenario whose gains serve where there are none for another."""
 
 HOLD = 1e-6
-"""Fraction of a commanded pace about it in which its damper holds: far more than the rounding of a float32."""
+"""Part of a pace about it in which its damper holds: far more than a float32 rounds."""
 
 Table = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
 
 
 def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE) -> PaceSchedule:
-    """Return a controller, such as ``torque-feedback-tuned``, whose tuned gains follow the
-    commanded pace.
+    """Return a controller, such as ``impedance-tuned``, whose gains follow the commanded pace.
 
     Parameters
     ----------
@@ -65,14 +63,14 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
                 (pace, controller_of(controller, entry, path)) for pace, entry in entries.items()
             )
     raise ParameterError(
-        f"policies: there are no tuned gains of {controller!r} for {scenario or FALLBACK!r} or {FALLBACK!r}; "
+        f"policies: there are no tuned gains of {controller!r} for "
+        f"{scenario or FALLBACK!r} or {FALLBACK!r}; "
         f"`pter tune {controller}` finds some"
     )
 
 
 def read_tuned(path: FilePath, scenario: str | None = None) -> PaceSchedule:
-    """Return the controller in a file of ``pter tune --out``: with the gains for a scenario, or all
-    if it has none.
+    """Return the controller in a file of ``pter tune --out``, with the gains for a scenario.
 
     Raises a ParameterError if it does not exist or has several controllers, a DataError if it is
     another kind of file.
@@ -95,7 +93,7 @@ def read_tuned(path: FilePath, scenario: str | None = None) -> PaceSchedule:
 
 
 def find_paced(name: str, scenario: str | None) -> Controller:
-    """Return a controller by its name, with a damper for each pace if there are some for it and the scenario."""
+    """Return a controller by its name, with a damper for each pace where there are some."""
     controller = CONTROLLERS[name]()
     dampers = scenario and damping_table().get(scenario, damping_table()[FALLBACK]).get(name)
     if not dampers or not isinstance(controller, Impedance):
@@ -130,14 +128,14 @@ def read_table(path: FilePath = TABLE) -> Table:
                         or not isinstance(entry["gains"], dict)
                     ):
                         raise ValueError(
-                            f"{scenario}.{controller}.{pace} must hold gains of a controller at a pace"
+                            f"{scenario}.{controller}.{pace} must hold gains of a "
+                            "controller at a pace"
                         )
     return table
 
 
 def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
-    """Return a controller with the gains of an entry, or raise a DataError if one is unknown or out
-    of range.
+    """Return a controller with the gains of an entry, or raise a DataError if one is wrong.
 
     Unnamed gains take the defaults stored with it.
     """

@@ -42,8 +42,7 @@ LOOP: Search = {"feedback": (0.01, 5.0), "hold_when_stuck": (False, True)}
 
 @dataclass(frozen=True, kw_only=True)
 class Guided:
-    """A controller that computes a desired tip force, clutch torques for it, and their voltages
-    from a table.
+    """A controller that computes a tip force, clutch torques for it, and their voltages.
 
     The controller knows the nominal machine that it is bound to: its link lengths and inertias, and
     the dynamic torque curve at ``table_volts``. Between these it interpolates, so its table is not
@@ -54,7 +53,7 @@ class Guided:
     damping_tangential: float = quantity("N·s/m", "fitted: damper along the path", default=106.4)
     pace_fraction: float = quantity(
         "1",
-        "chosen: the damper along the path leaves this fraction of the commanded pace alone; paper: 0",
+        "chosen: the damper along the path leaves this part of the commanded pace alone; paper: 0",
         default=0.0,
     )
     pace_integral: float = quantity(
@@ -64,7 +63,7 @@ class Guided:
     )
     grip: float = quantity(
         "1",
-        "chosen: control steps at the start of an episode with all clutches fully engaged; paper: 0",
+        "chosen: control steps at the start with all clutches fully engaged; paper: 0",
         default=0.0,
     )
     table_volts: tuple[float, ...] = quantity(
@@ -87,9 +86,11 @@ class Guided:
         "grip": (0.0, 30.0),
         "slip_threshold": (1e-3, 0.2),
     }
-    """Ranges of the gains in SI, as ``pter tune`` reads them. ``braking`` stands for the damper along
-    the path: the force [N] with which it holds the hand back at the commanded pace, which has to
-    balance the hand's push whatever the other gains are."""
+    """Ranges of the gains in SI, as ``pter tune`` reads them.
+
+    ``braking`` stands for the damper along the path: the force [N] with which it holds the hand
+    back at the commanded pace. It has to balance the hand's push whatever the other gains are.
+    """
 
     ranges: ClassVar[dict[str, dict[str, float]]] = {
         "pace_fraction": {"at_least": 0.0, "at_most": 1.0}
@@ -108,17 +109,17 @@ class Guided:
         rising = self.table_volts[:1] == (0.0,) and all(
             a < b for a, b in pairwise(self.table_volts)
         )
-        require(rising, self, "table_volts", self.table_volts, "a tuple of rising voltages from 0")
+        require(rising, self, "table_volts", "a tuple of rising voltages from 0")
 
     def gains(self) -> Gains:
-        """Return the gains as the law reads them: the fields of the same names, and 0 for gains of other laws."""
+        """Return the gains as the law reads them, 0 for those of other laws."""
         arrangement = vars(self)
         return Gains(
             **{name: float(arrangement[name]) for name in Gains._fields if name in arrangement}
         )
 
     def at(self, pace: float) -> "Guided":  # noqa: ARG002
-        """Return itself, whose gains are the same at every commanded pace [m/s]; see ``PaceSchedule.at``."""
+        """Return itself, the gains for every commanded pace [m/s]; see ``PaceSchedule.at``."""
         return self
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
@@ -135,7 +136,7 @@ class Guided:
 
 @dataclass(frozen=True, kw_only=True)
 class Impedance(Guided):
-    """Spring and damper normal to the path, damper along it; allocation; piecewise-linear torque table."""
+    """Spring and damper normal to the path, damper along it; allocation; torque table."""
 
     kind = IMPEDANCE
     label = "Impedance"
@@ -171,8 +172,7 @@ class TorqueFeedback(Impedance):
 
 @dataclass(frozen=True, kw_only=True)
 class Steering(Guided):
-    """A damper along the path for the pace, and a law that turns the tip's velocity u·t towards a
-    desired direction.
+    """A damper along the path for the pace, and a law that turns the tip's velocity.
 
     With the distance e from the path, its tangent t, normal n and curvature κ, and the speed v
     along it, the desired direction is t + (lead·κ·v − approach·e)·n. The torque loop is that of
@@ -231,8 +231,7 @@ class SingleDof(Steering):
 
 @dataclass(frozen=True, kw_only=True)
 class VelocityRatio(Steering):
-    """Velocity ratio: couple the axes so that the ratio of their velocities moves the tip in the
-    desired direction.
+    """Velocity ratio: couple the axes so that the tip moves in the desired direction.
 
     J⁻¹ turns the desired direction into a ratio of joint velocities. A joint torque normal to it,
     strength·sin δ with the angle δ between joint velocity and desired ratio, turns the joint
@@ -254,8 +253,7 @@ class VelocityRatio(Steering):
 
 @dataclass(frozen=True)
 class PaceSchedule:
-    """One controller for all paces: gains piecewise linear in the commanded pace, between those of
-    its knots.
+    """One controller for all paces: gains piecewise linear in the commanded pace.
 
     Below the first pace and above the last, the gains of that knot apply. Boolean gains are those
     of the nearer knot.
@@ -279,17 +277,15 @@ class PaceSchedule:
         knots = self.knots
         given: Any = knots
         are_knots = isinstance(given, tuple) and len(knots) > 0 and all(map(_is_knot, knots))
-        require(are_knots, self, "knots", knots, accepted)
-        require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", knots, accepted)
+        require(are_knots, self, "knots", accepted)
+        require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", accepted)
         alike = {(type(controller), controller.table_volts) for _, controller in knots}
-        require(
-            len(alike) == 1, self, "knots", knots, "controllers of one kind with one table_volts"
-        )
+        require(len(alike) == 1, self, "knots", "controllers of one kind with one table_volts")
         require_number(self, "hold", at_least=0.0, below=1.0)
         apart = all(
             a * (1.0 + self.hold) < b * (1.0 - self.hold) for (a, _), (b, _) in pairwise(knots)
         )
-        require(apart, self, "hold", self.hold, "small enough to leave room between the knots")
+        require(apart, self, "hold", "small enough to leave room between the knots")
 
     def at(self, pace: float) -> Guided:
         """Return the controller of the knot at a commanded pace [m/s].

@@ -1,4 +1,4 @@
-"""The kernel that runs a control law in many worlds; laws of users are compiled with bounds checks."""
+"""The kernel that runs a control law in many worlds; users' laws have their bounds checked."""
 
 import math
 from collections.abc import Callable

@@ -2,7 +2,7 @@
 
 A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation,
 ``obs·scales`` is in physical units, ``gains`` belongs to the law (its first entry is its kind) and
-``memory`` to one world (see ``Memory``). ``pter_gym.controllers._law_kernel`` runs it in many worlds.
+``memory`` to one world (see ``Memory``). ``_law_kernel`` runs a law in many worlds.
 """
 
 from typing import Any
@@ -120,7 +120,7 @@ def steps_before(obs: Any, memory: Any) -> float:
 
 @device
 def pace_integral(g: Gains, tip: Tip, pace: float, memory: Any) -> float:
-    """Return the integral of the pace [N] after one more control step: ``pace_integral``·(speed − pace) is added."""
+    """Return the pace's integral [N] after a control step, which adds gain·(speed − pace)."""
     more = g.pace_integral * (speed_along(tip) - pace)
     memory[MEMORY.brake] = clamp(memory[MEMORY.brake] + more, -BRAKE_LIMIT, BRAKE_LIMIT)
     return memory[MEMORY.brake]
@@ -145,7 +145,7 @@ def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 @device
 def guide_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-    """Return the voltages of a guiding law for the clutches in the ``Arrangement`` at the end of the gains."""
+    """Return the voltages of a guiding law for the ``Arrangement`` at the end of the gains."""
     return guide_by(obs, scales, gains, memory, read(gains, ARRANGEMENT, gains.shape[0]))
 
 
@@ -191,7 +191,7 @@ def passive_torques(
     want_b: float,
     arrangement: OptionalArrangement = None,
 ) -> PerClutch:
-    """Return the torques [N·m] of braking clutches that come closest in joint torque, or in tip force."""
+    """Return the torques [N·m] of braking clutches that come closest, at the joints or the tip."""
     low = least_torque(slip, g.slip_threshold, nominal.torque_limit, nominal.scale)
     high = largest_torque(slip, g.slip_threshold, nominal.torque_limit, nominal.scale)
     m11, m12, m22 = 1.0, 0.0, 1.0
@@ -218,8 +218,7 @@ def looped_voltage(
     slip: float,
     sensor: float,
 ) -> float:
-    """Return the voltage [V] of a clutch, after the torque loop if it has a gain; only then is its
-    sensor read.
+    """Return the voltage [V] of a clutch, after the torque loop if it has a gain.
 
     It is at least ``least``, except for a missing clutch.
     """
@@ -245,7 +244,7 @@ def random_volts(gains: Any, memory: Any) -> PerClutch:
 
 @outlined
 def network(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-    """Return the voltages of a trained network, which may correct a guiding law for the paper's clutches."""
+    """Return the voltages of a trained network, which may correct a guiding law."""
     law = gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])]
     base = guide(obs, scales, law, memory) if len(law) > 0 else middle(gains)
     return decide(obs, scales, gains, memory, base)
@@ -253,7 +252,7 @@ def network(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 @device
 def middle(gains: Any) -> PerClutch:
-    """Return the voltages [V] that a network without a base controller corrects: the middle of the range."""
+    """Return the voltages [V] that a network corrects without a base: the middle of the range."""
     half = 0.5 * gains[HEADER.voltage_max]
     return PerClutch(half, half, half, half)
 
@@ -272,7 +271,7 @@ def built_in(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 @device
 def built_in_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-    """Return the voltages of the guiding law or the trained network that the first gain names, for other clutches."""
+    """Return the voltages of the law that the first gain names, for declared clutches."""
     corrects = gains[0] == NETWORK
     law = gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])] if corrects else gains
     base = guide_declared(obs, scales, law, memory) if len(law) > 0 else middle(gains)

@@ -206,12 +206,13 @@ def bind(policy: AnyPolicy, machine: Machine | str | None, layout: Layout) -> Po
         raise ParameterError(f"policy must have a method bind or be callable, got {policy!r:.200}")
     if hasattr(policy, "reset"):
         raise ParameterError(
-            "policy must remember nothing by itself: Policy.of_function(act, layout, start=…) makes a "
+            "policy must remember nothing by itself: "
+            "Policy.of_function(act, layout, start=…) makes a "
             f"policy with a memory, got {policy!r:.200} with a method reset"
         )
     return Policy.of_function(policy, layout, frame_skip=getattr(policy, "frame_skip", None))
 
 
 def sensors_of(policy: AnyPolicy) -> Any:
-    """Return the sensors that a policy needs: those in its ``sensors``, otherwise torque sensors."""
+    """Return the sensors in a policy's ``sensors``, by default torque sensors."""
     return getattr(policy, "sensors", "torque")

@@ -1,4 +1,4 @@
-"""Policies that act in environments: bound to their machine and observations, with actions in their unit."""
+"""Policies that act in environments, with actions in the environment's unit."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym.controllers import AnyPolicy, bind
-from pter_gym.envs._shared import nominal_machine
+from pter_gym.envs._mixin import nominal_machine
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following._actions import action_of
@@ -38,8 +38,7 @@ CHANGING_MODULES = (
 
 
 class ActingPolicy:
-    """A policy in one environment: ``policy(observation) -> action``; ``pter_gym.load_policy``
-    makes one.
+    """A policy in one environment: ``policy(observation) -> action``.
 
     Call it once per step of the environment, and ``reset`` where episodes begin.
 
@@ -148,13 +147,14 @@ class ActingPolicy:
 
 
 def attributes(env: Any, name: str) -> set[Any]:
-    """Return the distinct values of an attribute of the unwrapped environments, or raise a ParameterError."""
+    """Return the distinct values of an attribute of the unwrapped environments."""
     base = getattr(env, "unwrapped", env)
     try:
         return set(base.get_attr(name)) if hasattr(base, "get_attr") else {getattr(base, name)}
     except AttributeError:
         raise ParameterError(
-            f"env must be an environment of this package, as gymnasium.make and gymnasium.make_vec return it, "
+            "env must be an environment of this package, "
+            f"as gymnasium.make and gymnasium.make_vec return it, "
             f"got {env!r:.100}"
         ) from None
 

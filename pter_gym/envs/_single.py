@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.plugins import load_artist
-from pter_gym.envs._shared import Arguments, Worlds
+from pter_gym.envs._mixin import Arguments, WorldsMixin
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
@@ -16,7 +16,7 @@ from pter_gym.tasks.path_following import COLUMN, PathFollowing
 RenderMode = Literal["human", "rgb_array"]
 
 
-class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # pyright: ignore[reportIncompatibleVariableOverride]
+class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # pyright: ignore[reportIncompatibleVariableOverride]
     """A hand pushes a passive planar arm along a path; four friction clutches keep it there.
 
     ## Description

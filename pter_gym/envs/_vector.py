@@ -14,7 +14,7 @@ from pter_gym._engine.batch import Array, Observations, Returns
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.computer import available_cores, available_memory
 from pter_gym._internal.plugins import load_artist
-from pter_gym.envs._shared import Arguments, Worlds
+from pter_gym.envs._mixin import Arguments, WorldsMixin
 from pter_gym.errors import ParameterError
 from pter_gym.tasks.path_following._telemetry import COLUMNS
 
@@ -27,7 +27,9 @@ _ENDED = {
 }
 
 
-class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):  # pyright: ignore[reportIncompatibleVariableOverride]
+class PathFollowingVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
+    WorldsMixin, VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
+):
     """N worlds of ``PathFollowingEnv`` in one compiled call.
 
     A world with seed s goes through the same episodes, bit for bit, as a single environment that is

@@ -1,5 +1,4 @@
-"""The adjoint of a rollout: control steps forward on the simulator's own functions, and backward
-through each substep.
+"""The adjoint of a rollout: control steps forward, then backward through each stage.
 
 Forward, the state at each control instant is kept. Backward, a control step is simulated again from
 there, and its stages are gone through from the last to the first: drift, kick, and what the
@@ -49,8 +48,7 @@ aim, drift, _ = substep_on(BODY, load_on)
 
 
 class Kick(NamedTuple):
-    """A kick's stages, as ``substep_on`` makes them, each of a column of an array with the rows
-    ``BODY``.
+    """A kick's stages, as ``substep_on`` makes them, on columns with the rows ``BODY``.
 
     Attributes
     ----------
@@ -108,7 +106,7 @@ def _drift_adjoint(body: Any, bar: Any, h: float, whole: bool, aims: bool) -> No
 
 @device
 def _take_adjoint(bar: Any) -> None:
-    """Pull adjoints back through the step from the velocities of before a kick to those that were found."""
+    """Pull adjoints back from the velocities after a kick to those that ``find`` stores."""
     bar[BODY.omega.a, 0] += bar[OMEGA.a, 0]
     bar[BODY.omega.b, 0] += bar[OMEGA.b, 0]
     store(bar, OMEGA, 0, PerLink(0.0, 0.0))
@@ -250,10 +248,10 @@ backward_step: Any = None
 
 
 def _build_forward(digest: str) -> Any:
-    def forward(given: Any, volts: Any, force: Any, target: Any, h: float, states: Any) -> None:
+    def forward(start: Any, volts: Any, force: Any, target: Any, h: float, states: Any) -> None:
         """Fill the states at the control instants, (steps + 1, entries)."""
         _ = digest
-        body = scratch(given)
+        body = scratch(start)
         for row in range(FIRST, LAST):
             states[0, row - FIRST] = body[row, 0]
         nothing = np.empty((0, 0))
@@ -270,7 +268,7 @@ def _build_forward(digest: str) -> Any:
 
 def _build_backward(digest: str) -> Any:
     def backward(
-        given: Any,
+        start: Any,
         volts: Any,
         force: Any,
         target: Any,
@@ -284,7 +282,7 @@ def _build_backward(digest: str) -> Any:
     ) -> None:
         """Fill the adjoints of the inputs, and of a body's entries, by those of the states."""
         _ = digest
-        body = scratch(given)
+        body = scratch(start)
         tape = np.empty((stage_count(force.shape[1]), _STATE + _STEADY + 1))
         bar[:] = 0.0
         for n in range(volts.shape[0] - 1, -1, -1):
@@ -307,7 +305,7 @@ def _build_backward(digest: str) -> Any:
 
 @cache
 def kernels(*, has_paper_clutches: bool) -> tuple[Any, Any]:
-    """Return ``forward`` and ``backward`` of whole rollouts, for the paper's clutches or other ones."""
+    """Return ``forward`` and ``backward`` of rollouts, for the paper's or declared clutches."""
     stages = kick_stages(paper_clutches if has_paper_clutches else arrangement_from(BODY))
     forward, backward = _forward_on(stages.whole), _backward_on(stages)
     backward_kernel = compile_kernel(_build_backward, forward_step=forward, backward_step=backward)

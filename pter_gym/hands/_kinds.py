@@ -116,7 +116,7 @@ def eq5(force_max: float, push: float) -> MultiSineHand:
 
 
 RELAXED = Hand(mass=0.6, damping=6.0, stiffness=120.0)
-"""A relaxed human arm at the hand. The three presets lie in the ranges that ``HumanArm`` states."""
+"""A relaxed human arm at the hand. The three lie in the ranges that ``HumanArm`` states."""
 
 NORMAL = Hand(mass=1.2, damping=14.0, stiffness=300.0)
 """A human arm as one holds it in a task of some accuracy."""
@@ -125,7 +125,7 @@ TENSE = Hand(mass=2.0, damping=28.0, stiffness=600.0)
 """A human arm with its muscles tensed against disturbances."""
 
 HUMAN_ARMS = {"relaxed": RELAXED, "normal": NORMAL, "tense": TENSE}
-"""Presets of a human arm's mass, damping and stiffness by name."""
+"""A human arm's mass, damping and stiffness by name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,13 +169,7 @@ class HumanArm(Operator):
     def __post_init__(self) -> None:
         """Check that the arm has a spring."""
         super().__post_init__()
-        require(
-            self.impedance.stiffness > 0.0,
-            self,
-            "impedance.stiffness",
-            self.impedance.stiffness,
-            "> 0 N/m",
-        )
+        require(self.impedance.stiffness > 0.0, self, "impedance.stiffness", "> 0 N/m")
 
     def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:  # noqa: ARG002
         """Return its constants for the kernels; see ``Operator``."""
@@ -222,8 +216,8 @@ class RecordedForces(Operator):
             self.times[-1] <= longest,
             self,
             "times",
-            self.times[-1],
             f"in seconds, up to {longest:g} s",
+            got=self.times[-1],
         )
         instants = period * np.arange(math.ceil(self.times[-1] / period) + 1)
         return np.stack(

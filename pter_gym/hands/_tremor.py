@@ -106,16 +106,10 @@ class TremorArm(HumanArm):
             If there are more than ``MAX_INSTANTS``, or a period of the tremor has less than four.
         """
         longest = MAX_INSTANTS * period
-        require(
-            self.lasts <= longest, self, "lasts", self.lasts, f"in seconds, up to {longest:g} s"
-        )
+        require(self.lasts <= longest, self, "lasts", f"in seconds, up to {longest:g} s")
         fastest = 0.25 / period
         require(
-            self.frequency <= fastest,
-            self,
-            "frequency",
-            self.frequency,
-            f"≤ {fastest:g} Hz at this control period",
+            self.frequency <= fastest, self, "frequency", f"≤ {fastest:g} Hz at this control period"
         )
         kept = float(np.sinc(self.frequency * period)) ** 2
         force = self.tremor(np.arange(math.ceil(self.lasts / period) + 1.0) * period) / kept

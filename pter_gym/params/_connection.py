@@ -23,16 +23,12 @@ class Connection(Checked):
         """Check both."""
         super().__post_init__()
         require(
-            self.name.isprintable() and 0 < len(self.name) <= 40,
-            self,
-            "name",
-            self.name,
-            "1 to 40 characters",
+            self.name.isprintable() and 0 < len(self.name) <= 40, self, "name", "1 to 40 characters"
         )
         accepted = "(0, 1), (1, 0), (1, −r) or (1, r) with 0.01 ≤ r ≤ 100"
         a, b = self.row
         fits = (a, b) == (0.0, 1.0) or (a == 1.0 and (b == 0.0 or 0.01 <= abs(b) <= 100.0))
-        require(fits, self, "row", self.row, accepted)
+        require(fits, self, "row", accepted)
         object.__setattr__(self, "row", (float(a), float(b)))
 
 

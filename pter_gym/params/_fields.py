@@ -4,6 +4,7 @@ import math
 from dataclasses import MISSING, field, fields
 from functools import cache
 from numbers import Integral
+from operator import attrgetter
 from typing import Any, Literal, cast, get_args, get_origin, get_type_hints
 
 from pter_gym._internal.checks import is_finite
@@ -73,14 +74,18 @@ class Checked:
                 require_numbers(self, name, **limits)
             elif get_origin(kind) is Literal:
                 value, accepted = getattr(self, name), get_args(kind)
-                require(value in accepted, self, name, value, f"one of {', '.join(accepted)}")
+                require(value in accepted, self, name, f"one of {', '.join(accepted)}")
             elif isinstance(kind, type):
                 require_kind(self, name, kind)
 
 
-def require(condition: bool, owner: object, name: str, value: object, accepted: str) -> None:
-    """Raise a ParameterError that names the field and what it accepts, unless a condition holds."""
+def require(condition: bool, owner: object, name: str, accepted: str, *, got: Any = None) -> None:
+    """Raise a ParameterError that names a field and what it accepts, unless a condition holds.
+
+    ``got`` is what the message shows in place of the field's value; a name may have several parts.
+    """
     if not condition:
+        value = attrgetter(name)(owner) if got is None else got
         raise ParameterError(
             f"{type(owner).__name__}.{name} must be {accepted}, got {value!r:.200}"
         )
@@ -128,7 +133,7 @@ def require_whole(owner: object, name: str, *, at_least: int = 1, below: float =
         type(value) is not bool and isinstance(value, Integral) and at_least <= int(value) < below
     )
     accepted = f"a whole number ≥ {at_least}{f' and < {below:g}' if math.isfinite(below) else ''}"
-    require(fits, owner, name, value, accepted)
+    require(fits, owner, name, accepted)
     object.__setattr__(owner, name, int(value))
 
 
@@ -136,7 +141,7 @@ def require_kind(owner: object, name: str, *kinds: type) -> None:
     """Raise a ParameterError unless the field is of one of these types."""
     value = getattr(owner, name)
     accepted = " or ".join(kind.__name__ for kind in kinds)
-    require(isinstance(value, kinds), owner, name, value, f"of type {accepted}")
+    require(isinstance(value, kinds), owner, name, f"of type {accepted}")
 
 
 def require_flag(owner: object, name: str) -> None:
@@ -153,4 +158,4 @@ def require_numbers(
     fits = numbers is value and all(is_finite(x) and at_least <= x <= MAX_NUMBER for x in numbers)
     size = "" if count is None else f"{count} "
     accepted = f"a tuple of {size}finite numbers from {at_least:g} to {MAX_NUMBER:g}"
-    require(fits and count in (None, len(numbers)), owner, name, cast(Any, value), accepted)
+    require(fits and count in (None, len(numbers)), owner, name, accepted)

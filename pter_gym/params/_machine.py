@@ -138,7 +138,11 @@ class Clutch(Checked):
             curve: TorqueCurve = getattr(self, name)
             end = curve.slope + 2.0 * curve.curvature * max(self.voltage_max - curve.knee, 0.0)
             require(
-                end > 0.0, self, name, curve, f"monotone up to voltage_max = {self.voltage_max:g} V"
+                end > 0.0,
+                self,
+                name,
+                f"monotone up to voltage_max = {self.voltage_max:g} V",
+                got=curve,
             )
 
 
@@ -170,7 +174,7 @@ class Hand(Checked):
         super().__post_init__()
         for name in ("damping_anisotropy", "stiffness_anisotropy"):
             value = getattr(self, name)
-            require(math.hypot(*value) <= 1.0, self, name, value, "(e, f) with √(e² + f²) ≤ 1")
+            require(math.hypot(*value) <= 1.0, self, name, "(e, f) with √(e² + f²) ≤ 1")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -225,7 +229,6 @@ class Machine(Checked):
             most * self.substep**2 <= 0.25 * mass,
             self,
             "hand.stiffness",
-            self.hand.stiffness,
             f"≤ {0.25 * mass / self.substep**2:g} N/m, so that substep²·stiffness is at most "
             "a quarter of the tip's mass",
         )
@@ -242,18 +245,18 @@ class Machine(Checked):
             and len({clutch.name for clutch in clutches}) == len(clutches)
         )
         accepted = f"1 to {SLOTS} Connections with different names"
-        require(fits, self, "clutches", clutches, accepted)
+        require(fits, self, "clutches", accepted)
         rows = self.slot_rows
         accepted = f"of at least two different rows, if there are {SLOTS}"
-        require(len({*rows}) > 1, self, "clutches", clutches, accepted)
+        require(len({*rows}) > 1, self, "clutches", accepted)
         ratios = sorted({b for a, b in rows if a != 0.0})
         apart = all(high - low >= 0.01 * max(abs(low), abs(high)) for low, high in pairwise(ratios))
         accepted = "of rows that are equal or differ by 1 % at least"
-        require(apart, self, "clutches", clutches, accepted)
+        require(apart, self, "clutches", accepted)
         for name, brake in (("dry_a", BRAKE_A), ("dry_b", BRAKE_B)):
             there = getattr(self.arm, name) == 0.0 or brake.row in rows
             accepted = f"0 where {SLOTS} clutches leave no slot to a brake ({brake.name})"
-            require(there, self.arm, name, getattr(self.arm, name), accepted)
+            require(there, self.arm, name, accepted)
 
     @property
     def slot_rows(self) -> tuple[tuple[float, float], ...]:
@@ -280,7 +283,7 @@ class Machine(Checked):
 def require_paper_clutches(machine: Machine, why: str) -> None:
     """Raise a ParameterError unless W is the paper's."""
     rows = [clutch.row for clutch in machine.clutches]
-    require(machine.has_paper_clutches, machine, "clutches", rows, f"the paper's four: {why}")
+    require(machine.has_paper_clutches, machine, "clutches", f"the paper's four: {why}", got=rows)
 
 
 def tip_mass(arm: Arm) -> float:

@@ -65,7 +65,7 @@ class Arc(Path):
     def __post_init__(self) -> None:
         """Check that it turns."""
         super().__post_init__()
-        require(self.angle != 0.0, self, "angle", self.angle, "a turn other than 0")
+        require(self.angle != 0.0, self, "angle", "a turn other than 0")
 
     def make_arcs(self) -> Arcs:
         """Return the chain of one arc."""
@@ -211,11 +211,7 @@ class Polyline(Path):
     def _fits(self, straight: float, turn: float) -> None:
         fits = straight >= 0.0 and abs(turn) < math.pi - 1e-6
         require(
-            fits,
-            self,
-            "radius",
-            self.radius,
-            "small enough for the rounded corners to fit between the points",
+            fits, self, "radius", "small enough for the rounded corners to fit between the points"
         )
 
 
@@ -249,7 +245,7 @@ def check_points(path: "Spline | Polyline") -> None:
         f"2 to {MAX_POINTS} points (x, y) of finite numbers up to {MAX_COORDINATE:g} m, "
         "none twice in a row"
     )
-    require(2 <= len(points) <= MAX_POINTS, path, "points", path.points, accepted)
+    require(2 <= len(points) <= MAX_POINTS, path, "points", accepted)
     if fault := fault_in(points, lambda k: f"point {k}"):
         raise ParameterError(f"{type(path).__name__}.points must be {accepted}: {fault}")
 

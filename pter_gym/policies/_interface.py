@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from pter_gym._compiled.layout import Layout
+from pter_gym._physics.arm import UnitVector, Vector, components
 from pter_gym.controllers import PaceSchedule
 from pter_gym.controllers._network import BASE_INPUTS, DERIVED
 from pter_gym.params import (
@@ -110,13 +111,13 @@ class Interface:
     def __post_init__(self) -> None:
         """Check each field by itself."""
         known = {type(each) for each in self.inputs} == {Input} and len(self.inputs) <= MAX_INPUTS
-        require(known, self, "inputs", self.inputs, f"1 to {MAX_INPUTS} inputs")
+        require(known, self, "inputs", f"1 to {MAX_INPUTS} inputs")
         for name in ("reach", "voltage_max"):
             require_number(self, name, above=0.0)
         require_kind(self, "base", PaceSchedule, type(None))
         require_flag(self, "normalised")
         absolute = not (self.normalised and self.base)
-        require(absolute, self, "normalised", self.normalised, "False with a base controller")
+        require(absolute, self, "normalised", "False with a base controller")
         require_whole(self, "frame_skip")
         for name, largest in (("history", MAX_DELAY), ("averages", MAX_AVERAGE)):
             steps: tuple[int, ...] = getattr(self, name)
@@ -126,12 +127,14 @@ class Interface:
                 whole and all(a < b for a, b in pairwise((0, *steps, largest + 1))),
                 self,
                 name,
-                steps,
                 accepted,
+                got=steps,
             )
         require_kind(self, "clutches", tuple)
         for row in self.clutches:
-            require(type(row) is tuple and len(row) == 2, self, "clutches", row, "pairs of numbers")
+            require(
+                type(row) is tuple and len(row) == 2, self, "clutches", "pairs of numbers", got=row
+            )
 
     @property
     def size(self) -> int:
@@ -160,11 +163,10 @@ def quantities(physical: Any, base: Any, layout: Layout, *, residual: bool) -> A
         Whether the base's voltages are among the quantities.
     """
     known = dict(zip(layout.names, physical.T, strict=True))
-    cos, sin = known["heading_cos"], known["heading_sin"]
+    heading = Vector(known["heading_cos"], known["heading_sin"])
     derived: list[Any] = []
     for link in ("a", "b"):
-        cos_link, sin_link = known[f"cos_{link}"], known[f"sin_{link}"]
-        derived += [cos * cos_link + sin * sin_link, sin * cos_link - cos * sin_link]
+        derived += components(heading, UnitVector(known[f"cos_{link}"], known[f"sin_{link}"]))
     library = physical.__array_namespace__()
     columns = [physical, library.stack(derived, axis=1)]
     return library.concat([*columns, base] if residual else columns, axis=1)

@@ -31,8 +31,7 @@ def are_hidden(sizes: tuple[int, ...]) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class TrainedPolicy:
-    """A trained policy; like a controller, it is bound to a nominal machine and a layout before it
-    acts.
+    """A trained policy; like a controller, it acts once it is bound.
 
     Attributes
     ----------
@@ -64,7 +63,8 @@ class TrainedPolicy:
         outputs = len(self.interface.clutches)
         if not self.layers or not are_hidden(sizes[1:-1]) or sizes[-1] != outputs:
             raise DataError(
-                f"layers must be 1 to {MAX_LAYERS} of at most {MAX_UNITS} units that end in {outputs}, got {sizes}"
+                f"layers must be 1 to {MAX_LAYERS} of at most {MAX_UNITS} units that end in "
+                f"{outputs}, got {sizes}"
             )
         for k, ((weight, bias), (before, after)) in enumerate(
             zip(self.layers, pairwise(sizes), strict=True)
@@ -79,7 +79,8 @@ class TrainedPolicy:
                     or not np.isfinite(array).all()
                 ):
                     raise DataError(
-                        f"layer_{k}.{what} must be finite float32 {shape}, got {array.dtype} {array.shape}"
+                        f"layer_{k}.{what} must be finite float32 {shape}, "
+                        f"got {array.dtype} {array.shape}"
                     )
 
     @property
@@ -88,8 +89,7 @@ class TrainedPolicy:
         return (self.interface.size, *(bias.size for _, bias in self.layers))
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
-        """Return the policy for a nominal machine and the layout of the observations that it will
-        get.
+        """Return the policy for a nominal machine and the layout of its observations.
 
         Raises
         ------
@@ -103,15 +103,15 @@ class TrainedPolicy:
             top == interface.voltage_max,
             machine.clutch,
             "voltage_max",
-            top,
             f"{interface.voltage_max:g} V",
+            got=top,
         )
         require(
             rows == interface.clutches,
             machine,
             "clutches",
-            rows,
             f"{interface.clutches}, as in its training",
+            got=rows,
         )
         names = available(layout, residual=interface.base is not None)
         for each in interface.inputs:

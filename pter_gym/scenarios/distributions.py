@@ -124,7 +124,7 @@ class OneOf:
 
     def __post_init__(self) -> None:
         """Check that there is an option."""
-        require(len(self.options) > 0, self, "options", self.options, "at least one option")
+        require(len(self.options) > 0, self, "options", "at least one option")
 
     def draw(self, rng: np.random.Generator) -> Any:
         """Return an option, or a draw from it."""
@@ -222,9 +222,9 @@ class Draws(Checked):
         also, instead = cast(Any, self.also), cast("object", self.instead)
         parts = cast("tuple[object, ...]", also) if isinstance(also, tuple) else (also,)
         mixed = all(isinstance(part, Draws) for part in parts)
-        require(mixed, self, "also", self.also, "a tuple of Draws")
+        require(mixed, self, "also", "a tuple of Draws")
         fixed = instead is None or isinstance(instead, Machine)
-        require(fixed, self, "instead", instead, "a Machine or None")
+        require(fixed, self, "instead", "a Machine or None")
 
     @property
     def varied_task(self) -> Vary[PathFollowing]:
@@ -308,7 +308,7 @@ class Draws(Checked):
             machine = machine if self.instead is None else self.instead
             for name, value, kind in (("machine", machine, Machine), ("task", task, PathFollowing)):
                 accepted = f"a {kind.__name__}, or draw one"
-                require(isinstance(value, kind), self, name, getattr(self, name), accepted)
+                require(isinstance(value, kind), self, name, accepted)
             margin = ROOM * task.singularity_margin
             try:
                 check_machine(replace(task, singularity_margin=margin), machine)

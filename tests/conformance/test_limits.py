@@ -257,3 +257,18 @@ def test_a_copy_of_a_threaded_batch_goes_on_with_the_same_bits(
     batch.close()
     other.step(volts[0], SAME_STEP)
     other.close()
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda batch: pickle.loads(pickle.dumps(batch))])
+def test_a_copy_of_one_world_is_another_world(copied: Callable[[Batch], Batch]) -> None:
+    one = Batch(BASELINE, PathFollowing(), 1)
+    one.reset([0])
+    one.step_alone(np.full(4, 3.0))
+    other = copied(one)
+    mine, before = one.step_alone(np.full(4, 3.0)), one.get_state()
+    obs = mine[0].copy()
+    assert obs.tobytes() == other.step_alone(np.full(4, 3.0))[0].tobytes()
+    other.step_alone(np.full(4, 3.0))
+    assert before["worlds"].tobytes() == one.get_state()["worlds"].tobytes()
+    one.step_alone(np.full(4, 3.0))
+    assert mine[0].tobytes() == obs.tobytes(), "what a step has returned stays"

@@ -14,7 +14,7 @@ from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatist
 import pter_gym
 from pter_gym.benchmark import find_policy
 from pter_gym.controllers import Policy, bind
-from pter_gym.envs._shared import nominal_machine
+from pter_gym.envs._mixin import nominal_machine
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL
 from pter_gym.paths import Circle
@@ -129,7 +129,7 @@ def worlds_of_sb3(**arguments: Any) -> Any:
     ("make", "gains"),
     [
         (lambda: gymnasium.make(ID), "standard"),
-        (lambda: gymnasium.make(ID, randomisation="paths"), "paths"),
+        (lambda: gymnasium.make(ID, scenario="paths", action_unit="volt", frame_skip=1), "paths"),
         (lambda: gymnasium.make(ID, task=PathFollowing(path=Circle(), error_max=0.1)), "paths"),
         (lambda: gymnasium.make_vec("PTER/Hands-v0", 2), "hands"),
         (lambda: gymnasium.make_vec("PTER/Hands-v0", 2, vectorization_mode="sync"), "hands"),

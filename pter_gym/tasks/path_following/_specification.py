@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym._physics.arm import elbow_cosine
 from pter_gym._physics.limits import (
     MAX_CONDITION,
     MAX_SUBSTEPS,
@@ -210,7 +211,6 @@ def substeps(task: PathFollowing, machine: Machine) -> int:
         count <= MAX_SUBSTEPS,
         task,
         "control_period",
-        task.control_period,
         f"at most {MAX_SUBSTEPS} times as long as the machine's substep, {machine.substep:g} s",
     )
     return count
@@ -228,7 +228,7 @@ def sensing_of(task: PathFollowing, machine: Machine) -> Sensing:
         return task.sensing
     steps, longest = round(machine.delay / task.control_period), MAX_DELAY * task.control_period
     accepted = f"at most {longest:g} s, {MAX_DELAY} control steps"
-    require(steps <= MAX_DELAY, machine, "delay", machine.delay, accepted)
+    require(steps <= MAX_DELAY, machine, "delay", accepted)
     return replace(task.sensing, delay=steps)
 
 
@@ -244,13 +244,7 @@ def held_machine(task: PathFollowing, machine: Machine) -> Machine:
     impedance, substep = task.hand.impedance, task.control_period / substeps(task, machine)
     if impedance == NO_HAND:
         return machine if substep == machine.substep else replace(machine, substep=substep)
-    require(
-        machine.hand == NO_HAND,
-        machine,
-        "hand",
-        machine.hand,
-        "none, since the task's hand brings its own",
-    )
+    require(machine.hand == NO_HAND, machine, "hand", "none, since the task's hand brings its own")
     return replace(machine, hand=impedance, substep=substep)
 
 
@@ -272,16 +266,9 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
         max(task.hand.frequencies, default=0.0) * substep <= 0.1,
         task,
         "hand.frequencies",
-        task.hand.frequencies,
         f"≤ {0.1 / substep:g} Hz, a tenth of the substep's rate",
     )
-    require(
-        machine.hand.stiffness == 0.0,
-        machine,
-        "hand.stiffness",
-        machine.hand.stiffness,
-        "0: this hand has no intent",
-    )
+    require(machine.hand.stiffness == 0.0, machine, "hand.stiffness", "0: this hand has no intent")
     check_motion(task, machine)
     arm = machine.arm
     widest = task.error_max + max(task.free_left, task.free_right)
@@ -303,7 +290,6 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
         condition(arm, h) <= MAX_CONDITION,
         machine,
         "arm",
-        machine.arm,
         "so far from singular that the mass matrix with the hand's mass and damping has a "
         f"condition of at most {MAX_CONDITION:g}, not {condition(arm, h):.3g}",
     )
@@ -312,7 +298,6 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
         force <= most,
         task,
         "hand",
-        task.hand,
         f"at most {most:.4g} N strong on this arm, not {force:.4g} N, for which the integrator "
         "could lose the motion within a control step; a shorter substep or control_period allows "
         "more",
@@ -333,7 +318,6 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
             <= largest_energy(arm, h, period, _force_within(task.starts.offset, task, machine)),
             task,
             "starts",
-            task.starts,
             "at rest, or moving with a smaller pace or a larger singularity_margin: the integrator "
             "could lose the motion; a shorter substep or control_period allows more",
         )
@@ -403,7 +387,6 @@ def _check_start(task: PathFollowing, arm: Arm) -> None:
         float(elbows.min()) > task.singularity_margin,
         task,
         "start_offset",
-        task.start_offset,
         "so small that all starts are within reach with |sin(θA − θB)| > "
         f"{task.singularity_margin:g}",
     )
@@ -411,5 +394,6 @@ def _check_start(task: PathFollowing, arm: Arm) -> None:
 
 def sin_elbow(length_a: float, length_b: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return |sin(θA − θB)| with the tip at points (K, 2) [m], or −1 out of reach; (K,)."""
-    cos = ((points**2).sum(axis=1) - length_a**2 - length_b**2) / (2.0 * length_a * length_b)
+    tip: Any = points.T
+    cos = elbow_cosine(length_a, length_b, *tip)
     return np.where(np.abs(cos) <= 1.0, np.sqrt(np.maximum(1.0 - cos * cos, 0.0)), -1.0)

@@ -32,13 +32,13 @@ LEVELS = MappingProxyType(
 """What acts in a data set, by level."""
 
 EXPERTS = MappingProxyType({"standard": "ppo-standard"})
-"""Experts by scenario, here one that sees one observation at a time and so can be cloned; elsewhere ``residual``."""
+"""Experts by scenario, one without memory, which can be cloned; elsewhere ``residual``."""
 
 WORLDS = 128
 """Worlds that are simulated at once."""
 
 EPISODES_OF_A_SEED = 2**32
-"""Episode k of seed K is that of a reset with the seed K times this, plus k; so all levels have the same episodes."""
+"""Episode k of seed K is that of a reset with K times this plus k, whatever the level."""
 
 REFERENCE_EPISODES = 100
 """Episodes whose mean return is a reference score."""

@@ -40,8 +40,7 @@ def write_dataset(
     seed: int,
     command: str,
 ) -> Path:
-    """Write the data set ``pter/SCENARIO/LEVEL-v0``, replacing an earlier one, and return its
-    folder.
+    """Write the data set ``pter/SCENARIO/LEVEL-v0`` in place of an earlier one; return its folder.
 
     Parameters
     ----------

@@ -1,5 +1,4 @@
-"""The statements of the paper that can be checked, with our measurement and the condition under
-which each holds.
+"""The claims of the paper, each with our measurement and the condition for it to hold.
 
 ``claims.toml`` holds all texts and thresholds. One rule says how each claim comes to be met:
 
@@ -23,9 +22,9 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from pter_gym._internal.reading import read_toml
-from pter_gym._physics.arm import velocity_torque
+from pter_gym._physics.arm import motion_of, velocity_torque
 from pter_gym._physics.model import model_of
-from pter_gym.tools.paper.clutch_tests import holding_torque, motion
+from pter_gym.tools.paper.clutch_tests import holding_torque
 from pter_gym.tools.paper.experiments import Experiments
 from pter_gym.tools.paper.path_tests import BEST_GAIN, PLATEAU_FROM
 
@@ -44,7 +43,7 @@ FITTED = {
         "line_following_ratio",
     ),
 }
-"""Measures in the objective of the calibration, and ``peak_ratio``, for which its space has a range."""
+"""Measures in the calibration's objective, and ``peak_ratio``, a range of its space."""
 
 MAX_SATURATED = 0.05
 """Fraction of saturated clutch commands that is not yet significant."""
@@ -152,7 +151,7 @@ class Claim:
 def check(
     experiments: Experiments, statements: Iterable[Statement] | None = None
 ) -> tuple[Claim, ...]:
-    """Check statements, by default all of them, against experiments with Table I's three machines."""
+    """Check statements, by default all, against experiments with Table I's three machines."""
     chosen = STATEMENTS if statements is None else statements
     return tuple(
         Claim(each, float(MEASURES[each.measure](experiments, **each.of))) for each in chosen
@@ -165,7 +164,7 @@ BASELINE = "baseline"
 
 
 def rank_correlation(x: ArrayLike, y: ArrayLike) -> float:
-    """Return Spearman's rank correlation of two samples of shape (K,); 0 if one of them is constant."""
+    """Return Spearman's rank correlation of two samples (K,); 0 if one is constant."""
     constant = np.ptp(np.asarray(x)) == 0.0 or np.ptp(np.asarray(y)) == 0.0
     return 0.0 if constant else float(_STATS.spearmanr(x, y).statistic)
 
@@ -180,7 +179,7 @@ def _velocity_share(experiments: Experiments) -> float:
     test = experiments.single_dof[0]
     run, locked = test.trajectory, float(test.locked_torque[-1])
     _, v2 = velocity_torque(
-        model_of(experiments.setup.baseline).arm, motion(run.theta[-1], run.omega[-1])
+        model_of(experiments.setup.baseline).arm, motion_of(run.theta[-1], run.omega[-1])
     )
     return v2 / locked if locked != 0.0 else math.nan
 

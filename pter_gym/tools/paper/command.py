@@ -33,14 +33,14 @@ def reproduce(
     from pter_gym._internal.files import write_files_atomic
     from pter_gym.tools.paper.outputs import find_outputs, make_outputs
 
-    chosen = find_outputs(figures)
+    names = find_outputs(figures)
     make_folder(out)
     from pter_gym.tools.paper.experiments import Experiments
 
     with progress_bar() as progress:
-        task = progress.add_task("reproducing", total=len(chosen) + 1)
+        task = progress.add_task("reproducing", total=len(names) + 1)
         files, claims = make_outputs(
-            Experiments(), chosen, pdf=pdf, on_progress=lambda _: progress.advance(task)
+            Experiments(), names, pdf=pdf, on_progress=lambda _: progress.advance(task)
         )
     write_files_atomic(out, files)
     counts = ", ".join(

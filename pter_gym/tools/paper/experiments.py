@@ -18,7 +18,7 @@ def _once(run: "Callable[[Experiments], Result]") -> cached_property[Result]:
 
 @dataclass(frozen=True)
 class Experiments:
-    """The paper's experiments with their default arguments on one setup; results of machines are by their names."""
+    """The paper's experiments on one setup; results of machines are by their names."""
 
     setup: Setup = SETUP
 

@@ -264,15 +264,15 @@ def peak_acceleration_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
 
 @styled
 def way_and_speed_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
-    """Return path length and mean speed of the tip over the time constant (section IV-C.1, in the text only)."""
+    """Return the tip's path length and mean speed over the time constant (section IV-C.1)."""
     figure = Figure(figsize=(style.WIDTH, 3.1))
-    left, right = figure.subplots(1, 2)
-    _draw_sweeps(left, sweeps, lambda sweep: sweep.path_length, "path length of the tip [m]")
+    length_axes, right = figure.subplots(1, 2)
+    _draw_sweeps(length_axes, sweeps, lambda sweep: sweep.path_length, "path length of the tip [m]")
     _draw_sweeps(right, sweeps, lambda sweep: sweep.tip_speed, "mean tip speed [m/s]")
-    left.set_ylim(auto=True)
-    left.relim()
-    left.autoscale(axis="y")
-    style.inches_right(left, "path length of the tip")
+    length_axes.set_ylim(auto=True)
+    length_axes.relim()
+    length_axes.autoscale(axis="y")
+    style.inches_right(length_axes, "path length of the tip")
     style.inches_right(right, "mean tip speed", per="/s")
     name_lines(figure, right)
     return figure
@@ -415,4 +415,4 @@ PICTURES: dict[str, Callable[[Experiments], Figure]] = {
     "fig10": lambda experiments: error_over_gain(experiments.gain_sweep),
     "fig11": lambda experiments: followed_lines(experiments.line_following),
 }
-"""How each figure or table is drawn, by the name of its file: that of the output, and what follows a ``_``."""
+"""How each picture is drawn, by its file's name: that of the output, perhaps with ``_…``."""

@@ -22,11 +22,11 @@ def find_outputs(names: Iterable[str]) -> list[str]:
     ParameterError
         If there is no output of a name.
     """
-    wanted = set(names)
-    unknown = sorted(wanted - {"all", *OUTPUTS})
+    requests = set(names)
+    unknown = sorted(requests - {"all", *OUTPUTS})
     if unknown:
         raise unknown_name("figures", ", ".join(unknown), ("all", *OUTPUTS))
-    return [name for name in OUTPUTS if "all" in wanted or name in wanted]
+    return [name for name in OUTPUTS if "all" in requests or name in requests]
 
 
 def make_outputs(

@@ -1,6 +1,4 @@
-"""What the paper's experiments are made with: three machines, one task, one controller, and the
-numbers that the paper prints.
-"""
+"""Machines, task, controller and printed numbers of the paper's experiments."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -41,8 +39,7 @@ _GAINS = {name: tuple_of(value) for name, value in STUDY["controller"].items()}
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """Machines, task and controller of the paper's experiments, and choices for what its text
-    leaves open.
+    """Machines, task and controller of the paper's experiments, and what its text leaves open.
 
     Attributes
     ----------
@@ -73,9 +70,7 @@ class Setup:
 
     def __post_init__(self) -> None:
         """Check that there are machines; the parts have checked themselves."""
-        require(
-            bool(self.machines), self, "machines", self.machines, "at least one machine by name"
-        )
+        require(bool(self.machines), self, "machines", "at least one machine by name")
 
     @property
     def baseline(self) -> Machine:
@@ -83,7 +78,7 @@ class Setup:
         return next(iter(self.machines.values()))
 
     def policy(self, machine: Machine, layout: Layout, feedback: float) -> Policy:
-        """Return a machine's controller with a gain of its torque loops [V/(N·m)]; 0: impedance."""
+        """Return a machine's controller with a gain of its torque loops [V/(N·m)], 0 for none."""
         known = machine if self.own_table else self.baseline
         assumed = replace(
             known, clutch=with_friction(known.clutch, self.table_error, self.table_error)

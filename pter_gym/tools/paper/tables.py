@@ -39,7 +39,7 @@ PAPER_UNITS = {
     "_m_s2": ("_in_s2", INCH),
     "_nm": ("_in_lbf", INCH_POUND),
 }
-"""Ending of a column in SI, ending of the one in the paper's unit beside it, and the size of that unit."""
+"""Ending of a column in SI, its ending in the paper's unit, and the size of that unit."""
 
 TABLE_KEYS = ("position_error_in", "tip_speed_in_s", "tip_acceleration_in_s2")
 """Entries of a row of Table I in ``table1.json``."""

@@ -1,4 +1,4 @@
-"""The search for gains: an Optuna study in a journal file, which can be stopped, resumed and shared by processes."""
+"""The search for gains: an Optuna study in a journal file, which processes resume and share."""
 
 import math
 import warnings
@@ -26,18 +26,18 @@ EPISODES = 200
 """Training draws of a trial."""
 
 FINALISTS = 40
-"""The best trials, which are judged once more on other draws; the best of them there is the result."""
+"""The best trials, which are judged again on other draws; the best there is the result."""
 
 STARTUP_TRIALS = 24
 """Random trials before those of the evolution strategy."""
 
 REDUCTION, RUNGS = 4, 3
-"""A trial is judged on a part of the draws, and one in four goes on to four times as many, up to all of them."""
+"""A trial is judged on a part of the draws; one in four goes on to four times as many."""
 
 
 @dataclass(frozen=True)
 class TunedGains:
-    """The best gains of a search, their scores on draws that it had not seen, and its arguments as in ``tune``."""
+    """The best gains of a search, their scores on unseen draws, and its arguments."""
 
     controller: str
     scenario: str
@@ -54,7 +54,8 @@ class TunedGains:
     def command(self) -> str:
         """The command that repeats the search."""
         command = (
-            f"pter tune {quote(self.controller)} --scenario {self.scenario} --pace {self.pace} --trials {self.trials} "
+            f"pter tune {quote(self.controller)} --scenario {self.scenario} "
+            f"--pace {self.pace} --trials {self.trials} "
             f"--episodes {self.episodes} --seed {self.seed}"
         )
         for name, given, kind in (
@@ -160,7 +161,7 @@ def tune(
 
 
 def _judge(trial: Any, law: TunableLaw, rungs: Sequence[Episodes]) -> float:
-    """Return the value of a trial, scored on more and more draws as long as it keeps up with the others."""
+    """Return the value of a trial, scored on more draws as long as it keeps up with others."""
     import optuna
 
     point = {

@@ -120,8 +120,8 @@ def choices(own: Machine | None = None) -> dict[str, Any]:
         top == VOLTAGE_MAX,
         nominal.clutch,
         "voltage_max",
-        top,
         f"{VOLTAGE_MAX:g} V, as the page has it",
+        got=top,
     )
     rows = rows_of(nominal)
     machines = {name: machine for name, machine in MACHINES.items() if rows_of(machine) == rows}

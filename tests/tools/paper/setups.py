@@ -12,7 +12,8 @@ from pter_gym.tools.paper.parameters import BREAKAWAY_SMALL_VOLTAGE, SETUP, Setu
 
 
 def other_setup(seed: int) -> Setup:
-    """Return other machines, path, hand and gains; what the paper prints of single clutches holds."""
+    """Return other machines, path, hand and gains; what the paper prints of single clutches
+    holds."""
     u = np.random.default_rng(seed).uniform
     a, b, inertia_a, inertia_b = u(0.3, 0.66), u(0.3, 0.66), u(0.25, 2.0), u(0.25, 2.0)
     coupling = u(-0.6, 0.6) * np.sqrt(inertia_a * inertia_b)

@@ -168,7 +168,7 @@ def test_the_largest_load_is_that_of_a_linear_program():
         assert largest_load(capacity, direction) == pytest.approx(best.x[-1], rel=1e-6, abs=1e-9)
 
 
-# --- what the paper says and every machine of the model meets: it follows from the equations, and is no evidence ---
+# --- what every machine of the model meets: it follows from the equations, and is no evidence ---
 
 
 @pytest.fixture(scope="module", params=["shipped", 0, 1], ids=str)

@@ -61,7 +61,7 @@ class Arguments(TypedDict, total=False):
     frame_skip: int | None
 
 
-class Worlds:
+class WorldsMixin:
     """Mixin of the Gymnasium environments: batch, spaces and spec.
 
     Attributes
@@ -265,6 +265,6 @@ def _from_plain(value: Any) -> Any:
 
 def _builtin(value: Any) -> Any:
     """Return a number of NumPy's or a path as Python's own, and anything else as it is."""
-    if isinstance(value, np.number | np.bool_):
-        return value.item()
-    return os.fspath(cast(Any, value)) if isinstance(value, os.PathLike) else value
+    if isinstance(value, os.PathLike):
+        return os.fspath(cast("os.PathLike[str]", value))
+    return value.item() if hasattr(value, "item") and np.ndim(value) == 0 else value
