@@ -14,7 +14,6 @@ from pter_gym._physics import open_loop
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Free
 from pter_gym.params import BASELINE
-from pter_gym.params._preset import PRESET
 from pter_gym.tasks.path_following import PathFollowing
 
 ROOT = Path(__file__).parents[1]
@@ -27,11 +26,6 @@ def main(part: str) -> None:
     if part == "steps":
         simulate(batch, policy, [0], 1)
         simulate(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
-        if find_spec("pter_gym.tools.paper"):
-            from pter_gym.tools.paper.calibration import Case, run_cases
-            from pter_gym.tools.paper.setup import setup_of
-
-            run_cases([Case(setup_of(PRESET), BASELINE)])
         run_extending()  # after the others: laws share what they have compiled
         compile_law()
         if find_spec("jax"):

@@ -37,6 +37,7 @@ from pter_gym._physics.arm import (
     UnitVector,
     Vector,
     kinetic_energy,
+    motion_at,
     moving,
     tip_position,
     tip_velocity,
@@ -49,7 +50,6 @@ from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
 from pter_gym.tasks.path_following._rules import (
     PathVector,
     beyond_band,
-    motion_at,
     singular,
     strayed,
     to_world,

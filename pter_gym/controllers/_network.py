@@ -15,6 +15,7 @@ from typing import Annotated, Any, NamedTuple
 from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.records import Entry, entrywise, read, rows, width
 from pter_gym._engine.law import Memory
+from pter_gym._physics.arm import UnitVector, Vector, components
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.scalars import clamp
 from pter_gym.tasks.path_following._observation import OBS
@@ -109,7 +110,8 @@ def quantity(obs: Any, scales: Any, base: PerClutch, source: int) -> float:
     cos_link = float(obs[OBS.cos_b] if of_b else obs[OBS.cos_a])
     sin_link = float(obs[OBS.sin_b] if of_b else obs[OBS.sin_a])
     is_cos = (source == -1) | (source == -3)
-    return cos * cos_link + sin * sin_link if is_cos else sin * cos_link - cos * sin_link
+    along, across = components(Vector(cos, sin), UnitVector(cos_link, sin_link))
+    return along if is_cos else across
 
 
 @device

@@ -1,7 +1,7 @@
 """A machine, and the numbers of the paper's standard test, in a human-readable TOML file.
 
-Every number in the file has its unit and source. ``PRESET`` is the shipped file; ``pter fit``,
-``pter identify`` and ``save_preset`` write others.
+Every number in the file has its unit and source. ``PRESET`` is the shipped file; ``pter identify``
+and ``save_preset`` write others.
 """
 
 import json

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from pter_gym._compiled.layout import Layout
+from pter_gym._physics.arm import UnitVector, Vector, components
 from pter_gym.controllers import PaceSchedule
 from pter_gym.controllers._network import BASE_INPUTS, DERIVED
 from pter_gym.params import (
@@ -159,11 +160,10 @@ def quantities(physical: Any, base: Any, layout: Layout, *, residual: bool) -> A
         Whether the base's voltages are among the quantities.
     """
     known = dict(zip(layout.names, physical.T, strict=True))
-    cos, sin = known["heading_cos"], known["heading_sin"]
+    heading = Vector(known["heading_cos"], known["heading_sin"])
     derived: list[Any] = []
     for link in ("a", "b"):
-        cos_link, sin_link = known[f"cos_{link}"], known[f"sin_{link}"]
-        derived += [cos * cos_link + sin * sin_link, sin * cos_link - cos * sin_link]
+        derived += components(heading, UnitVector(known[f"cos_{link}"], known[f"sin_{link}"]))
     library = physical.__array_namespace__()
     columns = [physical, library.stack(derived, axis=1)]
     return library.concat([*columns, base] if residual else columns, axis=1)

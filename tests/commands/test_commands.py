@@ -29,7 +29,7 @@ def test_help_shows_the_choices(capsys: pytest.CaptureFixture[str]) -> None:
     assert "slow|medium|brisk" in capsys.readouterr().out
 
 
-REFUSED = ["benchmarl", "benchmark --policies impedence", "tune impedence", "fit --out preset.json"]
+REFUSED = ["benchmarl", "benchmark --policies impedence", "tune impedence", "reproduce fig6"]
 REFUSED += [
     "verify nowhere",
     "benchmark --paces slw",

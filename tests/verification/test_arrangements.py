@@ -103,7 +103,8 @@ def test_with_the_papers_rows_velocities_are_the_papers() -> None:
 
 
 def test_a_load_is_shared_with_the_smallest_torques_for_any_rows() -> None:
-    """Rows that differ by 1 % lose four digits; the oracle is as good as its 1e-11 of loads and ranges."""
+    """Rows that differ by 1 % lose four digits; the oracle is as good as its 1e-11 of loads and
+    ranges."""
     rng = np.random.default_rng(3)
     given = problems(rng, 4_000)
     low, high = -given.c, given.c.copy()
@@ -172,7 +173,8 @@ def test_clutches_of_any_ratio_do_stick() -> None:
 
 
 def test_two_equal_clutches_are_one_of_twice_the_torque() -> None:
-    """Sums of two torques are rounded once more; the velocities of 60 substeps grow apart by far less than 1e-9."""
+    """Sums of two torques are rounded once more; the velocities of 60 substeps grow apart by far
+    less than 1e-9."""
     for seed in range(4):
         rng = np.random.default_rng([41, seed])
         levels = rng.uniform(0.0, 12.0, (3, 4)) * rng.integers(0, 2, (3, 4))

@@ -1,4 +1,5 @@
-"""The controllers against their definitions by an independent formulation (paper section III-A, Fig. 6)."""
+"""The controllers against their definitions by an independent formulation (paper section III-A,
+Fig. 6)."""
 
 from dataclasses import replace
 from functools import partial
@@ -37,7 +38,8 @@ Array = NDArray[np.float64]
 
 
 def allocate(want: Array, low: Array, high: Array, metric: Array) -> Array:
-    """Enumerate which clutches sit at a bound: least weighted distance, then least norm, among the feasible points."""
+    """Enumerate which clutches sit at a bound: least weighted distance, then least norm, among the
+    feasible points."""
     root = np.linalg.cholesky(metric).T
     found: list[Array] = []
     for states in product((False, True), repeat=4):
@@ -95,7 +97,8 @@ def voltages(
 
 
 def brake(gains: Guided, speed: float, pace: float) -> float:
-    """Force along the path: none between standstill and the fraction of the pace, a damper outside."""
+    """Force along the path: none between standstill and the fraction of the pace, a damper
+    outside."""
     free = gains.pace_fraction * pace
     excess = speed if speed < 0.0 else max(speed - free, 0.0)
     return -gains.damping_tangential * excess
@@ -151,7 +154,8 @@ def steering_reference(gains: SingleDof | VelocityRatio, obs: Array) -> Array:
 def engaged(
     gains: SingleDof, heading: float, physical: dict[str, float], omega: Array, jacobian: Array
 ) -> Array:
-    """Torque of the clutch with the best line: brake with each for a moment and see which way the tip turns."""
+    """Torque of the clutch with the best line: brake with each for a moment and see which way the
+    tip turns."""
     arm = BASELINE.arm
     m12 = arm.coupling * np.cos(
         np.arctan2(physical["sin_a"], physical["cos_a"])
@@ -506,7 +510,8 @@ def test_an_absent_clutch_gets_no_voltage(kind: Any, gone: int) -> None:
 
 @pytest.mark.parametrize("gone", range(4))
 def test_existing_clutches_replace_absent_ones(gone: int) -> None:
-    """The allocation is that of the clutches that are there: the torques come as close as theirs can."""
+    """The allocation is that of the clutches that are there: the torques come as close as theirs
+    can."""
     scale = tuple(0.0 if x == gone else 1.0 for x in range(4))
     machine = replace(BASELINE, clutch_scale=scale)
     gains = Impedance()

@@ -1,4 +1,5 @@
-"""The functions of the task and the hand, each against a formula written otherwise; borders of what is accepted."""
+"""The functions of the task and the hand, each against a formula written otherwise; borders of what
+is accepted."""
 
 import cmath
 import math
@@ -13,7 +14,15 @@ from pter_gym._compiled.records import load, store
 from pter_gym._engine.episode import place, spread
 from pter_gym._engine.step import gaussians, hand_force, take_reading
 from pter_gym._engine.world import ROW, ROWS, Target
-from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, tip_position, tip_velocity
+from pter_gym._physics.arm import (
+    Linkage,
+    Motion,
+    UnitVector,
+    Vector,
+    motion_at,
+    tip_position,
+    tip_velocity,
+)
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.limits import MAX_SUBSTEPS, largest_energy, largest_travel
 from pter_gym._physics.model import model_of
@@ -52,7 +61,6 @@ from pter_gym.tasks.path_following._rules import (
     SensingModel,
     Terms,
     in_start_up,
-    motion_at,
     pace_cost,
     pace_share,
     reached_end,
@@ -259,7 +267,8 @@ def test_a_passive_hand():
     ],
 )
 def test_the_strongest_force_that_a_hand_can_have(hand: Any, force: float):
-    """A spring is as long as the path, its width and the lead, and half as long again as the tip's way in a step."""
+    """A spring is as long as the path, its width and the lead, and half as long again as the tip's
+    way in a step."""
     machine = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.4, length_b=0.5))
     task = PathFollowing(hand=hand, pace=0.5, path=Line(length=0.6), error_max=0.2)
     travel = largest_travel(

@@ -1,4 +1,5 @@
-"""The library of hands: numbers that an arm can have, and a tremor whose free hand moves as its entry says."""
+"""The library of hands: numbers that an arm can have, and a tremor whose free hand moves as its
+entry says."""
 
 import math
 import re
@@ -83,7 +84,8 @@ def test_the_bands_are_those_that_are_cited() -> None:
 
 
 def test_matrices_of_the_joints_were_turned_into_those_at_the_hand() -> None:
-    """The limb of Selen et al., hand straight ahead: the Jacobian by differences of angles found by bisection."""
+    """The limb of Selen et al., hand straight ahead: the Jacobian by differences of angles found by
+    bisection."""
     upper, lower, ahead = 0.31, 0.34, 0.435
 
     def tip(q: np.ndarray) -> np.ndarray:

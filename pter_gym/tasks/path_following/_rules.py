@@ -14,12 +14,13 @@ import numpy as np
 from pter_gym._compiled.compiler import device
 from pter_gym._compiled.records import Entry
 from pter_gym._physics.arm import (
-    Linkage,
     Motion,
     UnitVector,
     Vector,
+    components,
     cos_difference,
     joint_torque,
+    motion_at,
     sin_difference,
 )
 from pter_gym._physics.clutch import PerClutch
@@ -88,10 +89,8 @@ def beyond_band(offset: float, free: Band) -> float:
 @device
 def to_path(vector: Vector, heading: UnitVector) -> PathVector:
     """Return the components of a vector along and across a path with a heading."""
-    return PathVector(
-        vector.x * heading.cos + vector.y * heading.sin,
-        vector.y * heading.cos - vector.x * heading.sin,
-    )
+    along, across = components(vector, heading)
+    return PathVector(along, across)
 
 
 @device
@@ -100,25 +99,6 @@ def to_world(vector: PathVector, heading: UnitVector) -> Vector:
     return Vector(
         vector.along * heading.cos - vector.across * heading.sin,
         vector.along * heading.sin + vector.across * heading.cos,
-    )
-
-
-@device
-def motion_at(arm: Linkage, x: float, y: float) -> Motion:
-    """Return the arm at rest with the tip at (x, y) [m]; θB leads θA."""
-    cos = (x * x + y * y - arm.length_a * arm.length_a - arm.length_b * arm.length_b) / (
-        2.0 * arm.length_a * arm.length_b
-    )
-    sin = math.sqrt(1.0 - cos * cos)
-    re = arm.length_a + arm.length_b * cos
-    im = arm.length_b * sin
-    square = x * x + y * y
-    cos_a = (x * re + y * im) / square
-    sin_a = (y * re - x * im) / square
-    cos_b = cos_a * cos - sin_a * sin
-    sin_b = sin_a * cos + cos_a * sin
-    return Motion(
-        math.atan2(sin_a, cos_a), math.atan2(sin_b, cos_b), 0.0, 0.0, cos_a, sin_a, cos_b, sin_b
     )
 
 

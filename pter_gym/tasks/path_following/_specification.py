@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym._physics.arm import elbow_cosine
 from pter_gym._physics.limits import (
     MAX_CONDITION,
     MAX_SUBSTEPS,
@@ -391,5 +392,6 @@ def _check_start(task: PathFollowing, arm: Arm) -> None:
 
 def sin_elbow(length_a: float, length_b: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return |sin(θA − θB)| with the tip at points (K, 2) [m], or −1 where the arm cannot reach; shape (K,)."""
-    cos = ((points**2).sum(axis=1) - length_a**2 - length_b**2) / (2.0 * length_a * length_b)
+    tip: Any = points.T
+    cos = elbow_cosine(length_a, length_b, *tip)
     return np.where(np.abs(cos) <= 1.0, np.sqrt(np.maximum(1.0 - cos * cos, 0.0)), -1.0)

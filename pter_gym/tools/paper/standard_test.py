@@ -15,7 +15,7 @@ from pter_gym.params import Machine, find_machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
 TIME_CONSTANTS = (0.01, 0.03, 0.06, 0.105, 0.15, 0.2)
-"""Time constants of the clutches [s] that a run covers; 0.105 is the manufacturer's (paper section IV-C.3)."""
+"""Time constants of the clutches [s]; 0.105 is the manufacturer's (section IV-C.3)."""
 
 MAX_STEPS = 1000
 """Control steps after which an episode is truncated."""

@@ -8,38 +8,37 @@ from pter_gym.errors import unknown_name
 
 if TYPE_CHECKING:
     from pter_gym.tools.paper.claims import Claim
-    from pter_gym.tools.paper.study import Study
+    from pter_gym.tools.paper.experiments import Experiments
 
-PRODUCTS = ("fig3", "fig4", "step", "fig5", "fig7", "fig8", "table1", "fig9", "fig10", "fig11")
+OUTPUTS = ("fig3", "fig4", "step", "fig5", "fig7", "fig8", "table1", "fig9", "fig10", "fig11")
 """Names of the figures and tables, in the order of the paper."""
 
 
-def find_products(names: Iterable[str]) -> list[str]:
-    """Return names of products without repeats, in the order of the paper; ``all`` means all of
-    them.
+def find_outputs(names: Iterable[str]) -> list[str]:
+    """Return names of outputs once each, in the order of the paper; ``all`` means all of them.
 
     Raises
     ------
     ParameterError
-        If there is no product with a given name.
+        If there is no output of a name.
     """
-    wanted = set(names)
-    unknown = sorted(wanted - {"all", *PRODUCTS})
+    requests = set(names)
+    unknown = sorted(requests - {"all", *OUTPUTS})
     if unknown:
-        raise unknown_name("figures", ", ".join(unknown), ("all", *PRODUCTS))
-    return [name for name in PRODUCTS if "all" in wanted or name in wanted]
+        raise unknown_name("figures", ", ".join(unknown), ("all", *OUTPUTS))
+    return [name for name in OUTPUTS if "all" in requests or name in requests]
 
 
-def results(
-    study: "Study",
-    products: Iterable[str],
+def make_outputs(
+    experiments: "Experiments",
+    outputs: Iterable[str],
     *,
     pdf: bool = False,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> "tuple[dict[str, bytes], tuple[Claim, ...]]":
-    """Return the content of all files of products by their names, and the claims about them.
+    """Return the content of all files of outputs by their names, and the claims about them.
 
-    With ``pdf`` each picture is a PDF file too. ``on_progress`` is called with a product's name
+    With ``pdf`` each picture is a PDF file too. ``on_progress`` is called with an output's name
     when it is done, and finally with ``claims``.
     """
     from pter_gym.tools import figures as style
@@ -47,20 +46,22 @@ def results(
     from pter_gym.tools.paper.figures import PICTURES
     from pter_gym.tools.paper.tables import COLUMNS, csv_text, table1
 
-    names = list(products)
+    names = list(outputs)
     files: dict[str, bytes] = {}
     for name in names:
         for stem, draw in PICTURES.items():
             if stem.partition("_")[0] == name:
-                figure = draw(study)
+                figure = draw(experiments)
                 files[f"{stem}.png"] = style.png(figure)
                 if pdf:
                     files[f"{stem}.pdf"] = style.pdf(figure)
-        files[f"{name}.csv"] = csv_text(COLUMNS[name](study)).encode()
+        files[f"{name}.csv"] = csv_text(COLUMNS[name](experiments)).encode()
         if name == "table1":
-            files["table1.json"] = _json(table1(study))
+            files["table1.json"] = _json(table1(experiments))
         on_progress(name)
-    claims = check(study, [statement for statement in STATEMENTS if statement.figure in names])
+    claims = check(
+        experiments, [statement for statement in STATEMENTS if statement.figure in names]
+    )
     files["claims.json"] = _json([claim.as_json() for claim in claims])
     on_progress("claims")
     return files, claims

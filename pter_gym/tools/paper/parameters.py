@@ -1,4 +1,4 @@
-"""Setup of the paper's experiments: three machines, one task, one controller, and the time constants."""
+"""Machines, task, controller and printed numbers of the paper's experiments."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -8,43 +8,36 @@ from pter_gym._compiled.layout import Layout
 from pter_gym.controllers import Policy, TorqueFeedback
 from pter_gym.hands import eq5
 from pter_gym.params import Machine, paper_machines_of, require, with_friction
-from pter_gym.params._preset import Preset, load_preset
+from pter_gym.params._preset import load_preset
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.units import from_inch_pounds
 
 STUDY = load_preset(Path(__file__).with_name("study.toml"))
-"""The numbers of the experiments, as ``pter fit`` finds them.
+"""The numbers of the experiments, which a search found (``docs/calibration.md``).
 
 Scenarios have those of ``presets/pter.toml``.
 """
+
+BREAKAWAY_SMALL_VOLTAGE = from_inch_pounds(63.5)
+"""Breakaway torque of clutch 1 at the small voltage of Figs. 3 and 4 [N·m] (section III-B)."""
+
+TIME_CONSTANT = STUDY.clutch["time_constant"]
+"""Time constant of the clutches by their manufacturer [s] (section IV-C.3)."""
 
 PAPER_MACHINES = paper_machines_of(STUDY)
 """The three machines of Table I by name, as the experiments have them."""
 
 
-RUNS = 20
-"""Number of time constants, evenly spaced up to the largest.
-
-Those of the paper are lost with its figures.
-"""
-
-
-def task_of(preset: Preset) -> PathFollowing:
-    """Return the standard test of a preset."""
-    return PathFollowing(
-        path=Line(**preset.path), hand=eq5(preset.hand["force_max"], preset.hand["push"])
-    )
-
-
-def time_constants_of(preset: Preset) -> tuple[float, ...]:
-    """Return the time constants of a preset's test runs [s]."""
-    return tuple(round(preset.runs["time_constant_max"] * k / RUNS, 6) for k in range(1, RUNS + 1))
+def standard_task() -> PathFollowing:
+    """Return the paper's standard test."""
+    hand = eq5(STUDY.hand["force_max"], STUDY.hand["push"])
+    return PathFollowing(path=Line(**STUDY.path), hand=hand)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """Machines, task and controller of the paper's experiments, and choices for what its text
-    leaves open.
+    """Machines, task and controller of the paper's experiments, and what its text leaves open.
 
     Attributes
     ----------
@@ -60,15 +53,18 @@ class Setup:
         controller thinks its clutches weaker than they are, and brakes too hard. The paper's table
         is "similar to" the real one.
     time_constants
-        Of the test runs, which Figs. 7 and 8 show and Table I averages [s].
+        Of the test runs, which Figs. 7 and 8 show and Table I averages [s]: 20, evenly spaced up to
+        the largest, as those of the paper are lost with its figures.
     """
 
     machines: Mapping[str, Machine] = field(default_factory=lambda: dict(PAPER_MACHINES))
-    task: PathFollowing = field(default_factory=lambda: task_of(STUDY))
+    task: PathFollowing = field(default_factory=standard_task)
     controller: TorqueFeedback = field(default_factory=lambda: TorqueFeedback(**STUDY.controller))
     own_table: bool = False
     table_error: float = STUDY.runs["table_error"]
-    time_constants: tuple[float, ...] = time_constants_of(STUDY)
+    time_constants: tuple[float, ...] = tuple(
+        round(STUDY.runs["time_constant_max"] * k / 20, 6) for k in range(1, 21)
+    )
 
     def __post_init__(self) -> None:
         """Check that there are machines; the parts have checked themselves."""
@@ -82,7 +78,7 @@ class Setup:
         return next(iter(self.machines.values()))
 
     def policy(self, machine: Machine, layout: Layout, feedback: float) -> Policy:
-        """Return a machine's controller with a gain of its torque loops [V/(N·m)]; 0 is plain impedance control."""
+        """Return a machine's controller with a gain of its torque loops [V/(N·m)], 0 for none."""
         known = machine if self.own_table else self.baseline
         assumed = replace(
             known, clutch=with_friction(known.clutch, self.table_error, self.table_error)
@@ -91,15 +87,4 @@ class Setup:
 
 
 SETUP = Setup()
-"""The setup of the package's own parameters."""
-
-
-def setup_of(preset: Preset) -> Setup:
-    """Return the setup of a preset."""
-    return Setup(
-        machines=paper_machines_of(preset),
-        task=task_of(preset),
-        controller=TorqueFeedback(**preset.controller),
-        table_error=preset.runs["table_error"],
-        time_constants=time_constants_of(preset),
-    )
+"""The shipped setup."""
