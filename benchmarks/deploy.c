@@ -20,31 +20,25 @@ void start(void)
 {
     *(volatile uint32_t *)0xE000ED88 = 0xF << 20; /* turn the floating-point unit on */
     main();
-    for (;;) {
-    }
 }
 
 #ifdef SERIAL
-
 static volatile uint32_t *const port = (uint32_t *)0x40011000; /* USART1: status, data, -, control */
 
 int serial_get(void)
 {
     port[3] = 0x200C; /* on, both ways */
-    while (!(port[0] & 0x20)) {
-    }
+    while (!(port[0] & 0x20));
     return (int)(port[1] & 0xFF);
 }
 
 void serial_put(const unsigned char *bytes, int n)
 {
-    for (int k = 0; k < n; k++) {
-        port[1] = bytes[k];
+    while (n-- > 0) {
+        port[1] = *bytes++;
     }
 }
-
 #else
-
 static pter_state state;
 static struct {
     double reading[10]; /* as in pter_reading */
@@ -100,12 +94,9 @@ int main(void)
         step(timer);
         host(5, (const void *[]){(void *)to, &out, (void *)sizeof out});
     }
-    for (deepest = top - 16384; *deepest == 0xA5; deepest++) {
-    }
+    for (deepest = top - 16384; *deepest == 0xA5; deepest++);
     uint32_t stack = (uint32_t)(top - deepest);
     host(5, (const void *[]){(void *)to, &stack, (void *)sizeof stack});
-    host(0x18, (void *)0x20026);
-    return 0;
+    return host(0x18, (void *)0x20026);
 }
-
 #endif

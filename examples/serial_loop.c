@@ -46,8 +46,8 @@ int main(void) {
         float observation[PTER_ENTRIES], volts[4] = {0};
         if (byte) in[n] = (unsigned char)byte, n += n < (int)sizeof in - 1;
         if (byte || (n = unstuff(in, n) - 4) < 4) continue;
-        memcpy(&number, in, 4), memcpy(&crc, in + n, 4);
-        if (crc != crc32(in, n)) continue;
+        if (memcpy(&crc, in + n, 4), crc != crc32(in, n)) continue;
+        memcpy(&number, in, 4);
         if (number == 0 && n <= LARGEST - 4) { /* an episode begins: pace and path */
             take(&path.pace, in + 4, 1), take(arcs, in + 12, 7 * (path.count = (n - 12) / 56));
             pter_reset(&state);
