@@ -1,13 +1,14 @@
-"""Make the pictures of README and the pages: `python docs/make/pictures.py [NAME …]`, all by
-default.
+"""Make the pictures of README and the pages.
 
+    python docs/make/pictures.py [NAME …]
     python docs/make/pictures.py error-against-pace.png --results FOLDER
 
-needs a folder of `pter benchmark`; all others need the extra `render`. A name below `moving` is a
-film, `policies` a still picture of each policy at the end of one episode, `paper` the paper's
-figures and claims."""
+The first makes all by default and needs the extra `render`; the second needs a folder of `pter
+benchmark`. A name below `moving` is a film, `policies` a picture of each policy at the end of one
+episode, `paper` the paper's figures and claims.
+"""
 
-import io
+import itertools
 import re
 import shutil
 from collections.abc import Callable
@@ -61,7 +62,7 @@ MARKERS = "os^DvPX<>p*dh"
 
 
 def policy_names() -> list[str]:
-    """Return the policies of the leaderboards: trained ones, tuned laws, those of the paper, ends of the scale."""
+    """Return the policies of the leaderboards: trained, tuned, the paper's, and the simplest."""
     tuned = [f"{name}-tuned" for name in CONTROLLERS if name not in FALLING]
     return [*sorted(shipped_policies()), *tuned, "impedance", "torque-feedback", *FALLING]
 
@@ -153,7 +154,7 @@ def frames(
     *,
     last: bool = False,
 ) -> list[np.ndarray]:
-    """Return the pictures of a scenario's draw under some policies, side by side: all of them, or the last."""
+    """Return the frames of a scenario's draw under some policies side by side, or the last one."""
     from pter_gym.tools.pictures.film import PAUSE, Film
 
     machine, task = find_scenario(scenario).draws.pairs(DRAWS, FILM_SEED, PACE)[draw]
@@ -179,36 +180,28 @@ def telemetry(name: str, scenario: str, machine: Machine, task: PathFollowing) -
     return record_episode(policy, machine, task, FILM_SEED).telemetry
 
 
-def write_webp(shown: list[np.ndarray], path: Path, quality: int) -> None:
+def write_webp(pictures: list[np.ndarray], path: Path, quality: int) -> None:
     """Write pictures as a WebP, which moves and repeats if they are several."""
-    from PIL import Image
+    from pter_gym.tools.pictures.film import encode_webp
 
-    first, *others = map(Image.fromarray, shown)
-    content = io.BytesIO()
-    moving = (
-        {"save_all": True, "append_images": others, "duration": round(1000 / RATE), "loop": 0}
-        if others
-        else {}
-    )
-    first.save(content, "WEBP", quality=quality, method=4, **moving)
+    durations = [round(1000 / RATE)] * len(pictures)
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes_atomic(path, content.getvalue())
+    write_bytes_atomic(path, encode_webp(pictures, durations, quality=quality, method=4))
 
 
 def side_by_side() -> None:
-    """Film the paper's law and a trained policy on the same episodes: one that the law leaves, and the paper's path."""
-    shown = [
-        each
+    """Film the paper's law and a trained policy: the law leaves the first of two episodes."""
+    films = [
+        frames(SIDE_BY_SIDE, scenario, draw, SIDE_BY_SIDE_SIZE)
         for scenario, draw in SIDE_BY_SIDE_DRAWS.items()
-        for each in frames(SIDE_BY_SIDE, scenario, draw, SIDE_BY_SIDE_SIZE)
     ]
-    write_webp(shown, IMAGES / "moving" / "side-by-side.webp", 40)
+    write_webp([*itertools.chain(*films)], IMAGES / "moving" / "side-by-side.webp", 40)
 
 
 def alone(scenario: str) -> None:
     """Film an episode of a scenario under one policy."""
-    shown = frames((FIXTURES.get(scenario, SHOWN),), scenario, EPISODE[scenario])
-    write_webp(shown, IMAGES / "moving" / f"{scenario}.webp", 40)
+    film = frames((FIXTURES.get(scenario, SHOWN),), scenario, EPISODE[scenario])
+    write_webp(film, IMAGES / "moving" / f"{scenario}.webp", 40)
 
 
 def policies() -> None:

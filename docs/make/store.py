@@ -63,8 +63,7 @@ def dampers() -> None:
 def damping_for_pace(
     controller: Impedance, pace: float, scenario: str = "standard", *, draws: int = DRAWS
 ) -> float:
-    """Return the damper along the path [N·s/m] with which a controller keeps a pace on training
-    draws.
+    """Return the damper along the path [N·s/m] with which a controller keeps a pace.
 
     If no damper from 10 to 3000 N·s/m gives that pace, the nearer end of this range is returned.
 

@@ -130,6 +130,12 @@ def empty_blocks(contexts: Array, draws: int, rows: int) -> Array:
     return worlds
 
 
+def needs_extras(machine: Machine, task: PathFollowing) -> bool:
+    """Return whether a world keeps ``Extras``: a hand that plans, real sensors, or heat."""
+    is_ideal = sensing_of(task, machine) == IDEAL_SENSING
+    return task.hand.plans or not is_ideal or machine.clutch.fade > 0.0
+
+
 class Storage:
     """The state of N worlds and their constants, without the kernels that move them.
 
@@ -148,10 +154,7 @@ class Storage:
         self.pairs, numbers = distinct(machines, tasks)
         checked = checked_constants.__wrapped__ if drawing is None else checked_constants
         self._constants: Any = checked(tuple(self.pairs))
-        extras = any(
-            t.hand.plans or sensing_of(t, m) != IDEAL_SENSING or m.clutch.fade > 0.0
-            for m, t in self.pairs
-        )
+        extras = any(needs_extras(machine, task) for machine, task in self.pairs)
         self._worlds: Any = empty_blocks(
             float(CONTEXT_WIDTH) * numbers if drawing is None else np.zeros(drawing),
             1 if drawing is None else len(self.pairs),

@@ -56,21 +56,25 @@ def series(x: float, first: float, start: int) -> float:
 
 
 @device
-def sine(angle: float) -> float:
-    """Return the sine of an angle [rad] of at most a few hundred turns."""
+def sine_ahead(angle: float, quarters: int) -> float:
+    """Return the sine of an angle [rad] of at most a few hundred turns, so many quarters ahead."""
     k = int(angle / (HALF_PI + HALF_PI_REST) + (0.5 if angle >= 0.0 else -0.5))
     x = angle - k * HALF_PI - k * HALF_PI_REST
-    size = series(x, 1.0, 0) if k % 2 != 0 else series(x, x, 1)
-    return size if ((k % 4) + 4) % 4 < 2 else -size
+    turn = ((k + quarters) % 4 + 4) % 4  # in C the remainder of a negative number is negative
+    size = series(x, 1.0, 0) if turn % 2 != 0 else series(x, x, 1)
+    return size if turn < 2 else -size
+
+
+@device
+def sine(angle: float) -> float:
+    """Return the sine of an angle [rad]."""
+    return sine_ahead(angle, 0)
 
 
 @device
 def cosine(angle: float) -> float:
-    """Return the cosine of an angle [rad] of at most a few hundred turns."""
-    k = int(angle / (HALF_PI + HALF_PI_REST) + (0.5 if angle >= 0.0 else -0.5))
-    x = angle - k * HALF_PI - k * HALF_PI_REST
-    size = series(x, x, 1) if k % 2 != 0 else series(x, 1.0, 0)
-    return size if ((k % 4) + 5) % 4 < 2 else -size
+    """Return the cosine of an angle [rad]."""
+    return sine_ahead(angle, 1)
 
 
 @device

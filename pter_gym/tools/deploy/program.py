@@ -1,4 +1,4 @@
-"""A policy as a program in C: ``pter.h``, ``pter.c``, and ``main.c``, which turns lines of observations into volts."""
+"""A policy as a program in C: ``pter.h``, ``pter.c`` and ``main.c``, a filter for observations."""
 
 import math
 import re
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from string import Template
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,10 +37,10 @@ STATIC = Path(__file__).parent / "static"
 FILES = ("pter.h", "pter.c", "main.c")
 
 Numbers = Literal["double", "float"]
-"""Type of the arithmetic: float64, which has Python's bits, or float32, which small processors have in hardware."""
+"""Type of the arithmetic: float64 with Python's bits, or float32, as small processors have it."""
 
 Weights = Literal["float", "int8"]
-"""Type of a network's stored weights: float32, as in its file, or whole numbers of 8 bits with a step per layer."""
+"""Type of stored weights: float32, as in a policy's file, or 8 bits with a step per layer."""
 
 ELEMENTARY = {math.sin: sine, math.cos: cosine, math.atan2: arctangent}
 
@@ -118,11 +118,10 @@ def source_of(
         If the policy is no compiled law or cannot be translated, or another argument is not as
         stated.
     """
-    for field, given, accepted in (("numbers", numbers, Numbers), ("weights", weights, Weights)):
-        if given not in accepted.__args__:
-            raise ParameterError(
-                f"{field} must be one of {', '.join(accepted.__args__)}, got {given!r}"
-            )
+    for field, kind, accepted in (("numbers", numbers, Numbers), ("weights", weights, Weights)):
+        if kind not in get_args(accepted):
+            accepted_names = ", ".join(get_args(accepted))
+            raise ParameterError(f"{field} must be one of {accepted_names}, got {kind!r}")
     machine, curve = find_machine(machine), find_curve(path)
     if not PREFIX.fullmatch(prefix):
         raise ParameterError(
@@ -196,11 +195,10 @@ def prepare(program: Program, machine: Machine) -> None:
 
 
 def regions(gains: Any, steps: tuple[float, ...]) -> Iterator[Region]:
-    """Yield the parts of a law's gains that a program looks up; ``steps`` are those of layers in 8 bits."""
+    """Yield the parts of a law's gains that a program indexes; ``steps`` are those of layers."""
     if gains[0] != NETWORK:
-        yield from (
-            guiding_regions(gains, 0) if gains[0] >= IMPEDANCE else [Region("gains", 0, len(gains))]
-        )
+        guides = gains[0] >= IMPEDANCE
+        yield from guiding_regions(gains, 0) if guides else [Region("gains", 0, len(gains))]
         return
     base, inputs, layers = (int(gains[at]) for at in (HEADER.base, HEADER.inputs, HEADER.layers))
     if base:
@@ -220,17 +218,13 @@ def regions(gains: Any, steps: tuple[float, ...]) -> Iterator[Region]:
     for layer in range(layers):
         biases, end = at + int(sizes[layer + 1]), at + int(sizes[layer + 1] * (1 + sizes[layer]))
         yield Region(f"biases_{layer}", at, biases, "float")
-        yield Region(
-            f"weights_{layer}",
-            biases,
-            end,
-            *(("signed char", steps[layer]) if steps else ("float", None)),
-        )
+        stored = ("signed char", steps[layer]) if steps else ("float", None)
+        yield Region(f"weights_{layer}", biases, end, *stored)
         at = end
 
 
 def guiding_regions(gains: Any, first: int) -> Iterator[Region]:
-    """Yield the parts of a guiding law's gains, which begin at ``first``: its torque table, and rows by pace."""
+    """Yield the parts of a guiding law's gains from ``first``: torque table, rows by pace."""
     knots = int(gains[NOMINAL.knots])
     paces = TABLE + 2 * knots
     count = (len(gains) - paces) // (WIDTH + 1)
@@ -242,7 +236,7 @@ def guiding_regions(gains: Any, first: int) -> Iterator[Region]:
 
 
 def rounded(policy: TrainedPolicy) -> tuple[TrainedPolicy, tuple[float, ...]]:
-    """Return a policy whose weights are multiples of a step for each layer, of 8 bits, and the steps."""
+    """Return a policy with weights of 8 bits, and the step of each layer."""
     steps = tuple(step_of(weight) for weight, _ in policy.layers)
     layers = tuple(
         (np.float32(np.round(weight / np.float64(step)) * step), bias)
@@ -259,15 +253,13 @@ def step_of(weight: NDArray[np.float32]) -> float:
 
 def described(layout: Layout) -> Iterator[str]:
     """Yield a line for each entry of an observation."""
-    for place, each in enumerate(layout.fields):
-        yield f"     {place:2} {each.name:14} {each.scale:5g} {each.unit:6} {each.meaning}"
+    for place, entry in enumerate(layout.fields):
+        yield f"     {place:2} {entry.name:14} {entry.scale:5g} {entry.unit:6} {entry.meaning}"
 
 
 def path_table(curve: Curve, program: Program) -> str:
     """Return the arcs of a path in C."""
-    rows = (
-        ", ".join(program.literal(value, "real") for value in row)
-        for row in curve.arcs.table.tolist()
-    )
+    table = curve.arcs.table.tolist()
+    rows = (", ".join(program.literal(value, "real") for value in row) for row in table)
     body = ",\n    ".join(rows)
     return f"const real pter_path_arcs[PTER_ARCS * 7] = {{\n    {body}\n}};"

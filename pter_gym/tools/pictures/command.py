@@ -37,15 +37,19 @@ def watch(
     Example: pter watch torque-feedback,residual --out both.webp
 
     Args:
-        policies: Separated by commas, as for `pter benchmark --policies`. scenario: Scenario that
-        draws the episode. pace: Commanded pace: slow, medium, brisk, or a speed in m/s. path: Path
-        instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's name. seed:
-        Seed of the episode, and of random policies, at least 0. out: Film to write, or with .png
-        the final picture, with the tip's trail; its folder must exist. csv: File for the episode's
-        whole telemetry; see docs/watching.md. Its folder must exist. size: Width and height of the
-        picture in pixels. speed: Playback speed relative to real time; 0.2 is slow motion. machine:
-        Clutch material, or the file of a machine of your own, instead of the one that the
-        scenario draws.
+        policies: Separated by commas, as for `pter benchmark --policies`.
+        scenario: Scenario that draws the episode.
+        pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
+        path: Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's
+            name.
+        seed: Seed of the episode, and of random policies, at least 0.
+        out: Film to write, or with .png the final picture, with the tip's trail; its folder must
+            exist.
+        csv: File for the episode's whole telemetry; see docs/watching.md. Its folder must exist.
+        size: Width and height of the picture in pixels.
+        speed: Playback speed relative to real time; 0.2 is slow motion.
+        machine: Clutch material, or the file of a machine of your own, instead of the one that
+            the scenario draws.
     """
     from pter_gym.benchmark import find_policy
     from pter_gym.benchmark.results import write_trajectories
@@ -110,14 +114,12 @@ def check_arguments(
 def summary(telemetry: Any) -> str:
     """Return how an episode ended, and how far the tip was from the path, in words."""
     from pter_gym.tasks.path_following import COLUMN
+    from pter_gym.tools.pictures.drawing import outcome
 
     last = telemetry[-1]
-    end = (
-        "arrived"
-        if last[COLUMN.is_success]
-        else "left the workspace"
-        if last[COLUMN.terminated]
-        else "time is up"
-    )
+    ending = outcome(last) if last[COLUMN.terminated] else "time is up"
     error = 1e3 * abs(telemetry[:, COLUMN.normal_error])
-    return f"{end} after {last[COLUMN.time]:.2f} s; error {error.mean():.1f} mm on average, {error.max():.1f} at most"
+    return (
+        f"{ending} after {last[COLUMN.time]:.2f} s; "
+        f"error {error.mean():.1f} mm on average, {error.max():.1f} at most"
+    )
