@@ -12,8 +12,8 @@ from types import SimpleNamespace
 from typing import Any
 
 from pter_gym._compiled.compiler import device
-from pter_gym._compiled.generated import compile_source
 from pter_gym._compiled.records import flat
+from pter_gym._compiled.source import compile_source
 from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import resolve
