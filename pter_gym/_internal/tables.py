@@ -33,8 +33,7 @@ def read_table(
     blanks: bool = False,
     max_size: int = MAX_CSV_SIZE,
 ) -> Table:
-    """Return the named columns of a CSV file and those of the optional ones that it has; others are
-    left out.
+    """Return the named columns of a CSV file, and the optional ones that it has.
 
     Columns are separated by commas, or by semicolons, after which numbers may have decimal commas.
     Their names are in the first line, or in the last one of those that begin with ``#``. With a

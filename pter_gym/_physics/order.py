@@ -1,4 +1,4 @@
-"""The order of a substep's stages, the one list that whatever moves a machine walks."""
+"""The order of a substep's stages: the one list that simulation and derivatives follow."""
 
 from pter_gym._compiled.compiler import device
 

@@ -34,14 +34,14 @@ KICK = MOTION | TORQUES | frozenset(
 
 
 def substep_tangents(arrangement_at: Any, lanes: int, torque_lanes: int) -> Any:
-    """Return a substep with tangents, for machines whose clutches ``arrangement_at`` tells.
+    """Return a substep with tangents, for machines with the clutches of ``arrangement_at``.
 
     Parameters
     ----------
     arrangement_at
         As ``substep_on`` takes it.
     lanes
-        How many tangents there are.
+        Number of tangents.
     torque_lanes
         How many of them, the first, may have tangents of the clutches' torques and voltages.
 
@@ -51,7 +51,7 @@ def substep_tangents(arrangement_at: Any, lanes: int, torque_lanes: int) -> Any:
         ``advance(body, dot, h, aims)`` does to a body with its command and its load what
         ``open_loop.advance`` does, energies apart, and to ``dot`` (entries, lanes), the tangents of
         its entries by numbers of the motion, the clutches, the inertias and the friction of the
-        axes. ``aims`` tells whether commands may have changed.
+        axes. ``aims`` says whether commands may have changed.
     """
     kick = _kick_tangents(arrangement_at, lanes)
     whole = DRIFTS_WHOLE

@@ -43,14 +43,14 @@ from pter_gym.tasks.path_following._observation import BOUND
 
 
 class DifferentiableEnvState(NamedTuple):
-    """A world, and the numbers by which its derivatives pass from step to step.
+    """A world, and the numbers that carry its derivatives from step to step.
 
     Attributes
     ----------
     world, episode
         Those of ``pter_gym.envs.jax.EnvState``.
     numbers
-        What ``world`` says, as floating-point numbers (51,): angles, velocities, torques and so on,
+        ``world`` as floating-point numbers (51,): angles, velocities, torques and so on,
         in the order of ``pter_gym._engine.world.World``. A step does not read them.
     """
 
