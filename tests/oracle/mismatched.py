@@ -10,7 +10,8 @@ from scipy import signal
 
 from oracle.recorded import RecordedMachine, record
 from pter_gym.params import BASELINE, Machine, TorqueCurve
-from pter_gym.tools.identification import Experiment, Log, quantities, record_log
+from oracle.experiment import Experiment, record_log
+from pter_gym.tools.identification import Log, quantities
 
 HEAT = 60.0
 """What a clutch takes up in such a log, at most [J]."""

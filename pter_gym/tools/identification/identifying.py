@@ -20,16 +20,13 @@ from pter_gym.tools.identification.evidence import admit_terms, find_differences
 from pter_gym.tools.identification.fit import Fit
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import COORDINATES, Quantity, Shape, quantities
-from pter_gym.tools.identification.shooting import make_inputs
-from pter_gym.tools.identification.verdict import Verdict, judge
+from pter_gym.tools.identification.verdict import NEGLIGIBLE, NEITHER, Verdict, judge
 from pter_gym.tools.identification.windows import (
-    OTHERS,
     SLIPPING,
     Smoothed,
     cut,
     experience,
     smooth,
-    smooth_force,
 )
 
 Array = NDArray[np.float64]
@@ -190,20 +187,16 @@ def identify(
         on_progress(min(taken / EXPECTED_STEPS, 1.0))
 
     windows = cut(log, motion, start, float(np.exp(p[at.TIME_CONSTANT])))
-    finer = make_inputs(log.interval, log.volts, smooth_force(log), 0.5 * windows.inputs.step)
     absent = {i for i in at.TERMS if before[i] == 0.0}
     fit = Fit(
         windows, shape, [i for i in range(at.COUNT) if i not in absent | kept.keys()], p, step
     )
     fit.choose_ratio()
     fit.search()
-    admit_terms(fit, finer, kept)
+    admit_terms(fit, kept)
     tied = _keep_unseen(fit, kept, before)
-    fit.compare(
-        [cut(log, motion, start, float(np.exp(fit.p[at.TIME_CONSTANT])), other) for other in OTHERS]
-    )
-    differences = find_differences(fit, finer, log, motion)
-    verdict = judge(fit, finer, differences, log, motion)
+    differences = find_differences(fit, log, motion)
+    verdict = judge(fit, differences, log)
     on_progress(1.0)
     return Identification(
         log=log,
@@ -338,9 +331,8 @@ def _findings(fit: Fit, kept: dict[int, str], tied: set[str], verdict: Verdict) 
     reasons = {COORDINATES[i].quantity: reason for i, reason in kept.items()}
     found: list[Finding] = []
     for q, first, error, by_free in zip(here, start, errors, slopes, strict=True):
-        explained = (
-            verdict.breakaways_explained if q.name == "breakaway_ratio" else verdict.explained
-        )
+        explained = verdict.grade != NEITHER
+        error = float(np.hypot(error, max(2.0 * verdict.rho, NEGLIGIBLE) * q.scale))
         unmoved = "" if by_free.any() else "the log shows none of the numbers from which it follows"
         reason = reasons.get(q.name, "") or unmoved
         sure = explained and q.name not in tied and error <= MAX_REL_HALF_WIDTH * q.scale

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.errors import ParameterError
 from pter_gym.params import SLOTS, Arm, Hand, Machine, require_number
-from pter_gym.tools.identification.log import Log
+from pter_gym.tools.identification import Log
 
 Array = NDArray[np.float64]
 
