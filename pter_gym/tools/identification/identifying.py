@@ -57,11 +57,11 @@ class Finding:
         Name, unit, value and scale.
     low, high
         95 % interval, in the unit: equal to the value where that was kept, infinite if the model
-        does not explain the log.
+        does not describe the log.
     before
         Value of the start.
     status
-        ``identified``: within ±5 % of its scale, by a model that explains the log. ``uncertain``:
+        ``identified``: within ±5 % of its scale, by a model that describes the log. ``uncertain``:
         used, but less sure. ``kept``: the log does not show it, so it is that of the start.
     reason
         Why it is kept.
@@ -85,7 +85,7 @@ class Finding:
         if self.status == "kept":
             return f"not shown by it and kept: {self.reason}"
         if math.isinf(self.high):
-            return "uncertain, the model does not explain it"
+            return "uncertain, the model does not describe it"
         unsure = "uncertain, " if self.status == "uncertain" else ""
         return f"{unsure}95 % interval {self.low:.4g} to {self.high:.4g}"
 
@@ -102,18 +102,22 @@ class Identification:
         The start with what was identified.
     delay
         From a recorded voltage to the motion that it makes [s].
+    offsets
+        Constant torques on the axes [N·m]: of gravity, of the force sensor's zero, or half of what
+        dry friction differs between directions.
     findings
         The numbers, in the order of ``quantities``.
     fit
         The windows and how well they are predicted.
     verdict
-        Whether the model explains the log, and where it does not.
+        How well the model describes the log.
     """
 
     log: Log
     start: Machine
     machine: Machine
     delay: float
+    offsets: tuple[float, float]
     findings: list[Finding]
     fit: Fit
     verdict: Verdict
@@ -125,7 +129,9 @@ class Identification:
         return (
             "The force sensor's gain is exact: all inertias and torques are proportional to it.",
             f"Links are {self.start.arm.length_a:g} m and {self.start.arm.length_b:g} m long.",
-            f"Each clutch drags with {clutch.viscous:g} N·m·s: more is part of the axes' viscous friction.",
+            f"Each clutch drags with {clutch.viscous:g} N·m·s: more is viscous friction of the axes.",
+            f"A machine here has no constant torques: {self.offsets[0]:.3g} and {self.offsets[1]:.3g} "
+            "N·m on axes A and B, which were identified too, are not in the preset.",
             f"Clutches lose {100.0 * clutch.fade:g} % of their torque per joule; they were as warm as in the log.",
         )
 
@@ -203,6 +209,7 @@ def identify(
         start=start,
         machine=fit.shape.machine(fit.p),
         delay=float(fit.p[at.DELAY]),
+        offsets=fit.shape.offsets(fit.p),
         findings=_findings(fit, kept, tied, verdict),
         fit=fit,
         verdict=verdict,
@@ -329,14 +336,15 @@ def _findings(fit: Fit, kept: dict[int, str], tied: set[str], verdict: Verdict) 
         np.maximum(np.einsum("qi,ij,qj->q", slopes, covariance, slopes), 0.0)
     )
     reasons = {COORDINATES[i].quantity: reason for i, reason in kept.items()}
+    share = max(2.0 * verdict.rho, NEGLIGIBLE)  # of its scale, for errors of the model
     found: list[Finding] = []
     for q, first, error, by_free in zip(here, start, errors, slopes, strict=True):
-        explained = verdict.grade != NEITHER
-        error = float(np.hypot(error, max(2.0 * verdict.rho, NEGLIGIBLE) * q.scale))
+        half = float(np.hypot(error, share * q.scale))
         unmoved = "" if by_free.any() else "the log shows none of the numbers from which it follows"
         reason = reasons.get(q.name, "") or unmoved
-        sure = explained and q.name not in tied and error <= MAX_REL_HALF_WIDTH * q.scale
-        half = 0.0 if reason else float(error) if explained else math.inf
+        described = verdict.grade != NEITHER
+        sure = described and q.name not in tied and half <= MAX_REL_HALF_WIDTH * q.scale
+        half = 0.0 if reason else half if described else math.inf
         status = "kept" if reason else "identified" if sure else "uncertain"
         ends = {"low": q.value - half, "high": q.value + half}
         found.append(Finding(quantity=q, before=first.value, status=status, reason=reason, **ends))

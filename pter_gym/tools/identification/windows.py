@@ -127,7 +127,7 @@ def _noise(log: Log, smoothed: Array) -> float:
     spread = min(
         float(np.median(np.abs(values))) / 0.6745 for values in (log.theta - smoothed, rough)
     )
-    return max(spread, (log.angle_step or angle_step(log.theta)) / np.sqrt(12.0), 1e-7)
+    return max(spread, (log.angle_step or angle_step(*log.theta.T)) / np.sqrt(12.0), 1e-7)
 
 
 def _independent(log: Log) -> int:

@@ -9,8 +9,8 @@ import pytest
 from pter_gym._commands.main import main
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
-from pter_gym.tools.identification import Log, identify, join_logs, read_log, record_log, write_log
-from pter_gym.tools.identification.experiment import Experiment
+from pter_gym.tools.identification import Log, identify, join_logs, read_log, write_log
+from oracle.experiment import Experiment, record_log
 from pter_gym.tools.identification.windows import cut, smooth
 
 HEAD = "t_s,V1,V2,V3,V4,theta_A,theta_B,F_x,F_y"
