@@ -92,7 +92,10 @@ def read_table(
                 raise ValueError(f"line {line} has {len(row)} entries, the first has {len(header)}")
             entries = [row[place] if place < len(row) else "" for place, _ in places]
             values.append(
-                [_number(entry, name, line, blanks) for entry, name in zip(entries, names, strict=True)]
+                [
+                    _number(entry, name, line, blanks)
+                    for entry, name in zip(entries, names, strict=True)
+                ]
             )
             lines.append(line)
             first = next(rows, None)
@@ -109,7 +112,9 @@ def read_table(
 def _rows(path: Path, max_size: int, comments: list[str]) -> Iterator[tuple[int, list[str]]]:
     """Yield numbers of lines and their entries as they are read; adds comments above the first to a list."""
     if not path.is_file():
-        raise ValueError("it is no regular file" if os.path.lexists(path) else "there is no such file")
+        raise ValueError(
+            "it is no regular file" if os.path.lexists(path) else "there is no such file"
+        )
     with path.open("rb") as file:
         if os.fstat(file.fileno()).st_size > max_size:
             raise ValueError(f"it is larger than {max_size} bytes")

@@ -122,9 +122,7 @@ def identify_clutch(bench: Bench, start: Clutch) -> BenchResult:
     size = np.sqrt(np.diag(normal)) + 1e-12
     ridge = 1e-9 * np.diag(size**2)
     moved = [
-        np.linalg.solve(
-            normal - jacobian[k].T @ jacobian[k] + ridge, jacobian[k].T @ left[k]
-        )
+        np.linalg.solve(normal - jacobian[k].T @ jacobian[k] + ridge, jacobian[k].T @ left[k])
         for k in parts
     ]
     errors = float(_STATS.t.ppf(0.975, BLOCKS - len(LOW))) * np.linalg.norm(moved, axis=0)

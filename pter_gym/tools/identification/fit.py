@@ -259,9 +259,7 @@ class Fit:
         across = np.swapaxes(by_start, 1, 2)
         normal = across @ by_start
         largest = np.trace(normal, axis1=1, axis2=2)[:, None, None]
-        normal += np.diag(
-            self.error**2 / np.square(START_ERRORS)
-        ) + SINGULAR * largest * np.eye(4)
+        normal += np.diag(self.error**2 / np.square(START_ERRORS)) + SINGULAR * largest * np.eye(4)
         along: Array = _LINEAR.solve(normal, across @ values)
         return values - by_start @ along, along
 
@@ -311,7 +309,9 @@ class Fit:
 
     def shaken(self) -> Array:
         """Return the mean square [rad²] by which noise of the forces moves each window's angles, shape (windows,)."""
-        return np.mean([self.change(self.p, each) ** 2 for each in self.windows.shaken], axis=(0, 2))
+        return np.mean(
+            [self.change(self.p, each) ** 2 for each in self.windows.shaken], axis=(0, 2)
+        )
 
     def change(self, p: Array, inputs: LogInputs | None = None) -> Array:
         """Return the change of the residuals [rad] at other coordinates or inputs, shape (windows, 2·length)."""

@@ -223,9 +223,7 @@ def _read_columns(file: Path, renamed: dict[str, str]) -> tuple[dict[str, Array]
     needed = [in_file[name] for name in COLUMNS if name in renamed or name not in VOLTS]
     optional = [in_file[name] for name in VOLTS if name not in renamed]
     units = {in_file[name]: unit for name, unit in UNITS.items()}
-    table = read_table(
-        file, needed, optional=optional, unit=units, blanks=True, max_size=MAX_FILE
-    )
+    table = read_table(file, needed, optional=optional, unit=units, blanks=True, max_size=MAX_FILE)
     lines = np.array(table.lines, np.int64)
     missing = [name for name in VOLTS if in_file[name] not in table.columns]
     if len(missing) == len(VOLTS):

@@ -207,7 +207,10 @@ def _build(digest: str) -> Any:
             for row in range(record.shape[1]):
                 for _substep in range(substeps):
                     changed = _command(body, dot, volts, by_delay, k)
-                    body[BODY.load.force_x, 0], body[BODY.load.force_y, 0] = force[k, 0], force[k, 1]
+                    body[BODY.load.force_x, 0], body[BODY.load.force_y, 0] = (
+                        force[k, 0],
+                        force[k, 1],
+                    )
                     advance(body, dot, h, changed)
                     k += 1
                 for link in range(2):

@@ -112,7 +112,9 @@ class Verdict:
             return f"The model is exact: in {100 * self.far:.0f} % of {self.windows} windows, residuals exceed noise; {left}."
         if self.grade == SIMULATION:
             return f"The model is good for simulation: {left}, in {self.windows} windows."
-        differing = f", and {100 * self.differing:.0f} % of the numbers differ between parts of the log"
+        differing = (
+            f", and {100 * self.differing:.0f} % of the numbers differ between parts of the log"
+        )
         return (
             f"The model does not describe the log, so nothing is identified: {left}"
             f"{differing if self.differing > MAX_DIFFERING else ''}."

@@ -92,7 +92,12 @@ def crossing(clutches: str, lag: str) -> tuple[Shape, np.ndarray, LogInputs, np.
     starts = np.column_stack(
         [rng.uniform(0.4, 1.0, 4), rng.uniform(2.0, 2.5, 4), rng.normal(0.0, 0.5, (4, 2))]
     )
-    return shape, shape.coordinates(machine, 3.3e-3) + np.where(np.arange(21) == 19, 0.3, 0.0), make_inputs(2e-3, volts, force), starts
+    return (
+        shape,
+        shape.coordinates(machine, 3.3e-3) + np.where(np.arange(21) == 19, 0.3, 0.0),
+        make_inputs(2e-3, volts, force),
+        starts,
+    )
 
 
 @pytest.mark.parametrize(
