@@ -24,9 +24,9 @@ import numpy as np
 
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import Episodes, find_episodes
+from pter_gym.benchmark.rollout import record_episode
 from pter_gym.benchmark.runs import evaluate
-from pter_gym.benchmark.simulation import record_episode, time_limit
-from pter_gym.controllers import BoundPolicy
+from pter_gym.controllers import Policy
 from pter_gym.tools.deploy import Source, source_of
 
 HERE = Path(__file__).parent
@@ -56,7 +56,7 @@ def program(folder: Path, main: Path) -> Path:
 
 
 def memory(folder: Path, cpu: str) -> tuple[int, int, int]:
-    """Flash, static RAM and the sum of all stack frames [B] of a whole program for a microcontroller."""
+    """Flash, static RAM and the sum of all stack frames [B] of a microcontroller's program."""
     elf = folder / "program.elf"
     target = (*MICROCONTROLLER, cpu)
     files = ("-cflags", "-std=c99", "--", HERE / "deploy.c", folder / "pter.c")
@@ -96,7 +96,8 @@ def memory(folder: Path, cpu: str) -> tuple[int, int, int]:
 
 def costs(observations: Any) -> None:
     print(
-        "| policy | numbers | weights | step, median / worst [µs] | M4 flash, RAM, stack [kB] | with FPU [kB] |"
+        "| policy | numbers | weights | step, median / worst [µs] "
+        "| M4 flash, RAM, stack [kB] | with FPU [kB] |"
     )
     print("|---|---|---|---|---|---|")
     for name in POLICIES:
@@ -116,7 +117,8 @@ def costs(observations: Any) -> None:
                 )
                 kind = weights if name in NETWORKS else "-"
                 print(
-                    f"| {name} | {numbers} | {kind} | {median:.1f} / {worst:.1f} | {' | '.join(kilobytes)} |",
+                    f"| {name} | {numbers} | {kind} | {median:.1f} / {worst:.1f} "
+                    f"| {' | '.join(kilobytes)} |",
                     flush=True,
                 )
 
@@ -144,26 +146,34 @@ class Compiled:
         self.process.communicate()
 
 
-class Timed(BoundPolicy):
-    """One program for each world, asked every ``period`` control steps, give or take ``jitter``, and ``delay`` late."""
+class Timed:
+    """One program for each world, asked every ``period`` control steps, give or take ``jitter``.
+
+    Its voltages come ``delay`` control steps later.
+    """
 
     def __init__(
-        self, programs: list[Any], layout: Any, period: int = 1, jitter: int = 0, delay: int = 0
+        self, programs: list[Any], period: int = 1, jitter: int = 0, delay: int = 0
     ) -> None:
-        self.programs, self.layout = programs, layout
+        self.programs = programs
         self.period, self.jitter, self.delay = period, jitter, delay
 
-    def reset(self, worlds: Any = None) -> None:
-        for each in self.programs:
-            each.reset()
+    def bind(self, machine: Any, layout: Any) -> Policy:
+        return Policy.of_function(self.act, layout, start=self.start)
+
+    def start(self, worlds: int) -> Any:
+        """Begin episodes in all worlds; the programs remember them."""
+        for program in self.programs:
+            program.reset()
         self.random = np.random.default_rng(0)
         self.step = 0
         self.decided = np.zeros(len(self.programs), int)
         self.due = np.zeros(len(self.programs), int)
         self.volts = np.zeros((len(self.programs), 4), np.float32)
         self.pending: list[tuple[int, int, Any]] = []
+        return None
 
-    def act(self, observations: Any) -> Any:
+    def act(self, observations: Any, memory: Any) -> Any:
         for world, row in enumerate(observations):
             if self.step >= self.due[world]:
                 self.pending.append((self.step + self.delay, world, self.programs[world](row)))
@@ -184,7 +194,9 @@ def told(scores: Any) -> str:
 
 def closed_loop(episodes: Episodes) -> None:
     fine = replace(
-        episodes, tasks=tuple(replace(task, control_period=1e-3) for task in episodes.tasks)
+        episodes,
+        tasks=tuple(replace(task, control_period=1e-3) for task in episodes.tasks),
+        limits=(),
     )
     print("| policy | Python | C, double | C, float | C, float, int8 |\n|---|---|---|---|---|")
     timed: list[str] = []
@@ -194,15 +206,13 @@ def closed_loop(episodes: Episodes) -> None:
         for numbers, weights in TYPES if name in NETWORKS else TYPES[:2]:
             source = source_of(python, name=name, numbers=numbers, weights=weights)
             with folder_of(source) as folder, ExitStack() as stack:
-                path, layout = program(folder, folder / "main.c"), source.policy.layout
-                programs = [Compiled(path, len(layout)) for _ in range(len(episodes))]
+                path, entries = program(folder, folder / "main.c"), len(source.policy.layout)
+                programs = [Compiled(path, entries) for _ in range(len(episodes))]
                 for each in programs:
                     stack.callback(each.close)
-                cells.append(told(evaluate(Timed(programs, layout), episodes)))
+                cells.append(told(evaluate(Timed(programs), episodes)))
                 if numbers == "double":
-                    times = [
-                        Timed(programs, layout, PERIOD, *timing) for timing in TIMINGS.values()
-                    ]
+                    times = [Timed(programs, PERIOD, *timing) for timing in TIMINGS.values()]
                     timed.append(
                         f"| {name} | "
                         + " | ".join(told(evaluate(each, fine)) for each in times)
@@ -216,8 +226,6 @@ def closed_loop(episodes: Episodes) -> None:
 if __name__ == "__main__":
     standard = find_episodes("standard", "medium").first(10 if "--quick" in sys.argv else 64)
     task = standard.tasks[0]
-    costs(
-        record_episode(find_policy("residual"), standard.machines[0], task, 0, time_limit(task)).obs
-    )
+    costs(record_episode(find_policy("residual"), standard.machines[0], task, 0).obs)
     print(flush=True)
     closed_loop(standard)

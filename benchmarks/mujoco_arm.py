@@ -96,7 +96,8 @@ def build(
           <inertial pos="0 0 0" mass="1" diaginertia="{link_a!r} {link_a!r} {link_a!r}"/>
           <body pos="{arm.length_a!r} 0 0">
             <joint name="ba" type="hinge" axis="0 0 1"/>
-            <inertial pos="{centre!r} 0 0" mass="{mass!r}" diaginertia="{link_b!r} {link_b!r} {link_b!r}"/>
+            <inertial pos="{centre!r} 0 0" mass="{mass!r}"
+                      diaginertia="{link_b!r} {link_b!r} {link_b!r}"/>
             <site name="tip" pos="{arm.length_b!r} 0 0"/>
           </body>
         </body>

@@ -64,7 +64,7 @@ def stepping(env: Any, worlds: int, steps: int = 1) -> Workload:
 
 
 def ours(worlds: int, threads: int, steps: int = 1, **keywords: Any) -> Workload:
-    """Return our vector environment: whole control steps without telemetry, ended worlds reset in the same step."""
+    """Return our vector environment without telemetry, which resets worlds in the step they end."""
     settings: Any = {
         "telemetry": False,
         "autoreset_mode": AutoresetMode.SAME_STEP,
@@ -88,7 +88,7 @@ def single(name: str) -> Workload:
 
 
 def mujoco_rollout(worlds: int, *, soft: bool = False) -> Workload:
-    """Return MuJoCo on the same mechanism: all worlds from the environment's start, with random voltages."""
+    """Return MuJoCo on the same arm, from the environment's start, with random voltages."""
     import mujoco
     from mujoco import rollout
     from mujoco_arm import ArmNumbers, build
@@ -113,7 +113,7 @@ def mujoco_rollout(worlds: int, *, soft: bool = False) -> Workload:
 
 
 def sb3(*, draws: bool) -> Workload:
-    """Return Stable-Baselines3's ``make_vec_env``, which always asks for rgb_array, or its worlds without a picture."""
+    """Return Stable-Baselines3's ``make_vec_env``, which asks for pictures, or the same without."""
     from stable_baselines3.common.env_util import make_vec_env
     from stable_baselines3.common.vec_env import DummyVecEnv
 

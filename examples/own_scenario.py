@@ -7,7 +7,7 @@ import pter_gym
 from pter_gym.hands import HumanArm, MultiSineHand, find_hand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL
 from pter_gym.paths import Circle, Line
-from pter_gym.scenarios.randomisation import LogUniform, OneOf, Randomisation, Uniform, Vary
+from pter_gym.scenarios.distributions import Draws, LogUniform, OneOf, Uniform, Vary
 from pter_gym.tasks.path_following import STARTS, PathFollowing
 
 clutch = OneOf(
@@ -16,7 +16,7 @@ clutch = OneOf(
 hand = OneOf(
     (MultiSineHand(), Vary(HumanArm(), eagerness=Uniform(1.3, 1.8)), find_hand("tremor-essential"))
 )
-scenario = Randomisation(
+scenario = Draws(
     machine=Vary(BASELINE, clutch=clutch),
     task=Vary(
         PathFollowing(starts=STARTS["path"]),
@@ -24,13 +24,12 @@ scenario = Randomisation(
         hand=hand,
         pace=LogUniform(0.12, 0.5),
     ),
-    contexts=64,  # pairs of machine and task, one of which each episode has
-    seed=0,
 )
 envs = gymnasium.make_vec(
     "PTER/PathFollowing-v0",
     num_envs=64,
-    randomisation=scenario,
+    scenario=scenario,
+    contexts=64,  # pairs of machine and task, one of which each episode has
     autoreset_mode=AutoresetMode.SAME_STEP,
 )
 policy = pter_gym.load_policy("torque-feedback-tuned", envs)

@@ -52,7 +52,8 @@ class Pid:
     }  # for `pter tune`
 
     def bind(self, machine, layout):
-        return Policy([*astuple(self), machine.arm.length_a, machine.arm.length_b], layout, law=pid)
+        gains = [*astuple(self), machine.arm.length_a, machine.arm.length_b]
+        return Policy.of_law(pid, gains, machine, layout)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Compile the kernels into numba's cache, once for all processes of a test run."""
+"""Compile the simulator's kernels into numba's cache: once for all processes of a test run, in two at the same time."""
 
 import subprocess
 import sys
@@ -7,15 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from conformance.test_law_faults import compile_law
 from documents import run_extending
 from pter_gym._engine.batch import Batch
+from pter_gym._engine.kernels import alone_kernel
 from pter_gym._physics import open_loop
-from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Free
 from pter_gym.params import BASELINE
-from pter_gym.params._preset import PRESET
 from pter_gym.tasks.path_following import PathFollowing
+from rollouts import simulate
 
 ROOT = Path(__file__).parents[1]
 
@@ -27,20 +26,15 @@ def main(part: str) -> None:
     if part == "steps":
         simulate(batch, policy, [0], 1)
         simulate(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
-        if find_spec("pter_gym.tools.paper"):
-            from pter_gym.tools.paper.calibration import Case, run_cases
-            from pter_gym.tools.paper.setup import setup_of
-
-            run_cases([Case(setup_of(PRESET), BASELINE)])
+        alone_kernel(False)
         run_extending()  # after the others: laws share what they have compiled
-        compile_law()
         if find_spec("jax"):
             from pter_gym._engine.xla import register_calls
 
             register_calls()
     else:
-        obs, _ = batch.reset([0])
-        policy(obs)
+        policy(np.zeros((1, len(batch.layout)), np.float32))
+        alone_kernel(True)
         start = open_loop.initial_state(BASELINE, (0.5, 2.0))
         open_loop.simulate(BASELINE, start, np.zeros(4), np.zeros(2), duration=BASELINE.substep)
         if find_spec("pter_gym.tools.identification"):

@@ -56,13 +56,14 @@ class Play:
         self.tab, self.address, self.downloads = tab, address, downloads
 
     def open(
-        self, settings: str = "", width: int = 1280, height: int = 900, scheme: str = "light"
+        self, width: int = 1280, height: int = 900, scheme: str = "light", **choices: str
     ) -> "Play":
-        """Load the page with settings in its address."""
+        """Load the page and make choices in its form."""
         self.tab.show(width, height, scheme)
-        self.tab.open("about:blank")
-        self.tab.open(f"{self.address}#{settings}")
+        self.tab.open(self.address)
         self.run(READY)
+        for identity, value in choices.items():
+            self.choose(identity, value)
         return self
 
     def run(self, expression: str) -> Any:
@@ -71,9 +72,8 @@ class Play:
     @property
     def problems(self) -> list[str]:
         """What went wrong; asking its own server is right."""
-        return [
-            each for each in self.tab.problems if f"asks the network for {self.address}" not in each
-        ]
+        own = f"asks the network for {self.address}"
+        return [problem for problem in self.tab.problems if own not in problem]
 
     def text(self, identity: str) -> str:
         return self.run(f"document.getElementById({json.dumps(identity)}).textContent")
@@ -81,18 +81,19 @@ class Play:
     def click(self, identity: str) -> None:
         self.run(f"document.getElementById({json.dumps(identity)}).click()")
 
-    def choose(self, identity: str, value: object) -> None:
-        """Set a control of the form as a person does, and wait until the page has taken it."""
+    def choose(self, identity: str, value: str) -> None:
+        """Choose an option of the form as a person does, and wait until the page has taken it."""
         self.run(
             f"""(async () => {{
-              const control = document.getElementById({json.dumps(identity)});
-              const before = page.trials[0];
-              control.value = {json.dumps(str(value))};
-              if (control.value !== {json.dumps(str(value))}) throw new Error("no such choice");
-              for (const kind of ["input", "change"]) {{
-                control.dispatchEvent(new Event(kind, {{ bubbles: true }}));
-              }}
-              await new Promise((done) => setTimeout(done, 60));
+              const select = document.getElementById({json.dumps(identity)});
+              select.value = {json.dumps(value)};
+              if (select.selectedIndex < 0) throw new Error("no such choice");
+              select.dispatchEvent(new Event("change", {{ bubbles: true }}));
+              const end = performance.now() + 5000;
+              const taken = () => page.trials[0].settings[select.id] === select.value;
+              const {{ problem }} = globalThis;
+              while (!taken() && problem.hidden && performance.now() < end)
+                await new Promise((done) => setTimeout(done, 10));
             }})()"""
         )
 
@@ -158,9 +159,8 @@ class Play:
         return file.rename(file.with_name(f"{time.monotonic_ns()}-{name}"))
 
 
-def record(file: Path) -> tuple[list[str], list[list[float]]]:
-    """Names and rows of a record that the page has saved."""
+def read_run(file: Path) -> tuple[list[str], list[list[float]]]:
+    """Return the names and rows of a run that the page has saved."""
     head, *rows = file.read_text("utf-8").splitlines()
-    return [re.sub(r" \[.*", "", name) for name in head.split(",")], [
-        [float(x) for x in row.split(",")] for row in rows
-    ]
+    names = [re.sub(r" \[.*", "", name) for name in head.split(",")]
+    return names, [[float(x) for x in row.split(",")] for row in rows]

@@ -19,7 +19,7 @@ NETWORK = {
 
 
 class RslRlVecEnv(VecEnv):
-    """A vector environment with `autoreset_mode="SAME_STEP"`, as rsl-rl needs it; actions are clipped to the bounds."""
+    """A vector environment that resets in the same step, as rsl-rl needs it, and clips actions."""
 
     def __init__(self, envs, seed: int) -> None:
         self.envs, self.cfg, self.device = envs, {}, torch.device("cpu")

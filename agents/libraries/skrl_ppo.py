@@ -20,7 +20,7 @@ SETTINGS = {"learning_epochs": 5, "mini_batches": 8, "learning_rate": 1e-3, "val
 
 
 class Truncating(PPO):
-    """After a truncation skrl counts the value of what comes next: that must not be the start of another episode."""
+    """After a truncation skrl uses the next observation's value: not one of another episode."""
 
     def record_transition(self, *, next_observations, infos, **rest):
         if "final_obs" in infos:

@@ -1,4 +1,4 @@
-"""rl-baselines3-zoo with the settings in `agents/libraries/zoo`: `python agents/libraries/zoo.py`."""
+"""rl-baselines3-zoo with the settings of this folder: `python agents/libraries/zoo.py`."""
 
 import subprocess
 import sys

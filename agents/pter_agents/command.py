@@ -36,20 +36,22 @@ def train(
 
     Args:
         algo: What to train: the clutch voltages (ppo), or corrections to a controller (residual).
-        scenario: Scenario whose draws are trained on, or all. pace: Commanded pace, or all of them.
-        steps: Total decisions in all worlds, each held for frame_skip control steps. seed: Seed of
-        weights, worlds, draws and actions, at least 0. out: Folder of the run, created if
-        necessary; it must not hold another run. resume: Continue from the newest checkpoint in the
-        folder; only the steps may have changed. config: TOML file with hyper-parameters that
-        replace the default ones. smoke: Train for a few seconds to check that everything works.
-        machine: Clutch material, or the preset of a machine of your own, instead of those that the
-        scenario draws.
+        scenario: Scenario whose draws are trained on, or all.
+        pace: Commanded pace, or all of them.
+        steps: Total decisions in all worlds, each held for frame_skip control steps.
+        seed: Seed of weights, worlds, draws and actions, at least 0.
+        out: Folder of the run, created if necessary; it must not hold another run.
+        resume: Continue from the newest checkpoint in the folder; only the steps may have changed.
+        config: TOML file with hyper-parameters that replace the default ones.
+        smoke: Train for a few seconds to check that everything works.
+        machine: Clutch material, or the file of a machine of your own, instead of those that the
+            scenario draws.
     """
     with terminal(errors=True).status("loading"):
         from pter_agents.runs import RunFolder
         from pter_agents.settings import ALL, SMOKE, TrainingArguments, load_settings
         from pter_gym.benchmark.tuned import FALLBACK
-        from pter_gym.scenarios._fixed_machine import find_fixed_machine
+        from pter_gym.params import find_machine
         from pter_gym.tools.figures import save
 
         settings = load_settings(algo, config, **(SMOKE if smoke else {}))
@@ -62,7 +64,7 @@ def train(
             seed=seed,
             settings=settings,
             validation_episodes=episodes,
-            machine=None if machine is None else find_fixed_machine(machine),
+            machine=None if machine is None else find_machine(machine),
         )
         try:
             from pter_agents import exporting, report, training
@@ -92,7 +94,8 @@ def train(
     )
     say(f"next: tensorboard --logdir {out}")
     say(
-        f"      pter export {out} --name mine && pter benchmark{on} --policies mine {report.LAWS[0]}"
+        f"      pter export {out} --name mine && "
+        f"pter benchmark{on} --policies mine {report.LAWS[0]}"
     )
 
 
@@ -127,7 +130,7 @@ def export(
         weights: Weights in the C code; int8 needs a quarter of the memory and costs some score.
         scenario: Scenario whose gains a controller has.
         path: Path that the C code holds.
-        machine: Nominal machine of a policy for C or ONNX, by its name or its preset.
+        machine: Nominal machine of a policy for C or ONNX, by its name or its file.
     """
     if c is None and onnx is None:
         from pter_agents import exporting

@@ -1,4 +1,4 @@
-"""Export a run as a policy in a folder of its own, in the layout of the Hugging Face Hub: weights and model card."""
+"""Export a run as a folder for the Hugging Face Hub: a policy's weights and its model card."""
 
 import json
 from collections.abc import Mapping
@@ -54,7 +54,8 @@ def export(source: FilePath, out: FilePath | None = None, *, name: str | None = 
     file = f"{name}{ENDING}"
     if others := sorted(path.name for path in out.iterdir() if path.name not in (README, file)):
         raise ParameterError(
-            f"out must be a folder for this policy alone, {str(out)!r} holds {', '.join(others):.200}"
+            f"out must be a folder for this policy alone, {str(out)!r} holds "
+            f"{', '.join(others):.200}"
         )
     write_text_atomic(out / README, model_card(name, policy))
     return write_policy(policy, out / file)
@@ -114,6 +115,9 @@ def model_card(name: str, policy: TrainedPolicy) -> str:
     meaning = f"of ±1 is ±{interface.reach:g} V, limited to 0…{interface.voltage_max:g} V"
     if interface.normalised:
         meaning = f"a within ±1 is {interface.voltage_max:g} V · ((a + 1)/2)²"
+    versions = ", ".join(f"{key} {number}" for key, number in about.get("versions", {}).items())
+    units = ", ".join(map(str, hidden))
+    skip = f"frame_skip={interface.frame_skip}"
     lines = [
         "---",
         "license: mit",
@@ -126,25 +130,25 @@ def model_card(name: str, policy: TrainedPolicy) -> str:
         "",
         f"A policy for the passive haptic arm PTER that {what}.",
         "",
-        f"- Trained by `{about.get('algorithm')}` on the training draws of `{about.get('scenario')}`",
+        f"- Trained by `{about.get('algorithm')}` on training draws of `{about.get('scenario')}`",
         f"- Command: `{about.get('command')}` ({about.get('steps')} decisions)",
         *(
             f"- In the file: `{key} = {json.dumps(value)}`"
             for key, value in about.get("config", {}).items()
         ),
-        f"- Versions: {', '.join(f'{key} {number}' for key, number in about.get('versions', {}).items())}",
-        f"- Network: {policy.sizes[0]} inputs, tanh layers of {', '.join(map(str, hidden))}, {outputs} outputs",
+        f"- Versions: {versions}",
+        f"- Network: {policy.sizes[0]} inputs, tanh layers of {units}, {outputs} outputs",
         f"- An output {meaning}",
         f"- Inputs: {', '.join(each.name for each in interface.inputs)}",
         "",
-        "It is made for the simulator. A real machine's clutches, sensors and hand differ from what it has seen.",
+        "It is made for the simulator: clutches, sensors and hand of a real machine are others.",
         "",
         *_score_table(about.get("validation", {})),
         "```python",
         "import gymnasium",
         "import pter_gym",
         "",
-        f'env = gymnasium.make("PTER/Standard-v0", pace="medium", frame_skip={interface.frame_skip})',
+        f'env = gymnasium.make("PTER/Standard-v0", pace="medium", {skip})',
         'policy = pter_gym.load_policy("path/to/this/folder", env)',
         "observation, info = env.reset(seed=0)",
         "policy.reset()",
@@ -166,7 +170,8 @@ def _score_table(validation: Mapping[str, Mapping[str, float]]) -> list[str]:
         "| pace | path error [mm] | completed [%] | mean pace error [%] | segment pace error [%] |",
         "|---|---|---|---|---|",
         *(
-            f"| {pace} ({PACES[pace]:g} m/s) | {1000 * s['path_error_m']:.1f} | {100 * s['completed']:.1f} | "
+            f"| {pace} ({PACES[pace]:g} m/s) | {1000 * s['path_error_m']:.1f} "
+            f"| {100 * s['completed']:.1f} | "
             f"{100 * s['mean_pace_error']:.1f} | {100 * s['segment_pace_error']:.1f} |"
             for pace, s in validation.items()
         ),

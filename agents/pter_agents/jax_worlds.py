@@ -85,7 +85,7 @@ class WorldsState(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Result of a step of N worlds; ``last_obs`` is the observation before a reset, ``paces`` the commanded [m/s]."""
+    """Result of a step of N worlds; ``last_obs`` is from before a reset, ``paces`` commanded."""
 
     rewards: jax.Array
     paces: jax.Array
@@ -115,8 +115,8 @@ class JaxWorlds:
         self._interface = interface
         self._pace = self._layout.names.index("pace")
         self._ages = np.array((0, *interface.history))
-        self._law = None if base is None else register_law(base.law)
-        blank = np.zeros((1, 0)) if base is None else base.empty_memory(1)
+        self._law = None if base is None else register_law(base.law.function)
+        blank = np.zeros((1, 0)) if base is None else base.start(1)
         names = available(self._layout, residual=base is not None)
         places, centers, scales = zip(
             *((names.index(each.name), each.center, each.scale) for each in interface.inputs),
@@ -128,7 +128,10 @@ class JaxWorlds:
             jnp.asarray(env.batch.device_arrays()["constants"], jnp.float32),
             _scaled(places, centers, scales),
             _scaled(truth.entries, truth.center, truth.scale),
-            (words_of(self._layout.scales), words_of(np.zeros(0) if base is None else base.gains)),
+            (
+                words_of(self._layout.scales),
+                words_of(np.zeros(0) if base is None else base.law.gains),
+            ),
             words_of(blank[0]),
             jnp.asarray(1.0 / np.array(interface.averages), jnp.float32),
         )
@@ -161,7 +164,7 @@ class JaxWorlds:
         return after, Step(rewards, paces, terminated, truncated, last_obs)
 
     def inputs(self, state: WorldsState) -> jax.Array:
-        """Return the networks' current inputs, (N, size): the policy's first, then those of the value network alone."""
+        """Return the networks' inputs, (N, size): the policy's, then the value network's own."""
         seen = jnp.concatenate([state.rows[:, self._ages], state.means], axis=1)
         return jnp.concatenate([seen.reshape(len(seen), -1), state.known], axis=1)
 

@@ -114,7 +114,7 @@ class Carry(NamedTuple):
 
 
 class RolloutBuffer(NamedTuple):
-    """Data of each step and world, (T, N, …); ``finals`` are values of final states, 0 after termination."""
+    """Data of each step and world, (T, N, …); ``finals`` are values of final states, or 0."""
 
     inputs: jax.Array
     targets: jax.Array
@@ -168,7 +168,7 @@ def estimate(
 def loss_of(
     weights: Weights, samples: Samples, deviation: Any, clip: float, value_weight: float
 ) -> jax.Array:
-    """Return the clipped surrogate loss plus the value loss, as in Stable-Baselines3, without an entropy bonus."""
+    """Return the clipped surrogate loss plus the value loss, as in Stable-Baselines3."""
     drawn = (samples.targets - weights.act(samples.inputs)) / deviation
     ratio = jnp.exp(0.5 * (jnp.square(samples.drawn) - jnp.square(drawn)).sum(1))
     gain = jnp.minimum(
@@ -192,7 +192,7 @@ def collect(
     drawn: jax.Array,
     deviation: Any,
 ) -> tuple[Carry, RolloutBuffer]:
-    """Follow the policy with noise ε, ``drawn`` (T, N, clutches); return the carried state and the rollout."""
+    """Follow the policy with noise ε, ``drawn`` (T, N, clutches); return state and rollout."""
 
     def act(carry: Carry, drawn: jax.Array) -> tuple[Carry, RolloutBuffer]:
         inputs = worlds.inputs(carry.worlds)
@@ -220,7 +220,7 @@ def collect(
 def samples_of(
     s: Settings, worlds: JaxWorlds, weights: Weights, carry: Carry, rows: RolloutBuffer
 ) -> Samples:
-    """Return the samples of a rollout, with advantages normalised to mean 0 and standard deviation 1 over all parts."""
+    """Return the samples of a rollout, with advantages normalised over all parts."""
     values = jnp.concatenate(
         [weights.value_of(rows.inputs), weights.value_of(worlds.inputs(carry.worlds))[None]]
     )
@@ -281,7 +281,8 @@ class PPO:
     def __init__(self, settings: Settings, training: Training, total: int, seed: int) -> None:
         if jax.device_count() < PARTS:
             raise ParameterError(
-                f"JAX must have {PARTS} devices, got {jax.device_count()}: import pter_agents.ppo before it runs "
+                f"JAX must have {PARTS} devices, got {jax.device_count()}: "
+                "import pter_agents.ppo before it runs "
                 f"anything, or set JAX_NUM_CPU_DEVICES={PARTS}"
             )
         self._settings, self._training, self._total, self._seed = settings, training, total, seed
@@ -369,7 +370,8 @@ class PPO:
             given = state[jax.tree_util.keystr(path)]
             if given.shape != leaf.shape or given.dtype != leaf.dtype:
                 raise ValueError(
-                    f"{jax.tree_util.keystr(path)} must be {leaf.dtype} {leaf.shape}, got {given.shape}"
+                    f"{jax.tree_util.keystr(path)} must be {leaf.dtype} {leaf.shape}, "
+                    f"got {given.shape}"
                 )
             found.append(jax.device_put(given, leaf.sharding))
         self._learned = jax.tree.unflatten(tree, found)
@@ -419,7 +421,7 @@ class PPO:
 
 
 def layers(key: jax.Array, sizes: tuple[int, ...], last: float) -> Layers:
-    """Return layers with orthogonal weights, those of the last scaled by ``last``, and biases of 0."""
+    """Return layers with orthogonal weights, the last scaled by ``last``, and biases of 0."""
     gains = [math.sqrt(2.0)] * (len(sizes) - 2) + [last]
     keys = jax.random.split(key, len(gains))
     return [

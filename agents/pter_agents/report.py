@@ -1,4 +1,4 @@
-"""What a run shows when it ends: scores beside those of tuned laws, a learning curve, and a film."""
+"""What a run shows when it ends: its scores, a learning curve and a film, beside tuned laws."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +13,7 @@ from pter_agents.settings import TrainingArguments
 from pter_agents.training import Scores, progress_of
 from pter_agents.validation import SEED, Validation
 from pter_agents.worlds import draws_for, find_base
-from pter_gym.benchmark.simulation import record_episode, time_limit
+from pter_gym.benchmark.rollout import record_episode
 from pter_gym.controllers import Controller
 from pter_gym.scenarios import PACES
 from pter_gym.tools.figures import MILLIMETRE, MUTED, SMALL, WIDTH, looks, styled
@@ -21,7 +21,7 @@ from pter_gym.tools.pictures.film import write_film
 from pter_gym.tools.pictures.plots import plain_ticks
 
 LAWS = ("single-dof-tuned", "torque-feedback-tuned")
-"""Tuned laws that a trained policy is compared with: the best one, and the better of the paper's two."""
+"""Tuned laws to compare with: the best one, and the better of the paper's two."""
 
 
 def law_scores(arguments: TrainingArguments) -> dict[str, Scores]:
@@ -29,7 +29,7 @@ def law_scores(arguments: TrainingArguments) -> dict[str, Scores]:
     validation = Validation(
         arguments.scenario, arguments.paces, arguments.validation_episodes, arguments.machine
     )
-    return {name: validation.scores(_law(name, arguments), arguments.nominal) for name in LAWS}
+    return {name: validation.scores(_law(name, arguments)) for name in LAWS}
 
 
 def _law(name: str, arguments: TrainingArguments) -> Controller:
@@ -127,13 +127,10 @@ def _write(axes: Axes, text: str, at: tuple[float, float], coordinates: Any, **s
 def film(policy: Controller, arguments: TrainingArguments, path: Path) -> Path:
     """Film a policy beside the better of the paper's laws on one validation draw."""
     pace = "medium" if "medium" in arguments.paces else arguments.paces[0]
-    draws = draws_for(arguments.scenario, pace, contexts=1, seed=SEED, machine=arguments.machine)
-    machine, task = draws.pairs()[0]
+    machine, task = draws_for(arguments.scenario, pace, arguments.machine).pairs(1, SEED)[0]
     shown = {arguments.algorithm: policy, LAWS[-1]: _law(LAWS[-1], arguments)}
     episodes = {
-        name: record_episode(
-            each, machine, task, 0, time_limit(task), nominal=arguments.nominal
-        ).telemetry
-        for name, each in shown.items()
+        name: record_episode(law, machine, task, 0, nominal=arguments.nominal).telemetry
+        for name, law in shown.items()
     }
     return write_film(machine, task, episodes, path)

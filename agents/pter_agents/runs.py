@@ -25,7 +25,7 @@ from pter_gym.policies import Interface, TrainedPolicy
 from pter_gym.policies._files import RUN, interface_codec
 
 SCORES, PROGRESS, LOCK = "validation.json", "progress.csv", ".lock"
-"""Files of a run: scores during training, their table, and one that the training process has locked."""
+"""Files of a run: its scores, their table, and one that the training process has locked."""
 
 KEPT = 2
 """Newest checkpoints that are kept."""
@@ -123,7 +123,7 @@ class RunFolder:
                 raise ValueError(str(error)) from None
 
     def scores(self) -> dict[int, dict[str, dict[str, float]]]:
-        """Return the validation scores by decisions before each and by pace, or raise a DataError."""
+        """Return the validation scores by number of decisions and by pace, or raise a DataError."""
         file = self.path / SCORES
         if not file.exists():
             return {}

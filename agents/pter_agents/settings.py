@@ -8,7 +8,7 @@ from typing import Any, cast
 from pter_gym import params
 from pter_gym._internal.codec import Codec, dataclasses_in, tuple_of
 from pter_gym._internal.files import FilePath, find_path
-from pter_gym._internal.reading import MAX_TOML_SIZE, parse_toml, read_text, reading
+from pter_gym._internal.reading import read_toml
 from pter_gym.benchmark import PACES
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.errors import ParameterError, unknown_name
@@ -23,7 +23,6 @@ from pter_gym.params import (
 )
 from pter_gym.policies._trained import MAX_LAYERS, are_hidden
 from pter_gym.scenarios import SCENARIOS
-from pter_gym.scenarios._fixed_machine import FixedMachine
 from pter_gym.tasks.path_following import STARTS, RewardWeights
 
 ALGORITHMS = ("ppo", "residual")
@@ -33,21 +32,21 @@ Each has a table NAME.toml here.
 """
 
 ALL = "all"
-"""Name for all scenarios of ``worlds.MIXED``, and for a commanded pace that is drawn among those of the scores."""
+"""Name for all scenarios of ``worlds.MIXED``, and for a pace drawn among those of the scores."""
 
 NO_BASE = "none"
 """Name of the base of a policy that corrects no controller."""
 
 BASES = (NO_BASE, "impedance", "torque-feedback", *TUNED)
-"""What a policy may correct: the paper's controllers with a damper for each pace, and those with tuned gains."""
+"""What a policy may correct: the paper's controllers, and those with tuned gains."""
 
 PARTS = 2
-"""Parts of the worlds, each on a core; the results depend on their number, not on the number of cores."""
+"""Parts of the worlds, each on a core; results depend on their number, not on that of cores."""
 
 SMOKE = {"worlds": 64, "steps": 32, "contexts": 16, "minibatch": 512, "epochs": 2}
 """Hyper-parameters of a short run that shows that training works, not that it learns."""
 
-CODEC = Codec((*dataclasses_in(params), FixedMachine))
+CODEC = Codec(dataclasses_in(params))
 """Stores the machine of a training."""
 
 
@@ -157,20 +156,12 @@ class Settings(RewardWeights):
         require_flag(self, "normalised")
         for name in ("history", "averages", "hidden", "value_hidden"):
             sizes = getattr(self, name)
-            require(_are_sizes(sizes), self, name, sizes, "whole numbers from 1 to 1024")
-        require(
-            are_hidden(self.hidden), self, "hidden", self.hidden, f"at most {MAX_LAYERS - 1} layers"
-        )
-        require(self.worlds % PARTS == 0, self, "worlds", self.worlds, f"a multiple of {PARTS}")
+            require(_are_sizes(sizes), self, name, "whole numbers from 1 to 1024", got=sizes)
+        require(are_hidden(self.hidden), self, "hidden", f"at most {MAX_LAYERS - 1} layers")
+        require(self.worlds % PARTS == 0, self, "worlds", f"a multiple of {PARTS}")
         samples = self.worlds * self.steps
         even = samples % self.minibatch == 0 and self.minibatch % PARTS == 0
-        require(
-            even,
-            self,
-            "minibatch",
-            self.minibatch,
-            f"an even divisor of worlds × steps = {samples}",
-        )
+        require(even, self, "minibatch", f"an even divisor of worlds × steps = {samples}")
         self.reward()
 
     def reward(self) -> RewardWeights:
@@ -215,9 +206,9 @@ def load_settings(algorithm: str, file: FilePath | None = None, **changes: Any) 
     """
     if algorithm not in ALGORITHMS:
         raise unknown_name("algorithm", algorithm, ALGORITHMS)
-    values = _read_table(Path(__file__).parent / f"{algorithm}.toml")
+    values = read_toml(Path(__file__).parent / f"{algorithm}.toml", "config")
     if file is not None:
-        values |= _read_table(find_path("config", file))
+        values |= read_toml(find_path("config", file), "config")
     return settings_from(values | changes)
 
 
@@ -231,11 +222,6 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         return Settings(**{name: tuple_of(value) for name, value in values.items()})
     except TypeError as error:
         raise ParameterError(f"config: {error}") from None
-
-
-def _read_table(file: Path) -> dict[str, Any]:
-    with reading(f"config {file} cannot be read"):
-        return parse_toml(read_text(file, MAX_TOML_SIZE))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -271,7 +257,7 @@ class TrainingArguments:
     checkpoint_every: int = 10
     validate_every: int = 40
     validation_episodes: int = 64
-    machine: FixedMachine | None = None
+    machine: Machine | None = None
 
     def __post_init__(self) -> None:
         """Check names and numbers."""
@@ -285,12 +271,12 @@ class TrainingArguments:
         for name in ("steps", "checkpoint_every", "validate_every", "validation_episodes"):
             require_whole(self, name)
         require_whole(self, "seed", at_least=0, below=2**31)
-        require_kind(self, "machine", FixedMachine, type(None))
+        require_kind(self, "machine", Machine, type(None))
 
     @property
     def nominal(self) -> Machine:
         """The machine that a base controller is bound to."""
-        return BASELINE if self.machine is None else self.machine.machine
+        return BASELINE if self.machine is None else self.machine
 
     @property
     def paces(self) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from pter_gym.policies._files import encode_policy
 
 
 class TrainingDivergedError(PterError, ArithmeticError):
-    """A loss or a weight is no longer a finite number; the message names the last good checkpoint."""
+    """A loss or a weight is not finite; the message names the last good checkpoint."""
 
 
 Scores = Mapping[str, Mapping[str, float]]
@@ -92,7 +92,7 @@ def _learn(
     on_progress: Callable[[int], None],
     on_scores: Callable[[int, Scores], None],
 ) -> Path:
-    """Train a model for all its steps, with checkpoints and validation, and return its last checkpoint."""
+    """Train a model with checkpoints and validation, and return its last checkpoint."""
     validation = Validation(
         arguments.scenario, arguments.paces, arguments.validation_episodes, arguments.machine
     )
@@ -104,7 +104,7 @@ def _learn(
         return folder.save(model.steps, model.get_state())
 
     def validate() -> None:
-        scores = validation.scores(model.policy(), arguments.nominal)
+        scores = validation.scores(model.policy())
         folder.add_scores(model.steps, scores)
         spent = {"seconds": round(time.perf_counter() - begin, 1), "decisions": model.steps}
         folder.add_progress(
@@ -137,7 +137,7 @@ def _learn(
 
 
 def progress_of(scores: Mapping[str, float]) -> dict[str, Any]:
-    """Return the path error [m], the share of arrivals, and whether the scores are good enough for a rank."""
+    """Return the path error [m], the share of arrivals, and whether they suffice for a rank."""
     off_pace = max(scores["mean_pace_error"], scores["segment_pace_error"])
     ranked = scores["completed"] >= COMPLETION and off_pace <= PACE_ERROR
     return {
@@ -153,7 +153,7 @@ def _stopped(model: PPO, folder: RunFolder, error: Exception) -> str:
 
 
 def check_same(known: TrainingArguments, given: TrainingArguments) -> None:
-    """Raise a ParameterError if a run is resumed with different arguments; only the steps may differ."""
+    """Raise a ParameterError if a run is resumed with arguments that differ in more than steps."""
     pairs: list[tuple[Any, Any]] = [
         (replace(known, steps=given.steps), given),
         (known.settings, given.settings),

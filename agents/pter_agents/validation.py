@@ -4,15 +4,11 @@ Their seed is never used for training draws; the stored evaluation episodes stay
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 from pter_agents.worlds import draws_for
-from pter_gym._engine.batch import Batch
-from pter_gym.benchmark import score_episodes
-from pter_gym.benchmark.simulation import simulate, time_limit
-from pter_gym.controllers import Controller
+from pter_gym.benchmark import Episodes, evaluate
+from pter_gym.controllers import AnyPolicy
 from pter_gym.params import BASELINE, Machine
-from pter_gym.scenarios._fixed_machine import FixedMachine
 
 SEED = 2**31 + 1
 """Seed of the draws, larger than any seed of a run."""
@@ -50,27 +46,21 @@ class Validation:
         scenario: str,
         paces: Sequence[str],
         episodes: int,
-        machine: FixedMachine | None = None,
+        machine: Machine | None = None,
     ) -> None:
-        self._tasks: dict[str, Any] = {}
-        self._batches: dict[str, Batch] = {}
+        nominal = BASELINE if machine is None else machine
+        self._episodes: dict[str, Episodes] = {}
         for pace in paces:
-            draws = draws_for(scenario, pace, contexts=episodes, seed=SEED, machine=machine)
-            machines, tasks = zip(*draws.pairs(), strict=True)
-            self._tasks[pace] = tasks
-            self._batches[pace] = Batch(machines, tasks, sensors="torque")
+            pairs = draws_for(scenario, pace, machine).pairs(episodes, SEED)
+            machines, tasks = zip(*pairs, strict=True)
+            seeds = tuple(range(FIRST_RESET, FIRST_RESET + len(tasks)))
+            strata = ("",) * len(tasks)
+            self._episodes[pace] = Episodes(scenario, machines, tasks, seeds, strata, nominal)
 
-    def scores(
-        self, policy: Controller, nominal: Machine = BASELINE
-    ) -> dict[str, dict[str, float]]:
-        """Return the mean scores for each pace of a policy that is bound to a nominal machine."""
-        found: dict[str, dict[str, float]] = {}
-        for pace, batch in self._batches.items():
-            tasks = self._tasks[pace]
-            seeds = list(range(FIRST_RESET, FIRST_RESET + len(tasks)))
-            telemetry = simulate(
-                batch, policy.bind(nominal, batch.layout), seeds, max(map(time_limit, tasks))
-            )
-            values = score_episodes(telemetry, tasks)
-            found[pace] = {name: float(values[name].mean()) for name in SCORES}
-        return found
+    def scores(self, policy: AnyPolicy) -> dict[str, dict[str, float]]:
+        """Return the mean scores of a policy for each pace."""
+        means: dict[str, dict[str, float]] = {}
+        for pace, episodes in self._episodes.items():
+            scores = evaluate(policy, episodes)
+            means[pace] = {name: float(scores[name].mean()) for name in SCORES}
+        return means

@@ -1,41 +1,39 @@
 """The worlds to train on: a scenario's training draws, and what the networks see of them."""
 
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from pter_agents.settings import ALL, NO_BASE, Settings, TrainingArguments
+from pter_agents.settings import ALL, NO_BASE, TrainingArguments
 from pter_gym.benchmark import PACES, find_policy
 from pter_gym.controllers import PaceSchedule
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import unknown_name
+from pter_gym.params import Machine
 from pter_gym.paths import Arc, Circle
 from pter_gym.policies import Input, Interface
 from pter_gym.policies._interface import available, clutch_rows, middle_volts, quantities, to_volts
 from pter_gym.scenarios import find_scenario
-from pter_gym.scenarios._fixed_machine import FixedMachine
-from pter_gym.scenarios.randomisation import Mixture, OneOf, Randomisation, Vary
+from pter_gym.scenarios.distributions import Draws, OneOf, Vary
 from pter_gym.tasks.path_following import STARTS
 
-Draws = Randomisation | Mixture
-
 MIXED = ("standard", "paths", "hands", "materials", "everything")
-"""The scenarios of ``ALL``, on which shipped policies were trained; later ones show how policies do on others."""
+"""The scenarios of ``ALL``, on which shipped policies were trained; the others test them."""
 
 MAX_VARIED = "everything"
 """The scenario that has half of the draws of ``ALL``; the others share the rest evenly."""
 
 REPEATS = {Circle: 6, Arc: 2}
-"""How often training draws a kind of path for each path of another kind: their headings are rare elsewhere."""
+"""How often training draws a kind of path for each path of another kind: rare headings."""
 
 BASE_SCENARIO = "standard"
-"""Scenario whose gains the base has in a training for ``ALL``; those for ``everything`` are poor on known machines."""
+"""Scenario whose gains the base has for ``ALL``: those of ``everything`` are poor elsewhere."""
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
-"""Chosen scales [m, 1, m/s]: with a good policy these are far smaller than random actions make them."""
+"""Chosen scales [m, 1, m/s]: random actions make these far larger than a good policy does."""
 
 SAMPLE_WORLDS, SAMPLE_STEPS = 256, 200
 
@@ -46,13 +44,10 @@ DEVIATION = 0.4
 def draws_for(
     scenario: str,
     pace: str,
-    *,
-    contexts: int,
-    seed: int,
-    machine: FixedMachine | None = None,
-    **overrides: Any,
+    machine: Machine | None = None,
+    **fields: Any,
 ) -> Draws:
-    """Return machines and tasks of a scenario at a pace.
+    """Return the draws of a scenario at a pace.
 
     Parameters
     ----------
@@ -60,12 +55,9 @@ def draws_for(
         Its name, or ``"all"`` for the scenarios in ``MIXED``.
     pace
         Name of a commanded pace, or ``"all"``.
-    contexts, seed
-        Number of pairs of machine and task, rounded up to equal shares of the scenarios, and the
-        seed of their list.
     machine
         A machine in place of those that the scenarios draw.
-    **overrides
+    **fields
         Fields of the task that all episodes share, such as ``reward``, ``starts`` and
         ``truncation_error``.
 
@@ -76,57 +68,32 @@ def draws_for(
     """
     if pace not in (ALL, *PACES):
         raise unknown_name("pace", pace, (ALL, *PACES))
-    if scenario != ALL:
-        return _draws(scenario, pace, machine, contexts=contexts, seed=seed, **overrides)
-    share = -(-contexts // (2 * (len(MIXED) - 1)))
-    shares = {each: (len(MIXED) - 1) * share if each == MAX_VARIED else share for each in MIXED}
-    parts = (
-        _draws(each, pace, machine, contexts=own, seed=seed, **overrides)
-        for each, own in shares.items()
+    first, *others = (
+        replace(
+            find_scenario(name, machine).draws,
+            weight=len(MIXED) - 1 if scenario == ALL and name == MAX_VARIED else 1,
+        )
+        for name in (MIXED if scenario == ALL else (scenario,))
     )
-    return Mixture(parts=tuple(parts))
-
-
-def _draws(
-    scenario: str,
-    pace: str,
-    machine: FixedMachine | None,
-    *,
-    contexts: int,
-    seed: int,
-    **overrides: Any,
-) -> Randomisation:
-    """Return machines and tasks of one scenario."""
-    speeds = all_paces() if pace == ALL else (PACES[pace],)
-    drawn = find_scenario(scenario, machine).randomisation(
-        None, contexts=contexts, seed=seed, **overrides
-    )
-    task: Any = drawn.task
-    return replace(drawn, task=Vary(task.base, **{**task.fields, "pace": OneOf(speeds)}))
+    speeds = OneOf(all_paces() if pace == ALL else (PACES[pace],))
+    return replace(first, also=tuple(others)).at_pace(speeds).with_task(**fields)
 
 
 def training_draws(arguments: TrainingArguments) -> Draws:
-    """Return the machines and tasks of a training: those of its scenario, with kinds of paths as in ``REPEATS``."""
+    """Return the draws of a training: its scenario's, with kinds of paths as in ``REPEATS``."""
     s = arguments.settings
-    overrides = {"reward": s.reward(), "starts": STARTS[s.starts], "truncation_error": s.truncation}
-    return _with_repeats(
-        draws_for(
-            arguments.scenario,
-            arguments.pace,
-            contexts=s.contexts,
-            seed=arguments.seed,
-            machine=arguments.machine,
-            **overrides,
-        )
-    )
+    return draws_for(
+        arguments.scenario,
+        arguments.pace,
+        arguments.machine,
+        reward=s.reward(),
+        starts=STARTS[s.starts],
+        truncation_error=s.truncation,
+    ).map_parts(_with_repeats)
 
 
 def _with_repeats(draws: Draws) -> Draws:
     """Return draws with each kind of path as often as ``REPEATS`` says."""
-    if isinstance(draws, Mixture):
-        return replace(
-            draws, parts=tuple(cast(Randomisation, _with_repeats(part)) for part in draws.parts)
-        )
     task: Any = draws.task
     if "path" not in task.fields:
         return draws
@@ -136,7 +103,7 @@ def _with_repeats(draws: Draws) -> Draws:
 
 
 def all_paces() -> tuple[float, ...]:
-    """Return the commanded paces [m/s], with fast ones repeated so that all take about the same share of time."""
+    """Return the commanded paces [m/s], fast ones repeated for about the same share of time."""
     slowest = min(PACES.values())
     return tuple(pace for pace in PACES.values() for _ in range(round(pace / slowest)))
 
@@ -178,7 +145,7 @@ class Training:
 
 
 def make_training(arguments: TrainingArguments) -> Training:
-    """Return the worlds of a training; centers and scales of the inputs are those of a short run without a network."""
+    """Return the worlds of a training; a short run without a network gives the inputs' scales."""
     s, nominal = arguments.settings, arguments.nominal
     draws = training_draws(arguments)
     schedule = find_base(s.base, arguments.scenario)
@@ -193,9 +160,11 @@ def make_training(arguments: TrainingArguments) -> Training:
         nominal.clutch.voltage_max,
         clutch_rows(nominal),
     )
-    env = _make_worlds(draws, s.worlds, s)
+    env = _make_worlds(draws, s.worlds, arguments)
     base = None if schedule is None else schedule.bind(nominal, env.observation_layout)
-    inputs, truth = _sample(_make_worlds(draws, SAMPLE_WORLDS, s), interface, base, arguments.seed)
+    inputs, truth = _sample(
+        _make_worlds(draws, SAMPLE_WORLDS, arguments), interface, base, arguments.seed
+    )
     return Training(env, replace(interface, inputs=inputs), truth, base)
 
 
@@ -208,11 +177,15 @@ def find_base(name: str, scenario: str) -> PaceSchedule | None:
     return policy
 
 
-def _make_worlds(draws: Draws, count: int, settings: Settings) -> PathFollowingVectorEnv:
+def _make_worlds(draws: Draws, count: int, arguments: TrainingArguments) -> PathFollowingVectorEnv:
     """Return worlds that take voltages and are reset in the same step in which they end."""
+    settings = arguments.settings
     return PathFollowingVectorEnv(
         count,
-        randomisation=draws,
+        scenario=draws,
+        contexts=settings.contexts,
+        context_seed=arguments.seed,
+        action_unit="volt",
         max_episode_steps=settings.episode,
         frame_skip=settings.frame_skip,
         autoreset_mode=AutoresetMode.SAME_STEP,
@@ -224,18 +197,24 @@ def _make_worlds(draws: Draws, count: int, settings: Settings) -> PathFollowingV
 def _sample(
     env: PathFollowingVectorEnv, interface: Interface, base: Any, seed: int
 ) -> tuple[tuple[Input, ...], Truth]:
-    """Return all inputs and the truth, with the mean and standard deviation of each under random actions."""
+    """Return the inputs and the truth, with mean and standard deviation under random actions."""
     layout, rng = env.observation_layout, np.random.default_rng(seed)
     residual = base is not None
     obs: Any = env.reset(seed=seed)[0]
+    memory: Any = base.start(len(obs)) if residual else None
     seen: list[NDArray[Any]] = []
     true: list[NDArray[Any]] = []
     for _ in range(SAMPLE_STEPS):
-        volts = base.act(obs).astype(np.float64) if residual else middle_volts(len(obs), interface)
+        volts = base.act(obs, memory) if residual else middle_volts(len(obs), interface)
         seen.append(quantities(obs * layout.scales, volts, layout, residual=residual))
         true.append(env.batch.truth())
         outputs = DEVIATION * rng.standard_normal((len(obs), len(interface.clutches)))
-        obs = env.step(to_volts(outputs, volts, interface).astype(np.float32))[0]
+        obs, _, terminated, truncated, _ = env.step(
+            to_volts(outputs, volts, interface).astype(np.float32)
+        )
+        if residual:
+            over = terminated | truncated
+            memory[over] = base.start(len(obs))[over]
     env.close()
     center, scale, varies = _moments(seen)
     names = available(layout, residual=residual)

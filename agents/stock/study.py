@@ -18,7 +18,7 @@ import tyro
 from stable_baselines3.common.callbacks import BaseCallback
 
 from pter_agents.validation import Validation
-from pter_gym.benchmark import PerSeed, ResultsFolder, from_sb3, print_boards, run_scenario
+from pter_gym.benchmark import ResultsFolder, from_sb3, print_boards, run_scenario
 from pter_gym.envs.sb3 import make_sb3_vec_env
 from pter_gym.scenarios import PACES
 
@@ -86,7 +86,7 @@ def study(
         chosen = min(tried, key=lambda each: each[0])[1]
         models = [train(algorithm, chosen, seed, seconds) for seed in range(1, 1 + seeds)]
         print(f"{algorithm}: {[model.num_timesteps for model in models]} decisions", flush=True)
-        policies = {algorithm: PerSeed([from_sb3(model) for model in models])}
+        policies = {algorithm: [from_sb3(model) for model in models]}
         runs = run_scenario(
             "standard", policies, seed=fresh, results=ResultsFolder(out / algorithm)
         )

@@ -1,18 +1,20 @@
 """Blocks made from the scores in a results folder of `pter benchmark`."""
 
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from markup import code, joined, table
 
-from pter_gym.benchmark.boards import UNRANKED, pace_error, with_interval
-from pter_gym.benchmark.intervals import Interval
+from pter_gym.benchmark import Leaderboard, ResultsFolder, leaderboards
+from pter_gym.benchmark.boards import (
+    UNRANKED,
+    Standing,
+    in_order,
+    millimetres,
+    with_interval,
+)
 from pter_gym.scenarios import PACES, SCENARIOS
-
-Board = dict[str, Any]
 
 LEFT_OUT = ("free", "locked", "random")
 """Policies that any other beats, shown on the scenarios' own pages only."""
@@ -44,43 +46,23 @@ def board(function: Callable[..., str]) -> Callable[..., str]:
 
 
 @cache
-def summary(results: Path) -> dict[str, Any]:
-    """Return what `benchmark.json` says."""
-    return json.loads((results / "benchmark.json").read_text("utf-8"))
+def all_boards(results: Path) -> tuple[Leaderboard, ...]:
+    """Return the leaderboards of the runs in a folder."""
+    return leaderboards(ResultsFolder(results).runs())
 
 
-def boards_of(results: Path, scenario: str) -> dict[str, Board]:
-    """Return the leaderboards of a scenario by pace; those of the most episodes where there are several."""
-    found = {
-        each["pace"]: each
-        for each in sorted(summary(results)["leaderboards"], key=lambda each: each["episodes"])
-        if each["scenario"] == scenario
-    }
-    if missing := [pace for pace in PACES if pace not in found]:
+def boards_of(results: Path, scenario: str) -> dict[str, Leaderboard]:
+    """Return the leaderboards of a scenario by pace, those of the most episodes."""
+    ordered = sorted(all_boards(results), key=lambda each: each.episodes)
+    by_pace = {each.pace: each for each in ordered if each.scenario == scenario}
+    if missing := [pace for pace in PACES if pace not in by_pace]:
         raise ValueError(f"{results} has no {scenario} at {', '.join(missing)}")
-    return {pace: found[pace] for pace in PACES}
+    return {pace: by_pace[pace] for pace in PACES}
 
 
-def episodes_text(found: Board) -> str:
-    """Return which episodes a leaderboard has."""
-    seed = found.get("seed")
-    return f"{found['episodes']:,} {'stored episodes' if seed is None else f'fresh episodes, seed {seed}'}"
-
-
-def intervals(scores: Board) -> dict[str, Interval]:
-    """Return the scores of a policy by their names."""
-    return {name: Interval(**each) for name, each in scores.items() if isinstance(each, dict)}
-
-
-def path_error(scores: Board) -> str:
-    """Return the path error [mm] with its interval, if it has one, and the mark of a policy that is not ranked."""
-    mark = "" if scores["rank"] else f" {UNRANKED}"
-    return joined(with_interval(intervals(scores)["path_error_m"], factor=1000.0) + mark)
-
-
-def millimetres(scores: Board, name: str) -> str:
-    """Return an error in mm."""
-    return f"{1000 * scores[name]['value']:.1f}"
+def marked(text: str, standing: Standing) -> str:
+    """Return a score as text with the mark of a policy that is not ranked."""
+    return text if standing.rank else f"{text} {UNRANKED}"
 
 
 @board
@@ -90,52 +72,45 @@ def readme(results: Path, scenario: str) -> str:
 
 
 @board
-def by_pace(results: Path, scenario: str, names: Sequence[str] | None = None) -> str:
-    """Return path errors of policies over paces, the best at the first pace first."""
-    found = boards_of(results, scenario)
-    policies = [each["policies"] for each in found.values()]
-    shown = [
-        name for name in policies[0] if (name not in LEFT_OUT if names is None else name in names)
+def by_pace(results: Path, scenario: str, names: Collection[str] = ()) -> str:
+    """Return path errors of policies over paces, in the order of `pter benchmark`."""
+    at_paces = boards_of(results, scenario)
+    rows = [
+        [
+            code(name),
+            *(joined(marked(with_interval(each.error), each)) if each else "" for each in row),
+        ]
+        for name, row in in_order(list(at_paces.values())).items()
+        if (name in names if names else name not in LEFT_OUT)
     ]
-    shown.sort(key=lambda name: policies[0][name]["path_error_m"]["value"])
-    rows = [[code(name), *(path_error(each[name]) for each in policies)] for name in shown]
     header = ["Policy", *(f"{pace} ({speed:g} m/s)" for pace, speed in PACES.items())]
-    return f"`{scenario}`, {episodes_text(found['slow'])}:\n\n{table(header, rows)}"
+    title = at_paces["slow"].title.removeprefix(scenario)
+    return f"`{scenario}`{title}:\n\n{table(header, rows)}"
 
 
 @board
 def scores(results: Path, scenario: str) -> str:
     """Return all leaderboards of a scenario, and why some policies have no rank."""
     header = ["Policy", "Rank", "Path error [mm]", *(f"{title} [mm]" for title in ERRORS)]
-    header += [
-        "Completed [%]",
-        "Mean pace error [%]",
-        "Segment pace error [%]",
-        "RMS acceleration [m/s²]",
-    ]
+    header += ["Completed [%]", "Pace error [%]", "Segment pace error [%]"]
+    header += ["Peak acceleration [m/s²]"]
     parts: list[str] = []
     for pace, found in boards_of(results, scenario).items():
         rows = [
             [
-                code(policy),
-                str(scores["rank"] or UNRANKED) + ("?" if scores["undecided"] else ""),
-                with_interval(intervals(scores)["path_error_m"], factor=1000.0),
-                *(millimetres(scores, name) for name in ERRORS.values()),
-                f"{100 * scores['completed']['value']:.3g}",
-                *(
-                    pace_error(intervals(scores), f"{of}_pace_error", found["pace_m_s"])
-                    for of in ("mean", "segment")
-                ),
-                f"{scores['rms_acceleration_m_s2']['value']:.2f}",
+                code(each.policy),
+                str(each.rank or UNRANKED),
+                with_interval(each.error),
+                *(millimetres(each.scores[name]) for name in ERRORS.values()),
+                f"{100 * each.scores['completed']:.4g}",
+                *(f"{100 * each.scores[f'{of}_pace_error']:.1f}" for of in ("mean", "segment")),
+                f"{each.scores['peak_acceleration_m_s2']:.1f}",
             ]
-            for policy, scores in found["policies"].items()
+            for each in found.standings
         ]
-        text = f"## {pace.capitalize()}: {found['pace_m_s']:g} m/s\n\n{episodes_text(found)}:\n\n"
-        below = [
-            f"- `{name}` {scores['reason']}.\n"
-            for name, scores in found["policies"].items()
-            if scores["reason"]
-        ]
+        episodes = found.title.partition(", ")[2]
+        text = f"## {pace.capitalize()}: {PACES[pace]:g} m/s\n\n{episodes}:\n\n"
+        below = [f"- `{each.policy}` {each.reason}.\n" for each in found.standings if each.reason]
         text += table(header, rows, "---:")
         parts.append(f"{text}\n{UNRANKED} Not ranked:\n\n{''.join(below)}" if below else text)
     return "\n".join(parts)
@@ -143,17 +118,16 @@ def scores(results: Path, scenario: str) -> str:
 
 @board
 def best(results: Path) -> str:
-    """Return which ranked policy has the smallest path error, and which the smallest of each of the other errors."""
+    """Return which ranked policy has the smallest path error, and which the smallest others."""
     rows: list[list[str]] = []
     for scenario in SCENARIOS:
         for pace, found in boards_of(results, scenario).items():
-            ranked = {name: scores for name, scores in found["policies"].items() if scores["rank"]}
+            ranked = [each for each in found.standings if each.rank]
             cells: list[str] = []
             for error in ("path_error_m", *ERRORS.values()):
-                first = min(ranked, key=lambda name: ranked[name][error]["value"], default=None)
-                cells.append(
-                    joined(f"`{first}` {millimetres(ranked[first], error)}") if first else "–"
-                )
+                first = min(ranked, key=lambda each: each.scores[error], default=None)
+                text = first and f"`{first.policy}` {millimetres(first.scores[error])}"
+                cells.append(joined(text) if text else "–")
             rows.append([code(scenario), pace, *cells])
     return table(["Scenario", "Pace", "Path error", *ERRORS], rows)
 
@@ -161,19 +135,15 @@ def best(results: Path) -> str:
 @board
 def suite(results: Path) -> str:
     """Return a table of a row for each policy and a column for each scenario."""
-    found = {scenario: boards_of(results, scenario) for scenario in SCENARIOS}
-    first = found["standard"]["slow"]["policies"]
-    names = sorted(
-        (name for name in first if name not in LEFT_OUT),
-        key=lambda name: first[name]["path_error_m"]["value"],
-    )
+    boards = {scenario: list(boards_of(results, scenario).values()) for scenario in SCENARIOS}
+    columns = {scenario: in_order(found) for scenario, found in boards.items()}
 
-    def errors(of_scenario: dict[str, Board], name: str) -> str:
-        scores = [
-            each["policies"][name] for each in of_scenario.values() if name in each["policies"]
-        ]
-        shown = ((millimetres(each, "path_error_m"), each["rank"]) for each in scores)
-        return ", ".join(error if ranked else f"{error} {UNRANKED}" for error, ranked in shown)
+    def errors(row: list[Standing | None]) -> str:
+        return ", ".join(marked(millimetres(each.error.value), each) for each in row if each)
 
-    rows = [[code(name), *(errors(each, name) for each in found.values())] for name in names]
-    return table(["Policy", *map(code, found)], rows)
+    rows = [
+        [code(name), *(errors(column.get(name, [])) for column in columns.values())]
+        for name in columns["standard"]
+        if name not in LEFT_OUT
+    ]
+    return table(["Policy", *map(code, columns)], rows)

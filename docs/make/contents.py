@@ -45,27 +45,20 @@ BELOW = {
 
 def add_contents(app: Sphinx, page: str, source: list[str]) -> None:
     """Append to a page the pages below it; in its file they would look like code."""
-    source[0] = re.sub(
-        r"\]\((\.\./)+notebooks/", "](/notebooks/", source[0]
-    )  # of which the site has a copy
+    # the site has a copy of the notebooks
+    source[0] = re.sub(r"\]\((\.\./)+notebooks/", "](/notebooks/", source[0])
     source[0] = source[0].replace("](../docs/", "](/")
     if page == "index":
         source[0] += "".join(toctree(pages, caption) for caption, pages in CHAPTERS.items())
     elif page == "commands":
-        source[0] += toctree(
-            sorted(name for name in app.env.found_docs if name.startswith("commands/"))
-        )
+        names = (name for name in app.env.found_docs if name.startswith("commands/"))
+        source[0] += toctree(sorted(names))
     elif page in BELOW:
         source[0] += toctree(BELOW[page])
 
 
 def toctree(pages: "list[str] | tuple[str, ...]", caption: str = "") -> str:
     """Return a hidden table of contents in MyST."""
-    told = f":caption: {caption}\n" if caption else ""
-    return (
-        "\n```{toctree}\n:hidden:\n"
-        + told
-        + "\n"
-        + "\n".join(f"/{page}" for page in pages)
-        + "\n```\n"
-    )
+    title = f":caption: {caption}\n" if caption else ""
+    lines = "\n".join(f"/{page}" for page in pages)
+    return f"\n```{{toctree}}\n:hidden:\n{title}\n{lines}\n```\n"

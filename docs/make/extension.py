@@ -73,23 +73,20 @@ def data_docstring(name: str) -> list[str]:
     """Return the lines below the definition of a name in a module, or in one of its package."""
     module, _, variable = name.rpartition(".")
     path = Path(ModuleAnalyzer.get_module_source(module)[0] or "")
-    inside = (
-        sorted(f"{module}.{each.stem}" for each in path.parent.glob("*.py"))
-        if path.stem == "__init__"
-        else []
-    )
-    for each in [module, *(inner for inner in inside if not inner.endswith("__init__"))]:
-        if found := ModuleAnalyzer.for_module(each).find_attr_docs().get(("", variable)):
-            return found
+    files = sorted(path.parent.glob("*.py")) if path.stem == "__init__" else []
+    inner = [f"{module}.{file.stem}" for file in files if file.stem != "__init__"]
+    for source in [module, *inner]:
+        if lines := ModuleAnalyzer.for_module(source).find_attr_docs().get(("", variable)):
+            return lines
     return []
 
 
 def fields_table(owner: Any) -> Iterable[str]:
     """Yield a table of the fields that say their unit and where their value comes from."""
-    told = [item for item in fields(owner) if "provenance" in item.metadata]
     rows = [
         (f"``{item.name}``", item.metadata["unit"], default(item), item.metadata["provenance"])
-        for item in told
+        for item in fields(owner)
+        if "provenance" in item.metadata
     ]
     yield from ("", ".. list-table::", "   :header-rows: 1", "") if rows else ()
     for row in [("Field", "Unit", "Default", "Provenance"), *rows] if rows else ():
@@ -106,11 +103,9 @@ def default(item: Any) -> str:
         return "none"
     if isinstance(item.default, (int, float)):
         return f"{item.default:g}"
-    return (
-        f"``{item.default!r}``"
-        if isinstance(item.default, (str, tuple))
-        else f"``{type(item.default).__name__}()``"
-    )
+    if isinstance(item.default, (str, tuple)):
+        return f"``{item.default!r}``"
+    return f"``{type(item.default).__name__}()``"
 
 
 def choose(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:

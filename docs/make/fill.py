@@ -1,12 +1,12 @@
 """Fill the generated blocks of README.md and docs.
 
-    python docs/make/fill.py                     blocks `<!-- made: … -->`, from the code; a test
-    checks them python docs/make/fill.py --results FOLDER    blocks `<!-- board: … -->` too, from a
-    folder of `pter benchmark` python docs/make/fill.py --results FOLDER --score-first    runs that
-    benchmark before, in some minutes
+    python docs/make/fill.py                    # blocks `<!-- made: … -->`, from the code
+    python docs/make/fill.py --results FOLDER   # blocks `<!-- board: … -->` too, from its runs
+    python docs/make/fill.py --results FOLDER --score-first   # after scoring all policies
 
-A block asks for a function of `made` or `boards` by name, with arguments, and ends with `<!--
-/made: … -->`."""
+A block asks for a function of `made` or `boards` by name, with arguments, and ends with
+`<!-- /made: … -->`.
+"""
 
 import re
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ SEED = 2026
 
 
 class Block(NamedTuple):
-    """A generated block: its page, what makes it, the name and arguments it asks for, and its content."""
+    """A generated block: its page, what makes it, the name and arguments, and its content."""
 
     page: Path
     source: str

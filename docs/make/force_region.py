@@ -1,11 +1,13 @@
-"""How well the force region predicts the errors of which-clutches.md: `python
-docs/make/force_region.py`, in a minute.
+"""How well the force region predicts the errors of which-clutches.md, in a minute.
+
+    python docs/make/force_region.py
 
 The arrangements, their rows of W and their errors are those of the page's table. For each, two
 measures are averaged over poses on the paths where the errors were measured: `along`, the steering
-force to the side that has less while the tip moves along the path, and `worst`, the same in the
-worst direction of motion. Both were chosen before a correlation was computed. Forces count in whole
-newtons, so what is below half a newton is a tie at 0."""
+force to the weaker side while the tip moves along the path, and `worst`, the same in the worst
+direction of motion. Both were chosen before a correlation was computed. Forces count in whole
+newtons, so what is below half a newton is a tie at 0.
+"""
 
 import re
 from collections.abc import Iterator
@@ -44,16 +46,16 @@ class PageRow(NamedTuple):
 def rows() -> Iterator[PageRow]:
     """Yield the arrangements of the page's table."""
     for line in PAGE.read_text("utf-8").splitlines():
-        if found := re.match(r"\| `([\w-]+)` \| (\([^|]*\)) \|(.*)", line):
-            pairs = re.findall(r"\((\S+), (\S+)\)", found[2].replace("−", "-"))
+        if row := re.match(r"\| `([\w-]+)` \| (\([^|]*\)) \|(.*)", line):
+            pairs = re.findall(r"\((\S+), (\S+)\)", row[2].replace("−", "-"))
             clutches = tuple(
                 Connection(str(k), (float(a), float(b))) for k, (a, b) in enumerate(pairs)
             )
             errors = tuple(
                 float(re.match(r"[\d.]+", cell.strip())[0])
-                for cell in found[3].split("|")[: len(COLUMNS)]
+                for cell in row[3].split("|")[: len(COLUMNS)]
             )
-            yield PageRow(found[1], replace(BASELINE, clutches=clutches), errors)
+            yield PageRow(row[1], replace(BASELINE, clutches=clutches), errors)
 
 
 def paths_of(scenario: str) -> list[Path]:
@@ -73,9 +75,9 @@ def measured(machine: Machine, paths: list[Path], poses: int) -> tuple[float, ..
     return tuple(abs(np.round(np.mean(values, axis=0))).tolist())
 
 
-def correlations(found: list[PageRow], forces: dict[str, Array]) -> Iterator[list[str]]:
+def correlations(rows: list[PageRow], forces: dict[str, Array]) -> Iterator[list[str]]:
     """Yield for each column of errors Spearman's correlation with each measure, and its p-value."""
-    for name, errors in zip(COLUMNS, zip(*(row.errors for row in found), strict=True), strict=True):
+    for name, errors in zip(COLUMNS, zip(*(row.errors for row in rows), strict=True), strict=True):
         tests = [spearmanr(values, errors) for values in forces[name.split("`")[1]].T]
         yield [
             name,
@@ -85,18 +87,18 @@ def correlations(found: list[PageRow], forces: dict[str, Array]) -> Iterator[lis
 
 def main() -> None:
     """Print each arrangement's measures and their rank correlations with the page's errors."""
-    found = list(rows())
+    arrangements = list(rows())
     forces: dict[str, Array] = {}
     for scenario, poses in POSES.items():
         paths = paths_of(scenario)
-        forces[scenario] = np.array([measured(row.machine, paths, poses) for row in found])
+        forces[scenario] = np.array([measured(row.machine, paths, poses) for row in arrangements])
     header = [
         "Arrangement",
         *(f"`{scenario}`: {measure}" for scenario in forces for measure in MEASURES),
     ]
-    listed = zip(found, np.hstack([*forces.values()]), strict=True)
-    print(table(header, ([code(row.name), *map(number, values)] for row, values in listed)))
-    print(table(["Errors", *MEASURES], correlations(found, forces)))
+    lines = zip(arrangements, np.hstack([*forces.values()]), strict=True)
+    print(table(header, ([code(row.name), *map(number, values)] for row, values in lines)))
+    print(table(["Errors", *MEASURES], correlations(arrangements, forces)))
 
 
 if __name__ == "__main__":

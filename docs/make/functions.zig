@@ -1,5 +1,5 @@
-//! The mathematical functions of the WebAssembly module, those of Zig's own library. A native library of the same
-//! functions is what the module's bits are compared with.
+//! The mathematical functions of the WebAssembly module, those of Zig's own library. A native
+//! library of the same functions is what the module's bits are compared with.
 
 const std = @import("std");
 
@@ -21,10 +21,6 @@ export fn pter_log(x: f64) f64 {
 
 export fn pter_atan2(y: f64, x: f64) f64 {
     return std.math.atan2(y, x);
-}
-
-export fn pter_hypot(x: f64, y: f64) f64 {
-    return std.math.hypot(x, y);
 }
 
 /// Compilers for this computer make one call of a sine and a cosine of one angle.

@@ -2,11 +2,11 @@
 
 import inspect
 import json
+import pkgutil
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import MISSING, Field, fields
-from importlib import import_module
+from dataclasses import MISSING, fields
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import docstring_parser
@@ -21,10 +21,9 @@ from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.hands import LIBRARY_ARMS, LIBRARY_TREMORS
 from pter_gym.hands._library import Grade
 from pter_gym.params import ACTUATORS, Clutch, Hand
-from pter_gym.params._fields import SHIPPED
 from pter_gym.policies import read_policy, shipped_policies
-from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
-from pter_gym.scenarios.randomisation import LogUniform, OneOf, Shared, Uniform, Vary
+from pter_gym.scenarios import SCENARIOS, find_scenario
+from pter_gym.scenarios.distributions import LogUniform, OneOf, Shared, Uniform, Vary
 from pter_gym.tasks.path_following import TELEMETRY, Sensors
 
 MADE: dict[str, Callable[..., str]] = {}
@@ -39,8 +38,7 @@ def made(function: Callable[..., str]) -> Callable[..., str]:
 
 def named(name: str) -> Any:
     """Return what a dotted name means."""
-    module, _, attribute = name.rpartition(".")
-    return getattr(import_module(module), attribute)
+    return pkgutil.resolve_name(name)
 
 
 # --- the environment ---
@@ -60,25 +58,31 @@ def docstring(name: str) -> str:
 
 @made
 def parameters(name: str) -> str:
-    """Return the fields of a class of parameters."""
+    """Fields of a class of parameters, with its defaults, or of an object, with its values."""
+    owner = named(name)
     rows = (
-        [code(item.name), item.metadata["unit"], default(item), item.metadata["provenance"]]
-        for item in fields(named(name))
+        [
+            code(item.name),
+            item.metadata["unit"],
+            value_text(item.default if isinstance(owner, type) else getattr(owner, item.name)),
+            item.metadata["provenance"],
+        ]
+        for item in fields(owner)
     )
-    return table(["Name", "Unit", "Default", "Provenance"], rows)
+    return table(["Name", "Unit", "Value", "Provenance"], rows)
 
 
-def default(item: Field[Any]) -> str:
-    """Return the default of a field: numbers, or the names of the classes of default records."""
-    if item.default is MISSING:
+def value_text(value: Any) -> str:
+    """A value of a field: numbers, or the names of records and their classes."""
+    if value is MISSING:
         return "none"
-    if isinstance(item.default, tuple):
-        return ", ".join(getattr(each, "name", None) or f"{each:g}" for each in item.default)
-    return (
-        f"{item.default:g}"
-        if isinstance(item.default, (int, float))
-        else code(f"{type(item.default).__name__}()")
-    )
+    if isinstance(value, tuple):
+        return ", ".join(getattr(each, "name", None) or number(each) for each in value)
+    if isinstance(value, float):
+        return number(value)
+    if isinstance(value, int | str):
+        return str(value)
+    return code(f"{type(value).__name__}()")
 
 
 @made
@@ -134,10 +138,7 @@ def scores() -> str:
 def scenario(name: str) -> str:
     """Picture, id, episodes and what varies of a scenario."""
     found = find_scenario(name)
-    drawn = [*varied("machine", found.machine), *varied("task", found.task)]
-    drawn.append(
-        ["task: pace", "m/s", described(LogUniform(min(PACES.values()), max(PACES.values())))]
-    )
+    drawn = [*varied("machine", found.draws.machine), *varied("task", found.draws.task)]
     return f"""\
 ![An episode of {name}](/images/moving/{name}.webp)
 
@@ -215,17 +216,6 @@ def described(value: Any) -> str:
 
 
 # --- machines, hands and the paper ---
-
-
-@made
-def preset(section: str) -> str:
-    """Numbers of a section of the preset: value, unit and where each comes from."""
-    rows: list[list[str]] = []
-    for name, entry in SHIPPED[section].items():
-        value = entry["value"]
-        shown = ", ".join(map(number, value if isinstance(value, list) else (value,)))
-        rows.append([code(name), shown, entry["unit"], entry["from"]])
-    return table(["Name", "Value", "Unit", "Provenance"], rows)
 
 
 @made

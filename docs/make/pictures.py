@@ -1,13 +1,14 @@
-"""Make the pictures of README and the pages: `python docs/make/pictures.py [NAME …]`, all by
-default.
+"""Make the pictures of README and the pages.
 
+    python docs/make/pictures.py [NAME …]
     python docs/make/pictures.py error-against-pace.png --results FOLDER
 
-needs a folder of `pter benchmark`; all others need the extra `render`. A name below `moving` is a
-film, `policies` a still picture of each policy at the end of one episode, `paper` the paper's
-figures and claims."""
+The first makes all by default and needs the extra `render`; the second needs a folder of `pter
+benchmark`. A name below `moving` is a film, `policies` a picture of each policy at the end of one
+episode, `paper` the paper's figures and claims.
+"""
 
-import io
+import itertools
 import re
 import shutil
 from collections.abc import Callable
@@ -24,7 +25,8 @@ from matplotlib.figure import Figure
 
 from pter_gym._internal.files import write_bytes_atomic
 from pter_gym.benchmark import find_policy
-from pter_gym.benchmark.simulation import record_episode, time_limit
+from pter_gym.benchmark.boards import UNRANKED, in_order
+from pter_gym.benchmark.rollout import record_episode
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS, TorqueFeedback
 from pter_gym.params import Machine
@@ -60,7 +62,7 @@ MARKERS = "os^DvPX<>p*dh"
 
 
 def policy_names() -> list[str]:
-    """Return the policies of the leaderboards: trained ones, tuned laws, those of the paper, ends of the scale."""
+    """Return the policies of the leaderboards: trained, tuned, the paper's, and the simplest."""
     tuned = [f"{name}-tuned" for name in CONTROLLERS if name not in FALLING]
     return [*sorted(shipped_policies()), *tuned, "impedance", "torque-feedback", *FALLING]
 
@@ -72,21 +74,17 @@ def policy_names() -> list[str]:
 def error_against_pace(results: Path) -> Figure:
     """Return path errors over commanded paces on `standard`; markers are hollow where a policy has no rank."""
     found = boards.boards_of(results, "standard")
-    names = [
-        name for name in policy_names() if name not in FALLING and name in found["slow"]["policies"]
-    ]
+    rows = in_order(list(found.values()))
+    names = [name for name in policy_names() if name not in FALLING and name in rows]
     figure = Figure(figsize=(WIDTH, 4.0))
     axes, ends, colours = figure.add_subplot(), dict[str, tuple[float, float]](), dict[str, str]()
     paces = np.array(list(PACES.values()))
     for place, (name, marker) in enumerate(zip(names, MARKERS, strict=False)):
-        scores = [board["policies"][name] for board in found.values()]
+        standings = [each for each in rows[name] if each]
         at = paces * 1.022 ** (
             place - 0.5 * (len(names) - 1)
         )  # apart, so that intervals do not cover each other
-        low, value, high = (
-            1000 * np.array([each["path_error_m"][key] for each in scores])
-            for key in ("low", "value", "high")
-        )
+        value, low, high = 1000 * np.array([each.error for each in standings]).T
         (line,) = axes.plot(
             at, value, marker=marker, linestyle="--" if name in {*CONTROLLERS, *TUNED} else "-"
         )
@@ -95,13 +93,13 @@ def error_against_pace(results: Path) -> Figure:
         axes.errorbar(
             at, value, (value - low, high - value), fmt="none", ecolor=colour, elinewidth=1.2
         )
-        faces = [colour if each["rank"] else "white" for each in scores]
+        faces = [colour if each.rank else "white" for each in standings]
         axes.scatter(at, value, 40.0, faces, marker, edgecolors=colour, zorder=4)
         for x, y in (
-            (x, y) for x, y, each in zip(at, value, scores, strict=True) if not each["rank"]
+            (x, y) for x, y, each in zip(at, value, standings, strict=True) if not each.rank
         ):
             axes.annotate(
-                boards.UNRANKED, (x, y), xytext=(3.0, 3.0), textcoords="offset points", color=colour
+                UNRANKED, (x, y), xytext=(3.0, 3.0), textcoords="offset points", color=colour
             )
     axes.set(xscale="log", yscale="log", xlim=(min(paces) / 1.25, max(paces) * 1.25))
     axes.set_xticks(paces, [f"{pace:g}\n{name}" for name, pace in PACES.items()])
@@ -109,10 +107,8 @@ def error_against_pace(results: Path) -> Figure:
     plain_ticks(axes, "y")
     label(axes, "commanded pace [m/s]", "path error [mm]")
     label_ends(axes, ends, colours)
-    note = f"standard, {boards.episodes_text(found['slow'])}; bars: 95 % intervals"
-    figure.supxlabel(
-        f"{note}; dashed: control laws; hollow {boards.UNRANKED}: not ranked", fontsize=8.5
-    )
+    note = f"{found['slow'].title}; bars: 95 % intervals"
+    figure.supxlabel(f"{note}; dashed: control laws; hollow {UNRANKED}: not ranked", fontsize=8.5)
     return figure
 
 
@@ -158,11 +154,10 @@ def frames(
     *,
     last: bool = False,
 ) -> list[np.ndarray]:
-    """Return the pictures of a scenario's draw under some policies, side by side: all of them, or the last."""
+    """Return the frames of a scenario's draw under some policies side by side, or the last one."""
     from pter_gym.tools.pictures.film import PAUSE, Film
 
-    draws = find_scenario(scenario).randomisation(PACE, contexts=DRAWS, seed=FILM_SEED)
-    machine, task = list(draws.pairs())[draw]
+    machine, task = find_scenario(scenario).draws.pairs(DRAWS, FILM_SEED, PACE)[draw]
     drawn = what_is_drawn(scenario, machine, task)
     episodes = {f"{name}{drawn}": telemetry(name, scenario, machine, task) for name in names}
     film = Film(machine, task, episodes, RATE, size=size)
@@ -182,39 +177,31 @@ def what_is_drawn(scenario: str, machine: Machine, task: PathFollowing) -> str:
 def telemetry(name: str, scenario: str, machine: Machine, task: PathFollowing) -> np.ndarray:
     """Return the telemetry of the episode that is shown."""
     policy = find_policy(name, scenario=scenario)
-    return record_episode(policy, machine, task, FILM_SEED, time_limit(task)).telemetry
+    return record_episode(policy, machine, task, FILM_SEED).telemetry
 
 
-def write_webp(shown: list[np.ndarray], path: Path, quality: int) -> None:
+def write_webp(pictures: list[np.ndarray], path: Path, quality: int) -> None:
     """Write pictures as a WebP, which moves and repeats if they are several."""
-    from PIL import Image
+    from pter_gym.tools.pictures.film import encode_webp
 
-    first, *others = map(Image.fromarray, shown)
-    content = io.BytesIO()
-    moving = (
-        {"save_all": True, "append_images": others, "duration": round(1000 / RATE), "loop": 0}
-        if others
-        else {}
-    )
-    first.save(content, "WEBP", quality=quality, method=4, **moving)
+    durations = [round(1000 / RATE)] * len(pictures)
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes_atomic(path, content.getvalue())
+    write_bytes_atomic(path, encode_webp(pictures, durations, quality=quality, method=4))
 
 
 def side_by_side() -> None:
-    """Film the paper's law and a trained policy on the same episodes: one that the law leaves, and the paper's path."""
-    shown = [
-        each
+    """Film the paper's law and a trained policy: the law leaves the first of two episodes."""
+    films = [
+        frames(SIDE_BY_SIDE, scenario, draw, SIDE_BY_SIDE_SIZE)
         for scenario, draw in SIDE_BY_SIDE_DRAWS.items()
-        for each in frames(SIDE_BY_SIDE, scenario, draw, SIDE_BY_SIDE_SIZE)
     ]
-    write_webp(shown, IMAGES / "moving" / "side-by-side.webp", 40)
+    write_webp([*itertools.chain(*films)], IMAGES / "moving" / "side-by-side.webp", 40)
 
 
 def alone(scenario: str) -> None:
     """Film an episode of a scenario under one policy."""
-    shown = frames((FIXTURES.get(scenario, SHOWN),), scenario, EPISODE[scenario])
-    write_webp(shown, IMAGES / "moving" / f"{scenario}.webp", 40)
+    film = frames((FIXTURES.get(scenario, SHOWN),), scenario, EPISODE[scenario])
+    write_webp(film, IMAGES / "moving" / f"{scenario}.webp", 40)
 
 
 def policies() -> None:

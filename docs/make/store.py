@@ -1,4 +1,4 @@
-"""Data of the package that a script makes: `python docs/make/store.py episodes|paces`."""
+"""Data of the package that a script makes: `python docs/make/store.py episodes|dampers`."""
 
 import math
 from dataclasses import replace
@@ -6,21 +6,21 @@ from pathlib import Path
 
 import tyro
 
-from pter_gym._engine.batch import Batch
 from pter_gym._internal.files import write_text_atomic
 from pter_gym.benchmark import episodes as stored
 from pter_gym.benchmark import tuned
-from pter_gym.benchmark._measures import Recorded
-from pter_gym.benchmark.simulation import simulate, time_limit
+from pter_gym.benchmark.episodes import Episodes
+from pter_gym.benchmark.measures import Recorded
+from pter_gym.benchmark.rollout import rollout
 from pter_gym.controllers import Impedance, TorqueFeedback
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws
 
-PACES_HEAD = """\
+DAMPERS_HEAD = """\
 # Dampers along the path [N·s/m] with which the paper's controllers keep the commanded paces on the
 # training draws of each scenario; their other gains are the paper's.
-# derived: made by `python docs/make/store.py paces`.
+# derived: made by `python docs/make/store.py dampers`.
 """
 
 
@@ -50,21 +50,20 @@ def episodes(
         )
 
 
-def paces() -> None:
-    """Solve the dampers in pter_gym/presets/paces.toml again, after a change of the physics."""
-    text = PACES_HEAD
+def dampers() -> None:
+    """Solve the dampers in pter_gym/presets/dampers.toml again, after a change of the physics."""
+    text = DAMPERS_HEAD
     for scenario, controllers in solve_table().items():
-        for name, dampers in controllers.items():
+        for name, by_pace in controllers.items():
             text += f"\n[{scenario}.{name}]\n"
-            text += "".join(f"{pace} = {damping!r}\n" for pace, damping in dampers.items())
+            text += "".join(f"{pace} = {damping!r}\n" for pace, damping in by_pace.items())
     write_text_atomic(tuned.DAMPERS, text)
 
 
 def damping_for_pace(
     controller: Impedance, pace: float, scenario: str = "standard", *, draws: int = DRAWS
 ) -> float:
-    """Return the damper along the path [N·s/m] with which a controller keeps a pace on training
-    draws.
+    """Return the damper along the path [N·s/m] with which a controller keeps a pace.
 
     If no damper from 10 to 3000 N·s/m gives that pace, the nearer end of this range is returned.
 
@@ -80,14 +79,14 @@ def damping_for_pace(
     draws
         Number of the training draws over which the pace is averaged.
     """
-    machines, tasks = zip(
-        *find_scenario(scenario).randomisation(pace, contexts=draws, seed=SEED).pairs(), strict=True
-    )
-    batch = Batch(machines, tasks)
+    pairs = find_scenario(scenario).draws.pairs(draws, SEED, pace)
+    machines, tasks = zip(*pairs, strict=True)
+    chosen = Episodes(scenario, machines, tasks, tuple(range(draws)), ("",) * draws)
     low, high = math.log(MIN_DAMPER), math.log(MAX_DAMPER)
     while high - low > 1e-4:
         middle = 0.5 * (low + high)
-        if _cruising_pace(replace(controller, damping_tangential=math.exp(middle)), batch) > pace:
+        law = replace(controller, damping_tangential=math.exp(middle))
+        if _cruising_pace(law, chosen) > pace:
             low = middle
         else:
             high = middle
@@ -109,11 +108,12 @@ def solve_table() -> dict[str, dict[str, dict[str, float]]]:
     }
 
 
-def _cruising_pace(controller: Impedance, batch: Batch) -> float:
-    tasks = [task for _, task in batch.pairs]
-    telemetry = simulate(batch, controller, range(len(tasks)), max(map(time_limit, tasks)))
-    return float(Recorded(telemetry, tasks, BASELINE.clutch.voltage_max).cruising_pace().mean())
+def _cruising_pace(controller: Impedance, chosen: Episodes) -> float:
+    travel = Recorded(
+        rollout(controller, chosen).telemetry, chosen.tasks, BASELINE.clutch.voltage_max
+    )
+    return float(travel.cruising_pace().mean())
 
 
 if __name__ == "__main__":
-    tyro.extras.subcommand_cli_from_dict({each.__name__: each for each in (episodes, paces)})
+    tyro.extras.subcommand_cli_from_dict({each.__name__: each for each in (episodes, dampers)})

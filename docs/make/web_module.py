@@ -1,9 +1,8 @@
-"""Compile the simulator's kernels to WebAssembly: pter_gym/tools/web/static/pter.wasm and its
-tables.
+"""Compile the simulator's kernels to WebAssembly, with their tables (pter_gym/tools/web/static).
 
-Numba makes LLVM code of the kernels for this computer, unoptimised; LLVM makes an object for
-WebAssembly of it, and Zig (the package ``ziglang``) links it with the mathematical functions in
-``functions.zig``."""
+Numba translates the kernels to unoptimised LLVM code, LLVM compiles that to a WebAssembly object,
+and Zig (the package ``ziglang``) links it with the mathematical functions in ``functions.zig``.
+"""
 
 import os
 
@@ -24,13 +23,24 @@ from typing import Any, cast
 import llvmlite.binding as llvm
 import numba
 
-from pter_gym._compiled.digests import SOURCES
 from pter_gym._internal.files import write_bytes_atomic, write_text_atomic
-from pter_gym.tools.web.kernels import KERNELS, ModuleKernel
+from pter_gym.tools.web import kernels
+from pter_gym.tools.web.kernels import KERNELS
 from pter_gym.tools.web.site import MODULE, STATIC, TABLES
 from pter_gym.tools.web.tables import tables
 
 FUNCTIONS = Path(__file__).with_name("functions.zig")
+
+PACKAGE = Path(__file__).parents[2] / "pter_gym"
+
+ROOMS = ("_compiled", "_engine", "_physics", "controllers", "hands", "params", "paths", "tasks")
+"""Folders of the package that the module is made of."""
+
+SOURCES = [
+    *sorted(PACKAGE.glob("*.py")),
+    *(path for room in ROOMS for path in sorted((PACKAGE / room).rglob("*.py"))),
+    *sorted((PACKAGE / "presets").glob("*.toml")),
+]
 
 TRIPLE = "wasm32-unknown-unknown"
 DATA_LAYOUT = "e-m:e-p:32:32-p10:8:8-p20:8:8-i64:64-i128:128-n32:64-S128-ni:1:10:20"
@@ -40,7 +50,7 @@ OPTIONS = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper
 INSTRUCTIONS = {"sqrt": "llvm.sqrt.f64", "floor": "llvm.floor.f64"}
 """Functions that are exact instructions of WebAssembly."""
 
-LINKED = ("sin", "cos", "exp", "log", "atan2", "hypot")
+LINKED = ("sin", "cos", "exp", "log", "atan2")
 """Functions that are linked in, under names of our own."""
 
 STACK = 1 << 16
@@ -70,16 +80,16 @@ def linked(code: bytes) -> bytes:
         str(STACK),
         "--export=__heap_base",
     ]
-    exports = [f"--export={kernel.function.__name__}" for kernel in KERNELS]
+    exports = [f"--export={kernel.__name__}" for kernel in KERNELS]
     with tempfile.TemporaryDirectory() as folder:
-        kernels, module = Path(folder) / "kernels.o", Path(folder) / "module.wasm"
-        kernels.write_bytes(code)
-        zig("build-exe", *target, str(kernels), *exports, f"-femit-bin={module}")
+        compiled, module = Path(folder) / "kernels.o", Path(folder) / "module.wasm"
+        compiled.write_bytes(code)
+        zig("build-exe", *target, str(compiled), *exports, f"-femit-bin={module}")
         return module.read_bytes()
 
 
 def as_text(module: bytes) -> str:
-    """Return the tables of a module as JSON, with hashes of the module and of what it is made of."""
+    """Return a module's tables as JSON, with hashes of the module and of what it is made of."""
     content = tables()
     hashes = {"module": hashlib.sha256(module).hexdigest(), "sources": digest(content)}
     return (
@@ -91,13 +101,12 @@ def as_text(module: bytes) -> str:
 
 
 def digest(content: dict[str, Any]) -> str:
-    """Return a hash of the tables and of what the files mean that the kernels are made of; comments do not count."""
-    kernels = Path(cast(str, sys.modules[ModuleKernel.__module__].__file__))
-    found = hashlib.sha256(json.dumps(content).encode())
-    for source in (*SOURCES, kernels, Path(__file__)):
-        found.update(meaning_of(source).encode())
-    found.update(FUNCTIONS.read_bytes())
-    return found.hexdigest()
+    """Return a hash of the tables and of what the kernels' source files mean, without comments."""
+    total = hashlib.sha256(json.dumps(content).encode())
+    for source in (*SOURCES, Path(kernels.__file__), Path(__file__)):
+        total.update(meaning_of(source).encode())
+    total.update(FUNCTIONS.read_bytes())
+    return total.hexdigest()
 
 
 def meaning_of(path: Path) -> str:
@@ -110,9 +119,9 @@ def meaning_of(path: Path) -> str:
 
 
 def _meaning(node: object) -> object:
-    """Return a syntax tree as plain data without docstrings; what is absent in some versions of Python is left out."""
+    """Return a syntax tree without docstrings as plain data, the same in all Python versions."""
     if isinstance(node, list):
-        return [_meaning(each) for each in cast("list[object]", node) if not _is_docstring(each)]
+        return [_meaning(child) for child in cast("list[object]", node) if not _is_docstring(child)]
     if not isinstance(node, ast.AST):
         return repr(node)
     parts = (
@@ -146,11 +155,11 @@ def object_code() -> bytes:
     """Return the kernels as an object file for WebAssembly."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
-    modules = [llvm.parse_assembly(retargeted(kernel)) for kernel in KERNELS]
+    modules = [llvm.parse_assembly(retargeted(*kernel)) for kernel in KERNELS.items()]
     whole = modules[0]
     for module in modules[1:]:
         whole.link_in(module)
-    exported = {kernel.function.__name__ for kernel in KERNELS}
+    exported = {kernel.__name__ for kernel in KERNELS}
     for function in whole.functions:
         if not function.is_declaration and function.name not in exported:
             function.linkage = "internal"
@@ -164,9 +173,9 @@ def object_code() -> bytes:
     return machine.emit_object(whole)
 
 
-def retargeted(kernel: ModuleKernel) -> str:
-    """Return the LLVM code of a kernel for WebAssembly, with a function of the kernel's own name to call it by."""
-    compiled: Any = numba.njit(kernel.value(*kernel.arguments), **OPTIONS)(kernel.function)
+def retargeted(kernel: Any, arguments: tuple[Any, ...]) -> str:
+    """Return a kernel's LLVM code for WebAssembly, and a function of its name that calls it."""
+    compiled: Any = numba.njit(numba.types.int32(*arguments), **OPTIONS)(kernel)
     (signature,) = compiled.signatures
     code: str = compiled.inspect_llvm(signature)
     name: str = compiled.overloads[signature].fndesc.llvm_func_name
@@ -178,21 +187,20 @@ def retargeted(kernel: ModuleKernel) -> str:
         code = code.replace(f"@{function}(", f"@{instruction}(")
     for function in LINKED:
         code = re.sub(rf"@(llvm\.)?{function}(\.f64)?\(", f"@pter_{function}(", code)
-    return code + entrance(kernel, name)
+    return code + entrance(kernel.__name__, arguments, name)
 
 
-def entrance(kernel: ModuleKernel, name: str) -> str:
-    """Return the function by which a page calls a kernel: its arguments and its value, as they are."""
-    kinds = [KINDS.get(argument, "ptr") for argument in kernel.arguments]
-    given = "".join(f", {kind} %{number}" for number, kind in enumerate(kinds))
-    value = KINDS[kernel.value]
+def entrance(exported: str, arguments: tuple[Any, ...], name: str) -> str:
+    """Return the function by which a page calls a kernel, with plain arguments and value."""
+    kinds = [KINDS.get(argument, "ptr") for argument in arguments]
+    parameters = "".join(f", {kind} %{number}" for number, kind in enumerate(kinds))
     return f"""
-define {value} @{kernel.function.__name__}({given[2:]}) {{
-  %value = alloca {value}
+define i32 @{exported}({parameters[2:]}) {{
+  %value = alloca i32
   %error = alloca ptr
-  %status = call i32 @{name}(ptr %value, ptr %error{given})
-  %result = load {value}, ptr %value
-  ret {value} %result
+  %status = call i32 @{name}(ptr %value, ptr %error{parameters})
+  %result = load i32, ptr %value
+  ret i32 %result
 }}
 """
 

@@ -1,4 +1,5 @@
-// Print the fastest time of a control step in the module [µs], with a law: beginnings of episodes of the paper's task.
+// Print the fastest time of a control step in the module [µs], with a law: beginnings of episodes
+// of the paper's task.
 //
 //   node web_speed.mjs STATIC STEPS ROUNDS LAW
 

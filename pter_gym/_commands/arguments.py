@@ -31,11 +31,11 @@ PathName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.csv")]
 """A path by its name, or a file of waypoints; None for what is usual."""
 
 MachineName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.toml")]
-"""A machine by its name or its preset; None for what is usual."""
+"""A machine by its name or its file; None for what is usual."""
 
 
 def split(text: str) -> list[str]:
-    """Return the parts of a list that is separated by commas, without repeats; FILE and FILE:NAME are one part."""
+    """Return the parts between commas, without repeats; FILE and FILE:NAME are one part."""
     file, _, name = text.rpartition(":")
     if Path(text).is_file() or ("," not in name and Path(file).is_file()):
         return [text]
@@ -43,7 +43,7 @@ def split(text: str) -> list[str]:
 
 
 def numbers(field: str, text: str) -> list[float]:
-    """Return the numbers of a list that is separated by commas, or raise a ParameterError that names the field."""
+    """Return numbers that are separated by commas, or raise a ParameterError for the field."""
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
@@ -51,7 +51,7 @@ def numbers(field: str, text: str) -> list[float]:
 
 
 def check_file(out: Path, suffix: str) -> None:
-    """Raise a ParameterError unless a file to write has the suffix of what is written, and can be written."""
+    """Raise a ParameterError unless a file with this suffix can be written."""
     if out.suffix != suffix:
         raise ParameterError(f"out must end in {suffix}, got {str(out)!r}")
     check_target("out", out)

@@ -14,7 +14,7 @@ from pter_gym.scenarios import PACES, find_scenario
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from pter_gym.benchmark.simulation import AnyPolicy
+    from pter_gym.controllers import AnyPolicy
     from pter_gym.scenarios import Scenario
 
 POLICIES = ("residual", "single-dof-tuned", "torque-feedback", "impedance")
@@ -28,9 +28,6 @@ FILM_SUFFIX = ".webp"
 MAX_FILMED = 4
 """Most policies in a film."""
 
-SAME = ("version", "digest", "seed")
-"""What leaderboards of one suite have in common."""
-
 
 def benchmark(
     policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME …")] = POLICIES,
@@ -39,34 +36,35 @@ def benchmark(
     path: PathName = None,
     episodes: Annotated[int | None, tyro.conf.arg(metavar="COUNT")] = None,
     seed: Annotated[int | None, tyro.conf.arg(metavar="NUMBER")] = None,
+    details: bool = False,
     film: bool = True,
     out: Path = Path("pter-benchmark"),
 ) -> None:
     """Rank policies on a scenario, and film them.
 
-    Prints a leaderboard for each pace, then one score over all scenarios and paces in the folder:
-    path error ÷ the best tuned law's. Writes benchmark.json, a file for each run, pictures, and a
-    film: the errors of up to four policies, and the arm under the best and the last of them.
-    Several benchmarks may share a folder.
+    Prints their path errors at each pace, the best policy first. Writes benchmark.json, a file for
+    each run, pictures, and a film: the errors of up to four policies, and the arm under the best
+    and the last of them. Several benchmarks may share a folder.
 
     Example: pter benchmark --policies residual impedance-tuned --episodes 20
 
     Args:
         policies: Names of controllers and trained policies, paths of exported ones or of gains from
-        `pter tune`, or
-            FILE.py:attribute or package.module:attribute for your own. Commas may separate them
-            too.
-        scenario: Scenario whose evaluation episodes are run. paces: Commanded paces: slow, medium,
-        brisk, or speeds in m/s. path: Path of all episodes instead of the scenario's: a CSV file of
-        waypoints x, y in metres, or a path's name. episodes: How many of the scenario's episodes to
-        run; all by default. Ranks from fewer than 200 are provisional. seed: Seed of fresh
-        episodes, as many as the stored ones; by default the stored episodes are run, or with
-            --path, where there are none, those of seed 0.
+            `pter tune`, or FILE.py:attribute or package.module:attribute for your own. Commas may
+            separate them too.
+        scenario: Scenario whose evaluation episodes are run.
+        paces: Commanded paces: slow, medium, brisk, or speeds in m/s.
+        path: Path of all episodes instead of the scenario's: a CSV file of waypoints x, y in
+            metres, or a path's name.
+        episodes: How many of the scenario's episodes to run; all by default.
+        seed: Seed of fresh episodes, as many as the stored ones; by default the stored episodes are
+            run, or with --path, where there are none, those of seed 0.
+        details: Print the worst twentieth, rms, pace and peak acceleration too.
         film: Whether to film the policies on a training draw of the scenario.
         out: Folder for the results, created if necessary.
     """
     from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
-    from pter_gym.benchmark.boards import print_tables, suites
+    from pter_gym.benchmark.boards import EPISODE_SET, boards_text, in_order
 
     drawn = find_scenario(scenario, path=path)
     results = ResultsFolder(out)
@@ -86,22 +84,17 @@ def benchmark(
             on_progress=lambda _: progress.advance(task),
         )
         progress.remove_task(task)
-        everything = results.summarise()
-        boards = [board for board in everything if board.has_episodes_of(runs[0])]
-        same = [
-            board
-            for board in everything
-            if all(getattr(board, name) == getattr(runs[0], name) for name in SAME)
+        boards = [
+            board for board in results.summarise() if EPISODE_SET(board) == EPISODE_SET(runs[0])
         ]
-        print_tables(boards, suites(same))
+        say(boards_text(boards, details=details))
         progress.add_task("drawing", total=None)
         written = [results.summary]
         if artist := registered(PICTURES).get("scenario"):
-            written += artist.load()(boards, results.runs(), results.path)
+            written += artist.load()(boards, results.path)
         if film and "film" in registered(PICTURES):
             pace = FILM_PACE if FILM_PACE in (run.pace for run in runs) else runs[0].pace
-            (board,) = (board for board in boards if board.pace == pace)
-            places = [standing.policy for standing in board.standings]
+            places = list(in_order([board for board in boards if board.pace == pace]))
             filmed = sorted(list(named)[:MAX_FILMED], key=places.index)
             ranked = {name: named[name] for name in filmed}
             written.append(film_policies(ranked, drawn, pace, results.path, progress))
@@ -117,13 +110,12 @@ def film_policies(
     progress: "Progress",
 ) -> Path:
     """Film policies, the best first, on a training draw into a folder; return the path."""
-    from pter_gym.benchmark.simulation import record_episode, time_limit
+    from pter_gym.benchmark.rollout import record_episode
 
     artist = load_artist("film")
-    ((machine, goal),) = scenario.randomisation(pace, contexts=1, seed=0).pairs()
-    limit = time_limit(goal)
+    ((machine, goal),) = scenario.draws.pairs(1, 0, pace)
     episodes = {
-        name: record_episode(policy, machine, goal, 0, limit, nominal=scenario.nominal).telemetry
+        name: record_episode(policy, machine, goal, 0, nominal=scenario.nominal).telemetry
         for name, policy in policies.items()
     }
     path = folder / f"{scenario.name}-{pace}{FILM_SUFFIX}"

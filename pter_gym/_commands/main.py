@@ -28,7 +28,7 @@ from pter_gym.errors import PterError, unknown_name
 
 Command = Callable[..., int | None]
 
-CORE_COMMANDS = ("benchmark", "verify")
+CORE_COMMANDS = ("benchmark",)
 """Commands of the core: command NAME is the function NAME in NAME.py, beside this file."""
 
 DESCRIPTION = "PTER, a passive haptic arm with four friction clutches."
@@ -38,7 +38,7 @@ INTERRUPTED = 130
 
 
 def commands() -> dict[str, EntryPoint]:
-    """Return where each command is, by name in the order of the help: the core's own, then what is registered."""
+    """Return where each command is, in the order of the help: the core's, then registered ones."""
     core = {
         name: EntryPoint(name, f"{__package__}.{name}:{name}", COMMANDS) for name in CORE_COMMANDS
     }
@@ -47,24 +47,24 @@ def commands() -> dict[str, EntryPoint]:
 
 def load_command(name: str) -> Command:
     """Return a command, or raise a ParameterError with the nearest names."""
-    found = commands()
-    if name not in found:
-        raise unknown_name("COMMAND", name, found)
-    return found[name].load()
+    known = commands()
+    if name not in known:
+        raise unknown_name("COMMAND", name, known)
+    return known[name].load()
 
 
 def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
-    """Return the arguments of a command by name, or print its help or what is wrong and leave as tyro does."""
+    """Return the arguments of a command, or print its help or an error and exit, as tyro does."""
 
     @functools.wraps(command)
-    def keep(**given: Any) -> dict[str, Any]:
-        return given
+    def keep(**arguments: Any) -> dict[str, Any]:
+        return arguments
 
     return tyro.cli(keep, prog=f"pter {name}", args=arguments)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run ``pter`` and return its exit status: the command's, else 0; 2 after an error, 130 after Ctrl-C."""
+    """Run ``pter`` and return its exit status: 2 after an error, 130 after Ctrl-C."""
     accept_all_characters()
     if arguments is None:
         if (
@@ -116,12 +116,12 @@ def complain(text: str) -> None:
 
 
 def summary(entry: EntryPoint) -> str:
-    """Return the first line of a command's docstring from its file: importing all commands takes seconds."""
+    """Return the first line of a command's docstring, without importing it: all take seconds."""
     spec = find_spec(entry.module)
     source = Path(spec.origin).read_text("utf-8") if spec and spec.origin else ""
     functions = [node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)]
-    found = [ast.get_docstring(node) or "" for node in functions if node.name == entry.attr]
-    return found[0].partition("\n")[0] if found else ""
+    texts = [ast.get_docstring(node) or "" for node in functions if node.name == entry.attr]
+    return texts[0].partition("\n")[0] if texts else ""
 
 
 def _print_overview() -> None:

@@ -1,1 +1,1 @@
-"""What compiled code is made of: the compiler, records in flat arrays, counter-based random numbers."""
+"""The compiler, its cache, records in flat arrays, and random numbers."""

@@ -6,6 +6,7 @@ vectorised loop has the bits of a world alone.
 """
 
 import inspect
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from types import FunctionType
@@ -13,6 +14,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config
+from numba.core.caching import IndexDataCacheFile
 from numba.core.registry import CPUDispatcher
 
 from pter_gym._compiled import pipeline
@@ -24,7 +26,7 @@ _INLINED: Any = {"forceinline": True, "error_model": "numpy"}
 _WITHOUT_WRAPPERS: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 WITHOUT_ARRAYS: Any = {**_INLINED, **_WITHOUT_WRAPPERS, "_nrt": False}
-"""Options of code that is inlined into kernels, makes no arrays and is called by no Python code when compiled."""
+"""Options of code that kernels inline, that makes no arrays and that Python does not call."""
 
 _KERNEL: Any = {"nogil": True, "error_model": "numpy", "pipeline_class": pipeline.Kernel}
 
@@ -32,6 +34,9 @@ _NUMBA: Any = config
 # numba would read settings, such as where to cache code, from a file in the working directory
 _NUMBA._config_fname = ""
 _NUMBA.reload_config()
+
+COMPILES = not _NUMBA.DISABLE_JIT
+"""Whether code is compiled; with ``NUMBA_DISABLE_JIT=1``, all of it is called as Python."""
 
 
 class Device(CPUDispatcher):
@@ -51,7 +56,7 @@ class Device(CPUDispatcher):
 
 
 def _for_compiled_callers(function: Function, **options: Any) -> Function:
-    if _NUMBA.DISABLE_JIT:
+    if not COMPILES:
         return function
     return cast(
         Function,
@@ -70,7 +75,7 @@ def device(function: Function) -> Function:
 
 
 def outlined(function: Function) -> Function:
-    """Compile a scalar function of the kind of ``device`` once, however often it is called: what is rare but long."""
+    """Compile a function like ``device``, but once for all its calls: what is long but rare."""
     return _for_compiled_callers(function, **{**WITHOUT_ARRAYS, "forceinline": False})
 
 
@@ -82,31 +87,49 @@ def inlined(function: Function) -> Function:
 def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Function:
     """Compile a kernel with a cache that notices a change in any function that it inlines.
 
-    Numba's cache sees only the file of the kernel itself (numba issue 1833). So ``build`` gets a
-    digest of everything that the kernel reaches and returns the kernel with that digest in its
-    closure, which is part of numba's cache key. A kernel without a digest is compiled by each
-    process, in memory.
+    Numba's cache looks at the file of the kernel alone (numba issue 1833). So ``build`` gets a
+    digest of all that the kernel reaches and returns the kernel with that digest in its closure,
+    which is part of the key in numba's cache. A kernel without a digest is compiled anew by each
+    process.
 
     Parameters
     ----------
     build
         A factory: ``build(digest)`` returns a function whose body names ``digest``.
     **inlined
-        Global names of the kernel to bind to other values: a control law, for example. A closure
-        over a compiled function would give a new cache key in each process; a global name does not.
+        Global names of the kernel to bind to other values: a control law, for example. In a
+        closure, a compiled function would give the kernel another key in each process.
     """
-    digest = digest_of(_bind(cast(FunctionType, build("")), inlined))
+    plain = cast(FunctionType, build(""))
+    digest = digest_of(_bind(plain, inlined))
     function = _bind(cast(FunctionType, build(digest or "")), inlined)
     kernel: Any = numba.njit(**_KERNEL)(function)
-    if not _NUMBA.DISABLE_JIT:
+    if COMPILES:
         # a cache could not load functions that are in no module, as after exec
         if digest and all(
             inspect.getmodule(value) for value in inlined.values() if callable(value)
         ):
             with suppress(RuntimeError):  # there is no folder to write to
                 kernel.enable_caching()
+                _index_by(digest_of(plain), kernel)
         pipeline.announce(kernel)
     return cast(Function, kernel)
+
+
+def entry_of(kernel: Any, signature: Any) -> Any:
+    """Return the machine code of a kernel for a signature, which looks at no argument's type."""
+    return kernel.compile(tuple(signature.args)) if COMPILES else kernel
+
+
+def _index_by(stamp: str | None, kernel: Any) -> None:
+    """Let a stamp say whether the kernels of a factory that are in the cache are still good.
+
+    Numba takes the time at which the factory's file was written, and the number of its line.
+    """
+    cache, function = kernel._cache, kernel.py_func
+    qualname = function.__qualname__.replace("<locals>", "locals")
+    name = f"{function.__module__}.{qualname}.{sys.implementation.cache_tag}"
+    cache._cache_file = IndexDataCacheFile(cache._cache_path, name, stamp)
 
 
 def _bind(function: FunctionType, names: dict[str, object]) -> FunctionType:

@@ -1,7 +1,7 @@
 """What compiled code depends on, as a digest: equal digests mean equal code, in any process.
 
-Within the package, it covers all source files of the rooms that kernels are made of. Of any other
-function, such as a user's law, it covers the bytecode, the module and the values that it reads.
+It covers the bytecode of a function and of every function that it reaches, and the values that
+these read; of libraries, names alone. Comments, docstrings and layout leave it as it is.
 """
 
 import builtins
@@ -9,6 +9,7 @@ import dis
 import hashlib
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, cast
@@ -16,58 +17,58 @@ from typing import Any, cast
 import numpy as np
 from numba.core import types
 from numba.core.dispatcher import Dispatcher
+from numba.core.extending import _Intrinsic  # pyright: ignore[reportPrivateUsage]
+from numba.core.typing.templates import Signature
 
-PACKAGE = Path(__file__).parents[1]
-
-ROOMS = ("_compiled", "_engine", "_physics", "controllers", "hands", "params", "paths", "tasks")
-"""Folders of the package that kernels are made of."""
-
-SOURCES = (
-    *sorted(PACKAGE.glob("*.py")),
-    *(path for room in ROOMS for path in sorted((PACKAGE / room).rglob("*.py"))),
-    PACKAGE / "presets" / "pter.toml",
-)
-"""Their files, and those that set their constants."""
-
-# read once, with the code itself: a file that changes later is not what this process compiles
-_SOURCES_DIGEST = hashlib.sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()
+_COMPILER = ("compiler.py", "generated.py", "pipeline.py", "records.py")
+"""What makes code of functions beside their bytecode: all of it counts for each of them."""
 
 _LIBRARIES = ("builtins", "math", "cmath", "_operator", "operator", "typing", "numpy", "numba")
 """Libraries whose parts count by their names."""
 
 _CONSTANTS = (bool, int, float, complex, str, bytes, type(None), type(...))
 
+_CALLED = 0xFF
+"""Those flags of code that say how it is called; the others are of its module and its docstring."""
+
 
 def digest_of(function: Callable[..., Any]) -> str | None:
-    """Return a hash of a function, compiled or not, of all that it reads and of the package's
-    sources.
+    """Return a hash of a function, compiled or not, and of all that it reads.
 
-    It is None where it reads an object, a list, or a module that is neither a library's nor of
-    ``ROOMS``. What is of a library or of ``ROOMS`` counts by its name alone.
+    It is None where it reads an object, a list, or a module that is no library's.
     """
     try:
-        return hashlib.sha256(
-            "\n".join([_SOURCES_DIGEST, *texts_of(function)]).encode()
-        ).hexdigest()
+        texts = [_compiler_text(), *texts_of(function)]
     except _UnknownError:
         return None
+    return hashlib.sha256("\n".join(texts).encode()).hexdigest()
+
+
+@cache
+def _compiler_text() -> str:
+    """Return the text of the modules that make code, without docstrings."""
+    codes = [
+        compile((Path(__file__).with_name(name)).read_text("utf-8"), name, "exec", optimize=2)
+        for name in _COMPILER
+    ]
+    return "\n".join(_text(code, []) for code in codes)
 
 
 class _UnknownError(Exception):
     """The content of something that a function reads cannot be determined."""
 
 
-def texts_of(function: Any, reached: list[FunctionType] | None = None) -> list[str]:
+def texts_of(function: Any) -> list[str]:
     """Return texts of a function and of all that it reads, which differ where these do.
 
-    ``reached`` gains the functions: each is known by its number there, since functions may call
-    each other.
+    Functions are known by their numbers in the order in which they are reached, since they may
+    call each other.
     """
-    found = [] if reached is None else reached
-    texts = [_text(function, found)]
-    for each in found:  # grows on the way
-        texts.append(f"{each.__module__}{_text(each.__code__, found)}")
-        texts.extend(f"{name}={_text(value, found)}" for name, value in _reads(each))
+    reached: list[FunctionType] = []
+    texts = [_text(function, reached)]
+    for each in reached:  # grows on the way
+        texts.append(_text(each.__code__, reached))
+        texts.extend(f"{name}={_text(value, reached)}" for name, value in _reads(each))
     return texts
 
 
@@ -80,11 +81,15 @@ def _text(value: Any, reached: list[FunctionType]) -> str:  # noqa: C901  (one c
     if (type(value) is np.ndarray or isinstance(value, np.generic)) and not value.dtype.hasobject:
         content = hashlib.sha256(value.tobytes()).hexdigest()
         return f"{type(cast(Any, value)).__name__} {value.dtype!r}{value.shape}{content}"
-    if isinstance(value, types.Number | types.Boolean):
+    if isinstance(value, types.Type):
         return f"numba.{value.name}"
-    if name := _name(value):
+    if name := _library_name(value):
         return name
     match value:
+        case Signature():
+            return str(value)
+        case _Intrinsic():
+            return of(cast(Any, value)._defn)
         case Dispatcher():
             return of(value.py_func, *sorted(value.targetoptions.items()))
         case FunctionType():
@@ -92,9 +97,7 @@ def _text(value: Any, reached: list[FunctionType]) -> str:  # noqa: C901  (one c
                 reached.append(value)
             return f"#{reached.index(value)}"
         case CodeType():
-            names = (value.co_names, value.co_varnames, value.co_freevars, value.co_cellvars)
-            counts = (value.co_argcount, value.co_kwonlyargcount, value.co_flags)
-            return of(value.co_code, value.co_exceptiontable, *names, *counts, value.co_consts)
+            return _code_text(value)
         case frozenset():  # in code
             return f"{{{','.join(sorted(map(of, cast(Any, value))))}}}"
         case tuple():
@@ -107,21 +110,38 @@ def _text(value: Any, reached: list[FunctionType]) -> str:  # noqa: C901  (one c
             raise _UnknownError
 
 
-def _name(value: Any) -> str:
-    """Return the name of what a library or one of the rooms keeps under it, or nothing."""
+def _library_name(value: Any) -> str:
+    """Return the name of what a library keeps under it, or nothing."""
     if isinstance(value, ModuleType):
-        found = value.__name__
-        return found if _counts_by_name(found) and sys.modules.get(found) is value else ""
+        name = value.__name__
+        return name if _is_library(name) and sys.modules.get(name) is value else ""
     module = "numpy" if isinstance(value, np.ufunc) else getattr(value, "__module__", None)
     name = getattr(value, "__qualname__", None) or getattr(value, "__name__", None)
-    if not isinstance(module, str) or not isinstance(name, str) or not _counts_by_name(module):
+    if not isinstance(module, str) or not isinstance(name, str) or not _is_library(module):
         return ""
     return f"{module}.{name}" if getattr(sys.modules.get(module), name, None) is value else ""
 
 
-def _counts_by_name(module: str) -> bool:
-    library, room, *_ = (*module.split("."), "")
-    return library in _LIBRARIES or (library == PACKAGE.name and room in ROOMS)
+def _is_library(module: str) -> bool:
+    return module.partition(".")[0] in _LIBRARIES
+
+
+@cache
+def _code_text(code: CodeType) -> str:
+    """Return the text of what code does; its docstring, on which it does nothing, is not in it."""
+    names = (code.co_varnames, code.co_freevars, code.co_cellvars, code.co_exceptiontable)
+    counts = (code.co_argcount, code.co_kwonlyargcount, code.co_flags & _CALLED)
+    lines = [repr((names, counts))]
+    for each in _instructions(code):
+        constant = each.arg if each.opcode in dis.hasconst else None
+        value = each.argval if constant is None else _text(code.co_consts[constant], [])
+        lines.append(f"{each.opname} {value}")
+    return "\n".join(lines)
+
+
+@cache
+def _instructions(code: CodeType) -> tuple[dis.Instruction, ...]:
+    return tuple(dis.get_instructions(code))
 
 
 def _reads(function: FunctionType) -> Iterator[tuple[str, Any]]:
@@ -138,7 +158,7 @@ def _reads(function: FunctionType) -> Iterator[tuple[str, Any]]:
 
 def _globals(code: CodeType) -> Iterator[str]:
     """Yield the global names that code and the functions within it read."""
-    for each in dis.get_instructions(code):
+    for each in _instructions(code):
         if each.opname in (
             "IMPORT_NAME",
             "LOAD_BUILD_CLASS",

@@ -2,7 +2,16 @@
 
 Numba optimises each function and makes machine code of it, even where the function is copied into
 every kernel that calls it. Here only kernels get that far. Numba also rebuilds a constant record
-wherever an entry of it is read; here only the entry is read.
+wherever an entry of it is read; here only the entry is read. Without this file, compiling the
+kernels takes 2.7 times as long, and they run at 40 % of their speed.
+
+What it takes from numba may change with any version of numba: ``register_pass`` and
+``FunctionPass``, the pass ``TranslateByteCode`` and ``DefaultPassBuilder``, which it extends; of a
+function under compilation ``func_ir.blocks``, ``_definitions`` and the nodes ``Assign``, ``Const``,
+``Expr``, ``FreeVar`` and ``Global``; of code libraries ``_ensure_finalized``, ``_finalized``,
+``_finalize_dynamic_globals``, ``_optimize_final_module``, ``_finalize_final_module`` and
+``set_env``; of a kernel ``_compiler.compile`` and ``stats.cache_path``. ``compiler.py`` takes
+``Dispatcher.add_overload``, ``_cache``, ``_cache_path`` and ``_cache_file`` too.
 """
 
 import functools

@@ -76,8 +76,18 @@ def rows(kind: type[R], first: int = 0) -> R:
     return kind(*found)
 
 
+def joined(name: str, *kinds: type[Any]) -> Any:
+    """Return a record of a name that has the fields of several, in the order of these."""
+    fields = [
+        field for kind in kinds for field in get_type_hints(kind, include_extras=True).items()
+    ]
+    record: Any = NamedTuple(name, fields)
+    record.__module__ = kinds[0].__module__
+    return record
+
+
 class Leaf(NamedTuple):
-    """One number of a record: its name, and the entries that say what it is, the outermost first."""
+    """One number of a record: its name, and what says what it is, the outermost entry first."""
 
     name: str
     entries: tuple[Entry, ...] = ()
@@ -102,7 +112,7 @@ def leaves(kind: type[Any]) -> list[Leaf]:
 
 
 def layout_of(kind: type[Any], machine: Any = None) -> Layout:
-    """Return names, units, meanings and scales of a record's numbers; some scales are those of a machine."""
+    """Return the layout of a record's numbers; some scales depend on the machine."""
     return Layout(tuple(_field(name, entries, machine) for name, entries in leaves(kind)))
 
 
@@ -138,7 +148,7 @@ def store(w: Any, at: R, i: Any, value: R) -> None:
 
 
 def read(array: Any, at: R, first: Any) -> R:
-    """Read a record from an array (numbers,) in which it begins at ``first``; ``at`` holds its places from there."""
+    """Read a record that begins at ``first`` in an array; ``at`` holds its places from there."""
     places: Any = at
     return (
         type(places)(*(read(array, x, first) for x in places))
@@ -164,20 +174,23 @@ def _paths(kind: Any, before: str = "") -> Iterator[str]:
 
 
 def _made(kind: Any, number: str, names: dict[str, Any], before: str = "") -> str:
-    """Return the source that makes a compiled record from ``number``, that of an entry; ``names`` gets the classes."""
+    """Return source that makes a compiled record from that of an entry; ``names`` gains classes."""
     if not isinstance(kind, types.BaseNamedTuple):
         return number.replace("AT", before)
     record: Any = kind
     called = record.instance_class.__name__
     names[called] = record.instance_class
-    parts = zip(record.fields, record.types, strict=True)
-    return f"{called}({', '.join(_made(inner, number, names, f'{before}.{name}') for name, inner in parts)})"
+    values = [
+        _made(inner, number, names, f"{before}.{name}")
+        for name, inner in zip(record.fields, record.types, strict=True)
+    ]
+    return f"{called}({', '.join(values)})"
 
 
 def _compiled(
     function: Any, arguments: str, number: str, record: str = "at", *, returns: bool
 ) -> None:
-    """Give a function its compiled form: ``number`` for each entry of the record among its arguments."""
+    """Give a function its compiled form: the statement ``number`` for each entry of a record."""
 
     def source(**kinds: Any) -> Any:
         names: dict[str, Any] = {}

@@ -1,1 +1,1 @@
-"""Worlds as arrays: one control step as scalar functions, the kernels that loop over worlds, the batch."""
+"""Many worlds: a control step as scalar functions, kernels that loop over worlds, the batch."""

@@ -2,17 +2,18 @@
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, NoReturn, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pter_gym._compiled.addresses import table_of
+from pter_gym._compiled.compiler import COMPILES
 from pter_gym._compiled.records import flat, read
-from pter_gym._engine.kernels import advance_kernel, reset_kernel
-from pter_gym._engine.law import check_law, compiling, empty_memory, no_law
+from pter_gym._engine.kernels import advance_kernel, alone_kernel, reset_kernel
+from pter_gym._engine.storage import Storage, listed
 from pter_gym._engine.threads import Threads
-from pter_gym._engine.world import CONFIG, FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
-from pter_gym._engine.worlds import WorldArrays, listed
+from pter_gym._engine.world import FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
 from pter_gym._internal.checks import whole_number
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import SLOTS, Machine
@@ -24,8 +25,8 @@ from pter_gym.tasks.path_following._telemetry import COLUMNS
 Array = NDArray[np.float64]
 Observations = NDArray[np.float32]
 ActionUnit = Literal["volt", "normalised"]
-Outputs = tuple[Observations, Array, NDArray[np.bool_], Array]
-"""Observations, rewards, flags and telemetry, which a kernel fills."""
+Outputs = tuple[Observations, Array, Array, NDArray[np.bool_]]
+"""Observations, telemetry, rewards and flags, which a kernel fills."""
 
 NO_LIMIT = float("inf")
 
@@ -56,7 +57,7 @@ class Returns(NamedTuple):
     telemetry: NDArray[np.float64]
 
 
-class Batch(WorldArrays):
+class Batch(Storage):
     """N worlds, each with its own machine, task, seed and episode count.
 
     Parameters
@@ -146,8 +147,13 @@ class Batch(WorldArrays):
         self._declared = not self.machine.has_paper_clutches
         self._records = int(telemetry)
         self._final_obs = np.empty((0, len(self.layout)), np.float32)
-        self._shape = (self.num_worlds, len(self.layout))
-        self._alone = np.empty(1), np.empty((FLAGS, 1), np.bool_)
+        self._outputs: Outputs = (
+            np.empty((1, len(self.layout)), np.float32),
+            np.empty((1, 1, COLUMNS)),
+            np.empty(1),
+            np.empty((FLAGS, 1), np.bool_),
+        )
+        self._alone: Any = None
 
     def _shared(self, observe_context: bool, limit: float) -> Config:
         """Return what all worlds share."""
@@ -162,7 +168,6 @@ class Batch(WorldArrays):
             substeps=substeps(self.task, self.machine),
             limit=limit,
             frame_skip=self.frame_skip,
-            has_law=0.0,
             entries=entries,
             inverse_scale=read(inverse, OBS, 0),
         )
@@ -191,8 +196,8 @@ class Batch(WorldArrays):
         obs = np.empty((self.num_worlds, len(self.layout)), np.float32)
         telemetry = np.empty((self._records, self.num_worlds, COLUMNS))
         kernel = reset_kernel()
-        self._words, self._seeded = words, self._seeded | chosen
-        kernel(self._worlds, words, chosen, obs, telemetry, self._config, self._constants)
+        self._words[:], self._seeded[:] = words, self._seeded | chosen
+        kernel(self._worlds, self._words, chosen, obs, telemetry, self._config, self._constants)
         return obs, telemetry.reshape(-1, COLUMNS)
 
     def step(self, actions: ArrayLike, ended: int = REFUSE) -> Returns:
@@ -234,7 +239,9 @@ class Batch(WorldArrays):
             rewards.fill(0.0)
             flags.fill(False)
             telemetry.fill(np.nan)
-        self._advance((obs, rewards, flags, telemetry), ended)
+        refused = self._run((obs, telemetry, rewards, flags), ended)
+        if refused >= 0:
+            self._raise_refusal(refused)
         return Returns(obs, self._final_obs, rewards, flags, telemetry)
 
     def step_alone(self, action: ArrayLike) -> tuple[Observations, Array, float, bool, bool, bool]:
@@ -252,95 +259,47 @@ class Batch(WorldArrays):
         reward, terminated, truncated, success
             As Python has them.
         """
-        self._slots[:, : self.num_actions] = checked_actions(action, (self.num_actions,))
-        obs = np.empty(self._shape, np.float32)
-        telemetry = np.empty((1, 1, COLUMNS))
-        rewards, flags = self._alone
-        self._advance((obs, rewards, flags, telemetry), REFUSE)
-        (terminated,), (truncated,), (success,) = flags.tolist()
-        return obs[0], telemetry[0, 0], rewards.item(), terminated, truncated, success
-
-    def rollout(
-        self, obs: Observations, law: Any, gains: Array, steps: int, memory: Array | None = None
-    ) -> tuple[Observations, Array]:
-        """Run a compiled control law in all worlds, from their present state, for at most ``steps``
-        control periods.
-
-        Parameters
-        ----------
-        obs
-            The latest observations, shape (N, len(layout)).
-        law, gains
-            A law as in ``pter_gym.controllers._laws`` and its gains, shape (G,).
-        steps
-            Number of control periods.
-        memory
-            What the law keeps, from ``empty_memory``; it is changed, so a further rollout may go on
-            with it. Empty by default.
-
-        Returns
-        -------
-        observations, telemetry
-            The last observations, and float64 (steps, N, len(TELEMETRY)); NaN after the end of an
-            episode.
-
-        Raises
-        ------
-        ActionError
-            If the law returns a voltage that is not finite; worlds and memory are as before. One
-            beyond the range is clipped.
-        """
-        telemetry = np.full((steps, self.num_worlds, COLUMNS), np.nan)
-        obs = obs.copy()
-        memory = self.empty_memory() if memory is None else memory
-        check_law(law, self.layout.scales, gains, memory[0])
-        config: Any = np.concatenate([self._config, gains])
-        config[CONFIG.has_law] = 1.0
-        rewards = np.empty(self.num_worlds)
-        flags = np.zeros((FLAGS, self.num_worlds), np.bool_)
-        worlds, kept = self._worlds.copy(), memory.copy()
-        with compiling(law):
-            refused = self._run(law, memory, (obs, rewards, flags, telemetry), config, SKIP, steps)
+        self._slots[0, : self.num_actions] = checked_actions(action, (self.num_actions,))
+        refused = self._step_alone()
         if refused >= 0:
-            volts = self._row(refused)[[*ROW.command]]
-            self._worlds[:], memory[:] = worlds, kept
-            raise ActionError(
-                f"the law's voltages of world {refused} must be finite, got {volts.tolist()}"
-            )
-        return obs, telemetry
-
-    def empty_memory(self) -> Array:
-        """Return the memory of a law at the start of an episode; see ``pter_gym._engine.law``."""
-        return empty_memory(self.num_worlds)
+            self._raise_refusal(refused)
+        obs, telemetry, rewards, flags = self._outputs
+        (terminated,), (truncated,), (success,) = flags.tolist()
+        return obs[0].copy(), telemetry[0, 0].copy(), rewards.item(), terminated, truncated, success
 
     def device_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays that kernels get: worlds, words, config and constants, and which worlds have begun."""
+        """Return the arrays by name that kernels get, and which worlds have begun; no copies."""
         return {**self._changing, "config": self._config, "constants": self._constants}
 
-    def _run(
-        self, law: Any, given: Array, outputs: Outputs, config: Array, ended: int, steps: int
-    ) -> int:
-        """Run the kernel with a law inside over all blocks, in one thread or several; return a refused world or −1."""
-        kernel = advance_kernel(law, self._declared)
-        obs, *others = outputs
-        arrays = (
+    def _arrays(self, outputs: Outputs) -> tuple[NDArray[Any], ...]:
+        """Return the arrays that the step kernel gets, in its order."""
+        obs, telemetry, rewards, flags = outputs
+        return (
             self._worlds,
             self._words,
-            given,
+            self._slots,
             obs,
             self._final_obs,
-            *others,
-            config,
+            rewards,
+            flags,
+            telemetry,
+            self._config,
             self._constants,
         )
+
+    def _run(self, outputs: Outputs, ended: int) -> int:
+        """Run the kernel over all blocks, on one thread or several.
+
+        Return the first world whose step is refused, or −1.
+        """
+        kernel, arrays = advance_kernel(self._declared), self._arrays(outputs)
         shares = self._threads.shares(len(self._worlds))
         if len(shares) == 1:
-            return kernel(*arrays, ended, steps, *shares[0])
-        refused = kernel(*arrays, ended, 0, 0, 0)
-        if refused >= 0:
-            return refused
-        found = self._threads.run_parallel(partial(kernel, *arrays, ended, steps), shares)
-        return min((world for world in found if world >= 0), default=-1)
+            return kernel(*arrays, ended, *shares[0])
+        refused = kernel(*arrays, ended, 0, 0)
+        if refused < 0:
+            self._threads.run_parallel(partial(kernel, *arrays, ended), shares)
+        return refused
 
     def close(self) -> None:
         """Stop the threads, if there are any."""
@@ -351,17 +310,29 @@ class Batch(WorldArrays):
         width = self._worlds.shape[2]
         return self._worlds[world // width, :, world % width]
 
-    def _advance(self, outputs: Outputs, ended: int) -> None:
-        """Run a step with the given actions, or raise what ``step`` raises."""
-        world = self._run(no_law, self._slots, outputs, self._config, ended, 1)
-        if world < 0:
-            return
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy keeps: its arrays will be elsewhere."""
+        return {**self.__dict__, "_alone": None}
+
+    def _step_alone(self) -> int:
+        """Run the kernel for the only world; return 0 if its step is refused, or −1."""
+        if not COMPILES:
+            return self._run(self._outputs, REFUSE)
+        if self._alone is None:
+            arrays = self._arrays(self._outputs)
+            table = table_of(arrays)
+            self._alone = table.ctypes.data, table, arrays
+        return alone_kernel(self._declared)(self._alone[0])
+
+    def _raise_refusal(self, world: int) -> NoReturn:
+        """Raise what ``step`` raises for a world whose step is refused."""
         if self._row(world)[ROW.alive] == 0.0:
             raise ResetNeededError(
                 f"world {world} needs a reset: it was never reset or its episode has ended"
             )
+        bounds = f"[{self.action_low:g}, {self.action_high:g}]"
         raise ActionError(
-            f"action of world {world} must be finite and within [{self.action_low:g}, {self.action_high:g}], "
+            f"action of world {world} must be finite and within {bounds}, "
             f"got {self._slots[world, : self.num_actions].tolist()}"
         )
 

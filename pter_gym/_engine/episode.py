@@ -21,15 +21,17 @@ from pter_gym._engine.step import (
     write_observation,
 )
 from pter_gym._engine.world import (
-    BASIC_ROWS,
     CONFIG,
-    CONSTANT_ROWS,
+    CONSTANTS,
+    EXTRAS,
     FLAGS,
+    KEPT,
     NEXT_STEP,
     ROW,
     SAME_STEP,
     STORED_ROWS,
     Arrays,
+    Span,
     Target,
 )
 from pter_gym._physics.arm import (
@@ -37,6 +39,7 @@ from pter_gym._physics.arm import (
     UnitVector,
     Vector,
     kinetic_energy,
+    motion_at,
     moving,
     tip_position,
     tip_velocity,
@@ -49,7 +52,6 @@ from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
 from pter_gym.tasks.path_following._rules import (
     PathVector,
     beyond_band,
-    motion_at,
     singular,
     strayed,
     to_world,
@@ -96,8 +98,8 @@ def put_back(w: Any, i: int, worlds: Any, world: int) -> None:
 def take_context(w: Any, i: int, constants: Any) -> None:
     """Read the constants of a world, where the world says that they begin."""
     first = int(w[ROW.context_at, i])
-    for row in range(CONSTANT_ROWS):
-        w[STORED_ROWS + row, i] = constants[first + row]
+    for row in range(CONSTANTS.first, CONSTANTS.end):
+        w[row, i] = constants[first + row - CONSTANTS.first]
 
 
 # --- how an episode begins ---
@@ -107,11 +109,12 @@ def take_context(w: Any, i: int, constants: Any) -> None:
 def start_episode(
     w: Any, i: int, seed: np.uint64, episode: np.uint64, config: Any, constants: Any
 ) -> None:
-    """Start an episode: the arm at rest at the start of the path, clutches released, draws from seed and episode."""
-    for row in range(int(ROW.context_at)):
-        w[row, i] = 0.0
-    for row in range(BASIC_ROWS, STORED_ROWS):
-        w[row, i] = 0.0
+    """Start an episode: at rest at the path's start unless the task says otherwise.
+
+    What is drawn depends on seed and episode alone.
+    """
+    clear(w, i, KEPT)
+    clear(w, i, EXTRAS)
     u0, u1, u2, u3 = uniform4(seed, _RESET_STREAM, _FIRST_DRAWS, episode)
     v0, v1, v2, _ = uniform4(seed, _RESET_STREAM, _SECOND_DRAWS, episode)
     w[ROW.context_at, i] = w[ROW.draws_from, i] + CONTEXT_WIDTH * math.floor(v2 * w[ROW.draws, i])
@@ -151,6 +154,13 @@ def start_episode(
 
 
 @device
+def clear(w: Any, i: int, span: Span) -> None:
+    """Set the rows of a record to zero."""
+    for row in range(span.first, span.end):
+        w[row, i] = 0.0
+
+
+@device
 def spread(draw: float, half_range: float) -> float:
     """Return an even draw from ±half_range for one from [0, 1)."""
     return half_range * (2.0 * draw - 1.0)
@@ -158,7 +168,7 @@ def spread(draw: float, half_range: float) -> float:
 
 @device
 def place(w: Any, i: int, point: Vector, heading: UnitVector, offset: float) -> None:
-    """Put the arm at rest with the tip beside a point of the path, to its left by ``offset`` [m]."""
+    """Put the arm at rest with the tip ``offset`` [m] to the left of a point of the path."""
     x = point.x - offset * heading.sin
     y = point.y + offset * heading.cos
     store(w, ROW.motion, i, motion_at(load(w, ROW.machine.arm, i), x, y))
@@ -240,7 +250,7 @@ def settle(w: Any, i: int, volts: PerClutch) -> None:
 @entrywise
 @device
 def gripping(draw: float) -> float:
-    """Return a share of the largest voltage for a draw from [0, 1): 0 if it is below ``RELEASED``, otherwise even."""
+    """Return a share of the largest voltage: 0 for a share ``RELEASED`` of draws, else even."""
     return (draw - RELEASED) / (1.0 - RELEASED) if draw > RELEASED else 0.0
 
 
@@ -312,7 +322,7 @@ def record_step(
 
 @device
 def total_force(w: Any, i: int) -> Vector:
-    """Return the force of the hand on the tip at the control instant [N], that of its spring and damper included."""
+    """Return the whole force of the hand on the tip at a control instant [N]."""
     arm = load(w, ROW.machine.arm, i)
     q = load(w, ROW.motion, i)
     force = load(w, ROW.force, i)
@@ -327,18 +337,18 @@ def total_force(w: Any, i: int) -> Vector:
 
 
 @device
-def next_episode(w: Any, i: int, world: int, a: Arrays, t: int) -> None:
+def next_episode(w: Any, i: int, world: int, a: Arrays) -> None:
     """Start the next episode of a world's seed, and write its first observation and telemetry."""
     a.words[world, 1] += _ONE
     start_episode(w, i, a.words[world, 0], a.words[world, 1], a.config, a.constants)
     observe(w, i, a.config, a.constants)
     write_observation(w, i, a.obs, world, a.config, a.constants)
     if a.telemetry.shape[0] > 0:
-        record_reset(w, i, a.telemetry, t, world, a.constants)
+        record_reset(w, i, a.telemetry, 0, world, a.constants)
 
 
 @device
-def end_step(w: Any, i: int, world: int, a: Arrays, t: int, ended: int) -> None:
+def end_step(w: Any, i: int, world: int, a: Arrays, ended: int) -> None:
     """Write what a control step of one world returns, and begin its next episode as ``ended`` says.
 
     The world was judged and observed. Its rows of the arrays are written; with SAME_STEP the final
@@ -353,15 +363,15 @@ def end_step(w: Any, i: int, world: int, a: Arrays, t: int, ended: int) -> None:
         for flag in range(FLAGS):
             a.flags[flag, world] = w[ROW.end[flag], i] != 0.0
         if records:
-            record_step(w, i, a.telemetry, t, world, period, a.constants)
+            record_step(w, i, a.telemetry, 0, world, period, a.constants)
         begins = w[ROW.alive, i] == 0.0 and ended == SAME_STEP
         if begins:
             write_observation(w, i, a.final_obs, world, a.config, a.constants)
             if records:
-                record_step(w, i, a.telemetry, t + 1, world, period, a.constants)
+                record_step(w, i, a.telemetry, 1, world, period, a.constants)
     elif begins:
         a.rewards[world] = 0.0
         for flag in range(FLAGS):
             a.flags[flag, world] = False
     if begins:
-        next_episode(w, i, world, a, t)
+        next_episode(w, i, world, a)

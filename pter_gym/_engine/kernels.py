@@ -10,8 +10,11 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numba import types
+from numba.np import numpy_support
 
-from pter_gym._compiled.compiler import compile_kernel, device, inlined
+from pter_gym._compiled.addresses import caller, double, export, flag, single, unsigned, whole
+from pter_gym._compiled.compiler import compile_kernel, device, entry_of, inlined
 from pter_gym._compiled.records import store
 from pter_gym._engine.episode import (
     end_step,
@@ -21,9 +24,7 @@ from pter_gym._engine.episode import (
     start_episode,
     take_context,
 )
-from pter_gym._engine.law import no_law
 from pter_gym._engine.step import (
-    are_finite,
     conclude_step,
     given_volts,
     is_refused,
@@ -38,29 +39,57 @@ from pter_gym._engine.step import (
 )
 from pter_gym._engine.world import (
     BASIC_ROWS,
-    COMMAND_ROWS,
     CONFIG,
-    CONFIG_WIDTH,
-    CONSTANT_ROWS,
+    CONSTANTS,
     LANES,
     NEXT_STEP,
+    REFUSE,
     ROW,
     ROWS,
     STORED_ROWS,
     Arrays,
 )
-from pter_gym._physics.step import count_nonzero
+from pter_gym._physics.arm import Vector
+from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.step import Energy, count_nonzero
 
-law: Any = no_law
-"""The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
+_WORLDS, _TELEMETRY = types.float64[:, :, ::1], types.float64[:, :, ::1]
+_WORDS, _NUMBERS = types.uint64[:, ::1], types.float64[::1]
+_OBS, _FLAGS = types.float32[:, ::1], types.boolean[:, ::1]
+
+ADVANCE_TYPES: Any = types.int64(
+    _WORLDS,
+    _WORDS,
+    types.float64[:, ::1],
+    _OBS,
+    _OBS,
+    _NUMBERS,
+    _FLAGS,
+    _TELEMETRY,
+    _NUMBERS,
+    _NUMBERS,
+    *(types.int64,) * 3,
+)
+"""Types of the arguments and of the value of ``advance_kernel``."""
+
+RESET_TYPES: Any = types.none(
+    _WORLDS, _WORDS, types.boolean[::1], _OBS, _TELEMETRY, _NUMBERS, _NUMBERS
+)
+"""Types of the arguments of ``reset_kernel``."""
 
 arrange: Any = no_arrangements
-"""What it reads of the clutches; bound to ``take_arrangements`` where they are not the paper's."""
+"""What the kernel reads of the clutches; for declared ones it is ``take_arrangements``."""
+
+
+step: Any = None
+"""What ``alone`` calls; ``compile_kernel`` binds it."""
+
+_carray: Any = numpy_support.carray
 
 
 @inlined
 def _scratch() -> Any:
-    """Return room for a block whose rows begin at cache lines: across two, eight numbers take twice as long."""
+    """Return room for a block whose rows begin at cache lines, so eight numbers never take two."""
     room = np.empty((ROWS, LANES + 8))
     return room[:, -room.ctypes.data % 64 // 8 :]
 
@@ -91,9 +120,10 @@ def _clear(w: Any, worlds: Any) -> None:
     for row in range(worlds.shape[1], STORED_ROWS):
         for i in range(worlds.shape[2]):
             w[row, i] = 0.0
-    for row in range(STORED_ROWS + CONSTANT_ROWS, STORED_ROWS + CONSTANT_ROWS + COMMAND_ROWS):
-        for i in range(worlds.shape[2]):
-            w[row, i] = 0.0
+    for i in range(worlds.shape[2]):
+        store(w, ROW.last_command, i, PerClutch(0.0, 0.0, 0.0, 0.0))
+        store(w, ROW.start_velocity, i, Vector(0.0, 0.0))
+        store(w, ROW.energy, i, Energy(0.0, 0.0, 0.0, 0.0))
 
 
 @device
@@ -107,20 +137,17 @@ def _take_contexts(w: Any, width: int, constants: Any, present: float) -> float:
     for i in range(width):
         others += 1 if w[ROW.context_at, i] != first else 0
     if others > 0:
-        for row in range(CONSTANT_ROWS):
-            for i in range(
-                width
-            ):  # one row of all lanes at a time: to write rows is faster than to write columns
-                w[STORED_ROWS + row, i] = constants[
-                    np.uint64(w[ROW.context_at, i]) + np.uint64(row)
-                ]
+        for row in range(CONSTANTS.end - CONSTANTS.first):
+            for i in range(width):  # all lanes of a row in turn: faster than all rows of a lane
+                place = np.uint64(w[ROW.context_at, i]) + np.uint64(row)
+                w[CONSTANTS.first + row, i] = constants[place]
         return -1.0
     if first != present:
         begin = int(first)
-        for row in range(CONSTANT_ROWS):
-            value = constants[begin + row]
+        for row in range(CONSTANTS.first, CONSTANTS.end):
+            value = constants[begin + row - CONSTANTS.first]
             for i in range(width):
-                w[STORED_ROWS + row, i] = value
+                w[row, i] = value
     return first
 
 
@@ -156,7 +183,7 @@ def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high:
 
 @device
 def _close(
-    w: Any, worlds: Any, b: int, lanes: int, a: Arrays, t: int, ended: int, k: int, held: int
+    w: Any, worlds: Any, b: int, lanes: int, a: Arrays, ended: int, k: int, held: int
 ) -> None:
     """End a control step of a block, and write back the worlds that ended.
 
@@ -174,7 +201,7 @@ def _close(
         earned = w[ROW.reward, i] + (a.rewards[begin + i] if k > 0 else 0.0)
         over = w[ROW.alive, i] == 0.0 if began else k == 0
         if over or (began and k + 1 == held):
-            end_step(w, i, begin + i, a, t, ended)
+            end_step(w, i, begin + i, a, ended)
         if began:
             a.rewards[begin + i] = earned
         begins = w[ROW.alive, i] != 0.0
@@ -187,7 +214,7 @@ def _build_advance(digest: str) -> Any:
     def advance(
         worlds: Any,
         words: Any,
-        given: Any,
+        actions: Any,
         obs: Any,
         final_obs: Any,
         rewards: Any,
@@ -196,19 +223,15 @@ def _build_advance(digest: str) -> Any:
         config: Any,
         constants: Any,
         ended: int,
-        steps: int,
         first: int,
         last: int,
     ) -> int:
         _ = digest
         a = Arrays(words, obs, final_obs, rewards, flags, telemetry, config, constants)
         low, high, slack = config[CONFIG.low], config[CONFIG.high], config[CONFIG.slack]
-        scales = config[CONFIG_WIDTH : CONFIG_WIDTH + obs.shape[1]]
-        gains = config[CONFIG_WIDTH + obs.shape[1] :]
-        has_law = config[CONFIG.has_law] != 0.0
-        held = 1 if has_law else int(config[CONFIG.frame_skip])
-        looks = (not has_law) and first == 0 and (last == 0 or last == worlds.shape[0])
-        refused = _first_refused(worlds, given, low - slack, high + slack, ended) if looks else -1
+        held = int(config[CONFIG.frame_skip])
+        looks = first == 0 and (last == 0 or last == worlds.shape[0])
+        refused = _first_refused(worlds, actions, low - slack, high + slack, ended) if looks else -1
         if refused >= 0:
             return refused
         w = _scratch()
@@ -220,29 +243,39 @@ def _build_advance(digest: str) -> Any:
             lanes = min(width, obs.shape[0] - begin)
             _gather(w, worlds, b)
             present = _take_contexts(w, width, constants, present)
-            for step in range(steps * held):
+            for k in range(held):
                 if ended != NEXT_STEP and count_nonzero(w, ROW.alive, lanes) == 0:
                     break
-                t, k = divmod(step, held)
-                if has_law:
-                    for i in range(lanes):
-                        if w[ROW.alive, i] != 0.0:
-                            volts = law(obs[begin + i], scales, gains, given[begin + i])
-                            if not are_finite(volts):
-                                store(w, ROW.command, i, volts)
-                                put_back(w, i, worlds, begin + i)
-                                return begin + i
-                            take_command(w, i, volts)
-                else:
-                    _begin_given(w, lanes, given, begin, low, high)
+                _begin_given(w, lanes, actions, begin, low, high)
                 arrange(w, width, constants)
                 move_worlds(w, width, config, worlds.shape[1] > BASIC_ROWS)
-                _close(w, worlds, b, lanes, a, t, ended, k, held)
+                _close(w, worlds, b, lanes, a, ended, k, held)
             _scatter_alive(w, lanes, worlds, b)
             present = _after_resets(w, lanes, present)
         return -1
 
     return advance
+
+
+def _build_alone(digest: str) -> Any:
+    def alone(table: int) -> int:
+        _ = digest
+        at = _carray(whole(table), (10, 4))
+        arrays = (
+            _carray(double(at[0, 0]), (at[0, 1], at[0, 2], at[0, 3])),
+            _carray(unsigned(at[1, 0]), (at[1, 1], at[1, 2])),
+            _carray(double(at[2, 0]), (at[2, 1], at[2, 2])),
+            _carray(single(at[3, 0]), (at[3, 1], at[3, 2])),
+            _carray(single(at[4, 0]), (at[4, 1], at[4, 2])),
+            _carray(double(at[5, 0]), (at[5, 1],)),
+            _carray(flag(at[6, 0]), (at[6, 1], at[6, 2])),
+            _carray(double(at[7, 0]), (at[7, 1], at[7, 2], at[7, 3])),
+            _carray(double(at[8, 0]), (at[8, 1],)),
+            _carray(double(at[9, 0]), (at[9, 1],)),
+        )
+        return step((*arrays, np.int64(REFUSE), np.int64(0), np.int64(1)))
+
+    return alone
 
 
 def _build_reset(digest: str) -> Any:
@@ -268,28 +301,43 @@ def _build_reset(digest: str) -> Any:
 
 
 @cache
-def advance_kernel(inlined: Any, declared: bool, /) -> Any:
-    """Return the compiled ``advance`` with a control law inside, for the paper's clutches or
-    ``declared`` others.
+def advance_kernel(declared: bool, /) -> Any:
+    """Return the compiled ``advance`` for the paper's clutches or ``declared`` others.
 
-    ``advance(worlds, words, given, obs, final_obs, rewards, flags, telemetry, config, constants,
-    ended, steps, first, last)`` runs ``steps`` steps of the worlds in the blocks first … last − 1:
-    control steps of a law, or ``frame_skip`` of them with one action. ``worlds`` has the shape (B,
-    BASIC_ROWS or STORED_ROWS, lanes), ``ended`` is REFUSE, SKIP, NEXT_STEP or SAME_STEP, and
-    ``Arrays`` describes what is not described here.
+    ``advance(worlds, words, actions, obs, final_obs, rewards, flags, telemetry, config, constants,
+    ended, first, last)`` runs ``frame_skip`` control steps of the worlds in the blocks first … last
+    − 1 with one action (N, 4). ``worlds`` has the shape (B, BASIC_ROWS or STORED_ROWS, lanes),
+    ``ended`` is REFUSE, SKIP, NEXT_STEP or SAME_STEP, and ``Arrays`` describes what is not
+    described here.
 
-    ``given`` holds the actions (N, 4), or where the voltages come from the law its memory (N, M). A
-    call for all blocks or for none looks at the actions of all worlds first; the number of the
+    A call for all blocks or for none looks at the actions of all worlds first; the number of the
     first that is refused is returned before anything is touched, −1 when all went well. A call for
     some blocks does not look.
-
-    Where a law returns a voltage that is not finite, the number of its world is returned. That
-    world's command then holds the voltages, and other worlds have moved.
     """
     others: dict[str, Any] = (
         {"move_worlds": move_declared, "arrange": take_arrangements} if declared else {}
     )
-    return compile_kernel(_build_advance, law=inlined, **others)
+    return compile_kernel(_build_advance, **others)
+
+
+@cache
+def advance_caller(declared: bool, /) -> Any:
+    """Return a compiled function of a tuple of arguments that calls ``advance_kernel``."""
+    symbol = f"pter_advance_{'declared' if declared else 'paper'}"
+    export(advance_kernel(declared), ADVANCE_TYPES, symbol)
+    return caller(ADVANCE_TYPES, symbol)
+
+
+@cache
+def alone_kernel(declared: bool, /) -> Any:
+    """Return a kernel that makes a step of one world with REFUSE.
+
+    Its argument is the address of a table of the ten arrays of ``advance_kernel``, in its order:
+    to look at each of them would take numba as long as the step itself.
+    """
+    return entry_of(
+        compile_kernel(_build_alone, step=advance_caller(declared)), types.int64(types.int64)
+    )
 
 
 @cache

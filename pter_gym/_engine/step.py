@@ -1,5 +1,4 @@
-"""One control step of a world: functions on column ``i``, or the first columns, of an array with
-the rows ``ROW``.
+"""One control step of a world: functions on column ``i``, or the first ones, of rows ``ROW``.
 
 ``take_command`` takes an action, ``move_worlds`` moves hand and arm through the substeps, and
 ``conclude_step`` finds what that has led to. The two last functions of this file list the stages in
@@ -18,13 +17,11 @@ from pter_gym._compiled.records import entrywise, load, read, rows, store, width
 from pter_gym._engine.world import (
     CONFIG,
     CONFIG_WIDTH,
-    CONSTANT_ROWS,
     REFUSE,
     ROW,
     SAME_STEP,
     Drive,
     Flags,
-    Reading,
     Target,
 )
 from pter_gym._physics.arm import (
@@ -49,16 +46,18 @@ from pter_gym._physics.step import (
     paper_clutches,
     torques_at,
 )
-from pter_gym.hands._model import (
-    advance_sines,
-    intent_speed,
-    renew_sines,
-    sum_of_sines,
-    unit_vector,
-)
+from pter_gym.hands._model import advance_sines, intent_speed, renew_sines, sum_of_sines
 from pter_gym.paths._projection import point_at, project
+from pter_gym.tasks.path_following._actions import volts_of_each
 from pter_gym.tasks.path_following._context import CONTEXT
-from pter_gym.tasks.path_following._observation import BOUND, ENTRIES, observation
+from pter_gym.tasks.path_following._observation import (
+    BOUND,
+    ENTRIES,
+    Measurement,
+    Reading,
+    measurement_of,
+    observation,
+)
 from pter_gym.tasks.path_following._rules import (
     Outcome,
     PathState,
@@ -82,6 +81,7 @@ INSTANT = width(PathVector)
 _NOISE_STREAM = np.uint64(0x4E4F495345)
 
 _FIRST_SEEN = ROW.seen.cos_a
+_FIRST_TOLD = CONTEXT.told.time_constant
 _FIRST_INVERSE_SCALE = CONFIG.inverse_scale.cos_a
 
 
@@ -97,47 +97,23 @@ def clipped(volts: float, voltage_max: float) -> float:
 
 @device
 def is_refused(alive: float, actions: Any, low: float, high: float, ended: int, world: int) -> bool:
-    """Return whether a world has ended and may not, or its action is not a number within the bounds."""
+    """Return whether a world has ended and must not, or its action is not within the bounds."""
     refused = False
     for clutch in range(4):
         refused |= not ((actions[world, clutch] >= low) & (actions[world, clutch] <= high))
     return ((ended == REFUSE) | (ended == SAME_STEP)) if alive == 0.0 else refused
 
 
-@entrywise
-@device
-def scaled_volts(action: float, low: float, high: float, voltage_max: float) -> float:
-    """Return the voltage [V] of an action, from its share of the bounds.
-
-    A lower bound of 0 is that of a voltage. Of a normalised action, whose lower bound is negative,
-    the square of the share counts: steps are fine where clutches slip, and exploring noise about 0
-    V brakes little.
-    """
-    linear = (action - low) * (voltage_max / (high - low))
-    return linear * (linear / voltage_max) if low < 0.0 else linear
-
-
 @device
 def given_volts(actions: Any, world: int, low: float, high: float, voltage_max: float) -> PerClutch:
     """Return the voltages [V] of an action."""
     given = PerClutch(actions[world, 0], actions[world, 1], actions[world, 2], actions[world, 3])
-    return scaled_volts(given, low, high, voltage_max)
-
-
-@device
-def are_finite(volts: PerClutch) -> bool:
-    """Return whether all voltages are finite numbers."""
-    return (
-        math.isfinite(volts.x1)
-        & math.isfinite(volts.x2)
-        & math.isfinite(volts.x3)
-        & math.isfinite(volts.x4)
-    )
+    return volts_of_each(given, low, high, voltage_max)
 
 
 @device
 def take_command(w: Any, i: int, volts: PerClutch) -> None:
-    """Take the command of a control step, keep the last one and the tip's velocity, and clear the step's energies."""
+    """Take the command of a control step, and keep from the one before what a reward needs."""
     store(w, ROW.last_command, i, load(w, ROW.command, i))
     store(w, ROW.command, i, clipped(volts, w[ROW.machine.voltage_max, i]))
     v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
@@ -178,7 +154,7 @@ def recorded(w: Any, i: int, constants: Any, count: float) -> Drive:
 
 @device
 def intended(w: Any, i: int, constants: Any, period: float) -> Target:
-    """Move the intended point on by a control step; return where it was and the velocity at which it goes on."""
+    """Move the intended point on by a control step; return where it was, and its velocity."""
     hand = load(w, ROW.hand, i)
     path = load(w, ROW.task.path, i)
     at = w[ROW.intent, i]
@@ -212,7 +188,7 @@ def move_hand(w: Any, i: int, h: float, whole: bool, guides: bool) -> None:
 
 @device
 def active_force(w: Any, i: int, guides: bool) -> PathVector:
-    """Return what the hand does by itself [N]: push, disturbance and recorded force, not its spring and damper."""
+    """Return the hand's push, disturbance and recorded force [N], without spring and damper."""
     along = w[ROW.hand.push, i]
     across = sum_of_sines(load(w, ROW.hand.amplitude, i), load(w, ROW.sines, i))
     if guides:
@@ -223,8 +199,7 @@ def active_force(w: Any, i: int, guides: bool) -> PathVector:
 
 @device
 def push_tip(w: Any, i: int, guides: bool) -> None:
-    """Find the force on the tip [N], but for the spring and what the damper makes of the tip's own
-    velocity.
+    """Find the force on the tip [N] without the spring and without damping of the tip's velocity.
 
     The directions along and across the path are those at the control instant.
     """
@@ -248,7 +223,7 @@ def passive_force(arm: Linkage, q: Motion, target: Target) -> Vector:
 
 @device
 def hand_force(w: Any, i: int) -> PathVector:
-    """Return the force of the hand on the tip along and across the path at a control instant [N]."""
+    """Return the hand's force on the tip along and across the path at a control instant [N]."""
     arm = load(w, ROW.machine.arm, i)
     q = load(w, ROW.motion, i)
     pull = to_path(passive_force(arm, q, load(w, ROW.target, i)), load(w, ROW.foot.heading, i))
@@ -261,7 +236,7 @@ def hand_force(w: Any, i: int) -> PathVector:
 
 @device
 def set_strengths(w: Any, i: int, period: float) -> None:
-    """Find what the friction's drift and the clutches' heat have made of their torques by the present control step."""
+    """Find what drift of the friction and heat have made of the clutches' torques by now."""
     drift = clamp(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
     store(w, ROW.strength, i, faded(load(w, ROW.heat, i), w[ROW.machine.fade, i], drift))
 
@@ -276,7 +251,7 @@ def load_on(w: Any, i: int) -> Load:
 
 @device
 def move_hands(w: Any, lanes: int, h: float, whole: bool, guides: bool) -> None:
-    """Advance the hands of the first ``lanes`` worlds, and find the forces that the next kick needs."""
+    """Advance the hands of the first ``lanes`` worlds, and find their forces for the next kick."""
     for i in range(lanes):
         move_hand(w, i, h, whole, guides)
     for i in range(lanes):
@@ -421,7 +396,7 @@ def coasted(theta: float, omega: float, time: float) -> float:
 def measured_velocity(
     theta: float, before: float, omega: float, period: float, differs: bool
 ) -> float:
-    """Return what a velocity sensor reads, or the difference of two angle readings over a control period."""
+    """Return what a velocity sensor reads, or the mean velocity between two angle readings."""
     return (theta - before) / period if differs else omega
 
 
@@ -458,55 +433,44 @@ def take_reading(w: Any, i: int, seed: np.uint64, episode: np.uint64, period: fl
 
 
 @device
-def observe_world(w: Any, i: int) -> None:
-    """Find the present observation as ideal sensors see it, in SI units."""
+def store_observation(w: Any, i: int, measured: Measurement) -> None:
+    """Store the present observation that a measurement gives, in SI units."""
     seen = observation(
-        load(w, ROW.motion, i),
-        present_state(w, i),
+        measured,
+        load(w, ROW.machine.arm, i),
+        load(w, ROW.task.free, i),
         w[ROW.task.path.length, i],
         w[ROW.task.pace, i],
         load(w, ROW.command, i),
-        load(w, ROW.torque, i),
-        hand_force(w, i),
-    )
-    store(w, ROW.seen, i, seen)
-
-
-@outlined
-def observe_reading(w: Any, i: int, constants: Any) -> None:
-    """Find the present observation from what the sensors read, now or earlier, in SI units."""
-    reading = load(w, ROW.readings[int(w[ROW.task.sensing.delay, i])], i)
-    a, b = unit_vector(reading.theta.a), unit_vector(reading.theta.b)
-    q = Motion(
-        reading.theta.a,
-        reading.theta.b,
-        reading.omega.a,
-        reading.omega.b,
-        a.cos,
-        a.sin,
-        b.cos,
-        b.sin,
-    )
-    arm = load(w, ROW.machine.arm, i)
-    path = load(w, ROW.task.path, i)
-    x, y = tip_position(arm, q)
-    v_x, v_y = tip_velocity(arm, q)
-    foot = project(constants, int(path.first), int(path.arcs), int(w[ROW.foot.segment, i]), x, y)
-    seen = observation(
-        q,
-        path_state(foot, v_x, v_y, load(w, ROW.task.free, i)),
-        path.length,
-        w[ROW.task.pace, i],
-        load(w, ROW.command, i),
-        reading.torque,
-        reading.force,
     )
     store(w, ROW.seen, i, seen)
 
 
 @device
+def observe_world(w: Any, i: int) -> None:
+    """Find the present observation as ideal sensors see it."""
+    store_observation(
+        w,
+        i,
+        Measurement(
+            load(w, ROW.motion, i), load(w, ROW.foot, i), load(w, ROW.torque, i), hand_force(w, i)
+        ),
+    )
+
+
+@outlined
+def observe_reading(w: Any, i: int, constants: Any) -> None:
+    """Find the present observation from what the sensors read, now or earlier."""
+    reading = load(w, ROW.readings[int(w[ROW.task.sensing.delay, i])], i)
+    arm, path = load(w, ROW.machine.arm, i), load(w, ROW.task.path, i)
+    segment = int(w[ROW.foot.segment, i])
+    first, count = int(path.first), int(path.arcs)
+    store_observation(w, i, measurement_of(reading, arm, constants, first, count, segment))
+
+
+@device
 def scale_entries(w: Any, first: int, last: int, config: Any) -> None:
-    """Bring the observations in columns ``first`` … ``last`` − 1 from SI units to their scales, within ±BOUND."""
+    """Bring the observations in columns ``first`` … ``last`` − 1 to their scales, within ±BOUND."""
     for k in range(ENTRIES):
         inverse_scale = config[_FIRST_INVERSE_SCALE + k]
         for i in range(first, last):
@@ -525,12 +489,12 @@ def observe(w: Any, i: int, config: Any, constants: Any) -> None:
 
 @device
 def write_observation(w: Any, i: int, obs: Any, world: int, config: Any, constants: Any) -> None:
-    """Write what was observed, and what is told of the context, to a row of the observations (N, entries)."""
+    """Write what was observed, and what is told of the context, to a row of ``obs``."""
     plain = int(config[CONFIG.entries])
     for k in range(ENTRIES):  # not over the entries: compilers unroll what they can count
         if k < plain:
             obs[world, k] = w[_FIRST_SEEN + k, i]
-    told = int(w[ROW.context_at, i]) + CONSTANT_ROWS - plain
+    told = int(w[ROW.context_at, i]) + _FIRST_TOLD - plain
     for k in range(plain, obs.shape[1]):
         obs[world, k] = clamp(constants[told + k] / config[CONFIG_WIDTH + k], -BOUND, BOUND)
 
@@ -539,12 +503,12 @@ def write_observation(w: Any, i: int, obs: Any, world: int, config: Any, constan
 
 
 def _mover(arrangement_at: Any) -> Any:
-    """Return what moves worlds whose clutches are those of ``arrangement_at``; see ``substep_on``."""
+    """Return what moves worlds with the clutches of ``arrangement_at``; see ``substep_on``."""
     control_step = control_step_on(ROW, load_on, arrangement_at, move_hands)
 
     @device
     def heat_clutches(w: Any, i: int, period: float) -> None:
-        """Add what the clutches dissipate, by their torques and slip velocities at the end of a control step."""
+        """Add the heat of a control step, from torques and slip velocities at its end."""
         q, heat, cooling = load(w, ROW.motion, i), load(w, ROW.heat, i), w[ROW.machine.cooling, i]
         slip = slip_velocities(q.omega_a, q.omega_b, arrangement_at(w, i))
         store(w, ROW.heat, i, heated(heat, product(load(w, ROW.torque, i), slip), period, cooling))
@@ -563,8 +527,7 @@ def _mover(arrangement_at: Any) -> Any:
 
     @device
     def move(w: Any, lanes: int, config: Any, guides: bool) -> None:
-        """Move the worlds in the first ``lanes`` columns, which have taken their commands, through
-        a control step.
+        """Move the worlds in the first ``lanes`` columns through a control step.
 
         ``guides`` says that hands may have more than a push and sines, and that clutches may fade.
         """

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 INLINE_BLOCKS = 16
-"""Batches of fewer blocks are stepped by the caller's thread alone: waking another one costs more than it saves."""
+"""Fewer blocks than these are stepped by the caller's thread alone: to wake another costs more."""
 
 Share = tuple[int, int]
 
@@ -30,17 +30,16 @@ class Threads:
         return Threads, (self.count,)
 
     def shares(self, blocks: int) -> list[Share]:
-        """Return first block and end of what each thread does; one share if there is too little for several."""
+        """Return first block and end of each thread's share; one share if there is too little."""
         if self.count == 1 or blocks < INLINE_BLOCKS:
             return [(0, blocks)]
         share = -(-blocks // self.count)
         return [(first, min(first + share, blocks)) for first in range(0, blocks, share)]
 
     def run_parallel(self, call: Callable[[int, int], int], shares: list[Share]) -> list[int]:
-        """Return what a compiled function does of each share, in any order; it is called in all
-        threads at once.
+        """Return what a compiled function returns for each share, in any order.
 
-        An interrupt (Ctrl-C) waits for all.
+        It is called in all threads at once. An interrupt (Ctrl-C) waits for all.
         """
         left = iter(shares)
         done: list[Share] = []

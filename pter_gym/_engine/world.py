@@ -1,8 +1,8 @@
 """One world as one record: its entries are the rows of a kernel's array."""
 
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
-from pter_gym._compiled.records import Entry, rows, width
+from pter_gym._compiled.records import Entry, joined, rows, width
 from pter_gym._physics.arm import Motion, PerLink, Vector
 from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch, Torques
@@ -10,7 +10,7 @@ from pter_gym._physics.model import Model
 from pter_gym._physics.step import Energy, Impact
 from pter_gym.hands._model import HandModel, Sines
 from pter_gym.paths._projection import Foot
-from pter_gym.tasks.path_following._observation import Observation
+from pter_gym.tasks.path_following._observation import Observation, Reading
 from pter_gym.tasks.path_following._rules import PathVector, TaskModel, Terms
 
 
@@ -26,15 +26,6 @@ class Drive(NamedTuple):
 
     force: Annotated[PathVector, Entry("N", "recorded force")]
     change: Annotated[PathVector, Entry("N", "change per substep of the recorded force")]
-
-
-class Reading(NamedTuple):
-    """What the sensors read at a control instant."""
-
-    theta: Annotated[PerLink, Entry("rad", "angle{}")]
-    omega: Annotated[PerLink, Entry("rad/s", "angular velocity{}")]
-    torque: Annotated[PerClutch, Entry("N·m", "generated torque{}")]
-    force: Annotated[PathVector, Entry("N", "the hand's force{}")]
 
 
 class Readings(NamedTuple):
@@ -58,10 +49,17 @@ class Flags(NamedTuple):
     success: Annotated[float, Entry("1", "1 at the end of the path")]
 
 
-class World(NamedTuple):
-    """All that a kernel knows of one world."""
+class Addresses(NamedTuple):
+    """Where the constants of a world are; only a reset that draws others changes this."""
 
-    # what every world stores
+    context_at: Annotated[float, Entry("1", "where its context begins in the constants")]
+    draws_from: Annotated[float, Entry("1", "where the contexts that it draws from begin")]
+    draws: Annotated[float, Entry("1", "number of contexts that it draws from")]
+
+
+class Kept(NamedTuple):
+    """What a world keeps from step to step; zero after a reset, unless a reset sets it."""
+
     motion: Motion
     torques: Torques
     lagged_volts: Annotated[PerClutch, Entry("V", "voltage behind the lag")]
@@ -75,20 +73,29 @@ class World(NamedTuple):
     pace_ratio: Annotated[
         float, Entry("1", "recent mean of the pace along the path, over the commanded pace")
     ]
-    context_at: Annotated[float, Entry("1", "where its context begins in the constants")]
-    draws_from: Annotated[float, Entry("1", "where the contexts that it draws from begin")]
-    draws: Annotated[float, Entry("1", "number of contexts that it draws from")]
-    # what is stored too where hands plan, sensors are not ideal or clutches fade
+
+
+class Extras(NamedTuple):
+    """What only some worlds keep, see ``needs_extras``; in others it is zero and is not stored."""
+
     drive: Drive
     target: Target
     intent: Annotated[float, Entry("m", "arc length of the intended point")]
     readings: Readings
     heat: Annotated[PerClutch, Entry("J", "heat")]
-    # constants, read from where all worlds share them
+
+
+class Constants(NamedTuple):
+    """The beginning of a world's ``Context``, copied from where all worlds share it."""
+
     machine: Model
     hand: HandModel
     task: TaskModel
-    # what a control step works with
+
+
+class Scratch(NamedTuple):
+    """What a control step works with; nothing of it lasts."""
+
     last_command: Annotated[PerClutch, Entry("V", "command before the last")]
     start_velocity: Annotated[Vector, Entry("m/s", "the tip's velocity at the start of the step")]
     energy: Energy
@@ -112,26 +119,36 @@ class World(NamedTuple):
     arrangement: Arrangement  # with other clutches than the paper's
 
 
-ROW = rows(World)
+if TYPE_CHECKING:
+
+    class World(Addresses, Kept, Extras, Constants, Scratch):  # pyright: ignore[reportGeneralTypeIssues]
+        ...
+
+else:
+    World = joined("World", Addresses, Kept, Extras, Constants, Scratch)
+    World.__doc__ = "All that a kernel knows of one world."
+
+ROW: World = rows(World)
 """Rows of a world in the kernel's array (rows, worlds)."""
 
 ROWS = width(World)
 """Rows of the kernel's array."""
 
-BASIC_ROWS = int(ROW.drive.force.along)
-"""Rows that every world stores: those before ``drive``."""
 
-STORED_ROWS = int(ROW.machine.arm.length_a)
-"""Rows of a world that change: those before its constants.
+class Span(NamedTuple):
+    """Rows of one of the records of which a world is made: its first, and the first of the next."""
 
-Not all worlds need those from ``BASIC_ROWS`` on.
-"""
+    first: int
+    end: int
 
-CONSTANT_ROWS = int(ROW.last_command.x1) - STORED_ROWS
-"""Rows of a world's constants."""
 
-COMMAND_ROWS = int(ROW.strength.x1 - ROW.last_command.x1)
-"""Rows behind the constants that a world's command sets."""
+ADDRESSES = Span(0, width(Addresses))
+KEPT = Span(ADDRESSES.end, ADDRESSES.end + width(Kept))
+EXTRAS = Span(KEPT.end, KEPT.end + width(Extras))
+CONSTANTS = Span(EXTRAS.end, EXTRAS.end + width(Constants))
+
+BASIC_ROWS, STORED_ROWS = EXTRAS.first, EXTRAS.end
+"""Rows of a world that are stored from step to step: without its extras, and with them."""
 
 FLAG = rows(Flags)
 FLAGS = width(Flags)
@@ -148,7 +165,7 @@ With SAME_STEP no world stays ended: a world that is not alive was never reset, 
 
 
 class Config(NamedTuple):
-    """What all worlds of a batch share; the scales of the observation and a law's gains follow in the same array."""
+    """What all worlds of a batch share; the scales of the observation follow in the same array."""
 
     low: Annotated[float, Entry("action", "smallest action")]
     high: Annotated[float, Entry("action", "largest action")]
@@ -157,7 +174,6 @@ class Config(NamedTuple):
     substeps: Annotated[float, Entry("1", "substeps in a control step")]
     limit: Annotated[float, Entry("1", "control steps after which an episode is truncated")]
     frame_skip: Annotated[float, Entry("1", "control steps for which a given action is held")]
-    has_law: Annotated[float, Entry("1", "1 for voltages from a law, 0 for given ones")]
     entries: Annotated[float, Entry("1", "entries of an observation before those of the context")]
     inverse_scale: Annotated[Observation, Entry("", "inverse scale of an entry")]
 
@@ -167,8 +183,7 @@ CONFIG_WIDTH = width(Config)
 
 
 class Arrays(NamedTuple):
-    """The arrays that a kernel works on in addition to the worlds: N worlds, O entries, T steps, K
-    columns.
+    """The arrays that a kernel works on in addition to the worlds: N worlds, O entries, K columns.
 
     Attributes
     ----------
@@ -179,10 +194,9 @@ class Arrays(NamedTuple):
     rewards, flags
         (N,) and (FLAGS, N).
     telemetry
-        (T, N, K); T may be 0, for no telemetry. With SAME_STEP a second layer holds the last of an
-        episode.
+        (1, N, K), or (0, …) for none. With SAME_STEP a second layer holds the last of an episode.
     config
-        ``Config``, the scales of the observation, a law's gains.
+        ``Config``, and the scales of the observation.
     constants
         Contexts, arcs of paths, recorded forces.
     """

@@ -1,5 +1,4 @@
-"""The block kernels as calls of XLA's foreign-function interface: a world is a row, and no Python
-runs in a step.
+"""The kernels as calls of XLA's foreign-function interface: a world is a row, without Python.
 
 A handler gets XLA's call frame, a C structure whose fields are machine words: the version of the
 interface's header is in ``jaxlib``. Everything it is given lies in memory that XLA keeps: it reads
@@ -20,14 +19,14 @@ import numpy as np
 from jax import lax
 from jax import numpy as jnp
 from numba import types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from pter_gym._compiled.addresses import caller, double, export, flag, single, unsigned, whole
 from pter_gym._compiled.compiler import compile_kernel, inlined
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.records import write
-from pter_gym._engine.kernels import advance_kernel, reset_kernel
-from pter_gym._engine.law import CLUTCHES, no_law
+from pter_gym._engine.kernels import RESET_TYPES, advance_caller, reset_kernel
+from pter_gym._engine.law import CLUTCHES
 from pter_gym._engine.world import FLAG, FLAGS, LANES, SAME_STEP
 
 TERMINATED, TRUNCATED = int(FLAG.terminated), int(FLAG.truncated)
@@ -50,72 +49,53 @@ version = 0
 """What a call runs, and the version of the interface; ``compile_kernel`` binds these names."""
 
 
-def _pointer(kind: Any) -> Any:
-    """Return a compiled function from an address to a pointer."""
-
-    @intrinsic
-    def to(typing: Any, address: Any) -> Any:  # noqa: ARG001
-        pointer = types.CPointer(kind)
-
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
-            return builder.inttoptr(arguments[0], context.get_value_type(pointer))
-
-        return pointer(types.int64), generate
-
-    return to
-
-
-_whole, _double, _single = _pointer(types.int64), _pointer(types.float64), _pointer(types.float32)
-_unsigned, _flag = _pointer(types.uint64), _pointer(types.boolean)
-
-
 @_njit
 def _data(buffers: int, number: int) -> int:
     """Return the address of a buffer's data."""
-    return _whole(_whole(buffers)[number])[_DATA]
+    return whole(whole(buffers)[number])[_DATA]
 
 
 @_njit
 def _dimension(buffers: int, number: int, axis: int) -> int:
     """Return a dimension of a buffer; axes count from the end as in Python."""
-    buffer = _whole(_whole(buffers)[number])
-    return _whole(buffer[_DIMENSIONS])[axis if axis >= 0 else buffer[_RANK] + axis]
+    buffer = whole(whole(buffers)[number])
+    return whole(buffer[_DIMENSIONS])[axis if axis >= 0 else buffer[_RANK] + axis]
 
 
 @_njit
 def _doubles(buffers: int, number: int) -> Any:
     """Return a buffer of 32-bit words as numbers of 64 bits."""
-    return _numba.carray(_double(_data(buffers, number)), (_dimension(buffers, number, 0) // 2,))
+    return _numba.carray(double(_data(buffers, number)), (_dimension(buffers, number, 0) // 2,))
 
 
 @_njit
 def _double_rows(buffers: int, number: int) -> Any:
-    """Return a buffer of 32-bit words as rows of numbers of 64 bits, whatever axes there are before the last."""
+    """Return a buffer of 32-bit words (…, 2 n) as rows of numbers of 64 bits, (rows, n)."""
     rows = 1
-    for axis in range(_whole(_whole(buffers)[number])[_RANK] - 1):
+    for axis in range(whole(whole(buffers)[number])[_RANK] - 1):
         rows *= _dimension(buffers, number, axis)
     return _numba.carray(
-        _double(_data(buffers, number)), (rows, _dimension(buffers, number, -1) // 2)
+        double(_data(buffers, number)), (rows, _dimension(buffers, number, -1) // 2)
     )
 
 
 @_njit
 def _singles(buffers: int, number: int, n: int, width: int) -> Any:
     """Return a buffer as numbers of 32 bits, (n, width)."""
-    return _numba.carray(_single(_data(buffers, number)), (n, width))
+    return _numba.carray(single(_data(buffers, number)), (n, width))
 
 
 @_njit
 def _flags(buffers: int, number: int, n: int) -> Any:
     """Return a buffer as flags, (n, FLAGS)."""
-    return _numba.carray(_flag(_data(buffers, number)), (n, FLAGS))
+    return _numba.carray(flag(_data(buffers, number)), (n, FLAGS))
 
 
 @_njit
 def _gather(block: Any, words: Any, rows: int, seeds: int, first: int) -> None:
     """Read the worlds from ``first`` on into a block: rows to lanes."""
-    stored = _numba.carray(_double(rows), ((first + len(words)) * block.shape[1],))
-    counts = _numba.carray(_unsigned(seeds), ((first + len(words)) * 2,))
+    stored = _numba.carray(double(rows), ((first + len(words)) * block.shape[1],))
+    counts = _numba.carray(unsigned(seeds), ((first + len(words)) * 2,))
     for i in range(len(words)):
         for row in range(block.shape[1]):
             block[0, row, i] = stored[(first + i) * block.shape[1] + row]
@@ -126,8 +106,8 @@ def _gather(block: Any, words: Any, rows: int, seeds: int, first: int) -> None:
 @_njit
 def _scatter(block: Any, words: Any, rows: int, seeds: int, first: int) -> None:
     """Write a block back: lanes to rows."""
-    stored = _numba.carray(_double(rows), ((first + len(words)) * block.shape[1],))
-    counts = _numba.carray(_unsigned(seeds), ((first + len(words)) * 2,))
+    stored = _numba.carray(double(rows), ((first + len(words)) * block.shape[1],))
+    counts = _numba.carray(unsigned(seeds), ((first + len(words)) * 2,))
     for i in range(len(words)):
         for row in range(block.shape[1]):
             stored[(first + i) * block.shape[1] + row] = block[0, row, i]
@@ -137,12 +117,12 @@ def _scatter(block: Any, words: Any, rows: int, seeds: int, first: int) -> None:
 
 @_njit
 def _opened(address: int, version: int) -> tuple[int, int]:
-    """Return the addresses of arguments and results; none where XLA only asks for the version, which it is told."""
-    frame = _whole(address)
+    """Return the addresses of arguments and results; none where XLA only asks for the version."""
+    frame = whole(address)
     if frame[_EXTENSION] != 0:
-        extension = _whole(frame[_EXTENSION])
+        extension = whole(frame[_EXTENSION])
         if (extension[_TYPE] & 0xFFFFFFFF) == _METADATA_TYPE:
-            metadata = _whole(extension[_METADATA])
+            metadata = whole(extension[_METADATA])
             metadata[_VERSION] = version
             metadata[_TRAITS] = 0
             return 0, 0
@@ -165,7 +145,7 @@ _KEPT: list[Any] = []
 
 
 def register(name: str, handler: Any) -> None:
-    """Compile a call that runs ``handler(arguments, results)``, addresses of buffers, and tell XLA its address."""
+    """Compile a call of ``handler(arguments, results)``, addresses of buffers, and tell XLA."""
     call = compile_kernel(_build_call, handle=handler, version=_installed_version())
     signature = (types.int64,)
     call.compile(signature)
@@ -209,7 +189,7 @@ def _step_handler(advance: Any) -> Any:
             np.empty((FLAGS, LANES), np.bool_),
             np.empty((0, LANES, 1)),
         )
-        ended, steps, first_block = np.int64(SAME_STEP), np.int64(1), np.int64(0)
+        ended, first_block, last_block = np.int64(SAME_STEP), np.int64(0), np.int64(1)
         for first in range(0, n, LANES):
             lanes = min(LANES, n - first)
             mine, seen, last = (
@@ -220,12 +200,12 @@ def _step_handler(advance: Any) -> Any:
             _gather(block, mine, _data(arguments, 0), _data(arguments, 1), first)
             given[:lanes] = actions[first : first + lanes]
             outputs = seen, last, earned[:lanes], told, telemetry, config, constants
-            advance(block, mine, given[:lanes], *outputs, ended, steps, first_block, steps)
+            advance((block, mine, given[:lanes], *outputs, ended, first_block, last_block))
             _scatter(block, mine, _data(results, 0), _data(results, 1), first)
             for i in range(lanes):
                 rewards[first + i, 0] = earned[i]
-                for flag in range(FLAGS):
-                    flags[first + i, flag] = told[flag, i]
+                for end in range(FLAGS):
+                    flags[first + i, end] = told[end, i]
                 if not (told[TERMINATED, i] or told[TRUNCATED, i]):
                     for entry in range(entries):
                         last[i, entry] = seen[i, entry]
@@ -251,15 +231,8 @@ def _reset_handler(start: Any) -> Any:
         for first in range(0, n, LANES):
             lanes = min(LANES, n - first)
             _gather(block, words[:lanes], _data(arguments, 0), _data(arguments, 1), first)
-            start(
-                block,
-                words[:lanes],
-                chosen[:lanes],
-                obs[first : first + lanes],
-                telemetry,
-                config,
-                constants,
-            )
+            mine, seen = words[:lanes], obs[first : first + lanes]
+            start((block, mine, chosen[:lanes], seen, telemetry, config, constants))
             _scatter(block, words[:lanes], _data(results, 0), _data(results, 1), first)
 
     return reset
@@ -289,15 +262,18 @@ def _law_handler(law: Any) -> Any:
 
 
 def register_calls(step: str = STEP) -> None:
-    """Register the call that resets, and one that steps: ``STEP``, or ``DECLARED_STEP`` for other clutches."""
+    """Register the call that resets, and one that steps: ``STEP`` or ``DECLARED_STEP``."""
     for name in (RESET, step):
         _register_call(name)
 
 
 @cache
 def _register_call(name: str) -> None:
-    kernel = reset_kernel() if name == RESET else advance_kernel(no_law, name == DECLARED_STEP)
-    register(name, _reset_handler(kernel) if name == RESET else _step_handler(kernel))
+    if name == RESET:
+        export(reset_kernel(), RESET_TYPES, symbol := f"{name}_kernel")
+        register(name, _reset_handler(caller(RESET_TYPES, symbol)))
+    else:
+        register(name, _step_handler(advance_caller(name == DECLARED_STEP)))
 
 
 @cache
@@ -338,7 +314,7 @@ def words_of(numbers: NDArray[Any]) -> jax.Array:
 
 
 def rounded(words: jax.Array) -> jax.Array:
-    """Return words of float64 (…, 2 n) as float32 (…, n), rounded toward zero; what is too small for one is 0."""
+    """Return words of float64 (…, 2 n) as float32 (…, n), rounded toward zero, to 0 if tiny."""
     low, high = words[..., ::2], words[..., 1::2]
     exponent = ((high >> 20) & 0x7FF).astype(jnp.int32) - (1023 - 127)
     size = jnp.clip(exponent, 0, 254).astype(jnp.uint32) << 23 | (high & 0xFFFFF) << 3 | low >> 29

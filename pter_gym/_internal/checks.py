@@ -31,10 +31,10 @@ def is_finite(value: object) -> bool:
 
 def names_in(field: str, names: Iterable[Any]) -> list[Any]:
     """Return a list of names, also of a single one, or raise a ParameterError if it is empty."""
-    given: Any = names
-    single = isinstance(given, (str, os.PathLike)) and given != ""
+    value: Any = names
+    single = isinstance(value, (str, os.PathLike)) and value != ""
     several = isinstance(cast("object", names), Iterable)
-    listed: list[Any] = [given] if single else list(names) if several else []
-    if not listed or isinstance(given, bytes):
-        raise ParameterError(f"{field} must hold at least one name, in a list, got {given!r:.200}")
+    listed: list[Any] = [value] if single else list(names) if several else []
+    if not listed or isinstance(value, bytes):
+        raise ParameterError(f"{field} must hold at least one name, in a list, got {value!r:.200}")
     return listed

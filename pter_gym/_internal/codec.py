@@ -1,5 +1,4 @@
-"""Frozen dataclasses as plain data, and back: what can be stored as JSON and read without running
-it.
+"""Frozen dataclasses as plain data, for JSON and TOML, and back.
 
 A dataclass becomes a dictionary with its name under ``"type"`` and its fields, a tuple a list.
 Floats keep every bit, since JSON writes them by ``repr``. A field that data lack takes its default.
@@ -23,8 +22,7 @@ Plain = None | bool | int | float | str | list["Plain"] | dict[str, "Plain"]
 
 
 class Codec:
-    """Turns values of some dataclasses into plain data and back; no other class is ever made from
-    data.
+    """Turns some dataclasses into plain data and back; no other class is ever made from data.
 
     Parameters
     ----------
@@ -75,8 +73,7 @@ class Codec:
         return {TYPE: name, **self._writers[name](value)}
 
     def from_plain(self, data: object) -> Any:
-        """Return the value that ``to_plain`` made the data from; dataclasses check themselves as
-        always.
+        """Return the value that ``to_plain`` made the data from; dataclasses check themselves.
 
         Raises
         ------
@@ -100,11 +97,11 @@ class Codec:
             raise ParameterError(
                 f"stored data must be of the types that JSON has, got {type(data).__name__}"
             )
-        given = dict(cast("dict[str, Any]", data))
-        name = given.pop(TYPE, None)
+        entries = dict(cast("dict[str, Any]", data))
+        name = entries.pop(TYPE, None)
         if not isinstance(name, str) or name not in self._kinds:
             raise unknown_name("stored type", name, self._kinds)
-        return self._readers[name](given, self._kinds[name])
+        return self._readers[name](entries, self._kinds[name])
 
 
 def _message(error: BaseException, kind: type[Any] | None) -> str:

@@ -9,26 +9,26 @@ from pathlib import Path
 from pter_gym.errors import ParameterError, StorageError
 
 FilePath = str | os.PathLike[str]
-"""What is accepted as a path: a string or a ``pathlib.Path``, absolute, relative, or from ``~`` on."""
+"""A path: a string or a ``pathlib.Path``, absolute, relative, or beginning with ``~``."""
 
 MAX_NAME_BYTES = 255
 """Longest name in a path that common file systems allow [B]."""
 
 
 def find_path(field: str, path: FilePath) -> Path:
-    """Return a path that a user gave, with ``~`` expanded, or raise a ParameterError that names the field."""
-    found = None
+    """Return a user's path with ``~`` expanded, or raise a ParameterError that names the field."""
+    file = None
     with suppress(
         TypeError, ValueError, RuntimeError
     ):  # not a path, a name that files cannot have, no such user
         expanded = Path(path).expanduser()
         if all(len(os.fsencode(part)) <= MAX_NAME_BYTES for part in expanded.parts):
-            found = expanded
-    if found is None or os.fspath(path) == "" or "\0" in str(found):
+            file = expanded
+    if file is None or os.fspath(path) == "" or "\0" in str(file):
         raise ParameterError(
             f"{field} must be a path, as a string or a pathlib.Path, got {path!r:.200}"
         )
-    return found
+    return file
 
 
 def check_target(field: str, path: Path) -> None:
@@ -81,6 +81,6 @@ def write_files_atomic(folder: FilePath, files: Mapping[str, bytes]) -> None:
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Remove the temporary files of killed processes from a folder, which no other process may write to now."""
+    """Remove temporary files of killed processes; no other process may write to the folder."""
     for path in folder.glob(f".{'[0-9a-f]' * 16}.tmp"):
         path.unlink(missing_ok=True)

@@ -11,7 +11,7 @@ from pter_gym.errors import ParameterError, StorageError
 
 @contextmanager
 def locked(path: Path, *, busy: str | None = None) -> Generator[None]:
-    """Hold the lock of a file; where a process holds it, wait, or raise a ParameterError that says ``busy``."""
+    """Hold the lock of a file; if it is taken, wait, or raise a ParameterError with ``busy``."""
     lock = FileLock(path)
     try:
         lock.acquire(blocking=busy is None)

@@ -1,4 +1,4 @@
-"""Colours that people with any common colour vision can tell apart, as #rrggbb: Okabe and Ito's, and eight more."""
+"""Colours, #rrggbb, distinct with any common colour vision: Okabe and Ito's, and eight more."""
 
 BLACK = "#000000"
 ORANGE = "#e69f00"
@@ -18,7 +18,7 @@ SAGE = "#a5c3a5"
 ULTRAMARINE = "#002dff"
 
 PICTURE = {"link-a": BLUE, "link-b": "#c97b00", "force": "#00845f", "trail": "#b5508c"}
-"""What an arm's picture shows, by the names in the style sheet of the web page, which has the same colours on white."""
+"""Colours of an arm's picture, by their CSS names; the web page has the same ones on white."""
 
 LINES = (
     *(BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY_BLUE, BLACK, NAVY),
@@ -28,8 +28,7 @@ LINES = (
 
 
 def clutch_name(row: tuple[float, float]) -> str:
-    """Return the name in the style sheet of a clutch's colour: of the link that it brakes, or of
-    its coupling.
+    """Return the CSS name of a clutch's colour: of the link that it brakes, or of its coupling.
 
     The clutch slips at row·ω. Clutches 3 and 4 of the paper have the colours of force and trail.
     """

@@ -1,4 +1,4 @@
-"""What other packages and the tools register by entry points, so that the core imports none of them."""
+"""Entry points through which tools and other packages register; the core imports none of them."""
 
 import sys
 from importlib.metadata import EntryPoint, entry_points
@@ -7,7 +7,7 @@ from typing import Any
 from pter_gym.errors import DependencyError
 
 COMMANDS, PICTURES = "pter.commands", "pter.pictures"
-"""Groups: commands of ``pter``; what draws ``world`` and ``worlds`` for environments, films, boards, force regions."""
+"""Groups: commands of ``pter``; artists for environments, films, boards and force regions."""
 
 
 def registered(group: str) -> dict[str, EntryPoint]:

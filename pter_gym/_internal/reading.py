@@ -48,7 +48,10 @@ def reading(what: str) -> Generator[None, None, None]:
 
 
 def read_bytes(path: Path, most: int) -> bytes:
-    """Return the content of a regular file of at most ``most`` [B], or raise an OSError or a ValueError."""
+    """Return the content of a regular file of at most ``most`` [B].
+
+    It raises an OSError or a ValueError.
+    """
     if not path.is_file():
         raise ValueError(
             "it is not a regular file" if os.path.lexists(path) else "there is no such file"
@@ -59,25 +62,37 @@ def read_bytes(path: Path, most: int) -> bytes:
 
 
 def read_text(path: Path, most: int) -> str:
-    """Return the content of a file in UTF-8; raises as ``read_bytes``, and a ValueError for another encoding."""
+    """Return a file's text in UTF-8; raises as ``read_bytes``, a ValueError for other encodings."""
     return read_bytes(path, most).decode("utf-8")
 
 
 def inflate(data: bytes, most: int) -> bytes:
-    """Return the content of a gzip file, or raise an error in ``READ_ERRORS``; at most ``most`` [B] are unpacked."""
+    """Return the content of a gzip file, at most ``most`` [B]; raises one of ``READ_ERRORS``."""
     with gzip.open(io.BytesIO(data)) as file:
         return _bounded(file.read(most + 1), most)
 
 
 def parse_json(data: bytes, most: int = MAX_JSON_SIZE) -> Any:
-    """Return the values in a JSON text of at most ``most`` [B] in UTF-8, all numbers finite, or raise a ValueError."""
+    """Return the values in a JSON text of at most ``most`` [B] in UTF-8, all numbers finite.
+
+    It raises a ValueError where they are not.
+    """
     return json.loads(
         _bounded(data, most).decode("utf-8"), parse_float=_finite, parse_constant=_finite
     )
 
 
+def read_toml(path: Path, what: str) -> dict[str, Any]:
+    """Return the values in a TOML file, or raise a DataError that begins with ``what`` it is."""
+    with reading(f"{what} {path}"):
+        return parse_toml(read_text(path, MAX_TOML_SIZE))
+
+
 def parse_toml(text: str) -> dict[str, Any]:
-    """Return the values in a TOML text of at most ``MAX_TOML_SIZE`` [B], all numbers finite, or raise a ValueError."""
+    """Return the values in a TOML text of at most ``MAX_TOML_SIZE`` [B], all numbers finite.
+
+    It raises a ValueError where they are not.
+    """
     _bounded(text.encode(), MAX_TOML_SIZE)
     return tomllib.loads(text, parse_float=_finite)
 

@@ -1,4 +1,4 @@
-"""What the commands share on the terminal: folders for results, text, the progress bar, and Ctrl-C."""
+"""What commands share: folders for results, text on the terminal, progress bars, and Ctrl-C."""
 
 import io
 import os
@@ -15,6 +15,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from pter_gym._internal.files import FilePath, check_target, find_path
 from pter_gym.errors import ParameterError
 
+WIDTH = 80
+"""Characters in a line of a table."""
+
 GRACE = 0.3
 """Seconds in which Python may end by itself after Ctrl-C."""
 
@@ -30,7 +33,7 @@ def make_folder(path: FilePath, field: str = "out") -> None:
 
 
 def accept_all_characters() -> None:
-    """Write characters that the terminal cannot show as escapes, unless the user has chosen another way."""
+    """Escape characters that the terminal cannot show, unless the user has chosen otherwise."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
             stream.reconfigure(errors="backslashreplace")
@@ -45,6 +48,12 @@ def terminal(*, errors: bool = False) -> Console:
 def say(text: str) -> None:
     """Print text as it is, without rich's markup and line breaks."""
     terminal().out(text, highlight=False)
+
+
+def shorten(text: str, width: int) -> str:
+    """Return text of at most so many characters, ≥ 3; a longer one loses its middle."""
+    half = (width - 1) // 2
+    return text if len(text) <= width else f"{text[: width - 1 - half]}…{text[-half:]}"
 
 
 def progress_bar() -> Progress:
@@ -71,8 +80,7 @@ def close_output() -> None:
 
 
 def end_on_interrupt(status: int) -> None:
-    """Let Ctrl-C end this process with an exit status after ``GRACE``, even while compiled code
-    runs.
+    """Let Ctrl-C end this process after ``GRACE``, even while compiled code runs.
 
     Until then Python may end by itself: the main thread gets a KeyboardInterrupt as usual. Call it
     in the main thread.

@@ -1,5 +1,4 @@
-"""The five-bar arm: kinematics, mass matrix, velocity terms and energy (paper Eqs. 3 and 4). It
-knows no clutch.
+"""The five-bar arm: kinematics, mass matrix, velocity terms, energy (paper Eqs. 3 and 4).
 
 Both angles are absolute. With a coaxial drive and a parallelogram the mass matrix depends on θA −
 θB alone::
@@ -7,7 +6,9 @@ Both angles are absolute. With a coaxial drive and a parallelogram the mass matr
     M(θ)·θ̈ + V(θ, θ̇) = Wᵀτ + JᵀF      M12 = c·cos(θA − θB)   V = c·sin(θA − θB)·(θ̇B², −θ̇A²)
 """
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
 
 from pter_gym._compiled.compiler import device
 from pter_gym._compiled.records import Entry
@@ -28,7 +29,7 @@ class UnitVector(NamedTuple):
 
 
 class Deviator(NamedTuple):
-    """The part of a symmetric matrix in the plane that depends on direction: [[stretch, shear], [shear, −stretch]]."""
+    """The traceless part of a symmetric 2×2 matrix, [[stretch, shear], [shear, −stretch]]."""
 
     stretch: Annotated[float, Entry("", "half of the {} along x less that along y")]
     shear: Annotated[float, Entry("", "{} along x against motion along y")]
@@ -107,6 +108,48 @@ class Load(NamedTuple):
 
 
 @device
+def components(vector: Vector, direction: UnitVector) -> tuple[float, float]:
+    """Return the components of a vector along a direction and across it, positive to its left."""
+    return (
+        vector.x * direction.cos + vector.y * direction.sin,
+        vector.y * direction.cos - vector.x * direction.sin,
+    )
+
+
+def motion_of(theta: Any, omega: Any = (0.0, 0.0)) -> Any:
+    """Return the ``Motion`` of angles [rad] and angular velocities [rad/s], both (…, 2)."""
+    (a, b), (omega_a, omega_b) = (
+        np.moveaxis(np.asarray(x, np.float64), -1, 0) for x in (theta, omega)
+    )
+    return Motion(a, b, omega_a, omega_b, np.cos(a), np.sin(a), np.cos(b), np.sin(b))
+
+
+@device
+def elbow_cosine(length_a: float, length_b: float, x: float, y: float) -> float:
+    """Return cos(θA − θB) with the tip at (x, y) [m]; beyond ±1 it is out of reach."""
+    return (x * x + y * y - length_a * length_a - length_b * length_b) / (2.0 * length_a * length_b)
+
+
+@device
+def motion_at(arm: Linkage, x: float, y: float) -> Motion:
+    """Return the arm at rest with the tip at (x, y) [m]; θB leads θA.
+
+    Called from Python, it takes arrays too, and returns NaN out of reach.
+    """
+    cos = elbow_cosine(arm.length_a, arm.length_b, x, y)
+    sin = np.sqrt(1.0 - cos * cos)
+    re = arm.length_a + arm.length_b * cos
+    im = arm.length_b * sin
+    square = x * x + y * y
+    cos_a = (x * re + y * im) / square
+    sin_a = (y * re - x * im) / square
+    cos_b = cos_a * cos - sin_a * sin
+    sin_b = sin_a * cos + cos_a * sin
+    theta_a, theta_b = np.arctan2(sin_a, cos_a), np.arctan2(sin_b, cos_b)
+    return Motion(theta_a, theta_b, 0.0, 0.0, cos_a, sin_a, cos_b, sin_b)
+
+
+@device
 def tip_position(arm: Linkage, q: Motion) -> tuple[float, float]:
     """Return the tip position (x, y) [m], from the axis of the drive."""
     return (
@@ -125,7 +168,7 @@ def tip_velocity(arm: Linkage, q: Motion) -> tuple[float, float]:
 
 @device
 def moving(arm: Linkage, q: Motion, velocity: Vector) -> Motion:
-    """Return the arm in the pose of ``q`` with the velocity of the tip [m/s]; the pose must not be singular."""
+    """Return the arm in the pose of ``q``, not singular, with a velocity of the tip [m/s]."""
     scale = 1.0 / (q.cos_a * q.sin_b - q.sin_a * q.cos_b)
     omega_a = scale * (velocity.x * q.cos_b + velocity.y * q.sin_b) / arm.length_a
     omega_b = -scale * (velocity.x * q.cos_a + velocity.y * q.sin_a) / arm.length_b
@@ -143,7 +186,7 @@ def joint_torque(arm: Linkage, q: Motion, force_x: float, force_y: float) -> tup
 
 @device
 def directed(mean: float, by: Deviator, x: float, y: float) -> Vector:
-    """Return a vector (x, y) times a symmetric matrix, from its mean over all directions and its deviator."""
+    """Return a vector (x, y) times the symmetric matrix with a mean and a deviator."""
     return Vector((mean + by.stretch) * x + by.shear * y, by.shear * x + (mean - by.stretch) * y)
 
 
@@ -154,13 +197,11 @@ def cos_difference(q: Motion) -> float:
 
 
 @device
-def damper_matrix(arm: Linkage, q: Motion, isotropic: bool = False) -> tuple[float, float, float]:
-    """Return JᵀBJ [N·m·s], the entries (1, 1), (1, 2), (2, 2) of the hand's damping B at the links."""
+def damper_matrix(arm: Linkage, q: Motion) -> tuple[float, float, float]:
+    """Return entries 11, 12 and 22 of JᵀBJ [N·m·s], the hand's damping B at the links."""
     b11 = arm.damping * arm.length_a * arm.length_a
     b12 = arm.damping * arm.length_a * arm.length_b * cos_difference(q)
     b22 = arm.damping * arm.length_b * arm.length_b
-    if isotropic:
-        return b11, b12, b22
     a_x, a_y = -arm.length_a * q.sin_a, arm.length_a * q.cos_a
     b_x, b_y = -arm.length_b * q.sin_b, arm.length_b * q.cos_b
     on_a = directed(0.0, arm.damping_by, a_x, a_y)
@@ -204,7 +245,7 @@ def kinetic_energy(arm: Linkage, q: Motion) -> float:
 
 @device
 def rotated(cos: float, sin: float, angle: float) -> tuple[float, float]:
-    """Turn a unit vector by a small angle [rad]: series to order 7, then one renormalisation to unit length."""
+    """Turn a unit vector by a small angle [rad]: series to order 7, then one renormalisation."""
     square = angle * angle
     cos_angle = 1.0 - square * (0.5 - square * (1.0 / 24.0 - square * (1.0 / 720.0)))
     sin_angle = angle * (

@@ -1,4 +1,4 @@
-"""Joint dry friction for any W: what ``pter_gym._physics.friction`` does for the paper's, with numbers for rows."""
+"""Joint dry friction for any W; ``pter_gym._physics.friction`` has it for the paper's."""
 
 import math
 from typing import Annotated, NamedTuple
@@ -33,8 +33,7 @@ OptionalArrangement = Arrangement | None
 
 
 class OnLine(NamedTuple):
-    """The minimum on a clutch's line, (−b, a)·speed [rad/s]: whether it moves, and the sign of its
-    speed if so.
+    """The minimum on a clutch's line, (−b, a)·speed [rad/s]; ``turn`` is the speed's sign.
 
     ``side`` is the sign of the clutch's slip in the solution, 0 where the solution is this minimum;
     valid if it moves.
@@ -48,7 +47,7 @@ class OnLine(NamedTuple):
 
 @device
 def side(multiplier: float, capacity: float) -> float:
-    """Return on which side of a clutch's line the minimum lies: 0 where that clutch can hold the multiplier."""
+    """Return the side of a clutch's line on which the minimum lies, 0 if the clutch sticks."""
     over = 1.0 if multiplier > capacity else 0.0
     return -1.0 if multiplier < -capacity else over
 
@@ -76,7 +75,7 @@ def within(x: PerClutch, low: PerClutch, high: PerClutch) -> PerClutch:
 
 @device
 def cross(arrangement: Arrangement, x: int, y: int) -> float:
-    """Return the slip of slot y at the speed 1 on the line of slot x, exactly zero for equal rows."""
+    """Return the slip of slot y at speed 1 on the line of slot x, exactly zero for equal rows."""
     return arrangement.a[x] * arrangement.b[y] - arrangement.b[x] * arrangement.a[y]
 
 
@@ -91,23 +90,23 @@ def on_line(
     c: PerClutch,
     arrangement: Arrangement,
 ) -> OnLine:
-    """Return the minimum on the line of slot x; slots with equal rows hold together what one alone would hold."""
+    """Return the minimum on the line of slot x; slots with equal rows act as one."""
     a, b = arrangement.a[x], arrangement.b[x]
     q = a * p_b - b * p_a
     turn = sign(q)
-    reach, held, left_a, left_b = 0.0, 0.0, p_a, p_b
+    reach, capacity, left_a, left_b = 0.0, 0.0, p_a, p_b
     for y in range(4):
         slip = cross(arrangement, x, y)
         impulse = turn * side(slip, 0.0) * c[y]
         reach += c[y] * abs(slip)
-        held += c[y] if slip == 0.0 else 0.0
+        capacity += c[y] if slip == 0.0 else 0.0
         left_a -= impulse * arrangement.a[y]
         left_b -= impulse * arrangement.b[y]
     push_a = a * m12 - b * m11
     push_b = a * m22 - b * m12
     speed = turn * (abs(q) - reach) / (a * push_b - b * push_a)
-    left = a * (left_a - speed * push_a) + b * (left_b - speed * push_b)
-    return OnLine(abs(q) > reach, turn, speed, side(left / (a * a + b * b), held))
+    multiplier = a * (left_a - speed * push_a) + b * (left_b - speed * push_b)
+    return OnLine(abs(q) > reach, turn, speed, side(multiplier / (a * a + b * b), capacity))
 
 
 @device
@@ -156,8 +155,7 @@ def resolve_any(
 def least_torques(
     load_a: float, load_b: float, fixed: int, torque: float, arrangement: Arrangement
 ) -> PerClutch:
-    """Return the torques of least Σ τ_x² with Wᵀτ = load, where slot ``fixed`` has a given torque;
-    −1 for none.
+    """Return the torques of least Σ τ_x² with Wᵀτ = load and slot ``fixed`` (−1: none) at a torque.
 
     They are NaN if the other rows are equal: then they cannot balance the load for every given
     torque.
@@ -223,13 +221,13 @@ def share_any(
             if along[y] != 0.0:
                 to_low, to_high = (low[y] - at[y]) / along[y], (high[y] - at[y]) / along[y]
                 first, last = max(first, min(to_low, to_high)), min(last, max(to_low, to_high))
-        found = combined(
+        candidate = combined(
             at, 1.0, along, clamp(0.0, first, last) if first <= last else 0.5 * (first + last)
         )
-        missed, shift = 0.0, combined(found, 1.0, least, -1.0)
+        missed, shift = 0.0, combined(candidate, 1.0, least, -1.0)
         for y in range(4):
-            missed = max(missed, low[y] - found[y], found[y] - high[y])
+            missed = max(missed, low[y] - candidate[y], candidate[y] - high[y])
         distance = dot(shift, shift) if missed <= slack else FAR * min(missed, 1.0)
         closer = (edge != least[x]) & (distance < nearest)
-        best, nearest = (found, distance) if closer else (best, nearest)
+        best, nearest = (candidate, distance) if closer else (best, nearest)
     return within(best, low, high)

@@ -1,4 +1,4 @@
-"""Electromagnetic friction clutch: volts to steady torques to lagged torques (paper sections II-B and IV-B, Fig. 5)."""
+"""Electromagnetic friction clutch: voltage to torque (paper sections II-B and IV-B, Fig. 5)."""
 
 import math
 from typing import Annotated, NamedTuple
@@ -8,7 +8,7 @@ from pter_gym._compiled.records import Entry, entrywise
 
 
 class PerClutch(NamedTuple):
-    """One number for each of the four clutches: A to ground, B to ground, A to B, A to B through the inverting gear."""
+    """One number per clutch: A to ground, B to ground, A to B, A to B by an inverting gear."""
 
     x1: Annotated[float, Entry("", "clutch 1's {}", name="1")]
     x2: Annotated[float, Entry("", "clutch 2's {}", name="2")]
@@ -39,10 +39,6 @@ class Sliding(NamedTuple):
     viscous: Annotated[PerClutch, Entry("N·m·s", "viscous friction", name="viscous")]
 
 
-OptionalSliding = Sliding | None
-"""None for clutches that exert their dynamic torque at any slip velocity, as the paper's do."""
-
-
 class Decay(NamedTuple):
     """What half a substep leaves of a first-order lag, 0 where there is none."""
 
@@ -58,7 +54,7 @@ class Decay(NamedTuple):
 
 @device
 def curve_torque(curve: Curve, volts: float) -> float:
-    """Return the steady torque [N·m] at a voltage [V]: a linear segment, then a quadratic one, C1 at the knee."""
+    """Return the steady torque [N·m] at a voltage [V]: linear, quadratic from the knee on, C1."""
     beyond = volts - curve.knee
     beyond = beyond if beyond > 0.0 else 0.0
     return curve.slope * volts + curve.curvature * beyond * beyond + curve.off_state
@@ -128,7 +124,7 @@ def relax(value: PerClutch, target: PerClutch, decay: Decay) -> PerClutch:
 
 @device
 def relax_torques(value: Torques, target: Torques, decay: Decay) -> Torques:
-    """Advance the lag of the normal force, to which both torque limits are proportional, as ``relax``."""
+    """Advance the lag of the normal force, to which both torques are proportional."""
     return Torques(
         relax(value.breakaway, target.breakaway, decay), relax(value.dynamic, target.dynamic, decay)
     )
@@ -144,14 +140,14 @@ def product(x: float, y: float) -> float:
 @entrywise
 @device
 def heated(heat: float, power: float, time: float, cooling: float) -> float:
-    """Return the heat [J] of a clutch that dissipates a power [W] for a time [s] and cools with a time constant."""
+    """Return a clutch's heat [J] after it has dissipated a power [W] for a time [s] and cooled."""
     return (heat + abs(power) * time) * math.exp(-time / cooling)
 
 
 @entrywise
 @device
 def faded(heat: float, fade: float, strength: float) -> float:
-    """Return a clutch's torque, relative to that of one with no heat [J] and a strength of 1, for a fade [1/J]."""
+    """Return a clutch's torque at a heat [J] and a fade [1/J], relative to a cold one's."""
     return strength / (1.0 + fade * heat)
 
 
@@ -166,22 +162,15 @@ def holding(breakaway: float, dynamic: float) -> float:
 
 @device
 def sliding(slip: float, breakaway: float, dynamic: float, part: float, viscous: float) -> float:
-    """Return the torque [N·m] of a slipping clutch, with a part of what breakaway torque has above the dynamic one."""
+    """Return the torque [N·m] of a slipping clutch; ``part`` of T_s − T_k is left at its speed."""
     return dynamic + (breakaway - dynamic) * part + viscous * abs(slip)
-
-
-@device
-def paper_capacity(slip: float, threshold: float, breakaway: float, dynamic: float) -> float:
-    """Return the torque limit [N·m] for the next substep by Karnopp's rule (paper Eq. 2)."""
-    held = holding(breakaway, dynamic)
-    return held if abs(slip) < threshold else dynamic
 
 
 @device
 def capacity(
     slip: float, threshold: float, breakaway: float, dynamic: float, part: float, viscous: float
 ) -> float:
-    """Return the same for a clutch whose dynamic torque depends on its slip velocity."""
+    """Return the torque limit [N·m] for the next kick by Karnopp's rule (paper Eq. 2)."""
     held = holding(breakaway, dynamic)
     return held if abs(slip) < threshold else sliding(slip, breakaway, dynamic, part, viscous)
 
@@ -195,8 +184,7 @@ def squared_slip(slip: float, threshold: float) -> float:
 
 @device
 def falling(slip: PerClutch, threshold: float, stribeck: float) -> PerClutch:
-    """Return ω_s²/(ω_s² + ω²) of the four clutches, from ω_s²; within the stick band, as at its
-    edge.
+    """Return ω_s²/(ω_s² + ω²) of each clutch, from ω_s²; within the stick band, as at its edge.
 
     There is one division for all, since they cost more than the products.
     """
@@ -205,24 +193,15 @@ def falling(slip: PerClutch, threshold: float, stribeck: float) -> PerClutch:
     d3 = stribeck + squared_slip(slip.x3, threshold)
     d4 = stribeck + squared_slip(slip.x4, threshold)
     d12, d34 = d1 * d2, d3 * d4
-    left = stribeck / (d12 * d34)
-    left12, left34 = left * d34, left * d12
-    return PerClutch(left12 * d2, left12 * d1, left34 * d4, left34 * d3)
+    ratio = stribeck / (d12 * d34)
+    ratio12, ratio34 = ratio * d34, ratio * d12
+    return PerClutch(ratio12 * d2, ratio12 * d1, ratio34 * d4, ratio34 * d3)
 
 
 @device
-def capacities(
-    slip: PerClutch, threshold: float, torques: Torques, by: OptionalSliding = None
-) -> PerClutch:
-    """Return the torque limits [N·m] of the four clutches for the next substep (paper Eq. 2)."""
+def capacities(slip: PerClutch, threshold: float, torques: Torques, by: Sliding) -> PerClutch:
+    """Return the torque limits [N·m] of the four clutches for the next kick (paper Eq. 2)."""
     ts, tk = torques.breakaway, torques.dynamic
-    if by is None:
-        return PerClutch(
-            paper_capacity(slip.x1, threshold, ts.x1, tk.x1),
-            paper_capacity(slip.x2, threshold, ts.x2, tk.x2),
-            paper_capacity(slip.x3, threshold, ts.x3, tk.x3),
-            paper_capacity(slip.x4, threshold, ts.x4, tk.x4),
-        )
     part = falling(slip, threshold, by.stribeck)
     return PerClutch(
         capacity(slip.x1, threshold, ts.x1, tk.x1, part.x1, by.viscous.x1),
@@ -236,7 +215,7 @@ def capacities(
 def switches(
     before: float, after: float, threshold: float, breakaway: float, dynamic: float
 ) -> bool:
-    """Return whether a slip velocity passes zero from outside the stick band, or leaves one that can hold more."""
+    """Return whether a clutch begins to stick, or breaks away from a larger torque, in a kick."""
     leaves = (abs(after) >= threshold) & (breakaway > dynamic)
     return leaves if abs(before) < threshold else before * after <= 0.0
 
@@ -256,8 +235,7 @@ def any_switches(before: PerClutch, after: PerClutch, threshold: float, torques:
 
 @device
 def share_before(before: float, slid: float, threshold: float) -> float:
-    """Return the share of a kick after which a clutch changes that ``switches`` within it, 1 if
-    another one does first.
+    """Return the share of a kick after which a clutch switches, 1 if another one does first.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ from pter_gym._physics.scalars import clamp, sign
 from pter_gym.params import PAPER_CLUTCHES
 
 COUPLING = tuple(each.row for each in PAPER_CLUTCHES)
-"""W: how the slip velocity of each clutch follows from the angular velocities of the links (paper Eqs. 3 and 4)."""
+"""W: slip velocities from the angular velocities of the links (paper Eqs. 3 and 4)."""
 
 LINES = ((0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (1.0, -1.0))
 """Angular velocities of the links, up to a factor, at which each clutch does not slip."""
@@ -70,7 +70,7 @@ def torques_on_links(
 def with_dry(
     capacity: PerClutch, dry_a: float, dry_b: float, arrangement: OptionalArrangement = None
 ) -> PerClutch:
-    """Return the torque limits [N·m] of clutches 1 and 2 with the axes' dry friction, which brakes the same slips."""
+    """Return capacities [N·m] with the axes' dry friction, which brakes as clutches 1 and 2."""
     if arrangement is not None:
         return combined(capacity, 1.0, arrangement.dry, 1.0)
     return PerClutch(capacity.x1 + dry_a, capacity.x2 + dry_b, capacity.x3, capacity.x4)
@@ -80,7 +80,7 @@ def with_dry(
 def without_dry(
     torque: PerClutch, dry_a: float, dry_b: float, arrangement: OptionalArrangement = None
 ) -> PerClutch:
-    """Return the clutches' own part of torques [N·m] under limits with dry friction, which holds what it can first."""
+    """Return the clutches' own part of torques [N·m]; dry friction holds what it can first."""
     if arrangement is not None:
         return combined(
             torque,
@@ -98,7 +98,7 @@ def without_dry(
 
 @device
 def mode_of(omega_a: float, omega_b: float, arrangement: OptionalArrangement = None) -> int:
-    """Return the ClutchMode: which slip is exactly zero, ties to the fewest degrees of freedom and the first clutch."""
+    """Return the ClutchMode; ties go to the fewest degrees of freedom and the first clutch."""
     mode = 0
     if arrangement is not None:
         slip = slip_velocities(omega_a, omega_b, arrangement)
@@ -116,7 +116,7 @@ def mode_of(omega_a: float, omega_b: float, arrangement: OptionalArrangement = N
 def rest_sides(
     g1: float, g2: float, g3: float, g4: float, moves1: bool, moves2: bool, moves3: bool
 ) -> tuple[float, float, float, float]:
-    """Return on which side of each line, if its minimum is at rest, another line's overload puts the solution."""
+    """Return the side of each line with its minimum at rest on which another overload lies."""
     return (
         g2 if moves2 else (g3 if moves3 else g4),
         g1 if moves1 else (g3 if moves3 else -g4),
@@ -236,7 +236,7 @@ def along_edge(
 def nearer(
     u: float, v: float, distance: float, other_u: float, other_v: float, other_distance: float
 ) -> tuple[float, float, float]:
-    """Return the nearer of two points with its squared distance, the first one if they are equally far."""
+    """Return the nearer of two points and its squared distance; ties go to the first."""
     closer = other_distance < distance
     return (
         (other_u if closer else u),
@@ -254,8 +254,7 @@ def share(
     rounding: float = 0.0,
     arrangement: OptionalArrangement = None,
 ) -> PerClutch:
-    """Return the four torques of least Σ τ_x² with Wᵀτ = load and low ≤ τ ≤ high; the load must be
-    reachable.
+    """Return the torques of least Σ τ_x² with Wᵀτ = load, in reach, and low ≤ τ ≤ high.
 
     A load that is known to a ``rounding`` [N·m] only may be as far out of reach.
 
@@ -345,12 +344,11 @@ def generated_torques(
     rounding: float = 0.0,
     arrangement: OptionalArrangement = None,
 ) -> PerClutch:
-    """Return the torque of each clutch on the arm [N·m], given what all four exert on the two
-    links, to a rounding.
+    """Return the torque of each clutch on the arm [N·m], from what all four exert on the links.
 
-    A slipping clutch generates its capacity against the slip. Stuck ones share the rest with the least
-    Σ τ_x², each within its capacity; where the paper's equations are statically indeterminate (section
-    III-A) this picks one answer.
+    A slipping clutch generates its capacity against the slip. Stuck ones share the rest with the
+    least Σ τ_x², each within its capacity; where the paper's equations are statically indeterminate
+    (section III-A) this picks one answer.
     """
     w = slip_velocities(omega_a, omega_b, arrangement)
     low = PerClutch(

@@ -1,5 +1,4 @@
-"""What the integrator can hold: how fast an arm may be, and how hard a hand may push, so that no
-number is lost.
+"""What the integrator can hold: how fast an arm may be, and how hard a hand may push.
 
 A kick is explicit in the velocity term V. An arm that is too fast for it gains energy from it, is
 faster still at the next substep, and leaves the numbers that a computer can hold. So machines and
@@ -88,7 +87,7 @@ def smallest_inertia(arm: Linkage) -> float:
 
 
 def condition(arm: Linkage, h: float) -> float:
-    """Return an upper bound of the condition of the effective mass matrix, infinite where rounding leaves nothing."""
+    """Return an upper bound of the condition of the effective mass matrix, perhaps infinite."""
     smallest = smallest_inertia(arm)
     largest = arm.m11 + arm.m22 + h * _most_damping(arm)
     largest += h * (arm.viscous_a + arm.viscous_b)

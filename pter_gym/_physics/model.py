@@ -20,9 +20,6 @@ class Model(NamedTuple):
     breakaway: Annotated[Curve, Entry("", "breakaway torque")]
     dynamic: Annotated[Curve, Entry("", "dynamic torque")]
     sliding: Sliding
-    is_plain: Annotated[
-        float, Entry("1", "1 if torques depend on neither slip velocity nor direction")
-    ]
     voltage_decay: Annotated[Decay, Entry("1", "{} voltage", name="voltage_decay")]
     torque_decay: Annotated[Decay, Entry("1", "{} torque", name="torque_decay")]
     fade: Annotated[float, Entry("1/J", "torque lost with the heat of a clutch")]
@@ -66,7 +63,6 @@ def model_of(machine: Machine) -> Model:
             clutch.stribeck * clutch.stribeck,
             PerClutch(*(clutch.viscous * scale for scale in machine.slot_scale)),
         ),
-        is_plain=is_plain(machine),
         voltage_decay=decay if lags_voltage else NO_LAG,
         torque_decay=NO_LAG if lags_voltage else decay,
         fade=clutch.fade,
@@ -77,14 +73,6 @@ def model_of(machine: Machine) -> Model:
     )
 
 
-def is_plain(machine: Machine) -> float:
-    """Return 1 if neither slip velocities nor directions, of motion or of a lag, change a machine's torques, else 0."""
-    clutch, hand = machine.clutch, machine.hand
-    even = (clutch.stribeck == 0.0) & (clutch.viscous == 0.0) & (clutch.fall_ratio == 1.0)
-    (b1, b2), (k1, k2) = hand.damping_anisotropy, hand.stiffness_anisotropy
-    return 1.0 if even & (b1 == 0.0) & (b2 == 0.0) & (k1 == 0.0) & (k2 == 0.0) else 0.0
-
-
 def deviator_of(mean: float, anisotropy: tuple[float, ...]) -> Deviator:
     """Return the deviator of a matrix, from its mean over all directions and its anisotropy."""
     stretch, shear = anisotropy
@@ -92,7 +80,7 @@ def deviator_of(mean: float, anisotropy: tuple[float, ...]) -> Deviator:
 
 
 def arrangement_of(machine: Machine) -> Arrangement:
-    """Return W of a machine; the dry friction of an axis belongs to the first slot with the slip of that axis."""
+    """Return W of a machine; an axis's dry friction is with the first slot of its slip."""
     rows, dry = machine.slot_rows, [0.0] * SLOTS
     for brake, friction in ((BRAKE_A, machine.arm.dry_a), (BRAKE_B, machine.arm.dry_b)):
         if friction > 0.0:

@@ -11,10 +11,10 @@ from pter_gym._compiled.compiler import compile_kernel, device, inlined, outline
 from pter_gym._compiled.records import load, rows, store, width, write
 from pter_gym._physics.arm import (
     Load,
-    Motion,
     PerLink,
     Vector,
     kinetic_energy,
+    motion_of,
     tip_position,
     tip_velocity,
 )
@@ -241,16 +241,16 @@ def body_of(machine: Machine, state: State) -> Array:
     body: Any = np.zeros((BODY_WIDTH, 1))
     store(body, BODY.machine, 0, model_of(machine))
     store(body, BODY.arrangement, 0, arrangement_of(machine))
-    theta_a, theta_b = _vector("state.theta", state.theta, 2)
-    omega_a, omega_b = _vector("state.omega", state.omega, 2)
-    units = np.cos(theta_a), np.sin(theta_a), np.cos(theta_b), np.sin(theta_b)
-    store(body, BODY.motion, 0, Motion(theta_a, theta_b, omega_a, omega_b, *units))
+    theta, omega = _vector("state.theta", state.theta, 2), _vector("state.omega", state.omega, 2)
+    store(body, BODY.motion, 0, motion_of(theta, omega))
     names = ("torque_breakaway", "torque_dynamic", "lagged_volts", "heat")
-    found = {name: PerClutch(*_vector(f"state.{name}", getattr(state, name), 4)) for name in names}
-    for name, values in found.items():
+    entries = {
+        name: PerClutch(*_vector(f"state.{name}", getattr(state, name), 4)) for name in names
+    }
+    for name, values in entries.items():
         if min(values) < 0.0:
             raise ParameterError(f"state.{name} must be ≥ 0, got {min(values):g}")
-    breakaway, dynamic, lagged, heat = found.values()
+    breakaway, dynamic, lagged, heat = entries.values()
     store(body, BODY.torques, 0, Torques(breakaway, dynamic))
     store(body, BODY.lagged_volts, 0, lagged)
     store(body, BODY.heat, 0, heat)
@@ -260,7 +260,7 @@ def body_of(machine: Machine, state: State) -> Array:
 
 @inlined
 def scratch(body: Any) -> Any:
-    """Return a copy of a machine, from ``body_of``, whose shape the compiler knows: its entries stay in registers."""
+    """Return a copy of a ``body_of`` with a constant shape, so its entries stay in registers."""
     copy = np.empty((BODY_WIDTH, 1))
     copy[:] = body
     return copy
@@ -272,12 +272,12 @@ def _load_on(body: Any, i: int) -> Load:
 
 
 def _functions(arrangement_at: Any) -> tuple[Any, Any]:
-    """Return ``advance`` and ``row_of`` for machines whose clutches ``arrangement_at`` tells; see ``substep_on``."""
+    """Return ``advance`` and ``row_of``; see ``substep_on`` for ``arrangement_at``."""
     control_step = control_step_on(BODY, _load_on, arrangement_at)
 
     @device
     def advance(body: Any, command: PerClutch, on: Load, h: float) -> None:
-        """Advance one machine, from ``body_of``, by a substep of h [s] at a command [V] under a load."""
+        """Advance a ``body_of`` by a substep of h [s] at a command [V] under a load."""
         store(body, BODY.command, 0, command)
         store(body, BODY.load, 0, on)
         store(
@@ -289,7 +289,7 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
 
     @outlined
     def heat_clutches(body: Any, h: float) -> None:
-        """Add what the clutches have dissipated in a substep, and find what that leaves of their torques."""
+        """Add what a substep has dissipated to the clutches' heat, and fade their torques."""
         q, impact, capacity = (
             load(body, BODY.motion, 0),
             load(body, BODY.impact, 0),
@@ -343,7 +343,7 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
 
 def _build(digest: str) -> Any:
     def kernel(
-        given: Any,
+        start: Any,
         volts: Any,
         hand_force: Any,
         joint_torque: Any,
@@ -352,7 +352,7 @@ def _build(digest: str) -> Any:
         record: Any,
     ) -> None:
         _ = digest
-        body = scratch(given)
+        body = scratch(start)
         for k in range(record.shape[0]):
             on = Load(
                 hand_force[k, 0],
@@ -364,7 +364,7 @@ def _build(digest: str) -> Any:
             )
             advance(body, PerClutch(volts[k, 0], volts[k, 1], volts[k, 2], volts[k, 3]), on, h)
             write(record[k], COLUMN, row_of(body))
-        given[:] = body
+        start[:] = body
 
     return kernel
 
@@ -464,8 +464,8 @@ def _steps(machine: Machine, duration: float | None, *inputs: ArrayLike) -> int:
             raise ParameterError(f"duration must be a finite number > 0 s, got {duration!r}")
         lengths.add(round(duration / machine.substep))
     if len(lengths) != 1:
-        found = ", ".join(map(str, sorted(lengths))) or "none"
+        lengths_text = ", ".join(map(str, sorted(lengths))) or "none"
         raise ParameterError(
-            f"inputs and duration must agree on one number of substeps, found {found}"
+            f"inputs and duration must agree on one number of substeps, found {lengths_text}"
         )
     return lengths.pop()

@@ -1,5 +1,4 @@
-"""The only place where clutches, arm and friction meet: one substep, drift–kick–drift with friction
-in the kick.
+"""The stages of a substep, where clutches, arm and friction meet: drift and kick.
 
 Arm and lags move freely for half a substep, forces and friction of its middle change the velocity
 at once, and arm and lags move freely for the other half: of second order but for the explicit
@@ -17,7 +16,6 @@ from pter_gym._physics.arm import (
     Load,
     Motion,
     PerLink,
-    Vector,
     advance_position,
     cos_difference,
     damper_matrix,
@@ -29,7 +27,6 @@ from pter_gym._physics.arm import (
 )
 from pter_gym._physics.arrangement import Arrangement, OptionalArrangement
 from pter_gym._physics.clutch import (
-    Decay,
     PerClutch,
     Torques,
     any_switches,
@@ -51,6 +48,7 @@ from pter_gym._physics.friction import (
     without_dry,
 )
 from pter_gym._physics.model import Model
+from pter_gym._physics.order import CYCLE, is_kick, is_whole, stage_count
 from pter_gym._physics.scalars import sign
 
 MAX_PARTS = 4
@@ -109,19 +107,16 @@ class Body(NamedTuple):
 
 
 @device
-def free_motion(q: Motion, arm: Linkage, on: Load, h: float, isotropic: bool = False) -> Impact:
+def free_motion(q: Motion, arm: Linkage, on: Load, h: float) -> Impact:
     """Return the velocity problem of a kick that stands for a time h [s], without clutches.
 
     What is implicit adds to the mass matrix: the axes' viscous friction, and a share of the hand's
-    damping, h·JᵀBJ if it is all of it; the rest and the spring are explicit. ``isotropic`` says
-    that the hand is the same in all directions, which takes fewer products for the same bits.
+    damping, h·JᵀBJ if it is all of it; the rest and the spring are explicit.
     """
     x, y = tip_position(arm, q)
-    e_x, e_y = on.target_x - x, on.target_y - y
-    along = Vector(arm.stiffness * e_x, arm.stiffness * e_y)
-    spring = along if isotropic else directed(arm.stiffness, arm.stiffness_by, e_x, e_y)
+    spring = directed(arm.stiffness, arm.stiffness_by, on.target_x - x, on.target_y - y)
     hand_a, hand_b = joint_torque(arm, q, on.force_x + spring.x, on.force_y + spring.y)
-    b11, b12, b22 = damper_matrix(arm, q, isotropic)
+    b11, b12, b22 = damper_matrix(arm, q)
     hand_a = hand_a + on.torque_a - (1.0 - arm.implicit) * (b11 * q.omega_a + b12 * q.omega_b)
     hand_b = hand_b + on.torque_b - (1.0 - arm.implicit) * (b12 * q.omega_a + b22 * q.omega_b)
     v_a, v_b = velocity_torque(arm, q)
@@ -209,9 +204,9 @@ def torques_at(
         impact.hand_b - impact.fictitious_b - arm.implicit * damper_b - arm.viscous_b * q.omega_b
     )
     slide_a, slide_b = torques_on_links(sliding_torques(slip, capacity), arrangement)
-    held = stuck_capacities(slip, capacity)
+    stuck = stuck_capacities(slip, capacity)
     alpha_a, alpha_b = resolve(
-        impact.m11, impact.m12, impact.m22, free_a + slide_a, free_b + slide_b, held, arrangement
+        impact.m11, impact.m12, impact.m22, free_a + slide_a, free_b + slide_b, stuck, arrangement
     )
     load_a = impact.m11 * alpha_a + impact.m12 * alpha_b - free_a
     load_b = impact.m12 * alpha_a + impact.m22 * alpha_b - free_b
@@ -235,10 +230,10 @@ def slid_velocities(
     h: float,
     arrangement: OptionalArrangement = None,
 ) -> PerClutch:
-    """Return the slip velocities [rad/s] after a kick in which clutches whose slip passes zero
-    never cease to slide.
+    """Return the slip velocities [rad/s] after a kick if no clutch that passes zero sticks.
 
-    They exert their capacity against the slip of before, so the slip passes zero on a straight line.
+    They exert their capacity against the slip of before, so the slip passes zero on a straight
+    line.
     """
     slips = PerClutch(
         passing(before.x1, after.x1, threshold),
@@ -249,8 +244,8 @@ def slid_velocities(
     slide_a, slide_b = torques_on_links(sliding_torques(slips, capacity), arrangement)
     p_a = impact.p_a + h * slide_a
     p_b = impact.p_b + h * slide_b
-    held = impulses(stuck_capacities(slips, capacity), h)
-    omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, p_a, p_b, held, arrangement)
+    stuck = impulses(stuck_capacities(slips, capacity), h)
+    omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, p_a, p_b, stuck, arrangement)
     return slip_velocities(omega_a, omega_b, arrangement)
 
 
@@ -265,7 +260,7 @@ def share_before_switch(
     h: float,
     arrangement: OptionalArrangement = None,
 ) -> float:
-    """Return the share of a kick after which the first clutch changes between sticking and slipping, 1 for none."""
+    """Return the share of a kick after which the first clutch switches, 1 if none does."""
     w = slip_velocities(q.omega_a, q.omega_b, arrangement)
     v = slip_velocities(omega.a, omega.b, arrangement)
     slid = slid_velocities(impact, w, v, capacity, threshold, h, arrangement)
@@ -295,7 +290,7 @@ def share_before_switch(
 
 @device
 def clutch_load(impact: Impact, omega_a: float, omega_b: float, h: float) -> tuple[float, float]:
-    """Return Wᵀτ [N·m], what clutches and dry friction together exerted on the links over a kick of a time h [s]."""
+    """Return Wᵀτ [N·m] that clutches and dry friction exerted on the links in a kick of h [s]."""
     return (
         (impact.m11 * omega_a + impact.m12 * omega_b - impact.p_a) / h,
         (impact.m12 * omega_a + impact.m22 * omega_b - impact.p_b) / h,
@@ -311,8 +306,7 @@ def kick_torques(
     h: float,
     arrangement: OptionalArrangement = None,
 ) -> PerClutch:
-    """Return the torque of each clutch, with dry friction, on the arm [N·m] over a kick of h [s] or
-    a part of one.
+    """Return each clutch's torque on the arm, with dry friction [N·m], over (a part of) a kick.
 
     What they exert together is a difference of momenta over h, so the shorter the time, the coarser
     its rounding.
@@ -340,7 +334,7 @@ def kick_energy(
     h: float,
     arrangement: OptionalArrangement = None,
 ) -> Energy:
-    """Return the energy terms [J] of a kick to new velocities; the damping of the hand counts as the hand's work."""
+    """Return the energy terms [J] of a kick; the hand's damping counts as the hand's work."""
     omega_a = omega.a
     omega_b = omega.b
     change_a = omega_a - q.omega_a
@@ -371,7 +365,7 @@ def kick_energy(
 
 @device
 def turning_energy(before: Motion, after: Motion, arm: Linkage) -> float:
-    """Return the kinetic energy [J] that the arm gains while it moves freely, for its mass matrix turns with it."""
+    """Return the kinetic energy [J] that the arm gains in a drift as its mass matrix turns."""
     return (
         arm.coupling
         * (cos_difference(after) - cos_difference(before))
@@ -382,11 +376,11 @@ def turning_energy(before: Motion, after: Motion, arm: Linkage) -> float:
 
 @device
 def paper_clutches(w: Any, i: int) -> None:
-    """Return what stands for the paper's clutches: code made with it costs nothing for its generality."""
+    """Return None, the arrangement of the paper's clutches: its branches compile to nothing."""
 
 
 def arrangement_from(at: Any) -> Any:
-    """Return a function of an array and a machine's column that returns the machine's ``Arrangement``."""
+    """Return a function of an array and a column that returns a machine's ``Arrangement``."""
 
     @device
     def declared(w: Any, i: int) -> Arrangement:
@@ -395,15 +389,11 @@ def arrangement_from(at: Any) -> Any:
     return declared
 
 
-def substep_on(
-    at: Any, load_on: Any, arrangement_at: Any = paper_clutches, *, plain: bool = False
-) -> tuple[Any, Any, Any]:
-    """Return what makes a substep for machines in the columns of an array: ``aim``, ``drift`` and
-    ``kick``.
+def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> tuple[Any, Any, Any]:
+    """Return the stages of a substep for machines in the columns of an array.
 
-    A substep is half a drift, a kick and half a drift; between two kicks the halves make a whole
-    one. There are two kinds of such arrays: the worlds of the engine, many or one, and the machine
-    of an open-loop simulation. Each stage is for a loop over all machines, so LLVM vectorises it.
+    There are two kinds of such arrays: the worlds of the engine, many or one, and the machine of an
+    open-loop simulation. Each stage is for a loop over all machines, so LLVM vectorises it.
 
     Parameters
     ----------
@@ -414,8 +404,6 @@ def substep_on(
     arrangement_at
         ``paper_clutches``, or ``arrangement_from(at)`` for machines with other clutches than the
         paper's.
-    plain
-        Whether all machines are ``Model.is_plain``, which takes fewer operations for the same bits.
 
     Returns
     -------
@@ -441,16 +429,15 @@ def substep_on(
 
     @device
     def drift(w: Any, i: int, h: float, whole: bool) -> None:
-        left = load(w, at.machine.torque_decay, i)
-        left = Decay(left.rise, left.rise) if plain else left
-        decay = whole_decay(left) if whole else left
+        half = load(w, at.machine.torque_decay, i)
+        decay = whole_decay(half) if whole else half
         store(w, at.torques, i, relax_torques(load(w, at.torques, i), load(w, at.steady, i), decay))
         before = load(w, at.motion, i)
         after = advance_position(before, before.omega_a, before.omega_b, h if whole else 0.5 * h)
         store(w, at.motion, i, after)
         w[at.energy.residual, i] += turning_energy(before, after, load(w, at.machine.arm, i))
 
-    find, take, divide = kick_stages_on(at, load_on, arrangement_at, plain)
+    find, take, divide = kick_stages_on(at, load_on, arrangement_at)
 
     @device
     def kick(w: Any, lanes: int, h: float) -> None:
@@ -474,15 +461,14 @@ def no_hands(w: Any, lanes: int, h: float, whole: bool, guides: bool) -> None:
 def control_step_on(
     at: Any, load_on: Any, arrangement_at: Any = paper_clutches, move_hands: Any = no_hands
 ) -> Any:
-    """Return what moves machines through a control step: the one place for the order of a substep's
-    stages.
+    """Return what moves machines through a control step, in substeps of the order ``ORDER``.
 
     Parameters
     ----------
     at, load_on, arrangement_at
         As ``substep_on`` takes them.
     move_hands
-        ``move_hands(w, lanes, h, whole, guides)`` changes the loads with the drift before a kick.
+        ``move_hands(w, lanes, h, whole, guides)`` changes the loads with a drift.
 
     Returns
     -------
@@ -492,49 +478,38 @@ def control_step_on(
         voltages that lag.
     """
     aim, drift, kick = substep_on(at, load_on, arrangement_at)
-    _, plain_drift, plain_kick = substep_on(at, load_on, arrangement_at, plain=True)
 
     @device
     def control_step(w: Any, lanes: int, h: float, count: int, aims: bool, guides: bool) -> None:
-        are_plain = count_nonzero(w, at.machine.is_plain, lanes) == lanes
-        for k in range(count + 1):
-            whole = (k > 0) & (k < count)
-            if aims | (k == 0):
-                for i in range(lanes):
-                    aim(w, i, whole)
-            if are_plain:
-                for i in range(lanes):
-                    plain_drift(w, i, h, whole)
+        for stage in range(stage_count(count)):
+            if is_kick(stage):
+                kick(w, lanes, h)
             else:
+                whole = is_whole(stage, count)
+                if aims | (stage < CYCLE):
+                    for i in range(lanes):
+                        aim(w, i, whole)
                 for i in range(lanes):
                     drift(w, i, h, whole)
-            move_hands(w, lanes, h, whole, guides)
-            if k < count:
-                if are_plain:
-                    plain_kick(w, lanes, h)
-                else:
-                    kick(w, lanes, h)
+                move_hands(w, lanes, h, whole, guides)
 
     return control_step
 
 
-def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any, plain: bool) -> tuple[Any, Any, Any]:
-    """Return what makes a kick, each for the machine in column ``i`` of an array; see ``substep_on``."""
+def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any, Any]:
+    """Return what makes a kick of the machine in column ``i`` of an array; see ``substep_on``."""
 
     @device
     def find(w: Any, i: int, h: float) -> None:
-        """Find the velocities that a kick over a time h leads to, and whether a clutch changes within it."""
+        """Find the velocities after a kick of a time h, and whether a clutch switches in it."""
         torques = load(w, at.torques, i)
         threshold = w[at.machine.slip_threshold, i]
         q = load(w, at.motion, i)
         arm = load(w, at.machine.arm, i)
-        impact = free_motion(q, arm, load_on(w, i), h, plain)
+        impact = free_motion(q, arm, load_on(w, i), h)
         arrangement = arrangement_at(w, i)
         before = slip_velocities(q.omega_a, q.omega_b, arrangement)
-        if plain:
-            capacity = capacities(before, threshold, torques)
-        else:
-            capacity = capacities(before, threshold, torques, load(w, at.machine.sliding, i))
+        capacity = capacities(before, threshold, torques, load(w, at.machine.sliding, i))
         capacity = with_dry(capacity, arm.dry_a, arm.dry_b, arrangement)
         most = impulses(capacity, h)
         omega_a, omega_b = resolve(
@@ -564,7 +539,7 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any, plain: bool) -> t
 
     @outlined
     def divide(w: Any, i: int) -> None:
-        """Take a kick in which a clutch changes in parts, each up to the next change, until one is left to take."""
+        """Take a kick in parts, each up to the next switch of a clutch, but for the last."""
         for _ in range(MAX_PARTS - 1):
             span = w[at.span, i]
             share = share_before_switch(

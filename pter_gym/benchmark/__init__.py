@@ -1,8 +1,8 @@
 """Run policies on the evaluation episodes of the scenarios, score and rank them.
 
-``episodes`` → ``simulation``, ``runs`` → ``scores`` → ``intervals`` → ``boards``: episodes are
-simulated with policies, each run is scored, scores become intervals, and these a leaderboard.
-``results`` stores runs in a folder, and ``verification`` repeats them.
+``policies``, ``episodes`` → ``rollout``, ``runs`` → ``scores`` → ``intervals`` → ``boards``:
+policies act in episodes, each run is scored, scores become intervals, and these a leaderboard.
+``results`` stores runs in a folder.
 
 The names are imported when they are first used, so a policy can act without loading the code for
 scores.
@@ -16,30 +16,24 @@ from pter_gym.benchmark._from_sb3 import from_actions, from_sb3
 from pter_gym.scenarios import PACES
 
 if TYPE_CHECKING:
-    from pter_gym.benchmark._examination import Assessment, Examination, examine
-    from pter_gym.benchmark._find_policy import PerSeed, find_policy
-    from pter_gym.benchmark.boards import (
-        Leaderboard,
-        leaderboards,
-        print_boards,
-        suite_scores,
-        suites,
-    )
+    from pter_gym.benchmark.boards import Leaderboard, leaderboards, print_boards
+    from pter_gym.benchmark.episodes import Episodes, training_episodes
+    from pter_gym.benchmark.policies import find_policy
     from pter_gym.benchmark.results import ResultsFolder
-    from pter_gym.benchmark.runs import run_scenario
+    from pter_gym.benchmark.rollout import evaluate
+    from pter_gym.benchmark.runs import Assessment, assess, examine, run_scenario
     from pter_gym.benchmark.scores import ScenarioRun, Score, score, score_episodes
-    from pter_gym.benchmark.verification import Comparison, verify
 
 __all__ = [
     "PACES",
     "Assessment",
-    "Comparison",
-    "Examination",
+    "Episodes",
     "Leaderboard",
-    "PerSeed",
     "ResultsFolder",
     "ScenarioRun",
     "Score",
+    "assess",
+    "evaluate",
     "examine",
     "find_policy",
     "from_actions",
@@ -49,20 +43,18 @@ __all__ = [
     "run_scenario",
     "score",
     "score_episodes",
-    "suite_scores",
-    "suites",
-    "verify",
+    "training_episodes",
 ]
 
 __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
     __name__,
     submod_attrs={
-        "_examination": ["Assessment", "Examination", "examine"],
-        "_find_policy": ["PerSeed", "find_policy"],
-        "boards": ["Leaderboard", "leaderboards", "print_boards", "suite_scores", "suites"],
+        "boards": ["Leaderboard", "leaderboards", "print_boards"],
         "results": ["ResultsFolder"],
-        "runs": ["run_scenario"],
+        "episodes": ["Episodes", "training_episodes"],
+        "policies": ["find_policy"],
+        "rollout": ["evaluate"],
+        "runs": ["Assessment", "assess", "examine", "run_scenario"],
         "scores": ["ScenarioRun", "Score", "score", "score_episodes"],
-        "verification": ["Comparison", "verify"],
     },
 )

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 from gymnasium import spaces
@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._internal.checks import whole_number
-from pter_gym.controllers import BoundPolicy
+from pter_gym.controllers import Policy
 from pter_gym.envs._acting import check_wrappers
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, SLOTS, Machine, require
-from pter_gym.policies._interface import squared
 from pter_gym.tasks.path_following import Sensors, observation_layout
+from pter_gym.tasks.path_following._actions import volts_of
 
 Observations = NDArray[np.float32]
 Normalise = Callable[[Observations], Observations]
@@ -25,9 +25,8 @@ Normalise = Callable[[Observations], Observations]
 
 def from_sb3(
     model: Any, vec_normalize: Any = None, frame_skip: int | None = None, *, env: Any = None
-) -> "ModelPolicy":
-    """Return a policy that runs a model deterministically in ``run_scenario``, with a recurrent
-    state for each world.
+) -> "Model":
+    """Return a policy that runs a model deterministically, with a recurrent state for each world.
 
     Parameters
     ----------
@@ -63,14 +62,13 @@ def from_sb3(
     normalise = _normalising(own if vec_normalize is None else vec_normalize)
     if frame_skip is None:
         frame_skip = _frame_skip_of(env)
-    return ModelPolicy(model, normalise, whole_number("frame_skip", frame_skip))
+    return Model(model, normalise, whole_number("frame_skip", frame_skip))
 
 
 def from_actions(
     act: Callable[[Observations], Any], env: Any, frame_skip: int | None = None
-) -> "ModelPolicy":
-    """Return a policy that runs a function, from any library, that maps observations to an
-    environment's actions.
+) -> "Model":
+    """Return a policy that runs a function from observations to an environment's actions.
 
     Parameters
     ----------
@@ -102,85 +100,82 @@ def from_actions(
     return from_sb3(SimpleNamespace(predict=predict, env=env, **spaces_of), frame_skip=frame_skip)
 
 
-class ModelPolicy(BoundPolicy):
-    """A model as a policy of a machine with this largest voltage [V]; ``bind`` makes one for
-    another machine.
+class Model:
+    """A model of a learning library as a controller, which acts once bound.
 
-    ``sensors`` names the sensors whose readings the observations must include.
+    Attributes
+    ----------
+    sensors
+        Sensors whose readings its observations include.
+    frame_skip
+        Control steps for which its actions are held.
     """
 
-    any_frame_skip = False
-
-    def __init__(
-        self,
-        model: Any,
-        normalise: Normalise,
-        frame_skip: int,
-        voltage_max: float = BASELINE.clutch.voltage_max,
-    ) -> None:
-        self.sensors, self.layout = _observed_by(model)
+    def __init__(self, model: Any, normalise: Normalise, frame_skip: int) -> None:
+        self.sensors, self._entries = _observed_by(model)
         space = getattr(model, "action_space", None)
         shapes = [(clutches,) for clutches in range(1, SLOTS + 1)]
         if not isinstance(space, spaces.Box) or space.shape not in shapes or not space.is_bounded():
             raise ParameterError(
-                f"model.action_space must be a Box with bounds for 1 to {SLOTS} clutches, got {space}"
+                "model.action_space must be a Box with bounds for 1 to "
+                f"{SLOTS} clutches, got {space}"
             )
-        self._low, self._high = space.low.astype(np.float64), space.high.astype(np.float64)
-        self._model, self._normalise, self._voltage_max = model, normalise, voltage_max
-        self.frame_skip = frame_skip
-        self._state: Any = None
-        self._begins: bool | NDArray[np.bool_] = True
+        self._model, self._normalise, self.frame_skip = model, normalise, frame_skip
+        self._bounds = list(zip(space.low.tolist(), space.high.tolist(), strict=True))
 
-    def bind(self, machine: Machine, layout: Layout) -> "ModelPolicy":
-        """Return the policy for a machine and a layout, or raise a ParameterError if either has other entries."""
-        if len(layout) != len(self.layout):
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
+        """Return the policy for a machine and a layout.
+
+        Raises
+        ------
+        ParameterError
+            If one of them has other entries than the model.
+        """
+        if len(layout) != self._entries:
             raise ParameterError(
-                f"observations must have the {len(self.layout)} entries of the model, got {len(layout)}"
+                f"observations must have the {self._entries} entries of the model, "
+                f"got {len(layout)}"
             )
-        rows = [clutch.row for clutch in machine.clutches]
-        require(
-            len(rows) == len(self._low),
-            machine,
-            "clutches",
-            rows,
-            f"{len(self._low)}, as the model's actions",
-        )
-        bound = ModelPolicy(
-            self._model, self._normalise, self.frame_skip, machine.clutch.voltage_max
-        )
-        bound.layout = layout
-        return bound
+        clutches, top = [clutch.row for clutch in machine.clutches], machine.clutch.voltage_max
+        accepted = f"{len(self._bounds)}, as the model's actions"
+        require(len(clutches) == len(self._bounds), machine, "clutches", accepted, got=clutches)
 
-    def reset(self, worlds: NDArray[np.bool_] | None = None) -> None:
-        """Begin new episodes in these worlds, (N,), in all where None: the model is told in its next decision."""
-        if worlds is None:
-            self._state = None
-        self._begins = True if worlds is None else worlds | self._begins
+        def act(observations: Observations, memory: Any) -> Any:
+            before, begins = [kept for kept in memory if kept], memory == 0
+            actions, after = self._model.predict(
+                self._normalise(observations),
+                state=before[0].state if before else None,
+                episode_start=begins,
+                deterministic=True,
+            )
+            for world in range(len(memory)):
+                memory[world] = _Kept(after)
+            columns = zip(np.asarray(actions, np.float64).T, self._bounds, strict=True)
+            volts = [volts_of(np.clip(column, *ends), *ends, top) for column, ends in columns]
+            return np.stack(volts, axis=1)
 
-    def act(self, observations: Observations) -> NDArray[np.float64]:
-        """Return clutch voltages [V], (N, clutches), for observations, float32 (N, entries)."""
-        begins, self._begins = np.full(len(observations), self._begins), False
-        actions, self._state = self._model.predict(
-            self._normalise(observations),
-            state=self._state,
-            episode_start=begins,
-            deterministic=True,
-        )
-        most, low, high = self._voltage_max, self._low, self._high
-        linear = (np.clip(np.asarray(actions, np.float64), low, high) - low) * (most / (high - low))
-        return np.where(low < 0.0, squared(linear, most), linear)
+        def start(worlds: int) -> Any:
+            return np.zeros(worlds, object)
+
+        return Policy.of_function(act, layout, start=start, frame_skip=self.frame_skip)
 
 
-def _observed_by(model: Any) -> tuple[Sensors, Layout]:
-    """Return the sensors whose observations have as many entries as a model's, and their layout."""
+class _Kept(NamedTuple):
+    """The model's state of all worlds, as a world keeps it whose episode goes on."""
+
+    state: Any
+
+
+def _observed_by(model: Any) -> tuple[Sensors, int]:
+    """Return the sensors whose observations have as many entries as a model's, and how many."""
     space = getattr(model, "observation_space", None)
-    layouts: dict[Sensors, Layout] = {
-        each: observation_layout(BASELINE, each) for each in get_args(Sensors)
+    lengths: dict[Sensors, int] = {
+        sensors: len(observation_layout(BASELINE, sensors)) for sensors in get_args(Sensors)
     }
-    for sensors, layout in layouts.items():
-        if isinstance(space, spaces.Box) and space.shape == (len(layout),):
-            return sensors, layout
-    known = " or ".join(f"{len(layout)} ({sensors})" for sensors, layout in layouts.items())
+    for sensors, entries in lengths.items():
+        if isinstance(space, spaces.Box) and space.shape == (entries,):
+            return sensors, entries
+    known = " or ".join(f"{entries} ({sensors})" for sensors, entries in lengths.items())
     raise ParameterError(f"model.observation_space must be a Box of {known} entries, got {space}")
 
 
@@ -199,19 +194,20 @@ def _has_statistics(wrapper: Any) -> bool:
 
 
 def _frame_skip_of(env: Any) -> int:
-    """Return for how many control steps an environment holds its actions, or raise a ParameterError."""
+    """Return the ``frame_skip`` of an environment, or raise a ParameterError."""
     inner = getattr(env, "unwrapped", env)
     try:
         return inner.get_attr("frame_skip")[0] if hasattr(inner, "get_attr") else inner.frame_skip
     except AttributeError:
         raise ParameterError(
-            "frame_skip must be given, or env, the environment of the training, which has it: from_sb3(model, "
+            "frame_skip must be given, or env, the environment of the training, which has it: "
+            "from_sb3(model, "
             f"frame_skip=3) or from_sb3(model, env=env); got env = {env!r:.100}"
         ) from None
 
 
 def _normalising(wrapper: Any) -> Normalise:
-    """Return a function that normalises observations as a wrapper does, without changing its statistics."""
+    """Return a function that normalises as a wrapper does, whose statistics it does not change."""
     if wrapper is None:
         return lambda obs: obs
     if not _has_statistics(wrapper):

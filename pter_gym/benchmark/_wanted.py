@@ -1,52 +1,73 @@
-"""The tip force that an impedance law wants, for whole episodes; ``wanted_force`` is that of one control step."""
+"""The tip force that an impedance law wants, for whole episodes."""
 
 from collections.abc import Sequence
-from itertools import pairwise
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark._measures import column, headings, vector
-from pter_gym.controllers._base import BoundPolicy, Policy
-from pter_gym.controllers._gains import Gains, read_gains
-from pter_gym.controllers._laws import BRAKE_LIMIT, IMPEDANCE, built_in, built_in_declared
+from pter_gym._compiled.compiler import compile_kernel
+from pter_gym._compiled.records import read, width
+from pter_gym._engine.law import Memory
+from pter_gym._physics.arm import Motion, UnitVector, Vector
+from pter_gym.benchmark.measures import column, headings, vector
+from pter_gym.controllers import Policy
+from pter_gym.controllers._gains import IMPEDANCE, NOMINAL, read_gains
+from pter_gym.controllers._laws import built_in, built_in_declared, demanded_force
+from pter_gym.controllers._steering import Tip
 from pter_gym.tasks.path_following import PathFollowing
 
 Array = NDArray[np.float64]
 
+MEMORY_WIDTH = width(Memory)
 
-def wanted_forces(
-    policy: BoundPolicy, telemetry: Array, tasks: Sequence[PathFollowing]
-) -> Array | None:
-    """Return the force of the device on the hand that a policy wants at each control instant, (R,
-    N, 2) [N].
 
-    None for one that wants no force: all but the impedance laws. What sensors add, noise and delay,
-    is left out.
+def wanted_forces(policy: Policy, telemetry: Array, tasks: Sequence[PathFollowing]) -> Array | None:
+    """Return the force of the device on the hand that a policy wants, (R, N, 2) [N].
+
+    It is that at each control instant, without the noise and delay that sensors add. None for a
+    policy that wants no force: all but the impedance laws.
 
     Parameters
     ----------
     policy, telemetry, tasks
-        A bound policy, its episodes from the reset on, (R, N, len(TELEMETRY)), and their tasks, N.
+        A policy, its episodes from the reset on, (R, N, len(TELEMETRY)), and their tasks, N.
     """
-    if not isinstance(policy, Policy) or policy.law not in (built_in, built_in_declared):
+    law = policy.law
+    if law is None or law.function not in (built_in, built_in_declared):
         return None
-    if policy.gains[0] != IMPEDANCE:
+    if law.gains[0] != IMPEDANCE:
         return None
-    g: Any = Gains(*np.transpose([read_gains(policy.gains, task.pace) for task in tasks]))
-    pace = np.array([task.pace for task in tasks])
-    x, y = np.moveaxis(vector(telemetry, "tip_velocity"), -1, 0)
-    error = column(telemetry, "normal_error")
     heading = headings(telemetry, tasks)
-    cos, sin = np.cos(heading), np.sin(heading)
-    speed, drift = x * cos + y * sin, y * cos - x * sin
-    gripping = g.grip - np.arange(len(telemetry))[:, None] >= 0.5
-    integral = np.where(gripping, 0.0, g.pace_integral * (speed - pace))
-    for before, after in pairwise(integral):
-        after[:] = np.clip(before + after, -BRAKE_LIMIT, BRAKE_LIMIT)
-    brake = np.maximum(g.damping_tangential * (speed - g.pace_fraction * pace) + integral, 0.0)
-    forward = speed > 0.0
-    along = -(forward * brake + ~forward * g.damping_tangential * speed)
-    across = -g.stiffness * error - g.damping_normal * drift
-    return np.stack([along * cos - across * sin, along * sin + across * cos], axis=-1)
+    velocity = vector(telemetry, "tip_velocity")
+    error = column(telemetry, "normal_error")
+    seen = np.stack([*np.moveaxis(velocity, -1, 0), np.cos(heading), np.sin(heading), error], -1)
+    forces = np.empty((*error.shape, 2))
+    _kernel()(law.gains, np.array([task.pace for task in tasks]), seen, forces)
+    return forces
+
+
+def _build(digest: str) -> Any:
+    def want(gains: Any, paces: Any, seen: Any, forces: Any) -> None:
+        _ = digest
+        arm = read(gains, NOMINAL, 0).arm
+        memory = np.zeros(MEMORY_WIDTH)
+        still = Motion(0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0)
+        for world in range(len(paces)):
+            g = read_gains(gains, paces[world])
+            memory[:] = 0.0
+            for step in range(len(seen)):
+                row = seen[step, world]
+                x, y, cos, sin, error = row[0], row[1], row[2], row[3], row[4]
+                tip = Tip(arm, still, Vector(x, y), UnitVector(cos, sin), error, 0.0)
+                _, along_x, along_y = demanded_force(g, tip, paces[world], float(step), memory)
+                forces[step, world, 0] = along_x
+                forces[step, world, 1] = along_y
+
+    return want
+
+
+@cache
+def _kernel() -> Any:
+    return compile_kernel(_build)

@@ -1,77 +1,80 @@
-"""Leaderboards: policies ranked by mean path error if they arrive and keep the pace, as tables and as JSON."""
+"""Leaderboards: ranks on a scenario at a pace, and the table that ``pter benchmark`` prints."""
 
+import math
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
-from rich.markup import escape
-from rich.table import Table
+from numpy.typing import ArrayLike, NDArray
 
-from pter_gym._internal.terminal import terminal
+from pter_gym._internal.terminal import WIDTH, say, shorten
 from pter_gym._version import __version__
-from pter_gym.benchmark.intervals import (
-    Array,
-    Interval,
-    Strata,
-    difference_interval,
-    interquartile_mean_interval,
-    mean_interval,
-    performance_profile,
-    probability_of_improvement,
-    rate_interval,
-    worst_twentieth_interval,
-)
-from pter_gym.benchmark.scores import SCORES, ScenarioRun, Scores
-from pter_gym.benchmark.tuned import TUNED
+from pter_gym.benchmark.intervals import Interval, mean_interval
+from pter_gym.benchmark.scores import SCORES, ScenarioRun
 from pter_gym.scenarios import find_pace, title_of_pace
 
 COMPLETION = 0.99
-"""Fraction of completed episodes that a policy with a rank needs.
-
-A policy is undecided if its interval holds this.
-"""
-
-LOST = 0.05
-"""Path error [m] of the worst twentieth of the episodes from which on a policy ranks behind those
-with less. So a policy that gets lost in one of twenty episodes ranks below all that never do."""
+"""Smallest share of completed episodes of a ranked policy."""
 
 PACE_ERROR = 0.15
-"""Largest pace errors of a policy with a rank, as means over the episodes."""
-
-IN_TIMES = 1.5
-"""Ratio of a mean pace to the commanded one, or its inverse, from which on it is told as a multiple."""
+"""Largest mean of each of the two pace errors of a ranked policy."""
 
 UNRANKED = "†"
 """Mark of a policy that is not ranked."""
 
-PROFILED = (0.5, 1.0, 2.0)
-"""Ratios to the best tuned law's error at which the table of the suite has the profile of a policy."""
+EPISODE_SET = attrgetter("version", "scenario", "digest", "episodes", "seed")
+"""What runs and leaderboards on the same episodes share, at whatever pace."""
 
-FULL = 200
-"""Fewest episodes for a rank that is not provisional."""
+DETAILS = {
+    "worst 1/20": ("worst_path_error_m", 1e3),
+    "rms": ("rms_error_m", 1e3),
+    "off pace": ("mean_pace_error", 1e2),
+    "segments": ("segment_pace_error", 1e2),
+    "peak acc.": ("peak_acceleration_m_s2", 1.0),
+}
+"""Columns of ``--details``: a score of each and its factor from SI."""
+
+DETAILS_NOTE = """\
+worst 1/20: mean path error of the worst twentieth of the episodes [mm]
+rms: root mean square of the distance from the path [mm]
+off pace, segments: pace error of the whole path, and of its ten segments [%]
+peak acc.: largest acceleration of the tip in an episode [m/s²]
+"""
+
+MIN_NAME = 12
+"""Fewest characters of a policy's name in a table."""
+
+INCOMPLETE, UNEVEN = "incomplete", "uneven"
+"""Why a policy has no rank: it completes too few episodes, or its segments are off the pace."""
+
+WHAT = {UNEVEN: "segments "}
+"""What is off the pace, if not the whole path."""
+
+SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-class BoardColumn(NamedTuple):
-    """A score in the table: its title as ``rich`` prints it, its factor from SI, format, and if with interval."""
+class Reason(NamedTuple):
+    """Why a policy is not ranked: a word for the table, and the score that misses its limit."""
 
-    score: str
-    title: str
-    factor: float = 1000.0
-    text: str = ".1f"
-    with_interval: bool = False
+    word: str
+    score: float
+
+    def __str__(self) -> str:
+        """Return the reason as a predicate."""
+        if self.word == INCOMPLETE:
+            share = percent(self.score, digits=4)
+            return f"completes {share} of the episodes ({percent(COMPLETION)} needed)"
+        off = f"{WHAT.get(self.word, '')}{percent(self.score)} off the pace"
+        return f"is {self.word}: {off} ({percent(PACE_ERROR)} allowed)"
 
 
-COLUMNS = (
-    BoardColumn("path_error_m", "path error\n\\[mm]", with_interval=True),
-    BoardColumn("worst_path_error_m", "worst\n1/20\n\\[mm]"),
-    BoardColumn("later_path_error_m", "after\n1/10\n\\[mm]"),
-    BoardColumn("rms_error_m", "rms\n\n\\[mm]"),
-    BoardColumn("completed", "com-\npleted\n\\[%]", 100.0, ".3g"),
-    BoardColumn("mean_pace_error", "mean\npace\n\\[±%]", 100.0),
-    BoardColumn("segment_pace_error", "segm.\npace\n\\[±%]", 100.0),
-)
-"""The columns of the table after rank and policy."""
+def percent(share: float, digits: int = 3) -> str:
+    """Return a share in percent."""
+    return f"{100 * share:.{digits}g} %"
 
 
 @dataclass(frozen=True)
@@ -83,52 +86,34 @@ class Standing:
     policy
         Its name.
     rank
-        From 1, or None if not ranked; policies share a rank if the interval of their difference
-        contains 0.
+        From 1, by the mean path error; None if it is not ranked.
     reason
-        Why it is not ranked, in words.
-    undecided
-        Whether it has a rank but may miss ``COMPLETION``, which is in the interval of its completed
-        episodes.
+        Why it is not ranked.
+    error
+        Mean path error [m] with its interval.
     scores
-        Scores over all episodes, as ``summarise`` returns them.
+        The mean of each score, and of the path error over the worst twentieth of the episodes.
     errors
         Path errors [m], (S, N) for S training seeds and N episodes.
-    difference, probability
-        Path error minus the best policy's [m], and the probability of a smaller one on the same
-        episode; None without a best policy.
     """
 
     policy: str
     rank: int | None
-    reason: str | None
-    undecided: bool
-    scores: dict[str, Interval]
-    errors: Array = field(compare=False, repr=False)
-    difference: Interval | None = None
-    probability: Interval | None = None
-
-    @property
-    def lost(self) -> bool:
-        """Whether it strays so far in the worst twentieth of the episodes that it ranks behind policies that do not."""
-        return self.scores["worst_path_error_m"].value >= LOST
+    reason: Reason | None
+    error: Interval
+    scores: Mapping[str, float]
+    errors: NDArray[np.float64] = field(compare=False, repr=False)
 
     def as_json(self) -> dict[str, Any]:
         """Return its entry in ``benchmark.json``, in SI."""
-        return {
-            "rank": self.rank,
-            "reason": self.reason,
-            "undecided": self.undecided,
-            **{name: interval._asdict() for name, interval in self.scores.items()},
-            "difference_to_best_m": self.difference and self.difference._asdict(),
-            "probability_of_improvement": self.probability and self.probability._asdict(),
-        }
+        reason = None if self.reason is None else str(self.reason)
+        means = {name: mean for name, mean in self.scores.items() if name != "path_error_m"}
+        return {"rank": self.rank, "reason": reason, "path_error_m": self.error._asdict(), **means}
 
 
 @dataclass(frozen=True)
 class Leaderboard:
-    """The policies, the best first and unranked ones last, on so many episodes of a scenario at a
-    pace.
+    """The policies on so many episodes of a scenario at a pace: the best first, unranked ones last.
 
     ``seed`` is that of fresh episodes, None for the stored ones; ``version`` that of the package
     that made the runs; ``digest`` that of a scenario of one's own.
@@ -143,281 +128,234 @@ class Leaderboard:
     digest: str = ""
 
     @property
-    def provisional(self) -> bool:
-        """Whether there are too few episodes for final ranks."""
-        return self.episodes < FULL
-
-    def has_episodes_of(self, run: ScenarioRun) -> bool:
-        """Return whether a run, at whatever pace, had the same episodes."""
-        names = ("version", "scenario", "digest", "episodes", "seed")
-        return all(getattr(self, name) == getattr(run, name) for name in names)
+    def title(self) -> str:
+        """The episodes in words."""
+        kind = "stored episodes" if self.seed is None else f"fresh episodes (seed {self.seed})"
+        return f"{self.scenario}, {self.episodes:,} {kind}"
 
     def as_json(self) -> dict[str, Any]:
         """Return this leaderboard's entry in ``benchmark.json``, in SI."""
+        names = ("version", "scenario", "digest", "pace", "episodes", "seed")
         return {
-            **{
-                name: getattr(self, name)
-                for name in (
-                    "version",
-                    "scenario",
-                    "digest",
-                    "pace",
-                    "episodes",
-                    "seed",
-                    "provisional",
-                )
-            },
+            **{name: getattr(self, name) for name in names},
             "pace_m_s": find_pace(self.pace),
             "policies": {standing.policy: standing.as_json() for standing in self.standings},
         }
 
 
-class SuiteScore(NamedTuple):
-    """A policy over the suite: its path errors divided by the mean of the best tuned law at the
-    same scenario and pace.
+def leaderboards(runs: Iterable[ScenarioRun]) -> tuple[Leaderboard, ...]:
+    """Return a leaderboard for each set of episodes and pace, the slowest first.
 
-    ``ratios`` has the shape (S, N) for S training seeds and the N episodes of all scenarios and
-    paces, as ``performance_profile`` takes them; ``ratio`` is their interquartile mean.
+    Runs of other versions of the package are not mixed.
     """
-
-    ratio: Interval
-    ratios: Array
-
-
-def leaderboards(runs: Sequence[ScenarioRun]) -> tuple[Leaderboard, ...]:
-    """Return a leaderboard for each scenario, pace and set of episodes; runs of other versions are not mixed."""
-    groups: dict[tuple[str, str, str, int, int, float], list[ScenarioRun]] = {}
+    groups: dict[tuple[Any, ...], list[ScenarioRun]] = {}
     for run in runs:
-        seed = -1 if run.seed is None else run.seed
-        place = run.version, run.scenario, run.digest, run.episodes, seed, find_pace(run.pace)
-        groups.setdefault(place, []).append(run)
-    return tuple(rank(groups[place]) for place in sorted(groups))
+        groups.setdefault((*EPISODE_SET(run), find_pace(run.pace)), []).append(run)
+
+    def place(group: tuple[Any, ...]) -> tuple[Any, ...]:
+        *names, episodes, seed, pace = group
+        return *names, episodes, -1 if seed is None else seed, pace
+
+    return tuple(rank(groups[group]) for group in sorted(groups, key=place))
 
 
 def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
-    """Return the leaderboard of runs on one set of episodes at one pace; a policy's training seeds
-    count as one.
+    """Return the leaderboard of runs on one set of episodes at one pace.
 
-    A policy shares the rank of the leading one unless the interval of their difference excludes 0,
-    or only one of them is ``lost``.
+    The training seeds of a policy count as one policy.
     """
-    run, strata = runs[0], runs[0].strata
-    judged = sorted(
-        (_judge([r for r in runs if r.policy == name]) for name in {r.policy for r in runs}),
-        key=_place,
+    by_policy: dict[str, list[ScenarioRun]] = {}
+    for run in runs:
+        by_policy.setdefault(run.policy, []).append(run)
+    ordered = sorted(
+        map(_judge, by_policy.values()),
+        key=lambda each: (each.reason is not None, each.error.value, each.policy),
     )
-    first, leader, number = judged[0], judged[0], 1
-    standings: list[Standing] = []
-    for place, standing in enumerate(judged):
-        difference = difference_interval(standing.errors, leader.errors, strata)
-        if not standing.reason and (standing.lost != leader.lost or not difference.holds(0.0)):
-            leader, number = standing, place + 1
-        against: dict[str, Interval] = {}
-        if place and not first.reason:
-            against["difference"] = difference_interval(standing.errors, first.errors, strata)
-            against["probability"] = probability_of_improvement(standing.errors, first.errors)
-        standings.append(replace(standing, rank=None if standing.reason else number, **against))
+    standings = (
+        each if each.reason else replace(each, rank=place)
+        for place, each in enumerate(ordered, start=1)
+    )
+    run = runs[0]
     return Leaderboard(
         run.scenario, run.pace, run.episodes, run.seed, tuple(standings), run.version, run.digest
     )
 
 
-def suites(boards: Iterable[Leaderboard]) -> list[tuple[Leaderboard, ...]]:
-    """Return the leaderboards with a tuned law of each version and seed of the episodes; one's own
-    are apart.
-
-    Of several at a scenario and pace, that of the most episodes counts.
-    """
-    groups: dict[tuple[str, str, int | None], dict[tuple[str, str], Leaderboard]] = {}
-    for board in sorted(boards, key=lambda board: board.episodes):
-        if any(standing.policy in TUNED for standing in board.standings):
-            groups.setdefault((board.version, board.digest, board.seed), {})[
-                board.scenario, board.pace
-            ] = board
-    return [tuple(group.values()) for group in groups.values()]
-
-
-def suite_scores(boards: Sequence[Leaderboard]) -> dict[str, SuiteScore]:
-    """Return the score over some leaderboards, each with a tuned law, of every policy that is on all; best first."""
-    parts: dict[str, list[Array]] = {}
-    for board in boards:
-        law = min(float(each.errors.mean()) for each in board.standings if each.policy in TUNED)
-        for standing in board.standings:
-            parts.setdefault(standing.policy, []).append(standing.errors / law)
-    strata = [(board.scenario, board.pace) for board in boards for _ in range(board.episodes)]
-    scores: dict[str, SuiteScore] = {}
-    for name, found in parts.items():
-        if len(found) == len(boards) and len({len(ratios) for ratios in found}) == 1:
-            ratios = np.concatenate(found, axis=1)
-            scores[name] = SuiteScore(interquartile_mean_interval(ratios, strata), ratios)
-    return dict(sorted(scores.items(), key=lambda item: item[1].ratio.value))
-
-
-def summarise(scores: Scores, strata: Strata = None) -> dict[str, Interval]:
-    """Return the mean of each score, and ``worst_path_error_m``, the mean of the worst twentieth of
-    the episodes.
-
-    Scores have the shape (N,), or (S, N) for S training seeds on the same episodes.
-    """
-    means = {
-        name: rate_interval(values) if values.dtype == np.bool_ else mean_interval(values, strata)
-        for name, values in scores.items()
-    }
-    return {**means, "worst_path_error_m": worst_twentieth_interval(scores["path_error_m"])}
-
-
-def reason_below(scores: dict[str, Interval], pace: float) -> str | None:
-    """Return in words why a policy with these scores at a pace [m/s] is not ranked, or None if it is."""
-    reasons: list[str] = []
-    completed = scores["completed"]
-    mean_pace, segments = (scores[name].value for name in ("mean_pace_error", "segment_pace_error"))
-    ratio, limit = scores["mean_pace_m_s"].value / pace, f"limit {100 * PACE_ERROR:g} %"
-    if completed.value < COMPLETION and not completed.holds(COMPLETION):
-        reasons.append(
-            f"completes {100 * completed.value:.3g} % of the episodes ({100 * COMPLETION:g} % needed)"
-        )
-    if mean_pace > PACE_ERROR and abs(ratio - 1.0) > PACE_ERROR:
-        reasons.append(f"{tempo(ratio)} ({limit})")
-    elif mean_pace > PACE_ERROR:
-        reasons.append(f"{100 * mean_pace:.0f} % off the pace per episode ({limit})")
-    elif segments > PACE_ERROR:
-        reasons.append(f"uneven: segments {100 * segments:.1f} % off the pace ({limit})")
-    return "; ".join(reasons) or None
-
-
-def tempo(ratio: float) -> str:
-    """Return a mean pace over the commanded one in words, such as ``17 × too fast``."""
-    if ratio == 0.0:
-        return "never moves"
-    times, direction = max(ratio, 1.0 / ratio), "fast" if ratio > 1.0 else "slow"
-    if times < IN_TIMES:
-        return f"{100 * (times - 1):.0f} % too {direction}"
-    return f"{_times(times)} × too {direction}"
-
-
-def pace_error(scores: Mapping[str, Interval], name: str, pace: float) -> str:
-    """Return a pace error [%], or far from the commanded pace [m/s] the ratio of the mean pace: ``×17`` or ``÷3.1``."""
-    ratio = scores["mean_pace_m_s"].value / pace
-    if 1.0 / IN_TIMES < ratio < IN_TIMES:
-        return f"{100 * scores[name].value:.1f}"
-    if name != "mean_pace_error" or ratio == 0.0:
-        return "–"
-    return f"×{_times(ratio)}" if ratio > 1.0 else f"÷{_times(1.0 / ratio)}"
-
-
-def with_interval(
-    interval: tuple[float | None, ...], text: str = ".1f", factor: float = 1.0
-) -> str:
-    """Return a value and its 95 % interval, if it has one, as in ``1.6 (1.5 … 1.7)``."""
-    value, low, high = (None if end is None else format(factor * end, text) for end in interval)
-    return f"{value} ({low} … {high})" if low else str(value)
-
-
-def table(board: Leaderboard) -> Table:
-    """Return a leaderboard for an 80-column terminal, with 95 % intervals, and below it why others are not ranked."""
-    kind = "provisional, " if board.provisional else ""
-    notes = [f"{UNRANKED} {each.policy}: {each.reason}" for each in board.standings if each.reason]
-    if undecided := [each for each in board.standings if each.undecided]:
-        ranges = (f"{each.policy} ({_percent(each.scores['completed'])} %)" for each in undecided)
-        notes.append(f"? may complete less than {100 * COMPLETION:g} %: {', '.join(ranges)}")
-    shown = _table(
-        f"{board.scenario}, {title_of_pace(board.pace)}, {kind}{board.episodes} {_kind(board.seed)}",
-        "\n".join(notes),
-        ["#", "policy", *(column.title for column in COLUMNS)],
-    )
-    for standing in board.standings:
-        place = (
-            UNRANKED
-            if standing.rank is None
-            else f"{standing.rank}{'?' if standing.undecided else ''}"
-        )
-        cells = (_cell(standing.scores, column, find_pace(board.pace)) for column in COLUMNS)
-        shown.add_row(place, escape(standing.policy), *cells)
-    return shown
-
-
-def suite_table(boards: Sequence[Leaderboard]) -> Table:
-    """Return the scores over the suite of leaderboards as a table."""
-    shown = _table(
-        f"suite, {'stored episodes' if boards[0].seed is None else _kind(boards[0].seed)}",
-        "Interquartile mean of path error ÷ mean path error of the best tuned law, and share of episodes within, over "
-        f"{', '.join(f'{board.scenario} {board.pace}' for board in boards)}",
-        ["policy", "error ÷\nbest tuned law's", *(f"≤ {each:g}\n\\[%]" for each in PROFILED)],
-    )
-    for name, (ratio, ratios) in suite_scores(boards).items():
-        shares = performance_profile(ratios, PROFILED).fraction
-        shown.add_row(
-            escape(name), with_interval(ratio, ".3g"), *(f"{100 * share:.0f}" for share in shares)
-        )
-    return shown
-
-
-def print_boards(runs: Sequence[ScenarioRun]) -> None:
-    """Print the leaderboards of runs to the terminal, and the scores over those with a tuned law, if several."""
-    boards = leaderboards(runs)
-    print_tables(boards, suites(boards))
-
-
-def print_tables(boards: Iterable[Leaderboard], of_suites: Iterable[Sequence[Leaderboard]]) -> None:
-    """Print leaderboards to the terminal, and the scores over suites of several."""
-    tables = [*map(table, boards), *(suite_table(suite) for suite in of_suites if len(suite) > 1)]
-    for shown in tables:
-        terminal().print(shown, "")
-
-
-def _table(title: str, caption: str, headers: Sequence[str]) -> Table:
-    """Return an empty table, narrow enough for 80 columns."""
-    shown = Table(
-        title=escape(title),
-        caption=escape(caption),
-        caption_justify="left",
-        box=None,
-        padding=(0, 1),
-        collapse_padding=True,
-        pad_edge=False,
-    )
-    for header in headers:
-        shown.add_column(header, justify="left" if header == "policy" else "right", no_wrap=True)
-    return shown
-
-
-def _kind(seed: int | None) -> str:
-    return "episodes" if seed is None else f"fresh episodes, seed {seed}"
-
-
-def _times(ratio: float) -> str:
-    return f"{ratio:.{0 if ratio >= 9.95 else 1}f}"
-
-
-def _percent(rate: Interval) -> str:
-    return " … ".join(f"{100 * (end or 0.0):.3g}" for end in rate[1:])
-
-
-def _cell(scores: Mapping[str, Interval], column: BoardColumn, pace: float) -> str:
-    """Return a score as the table shows it; path errors mean nothing if the policy never arrives."""
-    if column.score.endswith("pace_error"):
-        return pace_error(scores, column.score, pace)
-    if column.score.endswith("_error_m") and scores["completed"].value == 0.0:
-        return "–"
-    found = scores[column.score]
-    ends = found if column.with_interval else (found.value, None, None)
-    return with_interval(ends, column.text, column.factor)
-
-
 def _judge(runs: Sequence[ScenarioRun]) -> Standing:
-    """Return the standing of a policy from the runs of its training seeds; ranks are assigned later."""
+    """Return the standing of a policy, without its rank, from the runs of its training seeds."""
     names = [name for name in SCORES if all(name in run.scores for run in runs)]
     scores = {name: np.stack([run.scores[name] for run in runs]) for name in names}
-    summary = summarise(scores, runs[0].strata)
-    reason = reason_below(summary, find_pace(runs[0].pace))
-    undecided = reason is None and summary["completed"].holds(COMPLETION)
-    return Standing(runs[0].policy, None, reason, undecided, summary, scores["path_error_m"])
+    means, errors = mean_scores(scores), scores["path_error_m"]
+    error = mean_interval(errors, runs[0].strata)
+    reason = reason_unranked(means, find_pace(runs[0].pace))
+    return Standing(runs[0].policy, None, reason, error, means, errors)
 
 
-def _place(standing: Standing) -> tuple[bool, bool, float, str]:
-    return (
-        standing.reason is not None,
-        standing.lost,
-        standing.scores["path_error_m"].value,
-        standing.policy,
+def mean_scores(scores: Mapping[str, ArrayLike]) -> dict[str, float]:
+    """Return the mean of each score over its episodes, (N,), or training seeds and these, (S, N).
+
+    ``worst_path_error_m`` is the mean of the largest twentieth of all path errors.
+    """
+    means = {name: np.asarray(values, np.float64).mean().item() for name, values in scores.items()}
+    return {**means, "worst_path_error_m": worst_twentieth(scores["path_error_m"])}
+
+
+def worst_twentieth(values: ArrayLike) -> float:
+    """Return the mean of the largest ⌈n/20⌉ of n values."""
+    ordered = np.sort(np.ravel(values))
+    return float(ordered[-math.ceil(len(ordered) / 20) :].mean())
+
+
+def reason_unranked(means: Mapping[str, float], pace: float) -> Reason | None:
+    """Return why a policy with these mean scores at a pace [m/s] is not ranked; None if it is."""
+    if means["completed"] < COMPLETION:
+        return Reason(INCOMPLETE, means["completed"])
+    if (error := means["mean_pace_error"]) > PACE_ERROR:
+        off = means["mean_pace_m_s"] / pace - 1.0
+        word = "off pace" if abs(off) <= PACE_ERROR / 2 else "too fast" if off > 0 else "too slow"
+        return Reason(word, error)
+    if (error := means["segment_pace_error"]) > PACE_ERROR:
+        return Reason(UNEVEN, error)
+    return None
+
+
+# --- printing ---
+
+
+def print_boards(runs: Iterable[ScenarioRun], *, details: bool = False) -> None:
+    """Print the table of each scenario in runs; with details, further scores at each pace."""
+    say(boards_text(leaderboards(runs), details=details))
+
+
+def boards_text(boards: Sequence[Leaderboard], *, details: bool = False) -> str:
+    """Return leaderboards as text for 80 columns: a table for each scenario, then details."""
+    tables: list[str] = []
+    for _, same in groupby(boards, EPISODE_SET):
+        at_paces = list(same)
+        tables += [_table(at_paces), *(map(_details, at_paces) if details else [])]
+    return "\n".join([*tables, *([DETAILS_NOTE] if details else [])])
+
+
+def in_order(boards: Sequence[Leaderboard]) -> dict[str, list[Standing | None]]:
+    """Return the standing of each policy at each pace of a scenario, in the order of the table.
+
+    It is that of the mean over the paces. Policies that are ranked at some paces only come after
+    those that are at all of them, and those that are at none last.
+    """
+    at_paces = [{each.policy: each for each in board.standings} for board in boards]
+    names = dict.fromkeys(name for standings in at_paces for name in standings)
+    rows = {name: [standings.get(name) for standings in at_paces] for name in names}
+
+    def place(name: str) -> tuple[int, float, str]:
+        standings = [each for each in rows[name] if each]
+        ranked = sum(each.rank is not None for each in standings)
+        group = 0 if ranked == len(boards) else 1 if ranked else 2
+        return group, sum(each.error.value for each in standings) / len(standings), name
+
+    return {name: rows[name] for name in sorted(names, key=place)}
+
+
+def millimetres(error: float, decimals: int = 1) -> str:
+    """Return a number [m] in mm."""
+    return f"{1e3 * error:.{decimals}f}"
+
+
+def with_interval(error: Interval) -> str:
+    """Return an error [m] and its interval, if it has one, in mm: ``1.6 (1.5 – 1.7)``."""
+    value, *ends = (millimetres(each) for each in error if each is not None)
+    return f"{value} ({' – '.join(ends)})" if ends else value
+
+
+def _table(boards: Sequence[Leaderboard]) -> str:
+    """Return the table of a scenario, with a column for each pace, and the notes below it."""
+    rows = in_order(boards)
+    footnotes: dict[tuple[str, str], list[str]] = {}
+    for name, standings in rows.items():
+        for board, standing in zip(boards, standings, strict=True):
+            if standing and standing.reason and standing.reason.word != INCOMPLETE:
+                shares = footnotes.setdefault((name, standing.reason.word), [])
+                shares.append(f"{percent(standing.reason.score)} ({board.pace})")
+    marks = {key: str(k).translate(SUPERSCRIPTS) for k, key in enumerate(footnotes, start=1)}
+    columns = [
+        _column(title_of_pace(board.pace), [_cell(each[k], marks) for each in rows.values()])
+        for k, board in enumerate(boards)
+    ]
+    places = [
+        str(place) if any(each and each.rank for each in standings) else "–"
+        for place, standings in enumerate(rows.values(), start=1)
+    ]
+    notes = [_completion(rows)]
+    for (name, word), shares in footnotes.items():
+        off = f"{WHAT.get(word, '')}{', '.join(shares)} off the pace"
+        notes.append(f"{marks[name, word]} {name} is {word}: {off}; {percent(PACE_ERROR)} allowed.")
+    if any(each and len(each.errors) > 1 for standings in rows.values() for each in standings):
+        notes.append("Intervals are over training seeds for policies that have several.")
+    lines = _lines(["   ", *(f"{place:>2} " for place in places)], ["", *rows], columns)
+    title = f"{boards[0].title}: path error [mm], 95 % interval"
+    return "\n".join([title, "", *lines, "", *map(_fill, notes), ""])
+
+
+def _fill(note: str) -> str:
+    """Return a sentence in lines, none of which begins with a unit."""
+    text = textwrap.fill(
+        note.replace(" %", "\0%"), WIDTH, subsequent_indent="  ", break_on_hyphens=False
     )
+    return text.replace("\0", " ")
+
+
+def _details(board: Leaderboard) -> str:
+    """Return the table of further scores at a pace."""
+    standings = [rows[0] for rows in in_order([board]).values() if rows[0]]
+    columns: list[list[str]] = []
+    for title, (score, factor) in DETAILS.items():
+        texts = [title, *(f"{factor * each.scores[score]:.1f}" for each in standings)]
+        columns.append([text.rjust(max(map(len, texts))) for text in texts])
+    names = [title_of_pace(board.pace), *(each.policy for each in standings)]
+    return "\n".join([*_lines([""] * len(names), names, columns), ""])
+
+
+def _completion(rows: Mapping[str, Sequence[Standing | None]]) -> str:
+    """Return one sentence on how many of the episodes are completed."""
+    shares: list[str] = []
+    for name, standings in rows.items():
+        completed = [each.scores["completed"] for each in standings if each]
+        low, high = (f"{100 * end(completed):.4g}" for end in (min, max))
+        if min(completed) < 1.0:
+            shares.append(f"{name} {low if low == high else f'{low} to {high}'} %")
+    if not shares:
+        return "All policies complete all episodes."
+    others = ", all others 100 %" if len(shares) < len(rows) else ""
+    return f"Completed episodes: {', '.join(shares)}{others}; a rank needs {percent(COMPLETION)}."
+
+
+def _cell(standing: Standing | None, marks: Mapping[tuple[str, str], str]) -> tuple[str, str]:
+    """Return a mean path error, and its interval or why it has no rank, as texts."""
+    if standing is None:
+        return "", ""
+    decimals = 1 if standing.error.value < 0.01995 else 0
+    error, *ends = (millimetres(each, decimals) for each in standing.error if each is not None)
+    if reason := standing.reason:
+        mark = marks.get((standing.policy, reason.word), "")
+        return error if standing.scores["completed"] else "–", f"  {reason.word} {mark}"
+    return error, f" ({' – '.join(ends)})" if ends else ""
+
+
+def _column(title: str, cells: Sequence[Sequence[str]]) -> list[str]:
+    """Return a column of errors with what follows each of them, aligned between the two."""
+    longest = max(len(error) for error, _ in cells)
+    return [title, *(f"{error:>{longest}}{rest}".rstrip() for error, rest in cells)]
+
+
+def _lines(
+    starts: Sequence[str], names: Sequence[str], columns: Sequence[Sequence[str]]
+) -> list[str]:
+    """Return a table; names that leave too little room for the columns lose their middle."""
+    widths = [max(map(len, column)) for column in columns]
+    free = WIDTH - sum(widths) - len(starts[0])
+    gap = 2 if free - 2 * len(widths) >= max(map(len, names)) else 1
+    labels = [shorten(name, max(MIN_NAME, free - gap * len(widths))) for name in names]
+    longest = max(map(len, labels))
+    return [
+        (" " * gap).join([f"{start}{label:<{longest}}", *map(str.ljust, cells, widths)]).rstrip()
+        for start, label, cells in zip(starts, labels, zip(*columns, strict=True), strict=True)
+    ]

@@ -1,4 +1,4 @@
-"""The evaluation episodes: stored ones, which everybody can see, and fresh ones, drawn from a seed.
+"""Episodes to run policies on: stored ones, fresh ones drawn from a seed, and training draws.
 
 ``pter_gym/episodes`` holds a file of stored episodes for each scenario; ``docs/make/store.py
 episodes`` writes them.
@@ -6,6 +6,7 @@ episodes`` writes them.
 
 import gzip
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -16,10 +17,9 @@ from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic
 from pter_gym._internal.reading import MAX_JSON_SIZE, inflate, parse_json, read_bytes, reading
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.params import Machine
+from pter_gym.params import BASELINE, Machine
 from pter_gym.scenarios import Scenario, find_pace, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds
-from pter_gym.scenarios._fixed_machine import FixedMachine
 from pter_gym.tasks._stored import codec
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -34,10 +34,20 @@ MAX_SEED = 2**64 - 1
 
 @dataclass(frozen=True)
 class Episodes:
-    """Evaluation episodes of a scenario, one entry each: machines, tasks that command a pace, and
-    seeds of the resets.
+    """Episodes, one entry each: machines, tasks that command a pace, and seeds of the resets.
 
-    ``strata`` labels the strata within which the bootstrap resamples episodes.
+    Attributes
+    ----------
+    scenario
+        Name of the scenario.
+    machines, tasks, seeds
+        What makes an episode.
+    strata
+        Labels of the strata within which episodes are resampled.
+    nominal
+        The machine that policies know.
+    limits
+        Control steps after which an episode ends; by default ``time_limit`` of its task.
     """
 
     scenario: str
@@ -45,10 +55,22 @@ class Episodes:
     tasks: tuple[PathFollowing, ...]
     seeds: tuple[int, ...]
     strata: tuple[str, ...]
+    nominal: Machine = BASELINE
+    limits: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Set the limits that are not given."""
+        if not self.limits:
+            object.__setattr__(self, "limits", tuple(map(time_limit, self.tasks)))
 
     def __len__(self) -> int:
         """Return the number of episodes."""
         return len(self.seeds)
+
+    def __getitem__(self, part: slice) -> "Episodes":
+        """Return some of the episodes."""
+        entries = ("machines", "tasks", "seeds", "strata", "limits")
+        return replace(self, **{name: getattr(self, name)[part] for name in entries})
 
     def first(self, count: int) -> "Episodes":
         """Return the first ``count`` episodes, or raise a ParameterError if there are fewer."""
@@ -56,13 +78,17 @@ class Episodes:
             raise ParameterError(
                 f"episodes must be from 1 to {len(self)} for {self.scenario}, got {count!r}"
             )
-        parts = ("machines", "tasks", "seeds", "strata")
-        return replace(self, **{name: getattr(self, name)[:count] for name in parts})
+        return self[:count]
 
     def at_pace(self, speed: float) -> "Episodes":
         """Return the episodes at a commanded pace [m/s]; tasks that are the same object stay so."""
         paced = {id(task): replace(task, pace=speed) for task in self.tasks}
-        return replace(self, tasks=tuple(paced[id(task)] for task in self.tasks))
+        return replace(self, tasks=tuple(paced[id(task)] for task in self.tasks), limits=())
+
+
+def time_limit(task: PathFollowing) -> int:
+    """Return the control steps of an episode: three times its time at the pace, at least 300."""
+    return max(300, math.ceil(3.0 * task.path.length / (task.pace * task.control_period)))
 
 
 def scenarios(folder: FilePath = FOLDER) -> tuple[str, ...]:
@@ -96,27 +122,44 @@ def find_episodes(
     scenario: str | Scenario,
     pace: str,
     seed: int | None = None,
-    machine: FixedMachine | None = None,
+    machine: Machine | str | None = None,
 ) -> Episodes:
-    """Return a scenario's stored evaluation episodes at a pace, or fresh ones from a seed within
-    [0, 2⁶⁴).
+    """Return a scenario's stored evaluation episodes at a pace, or fresh ones from a seed.
 
     There are as many fresh episodes as stored ones in each stratum, in an order given by the seed;
     each pace has its own draws. A machine replaces those that fresh episodes would draw. Raises as
     ``load_episodes``, and a ParameterError if the seed is out of range.
     """
-    found = find_scenario(scenario, machine)
+    drawn = find_scenario(scenario, machine)
     if seed is None:
-        return load_episodes(found.name, pace)
+        return replace(load_episodes(drawn.name, pace), nominal=drawn.nominal)
     speed = find_pace(pace)
     if whole_number("seed", seed, at_least=0) > MAX_SEED:
         raise ParameterError(f"seed must be a whole number within [0, 2⁶⁴), got {seed!r}")
-    return _draw(found, int(seed), pace).at_pace(speed)
+    return _draw(drawn, int(seed), pace).at_pace(speed)
+
+
+def training_episodes(
+    scenario: str | Scenario | PathFollowing,
+    pace: str,
+    episodes: int,
+    seed: int,
+    machine: Machine | str | None = None,
+) -> Episodes:
+    """Return training draws of a scenario at a pace, the shortest episodes first.
+
+    ``seed`` is that of the draws, and a machine replaces those that they would hold.
+    """
+    drawn = find_scenario(scenario, machine)
+    pairs = drawn.draws.pairs(episodes, seed, pace)
+    # those of a chunk end at about one time
+    machines, tasks = zip(*sorted(pairs, key=lambda pair: time_limit(pair[1])), strict=True)
+    seeds = tuple(seed * episodes + k for k in range(episodes))
+    return Episodes(drawn.name, machines, tasks, seeds, ("",) * episodes, drawn.nominal)
 
 
 def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDER) -> Path:
-    """Write the evaluation episodes of a scenario to a folder, created if needed, and return the
-    path of the file.
+    """Write the evaluation episodes of a scenario to a folder, and return the path of the file.
 
     Equal machines and tasks are stored once, and the same episodes give the same bytes. ``version``
     is the scenario's.
@@ -150,9 +193,8 @@ def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDE
 @lru_cache(8)
 def _draw(scenario: Scenario, seed: int, pace: str) -> Episodes:
     machines, tasks, strata = zip(*evaluation_draws(scenario, (seed, pace)), strict=True)
-    return Episodes(
-        scenario.name, machines, tasks, tuple(fresh_reset_seeds(scenario, (seed, pace))), strata
-    )
+    seeds = tuple(fresh_reset_seeds(scenario, (seed, pace)))
+    return Episodes(scenario.name, machines, tasks, seeds, strata, scenario.nominal)
 
 
 @lru_cache(16)

@@ -1,22 +1,29 @@
-"""A folder of results: a JSON file for each run, and ``benchmark.json``, the leaderboards of all of them."""
+"""A folder of results: a JSON file for each run, and ``benchmark.json``, their leaderboards.
 
+Episodes themselves can be written as a table in a CSV file.
+"""
+
+import csv
+import io
 import json
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
 from pter_gym._internal.terminal import make_folder
-from pter_gym.benchmark.boards import Leaderboard, leaderboards, suite_scores, suites
+from pter_gym.benchmark.boards import Leaderboard, leaderboards
 from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.scenarios import name_of_pace
+from pter_gym.tasks.path_following import TELEMETRY
 
 NAMES = ("version", "scenario", "digest", "pace", "policy", "training_seed", "seed")
 """What a file says about a run, beside its numbers."""
@@ -33,7 +40,7 @@ class ResultsFolder:
         self.summary = self.path / "benchmark.json"
 
     def make(self) -> None:
-        """Make the folder if needed; raise a ParameterError if it is not writable, or if links lead elsewhere."""
+        """Make the folder if needed; raise a ParameterError if it is not writable or has links."""
         for path in (*self.path.glob("*"), *self.path.glob("runs/*")):
             if path.is_symlink():
                 raise ParameterError(
@@ -42,7 +49,7 @@ class ResultsFolder:
         make_folder(self.path / "runs")
 
     def add(self, runs: Sequence[ScenarioRun]) -> None:
-        """Store the runs of all training seeds of one policy at one pace, in place of earlier ones of that name."""
+        """Store the runs of all training seeds of a policy at a pace, replacing earlier ones."""
         for run in runs:
             write_run(self.path, run)
         number = len(runs)
@@ -50,14 +57,10 @@ class ResultsFolder:
             path.unlink(missing_ok=True)
             number += 1
 
-    def files(self) -> list[Path]:
-        """Return the files of runs."""
-        return sorted((self.path / "runs").glob("*.json"))
-
     def runs(self) -> list[ScenarioRun]:
-        """Return all runs; a file that cannot be read is left out, with a warning from the logger ``pter_gym``."""
+        """Return all runs; leave out files that cannot be read, with a warning of ``pter_gym``."""
         runs: list[ScenarioRun] = []
-        for path in self.files():
+        for path in sorted((self.path / "runs").glob("*.json")):
             try:
                 runs.append(read_run(path))
             except DataError as error:
@@ -68,17 +71,7 @@ class ResultsFolder:
         """Write ``benchmark.json`` from all runs in the folder and return its leaderboards."""
         self.make()
         boards = leaderboards(self.runs())
-        suite = [
-            {
-                **{name: getattr(mine[0], name) for name in ("version", "digest", "seed")},
-                "boards": [[board.scenario, board.pace] for board in mine],
-                "policies": {
-                    name: score.ratio._asdict() for name, score in suite_scores(mine).items()
-                },
-            }
-            for mine in suites(boards)
-        ]
-        content = {"suite": suite, "leaderboards": [board.as_json() for board in boards]}
+        content = {"leaderboards": [board.as_json() for board in boards]}
         write_text_atomic(self.summary, json.dumps(content, indent=2, allow_nan=False) + "\n")
         return boards
 
@@ -108,7 +101,7 @@ def write_run(folder: FilePath, run: ScenarioRun) -> None:
 
 
 def read_run(path: FilePath) -> ScenarioRun:
-    """Return the run in a file, or raise a DataError that names the file if it holds something else."""
+    """Return the run in a file, or raise a DataError that names the file if it holds no run."""
     path = find_path("path", path)
     with reading(path.name):
         content = parse_json(read_bytes(path, MAX_JSON_SIZE))
@@ -127,3 +120,27 @@ def read_run(path: FilePath) -> ScenarioRun:
         if run_path(path.parents[1], run).name != path.name:
             raise ValueError(f"policy must be that of the file's name, got {run.policy!r:.200}")
         return run
+
+
+def write_trajectories(episodes: Mapping[str, NDArray[np.float64]], path: Path) -> None:
+    """Write episodes one below another to a CSV file, atomically, with all digits of each number.
+
+    ``episodes`` holds telemetry from the reset on, float64 (T + 1, len(TELEMETRY)), by the name of
+    the policy. Headings are such as ``policy`` and ``time [s]``. Raises a ParameterError if the
+    path does not end in .csv.
+    """
+    check_table(path)
+    text = io.StringIO(newline="")
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(
+        ["policy", *(f.name if f.unit == "1" else f"{f.name} [{f.unit}]" for f in TELEMETRY.fields)]
+    )
+    for name, telemetry in episodes.items():
+        rows.writerows([name, *row] for row in telemetry.tolist())
+    write_text_atomic(path, text.getvalue())
+
+
+def check_table(path: Path) -> None:
+    """Raise a ParameterError unless a table can be written to a file with this extension."""
+    if path.suffix.lower() != ".csv":
+        raise ParameterError(f"csv must end in .csv, got {str(path)!r}")

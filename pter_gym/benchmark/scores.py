@@ -1,4 +1,4 @@
-"""Scores of episodes, each declared once, as a field of ``Score``, with its unit, meaning and function."""
+"""Scores of episodes, each declared once: a field of ``Score`` with unit, meaning and function."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pter_gym._physics.friction import ClutchMode
 from pter_gym._version import __version__
-from pter_gym.benchmark._measures import PRICE, TOUCH, Array, Recorded, column, mean_over
+from pter_gym.benchmark.measures import PRICE, TOUCH, Array, Recorded, column, mean_over
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
@@ -17,14 +17,13 @@ from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 Values = NDArray[Any]
 
 Scores = dict[str, Values]
-"""The defined fields of ``Score`` by name, each an array (N,) over episodes; ``completed`` is bool, others float64."""
+"""The defined scores by name, (N,) for N episodes; ``completed`` is bool, others float64."""
 
 
 class Metric(NamedTuple):
-    """The declaration of a score: its unit, its meaning in words, and what computes it, (N,), for N
-    episodes.
+    """A score: its unit, its meaning, and what computes it for N episodes, (N,) or None.
 
-    ``find`` returns None where the score is not defined.
+    None is for scores that are not defined.
     """
 
     unit: str
@@ -40,17 +39,18 @@ def _score(
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """Scores of one episode. Accelerations leave out the start-up interval and are low-pass
-    filtered.
+    """Scores of one episode.
 
-    Every score is finite, whatever the episode. An episode that ends within the start-up interval
-    counts in full. The last three are None where they are not defined.
+    Every score is finite, whatever the episode. Accelerations leave out the start-up interval,
+    unless the episode ends within it, and are low-pass filtered. The last three are None where they
+    are not defined.
     """
 
     path_error_m: float = _score(
         "m",
-        f"mean over ten segments of the larger of ∫|e|dt/t and ∫|e|ds/(L/10), times r^{PRICE:g} if r = t·v/(L/10) > 1, "
-        f"else {1.0 + PRICE:g} − {PRICE:g}r; at most the largest |e| or the workspace's bound, whichever is larger",
+        "mean over ten segments of the larger of ∫|e|dt/t and ∫|e|ds/(L/10), times "
+        f"r^{PRICE:g} if r = t·v/(L/10) > 1, else {1.0 + PRICE:g} − {PRICE:g}r; at most the "
+        "largest |e| or the workspace's bound, whichever is larger",
         Recorded.path_error,
     )
     later_path_error_m: float = _score(
@@ -96,7 +96,8 @@ class Score:
     peak_force_n: float = _score("N", "its largest size", lambda e: e.force.max(axis=0))
     resisting_force_n: float = _score(
         "N",
-        "mean force of the clutches against the tip's motion, while it moves; of `free`, the drag of free motion",
+        "mean force of the clutches against the tip's motion, while it moves; of `free`, the drag "
+        "of free motion",
         Recorded.resisting_force,
     )
     path_length_m: float = _score("m", "distance travelled by the tip", Recorded.distance_travelled)
@@ -123,14 +124,15 @@ class Score:
     )
     wall_stiffness_n_m: float | None = _score(
         "N/m",
-        "of a fixture's edge: least-squares slope of the hand's force into it over a penetration of more than "
-        f"{1e3 * TOUCH:g} mm; 0 if there was none",
+        "of a fixture's edge: least-squares slope of the hand's force into it over a penetration "
+        f"of more than {1e3 * TOUCH:g} mm; 0 if there was none",
         Recorded.wall_stiffness,
         default=None,
     )
     force_error_along_n: float | None = _score(
         "N",
-        "of an impedance law: root mean square of the clutches' force less the one that it wants, along the path",
+        "of an impedance law: root mean square of the clutches' force less the one that it wants, "
+        "along the path",
         lambda e: None if e.force_error is None else e.force_error[0],
         default=None,
     )
@@ -165,8 +167,8 @@ def score(
     voltage_max
         Largest voltage of the clutches [V].
     """
-    found = score_episodes(np.asarray(telemetry)[:, None], [task], voltage_max=voltage_max)
-    return Score(**{name: values[0].item() for name, values in found.items()})
+    scores = score_episodes(np.asarray(telemetry)[:, None], [task], voltage_max=voltage_max)
+    return Score(**{name: values[0].item() for name, values in scores.items()})
 
 
 def score_episodes(
@@ -200,21 +202,22 @@ def score_episodes(
     shape = np.shape(telemetry)
     if len(shape) != 3 or shape[0] < 2 or shape[1:] != (len(tasks), len(TELEMETRY)):
         raise ParameterError(
-            f"telemetry must have the shape (T + 1, {len(tasks)}, {len(TELEMETRY)}) with at least one step, got {shape}"
+            f"telemetry must have the shape (T + 1, {len(tasks)}, {len(TELEMETRY)}) with at least "
+            f"one step, got {shape}"
         )
     begun = np.isfinite(column(telemetry[1], "time"))
     if not begun.all():
         raise ParameterError(
-            f"telemetry must hold at least one step of each episode, that of {begun.argmin()} has none"
+            f"telemetry must hold a step of each episode at least, got none of {begun.argmin()}"
         )
     if wanted is not None and (np.shape(wanted), len(machines)) != ((*shape[:2], 2), len(tasks)):
         raise ParameterError(
-            f"wanted must have the shape {(*shape[:2], 2)} and come with {len(tasks)} machines, got {np.shape(wanted)} "
-            f"and {len(machines)}"
+            f"wanted must have the shape {(*shape[:2], 2)} and come with {len(tasks)} machines, "
+            f"got {np.shape(wanted)} and {len(machines)}"
         )
     episodes = Recorded(telemetry, tasks, voltage_max, machines, wanted)
-    found = {name: metric.find(episodes) for name, metric in METRICS.items()}
-    return {name: values for name, values in found.items() if values is not None}
+    scores = {name: metric.find(episodes) for name, metric in METRICS.items()}
+    return {name: values for name, values in scores.items() if values is not None}
 
 
 @dataclass(frozen=True)

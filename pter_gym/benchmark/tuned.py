@@ -1,53 +1,42 @@
-"""Controllers with shipped gains: tuned ones, and the paper's with a damper for each commanded
-pace.
+"""Controllers with shipped gains: tuned ones, and the paper's with a damper for each pace.
 
 ``presets/tuned.toml`` has a table for each scenario, controller and pace: the gains that ``pter
 tune`` found on training draws, the defaults of all others, the search command, and scores on draws
-that the search had not seen. ``presets/paces.toml``, which ``docs/make/store.py paces`` writes, has
+that the search had not seen. ``presets/dampers.toml``, by ``docs/make/store.py dampers``, has
 the damper along the path with which the paper's gains, made for about 0.5 m/s, keep a commanded
 pace on a scenario's training draws.
 """
 
-import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+from pter_gym._internal.codec import tuple_of
 from pter_gym._internal.files import FilePath, find_path
-from pter_gym._internal.reading import MAX_TOML_SIZE, parse_toml, read_text, reading
+from pter_gym._internal.reading import read_toml, reading
 from pter_gym.controllers import CONTROLLERS, Controller, Guided, Impedance, PaceSchedule
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.policies._stored_gains import make_guided
 from pter_gym.scenarios import find_pace
 
 TABLE = Path(__file__).parents[1] / "presets" / "tuned.toml"
 
-DAMPERS = TABLE.with_name("paces.toml")
+DAMPERS = TABLE.with_name("dampers.toml")
 
 SUFFIX = "-tuned"
 
 FALLBACK = "everything"
 """The scenario whose gains serve where there are none for another."""
 
-TUNABLE: tuple[str, ...] = tuple(
-    name for name, kind in CONTROLLERS.items() if issubclass(kind, Guided)
-)
-"""Names of the controllers that have gains."""
-
-TUNED = tuple(name + SUFFIX for name in TUNABLE)
-"""Names under which they are found with tuned gains."""
-
 HOLD = 1e-6
-"""Fraction of a commanded pace about it in which its damper holds: far more than the rounding of a float32."""
+"""Part of a pace about it in which its damper holds: far more than a float32 rounds."""
 
 Table = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
 
 
 def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE) -> PaceSchedule:
-    """Return a controller, such as ``torque-feedback-tuned``, whose tuned gains follow the
-    commanded pace.
+    """Return a controller, such as ``impedance-tuned``, whose gains follow the commanded pace.
 
     Parameters
     ----------
@@ -64,24 +53,24 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
     DataError
         If the file is not as ``pter tune`` writes it.
     """
-    if name not in TUNED:
-        raise unknown_name("policies", name, TUNED)
     controller, path = name.removesuffix(SUFFIX), find_path("path", path)
     table = read_table(path)
+    if name not in (known := tuned_names(table)):
+        raise unknown_name("policies", name, known)
     for place in (scenario or FALLBACK, FALLBACK):
         if entries := table.get(place, {}).get(controller):
             return _schedule(
                 (pace, controller_of(controller, entry, path)) for pace, entry in entries.items()
             )
     raise ParameterError(
-        f"policies: there are no tuned gains of {controller!r} for {scenario or FALLBACK!r} or {FALLBACK!r}; "
+        f"policies: there are no tuned gains of {controller!r} for "
+        f"{scenario or FALLBACK!r} or {FALLBACK!r}; "
         f"`pter tune {controller}` finds some"
     )
 
 
 def read_tuned(path: FilePath, scenario: str | None = None) -> PaceSchedule:
-    """Return the controller in a file of ``pter tune --out``: with the gains for a scenario, or all
-    if it has none.
+    """Return the controller in a file of ``pter tune --out``, with the gains for a scenario.
 
     Raises a ParameterError if it does not exist or has several controllers, a DataError if it is
     another kind of file.
@@ -104,7 +93,7 @@ def read_tuned(path: FilePath, scenario: str | None = None) -> PaceSchedule:
 
 
 def find_paced(name: str, scenario: str | None) -> Controller:
-    """Return a controller by its name, with a damper for each pace if there are some for it and the scenario."""
+    """Return a controller by its name, with a damper for each pace where there are some."""
     controller = CONTROLLERS[name]()
     dampers = scenario and damping_table().get(scenario, damping_table()[FALLBACK]).get(name)
     if not dampers or not isinstance(controller, Impedance):
@@ -118,7 +107,7 @@ def find_paced(name: str, scenario: str | None) -> Controller:
 @cache
 def damping_table() -> Mapping[str, Mapping[str, Mapping[str, float]]]:
     """Return the damper along the path [N·s/m] by scenario, controller and pace."""
-    return tomllib.loads(DAMPERS.read_text("utf-8"))
+    return read_toml(DAMPERS, "dampers")
 
 
 def read_table(path: FilePath = TABLE) -> Table:
@@ -129,32 +118,67 @@ def read_table(path: FilePath = TABLE) -> Table:
     """
     path = find_path("path", path)
     with reading(f"tuned gains {path} cannot be read"):
-        table = parse_toml(read_text(path, MAX_TOML_SIZE)) if path.exists() else {}
+        table = read_toml(path, "tuned gains") if path.exists() else {}
         for scenario, controllers in table.items():
             for controller, paces in controllers.items():
                 for pace, entry in paces.items():
                     if (
-                        controller not in TUNABLE
+                        controller not in guided()
                         or not find_pace(pace)
                         or not isinstance(entry["gains"], dict)
                     ):
                         raise ValueError(
-                            f"{scenario}.{controller}.{pace} must hold gains of a controller at a pace"
+                            f"{scenario}.{controller}.{pace} must hold gains of a "
+                            "controller at a pace"
                         )
     return table
 
 
 def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
-    """Return a controller with the gains of an entry, or raise a DataError if one is unknown or out
-    of range.
+    """Return a controller with the gains of an entry, or raise a DataError if one is wrong.
 
     Unnamed gains take the defaults stored with it.
     """
     with reading(f"tuned gains {path}"):
-        return make_guided(name, {**entry.get("defaults", {}), **entry["gains"]})
+        return with_gains(name, {**entry.get("defaults", {}), **entry["gains"]})
+
+
+def guided() -> dict[str, type[Guided]]:
+    """Return the controllers that have gains, by name."""
+    return {name: kind for name, kind in CONTROLLERS.items() if issubclass(kind, Guided)}
+
+
+def with_gains(name: str, gains: Mapping[str, Any]) -> Guided:
+    """Return a guiding controller by its name; unnamed gains take their defaults.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such controller or gain (the nearest is suggested), or a gain is rejected.
+    """
+    laws = guided()
+    if name not in laws:
+        raise unknown_name("controller", name, laws)
+    known = [item.name for item in fields(laws[name])]
+    for gain in gains:
+        if gain not in known:
+            raise ParameterError(
+                f"{name} has no gain {gain!r}: {unknown_name('gains', gain, known)}"
+            )
+    return laws[name](**{gain: tuple_of(value) for gain, value in gains.items()})
 
 
 def _schedule(laws: Iterable[tuple[str, Guided]], **options: Any) -> PaceSchedule:
     """Return controllers given by the names of their paces as one."""
     knots = ((find_pace(pace), law) for pace, law in laws)
     return PaceSchedule(tuple(sorted(knots, key=lambda knot: knot[0])), **options)
+
+
+def tuned_names(table: Table) -> tuple[str, ...]:
+    """Return the names under which controllers are found with the gains of a table."""
+    there = {name for controllers in table.values() for name in controllers}
+    return tuple(name + SUFFIX for name in CONTROLLERS if name in there)
+
+
+TUNED = tuned_names(read_table())
+"""Names under which controllers are found with shipped gains."""

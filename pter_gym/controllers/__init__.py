@@ -4,7 +4,6 @@ from pter_gym._compiled.compiler import inlined as device
 from pter_gym._compiled.records import rows
 from pter_gym._engine.law import MEMORY, Memory
 from pter_gym._physics.clutch import PerClutch
-from pter_gym.controllers._base import BoundPolicy, Controller, Policy, bind
 from pter_gym.controllers._guided import (
     Guided,
     Impedance,
@@ -13,6 +12,7 @@ from pter_gym.controllers._guided import (
     TorqueFeedback,
     VelocityRatio,
 )
+from pter_gym.controllers._policy import AnyPolicy, Controller, Policy, bind
 from pter_gym.controllers._simple import Free, Locked, Random
 
 CONTROLLERS: dict[str, type[Controller]] = {
@@ -29,7 +29,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
 __all__ = [
     "CONTROLLERS",
     "MEMORY",
-    "BoundPolicy",
+    "AnyPolicy",
     "Controller",
     "Free",
     "Guided",

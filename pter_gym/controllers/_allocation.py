@@ -1,5 +1,4 @@
-"""The clutch torques that come closest to the desired joint torques (paper section III-A), solved
-exactly.
+"""The clutch torques that come closest to the desired joint torques (paper section III-A).
 
 The reachable joint torques form the same zonotope as in the friction problem, so finding the
 nearest one is a friction problem too, with the metric in place of the mass matrix and the unreached
@@ -16,14 +15,14 @@ from pter_gym._physics.friction import resolve, share, slip_velocities, torques_
 @entrywise
 @device
 def least_torque(slip: float, threshold: float, limit: float, scale: float) -> float:
-    """Return the smallest torque that a passive clutch can exert [N·m]: 0 while it slips backwards."""
+    """Return the smallest torque of a passive clutch [N·m]: 0 while it slips backwards."""
     return 0.0 if slip < -threshold else -(limit * scale)
 
 
 @entrywise
 @device
 def largest_torque(slip: float, threshold: float, limit: float, scale: float) -> float:
-    """Return the largest torque that a passive clutch can exert [N·m]: 0 while it slips forwards."""
+    """Return the largest torque of a passive clutch [N·m]: 0 while it slips forwards."""
     return 0.0 if slip > threshold else limit * scale
 
 
@@ -73,5 +72,5 @@ def negative(value: float) -> float:
 @entrywise
 @device
 def pinned(short: float, bound: float, other: float) -> float:
-    """Return ``bound`` for a clutch that falls short of its wanted torque, ``other`` for one that does not."""
+    """Return ``bound`` for a clutch that falls short of its wanted torque, else ``other``."""
     return bound if short > 0.0 else other

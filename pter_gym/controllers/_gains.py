@@ -1,5 +1,4 @@
-"""The array of gains that guiding laws read: their nominal machine, a torque table, and rows of
-gains by pace.
+"""The array of gains that guiding laws read: nominal machine, torque table, gains by pace.
 
 In this order: ``Nominal``; the voltages, then the torques of the table; the paces of the rows; the
 rows, each a ``Gains``. Between two paces the gains are interpolated; beyond them the nearest row
@@ -21,6 +20,9 @@ from pter_gym._physics.model import optional_arrangement
 from pter_gym._physics.scalars import clamp
 from pter_gym.params import Machine
 
+CONSTANT, RANDOM, IMPEDANCE, SINGLE_DOF, VELOCITY_RATIO, NETWORK = map(float, range(1, 7))
+"""Numbers of the laws that share one compiled function: the first entry of their gains."""
+
 
 class Nominal(NamedTuple):
     """Which law it is, the number of knots of the torque table, and the nominal machine."""
@@ -36,8 +38,7 @@ class Nominal(NamedTuple):
 
 
 class Gains(NamedTuple):
-    """Gains of all guiding laws; a law leaves those of other laws at zero. Switches are on from
-    0.5.
+    """Gains of all guiding laws; a law leaves those of other laws at zero.
 
     The laws' classes declare units and meanings; see ``Guided`` and its subclasses.
     """
@@ -131,7 +132,7 @@ def read_gains(gains: Any, pace: float) -> Gains:
 
 @device
 def table_voltage(gains: Any, torque: float) -> float:
-    """Return the voltage [V] at which the piecewise-linear table reaches a torque ≥ 0 [N·m], at most its last knot."""
+    """Return the voltage [V] at which the table reaches a torque [N·m], at most its last knot."""
     count = int(gains[NOMINAL.knots])
     last = TABLE + count - 1
     volts = gains[last]
@@ -147,8 +148,7 @@ def table_voltage(gains: Any, torque: float) -> float:
 def clutch_voltage(
     gains: Any, g: Gains, scale: float, wanted: float, slip: float, generated: float
 ) -> float:
-    """Return the voltage [V] for a desired clutch torque: from the table, and the loop of Fig. 6 if
-    it has a gain.
+    """Return the voltage [V] for a desired clutch torque, by the table and the loop of Fig. 6.
 
     Torques are magnitudes, since a voltage cannot choose a sign. A clutch with scale 0 is missing
     and gets 0 V. ``hold_when_stuck`` disables the loop while the clutch is stuck and carries less

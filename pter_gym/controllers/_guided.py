@@ -12,33 +12,37 @@ from itertools import pairwise
 from typing import Any, ClassVar
 
 from pter_gym._compiled.layout import Layout
-from pter_gym.controllers._base import Policy
-from pter_gym.controllers._gains import Gains, gains_array
-from pter_gym.controllers._laws import (
+from pter_gym.controllers._gains import (
     IMPEDANCE,
     SINGLE_DOF,
     VELOCITY_RATIO,
-    built_in,
-    built_in_declared,
+    Gains,
+    gains_array,
 )
+from pter_gym.controllers._laws import built_in, built_in_declared
+from pter_gym.controllers._policy import Policy
 from pter_gym.errors import ParameterError
 from pter_gym.params import (
     Machine,
     find_machine,
-    preset,
     quantity,
     require,
     require_flag,
     require_number,
     require_numbers,
 )
+from pter_gym.params._fields import types_of
 from pter_gym.tasks.path_following._observation import OBS
+
+Search = dict[str, tuple[float, float] | tuple[bool, bool]]
+"""Ranges by the names of gains: (low, high), logarithmic where low > 0, or (False, True)."""
+
+LOOP: Search = {"feedback": (0.01, 5.0), "hold_when_stuck": (False, True)}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Guided:
-    """A controller that computes a desired tip force, clutch torques for it, and their voltages
-    from a table.
+    """A controller that computes a tip force, clutch torques for it, and their voltages.
 
     The controller knows the nominal machine that it is bound to: its link lengths and inertias, and
     the dynamic torque curve at ``table_volts``. Between these it interpolates, so its table is not
@@ -46,10 +50,10 @@ class Guided:
     V, 0 N·m). It ends at the machine's largest voltage, which replaces all knots from there on.
     """
 
-    damping_tangential: float = preset("controller", "damping_tangential")
+    damping_tangential: float = quantity("N·s/m", "fitted: damper along the path", default=106.4)
     pace_fraction: float = quantity(
         "1",
-        "chosen: the damper along the path leaves this fraction of the commanded pace alone; paper: 0",
+        "chosen: the damper along the path leaves this part of the commanded pace alone; paper: 0",
         default=0.0,
     )
     pace_integral: float = quantity(
@@ -59,14 +63,34 @@ class Guided:
     )
     grip: float = quantity(
         "1",
-        "chosen: control steps at the start of an episode with all clutches fully engaged; paper: 0",
+        "chosen: control steps at the start with all clutches fully engaged; paper: 0",
         default=0.0,
     )
-    table_volts: tuple[float, ...] = preset("controller", "table_volts")
-    slip_threshold: float = preset("controller", "slip_threshold")
+    table_volts: tuple[float, ...] = quantity(
+        "V", "chosen: five knots; 4 V published", default=(0.0, 4.0, 10.0, 17.0, 24.0)
+    )
+    slip_threshold: float = quantity(
+        "rad/s", "fitted: a slower clutch counts as stuck", default=0.005983
+    )
 
     kind: ClassVar[float]
-    """Number of the law, from ``pter_gym.controllers._laws``."""
+    """Number of the law, from ``pter_gym.controllers._gains``."""
+
+    label: ClassVar[str]
+    """Name of the law for people."""
+
+    search: ClassVar[Search] = {
+        "braking": (10.0, 300.0),
+        "pace_fraction": (0.0, 0.95),
+        "pace_integral": (0.05, 30.0),
+        "grip": (0.0, 30.0),
+        "slip_threshold": (1e-3, 0.2),
+    }
+    """Ranges of the gains in SI, as ``pter tune`` reads them.
+
+    ``braking`` stands for the damper along the path: the force [N] with which it holds the hand
+    back at the commanded pace. It has to balance the hand's push whatever the other gains are.
+    """
 
     ranges: ClassVar[dict[str, dict[str, float]]] = {
         "pace_fraction": {"at_least": 0.0, "at_most": 1.0}
@@ -75,26 +99,27 @@ class Guided:
 
     def __post_init__(self) -> None:
         """Check gains and table."""
+        types = types_of(type(self))
         for item in fields(self):
-            if item.type is bool:
+            if types[item.name] is bool:
                 require_flag(self, item.name)
-            elif item.type is float:
+            elif types[item.name] is float:
                 require_number(self, item.name, **self.ranges.get(item.name, {"at_least": 0.0}))
         require_numbers(self, "table_volts")
         rising = self.table_volts[:1] == (0.0,) and all(
             a < b for a, b in pairwise(self.table_volts)
         )
-        require(rising, self, "table_volts", self.table_volts, "a tuple of rising voltages from 0")
+        require(rising, self, "table_volts", "a tuple of rising voltages from 0")
 
     def gains(self) -> Gains:
-        """Return the gains as the law reads them: the fields of the same names, and 0 for gains of other laws."""
+        """Return the gains as the law reads them, 0 for those of other laws."""
         arrangement = vars(self)
         return Gains(
             **{name: float(arrangement[name]) for name in Gains._fields if name in arrangement}
         )
 
     def at(self, pace: float) -> "Guided":  # noqa: ARG002
-        """Return itself, whose gains are the same at every commanded pace [m/s]; see ``PaceSchedule.at``."""
+        """Return itself, the gains for every commanded pace [m/s]; see ``PaceSchedule.at``."""
         return self
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
@@ -111,12 +136,18 @@ class Guided:
 
 @dataclass(frozen=True, kw_only=True)
 class Impedance(Guided):
-    """Spring and damper normal to the path, damper along it; allocation; piecewise-linear torque table."""
+    """Spring and damper normal to the path, damper along it; allocation; torque table."""
 
     kind = IMPEDANCE
+    label = "Impedance"
+    search = Guided.search | {
+        "stiffness": (50.0, 20_000.0),
+        "damping_normal": (5.0, 3000.0),
+        "tip_space": (False, True),
+    }
 
-    stiffness: float = preset("controller", "stiffness")
-    damping_normal: float = preset("controller", "damping_normal")
+    stiffness: float = quantity("N/m", "fitted: spring normal to the path", default=640.6)
+    damping_normal: float = quantity("N·s/m", "fitted: damper normal to the path", default=135.6)
     tip_space: bool = quantity(
         "1", "chosen: allocate for tip force, not joint torque", default=False
     )
@@ -126,7 +157,14 @@ class Impedance(Guided):
 class TorqueFeedback(Impedance):
     """The impedance controller with a proportional torque loop around each clutch (Fig. 6)."""
 
-    feedback: float = preset("controller", "feedback")
+    label = "Torque feedback"
+    search = Impedance.search | LOOP
+
+    feedback: float = quantity(
+        "V/(N·m)",
+        "published: Kp = 0.06 (section IV-C.3), read as V per in·lbf",
+        default=0.5310447474796312,
+    )
     hold_when_stuck: bool = quantity(
         "1", "chosen: leave the loop out where it has no effect", default=False
     )
@@ -134,13 +172,18 @@ class TorqueFeedback(Impedance):
 
 @dataclass(frozen=True, kw_only=True)
 class Steering(Guided):
-    """A damper along the path for the pace, and a law that turns the tip's velocity u·t towards a
-    desired direction.
+    """A damper along the path for the pace, and a law that turns the tip's velocity.
 
     With the distance e from the path, its tangent t, normal n and curvature κ, and the speed v
     along it, the desired direction is t + (lead·κ·v − approach·e)·n. The torque loop is that of
     ``TorqueFeedback``.
     """
+
+    search = (
+        Guided.search
+        | LOOP
+        | {"approach": (1.0, 100.0), "lead": (0.0, 0.4), "strength": (3.0, 300.0)}
+    )
 
     approach: float = quantity(
         "1/m", "chosen: this inverse distance turns the tip back by 45 degrees", default=8.0
@@ -177,6 +220,8 @@ class SingleDof(Steering):
     """
 
     kind = SINGLE_DOF
+    label = "Single-DOF"
+    search = Steering.search | {"slow": (0.01, 1.0), "reluctance": (0.0, 0.5)}
 
     slow: float = quantity(
         "m/s", "chosen: a slower tip is turned less, in proportion to its speed", default=0.05
@@ -186,8 +231,7 @@ class SingleDof(Steering):
 
 @dataclass(frozen=True, kw_only=True)
 class VelocityRatio(Steering):
-    """Velocity ratio: couple the axes so that the ratio of their velocities moves the tip in the
-    desired direction.
+    """Velocity ratio: couple the axes so that the tip moves in the desired direction.
 
     J⁻¹ turns the desired direction into a ratio of joint velocities. A joint torque normal to it,
     strength·sin δ with the angle δ between joint velocity and desired ratio, turns the joint
@@ -196,6 +240,8 @@ class VelocityRatio(Steering):
     """
 
     kind = VELOCITY_RATIO
+    label = "Velocity ratio"
+    search = Steering.search | {"slow": (0.02, 2.0), "tip_space": (False, True)}
 
     slow: float = quantity(
         "rad/s", "chosen: a slower arm is turned less, in proportion to its speed", default=0.1
@@ -207,8 +253,7 @@ class VelocityRatio(Steering):
 
 @dataclass(frozen=True)
 class PaceSchedule:
-    """One controller for all paces: gains piecewise linear in the commanded pace, between those of
-    its knots.
+    """One controller for all paces: gains piecewise linear in the commanded pace.
 
     Below the first pace and above the last, the gains of that knot apply. Boolean gains are those
     of the nearer knot.
@@ -232,17 +277,15 @@ class PaceSchedule:
         knots = self.knots
         given: Any = knots
         are_knots = isinstance(given, tuple) and len(knots) > 0 and all(map(_is_knot, knots))
-        require(are_knots, self, "knots", knots, accepted)
-        require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", knots, accepted)
+        require(are_knots, self, "knots", accepted)
+        require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", accepted)
         alike = {(type(controller), controller.table_volts) for _, controller in knots}
-        require(
-            len(alike) == 1, self, "knots", knots, "controllers of one kind with one table_volts"
-        )
+        require(len(alike) == 1, self, "knots", "controllers of one kind with one table_volts")
         require_number(self, "hold", at_least=0.0, below=1.0)
         apart = all(
             a * (1.0 + self.hold) < b * (1.0 - self.hold) for (a, _), (b, _) in pairwise(knots)
         )
-        require(apart, self, "hold", self.hold, "small enough to leave room between the knots")
+        require(apart, self, "hold", "small enough to leave room between the knots")
 
     def at(self, pace: float) -> Guided:
         """Return the controller of the knot at a commanded pace [m/s].
@@ -290,4 +333,4 @@ def bind_rows(
             'torque feedback needs torque sensors: sensors="torque" or sensors="force"'
         )
     law = built_in if machine.has_paper_clutches else built_in_declared
-    return Policy(gains_array(first.kind, machine, volts, rows), layout, law)
+    return Policy.of_law(law, gains_array(first.kind, machine, volts, rows), machine, layout)

@@ -2,8 +2,7 @@
 
 A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation,
 ``obs·scales`` is in physical units, ``gains`` belongs to the law (its first entry is its kind) and
-``memory`` to one world (see ``Memory``). The batch kernel inlines a law; plain Python may call it
-too.
+``memory`` to one world (see ``Memory``). ``_law_kernel`` runs a law in many worlds.
 """
 
 from typing import Any
@@ -29,27 +28,26 @@ from pter_gym._physics.scalars import clamp
 from pter_gym.controllers._allocation import allocate, largest_torque, least_torque
 from pter_gym.controllers._gains import (
     ARRANGEMENT,
+    IMPEDANCE,
+    NETWORK,
     NOMINAL,
+    RANDOM,
+    SINGLE_DOF,
+    VELOCITY_RATIO,
     Gains,
     Nominal,
     clutch_voltage,
     read_gains,
 )
-from pter_gym.controllers._network import HEADER, HEADER_WIDTH, NETWORK, decide
+from pter_gym.controllers._network import HEADER, HEADER_WIDTH, decide
 from pter_gym.controllers._steering import Tip, speed_along, steered, turning_torques
 from pter_gym.tasks.path_following._observation import OBS
-
-CONSTANT = 1.0
-RANDOM = 2.0
-IMPEDANCE = 3.0
-SINGLE_DOF = 4.0
-VELOCITY_RATIO = 5.0
 
 BRAKE_LIMIT = 200.0
 """Largest magnitude of the force along the path that the pace's integral comes to [N]."""
 
 START_PROGRESS = 0.02
-"""Part of the path within which an episode begins; a tip that is back there from twice as far has begun another."""
+"""Part of the path within which an episode begins."""
 
 JOINED_MIDWAY = 1e6
 """Control steps that no episode has."""
@@ -111,31 +109,32 @@ def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[floa
 def steps_before(obs: Any, memory: Any) -> float:
     """Return the number of earlier control steps in the episode, and count this one.
 
-    An episode begins when a tip that was under way is back at the start, even without a reset of
-    the policy; the memory of the previous episode is then cleared. An episode that the law joins
-    midway has had ``JOINED_MIDWAY`` steps.
+    An episode that the law joins midway has had ``JOINED_MIDWAY`` steps.
     """
-    progress = float(obs[OBS.progress])
-    if (progress < START_PROGRESS) & (memory[MEMORY.progress] >= 2.0 * START_PROGRESS):
-        memory[MEMORY.kept] = 0.0
-        memory[MEMORY.brake] = 0.0
-        memory[MEMORY.steps] = 0.0
-    before = (
-        JOINED_MIDWAY
-        if (memory[MEMORY.steps] == 0.0) & (progress >= START_PROGRESS)
-        else memory[MEMORY.steps]
-    )
+    steps = memory[MEMORY.steps]
+    joins = (steps == 0.0) & (float(obs[OBS.progress]) >= START_PROGRESS)
+    before = JOINED_MIDWAY if joins else steps
     memory[MEMORY.steps] = before + 1.0
-    memory[MEMORY.progress] = progress
     return before
 
 
 @device
 def pace_integral(g: Gains, tip: Tip, pace: float, memory: Any) -> float:
-    """Return the integral of the pace [N] after one more control step: ``pace_integral``·(speed − pace) is added."""
+    """Return the pace's integral [N] after a control step, which adds gain·(speed − pace)."""
     more = g.pace_integral * (speed_along(tip) - pace)
     memory[MEMORY.brake] = clamp(memory[MEMORY.brake] + more, -BRAKE_LIMIT, BRAKE_LIMIT)
     return memory[MEMORY.brake]
+
+
+@device
+def demanded_force(
+    g: Gains, tip: Tip, pace: float, before: float, memory: Any
+) -> tuple[bool, float, float]:
+    """Return whether a law still grips after so many control steps, and the tip force [N]."""
+    gripping = g.grip - before >= 0.5
+    integral = 0.0 if gripping else pace_integral(g, tip, pace, memory)
+    force_x, force_y = wanted_force(g, tip, pace, integral)
+    return gripping, force_x, force_y
 
 
 @device
@@ -146,7 +145,7 @@ def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 @device
 def guide_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-    """Return the voltages of a guiding law for the clutches in the ``Arrangement`` at the end of the gains."""
+    """Return the voltages of a guiding law for the ``Arrangement`` at the end of the gains."""
     return guide_by(obs, scales, gains, memory, read(gains, ARRANGEMENT, gains.shape[0]))
 
 
@@ -166,9 +165,7 @@ def guide_by(
     nominal = read(gains, NOMINAL, 0)
     g = read_gains(gains, pace)
     tip = observed_tip(obs, scales, nominal)
-    gripping = g.grip - steps_before(obs, memory) >= 0.5
-    integral = 0.0 if gripping else pace_integral(g, tip, pace, memory)
-    force_x, force_y = wanted_force(g, tip, pace, integral)
+    gripping, force_x, force_y = demanded_force(g, tip, pace, steps_before(obs, memory), memory)
     want_a, want_b = joint_torque(tip.arm, tip.q, force_x, force_y)
     if nominal.kind == VELOCITY_RATIO:
         turn_a, turn_b = turning_torques(g, tip)
@@ -194,7 +191,7 @@ def passive_torques(
     want_b: float,
     arrangement: OptionalArrangement = None,
 ) -> PerClutch:
-    """Return the torques [N·m] of braking clutches that come closest in joint torque, or in tip force."""
+    """Return the torques [N·m] of braking clutches that come closest, at the joints or the tip."""
     low = least_torque(slip, g.slip_threshold, nominal.torque_limit, nominal.scale)
     high = largest_torque(slip, g.slip_threshold, nominal.torque_limit, nominal.scale)
     m11, m12, m22 = 1.0, 0.0, 1.0
@@ -221,8 +218,7 @@ def looped_voltage(
     slip: float,
     sensor: float,
 ) -> float:
-    """Return the voltage [V] of a clutch, after the torque loop if it has a gain; only then is its
-    sensor read.
+    """Return the voltage [V] of a clutch, after the torque loop if it has a gain.
 
     It is at least ``least``, except for a missing clutch.
     """
@@ -234,18 +230,21 @@ def looped_voltage(
 
 @device
 def random_volts(gains: Any, memory: Any) -> PerClutch:
-    """Return voltages drawn uniformly from 0 to each clutch's largest; gains hold the seed and these."""
+    """Return voltages from 0 to each clutch's largest, other draws in each episode.
+
+    The gains hold the seed and the largest voltages.
+    """
     draw = np.uint64(memory[MEMORY.kept])
     memory[MEMORY.kept] += 1.0
     u1, u2, u3, u4 = uniform4(
-        np.uint64(gains[1]), _RANDOM_STREAM, draw, np.uint64(memory[MEMORY.world])
+        np.uint64(gains[1]), _RANDOM_STREAM, draw, np.uint64(memory[MEMORY.episode])
     )
     return PerClutch(gains[2] * u1, gains[3] * u2, gains[4] * u3, gains[5] * u4)
 
 
 @outlined
 def network(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-    """Return the voltages of a trained network, which may correct a guiding law for the paper's clutches."""
+    """Return the voltages of a trained network, which may correct a guiding law."""
     law = gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])]
     base = guide(obs, scales, law, memory) if len(law) > 0 else middle(gains)
     return decide(obs, scales, gains, memory, base)
@@ -253,7 +252,7 @@ def network(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 @device
 def middle(gains: Any) -> PerClutch:
-    """Return the voltages [V] that a network without a base controller corrects: the middle of the range."""
+    """Return the voltages [V] that a network corrects without a base: the middle of the range."""
     half = 0.5 * gains[HEADER.voltage_max]
     return PerClutch(half, half, half, half)
 
@@ -272,7 +271,7 @@ def built_in(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 @device
 def built_in_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-    """Return the voltages of the guiding law or the trained network that the first gain names, for other clutches."""
+    """Return the voltages of the law that the first gain names, for declared clutches."""
     corrects = gains[0] == NETWORK
     law = gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])] if corrects else gains
     base = guide_declared(obs, scales, law, memory) if len(law) > 0 else middle(gains)

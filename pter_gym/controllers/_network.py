@@ -1,5 +1,4 @@
-"""A trained network as a law: its inputs from an observation and its history, its layers, and the
-voltages.
+"""A trained network as a law: its inputs, its layers, and the voltages.
 
 Sizes and weights are entries of the gains, so one compiled law runs every network. In this order:
 ``Network``; the gains of the base controller, if any; for each input its source, its center and its
@@ -15,18 +14,17 @@ from typing import Annotated, Any, NamedTuple
 from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.records import Entry, entrywise, read, rows, width
 from pter_gym._engine.law import Memory
+from pter_gym._physics.arm import UnitVector, Vector, components
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.scalars import clamp
+from pter_gym.tasks.path_following._actions import volts_of
 from pter_gym.tasks.path_following._observation import OBS
-
-NETWORK = 6.0
-"""Kind of the law, its first gain."""
 
 INPUT_LIMIT = 10.0
 """Inputs of a network are limited to ±INPUT_LIMIT of their scales."""
 
 DERIVED = ("heading_a_cos", "heading_a_sin", "heading_b_cos", "heading_b_sin")
-"""Inputs that are derived from the observation: cosine and sine of the angles from links A and B to the path."""
+"""Inputs derived from the observation: cosine and sine of the angle from a link to the path."""
 
 BASE_INPUTS = ("base_1", "base_2", "base_3", "base_4")
 """Inputs that are the voltages of the base controller [V]."""
@@ -69,7 +67,7 @@ VECTORS = LAW_WIDTH + width(InputHistory)
 
 
 def source_of(name: str, names: tuple[str, ...]) -> float:
-    """Return the number by which the law finds an input: the place of an observation's entry, or −1 … −8."""
+    """Return an input's source: the place of an observation's entry, or −1 … −8."""
     return float(names.index(name) if name in names else -1 - (*DERIVED, *BASE_INPUTS).index(name))
 
 
@@ -81,8 +79,7 @@ def memory_width(network: Network) -> int:
 
 @device
 def tanh(x: float) -> float:
-    """Return tanh x to 1e-13, from arithmetic alone: a math library's bits would depend on the
-    computer.
+    """Return tanh x to 1e-13, from arithmetic alone, whose bits are those of any computer.
 
     With e = exp(−2|x|), which is the 64th power of a Taylor series for exp(−|x|/32), tanh |x| = (1
     − e)/(1 + e).
@@ -109,12 +106,13 @@ def quantity(obs: Any, scales: Any, base: PerClutch, source: int) -> float:
     cos_link = float(obs[OBS.cos_b] if of_b else obs[OBS.cos_a])
     sin_link = float(obs[OBS.sin_b] if of_b else obs[OBS.sin_a])
     is_cos = (source == -1) | (source == -3)
-    return cos * cos_link + sin * sin_link if is_cos else sin * cos_link - cos * sin_link
+    along, across = components(Vector(cos, sin), UnitVector(cos_link, sin_link))
+    return along if is_cos else across
 
 
 @device
 def add_product(out: Any, weights: Any, values: Any, count: int) -> None:
-    """Add a matrix times a vector, each output's terms in the order of the inputs; four inputs at once save stores."""
+    """Add a matrix times a vector, in the order of the inputs; four at once save stores."""
     n = out.shape[0]
     for k in range(0, count - 3, 4):
         v0, v1, v2, v3 = values[k], values[k + 1], values[k + 2], values[k + 3]
@@ -193,6 +191,5 @@ def voltage(net: Network, output: float, base: float) -> float:
     """Return the voltage [V] of an output, which is limited to ±1."""
     limited = clamp(output, -1.0, 1.0)
     if net.normalised != 0.0:
-        linear = (limited + 1.0) * (net.voltage_max / 2.0)
-        return linear * (linear / net.voltage_max)
+        return volts_of(limited, -1.0, 1.0, net.voltage_max)
     return clamp(base + net.reach * limited, 0.0, net.voltage_max)

@@ -2,17 +2,15 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from pter_gym._compiled.layout import Layout
-from pter_gym.controllers._base import Policy
-from pter_gym.controllers._laws import CONSTANT, RANDOM
-from pter_gym.params import Machine, find_machine, quantity, require_whole
+from pter_gym.controllers._gains import CONSTANT, RANDOM
+from pter_gym.controllers._laws import built_in
+from pter_gym.controllers._policy import Policy
+from pter_gym.params import Machine, quantity, require_whole
 
 
 def largest_voltages(machine: Machine) -> list[float]:
     """Return the largest voltage of each clutch [V], 0 for a missing one."""
-    machine = find_machine(machine)
     return [machine.clutch.voltage_max if scale > 0.0 else 0.0 for scale in machine.slot_scale]
 
 
@@ -20,9 +18,9 @@ def largest_voltages(machine: Machine) -> list[float]:
 class Free:
     """All clutches released: 0 V."""
 
-    def bind(self, machine: Machine, layout: Layout) -> Policy:  # noqa: ARG002
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy that gives 0 V in all worlds."""
-        return Policy(np.array([CONSTANT, 0.0, 0.0, 0.0, 0.0]), layout)
+        return Policy.of_law(built_in, [CONSTANT, 0.0, 0.0, 0.0, 0.0], machine, layout)
 
 
 @dataclass(frozen=True)
@@ -31,12 +29,13 @@ class Locked:
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy that gives all clutches a machine's largest voltage."""
-        return Policy(np.array([CONSTANT, *largest_voltages(machine)]), layout)
+        gains = [CONSTANT, *largest_voltages(machine)]
+        return Policy.of_law(built_in, gains, machine, layout)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Random:
-    """Voltages drawn uniformly from [0, voltage_max] at each control step."""
+    """Voltages drawn evenly from [0, voltage_max] at each control step, others in each episode."""
 
     seed: int = quantity("1", "chosen", default=0)
 
@@ -46,4 +45,5 @@ class Random:
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy that draws up to the largest voltage of a machine's clutches."""
-        return Policy(np.array([RANDOM, self.seed, *largest_voltages(machine)]), layout)
+        gains = [RANDOM, self.seed, *largest_voltages(machine)]
+        return Policy.of_law(built_in, gains, machine, layout)

@@ -1,5 +1,4 @@
-"""Steering by the tip's direction: the torques that the single-DOF and the velocity-ratio law
-demand of the clutches.
+"""Steering by the tip's direction: what the single-DOF and velocity-ratio laws ask of clutches.
 
 Both want the tip to move in a direction that leads back to the path: along t + (lead·κ·v −
 approach·e)·n, with the path's tangent t, normal n and curvature κ at the tip's foot, its distance e
@@ -61,8 +60,7 @@ def wanted_direction(g: Gains, tip: Tip) -> tuple[float, float]:
 
 @device
 def turning_torques(g: Gains, tip: Tip) -> tuple[float, float]:
-    """Return the joint torques [N·m] that turn the ratio of the joint velocities towards the
-    desired one.
+    """Return the joint torques [N·m] that turn the ratio of the joint velocities.
 
     r = J⁻¹u/|J⁻¹u| is the direction of joint velocities that moves the tip as desired, and n is
     normal to it. With σ = ω·n, the part of ω with the wrong ratio, the torques are
@@ -91,8 +89,7 @@ def at_speed(q: Motion, omega_a: float, omega_b: float) -> Motion:
 def matching(
     tip: Tip, u_x: float, u_y: float, turn: float, line: tuple[float, float], w: tuple[float, float]
 ) -> float:
-    """Return cos² of the angle between a clutch's line and the desired direction, −1 if the clutch
-    turns away from it.
+    """Return cos² of the angle between a clutch's line and the desired direction, or −1.
 
     The tip moves along this line while the clutch is stuck, with joint velocities along ``line``.
     ``turn`` is positive if the tip should turn to the left; the clutch with the row w of W brakes
@@ -117,7 +114,7 @@ def matching(
 def line_and_row(
     k: int, arrangement: OptionalArrangement
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the line of a slot, the joint velocities at which it does not slip, and its row of W."""
+    """Return the joint velocities at which a slot does not slip, and its row of W."""
     if arrangement is not None:
         return (-arrangement.b[k], arrangement.a[k]), (arrangement.a[k], arrangement.b[k])
     return LINES[k], COUPLING[k]
@@ -132,8 +129,7 @@ def steered(
     last: float,
     arrangement: OptionalArrangement = None,
 ) -> tuple[PerClutch, float]:
-    """Return the clutch torques [N·m] with the torque of the best line's clutch added, and its
-    number, 0 for none.
+    """Return the torques [N·m] with that of the best line's clutch added, and its number or 0.
 
     Of the clutches that turn the tip's velocity towards the desired direction, the one whose
     single-DOF line matches it best is engaged, with strength·|sin of the angle between velocity and
@@ -160,6 +156,6 @@ def steered(
 @entrywise
 @device
 def enlarged(wanted: float, number: float, chosen: float, torque: float) -> float:
-    """Return a desired torque, of the chosen clutch with its magnitude increased; a brake's voltage has no sign."""
+    """Return a desired torque, larger for the chosen clutch; a brake's voltage has no sign."""
     more = torque if number == chosen else 0.0
     return wanted + more if wanted > 0.0 else wanted - more

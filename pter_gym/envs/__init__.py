@@ -1,8 +1,6 @@
-"""Interfaces to the simulator: Gymnasium's single and vector environments, and those of other
-libraries.
+"""Interfaces to the simulator: Gymnasium's single and vector environments.
 
-``scenario`` has the training draws of the scenarios' ids; ``sb3`` is for Stable-Baselines3, ``jax``
-for JAX.
+``sb3`` is for Stable-Baselines3, ``jax`` for JAX.
 """
 
 from typing import TYPE_CHECKING
@@ -18,9 +16,9 @@ __all__ = ["Batch", "PathFollowingEnv", "PathFollowingVectorEnv", "Returns"]
 
 __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
     __name__,
-    submodules=["jax", "sb3", "scenario"],
+    submodules=["jax", "sb3"],
     submod_attrs={
-        "_shared": ["Batch"],
+        "_mixin": ["Batch"],
         "_single": ["PathFollowingEnv"],
         "_vector": ["PathFollowingVectorEnv", "Returns"],
     },

@@ -1,6 +1,5 @@
-"""Policies that act in environments: bound to their machine and observations, with actions in their unit."""
+"""Policies that act in environments, with actions in the environment's unit."""
 
-from collections.abc import Callable
 from typing import Any
 
 import gymnasium
@@ -10,12 +9,12 @@ from gymnasium.vector import VectorActionWrapper, VectorObservationWrapper
 from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
-from pter_gym.controllers import Controller, bind
-from pter_gym.envs._shared import nominal_machine
+from pter_gym.controllers import AnyPolicy, bind
+from pter_gym.envs._mixin import nominal_machine
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.params import Machine
+from pter_gym.tasks.path_following._actions import action_of
 
-Observations = NDArray[np.float32]
 Actions = NDArray[np.float32]
 
 CHANGING: Any = (
@@ -39,8 +38,7 @@ CHANGING_MODULES = (
 
 
 class ActingPolicy:
-    """A policy in one environment: ``policy(observation) -> action``; ``pter_gym.load_policy``
-    makes one.
+    """A policy in one environment: ``policy(observation) -> action``.
 
     Call it once per step of the environment, and ``reset`` where episodes begin.
 
@@ -60,7 +58,7 @@ class ActingPolicy:
         the policy needs something that the observations lack, or another ``frame_skip``.
     """
 
-    def __init__(self, policy: Controller | Callable[[Observations], Any], env: Any) -> None:
+    def __init__(self, policy: AnyPolicy, env: Any) -> None:
         check_wrappers(env)
         machine = nominal_machine(attributes(env, "nominal_machine"))
         (layout,) = attributes(env, "observation_layout")
@@ -68,15 +66,18 @@ class ActingPolicy:
         self._single = isinstance(env, gymnasium.Env)
         self._worlds: int = 1 if self._single else env.num_envs
         self._voltage_max = machine.clutch.voltage_max
-        self._clutches = len(machine.clutches)
-        self._normalised = has_normalised_actions(env, layout, machine)
+        self._bounds = bounds_of_actions(env, layout, machine)
+        self._volts_shape = (self._worlds, len(machine.clutches))
         self._policy = bind(policy, machine, layout)
         self._shape = (len(layout),) if self._single else (self._worlds, len(layout))
         held = self._policy.frame_skip
-        if held != skip and not (held == 1 and self._policy.any_frame_skip):
+        if held != skip and not self._policy.any_frame_skip:
             raise ParameterError(
-                f"env must have the frame_skip of the policy, {held}, got {skip}: make it with frame_skip={held}"
+                f"env must have the frame_skip of the policy, {held}, got {skip}: make it with "
+                f"frame_skip={held}"
             )
+        self._episodes = np.arange(self._worlds)
+        self._memory = self._policy.start(self._worlds)
 
     def reset(self, worlds: NDArray[np.bool_] | None = None) -> None:
         """Forget past episodes in these worlds, a bool array (N,), or in all by default.
@@ -90,16 +91,15 @@ class ActingPolicy:
         ParameterError
             If the worlds are not a bool array (N,).
         """
-        if worlds is None:
-            self._policy.reset()
-            return
-        mask = np.asarray(worlds)
-        if mask.dtype != np.bool_ or mask.shape != (self._worlds,):
+        begins = np.asarray(np.ones(self._worlds, np.bool_) if worlds is None else worlds)
+        if begins.dtype != np.bool_ or begins.shape != (self._worlds,):
             raise ParameterError(
                 f"worlds must be a bool array with the shape ({self._worlds},), got {worlds!r:.200}"
             )
-        if mask.any():
-            self._policy.reset(mask)
+        self._episodes[begins] += self._worlds
+        fresh = self._policy.start(self._worlds, self._episodes)
+        if fresh is not None:
+            self._memory[begins] = fresh[begins]
 
     def __call__(self, observation: Any) -> Actions:
         """Return the action for the latest observation of the environment.
@@ -135,32 +135,26 @@ class ActingPolicy:
             raise ParameterError(
                 f"observation must be an array of the shape {self._shape}, got {found}"
             )
-        volts = np.array(self._policy.act(rows.reshape(self._worlds, -1)), np.float32)
-        most = self._voltage_max
-        if self._policy.compiled:  # clipped in the kernel, too
-            volts = np.clip(volts[:, : self._clutches], 0.0, most)
-        shape = (self._worlds, self._clutches)
+        volts = np.array(self._policy.act(rows.reshape(self._worlds, -1), self._memory), np.float32)
+        most, shape = self._voltage_max, self._volts_shape
         if volts.shape != shape or not ((volts >= 0.0) & (volts <= most)).all():
             raise ActionError(
-                f"policy must give voltages of the shape {shape} within [0, {most:g}] V, got {volts!r:.200}"
+                f"policy must give voltages of the shape {shape} within [0, {most:g}] V, "
+                f"got {volts!r:.200}"
             )
-        actions = normalised(volts, most) if self._normalised else volts
+        actions = action_of(volts, *self._bounds, most)
         return actions[0] if self._single else actions
 
 
-def normalised(volts: NDArray[np.floating], voltage_max: float) -> Actions:
-    """Return the normalised actions, float32, that stand for voltages [V] within [0, voltage_max]."""
-    return (2.0 * np.sqrt(np.asarray(volts, np.float64) / voltage_max) - 1.0).astype(np.float32)
-
-
 def attributes(env: Any, name: str) -> set[Any]:
-    """Return the distinct values of an attribute of the unwrapped environments, or raise a ParameterError."""
+    """Return the distinct values of an attribute of the unwrapped environments."""
     base = getattr(env, "unwrapped", env)
     try:
         return set(base.get_attr(name)) if hasattr(base, "get_attr") else {getattr(base, name)}
     except AttributeError:
         raise ParameterError(
-            f"env must be an environment of this package, as gymnasium.make and gymnasium.make_vec return it, "
+            "env must be an environment of this package, "
+            f"as gymnasium.make and gymnasium.make_vec return it, "
             f"got {env!r:.100}"
         ) from None
 
@@ -207,16 +201,16 @@ def _refuse(wrapper: str) -> None:
     )
 
 
-def has_normalised_actions(env: Any, layout: Layout, machine: Machine) -> bool:
-    """Return whether actions are normalised, or raise a ParameterError if the spaces are not those of the worlds."""
+def bounds_of_actions(env: Any, layout: Layout, machine: Machine) -> tuple[float, float]:
+    """Return the bounds of actions, or raise a ParameterError if the spaces are not the worlds'."""
     many = "single_" if hasattr(env, "single_action_space") else ""
     observed, acted = (getattr(env, f"{many}{name}_space") for name in ("observation", "action"))
     clutches = (len(machine.clutches),)
-    for is_normalised, low, high in ((False, 0.0, machine.clutch.voltage_max), (True, -1.0, 1.0)):
+    for low, high in ((0.0, machine.clutch.voltage_max), (-1.0, 1.0)):
         if observed.shape == (len(layout),) and acted == spaces.Box(
             low, high, clutches, np.float32
         ):
-            return is_normalised
+            return low, high
     raise ParameterError(
         f"env must pass on observations and actions as they are: it has {observed} and {acted}"
     )

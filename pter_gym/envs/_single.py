@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.plugins import load_artist
-from pter_gym.envs._shared import Arguments, Worlds
+from pter_gym.envs._mixin import Arguments, WorldsMixin
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
@@ -16,7 +16,7 @@ from pter_gym.tasks.path_following import COLUMN, PathFollowing
 RenderMode = Literal["human", "rgb_array"]
 
 
-class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # pyright: ignore[reportIncompatibleVariableOverride]
+class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # pyright: ignore[reportIncompatibleVariableOverride]
     """A hand pushes a passive planar arm along a path; four friction clutches keep it there.
 
     ## Description
@@ -47,13 +47,13 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     |---|---|
     | `cos_a`, `sin_a`, `cos_b`, `sin_b` | absolute angles of links A and B |
     | `omega_a`, `omega_b` | their angular velocities |
-    | `normal_error`, `near_error` | distance from the path, or from its free band; from the path, up to 10 mm |
+    | `normal_error`, `near_error` | distance from free band or path; from the path, up to 10 mm |
     | `progress` | part of the path covered |
     | `heading_cos`, `heading_sin`, `curvature` | the path there |
     | `speed_along`, `speed_across` | tip velocity along and across the path |
-    | `pace`, `pace_error` | commanded mean speed along the path; `speed_along` divided by it, minus 1 |
+    | `pace`, `pace_error` | commanded mean speed; `speed_along` divided by it, minus 1 |
     | `volts_1`, `volts_2`, `volts_3`, `volts_4` | last voltages; 0 for a clutch that is not there |
-    | `torque_1`, `torque_2`, `torque_3`, `torque_4` | generated torques (`sensors="torque"` and `"force"`) |
+    | `torque_1`, `torque_2`, `torque_3`, `torque_4` | generated torques (`"torque"`, `"force"`) |
     | `force_along`, `force_across` | the hand's force (`sensors="force"`) |
 
     ## Rewards
@@ -94,18 +94,23 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     any workspace, so the workspace ends the episode first.
 
     ## Arguments
-    - `machine`: a `Machine`, or the name of one of `pter_gym.params.MACHINES`.
+    - `machine`: a `Machine`, the name of one of `pter_gym.params.MACHINES`, or its file.
     - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, truncation error,
       arrival, starts, sensing, reward weights.
-    - `path`, `pace`: without a `task`, what is followed, and how fast [m/s]: a `Path`, its name in
-      `pter_gym.paths.PATHS` or a CSV file of waypoints, and a number or its name in
-      `pter_gym.scenarios.PACES`. The workspace about a curved path is as wide as its curvature
-      allows.
-    - `randomisation`: a `Randomisation` or `Mixture` from which each episode draws its machine and
-      task instead, or the name of a scenario.
-    - `scenario`: the name of a scenario from which training episodes are drawn instead, as for
-      `PTER/Standard-v0`, with the arguments of `pter_gym.envs.scenario.training_draws`; actions are
-      then normalised and held for 3 control steps by default.
+    - `path`, `pace`, `reward`, `error_max`, `truncation_error`, `starts`: fields of a task in place
+      of `task`. `path` is a `Path`, its name in `pter_gym.paths.PATHS` or a CSV file of waypoints,
+      and the workspace about a curved one is as wide as its curvature allows; `pace` is in m/s or a
+      name in `pter_gym.scenarios.PACES`; `starts` may be a name in
+      `pter_gym.tasks.path_following.STARTS`.
+    - `scenario`: what each episode draws its machine and task from, as for `PTER/Standard-v0`: a
+      name in `pter_gym.scenarios.SCENARIOS`, a `Scenario`, or `Draws` of one's own
+      (`pter_gym.scenarios.distributions`). `machine`, `path` and the other fields then replace what
+      is drawn. By default actions are normalised and held for 3 control steps, the pace is drawn
+      between the slowest and the fastest named one, and episodes of a named scenario begin anywhere
+      along the path, moving; with `starts="rest"` they begin like evaluation episodes, so
+      exploration sees little of the path.
+    - `contexts`, `context_seed`: number of pairs of machine and task that a scenario's episodes
+      draw from, 512 by default, and the seed of their list.
     - `observe_context`: whether the observation ends with the context of machine and task (time
       constant, torque and drift of the clutches, what the hand adds). The telemetry always includes
       it.
@@ -152,8 +157,7 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start a new episode; without a seed, the next one of the current seed. There are no
-        options.
+        """Start a new episode; without a seed, the next one of the current seed.
 
         A generator that was assigned to ``np_random`` gives the seed of the next episode,
         ``np_random_seed``.
@@ -199,7 +203,7 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         return obs, reward, terminated, truncated, {"telemetry": row, "is_success": success}
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Return a picture (height, width, 3) in the mode ``rgb_array``; ``human`` shows each step by itself."""
+        """Return a picture (height, width, 3) with ``rgb_array``; ``human`` shows each step."""
         if self._viewer is None:
             gymnasium.logger.warn(
                 "render_mode was not given to gymnasium.make; nothing is rendered"

@@ -14,7 +14,7 @@ from pter_gym._engine.batch import Array, Observations, Returns
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.computer import available_cores, available_memory
 from pter_gym._internal.plugins import load_artist
-from pter_gym.envs._shared import Arguments, Worlds
+from pter_gym.envs._mixin import Arguments, WorldsMixin
 from pter_gym.errors import ParameterError
 from pter_gym.tasks.path_following._telemetry import COLUMNS
 
@@ -27,7 +27,9 @@ _ENDED = {
 }
 
 
-class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):  # pyright: ignore[reportIncompatibleVariableOverride]
+class PathFollowingVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
+    WorldsMixin, VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
+):
     """N worlds of ``PathFollowingEnv`` in one compiled call.
 
     A world with seed s goes through the same episodes, bit for bit, as a single environment that is
@@ -153,7 +155,7 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
         return returns.obs, returns.rewards, terminated, truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Return a picture of each world, uint8 (height, width, 3); None without a ``render_mode``."""
+        """Return a picture of each world, uint8 (height, width, 3), if there is a render mode."""
         if self._viewer is None:
             gymnasium.logger.warn(
                 "render_mode was not given to gymnasium.make_vec; nothing is rendered"
@@ -183,7 +185,7 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
         return infos
 
     def _add_final(self, infos: dict[str, Any], returns: Returns, ended: Mask) -> None:
-        """Add the final observations and infos of SAME_STEP; the rest of ``infos`` belongs to the reset."""
+        """Add final observations and infos; the rest of ``infos`` belongs to the reset."""
         if not ended.any():
             return
         success = infos["is_success"]
@@ -209,7 +211,7 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
             return None
         if np.ndim(seed) == 1:
             return [
-                None if each is None else whole_number("seed", each, at_least=0) for each in seed
+                None if item is None else whole_number("seed", item, at_least=0) for item in seed
             ]
         first = whole_number("seed", seed, at_least=0)
         return list(range(first, first + self.num_envs))
@@ -233,7 +235,7 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
 
 
 def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
-    """Return an autoreset mode given as itself, by its value or by its name, or raise a ParameterError."""
+    """Return an autoreset mode by itself, its value or its name, or raise a ParameterError."""
     for known in AutoresetMode:
         if mode in (known, known.value, known.name):
             return known
@@ -243,7 +245,7 @@ def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
 
 
 BYTES_PER_WORLD, BYTES_OF_TELEMETRY = 1800, 2000
-"""Most memory of a world with its share of the returns of two steps, and what telemetry adds to it, measured [B]."""
+"""Measured memory of a world and its share of the returns of two steps, and of telemetry [B]."""
 
 
 def check_memory(worlds: int, telemetry: bool) -> None:

@@ -114,8 +114,7 @@ class JaxEnv:
         return cls(cast(Any, gymnasium.make_vec(env_id, **fixed, **keywords).unwrapped), **own)
 
     def reset(self, key: jax.Array, params: EnvParams | None = None) -> tuple[jax.Array, EnvState]:
-        """Return the first observation, float32 (len(observation_layout),), and the state of a
-        world.
+        """Return a world's first observation, float32 (len(observation_layout),), and its state.
 
         Its seed follows from the key, and its later episodes from its seed.
         """
@@ -148,8 +147,7 @@ class JaxEnv:
         action: jax.Array,
         params: EnvParams | None = None,
     ) -> tuple[jax.Array, EnvState, jax.Array, jax.Array, jax.Array, Info]:
-        """Advance a world by ``frame_skip`` control periods; one whose episode ends begins the next
-        one.
+        """Advance a world by ``frame_skip`` control periods; a next episode follows one that ends.
 
         Parameters
         ----------
@@ -200,7 +198,7 @@ class JaxEnv:
         return cast(spaces.Box, self.env.single_observation_space)
 
     def _advance(self, state: EnvState, given: jax.Array, shared: EnvParams) -> Any:
-        """Return a state, observation, last observation, reward and flags after a step with an action in bounds."""
+        """Return state, observation, last observation, reward and flags after a step."""
         empty = jnp.full(
             SLOTS - self.num_actions, self.env.batch.action_low, given.dtype
         )  # has no voltage

@@ -39,7 +39,7 @@ class PterVecEnv(VecEnv):
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
 
     def reset(self) -> NDArray[np.float32]:
-        """Start new episodes, with the seeds of ``seed`` if it was called since the last reset; (N, entries)."""
+        """Start new episodes, with the seeds of ``seed`` if it was called since the last reset."""
         if not isinstance(cast("object", self._options), list) or any(self._options):
             raise ParameterError(f"options must be empty, got {self._options}")
         obs, _ = self.env.reset(seed=self._seeds)
@@ -87,7 +87,7 @@ class PterVecEnv(VecEnv):
         self.env.close()
 
     def get_images(self) -> list[NDArray[np.uint8] | None]:
-        """Return a picture of each world with ``render_mode="rgb_array"``, which ``render`` tiles."""
+        """Return a picture of each world in the mode ``rgb_array``, which ``render`` tiles."""
         return list(self.env.render() or ())
 
     def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
@@ -103,12 +103,12 @@ class PterVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *method_args: Any, indices: Indices = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call a method of the vector environment once, and return its result for each chosen world."""
+        """Call a method of the vector environment once; return its result for each chosen world."""
         result = getattr(self.env, method_name)(*method_args, **method_kwargs)
         return [result for _ in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Indices = None) -> list[bool]:
-        """Return True for ``Monitor``, whose records ``infos`` hold, and False for other wrappers, for each world."""
+        """Return whether it is ``Monitor``, whose records ``infos`` hold, for each world."""
         return [wrapper_class is Monitor for _ in self._get_indices(indices)]
 
 

@@ -1,5 +1,4 @@
-"""The adjoint of a rollout: control steps forward on the simulator's own functions, and backward
-through each substep.
+"""The adjoint of a rollout: control steps forward, then backward through each stage.
 
 Forward, the state at each control instant is kept. Backward, a control step is simulated again from
 there, and its stages are gone through from the last to the first: drift, kick, and what the
@@ -17,6 +16,7 @@ from pter_gym._compiled.records import load, store, width
 from pter_gym._physics.arm import Load, PerLink
 from pter_gym._physics.clutch import PerClutch, Torques
 from pter_gym._physics.open_loop import BODY, scratch
+from pter_gym._physics.order import CYCLE, is_kick, is_whole, stage_count
 from pter_gym._physics.step import (
     MAX_PARTS,
     MIN_PART,
@@ -48,8 +48,7 @@ aim, drift, _ = substep_on(BODY, load_on)
 
 
 class Kick(NamedTuple):
-    """A kick's stages, as ``substep_on`` makes them, each of a column of an array with the rows
-    ``BODY``.
+    """A kick's stages, as ``substep_on`` makes them, on columns with the rows ``BODY``.
 
     Attributes
     ----------
@@ -69,7 +68,7 @@ class Kick(NamedTuple):
 
 def kick_stages(arrangement_at: Any) -> Kick:
     """Return a kick's stages for clutches as ``arrangement_at`` tells."""
-    find, _, _ = kick_stages_on(BODY, load_on, arrangement_at, plain=False)
+    find, _, _ = kick_stages_on(BODY, load_on, arrangement_at)
 
     @outlined
     def share(w: Any, i: int) -> float:
@@ -107,7 +106,7 @@ def _drift_adjoint(body: Any, bar: Any, h: float, whole: bool, aims: bool) -> No
 
 @device
 def _take_adjoint(bar: Any) -> None:
-    """Pull adjoints back through the step from the velocities of before a kick to those that were found."""
+    """Pull adjoints back from the velocities after a kick to those that ``find`` stores."""
     bar[BODY.omega.a, 0] += bar[OMEGA.a, 0]
     bar[BODY.omega.b, 0] += bar[OMEGA.b, 0]
     store(bar, OMEGA, 0, PerLink(0.0, 0.0))
@@ -167,49 +166,48 @@ def _set_load(body: Any, force: Any, target: Any) -> None:
 
 
 @device
-def _keep(tape: Any, k: int, stage: int, body: Any) -> None:
-    """Keep a body's state and what its clutches tend to, if there is a tape."""
-    if len(tape) > 0:
-        for row in range(_STATE):
-            tape[k, stage, row] = body[FIRST + row, 0]
-        for row in range(_STEADY):
-            tape[k, stage, _STATE + row] = body[BODY.steady.breakaway.x1 + row, 0]
-
-
-@device
-def _bring_back(body: Any, kept: Any, steady: int) -> None:
-    """Bring back a state, and as many entries of what clutches tend to."""
+def _bring_back(body: Any, kept: Any) -> None:
+    """Bring back the state before a stage, and what clutches tend to in it."""
     for row in range(_STATE):
         body[FIRST + row, 0] = kept[row]
-    for row in range(steady):
+    for row in range(_STEADY):
         body[BODY.steady.breakaway.x1 + row, 0] = kept[_STATE + row]
 
 
-def _steps(arrangement_at: Any) -> tuple[Any, Any]:
-    """Return ``forward`` and ``backward`` through a control step, for clutches as ``arrangement_at`` tells."""
-    stages = kick_stages(arrangement_at)
-    kick = stages.whole
-    whole_adjoint, kick_adjoint = kick_adjoints(stages)
+def _forward_on(kick: Any) -> Any:
+    """Return ``forward`` through a control step whose kicks are ``kick``."""
 
     @device
     def forward(body: Any, h: float, force: Any, target: Any, tape: Any) -> None:
         """Move a body, which has its command, through a control step with substeps of h [s].
 
-        ``tape`` (substeps + 1, 2, entries) gets what there is before each drift and before each
-        kick; it may be empty.
+        ``tape`` (stages, entries) gets the state before each stage, what clutches tend to in it,
+        and the span of a kick's last part; it may be empty.
         """
         count = len(force)
-        for k in range(count + 1):
-            _keep(tape, k, 0, body)
-            if lags(body) | (k == 0):
-                aim(body, 0, (k > 0) & (k < count))
-            drift(body, 0, h, (k > 0) & (k < count))
-            _keep(tape, k, 1, body)
-            if k < count:
-                _set_load(body, force[k], target[k])
+        for stage in range(stage_count(count)):
+            if len(tape) > 0:
+                for row in range(_STATE):
+                    tape[stage, row] = body[FIRST + row, 0]
+            if is_kick(stage):
+                _set_load(body, force[stage // CYCLE], target[stage // CYCLE])
                 kick(body, 1, h)
-                if len(tape) > 0:
-                    tape[k, 1, -1] = body[BODY.span, 0]
+            else:
+                whole = is_whole(stage, count)
+                if lags(body) | (stage < CYCLE):
+                    aim(body, 0, whole)
+                drift(body, 0, h, whole)
+            if len(tape) > 0:
+                for row in range(_STEADY):
+                    tape[stage, _STATE + row] = body[BODY.steady.breakaway.x1 + row, 0]
+                tape[stage, -1] = body[BODY.span, 0]
+
+    return forward
+
+
+def _backward_on(stages: Kick) -> Any:
+    """Return ``backward`` through a control step with those kicks."""
+    whole_adjoint, kick_adjoint = kick_adjoints(stages)
 
     @device
     def backward(
@@ -224,27 +222,24 @@ def _steps(arrangement_at: Any) -> tuple[Any, Any]:
     ) -> None:
         """Pull adjoints back through a control step, from what ``forward`` has kept of it."""
         count = len(force)
-        for k in range(count, -1, -1):
-            _bring_back(body, tape[k, 1], _STEADY)
-            if k < count:
+        for stage in range(stage_count(count) - 1, -1, -1):
+            _bring_back(body, tape[stage])
+            if is_kick(stage):
+                k = stage // CYCLE
                 _set_load(body, force[k], target[k])
-                if tape[k, 1, -1] == h:
+                if tape[stage, -1] == h:
                     whole_adjoint(body, 0, bar, h)
                 else:
                     kick_adjoint(body, 0, bar, h)
-                by_force[k, 0], by_force[k, 1] = (
-                    bar[BODY.load.force_x, 0],
-                    bar[BODY.load.force_y, 0],
-                )
-                by_target[k, 0], by_target[k, 1] = (
-                    bar[BODY.load.target_x, 0],
-                    bar[BODY.load.target_y, 0],
-                )
+                by_load = load(bar, BODY.load, 0)
+                by_force[k, 0], by_force[k, 1] = by_load.force_x, by_load.force_y
+                by_target[k, 0], by_target[k, 1] = by_load.target_x, by_load.target_y
                 store(bar, BODY.load, 0, Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-            _bring_back(body, tape[k, 0], 0)
-            _drift_adjoint(body, bar, h, (k > 0) & (k < count), lags(body) | (k == 0))
+            else:
+                whole = is_whole(stage, count)
+                _drift_adjoint(body, bar, h, whole, lags(body) | (stage < CYCLE))
 
-    return forward, backward
+    return backward
 
 
 forward_step: Any = None
@@ -253,13 +248,13 @@ backward_step: Any = None
 
 
 def _build_forward(digest: str) -> Any:
-    def forward(given: Any, volts: Any, force: Any, target: Any, h: float, states: Any) -> None:
+    def forward(start: Any, volts: Any, force: Any, target: Any, h: float, states: Any) -> None:
         """Fill the states at the control instants, (steps + 1, entries)."""
         _ = digest
-        body = scratch(given)
+        body = scratch(start)
         for row in range(FIRST, LAST):
             states[0, row - FIRST] = body[row, 0]
-        nothing = np.empty((0, 2, 0))
+        nothing = np.empty((0, 0))
         for n in range(volts.shape[0]):
             store(
                 body, BODY.command, 0, PerClutch(volts[n, 0], volts[n, 1], volts[n, 2], volts[n, 3])
@@ -273,7 +268,7 @@ def _build_forward(digest: str) -> Any:
 
 def _build_backward(digest: str) -> Any:
     def backward(
-        given: Any,
+        start: Any,
         volts: Any,
         force: Any,
         target: Any,
@@ -287,8 +282,8 @@ def _build_backward(digest: str) -> Any:
     ) -> None:
         """Fill the adjoints of the inputs, and of a body's entries, by those of the states."""
         _ = digest
-        body = scratch(given)
-        tape = np.empty((force.shape[1] + 1, 2, _STATE + _STEADY + 1))
+        body = scratch(start)
+        tape = np.empty((stage_count(force.shape[1]), _STATE + _STEADY + 1))
         bar[:] = 0.0
         for n in range(volts.shape[0] - 1, -1, -1):
             for row in range(FIRST, LAST):
@@ -310,7 +305,8 @@ def _build_backward(digest: str) -> Any:
 
 @cache
 def kernels(*, has_paper_clutches: bool) -> tuple[Any, Any]:
-    """Return ``forward`` and ``backward`` of whole rollouts, for the paper's clutches or other ones."""
-    forward, backward = _steps(paper_clutches if has_paper_clutches else arrangement_from(BODY))
+    """Return ``forward`` and ``backward`` of rollouts, for the paper's or declared clutches."""
+    stages = kick_stages(paper_clutches if has_paper_clutches else arrangement_from(BODY))
+    forward, backward = _forward_on(stages.whole), _backward_on(stages)
     backward_kernel = compile_kernel(_build_backward, forward_step=forward, backward_step=backward)
     return compile_kernel(_build_forward, forward_step=forward), backward_kernel

@@ -1,5 +1,4 @@
-"""Functions of the simulator without branches, for values that have no truth of their own: a
-trace's, or JAX's.
+"""Functions of the simulator without branches, for the numbers of a trace or of JAX.
 
 The functions of a substep are straight-line code but for conditional expressions. ``branchless``
 makes the same function with calls in place of those.
@@ -22,7 +21,7 @@ _REWRITTEN = tuple(
 
 
 class _Branchless(ast.NodeTransformer):
-    """Replace ``a if c else b``, ``not c``, ``a / b`` and an ``if c: return a`` with calls; drop annotations."""
+    """Replace ``a if c else b``, ``not c``, ``a / b`` and ``if c: return a`` with calls."""
 
     def visit_IfExp(self, node: ast.IfExp) -> ast.AST:
         self.generic_visit(node)
@@ -44,10 +43,10 @@ class _Branchless(ast.NodeTransformer):
             match part, last:
                 case ast.If(test, [ast.Return(ast.expr() as x)], []), ast.Return(ast.expr() as y):
                     if part is before[-1] or _compares(test):
-                        chosen = _call(
+                        choice = _call(
                             "_choose", test, ast.Lambda(_NOTHING, x), ast.Lambda(_NOTHING, y)
                         )
-                        node.body = [*before[:k], *before[k + 1 :], ast.Return(chosen)]
+                        node.body = [*before[:k], *before[k + 1 :], ast.Return(choice)]
                         break
                 case _:
                     pass
@@ -69,9 +68,8 @@ def _call(name: str, *arguments: ast.expr) -> ast.Call:
     return ast.Call(ast.Name(name, ast.Load()), list(arguments), [])
 
 
-def branchless(function: Any, meaning: Mapping[str, Any], made: dict[Any, Any]) -> Any:
-    """Return a function of the simulator, and all that it calls, as Python code for any kind of
-    number.
+def branchless(function: Any, meaning: Mapping[str, Any], cache: dict[Any, Any]) -> Any:
+    """Return a function of the simulator, and all that it calls, for any kind of number.
 
     Parameters
     ----------
@@ -80,8 +78,8 @@ def branchless(function: Any, meaning: Mapping[str, Any], made: dict[Any, Any]) 
     meaning
         What ``_where(c, a, b)``, ``_not(c)`` and ``_divide(a, b)`` are, and built-in names that the
         numbers need.
-    made
-        Functions by what they replace, by Python function; gains those that are made.
+    cache
+        Functions by what they replace, by Python function; gains those that it makes.
     """
 
     def choose(condition: Any, x: Callable[[], Any], y: Callable[[], Any]) -> Any:
@@ -94,23 +92,23 @@ def branchless(function: Any, meaning: Mapping[str, Any], made: dict[Any, Any]) 
         return function
     module: str | None = plain.__module__
     if module and not module.startswith(_REWRITTEN):  # generated functions have none
-        return made.get(plain, function)
-    if plain not in made:
+        return cache.get(plain, function)
+    if plain not in cache:
         tree = _Branchless().visit(_parsed(plain))
         tree.body[0].args.defaults = []  # they may name what the new function does not know
         cells = zip(plain.__code__.co_freevars, plain.__closure__ or (), strict=True)
-        known = {**plain.__globals__, **{name: cell.cell_contents for name, cell in cells}}
+        names = {**plain.__globals__, **{name: cell.cell_contents for name, cell in cells}}
         space: dict[str, Any] = {**meaning, "_choose": choose}
-        made[plain] = compile_source(
+        cache[plain] = compile_source(
             ast.unparse(ast.fix_missing_locations(tree)), tree.body[0].name, space
         )
-        made[plain].__defaults__ = plain.__defaults__
-        used = {*plain.__code__.co_names, *plain.__code__.co_freevars}  # perhaps its own name, too
+        cache[plain].__defaults__ = plain.__defaults__
+        reads = {*plain.__code__.co_names, *plain.__code__.co_freevars}  # perhaps its own name, too
         space |= {
-            name: branchless(known[name], meaning, made)
-            for name in used & known.keys() - meaning.keys()
+            name: branchless(names[name], meaning, cache)
+            for name in reads & names.keys() - meaning.keys()
         }
-    return made[plain]
+    return cache[plain]
 
 
 def _parsed(function: FunctionType) -> ast.Module:
@@ -125,8 +123,7 @@ def _parsed(function: FunctionType) -> ast.Module:
 
 
 class Column:
-    """One column of an array as a stage of a substep reads and writes it, with any kind of numbers
-    in its rows.
+    """A column of an array, as a stage reads and writes it, of any kind of number.
 
     Attributes
     ----------

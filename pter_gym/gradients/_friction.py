@@ -18,8 +18,7 @@ def momentum_bar(
     by_b: float,
     slip: PerClutch,
 ) -> tuple[float, float]:
-    """Return the adjoint of the momentum before friction, given the adjoint λ of the velocities ω
-    after it.
+    """Return the adjoint of the momentum before friction, from the adjoint λ of ω after it.
 
     It is M⁻¹·λ where all clutches slip, d·dᵀ·λ/(dᵀM·d) if a clutch sticks and ω has the direction
     d, and 0 at rest.
@@ -50,8 +49,7 @@ def resolve_adjoint(
     by_a: float,
     by_b: float,
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
-    """Return the adjoints of M (3), p (2) and c (4) of ``friction.resolve``, by those of the
-    velocities ω.
+    """Return the adjoints of M (3), p (2) and c (4) of ``friction.resolve``, by those of ω.
 
     With P of ``momentum_bar``, ω changes by P·(dp − dM·ω − Σ_x W_xᵀ·sign(W_x·ω)·dc_x).
     """
@@ -83,7 +81,7 @@ def resolve_tangent(
     d3: float,
     d4: float,
 ) -> tuple[float, float]:
-    """Return the tangents of the velocities ω of ``friction.resolve``, by those of M (3), p (2) and c (4)."""
+    """Return the tangents of ω of ``friction.resolve``, by those of M (3), p (2) and c (4)."""
     _ = p_a, p_b, c
     slip = slip_velocities(omega_a, omega_b, arrangement)
     less_a, less_b = torques_on_links(sliding_torques(slip, PerClutch(d1, d2, d3, d4)), arrangement)

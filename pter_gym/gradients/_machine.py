@@ -1,4 +1,4 @@
-"""Derivatives with respect to a machine's parameters, from those with respect to the kernels' constants."""
+"""Derivatives by a machine's parameters, from those by the kernels' constants."""
 
 import math
 from dataclasses import fields, is_dataclass, replace
@@ -22,21 +22,15 @@ MAX_SUBSTEPS = 10_000
 
 def divided(machine: Machine | str | None, period: float) -> tuple[Machine, int]:
     """Return a machine whose substeps fill a control step of a period [s], and their number."""
-    found = find_machine(machine)
-    require(
-        found.clutch.fade == 0.0,
-        found.clutch,
-        "fade",
-        found.clutch.fade,
-        "0: heat has no derivatives",
-    )
-    if not 0.0 < period <= MAX_SUBSTEPS * found.substep:
+    machine = find_machine(machine)
+    require(machine.clutch.fade == 0.0, machine.clutch, "fade", "0: heat has no derivatives")
+    if not 0.0 < period <= MAX_SUBSTEPS * machine.substep:
         raise ParameterError(
-            f"period must be > 0 s and at most {MAX_SUBSTEPS * found.substep:g} s, got {period!r}"
+            f"period must be > 0 s and at most {MAX_SUBSTEPS * machine.substep:g} s, got {period!r}"
         )
-    count = math.ceil(period / found.substep * (1.0 - 1e-9))
+    count = math.ceil(period / machine.substep * (1.0 - 1e-9))
     substep = period / count
-    return found if substep == found.substep else replace(found, substep=substep), count
+    return machine if substep == machine.substep else replace(machine, substep=substep), count
 
 
 def numbers_of(machine: Machine) -> dict[str, float]:
@@ -47,17 +41,17 @@ def numbers_of(machine: Machine) -> dict[str, float]:
 
 
 def by_machine(machine: Machine, bar: Any) -> dict[str, float]:
-    """Return derivatives with respect to a machine's parameters, from those for the entries of a body (entries, 1)."""
+    """Return derivatives by a machine's parameters, from those by a body's (entries, 1)."""
     places = numbers_of(machine)
     rows = BODY_WIDTH + len(places)
-    w, found = np.zeros((rows, 1)), np.zeros((rows, 1))
+    w, adjoints = np.zeros((rows, 1)), np.zeros((rows, 1))
     w[BODY_WIDTH:, 0] = [*places.values()]
-    found[:BODY_WIDTH] = bar
+    adjoints[:BODY_WIDTH] = bar
     with np.errstate(
         divide="ignore", invalid="ignore"
     ):  # in the branch of a hand that has no damping
-        _adjoint(machine.clutch.lag, len(machine.clutches))(w, 0, found)
-    by = dict(zip(places, found[BODY_WIDTH:, 0].tolist(), strict=True))
+        _adjoint(machine.clutch.lag, len(machine.clutches))(w, 0, adjoints)
+    by = dict(zip(places, adjoints[BODY_WIDTH:, 0].tolist(), strict=True))
     del by["substep"]  # what a longer substep does is no change of the machine
     if not machine.has_paper_clutches:  # dry friction is with the slot that slips as its axis does
         for name, brake in (("arm.dry_a", BRAKE_A), ("arm.dry_b", BRAKE_B)):

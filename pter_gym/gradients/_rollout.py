@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pter_gym._physics.arm import Motion, tip_position, tip_velocity
 from pter_gym._physics.open_loop import BODY_WIDTH, State, body_of, check_volts, numbers
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.gradients._adjoint import FIRST, LAST, kernels
@@ -29,7 +30,7 @@ UNITS = slice(4, 8)
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a rollout begins with and what acts in it, checked, as the kernels take it: N control steps, S substeps."""
+    """Arguments of a rollout, checked, as the kernels take them: N control steps, S substeps."""
 
     machine: Machine
     body: Array
@@ -40,8 +41,7 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Gradient:
-    """Derivatives of a scalar with respect to the inputs of a rollout of N control steps with S
-    substeps each.
+    """Derivatives of a scalar by the inputs of a rollout, N control steps of S substeps each.
 
     Attributes
     ----------
@@ -96,8 +96,7 @@ class Rollout:
         return _state_of(self._states[-1])
 
     def gradient(self, **by: ArrayLike) -> Gradient:
-        """Return the gradient of a scalar, given its derivatives with respect to attributes of this
-        rollout.
+        """Return the gradient of a scalar, from its derivatives by attributes of this rollout.
 
         Parameters
         ----------
@@ -111,32 +110,32 @@ class Rollout:
         ParameterError
             If there is no such attribute, a shape is wrong, or an array is not of finite numbers.
         """
-        given = {name: self._derivative(name, values) for name, values in by.items()}
-        by_states, by_lengths = self._by_states(given)
-        found = gradient_of(self._inputs, self._states, by_states)
+        by_name = {name: self._derivative(name, values) for name, values in by.items()}
+        by_states, by_lengths = self._by_states(by_name)
+        result = gradient_of(self._inputs, self._states, by_states)
         for name, value in by_lengths.items():
-            found.machine[name] += value
-        return found
+            result.machine[name] += value
+        return result
 
     def _derivative(self, name: str, values: ArrayLike) -> Array:
-        known = (*STATE, "tip_position", "tip_velocity")
-        if name not in known:
+        names = (*STATE, "tip_position", "tip_velocity")
+        if name not in names:
             raise ParameterError(
-                f"the derivative must be by one of {', '.join(known)}, got {name!r}"
+                f"the derivative must be by one of {', '.join(names)}, got {name!r}"
             )
         array = numbers(name, values)
-        wanted = getattr(self, name).shape
-        if array.shape != wanted:
+        shape = getattr(self, name).shape
+        if array.shape != shape:
             raise ParameterError(
-                f"the derivative by {name} must have the shape {wanted}, got {array.shape}"
+                f"the derivative by {name} must have the shape {shape}, got {array.shape}"
             )
         return array
 
     def _by_states(self, by: dict[str, Array]) -> tuple[Array, dict[str, float]]:
-        """Return derivatives by all that is kept of a control instant, and by lengths, from those by named parts."""
-        found = np.zeros_like(self._states)
+        """Return derivatives by the states at control instants, and by lengths of links."""
+        by_states = np.zeros_like(self._states)
         for name, (begin, end) in STATE.items():
-            found[:, begin:end] += by.get(name, 0.0)
+            by_states[:, begin:end] += by.get(name, 0.0)
         position = by.get("tip_position", np.zeros_like(self.tip_position))
         velocity = by.get("tip_velocity", np.zeros_like(self.tip_position))
         lengths: dict[str, float] = {}
@@ -144,11 +143,11 @@ class Rollout:
             length, at = getattr(self._inputs.machine.arm, name), UNITS.start + 2 * link
             along, omega = self._states[:, at : at + 2], self.omega[:, link : link + 1]
             across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-            found[:, 2 + link] += length * np.sum(velocity * across, axis=1)
-            found[:, at] += length * (position[:, 0] + omega[:, 0] * velocity[:, 1])
-            found[:, at + 1] += length * (position[:, 1] - omega[:, 0] * velocity[:, 0])
+            by_states[:, 2 + link] += length * np.sum(velocity * across, axis=1)
+            by_states[:, at] += length * (position[:, 0] + omega[:, 0] * velocity[:, 1])
+            by_states[:, at + 1] += length * (position[:, 1] - omega[:, 0] * velocity[:, 0])
             lengths[f"arm.{name}"] = float(np.sum(position * along + velocity * omega * across))
-        return found, lengths
+        return by_states, lengths
 
 
 def rollout(
@@ -202,19 +201,19 @@ def checked(
     period: float,
 ) -> Inputs:
     """Return what a rollout takes, or raise a ParameterError."""
-    held, substeps = divided(machine, period)
-    if hand_target is None and held.hand.stiffness > 0.0:
+    machine, substeps = divided(machine, period)
+    if hand_target is None and machine.hand.stiffness > 0.0:
         raise ParameterError("hand_target is needed: the hand has a stiffness")
-    given = numbers("volts", volts)
-    if given.ndim != 2 or given.shape[1] != 4 or not len(given):
-        raise ParameterError(f"volts must have the shape (N, 4) with N ≥ 1, got {given.shape}")
-    check_volts(held, given)
-    shape = len(given), substeps, 2
+    commands = numbers("volts", volts)
+    if commands.ndim != 2 or commands.shape[1] != 4 or not len(commands):
+        raise ParameterError(f"volts must have the shape (N, 4) with N ≥ 1, got {commands.shape}")
+    check_volts(machine, commands)
+    shape = len(commands), substeps, 2
     target = np.zeros(2) if hand_target is None else hand_target
     return Inputs(
-        held,
-        body_of(held, state),
-        np.array(given, order="C"),
+        machine,
+        body_of(machine, state),
+        np.array(commands, order="C"),
         _in_substeps("hand_force", hand_force, shape),
         _in_substeps("hand_target", target, shape),
     )
@@ -231,11 +230,10 @@ def run(inputs: Inputs) -> Rollout:
     diverged = ~np.isfinite(states).all(axis=1)
     if diverged.any():
         raise DivergenceError(
-            f"the motion diverged in control step {int(diverged.argmax()) - 1}: make substeps shorter"
+            f"the motion diverged in control step {int(diverged.argmax()) - 1}: "
+            "make substeps shorter"
         )
-    position, velocity = tip_motion(
-        states, np.array([machine.arm.length_a, machine.arm.length_b]), np
-    )
+    position, velocity = tip_motion(states, machine.arm, np)
     return Rollout(
         **{name: states[:, begin:end] for name, (begin, end) in STATE.items()},
         tip_position=position,
@@ -245,22 +243,27 @@ def run(inputs: Inputs) -> Rollout:
     )
 
 
-def tip_motion(states: Any, lengths: Any, library: Any) -> tuple[Any, Any]:
-    """Return position and velocity of the tip at the control instants, by the functions of NumPy or of JAX."""
-    reach = lengths[:, None] * states[:, UNITS].reshape(-1, 2, 2)
-    across = library.stack([-reach[..., 1], reach[..., 0]], axis=-1)
-    return reach.sum(axis=1), (states[:, 2:4, None] * across).sum(axis=1)
+def tip_motion(states: Any, arm: Any, library: Any) -> tuple[Any, Any]:
+    """Return position and velocity of the tip at the control instants, for NumPy or JAX."""
+    q = Motion(*states.T[: len(Motion._fields)])
+    return tuple(library.stack(of(arm, q), axis=-1) for of in (tip_position, tip_velocity))
 
 
 def gradient_of(inputs: Inputs, states: Array, by_states: Array) -> Gradient:
-    """Return the gradient of a scalar by its derivatives with respect to what is kept of each control instant."""
+    """Return the gradient of a scalar, from its derivatives by the states at control instants."""
     volts, force, target = (
         np.empty_like(each) for each in (inputs.volts, inputs.hand_force, inputs.hand_target)
     )
     bar: Any = np.empty((BODY_WIDTH, 1))
-    given = inputs.body, inputs.volts, inputs.hand_force, inputs.hand_target, inputs.machine.substep
+    arguments = (
+        inputs.body,
+        inputs.volts,
+        inputs.hand_force,
+        inputs.hand_target,
+        inputs.machine.substep,
+    )
     _, backward = kernels(has_paper_clutches=inputs.machine.has_paper_clutches)
-    backward(*given, states, by_states, volts, force, target, bar)
+    backward(*arguments, states, by_states, volts, force, target, bar)
     first: Any = bar[FIRST:LAST, 0].copy()
     cos, sin = states[0, UNITS][::2], states[0, UNITS][1::2]
     first[0:2] += cos * first[UNITS][1::2] - sin * first[UNITS][::2]
@@ -271,7 +274,8 @@ def _in_substeps(name: str, values: ArrayLike, shape: tuple[int, int, int]) -> A
     array, (steps, _, width) = numbers(name, values), shape
     if array.shape not in ((width,), (steps, width), shape):
         raise ParameterError(
-            f"{name} must have the shape ({width},), ({steps}, {width}) or {shape}, got {array.shape}"
+            f"{name} must have the shape ({width},), ({steps}, {width}) or {shape}, "
+            f"got {array.shape}"
         )
     spread = array[:, None] if array.ndim == 2 else array
     return np.array(np.broadcast_to(spread, shape), order="C")

@@ -8,6 +8,7 @@ from typing import Any
 from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.records import flat, load, store
 from pter_gym._physics.open_loop import BODY
+from pter_gym._physics.order import CYCLE, DRIFTS_WHOLE, is_kick, stage_count
 from pter_gym._physics.step import MAX_PARTS, MIN_PART
 from pter_gym.gradients._adjoint import OMEGA, Kick, aim, drift, kick_stages, lags
 from pter_gym.gradients._tracing import tangent_of
@@ -18,16 +19,18 @@ LANES = "dot.shape[1]"
 MOTION = frozenset(flat(BODY.motion))
 TORQUES = frozenset(
     flat((
-        *(BODY.torques, BODY.lagged_volts, BODY.command, BODY.steady, BODY.machine.breakaway, BODY.machine.dynamic),
-        *(BODY.machine.voltage_decay, BODY.machine.torque_decay, BODY.machine.scale, BODY.machine.sliding),
+        *(BODY.torques, BODY.lagged_volts, BODY.command, BODY.steady, BODY.machine.breakaway),
+        *(BODY.machine.dynamic, BODY.machine.voltage_decay, BODY.machine.torque_decay),
+        *(BODY.machine.scale, BODY.machine.sliding),
     ))
 )  # fmt: skip
 """Rows that vary with the clutches, but for the friction of the axes."""
 
 KICK = MOTION | TORQUES | frozenset(
     flat((
-        *(BODY.machine.arm.m11, BODY.machine.arm.m22, BODY.machine.arm.coupling, BODY.machine.arm.dry_a),
-        *(BODY.machine.arm.dry_b, BODY.machine.arm.viscous_a, BODY.machine.arm.viscous_b, BODY.arrangement.dry),
+        *(BODY.machine.arm.m11, BODY.machine.arm.m22, BODY.machine.arm.coupling),
+        *(BODY.machine.arm.dry_a, BODY.machine.arm.dry_b, BODY.machine.arm.viscous_a),
+        *(BODY.machine.arm.viscous_b, BODY.arrangement.dry),
         *(BODY.impact, BODY.omega, BODY.capacity, BODY.span, BODY.switches),
         *(BODY.load.torque_a, BODY.load.torque_b),
     ))
@@ -53,28 +56,27 @@ def substep_tangents(arrangement_at: Any, torque_lanes: int) -> Any:
         and the torques on the links. ``aims`` tells whether commands may have changed.
     """
     kick = _kick_tangents(arrangement_at)
-    first = f"min({torque_lanes}, {LANES})"
-    aim_torques = tangent_of(aim, constants=(False,), active=TORQUES, lanes=first)
-    relax = tangent_of(drift, "h", constants=(False,), active=TORQUES, lanes=first)
-    turn = tangent_of(drift, "h", constants=(False,), active=MOTION, lanes=LANES)
+    first, whole = f"min({torque_lanes}, {LANES})", DRIFTS_WHOLE
+    aim_torques = tangent_of(aim, constants=(whole,), active=TORQUES, lanes=first)
+    relax = tangent_of(drift, "h", constants=(whole,), active=TORQUES, lanes=first)
+    turn = tangent_of(drift, "h", constants=(whole,), active=MOTION, lanes=LANES)
 
     @device
     def advance(body: Any, dot: Any, h: float, aims: bool) -> None:
-        if lags(body) | aims:
-            aim_torques(body, 0, dot)
-        relax(body, 0, dot, h)
-        turn(body, 0, dot, h)
-        kick(body, dot, h)
-        if lags(body):
-            aim_torques(body, 0, dot)
-        relax(body, 0, dot, h)
-        turn(body, 0, dot, h)
+        for stage in range(stage_count(1)):
+            if is_kick(stage):
+                kick(body, dot, h)
+            else:
+                if lags(body) | (aims & (stage < CYCLE)):
+                    aim_torques(body, 0, dot)
+                relax(body, 0, dot, h)
+                turn(body, 0, dot, h)
 
     return advance
 
 
 def stages_in_span(stages: Kick) -> tuple[Any, Any]:
-    """Return two stages of a kick over the time that is in the column: all of it, and a divided one's next part."""
+    """Return a kick over the span in the column as a stage, and a divided kick's next part."""
     find_over, share = stages.find, stages.share
 
     @device
@@ -94,7 +96,7 @@ def stages_in_span(stages: Kick) -> tuple[Any, Any]:
 
 
 def _kick_tangents(arrangement_at: Any) -> Any:
-    """Return ``kick(body, dot, h)``: a kick over h [s] with its tangents, divided where a clutch changes."""
+    """Return ``kick(body, dot, h)``: a kick of h [s] with tangents, divided at each switch."""
     stages = kick_stages(arrangement_at)
     share = stages.share
     find, part = (tangent_of(stage, active=KICK, lanes=LANES) for stage in stages_in_span(stages))

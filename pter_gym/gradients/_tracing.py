@@ -1,5 +1,4 @@
-"""Derivatives from the simulator's own source: the adjoint and the tangents of a stage, from a
-trace of it.
+"""Derivatives from the simulator's own source: adjoints and tangents from a trace.
 
 ``adjoint_of`` and ``tangent_of`` run a stage of a substep once, without branches, on values that
 note each operation, and write out the vector–Jacobian product, or the Jacobian–vector products, as
@@ -158,7 +157,7 @@ tangent g adds to that of the operation. """
 
 
 def _traced(*given: Any) -> Any:
-    """Note the friction problem, whose derivatives are ``resolve_adjoint`` and ``resolve_tangent``."""
+    """Note the friction problem; it has ``resolve_adjoint`` and ``resolve_tangent``."""
     trace: _Trace = next(each.trace for each in flat(given) if isinstance(each, _Value))
     return trace.note("resolve", *given, results=2)
 
@@ -223,23 +222,22 @@ def adjoint_of(stage: Any, *scalars: str, constants: tuple[Any, ...] = ()) -> An
         those before it. ``seed`` is the adjoint of the returned number, if there is one. Returns
         the adjoint of the only scalar, 0 if there is none.
     """
-    made = _Stage(stage, scalars, constants)
+    recording = _Stage(stage, scalars, constants)
     adjoints = _Adjoints()
-    lines = made.lines
-    for row, value in made.written.items():
+    lines = recording.lines
+    for row, value in recording.written.items():
         if row not in _ENERGIES:
             lines += [f"b{row} = bar[{row}, 0]", f"bar[{row}, 0] = 0.0"]
             adjoints.add(value, f"b{row}")
-    seeds = () if made.returned is None else ("seed",)
+    seeds = () if recording.returned is None else ("seed",)
     for seed in seeds:
-        adjoints.add(made.returned, seed)
-    for step in reversed(made.trace.steps):
+        adjoints.add(recording.returned, seed)
+    for step in reversed(recording.trace.steps):
         lines += adjoints.through(*step)
-    for row, value in made.read.items():
+    for row, value in recording.read.items():
         lines += [f"bar[{row}, 0] += {pull}" for pull in adjoints.of(value)]
-    lines.append(
-        f"return {' + '.join(pull for name in made.scalars for pull in adjoints.of(name)) or '0.0'}"
-    )
+    by_scalars = [pull for name in recording.scalars for pull in adjoints.of(name)]
+    lines.append(f"return {' + '.join(by_scalars) or '0.0'}")
     return _compiled("adjoint", ("bar", *scalars, *seeds), lines)
 
 
@@ -268,22 +266,22 @@ def tangent_of(
         stage does, and turns ``dot`` (entries, at least ``lanes``), the tangents of the entries
         before it, into those after it.
     """
-    made = _Stage(stage, scalars, constants)
-    inner = [f"d{value} = dot[{row}, j]" for row, value in made.read.items() if row in active]
-    varying = {value.name for row, value in made.read.items() if row in active}
+    recording = _Stage(stage, scalars, constants)
+    inner = [f"d{value} = dot[{row}, j]" for row, value in recording.read.items() if row in active]
+    active_names = {value.name for row, value in recording.read.items() if row in active}
 
     def dot(value: Any) -> str:
-        return f"d{value}" if isinstance(value, _Value) and value.name in varying else ""
+        return f"d{value}" if isinstance(value, _Value) and value.name in active_names else ""
 
-    for results, kind, of in made.trace.steps:
+    for results, kind, of in recording.trace.steps:
         numbers = flat(of)[:_NUMBERS] if kind == "resolve" else of
         if kind == "resolve":
-            given = [
+            arguments = [
                 *map(repr, of),
                 *map(repr, results),
                 *(dot(value) or "0.0" for value in numbers),
             ]
-            line = f"resolve_tangent({', '.join(given)})"
+            line = f"resolve_tangent({', '.join(arguments)})"
         else:
             pulls = zip(of, _PULLS.get(kind, ("",) * len(of)), strict=True)
             line = " + ".join(
@@ -291,11 +289,16 @@ def tangent_of(
             )
         if line and any(map(dot, numbers)):
             inner.append(f"{', '.join(f'd{value}' for value in results)} = {line}")
-            varying |= {value.name for value in results}
-    written = {row: value for row, value in made.written.items() if row in active}
-    inner += [f"dot[{row}, j] = {dot(value) or '0.0'}" for row, value in written.items()]
-    writes = [f"w[{row}, i] = {value}" for row, value in written.items()]
-    lines = [*made.lines, *writes, f"for j in range({lanes}):", *(f"    {line}" for line in inner)]
+            active_names |= {value.name for value in results}
+    outputs = {row: value for row, value in recording.written.items() if row in active}
+    inner += [f"dot[{row}, j] = {dot(value) or '0.0'}" for row, value in outputs.items()]
+    writes = [f"w[{row}, i] = {value}" for row, value in outputs.items()]
+    lines = [
+        *recording.lines,
+        *writes,
+        f"for j in range({lanes}):",
+        *(f"    {line}" for line in inner),
+    ]
     return _compiled("tangent", ("dot", *scalars), lines)
 
 
@@ -324,18 +327,18 @@ class _Adjoints:
     def of(self, value: _Value) -> list[str]:
         return self.pulls.get(value.name, [])
 
-    def through(self, made: tuple[_Value, ...], kind: str, of: tuple[Any, ...]) -> Iterator[str]:
+    def through(self, results: tuple[_Value, ...], kind: str, of: tuple[Any, ...]) -> Iterator[str]:
         """Yield the lines that pull adjoints of results back through an operation."""
-        if not any(map(self.of, made)) or not (kind in _PULLS or kind == "resolve"):
+        if not any(map(self.of, results)) or not (kind in _PULLS or kind == "resolve"):
             return
-        for value in made:
+        for value in results:
             yield f"g{value} = {' + '.join(self.of(value)) or '0.0'}"
         if kind == "resolve":
-            everything = [*map(repr, of), *map(repr, made), *(f"g{value}" for value in made)]
-            yield f"p{made[0]} = resolve_adjoint({', '.join(everything)})"
+            everything = [*map(repr, of), *map(repr, results), *(f"g{value}" for value in results)]
+            yield f"p{results[0]} = resolve_adjoint({', '.join(everything)})"
             for k, value in enumerate(flat(of)[:_NUMBERS]):
-                self.add(value, f"p{made[0]}[{k}]")
+                self.add(value, f"p{results[0]}[{k}]")
             return
         for value, pull in zip(of, _PULLS[kind], strict=True):
             if pull:
-                self.add(value, pull.format(*of, g=f"g{made[0]}"))
+                self.add(value, pull.format(*of, g=f"g{results[0]}"))

@@ -21,9 +21,10 @@ from pter_gym._engine.step import (
     set_strengths,
     take_command,
 )
-from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANT_ROWS, FLAG, ROW, STORED_ROWS, Config
+from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANTS, FLAG, ROW, Config
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH
+from pter_gym._physics.order import is_kick, is_whole, stage_count
 from pter_gym.envs import jax as jax_env
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.gradients._branchless import Column, branchless
@@ -37,7 +38,7 @@ from pter_gym.gradients.jax import (
     lax,
     rolling,
 )
-from pter_gym.paths._projection import foot_on, project, segment_at
+from pter_gym.paths._projection import foot_on, neighbour, project, segment_at
 from pter_gym.tasks.path_following._observation import BOUND
 
 
@@ -59,12 +60,11 @@ class DifferentiableEnvState(NamedTuple):
 
 
 EpisodeEnd = Literal["raise", "constant"]
-"""What to do with a derivative that would pass through the end of an episode, where there is a jump."""
+"""What to do with a derivative that would pass through the end of an episode, a jump."""
 
 
 class DifferentiableEnv(jax_env.JaxEnv):
-    """Pure functions of one world as ``JaxEnv`` has them, whose ``step`` has a derivative; make one
-    with ``make``.
+    """A ``JaxEnv`` whose ``step`` has a derivative; make one with ``make``.
 
     Observation, reward and next state are differentiated by the action and the state. ``params``
     counts as constant; ``step`` takes its constants alone.
@@ -79,8 +79,8 @@ class DifferentiableEnv(jax_env.JaxEnv):
             )
         if env.batch.device_arrays()["worlds"].shape[1] != BASIC_ROWS:
             raise ParameterError(
-                "hand must be a push and sines, and sensing ideal, for a step to be differentiated: "
-                "not a recorded hand, one with an intent, or noise and delay"
+                "hand must be a push and sines, and sensing ideal, for a step to be "
+                "differentiated: not a recorded hand, one with an intent, or noise and delay"
             )
         if env.observation_layout.names[-1].startswith(("torque", "force")):
             raise ParameterError('sensors must be "encoders" for a step to be differentiated')
@@ -144,22 +144,20 @@ def make(
         As there, and if machine, hand or sensors are such that a step has no derivative here.
     """
     keywords = {"sensors": "encoders", **keywords}
-    made = DifferentiableEnv.from_id(env_id, keywords, episode_end=episode_end)
-    return made, made.default_params
+    env = DifferentiableEnv.from_id(env_id, keywords, episode_end=episode_end)
+    return env, env.default_params
 
 
 _whole = MEANING["int"]
 
 
 def _project(constants: Any, first: Any, count: Any, segment: Any, x: Any, y: Any) -> Any:
-    """Return the projection of a point onto a chain of arcs; the walk to the arc that holds it has no derivative."""
+    """Return a point's projection onto a chain of arcs; the walk to its arc has no derivative."""
 
     def turn(segment: Any, direction: Any) -> Any:
         arc = segment_at(constants, first, segment)
         s = _foot_on(arc, segment, *lax.stop_gradient((x, y))).arc_length
-        ahead = (s > arc.start + arc.length) & (segment < count - 1) & (direction >= 0)
-        behind = (s < arc.start) & (segment > 0) & (direction <= 0)
-        return jnp.where(ahead, 1, jnp.where(behind, -1, 0))
+        return _neighbour(arc, segment, count, s, direction)
 
     def walk(at: Any) -> Any:
         return at[0] + at[1], turn(at[0] + at[1], at[1])
@@ -175,6 +173,7 @@ def _clipped(volts: PerClutch, most: Any) -> PerClutch:
 _MADE: dict[Any, Any] = {clipped: _clipped, getattr(project, "py_func", project): _project}
 (
     _foot_on,
+    _neighbour,
     _given_volts,
     _take_command,
     _set_strengths,
@@ -187,6 +186,7 @@ _MADE: dict[Any, Any] = {clipped: _clipped, getattr(project, "py_func", project)
     branchless(each, MEANING, _MADE)
     for each in (
         foot_on,
+        neighbour,
         given_volts,
         take_command,
         set_strengths,
@@ -225,27 +225,31 @@ def _following(config: Config, frame_skip: int) -> Any:
     def move(w: Column) -> None:
         """Move the arm by a control step."""
         force = []
-        for k in range(count + 1):
-            _move_hand(w, 0, config.substep, 0 < k < count, False)
-            _push_tip(w, 0, False)
-            force.append(jnp.stack(load(w, ROW.force, 0)))
+        for stage in range(stage_count(count)):
+            if is_kick(stage):
+                force.append(jnp.stack(load(w, ROW.force, 0)))
+            else:
+                _move_hand(w, 0, config.substep, is_whole(stage, count), False)
+                _push_tip(w, 0, False)
         body = Column({})
         for name in ("machine", "motion", "torques", "lagged_volts", "strength"):
             store(body, getattr(BODY, name), 0, load(w, getattr(ROW, name), 0))
         column = jnp.stack(
             [jnp.asarray(body.rows.get(row, 0.0), float) for row in range(BODY_WIDTH)]
         )
-        volts, push = jnp.stack(load(w, ROW.command, 0)), jnp.stack(force[:-1])
+        volts, push = jnp.stack(load(w, ROW.command, 0)), jnp.stack(force)
         states = roll(column, volts[None], push[None], jnp.zeros_like(push)[None])
         w.rows |= enumerate(jnp.unstack(states[1]))
 
     def follow(numbers: Any, action: Any, constants: _Words) -> Any:
-        context: Any = jnp.unstack(constants.part(_whole(numbers[ROW.context_at]), CONSTANT_ROWS))
+        context: Any = jnp.unstack(
+            constants.part(_whole(numbers[ROW.context_at]), CONSTANTS.end - CONSTANTS.first)
+        )
 
         def world(numbers: Any) -> Column:
             w = Column({}, given=lambda _: 0.0)
             w.rows |= enumerate(jnp.unstack(numbers))
-            w.rows |= enumerate(context, STORED_ROWS)
+            w.rows |= enumerate(context, CONSTANTS.first)
             return w
 
         def hold(numbers: Any, _: Any) -> Any:
@@ -263,17 +267,18 @@ def _following(config: Config, frame_skip: int) -> Any:
         numbers, earned = lax.scan(hold, numbers, length=frame_skip)
         w = world(numbers)
         _observe(w, 0)
-        seen = jnp.stack(flat(load(w, ROW.seen, 0))) * jnp.stack(flat(config.inverse_scale))
-        seen = jnp.clip(seen, -BOUND, BOUND)[: int(config.entries)]
-        return numbers, seen.astype(jnp.float32), earned.sum().astype(jnp.float32)
+        obs = jnp.stack(flat(load(w, ROW.seen, 0))) * jnp.stack(flat(config.inverse_scale))
+        obs = jnp.clip(obs, -BOUND, BOUND)[: int(config.entries)]
+        return numbers, obs.astype(jnp.float32), earned.sum().astype(jnp.float32)
 
     return follow
 
 
 def _refuse() -> None:
     raise ParameterError(
-        "gradient must not pass through the end of an episode, where there is a jump: take fewer steps, apply "
-        'jax.lax.stop_gradient where an episode ends, or make the environment with episode_end="constant"'
+        "gradient must not pass through the end of an episode, where there is a jump: take fewer "
+        "steps, apply jax.lax.stop_gradient where an episode ends, or make the environment with "
+        'episode_end="constant"'
     )
 
 
@@ -291,7 +296,7 @@ def _(size: int, _: Any, passes: Any) -> Any:
 
 
 def _advancing(advance: Any, config: Config, frame_skip: int, episode_end: EpisodeEnd) -> Any:
-    """Return a step as a function of a world's numbers, an action, the other parts of its state, and what is shared."""
+    """Return a step as a function of a world's numbers, an action, its state and shared data."""
     follow = _following(config, frame_skip)
 
     @first_order
@@ -301,34 +306,34 @@ def _advancing(advance: Any, config: Config, frame_skip: int, episode_end: Episo
         return DifferentiableEnvState(world, episode, floats_of(world)), *rest
 
     def keep(numbers: Any, action: Any, state: Any, shared: Any) -> Any:
-        found = run(numbers, action, state, shared)
-        flags = found[-1]
-        return found, (
+        result = run(numbers, action, state, shared)
+        flags = result[-1]
+        return result, (
             numbers,
             action,
             shared.constants,
             flags[FLAG.terminated] | flags[FLAG.truncated],
         )
 
-    def pull(kept: Any, by: Any) -> Any:
-        *given, constants, over = kept
+    def pull(residuals: Any, by: Any) -> Any:
+        *inputs, constants, over = residuals
         by_state, by_obs, by_final, by_reward, _ = by
         zero: Any = np.float32(0.0)
         if episode_end == "raise":
             ends = by_state.numbers, by_obs, by_final, by_reward
-            passes = over & jnp.any(jnp.concatenate([jnp.ravel(each) != 0.0 for each in ends]))
+            passes = over & jnp.any(jnp.concatenate([jnp.ravel(entry) != 0.0 for entry in ends]))
             if isinstance(passes, cast(Any, jax).core.Tracer):
                 zero = _zero_unless(passes)
             elif passes:
                 _refuse()
 
-        def unless_over(each: Any) -> Any:
-            return jnp.where(over, zero, each)
+        def unless_over(entry: Any) -> Any:
+            return jnp.where(over, zero, entry)
 
         def near(numbers: Any, action: Any) -> Any:
             return follow(numbers, action, _Words(constants))
 
-        back: Any = cast(Any, jax).vjp(near, *given)[1]
+        back: Any = cast(Any, jax).vjp(near, *inputs)[1]
         by_found = by_state.numbers, by_obs[: int(config.entries)], by_reward
         return *map(unless_over, back(tuple(map(unless_over, by_found)))), None, None
 

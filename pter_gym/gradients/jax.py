@@ -41,7 +41,7 @@ STRENGTH = slice(BODY.strength.x1, BODY.strength.x4 + 1)
 
 
 def _divide(x: Any, y: Any) -> Any:
-    """Return x/y; what a branch that is not taken divides by zero is finite, so that its derivative is."""
+    """Return x/y, finite in a branch that is not taken, as its derivative has to be."""
     return x / jnp.where(y == 0.0, 1.0, y)
 
 
@@ -107,8 +107,7 @@ class JaxMotion(NamedTuple):
 def make_rollout(
     machine: Machine | str | None = None, period: float = 0.01
 ) -> Callable[..., JaxMotion]:
-    """Return ``pter_gym.gradients.rollout`` of a machine as a JAX function, for ``grad``, ``jit``
-    and ``vmap``.
+    """Return ``rollout`` of a machine as a JAX function, for ``grad``, ``jit`` and ``vmap``.
 
     Parameters
     ----------
@@ -135,11 +134,11 @@ def make_rollout(
         raise ParameterError(
             f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu"
         )
-    held, substeps = divided(machine, period)
-    known = {place: value for place, value in numbers_of(held).items() if place != "substep"}
-    fixed = jnp.asarray(flat(arrangement_of(held)))
+    machine, substeps = divided(machine, period)
+    defaults = {place: value for place, value in numbers_of(machine).items() if place != "substep"}
+    fixed = jnp.asarray(flat(arrangement_of(machine)))
     to_model = branchless(model_of, MEANING, {})
-    roll = rolling(held.has_paper_clutches, held.substep)
+    roll = rolling(machine.has_paper_clutches, machine.substep)
 
     def rollout(
         state: State | dict[str, Any],
@@ -148,26 +147,26 @@ def make_rollout(
         hand_target: Any = (0.0, 0.0),
         numbers: dict[str, Any] | None = None,
     ) -> JaxMotion:
-        given = vars(state) if isinstance(state, State) else state
+        fields = vars(state) if isinstance(state, State) else state
         at = {
-            name: _floats(f"state.{name}", given[name], (end - begin,))
+            name: _floats(f"state.{name}", fields[name], (end - begin,))
             for name, (begin, end) in STATE.items()
         }
-        volts = jnp.clip(_floats("volts", volts, (len(volts), 4)), 0.0, held.clutch.voltage_max)
+        volts = jnp.clip(_floats("volts", volts, (len(volts), 4)), 0.0, machine.clutch.voltage_max)
         shape = len(volts), substeps, 2
         force, target = (
             _spread("hand_force", hand_force, shape),
             _spread("hand_target", hand_target, shape),
         )
-        unknown = set(numbers or {}) - set(known)
+        unknown = set(numbers or {}) - set(defaults)
         if unknown:
             raise ParameterError(
-                f"numbers must be among {', '.join(known)}, got {', '.join(sorted(unknown))}"
+                f"numbers must be among {', '.join(defaults)}, got {', '.join(sorted(unknown))}"
             )
-        values = known | {
+        values = defaults | {
             place: _floats(place, each, ()) for place, each in (numbers or {}).items()
         }
-        model = to_model(copied(held, "", values.get))
+        model = to_model(copied(machine, "", values.get))
         a, b = at["theta"]
         units = jnp.stack([jnp.cos(a), jnp.sin(a), jnp.cos(b), jnp.sin(b)])
         motion = jnp.concatenate([at["theta"], at["omega"], units])
@@ -177,13 +176,13 @@ def make_rollout(
             body.at[:FIRST].set(jnp.stack([*map(jnp.asarray, flat(model))])).at[STRENGTH].set(1.0)
         )
         states = roll(body.at[BODY.arrangement.a.x1 :].set(fixed), volts, force, target)
-        return _motion(states, jnp.stack([model.arm.length_a, model.arm.length_b]))
+        return _motion(states, model.arm)
 
     return rollout
 
 
-def _motion(states: jax.Array, lengths: jax.Array) -> JaxMotion:
-    position, velocity = tip_motion(states, lengths, jnp)
+def _motion(states: jax.Array, arm: Any) -> JaxMotion:
+    position, velocity = tip_motion(states, arm, jnp)
     return JaxMotion(
         **{name: states[:, begin:end] for name, (begin, end) in STATE.items()},
         tip_position=position,
@@ -210,22 +209,22 @@ def _spread(name: str, values: Any, shape: tuple[int, int, int]) -> jax.Array:
 
 
 def rolling(has_paper_clutches: bool, substep: float) -> Any:
-    """Return the states at the control instants as a function of a body, voltages, forces and targets."""
+    """Return a function of body, voltages, forces and targets: states at control instants."""
     names = {name: _registered(name, has_paper_clutches) for name in ("forward", "backward")}
     h = words_of(np.array([substep]))
 
     def call(
-        name: str, shapes: tuple[tuple[int, ...], ...], given: tuple[Any, ...]
+        name: str, shapes: tuple[tuple[int, ...], ...], arguments: tuple[Any, ...]
     ) -> tuple[Any, ...]:
         ffi: Any = jax.ffi
         results = tuple(
             jax.ShapeDtypeStruct((2 * math.prod(shape),), jnp.uint32) for shape in shapes
         )
-        found = ffi.ffi_call(names[name], results, vmap_method="broadcast_all")(
-            h, *map(_words, given)
+        buffers = ffi.ffi_call(names[name], results, vmap_method="broadcast_all")(
+            h, *map(_words, arguments)
         )
         return tuple(
-            floats_of(words).reshape(shape) for words, shape in zip(found, shapes, strict=True)
+            floats_of(words).reshape(shape) for words, shape in zip(buffers, shapes, strict=True)
         )
 
     @first_order
@@ -233,18 +232,18 @@ def rolling(has_paper_clutches: bool, substep: float) -> Any:
         return call("forward", ((len(volts) + 1, LAST - FIRST),), (body, volts, force, target))[0]
 
     @first_order
-    def back(*given: Any) -> Any:
-        return call("backward", tuple(each.shape for each in given[:4]), given)
+    def back(*arguments: Any) -> Any:
+        return call("backward", tuple(each.shape for each in arguments[:4]), arguments)
 
     custom: Any = jax.custom_vjp
     roll = custom(run)
 
-    def keep(*given: Any) -> Any:
-        states = run(*given)
-        return states, (*given, states)
+    def keep(*arguments: Any) -> Any:
+        states = run(*arguments)
+        return states, (*arguments, states)
 
-    def pull(kept: Any, by_states: Any) -> Any:
-        return back(*kept, by_states)
+    def pull(residuals: Any, by_states: Any) -> Any:
+        return back(*residuals, by_states)
 
     roll.defvjp(keep, pull)
     return roll
@@ -271,7 +270,7 @@ def floats_of(words: jax.Array) -> jax.Array:
 
 @cache
 def _registered(name: str, has_paper_clutches: bool) -> str:
-    """Register the call ``forward`` or ``backward``, once; return the name by which XLA knows it."""
+    """Register the call ``forward`` or ``backward``, once; return its name in XLA."""
     forward, backward = kernels(has_paper_clutches=has_paper_clutches)
     called = f"pter_rollout_{name}_{'paper' if has_paper_clutches else 'declared'}"
     _XLA.register(
@@ -282,7 +281,7 @@ def _registered(name: str, has_paper_clutches: bool) -> str:
 
 @inlined
 def _rollout(buffers: int, first: int, i: int) -> tuple[Any, Any, Any, Any]:
-    """Return the body, voltages, forces and targets of rollout ``i``, in the buffers from ``first`` on."""
+    """Return body, voltages, forces and targets of rollout ``i``, in buffers from ``first`` on."""
     body, volts = _double_rows(buffers, first)[i], _double_rows(buffers, first + 1)[i]
     force, target = _double_rows(buffers, first + 2)[i], _double_rows(buffers, first + 3)[i]
     steps = len(volts) // 4

@@ -1,4 +1,4 @@
-"""The hand that holds the tip: kinds of hands, a library of them, and their constants for the kernels."""
+"""The hand that holds the tip: kinds of hands, a library, and constants for the kernels."""
 
 from pter_gym.hands._kinds import (
     EQ5_FREQUENCIES,

@@ -18,8 +18,7 @@ from pter_gym._internal.tables import read_table
 from pter_gym._physics.arm import UnitVector
 from pter_gym.errors import ParameterError
 from pter_gym.hands._model import NO_FORCE, SINES, HandModel, PerSine, Sines
-from pter_gym.params import Checked, Hand, preset, quantity, require, require_numbers
-from pter_gym.params._fields import SHIPPED
+from pter_gym.params import Checked, Hand, quantity, require, require_numbers
 
 EQ5_FREQUENCIES = tuple(2.0**n / 2.0 for n in range(SINES))
 """Frequencies of Eq. 5 [Hz]: sin(2ⁿπt) for n = 0 … 4."""
@@ -42,8 +41,7 @@ NO_HAND = Hand()
 
 
 class Operator(Checked, ABC):
-    """A kind of hand: its impedance, added to the arm, and its own forces. Each is a frozen
-    dataclass.
+    """A kind of hand, a frozen dataclass: its impedance, added to the arm, and its own forces.
 
     Attributes
     ----------
@@ -71,25 +69,26 @@ class Operator(Checked, ABC):
         """
 
     def sampled(self, period: float) -> NDArray[np.float64]:  # noqa: ARG002
-        """Return its recorded forces along and across the path at the control instants, shape (T, 2) [N]."""
+        """Return recorded forces along and across the path at the control instants, (T, 2) [N]."""
         return np.empty((0, 2))
 
 
 @dataclass(frozen=True, kw_only=True)
 class MultiSineHand(Operator):
-    """A constant force along the path and a sum of five sines across it (paper section IV-A, Eq.
-    5).
+    """A constant force along the path and five sines across it (paper section IV-A, Eq. 5).
 
     The default is Eq. 5: equal amplitudes Fmax/5, frequencies 2ⁿ/2 Hz, phases 0. Neither force is
     printed in the paper.
     """
 
-    push: float = preset("hand", "push")
+    push: float = quantity(
+        "N", "fitted: the constant tangential force of section IV-A", default=57.67
+    )
     amplitudes: tuple[float, ...] = quantity(
         "N",
-        f"Fmax/5 each, by Eq. 5; Fmax is {SHIPPED['hand']['force_max']['from']}",
+        "fitted: Fmax/5 each (Eq. 5)",
         **_FIVE,
-        default=(SHIPPED["hand"]["force_max"]["value"] / SINES,) * SINES,
+        default=(21.82 / SINES,) * SINES,
     )
     frequencies: tuple[float, ...] = quantity(
         "Hz", "published: Eq. 5", **_RATES, default=EQ5_FREQUENCIES
@@ -112,15 +111,12 @@ class MultiSineHand(Operator):
 
 
 def eq5(force_max: float, push: float) -> MultiSineHand:
-    """Return the hand of the paper's standard test: ``Fmax`` of Eq.
-
-    5 [N] and the constant tangential force [N].
-    """
+    """Return the hand of the paper's standard test: Fmax of Eq. 5 and the tangential force [N]."""
     return MultiSineHand(push=push, amplitudes=(force_max / SINES,) * SINES)
 
 
 RELAXED = Hand(mass=0.6, damping=6.0, stiffness=120.0)
-"""A relaxed human arm at the hand. The three presets lie in the ranges that ``HumanArm`` states."""
+"""A relaxed human arm at the hand. The three lie in the ranges that ``HumanArm`` states."""
 
 NORMAL = Hand(mass=1.2, damping=14.0, stiffness=300.0)
 """A human arm as one holds it in a task of some accuracy."""
@@ -129,13 +125,12 @@ TENSE = Hand(mass=2.0, damping=28.0, stiffness=600.0)
 """A human arm with its muscles tensed against disturbances."""
 
 HUMAN_ARMS = {"relaxed": RELAXED, "normal": NORMAL, "tense": TENSE}
-"""Presets of a human arm's mass, damping and stiffness by name."""
+"""A human arm's mass, damping and stiffness by name."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class HumanArm(Operator):
-    """A human arm: mass, damper and spring between the tip and a point that the person intends to
-    follow.
+    """A human arm: mass, damper and spring between the tip and the hand's moving target.
 
     The point moves along the path. It starts from rest with minimum jerk, so with the velocity 3u²
     − 2u³ over its rise time (Flash and Hogan, J. Neurosci. 5, 1985, with a free end point), to
@@ -174,13 +169,7 @@ class HumanArm(Operator):
     def __post_init__(self) -> None:
         """Check that the arm has a spring."""
         super().__post_init__()
-        require(
-            self.impedance.stiffness > 0.0,
-            self,
-            "impedance.stiffness",
-            self.impedance.stiffness,
-            "> 0 N/m",
-        )
+        require(self.impedance.stiffness > 0.0, self, "impedance.stiffness", "> 0 N/m")
 
     def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:  # noqa: ARG002
         """Return its constants for the kernels; see ``Operator``."""
@@ -215,8 +204,7 @@ class RecordedForces(Operator):
         return NO_FORCE._replace(record_first=first, record_count=count)
 
     def sampled(self, period: float) -> NDArray[np.float64]:
-        """Return the forces along and across at the control instants 0, period, … up to the end,
-        shape (T, 2) [N].
+        """Return the forces along and across at the control instants up to the end, (T, 2) [N].
 
         Raises
         ------
@@ -228,8 +216,8 @@ class RecordedForces(Operator):
             self.times[-1] <= longest,
             self,
             "times",
-            self.times[-1],
             f"in seconds, up to {longest:g} s",
+            got=self.times[-1],
         )
         instants = period * np.arange(math.ceil(self.times[-1] / period) + 1)
         return np.stack(
@@ -238,8 +226,7 @@ class RecordedForces(Operator):
 
 
 def read_forces(file: FilePath) -> RecordedForces:
-    """Return the recording in a CSV file with the columns ``time`` [s], ``along`` and ``across``
-    [N].
+    """Return the recording in a CSV file: columns ``time`` [s], ``along`` and ``across`` [N].
 
     Raises
     ------
@@ -258,14 +245,15 @@ def read_forces(file: FilePath) -> RecordedForces:
     )
     if interval > MAX_INTERVAL or end > MAX_DURATION:
         raise ParameterError(
-            f"{file}: time must have rows at most {MAX_INTERVAL:g} s apart and end within {MAX_DURATION:g} s, got rows "
-            f"{interval:g} s apart that end at {end:g} s: are these seconds?"
+            f"{file}: time must have rows at most {MAX_INTERVAL:g} s apart and end within "
+            f"{MAX_DURATION:g} s, got rows {interval:g} s apart that end at {end:g} s: are these "
+            "seconds?"
         )
     return RecordedForces(times=times, along=along, across=across)
 
 
 def fault_in(times: Sequence[float], label: Callable[[int], str]) -> str | None:
-    """Return what is wrong with the first time that a recording cannot have; ``label`` names times by their number."""
+    """Describe the first invalid time of a recording, or return None; ``label`` names times."""
     if not times:
         return "there is no time"
     if times[0] != 0.0:

@@ -1,7 +1,6 @@
 """A library of human arms and tremors, from ``presets/hands.toml`` with its sources."""
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,6 +8,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from pter_gym._internal.codec import tuple_of
+from pter_gym._internal.reading import read_toml
 from pter_gym.params import Hand
 
 Matrix = tuple[tuple[float, float], tuple[float, float]]
@@ -49,7 +49,7 @@ class LibraryArm:
 
     @property
     def hand(self) -> Hand:
-        """The hand for the simulator, with its axes, ``own`` ones too, along the world's; of the mass, the mean."""
+        """The hand for the simulator: axes, ``own`` ones too, along the world's; mean mass."""
         damping, stiffness = _anisotropy(self.damping), _anisotropy(self.stiffness)
         return replace(
             self.isotropic_hand, damping_anisotropy=damping, stiffness_anisotropy=stiffness
@@ -57,7 +57,7 @@ class LibraryArm:
 
     @property
     def isotropic_hand(self) -> Hand:
-        """The same with damping and stiffness that are their means over all directions, half of each trace."""
+        """The same with damping and stiffness averaged over all directions: half of each trace."""
         mass, damping, stiffness = (
             0.5 * (m[0][0] + m[1][1]) for m in (self.mass, self.damping, self.stiffness)
         )
@@ -108,7 +108,7 @@ def _entries(kind: type[Any], tables: dict[str, dict[str, Any]]) -> Mapping[str,
     return MappingProxyType({name: kind(name=name, **entry) for name, entry in entries.items()})
 
 
-_LIBRARY = tomllib.loads((Path(__file__).parents[1] / "presets" / "hands.toml").read_text("utf-8"))
+_LIBRARY = read_toml(Path(__file__).parents[1] / "presets" / "hands.toml", "hands")
 
 LIBRARY_ARMS: Mapping[str, LibraryArm] = _entries(LibraryArm, _LIBRARY["arms"])
 """Human arms by name."""

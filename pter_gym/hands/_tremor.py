@@ -1,4 +1,4 @@
-"""Arms with tremor: sources give the acceleration of the free hand; the simulator needs a force on the tip."""
+"""Arms with tremor: from the measured acceleration of a free hand to a force on the tip."""
 
 import math
 from collections.abc import Mapping
@@ -98,8 +98,7 @@ class TremorArm(HumanArm):
         )
 
     def sampled(self, period: float) -> NDArray[np.float64]:
-        """Return the tremor's forces along and across at the control instants 0, period, …, shape
-        (T, 2) [N].
+        """Return the tremor's forces along and across at the control instants, (T, 2) [N].
 
         Raises
         ------
@@ -107,16 +106,10 @@ class TremorArm(HumanArm):
             If there are more than ``MAX_INSTANTS``, or a period of the tremor has less than four.
         """
         longest = MAX_INSTANTS * period
-        require(
-            self.lasts <= longest, self, "lasts", self.lasts, f"in seconds, up to {longest:g} s"
-        )
+        require(self.lasts <= longest, self, "lasts", f"in seconds, up to {longest:g} s")
         fastest = 0.25 / period
         require(
-            self.frequency <= fastest,
-            self,
-            "frequency",
-            self.frequency,
-            f"≤ {fastest:g} Hz at this control period",
+            self.frequency <= fastest, self, "frequency", f"≤ {fastest:g} Hz at this control period"
         )
         kept = float(np.sinc(self.frequency * period)) ** 2
         force = self.tremor(np.arange(math.ceil(self.lasts / period) + 1.0) * period) / kept
@@ -142,7 +135,7 @@ def _acceleration(name: str) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class PhysiologicalTremor(TremorArm):
-    """An arm with the tremor that everybody has: ``tremor-physiological`` of ``LIBRARY_TREMORS``."""
+    """An arm with everybody's tremor: ``tremor-physiological`` of ``LIBRARY_TREMORS``."""
 
     frequency: float = _frequency("tremor-physiological")
     acceleration: float = _acceleration("tremor-physiological")
@@ -158,7 +151,7 @@ class EssentialTremor(TremorArm):
 
 @dataclass(frozen=True, kw_only=True)
 class ParkinsonianTremor(TremorArm):
-    """An arm with the tremor of Parkinson's disease: ``tremor-parkinsonian`` of ``LIBRARY_TREMORS``."""
+    """An arm with Parkinson's tremor: ``tremor-parkinsonian`` of ``LIBRARY_TREMORS``."""
 
     frequency: float = _frequency("tremor-parkinsonian")
     acceleration: float = _acceleration("tremor-parkinsonian")

@@ -8,12 +8,23 @@ interval, so the forces fill a zonotope, a sum of segments. Friction of the axes
 lag of the clutches are left out.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.params import Arm, Clutch, Machine
+from pter_gym._physics.arm import (
+    Vector,
+    cos_difference,
+    motion_at,
+    motion_of,
+    moving,
+    sin_difference,
+)
+from pter_gym._physics.clutch import PerClutch, falling, holding, sliding
+from pter_gym._physics.friction import slip_velocities
+from pter_gym._physics.model import model_of, optional_arrangement
+from pter_gym.params import SLOTS, Arm, Machine
 
 Array = NDArray[np.float64]
 
@@ -21,19 +32,17 @@ AT_REST = (0.0, 0.0)
 
 
 def link_angles(arm: Arm, tip: ArrayLike) -> Array:
-    """Return the angles (θA, θB) [rad], (…, 2), at tip positions (…, 2) [m]; θB leads, NaN where out of reach."""
-    x, y = np.moveaxis(np.asarray(tip, np.float64), -1, 0)
-    cos = (x * x + y * y - arm.length_a**2 - arm.length_b**2) / (2.0 * arm.length_a * arm.length_b)
-    elbow = np.arccos(np.where(np.abs(cos) <= 1.0, cos, np.nan))
-    theta_a = np.arctan2(y, x) - np.arctan2(
-        arm.length_b * np.sin(elbow), arm.length_a + arm.length_b * np.cos(elbow)
-    )
-    return np.stack([theta_a, theta_a + elbow], axis=-1)
+    """Return the angles [rad] at tip positions [m], both (…, 2); θB leads, NaN out of reach."""
+    links: Any = arm
+    at: Any = np.moveaxis(np.asarray(tip, np.float64), -1, 0)
+    with np.errstate(invalid="ignore"):
+        q = motion_at(links, *at)
+    elbow = np.arctan2(-sin_difference(q), cos_difference(q))
+    return np.stack([q.theta_a, q.theta_a + elbow], axis=-1)
 
 
 def force_per_torque(machine: Machine, theta: ArrayLike) -> Array:
-    """Return W·J⁻¹ [1/m], shape (…, SLOTS, 2): for each clutch, the force on the hand (x, y) of a
-    torque of 1 N·m.
+    """Return W·J⁻¹ [1/m], (…, SLOTS, 2): the force on the hand of 1 N·m of each clutch.
 
     Its product with the velocity of the tip [m/s] is the slip velocity [rad/s]. Not finite at a
     singular pose.
@@ -43,31 +52,19 @@ def force_per_torque(machine: Machine, theta: ArrayLike) -> Array:
     machine, theta
         The machine, and the angles of its links, (…, 2) [rad].
     """
-    angles = np.asarray(theta, np.float64)
-    links = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    arm, q, arrangement = model_of(machine).arm, motion_of(theta), optional_arrangement(machine)
+    slips: list[Array] = []
     with np.errstate(divide="ignore", invalid="ignore"):
-        height = 1.0 / np.sin(angles[..., 1] - angles[..., 0])[..., None]
-        of_a = (
-            links[..., 1, :] * height / machine.arm.length_a
-        )  # a torque on link A pushes along link B
-        of_b = -links[..., 0, :] * height / machine.arm.length_b
-        return np.stack([a * of_a + b * of_b for a, b in machine.slot_rows], axis=-2)
-
-
-class _Limits(NamedTuple):
-    """Breakaway and dynamic torque of a clutch at a voltage [N·m]."""
-
-    breakaway: float
-    dynamic: float
-
-    @classmethod
-    def at(cls, clutch: Clutch, volts: float) -> "_Limits":
-        return cls(clutch.breakaway.torque(volts), clutch.dynamic.torque(volts))
+        for velocity in (Vector(1.0, 0.0), Vector(0.0, 1.0)):
+            along = moving(arm, q, velocity)
+            slips.append(
+                np.stack(slip_velocities(along.omega_a, along.omega_b, arrangement), axis=-1)
+            )
+    return np.stack(slips, axis=-1)
 
 
 def torque_limits(machine: Machine, slip: ArrayLike) -> tuple[Array, Array]:
-    """Return the least and the largest steady torque [N·m] of the clutches over all voltages, (…,
-    SLOTS) each.
+    """Return the least and largest steady torques [N·m] over all voltages, (…, SLOTS) each.
 
     A clutch that slips makes at least its torque of 0 V and at most that of the largest voltage, at
     the present speed, against the slip. One that sticks makes any torque up to the one that it can
@@ -79,22 +76,33 @@ def torque_limits(machine: Machine, slip: ArrayLike) -> tuple[Array, Array]:
         The machine, and the slip velocities of its clutches, (…, SLOTS) [rad/s].
     """
     clutch, scale = machine.clutch, np.array(machine.slot_scale)
-    speed, square = np.abs(slip), clutch.stribeck**2
-    falls = square / (square + np.maximum(speed, machine.slip_threshold) ** 2)
-    least, most = (
-        curve.dynamic + falls * (curve.breakaway - curve.dynamic) + clutch.viscous * speed
-        for curve in (_Limits.at(clutch, 0.0), _Limits.at(clutch, clutch.voltage_max))
+    speed: Any = np.abs(slip)
+    weakest, strongest = (
+        (clutch.breakaway.torque(volts), clutch.dynamic.torque(volts))
+        for volts in (0.0, clutch.voltage_max)
     )
-    held = max(_Limits.at(clutch, clutch.voltage_max))
-    sticks = speed < machine.slip_threshold
-    return np.where(sticks, -held, least) * scale, np.where(sticks, held, most) * scale
+    part = _falling(machine, speed)
+    least = sliding(speed, *weakest, part, clutch.viscous)
+    most = sliding(speed, *strongest, part, clutch.viscous)
+    hold, sticks = holding(*strongest), speed < machine.slip_threshold
+    return np.where(sticks, -hold, least) * scale, np.where(sticks, hold, most) * scale
+
+
+def _falling(machine: Machine, speed: Array) -> Any:
+    """Return what slip velocities (…, SLOTS) [rad/s] leave of breakaway above dynamic torque."""
+    square = machine.clutch.stribeck**2
+    if square == 0.0:
+        return 0.0
+    rows = (PerClutch(*row) for row in speed.reshape(-1, SLOTS).tolist())
+    parts = np.array([falling(row, machine.slip_threshold, square) for row in rows])
+    return parts.reshape(speed.shape)
 
 
 def force_region(machine: Machine, theta: ArrayLike, tip_velocity: ArrayLike = AT_REST) -> Array:
-    """Return the corners [N] of the polygon of displayable forces, anticlockwise, shape (…,
-    2·SLOTS, 2).
+    """Return the corners [N] of the polygon of displayable forces, anticlockwise.
 
-    Corners coincide where clutches are absent or push along the same line.
+    Their shape is (…, 2·SLOTS, 2). Corners coincide where clutches are absent or push along the
+    same line.
 
     Parameters
     ----------
@@ -120,7 +128,7 @@ def force_region(machine: Machine, theta: ArrayLike, tip_velocity: ArrayLike = A
 
 
 class ForceRange(NamedTuple):
-    """The largest forces [N] of a polygon in three directions relative to the tip's velocity, an array (…) each."""
+    """The largest forces [N] in three directions relative to the tip's velocity, (…) each."""
 
     resisting: Array
     left: Array
@@ -147,7 +155,7 @@ def force_range(machine: Machine, theta: ArrayLike, tip_velocity: ArrayLike) -> 
 
 
 class ForceExtremes(NamedTuple):
-    """The smallest and the largest of ``ForceRange`` over all directions of motion [N], an array (…) each."""
+    """The extremes of ``ForceRange`` over all directions of motion [N], (…) each."""
 
     least_resisting: Array
     largest_resisting: Array
@@ -158,10 +166,10 @@ class ForceExtremes(NamedTuple):
 def force_extremes(
     machine: Machine, theta: ArrayLike, *, speed: float = 0.25, directions: int = 360
 ) -> ForceExtremes:
-    """Return the extremes of ``force_range`` over equally spaced directions, and those in which a
-    clutch sticks.
+    """Return the extremes of ``force_range`` over directions of motion.
 
-    The smallest steering force is the one to the side that has less, in the worst direction.
+    Directions are equally spaced, and those in which a clutch sticks. The smallest steering force
+    is the one to the side that has less, in the worst direction.
 
     Parameters
     ----------
@@ -177,11 +185,11 @@ def force_extremes(
     at = np.concatenate(
         [np.broadcast_to(even, (*stuck.shape[:-1], directions)), stuck, stuck + np.pi], axis=-1
     )
-    found = force_range(machine, angles, speed * np.stack([np.cos(at), np.sin(at)], axis=-1))
-    either = np.maximum(found.left, found.right)
+    ranges = force_range(machine, angles, speed * np.stack([np.cos(at), np.sin(at)], axis=-1))
+    either = np.maximum(ranges.left, ranges.right)
     return ForceExtremes(
-        found.resisting.min(axis=-1),
-        found.resisting.max(axis=-1),
-        found.steering.min(axis=-1),
+        ranges.resisting.min(axis=-1),
+        ranges.resisting.max(axis=-1),
+        ranges.steering.min(axis=-1),
         either.max(axis=-1),
     )

@@ -41,8 +41,7 @@ def force_error(rendered: ArrayLike, desired: ArrayLike, direction: ArrayLike) -
 
 
 def mean_resisting_force(power: ArrayLike, speed: ArrayLike, slowest: float = 1e-3) -> Array:
-    """Return the mean force of a device against the motion [N], shape (…): at 0 V, its drag in free
-    motion.
+    """Return a device's mean force against the motion [N], (…): at 0 V, its drag.
 
     Parameters
     ----------
@@ -81,8 +80,7 @@ def wall_stiffness(force: ArrayLike, penetration: ArrayLike) -> float:
 
 
 def impedance(force: ArrayLike, velocity: ArrayLike, period: float, frequency: float) -> float:
-    """Return ``|F/V|`` [N·s/m] at a frequency: b for a damper, m·ω for a mass, k/ω for a spring, ω
-    = 2π·frequency.
+    """Return ``|F/V|`` [N·s/m] at ω: b for a damper, m·ω for a mass, k/ω for a spring.
 
     Parameters
     ----------
@@ -96,8 +94,7 @@ def impedance(force: ArrayLike, velocity: ArrayLike, period: float, frequency: f
 
 
 def z_width(stiffness: float, free_impedance: float, frequency: float) -> float:
-    """Return the Z-width [dB]: the impedance of the stiffest wall over that in free motion, at one
-    frequency.
+    """Return the Z-width [dB]: the stiffest wall's impedance over that in free motion.
 
     Colgate and Brown, Factors affecting the Z-width of a haptic display (IEEE ICRA 1994); Hayward
     and Astley, Performance measures for haptic interfaces (Robotics Research: The Seventh
@@ -120,8 +117,7 @@ def spectral_arc_length(
     threshold: float = 0.05,
     padding: int = 4,
 ) -> float:
-    """Return SPARC, the arc length of a movement's normalised spectrum, negative: nearer to 0 is
-    smoother; 0 at rest.
+    """Return SPARC, the negative arc length of a movement's spectrum: nearer to 0 is smoother.
 
     Balasubramanian, Melendez-Calderon, Roby-Brami and Burdet, On the analysis of movement
     smoothness (Journal of NeuroEngineering and Rehabilitation 12:112, 2015): −∫√((1/ω_c)² +
@@ -143,5 +139,5 @@ def spectral_arc_length(
     if spectrum[0] == 0.0:
         return 0.0
     magnitude = spectrum[: math.floor(cutoff * period * length) + 1] / spectrum[0]
-    kept = magnitude[: np.flatnonzero(magnitude >= threshold)[-1] + 1]
-    return -float(np.hypot(1.0 / max(len(kept) - 1, 1), np.diff(kept)).sum())
+    band = magnitude[: np.flatnonzero(magnitude >= threshold)[-1] + 1]
+    return -float(np.hypot(1.0 / max(len(band) - 1, 1), np.diff(band)).sum())

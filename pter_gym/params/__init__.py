@@ -5,7 +5,6 @@ from pter_gym.params._fields import (
     MAX_NUMBER,
     MIN_POSITIVE,
     Checked,
-    preset,
     quantity,
     require,
     require_flag,
@@ -14,6 +13,7 @@ from pter_gym.params._fields import (
     require_numbers,
     require_whole,
 )
+from pter_gym.params._files import is_machine_file, load_machine, save_machine
 from pter_gym.params._machine import (
     Arm,
     Clutch,
@@ -32,10 +32,9 @@ from pter_gym.params._named import (
     DELRIN_THEORETICAL,
     MACHINES,
     find_machine,
-    paper_machines_of,
+    paper_machines,
     with_friction,
 )
-from pter_gym.params._preset import is_preset, machine_of, preset_of, save_preset
 
 __all__ = [
     "ACTUATORS",
@@ -57,11 +56,9 @@ __all__ = [
     "Machine",
     "TorqueCurve",
     "find_machine",
-    "is_preset",
-    "machine_of",
-    "paper_machines_of",
-    "preset",
-    "preset_of",
+    "is_machine_file",
+    "load_machine",
+    "paper_machines",
     "quantity",
     "require",
     "require_flag",
@@ -70,7 +67,7 @@ __all__ = [
     "require_numbers",
     "require_paper_clutches",
     "require_whole",
-    "save_preset",
+    "save_machine",
     "tip_mass",
     "with_friction",
 ]

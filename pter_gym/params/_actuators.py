@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
-from pter_gym._internal.reading import parse_toml
+from pter_gym._internal.reading import read_toml
 from pter_gym.params._machine import Clutch, TorqueCurve
 
 Grade = Literal["fitted", "measured", "order of magnitude"]
@@ -38,22 +38,19 @@ class Actuator:
     unknown: tuple[str, ...]
 
 
-def read_actuators(shipped: Mapping[str, Clutch]) -> Mapping[str, Actuator]:
-    """Return the library by name; ``shipped`` are the clutches of the machine's own preset, by their names in it."""
-    tables = parse_toml(
-        (Path(__file__).parents[1] / "presets" / "actuators.toml").read_text("utf-8")
-    )
+def read_actuators(own: Mapping[str, Clutch]) -> Mapping[str, Actuator]:
+    """Return the library by name; ``own`` are PTER's clutches, by their names in it."""
+    tables = read_toml(Path(__file__).parents[1] / "presets" / "actuators.toml", "actuators")
     return MappingProxyType(
-        {name: _actuator(name, dict(table), shipped) for name, table in tables.items()}
+        {name: _actuator(name, dict(table), own.get(name)) for name, table in tables.items()}
     )
 
 
-def _actuator(name: str, table: dict[str, Any], shipped: Mapping[str, Clutch]) -> Actuator:
-    told = {key: table.pop(key) for key in ("grade", "provenance", "source")}
+def _actuator(name: str, table: dict[str, Any], clutch: Clutch | None) -> Actuator:
+    sources = {key: table.pop(key) for key in ("grade", "provenance", "source")}
     unknown = tuple(table.pop("unknown"))
-    if name in shipped:
-        return Actuator(name=name, clutch=shipped[name], unknown=unknown, **told)
-    ratio, slope, off_state = (table.pop(key) for key in ("breakaway_ratio", "slope", "off_state"))
-    dynamic = TorqueCurve(slope=slope, knee=0.0, curvature=0.0, off_state=off_state)
-    clutch = Clutch(breakaway=dynamic.scaled(ratio), dynamic=dynamic, **table)
-    return Actuator(name=name, clutch=clutch, unknown=unknown, **told)
+    if clutch is None:
+        ratio, slope, off = (table.pop(key) for key in ("breakaway_ratio", "slope", "off_state"))
+        dynamic = TorqueCurve(slope=slope, knee=0.0, curvature=0.0, off_state=off)
+        clutch = Clutch(breakaway=dynamic.scaled(ratio), dynamic=dynamic, **table)
+    return Actuator(name=name, clutch=clutch, unknown=unknown, **sources)

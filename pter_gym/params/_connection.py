@@ -7,12 +7,11 @@ from pter_gym.params._fields import Checked, quantity, require
 
 @dataclass(frozen=True)
 class Connection(Checked):
-    """The name of a clutch and its row (a, b) of W [1]; raises a ParameterError unless the row has
-    one of these forms.
+    """The name of a clutch and its row (a, b) of W [1].
 
     It slips at a·ω_A + b·ω_B, and its torque τ acts as a·τ on link A and b·τ on link B. (1, 0) and
     (0, 1) are brakes; (1, −r) couples axis A to axis B, and (1, r) does so through an inverting
-    gear, for 0.01 ≤ r ≤ 100.
+    gear, for 0.01 ≤ r ≤ 100. Other rows raise a ParameterError.
     """
 
     name: str = quantity("1", "chosen")
@@ -24,16 +23,12 @@ class Connection(Checked):
         """Check both."""
         super().__post_init__()
         require(
-            self.name.isprintable() and 0 < len(self.name) <= 40,
-            self,
-            "name",
-            self.name,
-            "1 to 40 characters",
+            self.name.isprintable() and 0 < len(self.name) <= 40, self, "name", "1 to 40 characters"
         )
         accepted = "(0, 1), (1, 0), (1, −r) or (1, r) with 0.01 ≤ r ≤ 100"
         a, b = self.row
         fits = (a, b) == (0.0, 1.0) or (a == 1.0 and (b == 0.0 or 0.01 <= abs(b) <= 100.0))
-        require(fits, self, "row", self.row, accepted)
+        require(fits, self, "row", accepted)
         object.__setattr__(self, "row", (float(a), float(b)))
 
 

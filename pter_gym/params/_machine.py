@@ -2,7 +2,7 @@
 
 Each field names its unit and the source of its value: ``published`` in the paper, ``derived`` from
 published values, ``fitted`` to the paper's results, or ``chosen`` by us. A fitted value is not a
-fact about PTER. Values that the paper does not print are in one file, ``presets/pter.toml``.
+fact about PTER.
 """
 
 import math
@@ -12,9 +12,7 @@ from typing import Literal, cast
 
 from pter_gym.params._connection import BRAKE_A, BRAKE_B, PAPER_CLUTCHES, SLOTS, Connection
 from pter_gym.params._fields import (
-    SHIPPED,
     Checked,
-    preset,
     quantity,
     require,
     require_kind,
@@ -23,10 +21,12 @@ from pter_gym.params._fields import (
 
 Lag = Literal["normal_force", "voltage"]
 
-_CLUTCH = SHIPPED["clutch"]
 _CONSTANT = "chosen: T_k is the same at all speeds"
 _NO_HAND = "published: the paper's hand is a force alone"
 _ISOTROPIC = "chosen: the same in all directions"
+_LENGTH = "fitted: PTER's links were of the order of half a metre"
+_INERTIA = "fitted: a link with clutch rotors and gears"
+_FRICTION = "chosen: Eqs. 3 and 4 have no friction but that of the clutches"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,15 +38,15 @@ class Arm(Checked):
     equations leave out.
     """
 
-    length_a: float = preset("arm", "length_a", above=0.0)
-    length_b: float = preset("arm", "length_b", above=0.0)
-    inertia_a: float = preset("arm", "inertia_a", above=0.0)
-    inertia_b: float = preset("arm", "inertia_b", above=0.0)
-    coupling: float = preset("arm", "coupling")
-    dry_a: float = preset("arm", "dry_a", at_least=0.0)
-    dry_b: float = preset("arm", "dry_b", at_least=0.0)
-    viscous_a: float = preset("arm", "viscous_a", at_least=0.0)
-    viscous_b: float = preset("arm", "viscous_b", at_least=0.0)
+    length_a: float = quantity("m", _LENGTH, above=0.0, default=0.5645)
+    length_b: float = quantity("m", _LENGTH, above=0.0, default=0.4454)
+    inertia_a: float = quantity("kg·m²", _INERTIA, above=0.0, default=0.4404)
+    inertia_b: float = quantity("kg·m²", _INERTIA, above=0.0, default=1.015)
+    coupling: float = quantity("kg·m²", "fitted: between the axes", default=-0.05763)
+    dry_a: float = quantity("N·m", _FRICTION, at_least=0.0, default=0.0)
+    dry_b: float = quantity("N·m", _FRICTION, at_least=0.0, default=0.0)
+    viscous_a: float = quantity("N·m·s", _FRICTION, at_least=0.0, default=0.0)
+    viscous_b: float = quantity("N·m·s", _FRICTION, at_least=0.0, default=0.0)
 
     def __post_init__(self) -> None:
         """Check that the mass matrix is positive definite in every pose."""
@@ -57,16 +57,18 @@ class Arm(Checked):
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueCurve(Checked):
-    """Steady torque of a clutch over voltage: a linear and a quadratic segment, C1 (paper section
-    IV-B.1, Fig. 5).
+    """Steady torque of a clutch over voltage (paper section IV-B.1, Fig. 5).
 
-    ``T(v) = off_state + slope·v + curvature·max(v − knee, 0)²``. The paper assumes no torque
-    without voltage; the fluid or powder of other brakes leaves some.
+    ``T(v) = off_state + slope·v + curvature·max(v − knee, 0)²`` is C1: a linear and a quadratic
+    segment. The paper assumes no torque without voltage; the fluid or powder of other brakes leaves
+    some.
     """
 
-    slope: float = quantity("N·m/V", _CLUTCH["slope"]["from"], above=0.0)
-    knee: float = quantity("V", _CLUTCH["knee"]["from"], at_least=0.0)
-    curvature: float = quantity("N·m/V²", _CLUTCH["curvature"]["from"])
+    slope: float = quantity(
+        "N·m/V", "fitted: breakaway is 63.5 in·lbf (published) between 4 and 8 V", above=0.0
+    )
+    knee: float = quantity("V", "fitted: where the quadratic segment begins", at_least=0.0)
+    curvature: float = quantity("N·m/V²", "fitted: quadratic segment")
     off_state: float = quantity(
         "N·m", "published: section III-A takes it as 0", at_least=0.0, default=0.0, later=True
     )
@@ -77,7 +79,7 @@ class TorqueCurve(Checked):
         return self.slope * volts + self.curvature * beyond * beyond + self.off_state
 
     def voltage(self, torque: float) -> float:
-        """Return the voltage [V] at which the curve reaches a torque [N·m], 0 for less than its off-state torque."""
+        """Return the voltage [V] of a torque [N·m], 0 for less than the off-state torque."""
         torque = max(torque - self.off_state, 0.0) if self.off_state else torque
         excess = torque - self.slope * self.knee
         if excess <= 0.0 or self.curvature == 0.0:
@@ -106,10 +108,14 @@ class Clutch(Checked):
     torque, and H decays with the time constant ``cooling``.
     """
 
-    breakaway: TorqueCurve = quantity("N·m", _CLUTCH["breakaway_ratio"]["from"])
+    breakaway: TorqueCurve = quantity(
+        "N·m", "fitted: T_s/T_k is at least 1.12 for the jump of Fig. 9"
+    )
     dynamic: TorqueCurve = quantity("N·m", "see TorqueCurve")
-    time_constant: float = preset("clutch", "time_constant", above=0.0)
-    voltage_max: float = preset("clutch", "voltage_max", above=0.0)
+    time_constant: float = quantity("s", "published: section IV-C.3", above=0.0, default=0.105)
+    voltage_max: float = quantity(
+        "V", "chosen: a common supply for such clutches", above=0.0, default=24.0
+    )
     lag: Lag = quantity(
         "1", "published: section II-B, from voltage to normal force", default="normal_force"
     )
@@ -132,14 +138,19 @@ class Clutch(Checked):
             curve: TorqueCurve = getattr(self, name)
             end = curve.slope + 2.0 * curve.curvature * max(self.voltage_max - curve.knee, 0.0)
             require(
-                end > 0.0, self, name, curve, f"monotone up to voltage_max = {self.voltage_max:g} V"
+                end > 0.0,
+                self,
+                name,
+                f"monotone up to voltage_max = {self.voltage_max:g} V",
+                got=curve,
             )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hand(Checked):
-    """Mass, damper and spring that the hand adds at the tip, besides its force. The paper's tests
-    have none of them.
+    """Mass, damper and spring that the hand adds at the tip, besides its force.
+
+    The paper's tests have none of them.
 
     The mass is added to the arm's exactly; the damping is integrated implicitly, the spring
     explicitly. Damping and stiffness may depend on the direction: with an anisotropy (e, f), the
@@ -163,16 +174,15 @@ class Hand(Checked):
         super().__post_init__()
         for name in ("damping_anisotropy", "stiffness_anisotropy"):
             value = getattr(self, name)
-            require(math.hypot(*value) <= 1.0, self, name, value, "(e, f) with √(e² + f²) ≤ 1")
+            require(math.hypot(*value) <= 1.0, self, name, "(e, f) with √(e² + f²) ≤ 1")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Machine(Checked):
-    """A PTER: arm, clutches and the hand that holds the tip, with the parameters of its friction
-    model.
+    """A PTER: arm, clutches, friction model, and the hand that holds the tip.
 
     A machine with fewer than the paper's four clutches has empty slots, whose voltages have no
-    effect.
+    effect. A delay replaces that of a task's sensors, rounded to control steps.
     """
 
     arm: Arm = quantity("1", "see Arm", default=Arm())
@@ -201,6 +211,13 @@ class Machine(Checked):
         at_most=0.01,
         default=2.5e-3,
     )
+    delay: float = quantity(
+        "s",
+        "chosen: 0, none; from a voltage to the observation of the motion that it makes",
+        at_least=0.0,
+        default=0.0,
+        later=True,
+    )
 
     def __post_init__(self) -> None:
         """Check the numbers of the friction model and that the hand's explicit spring is stable."""
@@ -212,37 +229,39 @@ class Machine(Checked):
             most * self.substep**2 <= 0.25 * mass,
             self,
             "hand.stiffness",
-            self.hand.stiffness,
-            f"≤ {0.25 * mass / self.substep**2:g} N/m, so substep²·stiffness is at most a quarter of the tip's mass",
+            f"≤ {0.25 * mass / self.substep**2:g} N/m, so that substep²·stiffness is at most "
+            "a quarter of the tip's mass",
         )
 
     def _check_clutches(self) -> None:
-        """Check that names differ, that the slots can hold motion in every direction, and where dry friction acts."""
+        """Check names, that slots hold motion in every direction, and where dry friction acts."""
         require_kind(self, "clutches", tuple)
-        found, accepted = self.clutches, f"1 to {SLOTS} Connections with different names"
-        declared = all(isinstance(each, Connection) for each in cast("tuple[object, ...]", found))
-        require(declared and 0 < len(found) <= SLOTS, self, "clutches", found, accepted)
-        require(len({each.name for each in found}) == len(found), self, "clutches", found, accepted)
-        rows = self.slot_rows
-        require(
-            len({*rows}) > 1,
-            self,
-            "clutches",
-            found,
-            f"of at least two different rows, if there are {SLOTS}",
+        clutches = self.clutches
+        fits = (
+            0 < len(clutches) <= SLOTS
+            and all(
+                isinstance(clutch, Connection) for clutch in cast("tuple[object, ...]", clutches)
+            )
+            and len({clutch.name for clutch in clutches}) == len(clutches)
         )
+        accepted = f"1 to {SLOTS} Connections with different names"
+        require(fits, self, "clutches", accepted)
+        rows = self.slot_rows
+        accepted = f"of at least two different rows, if there are {SLOTS}"
+        require(len({*rows}) > 1, self, "clutches", accepted)
         ratios = sorted({b for a, b in rows if a != 0.0})
         apart = all(high - low >= 0.01 * max(abs(low), abs(high)) for low, high in pairwise(ratios))
-        require(apart, self, "clutches", found, "of rows that are equal or differ by 1 % at least")
+        accepted = "of rows that are equal or differ by 1 % at least"
+        require(apart, self, "clutches", accepted)
         for name, brake in (("dry_a", BRAKE_A), ("dry_b", BRAKE_B)):
             there = getattr(self.arm, name) == 0.0 or brake.row in rows
             accepted = f"0 where {SLOTS} clutches leave no slot to a brake ({brake.name})"
-            require(there, self.arm, name, getattr(self.arm, name), accepted)
+            require(there, self.arm, name, accepted)
 
     @property
     def slot_rows(self) -> tuple[tuple[float, float], ...]:
-        """The rows of W of all slots; an empty slot has the row of a missing brake, for dry friction."""
-        rows = tuple(each.row for each in self.clutches)
+        """The rows of W of all slots; an empty one has a missing brake's, for dry friction."""
+        rows = tuple(clutch.row for clutch in self.clutches)
         empty = [brake.row for brake in (BRAKE_A, BRAKE_B) if brake.row not in rows]
         return (*rows, *empty, *[BRAKE_A.row] * SLOTS)[:SLOTS]
 
@@ -256,15 +275,15 @@ class Machine(Checked):
     @property
     def has_paper_clutches(self) -> bool:
         """Whether W is the paper's."""
-        return tuple(each.row for each in self.clutches) == tuple(
-            each.row for each in PAPER_CLUTCHES
+        return tuple(clutch.row for clutch in self.clutches) == tuple(
+            clutch.row for clutch in PAPER_CLUTCHES
         )
 
 
 def require_paper_clutches(machine: Machine, why: str) -> None:
     """Raise a ParameterError unless W is the paper's."""
-    rows = [each.row for each in machine.clutches]
-    require(machine.has_paper_clutches, machine, "clutches", rows, f"the paper's four: {why}")
+    rows = [clutch.row for clutch in machine.clutches]
+    require(machine.has_paper_clutches, machine, "clutches", f"the paper's four: {why}", got=rows)
 
 
 def tip_mass(arm: Arm) -> float:

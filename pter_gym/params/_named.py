@@ -1,13 +1,26 @@
-"""The machines that have names: the paper's three, and arrangements of clutches that were never built."""
+"""The machines that have names: the paper's three, and arrangements that were never built."""
 
 from dataclasses import replace
+from pathlib import PurePath
 from typing import cast
 
 from pter_gym.errors import ParameterError, nearest
 from pter_gym.params._actuators import read_actuators
 from pter_gym.params._connection import BRAKE_A, BRAKE_B, COUPLED, INVERTED
-from pter_gym.params._machine import Clutch, Machine
-from pter_gym.params._preset import PRESET, Preset, is_preset, load_preset, machine_of
+from pter_gym.params._files import is_machine_file, load_machine
+from pter_gym.params._machine import Clutch, Machine, TorqueCurve
+
+_BREAKAWAY_RATIO = 1.12
+"""T_s/T_k of the present clutches; fitted: at least 1.12 for the jump of Fig. 9."""
+
+_DELRIN_SCALE = 0.8008
+"""T_k of Delrin as measured, relative to the present clutches; fitted."""
+
+_DELRIN_RATIO = 1.24
+"""T_s/T_k of Delrin as measured; fitted: at least 1.12 for the jump of Fig. 9."""
+
+_MU_DYNAMIC_PRESENT = 0.40178571428571425
+"""Dynamic friction coefficient of the present clutches; derived: the static one over T_s/T_k."""
 
 _MU_STATIC_PRESENT = 0.45
 """Static friction coefficient of the present clutches (paper section IV-B.2)."""
@@ -17,34 +30,50 @@ _MU_STATIC_DELRIN, _MU_DYNAMIC_DELRIN = 0.20, 0.35
 
 
 def with_friction(clutch: Clutch, breakaway: float, dynamic: float) -> Clutch:
-    """Return a clutch of another friction material, given factors on its breakaway and dynamic torque."""
+    """Return a clutch of another friction material: factors on breakaway and dynamic torque."""
     return replace(
         clutch, breakaway=clutch.breakaway.scaled(breakaway), dynamic=clutch.dynamic.scaled(dynamic)
     )
 
 
-def paper_machines_of(preset: Preset) -> dict[str, Machine]:
-    """Return the three machines of Table I by name: the present clutches, Delrin as measured and as published."""
-    baseline, delrin = machine_of(preset), preset.delrin
-    scale, mu_dynamic = delrin["dynamic_scale"], delrin["mu_dynamic_present"]
+def paper_machines(
+    baseline: Machine,
+    *,
+    breakaway_ratio: float = _BREAKAWAY_RATIO,
+    delrin_scale: float = _DELRIN_SCALE,
+    delrin_ratio: float = _DELRIN_RATIO,
+    mu_dynamic: float = _MU_DYNAMIC_PRESENT,
+) -> dict[str, Machine]:
+    """Return the machines of Table I by name: the present clutches, and Delrin's two.
+
+    Parameters
+    ----------
+    baseline
+        The machine with the present clutches.
+    breakaway_ratio, mu_dynamic
+        Their T_s/T_k, and their dynamic friction coefficient.
+    delrin_scale, delrin_ratio
+        T_k of Delrin as measured, over that of the present clutches, and its T_s/T_k.
+    """
     factors = {
         "baseline": (1.0, 1.0),
-        "delrin_experimental": (
-            scale * delrin["breakaway_ratio"] / preset.clutch["breakaway_ratio"],
-            scale,
-        ),
+        "delrin_experimental": (delrin_scale * delrin_ratio / breakaway_ratio, delrin_scale),
         "delrin_theoretical": (
             _MU_STATIC_DELRIN / _MU_STATIC_PRESENT,
             _MU_DYNAMIC_DELRIN / mu_dynamic,
         ),
     }
     return {
-        name: replace(baseline, clutch=with_friction(baseline.clutch, *each))
-        for name, each in factors.items()
+        name: replace(baseline, clutch=with_friction(baseline.clutch, *pair))
+        for name, pair in factors.items()
     }
 
 
-PAPER_MACHINES = paper_machines_of(PRESET)
+_CURVE = TorqueCurve(slope=0.8869, knee=19.4, curvature=1.557)
+
+PAPER_MACHINES = paper_machines(
+    Machine(clutch=Clutch(breakaway=_CURVE.scaled(_BREAKAWAY_RATIO), dynamic=_CURVE))
+)
 
 BASELINE = PAPER_MACHINES["baseline"]
 """PTER with its present clutches (paper section IV-B.1)."""
@@ -100,8 +129,7 @@ ACTUATORS = read_actuators(
 
 
 def find_machine(machine: Machine | str | None) -> Machine:
-    """Return a machine given as itself, by its name, or by the path of a preset; ``BASELINE`` for
-    None.
+    """Return a machine given as itself, by its name or by its file; ``BASELINE`` for None.
 
     A name is one of ``MACHINES``, or of ``ACTUATORS`` for PTER with four of these in place of its
     clutches.
@@ -109,24 +137,25 @@ def find_machine(machine: Machine | str | None) -> Machine:
     Raises
     ------
     ParameterError
-        If it is neither a machine nor a known name (the nearest names are suggested), or a preset
-        cannot be read.
+        If it is neither a machine nor a known name (the nearest are suggested), or there is no
+        such file.
     DataError
-        If a preset is damaged, incomplete or out of range.
+        If a file is damaged, incomplete or out of range.
     """
-    given = cast("object", machine)
-    if given is None:
+    chosen = cast("object", machine)
+    if chosen is None:
         return BASELINE
-    if isinstance(given, Machine):
-        return given
-    if isinstance(given, str) and given in MACHINES:
-        return MACHINES[given]
-    if isinstance(given, str) and given in ACTUATORS:
-        return replace(BASELINE, clutch=ACTUATORS[given].clutch)
-    if isinstance(given, str) and is_preset(given):
-        return machine_of(load_preset(given))
+    if isinstance(chosen, Machine):
+        return chosen
+    if isinstance(chosen, str) and chosen in MACHINES:
+        return MACHINES[chosen]
+    if isinstance(chosen, str) and chosen in ACTUATORS:
+        return replace(BASELINE, clutch=ACTUATORS[chosen].clutch)
+    path = str(chosen) if isinstance(chosen, PurePath) else chosen
+    if is_machine_file(path):
+        return load_machine(cast("str", path))
     names = (*MACHINES, *ACTUATORS)
     raise ParameterError(
-        f"machine must be a Machine or one of {', '.join(names)} or the path of a preset (.toml), "
-        f"got {given!r:.200}{nearest(given, names)}"
+        f"machine must be a Machine, one of {', '.join(names)} or the path of a file (.toml), "
+        f"got {chosen!r:.200}{nearest(chosen, names)}"
     )

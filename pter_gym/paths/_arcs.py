@@ -28,7 +28,7 @@ TOLERANCE = 1e-5
 """Largest distance of a fitted chain from its curve [m], at the points looked at."""
 
 MAX_TURN = 1.5
-"""Largest turn of one arc [rad]: longer ones are cut, so a point's angle about their centre is unique."""
+"""Largest turn of one arc [rad]; longer ones are cut, so angles about a centre are unique."""
 
 _MIN_SPAN = 1e-4
 _CHECKS = 5
@@ -74,7 +74,7 @@ class Arcs:
         )
 
     def at(self, s: ArrayLike) -> tuple[Array, Array, Array, Array]:
-        """Return x, y [m], heading [rad] and curvature [1/m] at arc lengths [m] of any shape, also beyond the ends."""
+        """Return x, y [m], heading [rad] and curvature [1/m] at arc lengths [m], also outside."""
         lengths = np.asarray(s, np.float64)
         x, y, cos, sin, curvature, start, _ = np.moveaxis(
             self.table[self.numbers_at(lengths)], -1, 0
@@ -91,8 +91,7 @@ class Arcs:
         )
 
     def extremes(self) -> Array:
-        """Return points of the chain [m] that include the nearest to the origin and the farthest,
-        shape (3 S + 1, 2).
+        """Return points of the chain [m], (3 S + 1, 2), with the ones nearest and farthest to 0.
 
         They are the joints, and the points of each arc on the line through its centre and the
         origin.
@@ -109,8 +108,7 @@ class Arcs:
 
 
 class Path(Checked, ABC):
-    """A planar curve parametrised by its arc length s [m]; normal errors are positive to the left
-    of the heading.
+    """A planar curve over its arc length s [m]; normal errors are positive to its left.
 
     A kind of path is a frozen dataclass that returns its arcs from ``make_arcs``.
     """
@@ -247,7 +245,7 @@ def heading_through(before: complex, here: complex, after: complex) -> complex:
 
 @device
 def mirrored(heading: complex, chord: complex) -> complex:
-    """Return the unit heading at one end of an arc, given the heading at the other end and the chord."""
+    """Return the unit heading at one end of an arc, from that at the other and the chord."""
     direction = chord / abs(chord)
     return direction * direction * heading.conjugate()
 
@@ -257,7 +255,7 @@ Curve = Callable[[float], tuple[complex, complex]]
 
 
 def fit_arcs(curve: Curve, knots: Sequence[float]) -> Arcs:
-    """Return a chain of arcs within ``TOLERANCE`` of a smooth curve whose parameter runs through rising knots."""
+    """Return arcs within ``TOLERANCE`` of a smooth curve whose parameter runs through the knots."""
     pieces: list[Piece] = []
     for begin, end in pairwise(knots):
         pieces.extend(_fit(curve, begin, end))

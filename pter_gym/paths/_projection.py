@@ -62,9 +62,19 @@ def foot_on(arc: ArcSegment, segment: int, x: float, y: float) -> Foot:
 
 
 @device
+def neighbour(arc: ArcSegment, segment: int, count: int, s: float, direction: int) -> int:
+    """Return 1 or −1 if a foot at the arc length s [m] leaves for the next or last arc, else 0.
+
+    A foot that has gone in one ``direction`` does not turn back.
+    """
+    ahead = (s > arc.start + arc.length) & (segment < count - 1) & (direction >= 0)
+    behind = (s < arc.start) & (segment > 0) & (direction <= 0)
+    return 1 if ahead else -1 if behind else 0
+
+
+@device
 def project(constants: Any, first: int, count: int, segment: int, x: float, y: float) -> Foot:
-    """Return the projection of a point (x, y) [m] onto a chain of ``count`` arcs, from the arc that
-    it was on.
+    """Project a point (x, y) [m] onto a chain of ``count`` arcs, from the arc that it was on.
 
     Beyond the ends of the chain, its first and last arc are extended.
     """
@@ -72,11 +82,9 @@ def project(constants: Any, first: int, count: int, segment: int, x: float, y: f
     direction = 0
     for _ in range(count):
         arc = segment_at(constants, first, segment)
-        ahead = foot.arc_length > arc.start + arc.length and segment < count - 1 and direction >= 0
-        behind = foot.arc_length < arc.start and segment > 0 and direction <= 0
-        if not (ahead or behind):
+        direction = neighbour(arc, segment, count, foot.arc_length, direction)
+        if direction == 0:
             break
-        direction = 1 if ahead else -1
         segment += direction
         foot = foot_on(segment_at(constants, first, segment), segment, x, y)
     return foot
@@ -98,7 +106,7 @@ def segment_of(constants: Any, first: int, count: int, s: float) -> int:
 
 @device
 def point_at(constants: Any, first: int, count: int, s: float) -> tuple[float, float]:
-    """Return the point (x, y) [m] of a chain at an arc length [m]; its first and last arc are extended."""
+    """Return the point (x, y) [m] at an arc length [m]; first and last arc are extended."""
     arc = segment_at(constants, first, segment_of(constants, first, count, s))
     along = s - arc.start
     half = 0.5 * arc.curvature * along

@@ -16,7 +16,7 @@ from pter_gym._internal.codec import tuple_of
 from pter_gym._internal.files import FilePath
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.params import preset, quantity, require
+from pter_gym.params import quantity, require
 from pter_gym.paths._arcs import Arcs, Curve, Path, Piece, arc_between, chain, fit_arcs
 
 Points = tuple[tuple[float, float], ...]
@@ -25,23 +25,25 @@ MAX_POINTS = 4096
 """Most waypoints of a path."""
 
 MAX_COORDINATE = 1e3
-"""Largest coordinate and size of a path [m]; arcs through points further away would be rounded to nothing."""
+"""Largest coordinate and size of a path [m]; further away, rounding spoils arcs."""
+
+_ACROSS = "fitted: across the workspace"
 
 WITHIN: dict[str, Any] = {"at_least": -MAX_COORDINATE, "at_most": MAX_COORDINATE}
 SIZE: dict[str, Any] = {"above": 0.0, "at_most": MAX_COORDINATE}
 
 MAX_EVALUATIONS = 1 << 18
-"""Most evaluations of a curve until arcs fit it; one through 1,000 points that zigzag takes 50,000."""
+"""Most evaluations of a curve until arcs fit it; a zigzag through 1,000 points takes 50,000."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Line(Path):
     """A straight path (paper section IV-A: "spanning the width of the workspace")."""
 
-    x: float = preset("path", "x", **WITHIN)
-    y: float = preset("path", "y", **WITHIN)
-    direction: float = preset("path", "direction")
-    length: float = preset("path", "length", **SIZE)  # pyright: ignore[reportIncompatibleMethodOverride]
+    x: float = quantity("m", _ACROSS, **WITHIN, default=-0.6064)
+    y: float = quantity("m", _ACROSS, **WITHIN, default=0.7809)
+    direction: float = quantity("rad", "chosen: along the x axis", default=0.0)
+    length: float = quantity("m", _ACROSS, **SIZE, default=0.9829)  # pyright: ignore[reportIncompatibleMethodOverride]
 
     def make_arcs(self) -> Arcs:
         """Return one straight segment."""
@@ -52,9 +54,9 @@ class Line(Path):
 class Arc(Path):
     """A circular arc from a point in a direction; it turns left with a positive angle."""
 
-    x: float = preset("path", "x", **WITHIN)
-    y: float = preset("path", "y", **WITHIN)
-    direction: float = preset("path", "direction")
+    x: float = quantity("m", _ACROSS, **WITHIN, default=-0.6064)
+    y: float = quantity("m", _ACROSS, **WITHIN, default=0.7809)
+    direction: float = quantity("rad", "chosen: along the x axis", default=0.0)
     radius: float = quantity("m", "chosen", above=0.0, default=0.4)
     angle: float = quantity(
         "rad", "chosen", at_least=-2.0 * math.pi, at_most=2.0 * math.pi, default=-1.0
@@ -63,7 +65,7 @@ class Arc(Path):
     def __post_init__(self) -> None:
         """Check that it turns."""
         super().__post_init__()
-        require(self.angle != 0.0, self, "angle", self.angle, "a turn other than 0")
+        require(self.angle != 0.0, self, "angle", "a turn other than 0")
 
     def make_arcs(self) -> Arcs:
         """Return the chain of one arc."""
@@ -74,7 +76,7 @@ class Arc(Path):
 
 @dataclass(frozen=True, kw_only=True)
 class Circle(Path):
-    """One lap of a circle, counter-clockwise unless said otherwise; ``start`` is the angle of its first point."""
+    """One lap of a circle, counter-clockwise by default; ``start`` is its first point's angle."""
 
     center_x: float = quantity("m", "chosen", **WITHIN, default=0.0)
     center_y: float = quantity("m", "chosen", **WITHIN, default=0.55)
@@ -94,12 +96,12 @@ class Circle(Path):
 
 @dataclass(frozen=True, kw_only=True)
 class Sine(Path):
-    """A sine about a straight axis: ``amplitude·sin(2π·periods·ξ/extent)`` to the left of the axis at its point ξ."""
+    """A sine about a straight axis: ``amplitude·sin(2π·periods·ξ/extent)`` to its left at ξ."""
 
-    x: float = preset("path", "x", **WITHIN)
-    y: float = preset("path", "y", **WITHIN)
-    direction: float = preset("path", "direction")
-    extent: float = preset("path", "length", **SIZE)
+    x: float = quantity("m", _ACROSS, **WITHIN, default=-0.6064)
+    y: float = quantity("m", _ACROSS, **WITHIN, default=0.7809)
+    direction: float = quantity("rad", "chosen: along the x axis", default=0.0)
+    extent: float = quantity("m", _ACROSS, **SIZE, default=0.9829)
     amplitude: float = quantity("m", "chosen", **WITHIN, default=0.03)
     periods: float = quantity("1", "chosen", above=0.0, at_most=20.0, default=1.0)
 
@@ -209,16 +211,12 @@ class Polyline(Path):
     def _fits(self, straight: float, turn: float) -> None:
         fits = straight >= 0.0 and abs(turn) < math.pi - 1e-6
         require(
-            fits,
-            self,
-            "radius",
-            self.radius,
-            "small enough for the rounded corners to fit between the points",
+            fits, self, "radius", "small enough for the rounded corners to fit between the points"
         )
 
 
 def _fitted(path: Path, curve: Curve, knots: Sequence[float]) -> Arcs:
-    """Return arcs along a curve, or raise a ParameterError where it has no heading or needs too many of them."""
+    """Return arcs along a curve, or raise a ParameterError if it turns back or needs too many."""
     looks = count(1)
 
     def counted(t: float) -> tuple[complex, complex]:
@@ -230,27 +228,30 @@ def _fitted(path: Path, curve: Curve, knots: Sequence[float]) -> Arcs:
         return fit_arcs(counted, knots)
     except (ArithmeticError, ValueError) as error:
         raise ParameterError(
-            f"{type(path).__name__} must be a smooth curve that never turns back on itself, of numbers neither too "
-            f"large nor too small ({error}), got {path!r:.400}"
+            f"{type(path).__name__} must be a smooth curve that never turns back on itself, of "
+            f"numbers neither too large nor too small ({error}), got {path!r:.400}"
         ) from None
 
 
 def check_points(path: "Spline | Polyline") -> None:
-    """Turn lists and arrays of points into tuples; raise a ParameterError unless these can be waypoints of a path."""
-    given = cast("object", path.points)
-    rows = given.tolist() if isinstance(given, np.ndarray) else given
+    """Turn points into tuples; raise a ParameterError unless they can be waypoints of a path."""
+    source = cast("object", path.points)
+    rows = source.tolist() if isinstance(source, np.ndarray) else source
     points: Any = (
         tuple(map(tuple_of, cast("list[Any]", rows))) if isinstance(rows, list | tuple) else ()
     )
     object.__setattr__(path, "points", points)
-    accepted = f"2 to {MAX_POINTS} points (x, y) of finite numbers up to {MAX_COORDINATE:g} m, none twice in a row"
-    require(2 <= len(points) <= MAX_POINTS, path, "points", path.points, accepted)
+    accepted = (
+        f"2 to {MAX_POINTS} points (x, y) of finite numbers up to {MAX_COORDINATE:g} m, "
+        "none twice in a row"
+    )
+    require(2 <= len(points) <= MAX_POINTS, path, "points", accepted)
     if fault := fault_in(points, lambda k: f"point {k}"):
         raise ParameterError(f"{type(path).__name__}.points must be {accepted}: {fault}")
 
 
 def fault_in(points: Sequence[Any], label: Callable[[int], str]) -> str | None:
-    """Return what is wrong with the first point that a path cannot have; ``label`` names points by their number."""
+    """Describe the first point that a path cannot have, or return None; ``label`` names points."""
     for k, point in enumerate(points):
         pair = cast("tuple[Any, ...]", point) if isinstance(point, tuple) else ()
         if len(pair) != 2 or not all(map(is_finite, pair)):
@@ -302,16 +303,15 @@ PATHS: Mapping[str, Path] = MappingProxyType(
 
 
 def find_path(path: Path | str) -> Path:
-    """Return a path given as itself, by its name in ``PATHS``, or as a CSV file of waypoints, see
-    ``read_path``.
+    """Return a path given as itself, by its name in ``PATHS``, or as a file for ``read_path``.
 
     If there is none, it raises a ParameterError that lists the names.
     """
-    given: Any = path
-    if isinstance(given, Path):
-        return given
-    if isinstance(given, str) and given.endswith(".csv"):
-        return read_path(given)
-    if not isinstance(given, str) or given not in PATHS:
-        raise unknown_name("path", given, (*PATHS, "FILE.csv"))
-    return PATHS[given]
+    chosen: Any = path
+    if isinstance(chosen, Path):
+        return chosen
+    if isinstance(chosen, str) and chosen.endswith(".csv"):
+        return read_path(chosen)
+    if not isinstance(chosen, str) or chosen not in PATHS:
+        raise unknown_name("path", chosen, (*PATHS, "FILE.csv"))
+    return PATHS[chosen]

@@ -1,5 +1,4 @@
-"""Trained policies as files: ``NAME.safetensors`` holds the weights and, as metadata, the card in
-JSON.
+"""Trained policies as files: ``NAME.safetensors`` holds the weights, and the card as JSON.
 
 The card says how the network is connected (``interface``) and how it was trained (``about``).
 Nothing in a file is executed.
@@ -137,7 +136,7 @@ def write_policy(policy: "TrainedPolicy", path: FilePath) -> Path:
 
 
 def encode_policy(policy: "TrainedPolicy") -> bytes:
-    """Return the bytes of a policy's file, or raise a ParameterError if they could not be read again."""
+    """Return the bytes of a policy's file, or raise a ParameterError if it has no such file."""
     tensors: dict[str, NDArray[Any]] = {}
     for k, (weight, bias) in enumerate(policy.layers):
         tensors |= {
@@ -159,7 +158,8 @@ def check_name(name: object) -> None:
     """Raise a ParameterError unless a policy may have this name, which is never a path."""
     if not isinstance(name, str) or len(name) > MAX_NAME_LENGTH or not NAME.fullmatch(name):
         raise ParameterError(
-            f"policies must have names of small letters, digits and single hyphens, at most {MAX_NAME_LENGTH} of them, "
+            "policies must have names of small letters, digits and single hyphens, "
+            f"at most {MAX_NAME_LENGTH} of them, "
             f"got {name!r:.200}"
         )
 
@@ -191,7 +191,8 @@ def _parse(data: bytes, name: str) -> "TrainedPolicy":
     known = {f"layer_{k}.{part}" for k in range(count) for part in ("weight", "bias")}
     if set(tensors) != known:
         raise ValueError(
-            f"it must hold weight and bias of each layer, it holds {', '.join(sorted(tensors)):.200}"
+            "it must hold weight and bias of each layer, "
+            f"it holds {', '.join(sorted(tensors)):.200}"
         )
     layers = tuple((tensors[f"layer_{k}.weight"], tensors[f"layer_{k}.bias"]) for k in range(count))
     return TrainedPolicy(interface, layers, name, dict(card["about"]))

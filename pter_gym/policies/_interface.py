@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from pter_gym._compiled.layout import Layout
+from pter_gym._physics.arm import UnitVector, Vector, components
 from pter_gym.controllers import PaceSchedule
 from pter_gym.controllers._network import BASE_INPUTS, DERIVED
 from pter_gym.params import (
@@ -24,6 +25,7 @@ from pter_gym.params import (
     require_number,
     require_whole,
 )
+from pter_gym.tasks.path_following._actions import volts_of
 
 MAX_DELAY = 64
 """Largest delay of an input, in decisions."""
@@ -109,13 +111,13 @@ class Interface:
     def __post_init__(self) -> None:
         """Check each field by itself."""
         known = {type(each) for each in self.inputs} == {Input} and len(self.inputs) <= MAX_INPUTS
-        require(known, self, "inputs", self.inputs, f"1 to {MAX_INPUTS} inputs")
+        require(known, self, "inputs", f"1 to {MAX_INPUTS} inputs")
         for name in ("reach", "voltage_max"):
             require_number(self, name, above=0.0)
         require_kind(self, "base", PaceSchedule, type(None))
         require_flag(self, "normalised")
         absolute = not (self.normalised and self.base)
-        require(absolute, self, "normalised", self.normalised, "False with a base controller")
+        require(absolute, self, "normalised", "False with a base controller")
         require_whole(self, "frame_skip")
         for name, largest in (("history", MAX_DELAY), ("averages", MAX_AVERAGE)):
             steps: tuple[int, ...] = getattr(self, name)
@@ -125,12 +127,14 @@ class Interface:
                 whole and all(a < b for a, b in pairwise((0, *steps, largest + 1))),
                 self,
                 name,
-                steps,
                 accepted,
+                got=steps,
             )
         require_kind(self, "clutches", tuple)
         for row in self.clutches:
-            require(type(row) is tuple and len(row) == 2, self, "clutches", row, "pairs of numbers")
+            require(
+                type(row) is tuple and len(row) == 2, self, "clutches", "pairs of numbers", got=row
+            )
 
     @property
     def size(self) -> int:
@@ -159,32 +163,22 @@ def quantities(physical: Any, base: Any, layout: Layout, *, residual: bool) -> A
         Whether the base's voltages are among the quantities.
     """
     known = dict(zip(layout.names, physical.T, strict=True))
-    cos, sin = known["heading_cos"], known["heading_sin"]
+    heading = Vector(known["heading_cos"], known["heading_sin"])
     derived: list[Any] = []
     for link in ("a", "b"):
-        cos_link, sin_link = known[f"cos_{link}"], known[f"sin_{link}"]
-        derived += [cos * cos_link + sin * sin_link, sin * cos_link - cos * sin_link]
+        derived += components(heading, UnitVector(known[f"cos_{link}"], known[f"sin_{link}"]))
     library = physical.__array_namespace__()
     columns = [physical, library.stack(derived, axis=1)]
     return library.concat([*columns, base] if residual else columns, axis=1)
 
 
 def to_volts(outputs: Any, base: Any, interface: Interface) -> Any:
-    """Return voltages [V] for the outputs of a network, both (N, clutches), which are clipped to [−1, 1]."""
+    """Return voltages [V] for a network's outputs, both (N, clutches), clipped to [−1, 1]."""
     library, top = outputs.__array_namespace__(), interface.voltage_max
     limited = library.clip(outputs, -1.0, 1.0)
     if interface.normalised:
-        return squared((limited + 1.0) * (top / 2.0), top)
+        return volts_of(limited, -1.0, 1.0, top)
     return library.clip(base[:, : len(interface.clutches)] + interface.reach * limited, 0.0, top)
-
-
-def squared(linear: Any, voltage_max: float) -> Any:
-    """Return the voltages [V] of normalised actions, from their share of the bounds times the
-    largest voltage [V].
-
-    Bitwise identical to the kernel's ``scaled_volts``, without numba.
-    """
-    return linear * (linear / voltage_max)
 
 
 def middle_volts(worlds: int, interface: Interface) -> Any:

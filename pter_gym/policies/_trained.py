@@ -1,4 +1,4 @@
-"""A trained policy: its interface and weights, and the bound policy that acts."""
+"""A trained policy: its interface and its weights."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import flat
-from pter_gym._engine.law import Memory, empty_memory
 from pter_gym.controllers import Policy
+from pter_gym.controllers._gains import NETWORK
 from pter_gym.controllers._laws import built_in, built_in_declared
-from pter_gym.controllers._network import LAW_WIDTH, NETWORK, Network, memory_width, source_of
+from pter_gym.controllers._network import LAW_WIDTH, Network, memory_width, source_of
 from pter_gym.errors import DataError, unknown_name
 from pter_gym.params import SLOTS, Machine, find_machine, require
 from pter_gym.policies._interface import Interface, available, clutch_rows
@@ -31,8 +31,7 @@ def are_hidden(sizes: tuple[int, ...]) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class TrainedPolicy:
-    """A trained policy; like a controller, it is bound to a nominal machine and a layout before it
-    acts.
+    """A trained policy; like a controller, it acts once it is bound.
 
     Attributes
     ----------
@@ -64,7 +63,8 @@ class TrainedPolicy:
         outputs = len(self.interface.clutches)
         if not self.layers or not are_hidden(sizes[1:-1]) or sizes[-1] != outputs:
             raise DataError(
-                f"layers must be 1 to {MAX_LAYERS} of at most {MAX_UNITS} units that end in {outputs}, got {sizes}"
+                f"layers must be 1 to {MAX_LAYERS} of at most {MAX_UNITS} units that end in "
+                f"{outputs}, got {sizes}"
             )
         for k, ((weight, bias), (before, after)) in enumerate(
             zip(self.layers, pairwise(sizes), strict=True)
@@ -79,7 +79,8 @@ class TrainedPolicy:
                     or not np.isfinite(array).all()
                 ):
                     raise DataError(
-                        f"layer_{k}.{what} must be finite float32 {shape}, got {array.dtype} {array.shape}"
+                        f"layer_{k}.{what} must be finite float32 {shape}, "
+                        f"got {array.dtype} {array.shape}"
                     )
 
     @property
@@ -87,9 +88,8 @@ class TrainedPolicy:
         """Number of inputs, and of the units of each layer."""
         return (self.interface.size, *(bias.size for _, bias in self.layers))
 
-    def bind(self, machine: Machine, layout: Layout) -> "NetworkPolicy":
-        """Return the policy for a nominal machine and the layout of the observations that it will
-        get.
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
+        """Return the policy for a nominal machine and the layout of its observations.
 
         Raises
         ------
@@ -103,23 +103,30 @@ class TrainedPolicy:
             top == interface.voltage_max,
             machine.clutch,
             "voltage_max",
-            top,
             f"{interface.voltage_max:g} V",
+            got=top,
         )
         require(
             rows == interface.clutches,
             machine,
             "clutches",
-            rows,
             f"{interface.clutches}, as in its training",
+            got=rows,
         )
         names = available(layout, residual=interface.base is not None)
         for each in interface.inputs:
             if each.name not in names:
                 raise unknown_name("inputs", each.name, names)
-        base = np.zeros(0) if interface.base is None else interface.base.bind(machine, layout).gains
-        law = built_in if machine.has_paper_clutches else built_in_declared
-        return NetworkPolicy(*self._gains(base, layout), layout, interface.frame_skip, law)
+        bound = interface.base and interface.base.bind(machine, layout).law
+        gains, network = self._gains(bound.gains if bound else np.zeros(0), layout)
+        return Policy.of_law(
+            built_in if machine.has_paper_clutches else built_in_declared,
+            gains,
+            machine,
+            layout,
+            more_memory=memory_width(network) - LAW_WIDTH,
+            frame_skip=interface.frame_skip,
+        )
 
     def _gains(
         self, base: NDArray[np.float64], layout: Layout
@@ -154,42 +161,3 @@ class TrainedPolicy:
         return np.concatenate(
             [flat(header), base, table, times, sizes, *weights], dtype=np.float64
         ), header
-
-
-class NetworkPolicy(Policy):
-    """A trained policy that is ready to act: ``policy(observation) -> volts``; its network runs
-    compiled.
-
-    Parameters
-    ----------
-    gains
-        Sizes and weights, as ``pter_gym.controllers._network`` describes.
-    network
-        The sizes.
-    layout
-        Layout of the observations.
-    frame_skip
-        Control steps for which a decision is held.
-    law
-        The law that reads the gains.
-    """
-
-    any_frame_skip = False
-
-    def __init__(
-        self,
-        gains: NDArray[np.float64],
-        network: Network,
-        layout: Layout,
-        frame_skip: int,
-        law: Any,
-    ) -> None:
-        self.frame_skip = frame_skip
-        self._network = network
-        super().__init__(gains, layout, law)
-
-    def empty_memory(self, worlds: int) -> NDArray[np.float64]:
-        """Return the law's state at the start of an episode, a row for each world."""
-        memory = np.zeros((worlds, memory_width(self._network)))
-        memory[:, :LAW_WIDTH] = empty_memory(worlds, Memory)
-        return memory

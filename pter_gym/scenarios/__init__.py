@@ -1,14 +1,7 @@
 """The suite: named and versioned sets of episodes."""
 
-from pter_gym.scenarios._suite import (
-    PACES,
-    SCENARIOS,
-    Scenario,
-    find_pace,
-    find_scenario,
-    name_of_pace,
-    title_of_pace,
-)
+from pter_gym.scenarios._paces import PACES, find_pace, name_of_pace, title_of_pace
+from pter_gym.scenarios._suite import SCENARIOS, Scenario, find_scenario
 
 __all__ = [
     "PACES",

@@ -2,34 +2,27 @@
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from pter_gym.hands import SINES, HumanArm, MultiSineHand
 from pter_gym.params import Machine
 from pter_gym.scenarios._suite import Scenario
-from pter_gym.scenarios.randomisation import Pair, Randomisation
+from pter_gym.scenarios.distributions import Pair
 from pter_gym.tasks.path_following import PathFollowing
 
 STREAM = 20261120
 """Where the seeds of all stored evaluation episodes begin."""
 
 FRESH, FRESH_RESETS, FRESH_ORDER = 20261121, 20261122, 20261123
-"""Where the seeds of all fresh evaluation episodes begin, of the seeds of their resets, and of their order."""
+"""Where the seeds of fresh evaluation episodes begin, of their resets, and of their order."""
 
 
-class EvaluationDraw(NamedTuple):
-    """A machine, a task, and the stratum within which bootstrap intervals resample."""
-
-    machine: Machine
-    task: PathFollowing
-    stratum: str
+Episode = tuple[Machine, PathFollowing, str]
+"""A machine, a task, and the stratum within which bootstrap intervals resample."""
 
 
-def evaluation_draws(
-    scenario: Scenario, fresh: tuple[int, str] | None = None
-) -> list[EvaluationDraw]:
+def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -> list[Episode]:
     """Return evaluation episodes of a scenario, always the same for the same seed.
 
     The phases of the hand's sines are drawn here, so the reset's seed only determines the sensor
@@ -44,9 +37,7 @@ def evaluation_draws(
         ones. They differ from pace to pace, so a policy cannot use what it remembers from another
         pace. None draws the stored ones.
     """
-    draws = Randomisation(
-        machine=scenario.machine, task=scenario.task, fixed_machine=scenario.fixed_machine
-    )
+    draws = scenario.draws.at_pace(scenario.draws.varied_task.base.pace)
     rng = np.random.default_rng(
         [STREAM, *_name(scenario)] if scenario.place is None else [STREAM, scenario.place]
     )
@@ -55,34 +46,32 @@ def evaluation_draws(
     if fresh is None:
         return stored
     free: dict[str, list[int]] = {}
-    order = _fresh_rng(FRESH_ORDER, scenario, fresh).permutation(
-        len(stored)
-    )  # so position does not reveal the stratum
+    # in another order, so that a position does not reveal the stratum
+    order = _fresh_rng(FRESH_ORDER, scenario, fresh).permutation(len(stored))
     for place, k in reversed(list(enumerate(order))):
-        free.setdefault(stored[int(k)].stratum, []).append(place)
+        free.setdefault(stored[int(k)][2], []).append(place)
     rng = _fresh_rng(FRESH, scenario, fresh)
-    found: dict[int, EvaluationDraw] = {}
-    while len(found) < len(stored):
-        draw = _finished(scenario, draws.draw(rng), rng)
-        if places := free.get(draw.stratum):
-            found[places.pop()] = draw
-    return [found[place] for place in range(len(stored))]
+    episodes: dict[int, Episode] = {}
+    while len(episodes) < len(stored):
+        episode = _finished(scenario, draws.draw(rng), rng)
+        if places := free.get(episode[2]):
+            episodes[places.pop()] = episode
+    return [episodes[place] for place in range(len(stored))]
 
 
 def fresh_reset_seeds(scenario: Scenario, fresh: tuple[int, str]) -> list[int]:
-    """Return the seeds of the resets of fresh episodes, from their seed and the name of their pace."""
-    return (
-        _fresh_rng(FRESH_RESETS, scenario, fresh).integers(2**63, size=scenario.episodes).tolist()
-    )
+    """Return the seeds of the resets of fresh episodes, from their seed and their pace's name."""
+    rng = _fresh_rng(FRESH_RESETS, scenario, fresh)
+    return rng.integers(2**63, size=scenario.episodes).tolist()
 
 
-def _finished(scenario: Scenario, pair: Pair, rng: np.random.Generator) -> EvaluationDraw:
+def _finished(scenario: Scenario, pair: Pair, rng: np.random.Generator) -> Episode:
     """Return a pair with its stratum and with the phases that its hand would draw on a reset."""
     machine, task = pair
     if isinstance(task.hand, (MultiSineHand, HumanArm)) and task.hand.random_phases:
         phases = tuple(rng.uniform(0.0, 2.0 * math.pi, SINES).tolist())
         task = replace(task, hand=replace(task.hand, phases=phases, random_phases=False))
-    return EvaluationDraw(machine, task, type(getattr(task, scenario.stratum)).__name__)
+    return machine, task, type(getattr(task, scenario.stratum)).__name__
 
 
 def _fresh_rng(stream: int, scenario: Scenario, fresh: tuple[int, str]) -> np.random.Generator:

@@ -18,11 +18,12 @@ from pter_gym.hands import (
 from pter_gym.hands._tremor import KINDS
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL
 from pter_gym.paths import Arc, Circle, Line, Polyline, Sine, Spline
-from pter_gym.scenarios.randomisation import LogUniform, OneOf, Shared, Uniform, Vary
+from pter_gym.scenarios._paces import PACES
+from pter_gym.scenarios.distributions import Draws, LogUniform, OneOf, Shared, Uniform, Vary
 from pter_gym.tasks.path_following import PathFollowing, Sensing
 
 WIDTH = 0.1
-"""Half-width of the workspace about curved paths [m]: nine tenths of their smallest radius of curvature at most."""
+"""Half-width of the workspace about curved paths [m]: at most 0.9 of their smallest radius."""
 
 MIN_RADIUS = 0.13
 """Smallest radius of a drawn arc or rounded corner [m]."""
@@ -129,7 +130,7 @@ CURVES = OneOf(
         ),
     )
 )
-"""Lines, arcs, circles, sines, splines through four waypoints and rounded corners, all across the workspace."""
+"""Lines, arcs, circles, sines, splines through four waypoints, and rounded corners."""
 
 CLUTCHES = OneOf(
     tuple(
@@ -137,10 +138,10 @@ CLUTCHES = OneOf(
         for machine in (BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL)
     )
 )
-"""The three clutch materials of the paper, with any time constant of those that it simulates from 30 ms on."""
+"""The paper's three clutch materials, with a time constant of 0.03 to 0.2 s."""
 
 TORQUE_ERRORS = Shared(LogUniform(0.75, 1.33), LogUniform(0.9, 1.11), 4)
-"""Clutch torques over those of the curves: temperature and humidity for all, and each clutch's own."""
+"""Clutch torques over those of the curves: a factor for all, and each clutch's own."""
 
 DRIFT = Uniform(-0.015, 0.015)
 """Change of the clutch torques in a second of an episode."""
@@ -166,7 +167,10 @@ LEANING = MultiSineHand(
     frequencies=(0.0, 0.5, 1.0, 2.0, 4.0),
     phases=(-0.5 * math.pi, 0.0, 0.0, 0.0, 0.0),
 )
-"""A hand that pushes along the wall and leans on it with 12 N, from which the sines move it away now and then."""
+"""A hand that pushes along the wall and leans on it with 12 N, but for now and then."""
+
+WAVERING = (-0.5 * math.pi, *[Uniform(-math.pi, math.pi)] * (SINES - 1))
+"""Phases of a hand that leans all the time and moves away now and then."""
 
 CORRIDOR = replace(STANDARD, free_left=0.02, free_right=0.02)
 
@@ -175,36 +179,32 @@ WALL = replace(STANDARD, hand=LEANING, free_left=0.1)
 
 CURVED = replace(STANDARD, error_max=WIDTH)
 
-VARIED = MappingProxyType(
+PACE = LogUniform(min(PACES.values()), max(PACES.values()))
+"""The commanded pace of training episodes, unless one is given."""
+
+SUITE_DRAWS = MappingProxyType(
     {
-        "standard": (BASELINE, Vary(STANDARD)),
-        "paths": (BASELINE, Vary(CURVED, path=CURVES)),
-        "hands": (BASELINE, Vary(STANDARD, hand=OneOf((FORCES, HUMANS)))),
-        "materials": (
-            Vary(BASELINE, clutch=CLUTCHES, clutch_scale=TORQUE_ERRORS),
-            Vary(STANDARD, friction_drift=DRIFT),
+        "standard": Draws(task=Vary(STANDARD, pace=PACE)),
+        "paths": Draws(task=Vary(CURVED, path=CURVES, pace=PACE)),
+        "hands": Draws(task=Vary(STANDARD, hand=OneOf((FORCES, HUMANS)), pace=PACE)),
+        "materials": Draws(
+            machine=Vary(BASELINE, clutch=CLUTCHES, clutch_scale=TORQUE_ERRORS),
+            task=Vary(STANDARD, friction_drift=DRIFT, pace=PACE),
         ),
-        "everything": (
-            Vary(BASELINE, arm=ARMS, clutch=CLUTCHES, clutch_scale=TORQUE_ERRORS),
-            Vary(
+        "everything": Draws(
+            machine=Vary(BASELINE, arm=ARMS, clutch=CLUTCHES, clutch_scale=TORQUE_ERRORS),
+            task=Vary(
                 CURVED,
                 path=CURVES,
                 hand=OneOf((EQ5, FORCES, HUMANS)),
                 friction_drift=DRIFT,
                 sensing=SENSORS,
+                pace=PACE,
             ),
         ),
-        "tremor": (BASELINE, Vary(STANDARD, hand=TREMBLING)),
-        "corridor": (BASELINE, Vary(CORRIDOR)),
-        "wall": (
-            BASELINE,
-            Vary(
-                WALL,
-                hand=Vary(
-                    LEANING, phases=(-0.5 * math.pi, *[Uniform(-math.pi, math.pi)] * (SINES - 1))
-                ),
-            ),
-        ),
+        "tremor": Draws(task=Vary(STANDARD, hand=TREMBLING, pace=PACE)),
+        "corridor": Draws(task=Vary(CORRIDOR, pace=PACE)),
+        "wall": Draws(task=Vary(WALL, hand=Vary(LEANING, phases=WAVERING), pace=PACE)),
     }
 )
-"""Machine and task of each scenario; the pace is set on running it or making an environment."""
+"""Draws of the suite's scenarios by name."""

@@ -1,4 +1,4 @@
-"""The style of all figures: sizes, colours, units on every axis, legends, and figures as files."""
+"""The style of all figures: sizes, colours, units on every axis, legends, and files."""
 
 import io
 from collections.abc import Callable, Generator, Iterable, Sequence
@@ -64,7 +64,7 @@ class Look(NamedTuple):
 
 
 def numbered(k: int) -> Look:
-    """Return the look of item k, counted from 0: 15 colours and markers, then other combinations of them."""
+    """Return the look of item k from 0: 15 colours and markers, then other combinations of them."""
     shift, place = divmod(k, len(COLOURS))
     return Look(COLOURS[place], MARKERS[(place + shift) % len(MARKERS)], DASHES[k % len(DASHES)])
 
@@ -80,7 +80,7 @@ STYLE = Path(__file__).with_suffix(".mplstyle")
 
 @contextmanager
 def _style_applied() -> Generator[None]:
-    """Apply the style on top of Matplotlib's defaults, and restore the user's settings afterwards."""
+    """Apply the style to Matplotlib's defaults, and restore the user's settings afterwards."""
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(mpl.rc_params_from_file(STYLE, use_default_template=False))
@@ -104,12 +104,12 @@ def label(axes: Axes, x: str, y: str) -> None:
 
 
 def inches_above(axes: Axes, name: str, unit: float = 1.0) -> None:
-    """Add an axis in the paper's inches above; ``unit`` is the length in metres of one on the axis below."""
+    """Add an axis in inches above; ``unit`` is the length in metres of one on the axis below."""
     axes.secondary_xaxis("top", functions=scaled(to_inches(unit))).set_xlabel(f"{name} [in]")
 
 
 def inches_right(axes: Axes, name: str, unit: float = 1.0, per: str = "") -> None:
-    """Add an axis in the paper's inches on the right; ``per`` ends its unit: ``/s²`` for an acceleration."""
+    """Add an axis in inches on the right; ``per`` ends its unit: ``/s²`` for an acceleration."""
     axes.secondary_yaxis("right", functions=scaled(to_inches(unit))).set_ylabel(f"{name} [in{per}]")
 
 
@@ -128,7 +128,10 @@ def scaled(factor: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
 def legend_below(
     figure: Figure, handles: Sequence[Any], names: Sequence[str], note: str | None = None
 ) -> None:
-    """Show a legend below all axes, in as many columns as fit, with a note above its entries; grow the figure by it."""
+    """Add a legend below all axes, in as many columns as fit, and make room for it.
+
+    The note is written above its entries.
+    """
     renderer, columns = FigureCanvasAgg(figure).get_renderer(), min(len(names), 6)
     while True:
         legend = figure.legend(
@@ -148,21 +151,24 @@ def legend_of(figure: Figure, axes: Axes, note: str | None = None) -> None:
 
 
 def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
-    """Write the name of each line beside it, or show a legend if one finds no room; a note goes below all panels."""
+    """Write the name of each line beside it, or show a legend if there is no room for one.
+
+    A note goes below all panels.
+    """
     figure.draw_without_rendering()  # lays out the panels
     frame, gap = axes.get_window_extent(), 0.055 * figure.dpi
     low, high = np.array(frame.min) + gap, np.array(frame.max) - gap
     lines: dict[Any, Array] = {line: points for line in axes.lines if len(points := _drawn(line))}
     taken = [_spread(text.get_window_extent()) for text in axes.texts]
-    named: list[Any] = []
+    labels: list[Any] = []
     handles: Any = axes.get_legend_handles_labels()
     for line, name in zip(*handles, strict=True):
-        named.append(
-            axes.text(
-                0.0, 0.0, name, color=line.get_color(), fontsize=SMALL, ha="center", va="center"
-            )
+        colour = line.get_color()
+        text: Any = axes.text(
+            0.0, 0.0, name, color=colour, fontsize=SMALL, ha="center", va="center"
         )
-        box = named[-1].get_window_extent()
+        labels.append(text)
+        box = text.get_window_extent()
         half: Array = np.array(box.size) / 2.0
         others = [points for other, points in lines.items() if other is not line]
         places = (lines[line][::-1, None] + SIDES * (half + 1.5 * gap)).reshape(-1, 2)
@@ -171,10 +177,10 @@ def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
         room = np.where(inside & (own > gap), rest - own, 0.0).clip(max=6.0 * gap)
         best = int(room.argmax())
         if room[best] < 0.3 * gap:
-            for text in named:
+            for text in labels:
                 text.remove()
             return legend_of(figure, axes, note)
-        named[-1].set_position(axes.transData.inverted().transform(places[best]))
+        text.set_position(axes.transData.inverted().transform(places[best]))
         taken.append(_spread(box) - box.min + places[best] - half)
     figure.supxlabel(note or "", fontsize=SMALL)
     return None
@@ -198,7 +204,7 @@ def _spread(box: Any) -> Array:
 
 def _room(places: Array, half: Array, *points: Array) -> Array:
     """Return how far boxes at places stay from points [px]."""
-    near = [np.max(np.abs(places[:, None] - each) - half, axis=2).min(axis=1) for each in points]
+    near = [np.max(np.abs(places[:, None] - line) - half, axis=2).min(axis=1) for line in points]
     return np.min([np.full(len(places), np.inf), *near], axis=0)
 
 
@@ -213,7 +219,7 @@ def png(figure: Figure) -> bytes:
 
 
 def pdf(figure: Figure) -> bytes:
-    """Return a figure as the content of a PDF file, in vectors; the same figure gives the same bytes."""
+    """Return a figure as the content of a vector PDF; the same figure gives the same bytes."""
     return _encode(figure, "pdf", {"Creator": None, "Producer": None, "CreationDate": None})
 
 
@@ -232,9 +238,9 @@ def save(figure: Figure, path: FilePath) -> Path:
     ParameterError
         If the path ends in neither ``.png`` nor ``.pdf``.
     """
-    found = find_path("path", path)
-    encode = {".png": png, ".pdf": pdf}.get(found.suffix)
+    file = find_path("path", path)
+    encode = {".png": png, ".pdf": pdf}.get(file.suffix)
     if encode is None:
         raise ParameterError(f"path must end in .png or .pdf, got {str(path)!r}")
-    write_bytes_atomic(found, encode(figure))
-    return found
+    write_bytes_atomic(file, encode(figure))
+    return file

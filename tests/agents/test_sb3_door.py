@@ -17,6 +17,7 @@ from pter_gym.params import BASELINE
 from pter_gym.paths import Line
 from pter_gym.policies import read_policy
 from pter_gym.tasks.path_following import STARTS, PathFollowing
+from rollouts import Acting
 
 pytestmark = pytest.mark.agents
 
@@ -180,7 +181,8 @@ def test_a_trained_policy_acts_in_it_and_is_reset_by_its_user() -> None:
     )
     watched = vec_env.VecCheckNan(env)
     policy = pter_gym.load_policy("residual", watched)
-    alone = [read_policy("residual").bind(BASELINE, env.env.observation_layout) for _ in range(3)]
+    bound = read_policy("residual").bind(BASELINE, env.env.observation_layout)
+    alone = [Acting(bound) for _ in range(3)]
     watched.seed(0)
     observations, began = watched.reset(), 0
     for _ in range(100):

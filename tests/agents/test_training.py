@@ -221,15 +221,15 @@ def test_a_locked_arm_costs_the_same_at_each_commanded_pace() -> None:
 
 
 def test_circles_are_frequent_in_training_and_as_the_scenario_has_them_elsewhere() -> None:
-    from pter_agents.worlds import Draws, draws_for, training_draws
+    from pter_agents.worlds import draws_for, training_draws
+    from pter_gym.scenarios.distributions import Draws
 
     def share(draws: Draws) -> float:
-        return float(np.mean([isinstance(task.path, Circle) for _, task in draws.pairs()]))
+        return float(np.mean([isinstance(task.path, Circle) for _, task in draws.pairs(600)]))
 
     for scenario in ("paths", "all"):
-        given = replace(arguments(1, contexts=600), scenario=scenario)
-        rare = share(draws_for(scenario, given.pace, contexts=600, seed=given.seed))
-        assert 2.0 * rare < share(training_draws(given))
+        given = replace(arguments(1), scenario=scenario)
+        assert 2.0 * share(draws_for(scenario, given.pace)) < share(training_draws(given))
 
 
 def test_advantages_are_those_of_a_plain_loop() -> None:

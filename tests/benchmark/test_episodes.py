@@ -27,6 +27,7 @@ from pter_gym.paths import Line
 from pter_gym.scenarios import PACES, SCENARIOS, Scenario
 from pter_gym.scenarios._evaluation_draws import FRESH, evaluation_draws
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from rollouts import simulate
 
 PINNED_SEEDS, PINNED_PHASE = (4215971544462223395, 7145062265811555858), 1.929293725323279
 """Of the first fresh episodes of one seed: results that name a seed mean the same episodes for ever."""
@@ -84,7 +85,7 @@ def test_a_new_scenario_is_drawn_by_its_name_and_version() -> None:
     new = replace(SCENARIOS["hands"], episodes=3, place=None)
     first = evaluation_draws(new)
     assert evaluation_draws(new) == first
-    assert {draw.stratum for draw in first} <= {"HumanArm", "MultiSineHand"}
+    assert {stratum for _, _, stratum in first} <= {"HumanArm", "MultiSineHand"}
     for other in (replace(new, version=1), replace(new, name="tremor"), replace(new, place=2)):
         assert evaluation_draws(other) != first
 
@@ -102,7 +103,7 @@ def test_no_episode_is_drawn_twice_and_all_sets_have_the_same_strata(name: str) 
         assert len(each.machines) == len(each.seeds) == len(kinds) >= 200
     pairs = [pair for each in sets for pair in zip(each.machines, each.tasks, strict=True)]
     for seed in (0, FRESH):
-        pairs += SCENARIOS[name].randomisation("medium", seed=seed, contexts=200).pairs()
+        pairs += SCENARIOS[name].draws.pairs(200, seed, "medium")
     drawn = [repr((machine, replace(task, pace=PACES["medium"]))) for machine, task in pairs]
     varied = [pair for pair in drawn if "random_phases=True" not in pair]
     assert len(set(varied)) == len(varied) >= 3 * 200
@@ -145,8 +146,7 @@ def test_every_hand_can_go_faster_than_the_pace(scenario: str, pace: str) -> Non
     episodes = load_episodes(scenario, pace)
     batch = Batch(episodes.machines, episodes.tasks)
     policy = Free().bind(BASELINE, batch.layout)
-    obs, _ = batch.reset(list(episodes.seeds))
-    _, rows = batch.rollout(obs, policy.law, policy.gains, 1000)
+    rows = simulate(batch, policy, episodes.seeds, 1000)[1:]
     speed = np.nanmax(
         np.hypot(rows[..., COLUMN.tip_velocity.x], rows[..., COLUMN.tip_velocity.y]), axis=0
     )

@@ -29,10 +29,10 @@ print(json.dumps(errors))
 """
 
 ENTRIES = {
-    "the randomisation of each scenario": """
+    "the draws of each scenario": """
 from pter_gym.scenarios import SCENARIOS
 for scenario in SCENARIOS.values():
-    scenario.randomisation("slow", contexts=3).pairs()
+    scenario.draws.pairs(3, pace="slow")
 """,
     "the environments": """
 import gymnasium, pter_gym
@@ -56,7 +56,7 @@ load_episodes("standard", "slow")
 
 @pytest.fixture(scope="module")
 def errors() -> dict[str, str]:
-    """What went wrong with each entry point, and last with the episodes themselves, all in one process."""
+    """What went wrong with each entry point, and with the episodes themselves, in one process."""
     codes = {**ENTRIES, "the episodes": EPISODES}
     found = subprocess.run(
         [sys.executable, "-c", GUARD, json.dumps(codes)], capture_output=True, text=True, check=True

@@ -1,22 +1,14 @@
-"""Runs are stored, read, summarised and repeated."""
+"""Runs are stored, read and summarised."""
 
 import json
 import logging
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pter_gym.benchmark import (
-    PerSeed,
-    ResultsFolder,
-    ScenarioRun,
-    leaderboards,
-    run_scenario,
-    verify,
-)
-from pter_gym.benchmark.results import read_run, run_path, write_run
+from pter_gym.benchmark import ResultsFolder, ScenarioRun, leaderboards, run_scenario
+from pter_gym.benchmark.results import read_run, run_path
 from pter_gym.benchmark.scores import OPTIONAL
 from pter_gym.controllers import Free, Locked
 from pter_gym.errors import DataError, ParameterError
@@ -36,7 +28,9 @@ def test_a_run_comes_back_bit_for_bit_and_is_summarised(run: ScenarioRun, tmp_pa
     boards = ResultsFolder(tmp_path).summarise()
     assert boards == leaderboards([run])
     summary = json.loads((tmp_path / "benchmark.json").read_text())
-    assert summary["leaderboards"] == json.loads(json.dumps([board.as_json() for board in boards]))
+    assert summary == {"leaderboards": [json.loads(json.dumps(boards[0].as_json()))]}
+    error = summary["leaderboards"][0]["policies"]["free"]["path_error_m"]
+    assert error == {"value": run.scores["path_error_m"].mean(), "low": None, "high": None}
 
 
 def test_scores_that_are_not_defined_or_that_an_older_file_lacks_are_left_out(
@@ -53,15 +47,10 @@ def test_scores_that_are_not_defined_or_that_an_older_file_lacks_are_left_out(
     assert [found.scores.keys() for found in ResultsFolder(tmp_path).runs()] == [
         free.scores.keys()
     ] * 2
-    assert [verdict.same for verdict in verify(tmp_path)] == [True, True]
     assert len(ResultsFolder(tmp_path).summarise()) == 2
-    write_run(tmp_path, replace(free, scores={**free.scores, "wall_stiffness_n_m": np.ones(2)}))
-    assert [verdict.same for verdict in verify(tmp_path)] == [False, True], (
-        "a score that the policy has not"
-    )
 
 
-@pytest.mark.parametrize("damage", ["", "[]", '{"version": "0"}', "pace", "seed"])
+@pytest.mark.parametrize("damage", ["", "[]", '{"version": "0"}', "pace", "seed", "policy"])
 def test_a_damaged_file_is_named_and_left_out(
     damage: str, run: ScenarioRun, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -93,9 +82,7 @@ def test_a_strange_name_stays_in_its_folder(name: str, tmp_path: Path) -> None:
 
 def test_training_seeds_replace_those_of_an_earlier_policy(tmp_path: Path) -> None:
     for policies in ((Free(), Locked()), (Free(),)):
-        run_scenario(
-            "standard", {"mine": PerSeed(policies)}, ["brisk"], episodes=1, results=tmp_path
-        )
+        run_scenario("standard", {"mine": policies}, ["brisk"], episodes=1, results=tmp_path)
         assert len(ResultsFolder(tmp_path).runs()) == len(policies)
 
 
@@ -105,22 +92,3 @@ def test_fresh_episodes_depend_on_the_seed_alone() -> None:
         return found.scores["path_error_m"].tolist()
 
     assert errors(3) == errors(3) != errors(None)
-
-
-def test_verify_notices_an_edited_score(run: ScenarioRun, tmp_path: Path) -> None:
-    assert [verdict.same for verdict in verify(tmp_path)] == [True]
-    run.scores["path_error_m"][1] = np.nextafter(run.scores["path_error_m"][1], 1.0)
-    write_run(tmp_path, run)
-    (verdict,) = verify(tmp_path)
-    assert not verdict.same
-    assert "path_error_m" in verdict.finding
-
-
-def test_no_code_is_imported_to_verify(tmp_path: Path) -> None:
-    run_scenario(
-        "standard", {"some.module:Policy": Free()}, ["brisk"], episodes=1, results=tmp_path
-    )
-    assert not verify(tmp_path)[0].same
-    assert verify(tmp_path, {"some.module:Policy": Free()})[0].same
-    with pytest.raises(ParameterError, match="results"):
-        verify(tmp_path / "nowhere")

@@ -1,4 +1,4 @@
-"""The reward agrees with the score: who scores clearly better returns more, at any usual discount."""
+"""The reward agrees with the score: who scores clearly better returns more at any discount."""
 
 from functools import partial
 from itertools import permutations
@@ -8,24 +8,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmark.test_attacks import (
+from benchmark.attacks import (
     Attack,
     Course,
     beside,
     beyond,
     every,
+    lingers,
     locks,
     rides,
     sets,
     tells,
-    within,
 )
-from benchmark.test_attacks_on_reward import DISCOUNTS, discounted
+from benchmark.test_attacks import DISCOUNTS, discounted
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
-from pter_gym.benchmark._measures import column
+from pter_gym.benchmark.measures import column
 from pter_gym.benchmark.scores import score_episodes
-from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.controllers import bind
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
@@ -33,6 +32,7 @@ from pter_gym.policies import shipped_policies
 from pter_gym.scenarios import SCENARIOS, find_scenario
 from pter_gym.tasks.path_following import COLUMN
 from pter_gym.tasks.path_following._rules import PERFECT
+from rollouts import run
 
 DRAWS = 50
 SEED = 991
@@ -59,14 +59,14 @@ def is_short_sighted(pace: str, discount: float, better: str) -> bool:
 
 
 GAMES: dict[str, Attack] = {
-    "rushes": rides(lambda *_: 4.0),
-    "crawls": rides(lambda *_: 0.4),
+    "rushes": rides(lambda _: 4.0),
+    "crawls": rides(lambda _: 0.4),
     "rides beside": beside(-0.15),
     "stops and goes": locks(partial(every, steps=30, of=60)),
 }
 """What is made of honest policies, and has no rank or a large error."""
 
-LINGERS = rides(within(0, 0.3))
+LINGERS = lingers(0.3)
 
 LAWS = ("impedance", "torque-feedback")
 TUNED = ("impedance-tuned", "torque-feedback-tuned", "single-dof-tuned", "velocity-ratio-tuned")
@@ -85,7 +85,7 @@ STOPS: dict[str, Attack] = {
 
 
 class Judged(NamedTuple):
-    """What a policy scores, in what share of its episodes it arrives, and the rewards of its control steps (T, N)."""
+    """A policy's path error, if it is ranked, its share of arrivals, and its rewards (T, N)."""
 
     error: float
     ranks: bool
@@ -101,15 +101,12 @@ def policies(course: Course) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name in (*IDLE, *LAWS, *TUNED, *shipped_policies()):
         try:
-            found[name] = bind(
-                find_policy(name, scenario=course.scenario), BASELINE, course.batch.layout
-            )
+            found[name] = bind(find_policy(name, scenario=course.scenario), BASELINE, course.layout)
         except ParameterError:
             continue
     for honest in ("residual", "single-dof-tuned"):
-        attacked = course.attacked(found[honest], course.telemetry(found[honest]))
         found |= {
-            f"{honest} {game}": play(attacked)
+            f"{honest} {game}": play(found[honest])
             for game, play in (*GAMES.items(), (LINGERING, LINGERS))
         }
     return found
@@ -123,8 +120,8 @@ def judge(policy: Any, course: Course) -> Judged:
 
 
 def sight(course: Course) -> float:
-    """Return the discount that looks as far ahead as an episode may last: 1/(1 − γ) control steps."""
-    return 1.0 - 1.0 / float(np.median([time_limit(task) for task in course.tasks]))
+    """Return the discount whose horizon, 1/(1 − γ) control steps, is that of an episode."""
+    return 1.0 - 1.0 / float(np.median(course.episodes.limits))
 
 
 @pytest.mark.parametrize(
@@ -166,7 +163,7 @@ STOPPING = [
 
 @pytest.mark.parametrize(("scenario", "pace"), STOPPING)
 def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: str) -> None:
-    """Less than the policy that rides on at any discount, and less than any other for who sees the whole episode."""
+    """Less than the policy that rides on, and undiscounted less than any other that is ranked."""
     course = Course(scenario, pace, DRAWS, SEED)
     found = policies(course)
     judged = {
@@ -180,9 +177,8 @@ def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: s
     for name in (
         riders & ranked.keys() or riders
     ):  # on `tremor` at the brisk pace neither ranks, and both are tried
-        attacked = course.attacked(found[name], course.telemetry(found[name]))
         for stop, play in STOPS.items():
-            early = judge(play(attacked), course)
+            early = judge(play(found[name]), course)
             if early.arrives > 0.5:
                 continue
             stopped += 1
@@ -199,8 +195,8 @@ def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: s
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_an_episode_pays_at_most_its_new_arc_length(scenario: str) -> None:
-    """Whatever the voltages: a step pays at most what it newly covers, an episode at most ``PERFECT``."""
-    pairs = find_scenario(scenario).randomisation(contexts=16, seed=3).pairs()
+    """A step pays at most what it newly covers, an episode ``PERFECT``, whatever the voltages."""
+    pairs = find_scenario(scenario).draws.pairs(16, 3)
     machines, tasks = map(list, zip(*pairs, strict=True))
     batch = Batch(machines, tasks)
     rng = np.random.default_rng(0)

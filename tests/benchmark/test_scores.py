@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from benchmark.handmade import LENGTH, METRE, PERIOD, TASK, Array, episode, padded, travel
 from pter_gym._engine.batch import Batch
 from pter_gym._physics.friction import ClutchMode
-from pter_gym.benchmark._measures import (
+from pter_gym.benchmark.measures import (
     CUTOFF,
     START_UP,
     Recorded,
@@ -22,12 +22,12 @@ from pter_gym.benchmark._measures import (
     smoothness,
 )
 from pter_gym.benchmark.scores import score, score_episodes
-from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Free
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import TELEMETRY
 from pter_gym.tasks.path_following._rules import ALLOWANCE
+from rollouts import simulate
 
 
 def test_constant_error_at_constant_speed() -> None:
@@ -63,7 +63,7 @@ def test_constant_error_at_constant_speed() -> None:
 
 
 def test_the_larger_average_counts() -> None:
-    """Half of the time at the start with an error of 0.1, then exactly along the path; and the other way round."""
+    """Half of the time at the start, 0.1 m off, then exactly along the path; and the other way."""
     waits = np.concatenate([np.zeros(100), np.linspace(0.0, 1.0, 201)])
     beside = np.concatenate([np.full(100, 0.1), np.zeros(201)])
     waiting = score(travel(waits, normal_error=beside), METRE)
@@ -83,7 +83,7 @@ def test_the_larger_average_counts() -> None:
 
 
 def test_a_detour_beside_the_path_counts_however_short() -> None:
-    """The second tenth: 1 cm in 18 steps, then 8 cm in one, 0.1 m beside the path, and 1 cm in the last."""
+    """The second tenth: 1 cm in 18 steps, 8 cm in one, 0.1 m beside the path, 1 cm in the last."""
     even = 0.005 * np.arange(201)
     s = np.concatenate([even[:21], 0.1 + 0.01 / 18 * np.arange(1, 19), [0.19], even[40:]])
     beside = np.where(s == 0.19, 0.1, 0.0)
@@ -181,7 +181,7 @@ def test_start_up_time_within_the_allowance_is_free(wait: float) -> None:
 
 
 def test_the_allowance_is_that_of_the_lag_and_the_push() -> None:
-    """From rest at half of the pace on average, the arm loses half of the time that the push needs for the pace."""
+    """At half of the pace on average, the arm loses half of the time that the push needs."""
     lag = 2.0 * BASELINE.clutch.time_constant
     task = replace(TASK, pace=0.5)
     rows = simulate(Batch(BASELINE, task, 1), Free(), [0], 30)[:, 0]
@@ -331,7 +331,7 @@ def test_times_at_marks_between_rows_on_a_row_and_unreached() -> None:
     found = find_marks(furthest, np.array([[0.0], [0.25], [1.0], [2.0], [3.5]]))
     np.testing.assert_array_equal(found.after[:4, 0], [0, 2, 2, 4])
     np.testing.assert_array_equal(found.part[:, 0], [1.0, 0.25, 1.0, 0.5, np.nan])
-    times = found.find(np.array([[0.0], [10.0], [20.0], [30.0], [40.0]]))
+    times = found.interpolate(np.array([[0.0], [10.0], [20.0], [30.0], [40.0]]))
     np.testing.assert_array_equal(times[:, 0], [0.0, 12.5, 20.0, 35.0, np.nan])
 
 

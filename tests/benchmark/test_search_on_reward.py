@@ -1,17 +1,17 @@
-"""What a search for reward alone finds, by another way than an agent's: it does not out-earn who rides better."""
+"""A search for reward alone, by another way than an agent's, finds nothing that rides worse."""
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmark.test_attacks import Course
-from benchmark.test_attacks_on_reward import discounted, returns
+from benchmark.attacks import Course
+from benchmark.test_attacks import discounted, returns
 from benchmark.test_reward import CLEARLY, judge, policies, sight
-from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.episodes import Episodes
+from pter_gym.benchmark.rollout import rollout
 from pter_gym.benchmark.scores import score_episodes
-from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, observation_layout
@@ -28,7 +28,7 @@ JUDGED = 50
 """Other training draws, on which the best candidate is compared with the policies."""
 
 STICKS = {("tremor", "slow"): "single-dof-tuned"}
-"""A law that earns less than its error says, as it sticks and slips: docs/reward.md, Limitations."""
+"""A law that earns less than its error says, as it sticks and slips (docs/reward.md)."""
 
 Array = NDArray[np.float64]
 ENTRIES = len(observation_layout(BASELINE, "torque"))
@@ -36,7 +36,7 @@ WEIGHTS = (ENTRIES + 1) * HIDDEN + (HIDDEN + 1) * 4
 
 
 class Networks:
-    """Networks of one hidden layer, each for so many worlds in turn; their actions are normalised."""
+    """Networks of one hidden layer and normalised actions, each for so many worlds in turn."""
 
     def __init__(self, weights: Array, worlds: int) -> None:
         count = len(weights)
@@ -53,22 +53,18 @@ class Networks:
 
 
 def searched(course: Course, discount: float, seed: int) -> Array:
-    """Return the candidate with the highest return of a search by CMA-ES (Hansen, arXiv 1604.00772)."""
-    draws = (
-        find_scenario(course.scenario)
-        .randomisation(course.pace, contexts=EPISODES, seed=seed)
-        .pairs()
-    )
-    machines, tasks = (list(each) * POPULATION for each in zip(*draws, strict=True))
-    batch, limits = Batch(machines, tasks), [time_limit(task) for task in tasks]
+    """Return the best candidate of a search by CMA-ES (Hansen, arXiv:1604.00772)."""
+    pairs = find_scenario(course.scenario).draws.pairs(EPISODES, seed, course.pace)
+    machines, tasks = (list(each) * POPULATION for each in zip(*pairs, strict=True))
+    worlds = len(tasks)
+    episodes = Episodes("", tuple(machines), tuple(tasks), tuple(range(worlds)), ("",) * worlds)
     search = cmaes.CMA(np.zeros(WEIGHTS), 0.3, seed=seed, population_size=POPULATION)
     best, highest = np.zeros(WEIGHTS), -np.inf
     for _ in range(CANDIDATES // POPULATION):
         points = np.array([search.ask() for _ in range(POPULATION)])
-        episodes = run(
-            batch, Networks(points, EPISODES), range(len(limits)), limits, columns=[COLUMN.reward]
-        )
-        rewards = np.nan_to_num(episodes.telemetry[1:, :, 0])
+        networks = Networks(points, EPISODES)
+        telemetry = rollout(networks, episodes, columns=[COLUMN.reward]).telemetry
+        rewards = np.nan_to_num(telemetry[1:, :, 0])
         found = [discounted(part, discount) for part in np.split(rewards, POPULATION, axis=1)]
         search.tell([(point, -value) for point, value in zip(points, found, strict=True)])
         if max(found) > highest:
@@ -77,7 +73,7 @@ def searched(course: Course, discount: float, seed: int) -> Array:
 
 
 def rides_clearly_worse(course: Course, rows: Array, best: float) -> bool:
-    """Return whether episodes would have no rank if the limits were twice as wide, or have a clearly larger error."""
+    """Return whether there is no rank at limits twice as wide, or a clearly larger error."""
     scores = score_episodes(rows, course.tasks)
     off = max(float(scores[name].mean()) for name in ("mean_pace_error", "segment_pace_error"))
     missed = 1.0 - float(scores["completed"].mean())

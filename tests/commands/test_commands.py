@@ -29,9 +29,8 @@ def test_help_shows_the_choices(capsys: pytest.CaptureFixture[str]) -> None:
     assert "slow|medium|brisk" in capsys.readouterr().out
 
 
-REFUSED = ["benchmarl", "benchmark --policies impedence", "tune impedence", "fit --out preset.json"]
+REFUSED = ["benchmarl", "benchmark --policies impedence", "tune impedence", "reproduce fig6"]
 REFUSED += [
-    "verify nowhere",
     "benchmark --paces slw",
     "benchmark --path mien.csv",
     "benchmark --policies mine.toml",
@@ -70,27 +69,19 @@ def test_an_unknown_choice_is_refused_with_the_choices(
 
 
 @pytest.mark.smoke
-def test_benchmark_writes_runs_and_verify_repeats_them(
+def test_benchmark_prints_a_table_and_writes_runs_that_have_the_same_bits_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = str(tmp_path / "results")
-    arguments = [
-        "--policies",
-        "free,",
-        "locked",
-        "--paces",
-        "brisk",
-        "--episodes",
-        "2",
-        "--no-film",
-        "--out",
-        out,
-    ]
-    assert main(["benchmark", *arguments]) == 0
-    assert len(list((tmp_path / "results" / "runs").iterdir())) == 2
-    capsys.readouterr()
-    assert main(["verify", out]) == 0
-    assert "2 of 2" in capsys.readouterr().out
+    line = "benchmark --policies free, locked --paces brisk --episodes 2 --details --no-film --out"
+    runs: list[list[bytes]] = []
+    for out in ("first", "second"):
+        assert main([*line.split(), str(tmp_path / out)]) == 0
+        runs.append([file.read_bytes() for file in sorted((tmp_path / out / "runs").iterdir())])
+    assert len(runs[0]) == 2
+    assert runs[0] == runs[1]
+    printed = capsys.readouterr().out
+    assert printed.startswith("standard, 2 stored episodes: path error [mm]")
+    assert "peak acc." in printed
 
 
 def test_a_benchmark_at_the_speed_of_a_named_pace_has_its_film(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Device functions, kernels and their cache: compiled code computes what Python does, and changes are noticed."""
+"""Compiled code computes what Python does, and its cache notices changes."""
 
 from enum import Enum
 from pathlib import Path
@@ -9,12 +9,14 @@ import numba
 import numpy as np
 import pytest
 
-from pter_gym._compiled import digests, pipeline
+from pter_gym._compiled import pipeline
 from pter_gym._compiled.compiler import compile_kernel, device, outlined
-from pter_gym._compiled.digests import SOURCES, digest_of
+from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.records import load, rows, store
+from pter_gym._engine import step
 from pter_gym._engine.kernels import _build_advance, _build_reset
-from pter_gym.controllers._base import _build_act
+from pter_gym._physics import open_loop
+from pter_gym.controllers._law_kernel import _build_act
 
 needs_jit = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 
@@ -239,14 +241,17 @@ def test_a_law_without_a_digest_is_compiled_in_memory() -> None:
     assert not_cached.stats.cache_path is None
 
 
-def test_kernels_reach_no_file_beside_those_that_count_as_a_whole(
+BUILDS: Any = [_build_advance, _build_reset, _build_act, open_loop._build]
+
+
+@pytest.mark.parametrize("build", BUILDS, ids=lambda build: build.__module__)
+def test_kernels_of_the_package_have_a_digest(build: Any) -> None:
+    assert digest_of(build("")) == digest_of(build("")) is not None
+
+
+def test_a_constant_that_a_function_within_a_kernel_reads_is_in_its_digest(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A kernel that reached another file would be found in the cache after that file has changed."""
-    monkeypatch.setattr(digests, "ROOMS", ())  # so every function is looked at
-    reached: list[Any] = []
-    for build in (_build_act, _build_advance, _build_reset):
-        digests.texts_of(build(""), reached)
-    names = {Path(function.__code__.co_filename) for function in reached}
-    assert len(names) > 20
-    assert {name for name in names if name.is_file()} <= set(SOURCES)
+    before = digest_of(_build_advance(""))
+    monkeypatch.setattr(step, "BOUND", step.BOUND + 1.0)
+    assert digest_of(_build_advance("")) != before

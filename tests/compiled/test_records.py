@@ -1,4 +1,4 @@
-"""Records: their rows and names, and that compiled code reads and writes them as plain Python does."""
+"""Records: rows and names; compiled code reads and writes them as plain Python does."""
 
 import traceback
 from typing import Annotated, Any, NamedTuple
@@ -120,7 +120,8 @@ def test_rows_are_numbered_in_their_order() -> None:
 
 
 def test_an_entry_names_what_is_within_it() -> None:
-    names = "length force_l force_right x y now_l now_right before_l before_right start_l start_right last"
+    names = "length force_l force_right x y "
+    names += "now_l now_right before_l before_right start_l start_right last"
     assert list(layout_of(Whole, 1.0).names) == names.split()
 
 

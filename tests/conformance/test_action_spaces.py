@@ -1,4 +1,4 @@
-"""An action has an entry for each clutch of the machine, in every door; results are those of the same voltages."""
+"""An action has an entry for each clutch of the machine, whatever makes the environment."""
 
 from typing import Any
 

@@ -22,15 +22,15 @@ from hypothesis import strategies as st
 
 import pter_gym
 from pter_gym._engine.batch import Batch
-from pter_gym._engine.world import SKIP
+from pter_gym._engine.world import LANES, SKIP
 from pter_gym.benchmark import from_actions
-from pter_gym.benchmark.simulation import run
 from pter_gym.controllers import Impedance, Random, TorqueFeedback, bind
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
 from pter_gym.paths import Arc, Line, Sine
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing, Sensing
+from rollouts import Acting, run
 
 ID = "PTER/PathFollowing-v0"
 NEXT_STEP, SAME_STEP, DISABLED = (
@@ -95,7 +95,7 @@ def seeds(count: int) -> list[int]:
 
 @cache
 def actions(count: int) -> np.ndarray:
-    """Random voltages (STEPS, count, 4), half of them zero; those of a world do not depend on how many there are."""
+    """Random voltages (STEPS, count, 4), half of them zero, of a world the same in any count."""
     drawn = np.random.default_rng(7).random((count, STEPS, 8), np.float32)
     return np.ascontiguousarray((24.0 * drawn[..., :4] * (drawn[..., 4:] < 0.5)).swapaxes(0, 1))
 
@@ -111,7 +111,7 @@ def make(count: int, mode: AutoresetMode, **options: Any) -> Any:
 
 
 def live(env: Any, first: Sequence[int] | None, voltages: np.ndarray) -> Iterator[Record]:
-    """Reset, unless ``first`` is None, and step; yield what came out, world by world, in the form of SAME_STEP."""
+    """Reset, unless ``first`` is None, and step; yield what came out, as with SAME_STEP."""
     if first is not None:
         obs, infos = env.reset(seed=list(first))
         yield {"obs": obs, "telemetry": infos["telemetry"]}
@@ -134,7 +134,7 @@ def live(env: Any, first: Sequence[int] | None, voltages: np.ndarray) -> Iterato
 
 
 def live_alone(world: int, mode: AutoresetMode, skip: int) -> Iterator[Record]:
-    """The same of one world in an environment of its own, which is reset with its seed and then without."""
+    """The same of one world in an environment of its own, reset with its seed and then without."""
     kinds = {"machine": machines(world + 1)[-1], "task": tasks(world + 1)[-1]}
     env = gymnasium.make(ID, **kinds, frame_skip=skip, max_episode_steps=LIMIT)
     obs, info = env.reset(seed=seeds(world + 1)[-1])
@@ -203,6 +203,17 @@ def test_a_row_of_a_batch_equals_a_single_environment(skip: int, mode: Autoreset
         require_same(record, alone(mode, skip)[step], step)
 
 
+def test_blocks_of_one_machine_each_have_the_bits_of_batches_of_it() -> None:
+    kinds = (BASELINE, DELRIN_EXPERIMENTAL, BASELINE)
+    both = Batch([kind for kind in kinds for _ in range(LANES)], PathFollowing())
+    alone = [Batch(kind, PathFollowing(), LANES) for kind in kinds]
+    for batch in (both, *alone):
+        batch.reset([0] * batch.num_worlds)
+    for row in actions(LANES)[:8]:
+        expected = np.concatenate([batch.step(row).obs for batch in alone])
+        assert both.step(np.tile(row, (len(kinds), 1))).obs.tobytes() == expected.tobytes()
+
+
 @each_mode
 def test_any_number_of_threads_has_the_same_bits(mode: AutoresetMode) -> None:
     envs = [make(THREADED, mode, num_threads=threads) for threads in (1, 3)]
@@ -234,9 +245,15 @@ def test_after_a_checkpoint(mode: AutoresetMode) -> None:
 @settings(max_examples=3, deadline=None, phases=[Phase.explicit, Phase.generate])
 @given(seed=st.integers(0, 2**31), skip=st.integers(2, 9))
 def test_a_held_action_equals_a_repeated_one(seed: int, skip: int) -> None:
-    drawn = SCENARIOS["everything"].randomisation("brisk", contexts=7, seed=seed)
-    held: Any = gymnasium.make(ID, randomisation=drawn, frame_skip=skip).unwrapped
-    plain: Any = gymnasium.make(ID, randomisation=drawn).unwrapped
+    shared = {
+        "scenario": SCENARIOS["everything"].draws,
+        "pace": "brisk",
+        "contexts": 7,
+        "context_seed": seed,
+        "action_unit": "volt",
+    }
+    held: Any = gymnasium.make(ID, **shared, frame_skip=skip).unwrapped
+    plain: Any = gymnasium.make(ID, **shared, frame_skip=1).unwrapped
     endings = 0
     for episode in range(6):
         (obs, _), (other, _) = (
@@ -289,26 +306,11 @@ def test_a_policy_decides_at_its_training_frame_skip(skip: int) -> None:
 
 def test_a_law_may_decide_less_often_than_the_kernel_asks_it() -> None:
     batch = Batch(BASELINE, PathFollowing(), 1)
-    law = bind(Impedance(), BASELINE, batch.layout)
-    law.frame_skip = 5
+    law = replace(bind(Impedance(), BASELINE, batch.layout), frame_skip=5)
     volts = run(batch, law, [1], [50]).telemetry[1:, 0][:, [*COLUMN.volts]]
     changes = np.flatnonzero(np.diff(volts, axis=0).any(axis=1)) + 1
     assert len(changes) > 3
     assert (changes % 5 == 0).all()
-
-
-@pytest.mark.parametrize("policy", [TorqueFeedback(), Random(seed=4)])
-def test_a_compiled_rollout_has_the_bits_of_stepping_from_python(policy: Any) -> None:
-    one, two = (Batch(machines(9), tasks(9)) for _ in range(2))
-    bound = policy.bind(BASELINE, one.layout)
-    last, telemetry = one.rollout(one.reset(seeds(9))[0], bound.law, bound.gains, 120)
-    obs, _ = two.reset(seeds(9))
-    for row in telemetry:
-        obs, _, _, _, (rows,) = two.step(bound(obs), SKIP)
-        assert row.tobytes() == rows.tobytes()
-    running = np.isfinite(rows[:, 0])
-    assert last[running].tobytes() == obs[running].tobytes()
-    require_same(one.get_state(), two.get_state(), 0)
 
 
 def digest() -> str:
@@ -316,7 +318,7 @@ def digest() -> str:
     batch = Batch(machines(4), tasks(4))
     content = hashlib.sha256()
     for law in (None, TorqueFeedback(), Random(seed=9)):
-        policy = law and law.bind(BASELINE, batch.layout)
+        policy = law and Acting(law.bind(BASELINE, batch.layout))
         obs, _ = batch.reset([1, 2, 3, 4])
         for row in actions(4)[:8]:
             returns = batch.step(policy(obs) if policy else row, SKIP)
@@ -327,7 +329,10 @@ def digest() -> str:
 
 @pytest.mark.parametrize("setting", ["", "NUMBA_DISABLE_JIT=1"])
 def test_another_process_has_the_same_bits(setting: str) -> None:
-    code = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import test_bits; print(test_bits.digest())"
+    folder = str(Path(__file__).parent)
+    code = (
+        f"import sys; sys.path.insert(0, {folder!r}); import test_bits; print(test_bits.digest())"
+    )
     command = ["env", *filter(None, [setting]), sys.executable, "-c", code]
     found = subprocess.run(command, capture_output=True, text=True, check=True)
     assert found.stdout.strip() == digest()

@@ -1,4 +1,4 @@
-"""Kernels are compiled once, and again after a change in another file; laws may be in no file, the cache missing."""
+"""Kernels are compiled once, and again after a change of code; there may be no cache."""
 
 import os
 import subprocess
@@ -14,13 +14,14 @@ from pter_gym.controllers import Policy
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import observation_layout
 
-CALLEE = """
+CALLEE = '''
 from pter_gym._compiled.compiler import device
 {constant}
 @device
 def value():
+    """Return a number.{comment}"""
     return {result}
-"""
+'''
 
 CALLER = """
 from pter_gym._compiled.compiler import compile_kernel
@@ -38,7 +39,7 @@ print(kernel(), sum(kernel.stats.cache_hits.values()))
 
 
 def run(folder: Path, **environment: str) -> str:
-    """Run the caller in a fresh interpreter and return what it printed: its value and the hits in the cache."""
+    """Run the caller in a fresh interpreter; return its value and the hits in the cache."""
     settings = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache"), **environment}
     found = subprocess.run(
         [sys.executable, "caller.py"],
@@ -51,15 +52,18 @@ def run(folder: Path, **environment: str) -> str:
     return found.stdout.strip()
 
 
-def write(folder: Path, result: str, constant: str = "") -> None:
+def write(folder: Path, result: str, constant: str = "", comment: str = "") -> None:
     """Write the two modules."""
-    (folder / "callee.py").write_text(CALLEE.format(result=result, constant=constant))
-    (folder / "caller.py").write_text(CALLER)
+    callee = CALLEE.format(result=result, constant=constant, comment=comment)
+    (folder / "callee.py").write_text(callee)
+    (folder / "caller.py").write_text(comment + CALLER)
 
 
-def test_a_change_in_another_file_is_noticed(tmp_path: Path) -> None:
+def test_a_change_of_code_is_noticed_and_one_of_a_comment_is_none(tmp_path: Path) -> None:
     write(tmp_path, "1.0")
     assert run(tmp_path) == "1.0 0"
+    assert run(tmp_path) == "1.0 1"
+    write(tmp_path, "(1.0)  # one", comment="# a comment\n\n")
     assert run(tmp_path) == "1.0 1"
     before = (tmp_path / "caller.py").stat()
     write(tmp_path, "2.0")

@@ -1,4 +1,4 @@
-"""Bad input is refused before anything moves; threads, processes and interrupts leave the worlds as they should be."""
+"""Bad input moves nothing; threads, processes and interrupts leave the worlds as they should be."""
 
 import multiprocessing
 import os
@@ -338,7 +338,7 @@ def make():
 def bits(env):
     return [part.tobytes() for part in env.get_state().values()]
 
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background ignores interrupts
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background
 count, rng = int(sys.argv[1]), np.random.default_rng(0)
 row = np.full((count, 4), 2.0, np.float32)
 env, reference = make(), make()
@@ -348,7 +348,7 @@ for _ in range(40):
     done = 0
     try:
         timer.start()
-        latest = time.monotonic() + 2.0  # Python drops an interrupt that falls into a callback of its own
+        latest = time.monotonic() + 2.0  # Python drops an interrupt within its own callback
         while time.monotonic() < latest:
             env.step(row)
             done += 1
@@ -525,8 +525,8 @@ BAD_ARGUMENTS: dict[str, tuple[str, Any]] = {
     "reward": ("Standard", [3]),
     "context_seed": ("Standard", -1),
     "truncation_error": ("Standard", 0.0),
-    "randomisation": ("Standard", 1),
-    "scenario": ("Paths", "path"),
+    "scenario": ("PathFollowing", 1),
+    "contexts": ("PathFollowing", 5),
     "task": ("PathFollowing", "circle"),
     "machine": ("PathFollowing", 3),
     "frame_skip": ("PathFollowing", 2.5),
@@ -543,7 +543,7 @@ def test_a_wrong_argument_is_named_as_the_user_wrote_it(
 
 
 def test_a_state_of_other_machines_is_refused() -> None:
-    """A state says where a world's constants begin; a state that points elsewhere must not be followed."""
+    """A state says where a world's constants begin, and must not point elsewhere."""
     batch = Batch([BASELINE, replace(BASELINE, clutch_scale=(0.9,) * 4)], PathFollowing())
     batch.reset([0, 1])
     state = batch.get_state()

@@ -1,4 +1,4 @@
-"""Virtual fixtures: a corridor and a wall are paths with a free band, in which there is no error."""
+"""Virtual fixtures: corridor and wall are paths with a free band, where there is no error."""
 
 import math
 from typing import Any
@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from pter_gym.benchmark.simulation import record_episode
+from pter_gym.benchmark.rollout import record_episode
 from pter_gym.controllers import Free
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE

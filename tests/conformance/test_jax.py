@@ -1,4 +1,4 @@
-"""The door for JAX: the bits of ``make_vec`` under ``jit``, ``vmap`` and ``scan``, and what it refuses."""
+"""JAX has the bits of ``make_vec`` under ``jit``, ``vmap`` and ``scan``; what it refuses."""
 
 from functools import partial
 from typing import Any

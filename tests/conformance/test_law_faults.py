@@ -1,4 +1,4 @@
-"""A compiled law that returns what is no voltage is refused, and nothing has moved."""
+"""What goes wrong in a compiled law is an error of one line, whenever it comes."""
 
 import math
 from typing import Any, NamedTuple
@@ -8,20 +8,20 @@ import pytest
 
 from pter_gym._compiled.records import rows
 from pter_gym._engine.batch import Batch
-from pter_gym._engine.law import empty_memory
 from pter_gym.controllers import PerClutch, Policy, device
 from pter_gym.errors import ActionError, LawIndexError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing
+from rollouts import simulate
 
 TASK = PathFollowing(start_offset=0.01)
-STEP, WORLD, VALUE = range(3)
+STEP, EPISODE, VALUE = range(3)
 
 
 class Kept(NamedTuple):
     """What the law below keeps of a world: a record of its own."""
 
-    world: float
+    episode: float
     steps: float
     unused: float
 
@@ -33,51 +33,26 @@ KEPT = rows(Kept)
 def fails_later(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Hold clutch 4, and from a step on return a value as the voltage of clutch 2, in the worlds from one on."""
     memory[KEPT.steps] += 1.0
-    fails = memory[KEPT.steps] > gains[STEP] and memory[KEPT.world] >= gains[WORLD]
+    fails = memory[KEPT.steps] > gains[STEP] and memory[KEPT.episode] >= gains[EPISODE]
     return PerClutch(0.0, gains[VALUE] if fails else 1.0, 0.0, 24.0)
 
 
-def compile_law() -> None:
-    """Compile the law into what rolls it out, as the tests below call it."""
-    batch = Batch(BASELINE, TASK, 1)
-    obs, _ = batch.reset([0])
-    gains, memory = np.array([9.0, 0.0, 0.0]), empty_memory(1, Kept)
-    batch.rollout(obs, fails_later, gains, 1, memory)
+def run_law(law: Any, gains: Any, *, worlds: int = 2, steps: int = 8) -> np.ndarray:
+    batch = Batch(BASELINE, TASK, worlds)
+    policy = Policy.of_law(law, gains, BASELINE, batch.layout, memory=Kept)
+    return simulate(batch, policy, range(worlds), steps)
 
 
-def states(batch: Batch, memory: np.ndarray) -> bytes:
-    return b"".join(part.tobytes() for part in (*batch.get_state().values(), memory))
-
-
-@pytest.mark.parametrize(("count", "threads"), [(70, 1), (2000, 3)])
 @pytest.mark.parametrize("value", [math.nan, -math.inf])
-def test_a_number_that_is_not_finite_is_refused_and_nothing_has_moved(
-    count: int, threads: int, value: float
-) -> None:
-    batch = Batch(BASELINE, TASK, count, num_threads=threads)
-    obs, _ = batch.reset(range(count))
-    memory = empty_memory(count, Kept)
-    obs, _ = batch.rollout(obs, fails_later, np.array([9.0, 0.0, 0.0]), 5, memory)
-    before, seen = states(batch, memory), obs.tobytes()
-    gains = np.array([7.0, count // 2, value])
-    with pytest.raises(ActionError, match=f"world {count // 2} "):
-        batch.rollout(obs, fails_later, gains, 20, memory)
-    assert states(batch, memory) == before
-    assert obs.tobytes() == seen
-    batch.rollout(obs, fails_later, gains, 2, memory)  # the steps before it go well
-    batch.close()
+def test_a_number_that_is_not_finite_is_refused(value: float) -> None:
+    with pytest.raises(ActionError, match="world 35 "):
+        run_law(fails_later, [7.0, 35, value], worlds=70, steps=20)
+    run_law(fails_later, [7.0, 35, value], worlds=70, steps=7)  # the steps before it go well
 
 
 def test_a_voltage_beyond_the_range_is_clipped() -> None:
-    rows = []
-    for value in (1e300, -5.0, BASELINE.clutch.voltage_max, 0.0):
-        batch = Batch(BASELINE, TASK, 2)
-        obs, _ = batch.reset([0, 1])
-        rows.append(
-            batch.rollout(obs, fails_later, np.array([3.0, 0.0, value]), 8, empty_memory(2, Kept))[
-                1
-            ]
-        )
+    values = (1e300, -5.0, BASELINE.clutch.voltage_max, 0.0)
+    rows = [run_law(fails_later, [3.0, 0.0, value]) for value in values]
     np.testing.assert_array_equal(rows[0], rows[2])
     np.testing.assert_array_equal(rows[1], rows[3])
     assert not np.array_equal(rows[0], rows[1])
@@ -86,12 +61,15 @@ def test_a_voltage_beyond_the_range_is_clipped() -> None:
 def test_a_policy_keeps_the_record_that_its_law_declares() -> None:
     batch = Batch(BASELINE, TASK, 3)
     obs, _ = batch.reset([0, 1, 2])
-    policy = Policy(np.array([1.0, 1.0, 5.0]), batch.layout, law=fails_later, memory=Kept)
-    assert policy.empty_memory(3).tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]
-    for volts in ([1.0, 1.0, 1.0], [1.0, 5.0, 5.0]):  # the law counts steps, and knows its world
-        assert policy(obs)[:, 1].tolist() == volts
-    policy.reset()
-    assert policy(obs)[:, 1].tolist() == [1.0, 1.0, 1.0]
+    gains = [1.0, 1.0, 5.0]
+    policy = Policy.of_law(fails_later, gains, BASELINE, batch.layout, memory=Kept)
+    assert policy.start(3).tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]
+    memory = policy.start(2, [7, 9])
+    assert memory[:, KEPT.episode].tolist() == [7.0, 9.0]
+    memory = policy.start(3)
+    for volts in ([1.0, 1.0, 1.0], [1.0, 5.0, 5.0]):  # the law counts steps, and its episode
+        assert policy.act(obs, memory)[:, 1].tolist() == volts
+    assert policy.act(obs, policy.start(3))[:, 1].tolist() == [1.0, 1.0, 1.0]
 
 
 @device
@@ -101,53 +79,103 @@ def helper(obs: Any) -> float:
 
 @device
 def counted(memory: Any) -> int:
-    memory[0] += 1.0
-    return int(memory[0])
+    memory[1] += 1.0
+    return int(memory[1])
 
 
-def beyond(kind: str) -> Any:
+def beyond(kind: str) -> Any:  # noqa: C901  (one law for each mistake)
     """A law with a mistake."""
 
     @device
-    def law(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
-        return {
-            "obs": lambda: PerClutch(obs[40], 0.0, 0.0, 0.0),
-            "gains": lambda: PerClutch(gains[7], 0.0, 0.0, 0.0),
-            "branch": lambda: PerClutch(obs[40] if obs[3] > 0.5 else 0.0, 0.0, 0.0, 0.0),
-            "division": lambda: PerClutch(1.0 / math.floor(obs[3]) + obs[40], 0.0, 0.0, 0.0),
-            "counter": lambda: PerClutch(memory[counted(memory)], 0.0, 0.0, 0.0),
-            "helper": lambda: PerClutch(helper(obs), 0.0, 0.0, 0.0),
-            "memory": lambda: memory.__setitem__(9, 1.0),
-            "name": lambda: PerClutch(obs[KEPT.stps], 0.0, 0.0, 0.0),  # type: ignore[attr-defined]
-            "result": lambda: (0.0, 0.0, 0.0, 0.0),
-            "text": lambda: PerClutch("a", 0.0, 0.0, 0.0),  # type: ignore[arg-type]
-            "array": lambda: PerClutch(obs, 0.0, 0.0, 0.0),
-        }[kind]()
+    def obs(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
+        return PerClutch(obs[40], 0.0, 0.0, 0.0)
 
-    return law
+    @device
+    def gains(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
+        return PerClutch(gains[7], 0.0, 0.0, 0.0)
+
+    @device
+    def branch(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
+        return PerClutch(obs[40] if obs[3] != 0.5 else 0.0, 0.0, 0.0, 0.0)
+
+    @device
+    def division(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
+        return PerClutch(1.0 / (memory[1] + 1.0) + obs[40], 0.0, 0.0, 0.0)
+
+    @device
+    def inner(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
+        return PerClutch(helper(obs), 0.0, 0.0, 0.0)
+
+    @device
+    def kept(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
+        memory[9] = 1.0
+        return PerClutch(0.0, 0.0, 0.0, 0.0)
+
+    @device
+    def name(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
+        return PerClutch(obs[KEPT.stps], 0.0, 0.0, 0.0)  # type: ignore[attr-defined]
+
+    @device
+    def result(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
+        return (0.0, 0.0, 0.0)
+
+    @device
+    def text(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
+        return PerClutch("a", 0.0, 0.0, 0.0)  # type: ignore[arg-type]
+
+    @device
+    def array(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
+        return PerClutch(obs, 0.0, 0.0, 0.0)
+
+    @device
+    def arguments(obs: Any, scales: Any, gains: Any) -> Any:
+        return PerClutch(0.0, 0.0, 0.0, 0.0)
+
+    return locals()[kind]
+
+
+@pytest.mark.parametrize("kind", ["obs", "gains", "branch", "division", "inner", "kept"])
+def test_an_index_beyond_an_array_is_an_error_of_one_line(kind: str) -> None:
+    with pytest.raises(LawIndexError, match=f"law {kind}: .*memory 3") as raised:
+        run_law(beyond(kind), [0.0])
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("kind", ["name", "result", "text", "array", "arguments"])
+def test_a_law_that_cannot_be_compiled_is_an_error_of_one_line(kind: str) -> None:
+    with pytest.raises(ParameterError, match=f"law {kind}") as raised:
+        run_law(beyond(kind), [0.0])
+    assert "\n" not in str(raised.value)
 
 
 @device
-def three_arguments(obs: Any, scales: Any, gains: Any) -> PerClutch:
-    return PerClutch(0.0, 0.0, 0.0, 0.0)
+def counts(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    """Read beyond the gains once enough steps have passed: what no trial before the run would see."""
+    volts = gains[counted(memory) // 100]
+    return PerClutch(volts, volts, volts, volts)
 
 
-NO_INDEX = ("name", "result", "text", "array")
+def test_an_index_that_leaves_its_array_late_is_an_error_too() -> None:
+    run_law(counts, [24.0], steps=99)
+    with pytest.raises(LawIndexError, match=r"law counts: .*gains 1"):
+        run_law(counts, [24.0], steps=100)
 
 
-@pytest.mark.parametrize(
-    "kind", ["obs", "gains", "branch", "division", "counter", "helper", "memory", *NO_INDEX]
-)
-def test_a_mistake_in_a_law_gives_a_one_line_error_before_compilation(kind: str) -> None:
-    batch = Batch(BASELINE, TASK, 3)
-    obs, _ = batch.reset([0, 1, 2])
-    error = ParameterError if kind in NO_INDEX else LawIndexError
-    for run in (
-        lambda: Policy(np.zeros(1), batch.layout, law=beyond(kind)),
-        lambda: batch.rollout(obs, beyond(kind), np.zeros(1), 1),
-    ):
-        with pytest.raises(error, match="law") as raised:
-            run()
-        assert "\n" not in str(raised.value)
-    with pytest.raises(ParameterError, match="three_arguments"):
-        Policy(np.zeros(1), batch.layout, law=three_arguments)
+def test_a_global_that_has_changed_has_effect() -> None:
+    scope: dict[str, Any] = {"device": device, "PerClutch": PerClutch, "VOLTS": 1.0}
+    code = """
+@device
+def strength():
+    return VOLTS
+
+@device
+def law(obs, scales, gains, memory):
+    return PerClutch(strength(), 0.0, 0.0, 0.0)
+"""
+    exec(code, scope)  # as in a notebook
+    layout = Batch(BASELINE, TASK, 1).layout
+    obs = np.zeros((1, len(layout)), np.float32)
+    for volts in (1.0, 5.0):
+        scope["VOLTS"] = volts
+        policy = Policy.of_law(scope["law"], [0.0], BASELINE, layout)
+        assert policy.act(obs, policy.start(1))[0, 0] == volts

@@ -1,4 +1,4 @@
-"""What the integrator cannot hold is refused or ends the episode, and nothing is ever NaN; copies of batches go on."""
+"""What the integrator cannot hold is refused or ends the episode; copies of batches go on."""
 
 import copy
 import math
@@ -98,7 +98,7 @@ def test_values_beyond_the_limits_are_refused(text: str, make: Callable[[], Any]
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_draws_of_scenarios_are_far_from_the_limits(name: str) -> None:
-    for machine, task in SCENARIOS[name].randomisation(contexts=64).pairs():
+    for machine, task in SCENARIOS[name].draws.pairs(64):
         arm = model_of(held_machine(task, machine)).arm
         force = strongest(task, machine)
         assert force < 0.5 * largest_force(arm, machine.substep, task.control_period)
@@ -160,7 +160,7 @@ def test_a_coupling_that_underflows_counts_as_zero(coupling: float) -> None:
 
 
 def test_an_arm_that_is_too_fast_ends_its_episode_as_a_failure_with_the_reason() -> None:
-    """The strongest hand that is accepted, on an arm that has almost all the energy that it may have."""
+    """The strongest hand that is accepted, on an arm with almost all the energy it may have."""
     task = PathFollowing()
     most = largest_force(model_of(BASELINE).arm, BASELINE.substep, task.control_period)
     batch = Batch(BASELINE, replace(task, hand=MultiSineHand(push=most, amplitudes=(0.0,) * 5)))
@@ -257,3 +257,18 @@ def test_a_copy_of_a_threaded_batch_goes_on_with_the_same_bits(
     batch.close()
     other.step(volts[0], SAME_STEP)
     other.close()
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda batch: pickle.loads(pickle.dumps(batch))])
+def test_a_copy_of_one_world_is_another_world(copied: Callable[[Batch], Batch]) -> None:
+    one = Batch(BASELINE, PathFollowing(), 1)
+    one.reset([0])
+    one.step_alone(np.full(4, 3.0))
+    other = copied(one)
+    mine, before = one.step_alone(np.full(4, 3.0)), one.get_state()
+    obs = mine[0].copy()
+    assert obs.tobytes() == other.step_alone(np.full(4, 3.0))[0].tobytes()
+    other.step_alone(np.full(4, 3.0))
+    assert before["worlds"].tobytes() == one.get_state()["worlds"].tobytes()
+    one.step_alone(np.full(4, 3.0))
+    assert mine[0].tobytes() == obs.tobytes(), "what a step has returned stays"

@@ -10,21 +10,26 @@ import pytest
 
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import ROW, SAME_STEP
-from pter_gym.benchmark import Examination
+from pter_gym.benchmark import assess, training_episodes
 from pter_gym.benchmark.episodes import load_episodes, scenarios
 from pter_gym.controllers import TorqueFeedback, bind
-from pter_gym.envs.scenario import training_draws
+from pter_gym.envs.sb3 import make_sb3_vec_env
 from pter_gym.errors import ParameterError, ResetNeededError
 from pter_gym.hands import HumanArm
-from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, MACHINES, Hand, find_machine, machine_of
-from pter_gym.params._preset import PRESET, format_preset
+from pter_gym.params import (
+    BASELINE,
+    DELRIN_EXPERIMENTAL,
+    MACHINES,
+    Hand,
+    find_machine,
+    save_machine,
+)
 from pter_gym.paths import Arc, Circle, Line, Sine, find_path
 from pter_gym.scenarios import PACES, SCENARIOS, find_pace, find_scenario
-from pter_gym.scenarios._fixed_machine import FixedMachine, find_fixed_machine, with_delay
-from pter_gym.scenarios.randomisation import (
+from pter_gym.scenarios.distributions import (
+    Draws,
     LogUniform,
     OneOf,
-    Randomisation,
     Shared,
     Uniform,
     Vary,
@@ -42,6 +47,7 @@ from pter_gym.tasks.path_following import (
 )
 from pter_gym.tasks.path_following._context import OBSERVED_CONTEXT
 from pter_gym.tasks.path_following._observation import BOUND
+from pter_gym.tasks.path_following._specification import sensing_of
 
 MOVING, GRIPPED = Starts(moving=1.0), Starts(gripped=1.0)
 COUNT = 512
@@ -50,17 +56,17 @@ NEAR = PathFollowing(truncation_error=0.1)
 """A task whose disturbance takes a free arm away from the path."""
 
 OWN = replace(
-    PRESET,
-    arm={**PRESET.arm, "inertia_a": 0.7},
-    clutch={**PRESET.clutch, "scale": (0.9, 1.1, 1.05, 0.95)},
-    sensing={**PRESET.sensing, "delay": 0.012},
+    BASELINE,
+    arm=replace(BASELINE.arm, inertia_a=0.7),
+    clutch_scale=(0.9, 1.1, 1.05, 0.95),
+    delay=0.012,
 )
 
 # --- what is drawn ---
 
 
 def test_draws_depend_on_the_seed_alone_and_reach_every_pair() -> None:
-    pairs = SCENARIOS["everything"].randomisation(contexts=40).pairs()
+    pairs = SCENARIOS["everything"].draws.pairs(40)
     machines, tasks = map(list, zip(*pairs, strict=True))
     batch = Batch(machines, tasks, 900, draws=True)
     batch.reset(list(range(900)))
@@ -77,7 +83,7 @@ def test_draws_depend_on_the_seed_alone_and_reach_every_pair() -> None:
 
 
 def test_the_telemetry_and_the_observation_tell_the_context() -> None:
-    pairs = SCENARIOS["materials"].randomisation(contexts=10).pairs()
+    pairs = SCENARIOS["materials"].draws.pairs(10)
     machines, tasks = map(list, zip(*pairs, strict=True))
     batch = Batch(machines, tasks, observe_context=True)
     obs, rows = batch.reset([0] * 10)
@@ -99,8 +105,8 @@ def test_the_telemetry_and_the_observation_tell_the_context() -> None:
 
 
 def test_the_same_seed_gives_the_same_pairs() -> None:
-    scenario = SCENARIOS["everything"]
-    one, two, other = (scenario.randomisation(contexts=12, seed=seed).pairs() for seed in (3, 3, 4))
+    draws = SCENARIOS["everything"].draws
+    one, two, other = (draws.pairs(12, seed) for seed in (3, 3, 4))
     assert one == two
     assert all(pair not in other for pair in one)
 
@@ -137,7 +143,12 @@ def test_distributions_stay_within_their_ends() -> None:
             r"impedance\.stiffness",
         ),
         (lambda: Vary(PathFollowing(), pace=Uniform(0.1, 9.0)), r"PathFollowing\.pace"),
-        (lambda: Randomisation(task=PathFollowing(), contexts=0), r"Randomisation\.contexts"),
+        (lambda: Draws(task=PathFollowing()).pairs(0), "n must be a whole number"),
+        (lambda: Draws(task=PathFollowing()).pairs(1, -1), "seed"),
+        (lambda: Draws(task=PathFollowing(), also=(1,)), r"Draws\.also"),  # type: ignore[arg-type]
+        (lambda: Draws(task=PathFollowing(), instead=1), r"Draws\.instead"),  # type: ignore[arg-type]
+        (lambda: Draws(task=Vary(Line())).pairs(1), r"Draws\.task"),  # type: ignore[arg-type]
+        (lambda: Draws(task=PathFollowing()).pairs(1, 0, "fast"), "pace"),
     ],
 )
 def test_impossible_distributions_are_refused_when_built(make: Any, message: str) -> None:
@@ -145,10 +156,21 @@ def test_impossible_distributions_are_refused_when_built(make: Any, message: str
         make()
 
 
-def test_a_randomisation_whose_paths_all_leave_the_reach_is_refused() -> None:
+def test_draws_whose_paths_all_leave_the_reach_are_refused() -> None:
     far = Vary(PathFollowing(), path=Vary(Arc(), y=Uniform(3.0, 4.0)))
     with pytest.raises(ParameterError, match="path"):
-        Randomisation(task=far, contexts=1).pairs()
+        Draws(task=far).pairs(1)
+
+
+def test_mixed_draws_have_the_pairs_of_their_parts_by_weight() -> None:
+    line, circle = (Draws(task=PathFollowing(error_max=0.1, path=p)) for p in (Line(), Circle()))
+    mixed = replace(line, also=(replace(circle, weight=2), SCENARIOS["hands"].draws))
+    kinds = [type(task.path) for _, task in mixed.pairs(8, 1, "slow")]
+    assert kinds == [Line] * 2 + [Circle] * 4 + [Line] * 2
+    assert mixed.pairs(8, 1, "slow")[6:] == SCENARIOS["hands"].draws.pairs(2, 1, "slow")
+    rng = np.random.default_rng(0)
+    share = np.mean([isinstance(mixed.draw(rng)[1].path, Circle) for _ in range(400)])
+    assert abs(share - 0.5) < 4.0 * 0.5 / np.sqrt(400)
 
 
 def test_unknown_names_suggest_the_nearest() -> None:
@@ -157,7 +179,7 @@ def test_unknown_names_suggest_the_nearest() -> None:
         (lambda: find_pace("mediums"), "'medium'"),
         (lambda: find_path("cirle"), "'circle'"),
         (lambda: find_machine("delrin"), "'delrin_experimental' or 'delrin_theoretical'"),
-        (lambda: gymnasium.make("PTER/PathFollowing-v0", randomisation="standart"), "'standard'"),
+        (lambda: gymnasium.make("PTER/PathFollowing-v0", scenario="standart"), "'standard'"),
     ):
         with pytest.raises(ParameterError, match=near):
             wrong()
@@ -170,7 +192,9 @@ def test_environments_take_names_and_objects(make: Any, tmp_path: Path) -> None:
         _, task = make("PTER/PathFollowing-v0", path=path, pace="medium").unwrapped.batch.pairs[0]
         assert (task.path, task.pace) == (find_path(path), PACES["medium"])
     for name, keywords in (
-        ("PathFollowing", {"randomisation": "standard"}),
+        ("PathFollowing", {}),
+        ("PathFollowing", {"scenario": "paths", "contexts": 3}),
+        ("PathFollowing", {"scenario": Draws(task=PathFollowing()), "contexts": 3}),
         ("Standard", {"contexts": 3}),
     ):
         env = make(
@@ -188,8 +212,10 @@ def test_environments_take_names_and_objects(make: Any, tmp_path: Path) -> None:
         ({"pace": "fast"}, "pace"),
         ({"pace": -1.0}, "pace"),
         ({"path": "circle", "task": PathFollowing()}, "path"),
-        ({"randomisation": 1}, "randomisation"),
-        ({"randomisation": "paths", "path": "circle"}, "path"),
+        ({"scenario": 1}, "scenario"),
+        ({"scenario": "standard", "task": PathFollowing()}, "scenario"),
+        ({"scenario": "hands", "reward": 1}, "reward"),
+        ({"context_seed": 1}, "context_seed"),
     ],
 )
 def test_invalid_names_are_refused(keywords: dict[str, Any], field: str) -> None:
@@ -197,74 +223,94 @@ def test_invalid_names_are_refused(keywords: dict[str, Any], field: str) -> None
         gymnasium.make("PTER/PathFollowing-v0", **keywords)
 
 
-def test_a_randomisation_needs_no_scenario() -> None:
-    drawn = SCENARIOS["standard"].randomisation(contexts=2)
-    with pytest.raises(ParameterError, match="task"):
-        gymnasium.make("PTER/PathFollowing-v0", randomisation=drawn, task=PathFollowing())
+@pytest.mark.parametrize(
+    ("keywords", "name"),
+    [
+        ({}, "standard"),
+        ({"path": "circle"}, "paths"),
+        ({"task": PathFollowing(path=Circle(), error_max=0.1)}, "paths"),
+        ({"task": PathFollowing(hand=HumanArm())}, "everything"),
+        ({"scenario": "everything"}, "everything"),
+        ({"scenario": SCENARIOS["wall"]}, "wall"),
+        ({"scenario": SCENARIOS["paths"].draws}, "paths"),
+        ({"scenario": "standard", "path": "circle"}, "paths"),
+        ({"scenario": "hands", "path": "circle"}, "hands"),
+    ],
+)
+def test_environments_know_whose_gains_their_episodes_need(
+    keywords: dict[str, Any], name: str
+) -> None:
+    keywords |= {"contexts": 3} if "scenario" in keywords else {}
+    assert gymnasium.make("PTER/PathFollowing-v0", **keywords).unwrapped.gains == name  # pyright: ignore[reportAttributeAccessIssue]
+    assert make_sb3_vec_env(2, **keywords).get_attr("gains") == [name] * 2
 
 
 # --- one's own machine ---
 
 
 @pytest.fixture
-def preset(tmp_path: Path) -> str:
-    path = tmp_path / "own.toml"
-    path.write_text(format_preset(OWN, "own"), "utf-8")
-    return str(path)
+def own(tmp_path: Path) -> str:
+    save_machine(OWN, tmp_path / "own.toml", origin="chosen: for tests")
+    return str(tmp_path / "own.toml")
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_a_fixed_machine_leaves_other_draws_unchanged(name: str, preset: str) -> None:
-    drawn = find_scenario(name).randomisation("slow", contexts=40, seed=3).pairs()
-    own = find_scenario(name, preset).randomisation("slow", contexts=40, seed=3).pairs()
-    assert {machine for machine, _ in own} == {machine_of(OWN)}
-    assert {task.sensing.delay for _, task in own} == {1}
-    for (_, theirs), (_, mine) in zip(drawn, own, strict=True):
-        assert replace(mine, sensing=replace(mine.sensing, delay=theirs.sensing.delay)) == theirs
+def test_a_fixed_machine_leaves_other_draws_unchanged(name: str, own: str) -> None:
+    machines, tasks = zip(*find_scenario(name, own).draws.pairs(40, 3, "slow"), strict=True)
+    assert set(machines) == {OWN}
+    assert list(tasks) == [task for _, task in find_scenario(name).draws.pairs(40, 3, "slow")]
 
 
-def test_a_machine_is_given_by_itself_its_name_or_its_preset(preset: str) -> None:
-    assert (
-        find_fixed_machine("delrin_experimental")
-        == find_fixed_machine(DELRIN_EXPERIMENTAL)
-        == FixedMachine(DELRIN_EXPERIMENTAL)
-    )
-    assert (
-        find_fixed_machine(preset)
-        == find_fixed_machine(find_fixed_machine(preset))
-        == FixedMachine(machine_of(OWN), 0.012)
-    )
+def test_a_machines_delay_replaces_that_of_a_tasks_sensors() -> None:
     few = PathFollowing(sensing=Sensing(velocity_noise=0.1, delay=1))
-    assert with_delay(few, FixedMachine(BASELINE)) is few
-    assert with_delay(few, FixedMachine(BASELINE, 0.02)).sensing == Sensing(
-        velocity_noise=0.1, delay=2
-    )
+    assert sensing_of(few, BASELINE) is few.sensing
+    for seconds, steps in ((0.002, 0), (0.012, 1), (0.02, 2)):
+        delayed = sensing_of(few, replace(BASELINE, delay=seconds))
+        assert delayed == Sensing(velocity_noise=0.1, delay=steps)
+    seen = [
+        Batch(machine, PathFollowing(sensing=Sensing(delay=steps)))
+        for machine, steps in ((BASELINE, 1), (replace(BASELINE, delay=0.01), 0), (BASELINE, 0))
+    ]
+    first = [batch.reset([0])[0] for batch in seen]
+    rows = [
+        [obs, *(batch.step(np.full((1, 4), 5.0)).obs for _ in range(5))]
+        for obs, batch in zip(first, seen, strict=True)
+    ]
+    late, own, exact = np.array(rows)
+    assert (late == own).all()
+    assert (late != exact).any()
+
+
+def test_a_machine_that_a_task_cannot_have_is_refused() -> None:
+    slow = replace(BASELINE, delay=0.03)
     for wrong, field in (
         (lambda: find_scenario("standard", "delrin_experimentel"), "machine"),
-        (lambda: FixedMachine(BASELINE, -0.01), "delay"),
-        (lambda: FixedMachine("baseline"), "machine"),  # type: ignore[arg-type]
-        (lambda: find_scenario("paths", FixedMachine(BASELINE, 0.03)), "delay"),
+        (lambda: replace(BASELINE, delay=-0.01), r"Machine\.delay"),
+        (lambda: find_scenario("paths", slow), r"Machine\.delay must be at most 0\.02 s"),
+        (lambda: gymnasium.make("PTER/PathFollowing-v0", machine=slow), r"Machine\.delay"),
         (lambda: gymnasium.make("PTER/Standard-v0", machine=3), "machine"),
     ):
         with pytest.raises(ParameterError, match=field):
             wrong()
 
 
-def test_environments_and_laws_take_a_user_machine(preset: str) -> None:
-    env: Any = gymnasium.make("PTER/Everything-v0", machine=preset, contexts=5).unwrapped
-    assert {machine for machine, _ in env.batch.pairs} == {machine_of(OWN)} == {env.nominal_machine}
-    assert {task.sensing.delay for _, task in env.batch.pairs} == {1}
-    own = machine_of(OWN)
-    assert (find_scenario("standard", preset).nominal, find_scenario("standard").nominal) == (
-        own,
+def test_environments_and_laws_take_a_user_machine(own: str) -> None:
+    for path in (own, Path(own)):
+        env: Any = gymnasium.make("PTER/Everything-v0", machine=path, contexts=5)
+        assert {machine for machine, _ in env.unwrapped.batch.pairs} == {OWN}
+        assert env.unwrapped.nominal_machine == OWN
+        env.spec.to_json()
+    assert (find_scenario("standard", own).nominal, find_scenario("standard").nominal) == (
+        OWN,
         BASELINE,
     )
-    exam, law = Examination("standard", "slow", 4, 5, preset), TorqueFeedback(feedback=0.5)
-    layout = exam.batch.layout
-    assert exam.judge(law) == exam.judge(bind(law, own, layout))
-    assert exam.judge(law) != exam.judge(
-        bind(law, replace(own, clutch=DELRIN_EXPERIMENTAL.clutch), layout)
+    draws, law = training_episodes("standard", "slow", 4, 5, own), TorqueFeedback(feedback=0.5)
+    layout, others = (
+        observation_layout(OWN, "torque"),
+        replace(OWN, clutch=DELRIN_EXPERIMENTAL.clutch),
     )
+    assert assess([law], draws) == assess([bind(law, OWN, layout)], draws)
+    assert assess([law], draws) != assess([bind(law, others, layout)], draws)
 
 
 # --- how episodes begin, and end near the path ---
@@ -274,7 +320,7 @@ def first_rows(
     scenario: str, starts: Starts, seed: int = 0
 ) -> tuple[np.ndarray, list[PathFollowing]]:
     """Return the telemetry of resets, and the tasks that were begun."""
-    pairs = SCENARIOS[scenario].randomisation(contexts=64, starts=starts).pairs()
+    pairs = SCENARIOS[scenario].draws.with_task(starts=starts).pairs(64)
     machines, tasks = map(list, zip(*pairs, strict=True))
     batch = Batch(machines, tasks, COUNT, draws=True)
     rows = batch.reset(range(seed, seed + COUNT))[1]
@@ -356,7 +402,8 @@ def test_training_and_evaluation_have_the_same_workspaces(scenario: str) -> None
     evaluated = load_episodes(scenario, "slow").tasks
     assert {task.starts for task in evaluated} == {AT_REST}
     widths = {task.error_max for task in evaluated}
-    for task in (*evaluated, *(task for _, task in training_draws(scenario, contexts=4).pairs())):
+    env: Any = gymnasium.make(find_scenario(scenario).id, contexts=4).unwrapped
+    for task in (*evaluated, *(task for _, task in env.batch.pairs)):
         assert task.error_max in widths
         assert task.truncation_error > task.error_max
 
@@ -383,10 +430,14 @@ def test_an_episode_that_strays_is_truncated_and_is_no_failure() -> None:
             near.step(free)
 
 
-@pytest.mark.parametrize(("error_max", "terminated"), [(0.099, True), (0.1, False), (0.101, False)])
+@pytest.mark.parametrize(
+    ("error_max", "terminated"),
+    [(0.099, True), (0.1 - 1e-9, True), (0.1, False), (0.101, False)],
+)
 def test_the_nearer_limit_ends_an_episode_and_truncation_wins_ties(
     error_max: float, terminated: bool
 ) -> None:
+    """A step that goes beyond both is terminated alone."""
     env: Any = gymnasium.make(
         "PTER/PathFollowing-v0", task=replace(NEAR, error_max=error_max)
     ).unwrapped
@@ -416,4 +467,4 @@ def test_a_scenario_takes_what_its_episodes_share_and_nothing_that_it_draws() ->
     env.reset(seed=0)
     assert (env.task.error_max, env.task.starts, env.task.pace) == (0.08, MOVING, 0.12)
     with pytest.raises(ParameterError, match="path"):
-        SCENARIOS["paths"].randomisation(path=None)
+        SCENARIOS["paths"].draws.with_task(path=None)

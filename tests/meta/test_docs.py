@@ -24,7 +24,7 @@ from documents import (
 from pter_gym import params
 from pter_gym._commands.main import main
 from pter_gym.benchmark.tuned import read_table
-from pter_gym.params._preset import PRESET, format_preset
+from pter_gym.params import BASELINE, save_machine
 from pter_gym.tools.tuning.gains_file import format_table
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *DOCS.glob("**/*.md")])
@@ -117,9 +117,9 @@ def test_code_on_a_page_prints_the_output_shown(page: Path, capsys: pytest.Captu
 def test_the_page_on_a_machine_of_ones_own_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    """What it does with a preset and gains; the log of the block before is tested elsewhere."""
+    """What it does with a machine and gains; the log of the block before is tested elsewhere."""
     (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "preset.toml").write_text(format_preset(PRESET, "mine"), "utf-8")
+    save_machine(BASELINE, tmp_path / "mine" / "machine.toml", origin="chosen: for tests")
     gains = {"standard": {"single-dof": read_table()["standard"]["single-dof"]}}
     (tmp_path / "mine" / "gains.toml").write_text(format_table(gains), "utf-8")
     monkeypatch.chdir(tmp_path)

@@ -20,7 +20,8 @@ NEAR = 0.01
 
 @dataclass(frozen=True)
 class Arranged:
-    """n problems: mass matrix (m11, m12, m22) (n, 3), momentum (n, 2), capacities (n, 4), rows of W (n, 4, 2)."""
+    """n problems: mass matrix (m11, m12, m22) (n, 3), momentum (n, 2), capacities (n, 4), rows of W
+    (n, 4, 2)."""
 
     mass: np.ndarray
     p: np.ndarray
@@ -38,18 +39,21 @@ class Arranged:
 
     @property
     def momentum(self) -> np.ndarray:
-        """Everything that enters the sums of the right-hand side: |p| and the largest impulses on the links."""
+        """Everything that enters the sums of the right-hand side: |p| and the largest impulses on
+        the links."""
         return np.abs(self.p).sum(axis=1) + (self.c * np.abs(self.w).sum(axis=2)).sum(axis=1)
 
 
 def slots(declared: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return four rows for one to four clutches: empty slots have a row of an axis, as long as one is missing."""
+    """Return four rows for one to four clutches: empty slots have a row of an axis, as long as one
+    is missing."""
     missing = [row for row in ((1.0, 0.0), (0.0, 1.0)) if row not in declared]
     return (declared + missing + [(1.0, 0.0)] * 4)[:4]
 
 
 def problems(rng: np.random.Generator, n: int) -> Arranged:
-    """Return problems of one to four clutches, with equal rows, nearly equal rows and zero capacities among them."""
+    """Return problems of one to four clutches, with equal rows, nearly equal rows and zero
+    capacities among them."""
     count = rng.integers(1, 5, n)
     ratio = rng.choice([-1.0, 1.0], (n, 4)) * 10.0 ** rng.uniform(-2.0, 2.0, (n, 4))
     common = rng.choice([-2.0, -1.0, -0.5, 0.5, 1.0, 2.0], (n, 4))
@@ -100,7 +104,8 @@ def share(load: np.ndarray, low: np.ndarray, high: np.ndarray, w: np.ndarray) ->
 
 
 def merged(given: Arranged) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows and capacities in which no two rows are equal; a clutch that was merged has no capacity."""
+    """Return rows and capacities in which no two rows are equal; a clutch that was merged has no
+    capacity."""
     w, c = given.w.astype(WIDE), given.c.astype(WIDE)
     for x, y in itertools.combinations(range(4), 2):
         equal = (w[:, x] == w[:, y]).all(axis=1)
@@ -111,7 +116,8 @@ def merged(given: Arranged) -> tuple[np.ndarray, np.ndarray]:
 
 
 def solve(given: Arranged) -> np.ndarray:
-    """Return the velocities (n, 2): of 72 states of the impulses, that which violates the conditions least."""
+    """Return the velocities (n, 2): of 72 states of the impulses, that which violates the
+    conditions least."""
     (w, c), mass, p = merged(given), given.mass.astype(WIDE), given.p.astype(WIDE)
     m11, m12, m22 = mass.T
     det = m11 * m22 - m12 * m12

@@ -83,7 +83,8 @@ AT_REST, SLIDING = "rest", "sector"
 
 @dataclass(frozen=True)
 class Phase:
-    """What sticks (clutch 0 … 3, AT_REST or SLIDING), the direction of each slip (0: stuck), which are in the band."""
+    """What sticks (clutch 0 … 3, AT_REST or SLIDING), the direction of each slip (0: stuck), which
+    are in the band."""
 
     stuck: int | str
     sign: tuple[float, ...]
@@ -227,7 +228,8 @@ def _along(x: int, sign: float) -> Phase:
 def _caught(
     plant: Plant, phase: Phase, x: int, t: float, y: np.ndarray
 ) -> tuple[Phase, np.ndarray]:
-    """A slip vanished while the others go on: it sticks if its breakaway torque suffices, else it goes through zero."""
+    """A slip vanished while the others go on: it sticks if its breakaway torque suffices, else it
+    goes through zero."""
     d, inside = LINE[x], list(phase.inside)
     y = np.concatenate([y[:2], d * (d @ y[2:]) / (d @ d)])
     sign = [
@@ -243,7 +245,8 @@ def _caught(
 
 
 def from_rest(plant: Plant, t: float, theta: np.ndarray) -> tuple[Phase, np.ndarray]:
-    """The phase that begins at rest: the acceleration that the breakaway torques leave, from the dual problem."""
+    """The phase that begins at rest: the acceleration that the breakaway torques leave, from the
+    dual problem."""
     y = np.concatenate([theta, np.zeros(2)])
     mass, load = plant.inertia(theta), plant.load(t, theta, np.zeros(2))
     start, mode = friction.solve_exactly(

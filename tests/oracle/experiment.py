@@ -13,9 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym._physics.arm import motion_of, tip_position, tip_velocity
+from pter_gym._physics.model import model_of
 from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.errors import ParameterError
-from pter_gym.params import SLOTS, Arm, Hand, Machine, require_number
+from pter_gym.params import SLOTS, Hand, Machine, require_number
 from pter_gym.tools.identification import Log
 
 Array = NDArray[np.float64]
@@ -139,7 +141,8 @@ def record_log(
     )
     # in the middle of substeps, so that no rounding decides which row a voltage is of
     row_of = np.floor((halves[1::2] - recorder.delay) / experiment.interval).astype(int)
-    target = _tip(machine.arm, np.array(MIDDLE)) + _hand_path(experiment, halves, rng)
+    middle = tip_position(model_of(machine).arm, motion_of(MIDDLE))
+    target = middle + _hand_path(experiment, halves, rng)
     theta, force = _motion(machine, experiment, applied[row_of.clip(0)], target)
     theta = theta[::ratio] + recorder.angle_noise * rng.standard_normal((rows, 2))
     if recorder.angle_resolution > 0.0:
@@ -167,8 +170,9 @@ def _motion(
     run = simulate(held, state, volts, (0.0, 0.0), hand_target=target[1::2])
     theta = np.concatenate([[state.theta], run.theta[:-1]])
     omega = np.concatenate([[state.omega], run.omega[:-1]])
-    spring = experiment.stiffness * (target[::2] - _tip(machine.arm, theta))
-    return theta, spring - experiment.damping * _tip_velocity(machine.arm, theta, omega)
+    arm, q = model_of(machine).arm, motion_of(theta, omega)
+    tip, velocity = (np.stack(of(arm, q), axis=-1) for of in (tip_position, tip_velocity))
+    return theta, experiment.stiffness * (target[::2] - tip) - experiment.damping * velocity
 
 
 def _hand_path(experiment: Experiment, times: Array, rng: np.random.Generator) -> Array:
@@ -176,17 +180,3 @@ def _hand_path(experiment: Experiment, times: Array, rng: np.random.Generator) -
     phases = rng.uniform(0.0, 2.0 * math.pi, 2)
     swing = np.sin(times[:, None] * (2.0 * math.pi * np.array(experiment.frequencies)) + phases)
     return experiment.amplitude * swing * np.minimum(times, 1.0)[:, None]
-
-
-def _tip(arm: Arm, theta: Array) -> Array:
-    """Return the tip's position [m] at link angles [rad], both of shape (..., 2)."""
-    lengths = np.array([arm.length_a, arm.length_b])
-    return np.stack([np.cos(theta) @ lengths, np.sin(theta) @ lengths], axis=-1)
-
-
-def _tip_velocity(arm: Arm, theta: Array, omega: Array) -> Array:
-    """Return the tip's velocity [m/s] at link angles [rad] and velocities [rad/s], all of shape (..., 2)."""
-    speeds = omega * [arm.length_a, arm.length_b]
-    return np.stack(
-        [-np.sum(np.sin(theta) * speeds, axis=-1), np.sum(np.cos(theta) * speeds, axis=-1)], axis=-1
-    )

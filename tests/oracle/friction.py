@@ -24,7 +24,8 @@ from typing import Any
 import numpy as np
 
 W = ((1, 0), (0, 1), (1, -1), (1, 1))
-"""Slip of clutch x = W[x] · (omega_a, omega_b): A to ground, B to ground, A to B, A to B through the inverting gear."""
+"""Slip of clutch x = W[x] · (omega_a, omega_b): A to ground, B to ground, A to B, A to B through
+the inverting gear."""
 
 LINE = ((0, 1), (1, 0), (1, 1), (1, -1))
 """Direction in the plane of velocities along which clutch x does not slip: W[x] · LINE[x] = 0."""
@@ -41,7 +42,8 @@ Number = Any
 
 @dataclass(frozen=True)
 class Solution:
-    """Velocities (a, b), the four impulses (they oppose the slips) and the violation of the optimality conditions."""
+    """Velocities (a, b), the four impulses (they oppose the slips) and the violation of the
+    optimality conditions."""
 
     omega: tuple[Number, Number]
     impulse: tuple[Number, ...]
@@ -57,7 +59,8 @@ def _positive(value: Number) -> Number:
 
 
 def _along_line(x: int, mass: tuple[Number, Number, Number], rest: tuple[Number, Number]):
-    """Velocity on the line of clutch x, and its impulse, when the other clutches leave the momentum `rest`."""
+    """Velocity on the line of clutch x, and its impulse, when the other clutches leave the momentum
+    `rest`."""
     m11, m12, m22 = mass
     d_a, d_b = LINE[x]
     speed = (d_a * rest[0] + d_b * rest[1]) / (
@@ -170,7 +173,8 @@ def tie_distance(m11, m12, m22, p_a, p_b, c, solution: Solution) -> np.ndarray:
 
 
 def _side_distance(x: int, p_a, p_b, c):
-    """Distance of p outside (negative: inside) the two sides of the zonotope that are parallel to W[x]."""
+    """Distance of p outside (negative: inside) the two sides of the zonotope that are parallel to
+    W[x]."""
     d_a, d_b = LINE[x]
     reach = sum(c[:, y] * abs(slip(y, (d_a, d_b))) for y in range(4))
     return (abs(d_a * p_a + d_b * p_b) - reach) / np.hypot(d_a, d_b)

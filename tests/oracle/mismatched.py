@@ -1,4 +1,5 @@
-"""Logs of machines and sensors that differ from the package's assumptions, one or several at a time."""
+"""Logs of machines and sensors that differ from the package's assumptions, one or several at a
+time."""
 
 from __future__ import annotations
 

@@ -38,7 +38,8 @@ class Answer:
 
 @dataclass(frozen=True)
 class ClutchProblem:
-    """Mass matrix (2, 2), load without the clutches (2,), slips (4,), breakaway and dynamic torques (4,)."""
+    """Mass matrix (2, 2), load without the clutches (2,), slips (4,), breakaway and dynamic torques
+    (4,)."""
 
     mass: np.ndarray
     load: np.ndarray
@@ -48,7 +49,8 @@ class ClutchProblem:
 
 
 def decide(now: ClutchProblem) -> Answer:
-    """What the case statement says for a state whose slips are either zero or well outside the Karnopp band."""
+    """What the case statement says for a state whose slips are either zero or well outside the
+    Karnopp band."""
     stuck = np.flatnonzero(now.slip == 0.0)
     if stuck.size == 0:
         return _slide(now, now.load - W.T @ (now.dynamic * np.sign(now.slip)))
@@ -87,7 +89,8 @@ def _two_stuck(now: ClutchProblem, pair: list[int], load: np.ndarray) -> Answer:
 
 
 def _one_stuck(now: ClutchProblem, x: int, load: np.ndarray) -> Answer:
-    """Keep clutch x stuck if its breakaway torque allows that; `load` includes every other clutch."""
+    """Keep clutch x stuck if its breakaway torque allows that; `load` includes every other
+    clutch."""
     response = np.linalg.solve(now.mass, W[x])
     needed = (response @ load) / (response @ W[x])
     if abs(needed) > now.breakaway[x]:

@@ -31,7 +31,8 @@ class VoltageStep:
 
 
 def draw(seed: int) -> VoltageStep:
-    """Each clutch is engaged half of the time, at 4 … 12 V; forces of the order of what the clutches can hold."""
+    """Each clutch is engaged half of the time, at 4 … 12 V; forces of the order of what the
+    clutches can hold."""
     rng = np.random.default_rng([77, seed])
     engaged = rng.integers(0, 2, 4)
     return VoltageStep(
@@ -47,7 +48,8 @@ def draw(seed: int) -> VoltageStep:
 
 
 def plant(machine: Machine, scenario: VoltageStep, target=(0.0, 0.0)) -> Plant:
-    """The same machine for the reference: the lag is an exponential, dry friction a part of clutches 1 and 2."""
+    """The same machine for the reference: the lag is an exponential, dry friction a part of
+    clutches 1 and 2."""
     return Plant(
         lengths=(machine.arm.length_a, machine.arm.length_b),
         inertia_a=machine.arm.inertia_a,

@@ -89,7 +89,8 @@ def _near_singular(rng: np.random.Generator, n: int) -> Problems:
 
 
 def _on_side(rng: np.random.Generator, n: int, whole: bool, corner: bool) -> Problems:
-    """p on a side (or a corner) of the zonotope of the capacities; in whole numbers exactly, else up to rounding."""
+    """p on a side (or a corner) of the zonotope of the capacities; in whole numbers exactly, else
+    up to rounding."""
     c = rng.integers(0, 9, (n, 4)).astype(float) if whole else rng.uniform(0.0, 1.0, (n, 4))
     x = rng.integers(0, 4, n)
     rows = np.arange(n)
@@ -102,7 +103,8 @@ def _on_side(rng: np.random.Generator, n: int, whole: bool, corner: bool) -> Pro
 
 
 def _on_ray(rng: np.random.Generator, n: int) -> Problems:
-    """p where a clutch that alone is stuck has reached its capacity: between one and two degrees of freedom."""
+    """p where a clutch that alone is stuck has reached its capacity: between one and two degrees of
+    freedom."""
     c = rng.uniform(0.0, 1.0, (n, 4))
     m11, m12, m22 = _masses(rng, n)
     x = rng.integers(0, 4, n)

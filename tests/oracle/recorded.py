@@ -153,7 +153,8 @@ def _slid(slip, held, ratio, growth, stribeck, rational):
 
 @numba.njit
 def _contact(i, slip, held, most, bent, way):
-    """Torque against the slip of a contact; ``bent`` is its spring, ``way`` the direction of its slip, 0 if held."""
+    """Torque against the slip of a contact; ``bent`` is its spring, ``way`` the direction of its
+    slip, 0 if held."""
     if way[i] != 0.0 and slip * way[i] <= 0.0:
         way[i], bent[i] = 0.0, way[i] * held / SPRING
     if way[i] == 0.0:

@@ -87,7 +87,8 @@ def kinetic(mass: np.ndarray, omega: np.ndarray) -> np.ndarray:
 def torques_of_the_middle(
     machine: Machine, run: Trajectory, volts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Breakaway and dynamic torques [N·m] half a substep after each row, (T, 4): an exact first-order lag."""
+    """Breakaway and dynamic torques [N·m] half a substep after each row, (T, 4): an exact
+    first-order lag."""
     clutch, scale = machine.clutch, np.array(machine.clutch_scale)
     left = np.exp(-machine.substep / clutch.time_constant)
     if clutch.lag == "voltage":

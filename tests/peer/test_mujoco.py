@@ -83,7 +83,8 @@ def to_joint_torque(torque: ArrayLike) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class PeerCase:
-    """Voltages (4,), hand force (T, 2), joint torque (2,), angles and velocities at the start (2,)."""
+    """Voltages (4,), hand force (T, 2), joint torque (2,), angles and velocities at the start
+    (2,)."""
 
     volts: np.ndarray
     force: np.ndarray
@@ -151,7 +152,8 @@ class Peer:
     def rates_after(
         self, time: float, load: tuple, losses: np.ndarray, sliding: np.ndarray
     ) -> np.ndarray:
-        """Return the rates after a step, with losses and with torques of clutches that slide whatever happens."""
+        """Return the rates after a step, with losses and with torques of clutches that slide
+        whatever happens."""
         model, data = self.model, self.data
         model.opt.timestep = time
         model.tendon_solref_fri[:, 1] = -0.9999 / time
@@ -162,7 +164,8 @@ class Peer:
         return data.qvel.copy()
 
     def advance(self, load: tuple, breakaway: np.ndarray, dynamic: np.ndarray) -> None:
-        """Take a step under a force on the tip and torques on the links, in parts where clutches change."""
+        """Take a step under a force on the tip and torques on the links, in parts where clutches
+        change."""
         left = self.step
         for part in range(PARTS):
             held = np.maximum(breakaway, dynamic)
@@ -214,7 +217,8 @@ def peers(machine: Machine, case: PeerCase) -> np.ndarray:
 
 
 def test_acceleration_is_that_of_the_closed_form():
-    """Without friction, over random states, forces and torques: M θ̈ = JᵀF + τ − V, relative to the largest."""
+    """Without friction, over random states, forces and torques: M θ̈ = JᵀF + τ − V, relative to the
+    largest."""
     model = build(ARM, STEP)
     data = mujoco.MjData(model)
     rng = np.random.default_rng(3)
@@ -293,7 +297,8 @@ VOLTS = np.array(
         [19, 19.5, 0, 8],
     ]
 )
-"""Held voltages of seven worlds, exact in float32: the paper's modes occur, except a stuck clutch 1 alone."""
+"""Held voltages of seven worlds, exact in float32: the paper's modes occur, except a stuck clutch 1
+alone."""
 
 MACHINES = (
     BASELINE,
@@ -362,7 +367,8 @@ def test_batch_moves_as_mujoco_does(world, told):
 
 @pytest.mark.parametrize("world", range(len(MACHINES)))
 def test_batch_reports_the_torques_of_the_instant(world, told):
-    """Clutches that slip exert their limit, stuck ones together what MuJoCo needs for them to have no acceleration."""
+    """Clutches that slip exert their limit, stuck ones together what MuJoCo needs for them to have
+    no acceleration."""
     model = build(numbers_with_hand(MACHINES[world]), STEP)
     data = mujoco.MjData(model)
     for rows, omega in zip(told[world].rows[1:], told[world].omega[1:], strict=True):

@@ -13,11 +13,13 @@ from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatist
 
 import pter_gym
 from pter_gym.benchmark import find_policy
-from pter_gym.envs._acting import normalised
-from pter_gym.envs._shared import nominal_machine
+from pter_gym.controllers import Policy, bind
+from pter_gym.envs._mixin import nominal_machine
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL
+from pter_gym.paths import Circle
 from pter_gym.tasks.path_following import STARTS, PathFollowing, observation_layout
+from pter_gym.tasks.path_following._actions import action_of, volts_of
 
 ID = "PTER/PathFollowing-v0"
 LAYOUT = observation_layout(BASELINE, "torque")
@@ -25,18 +27,13 @@ ENDS_SOON = PathFollowing(truncation_error=0.02, starts=STARTS["path"])
 """The tip begins anywhere and is off the path after a number of control steps that depends on the seed."""
 
 
-class DecisionCounter:
-    """A function with a memory: its voltage is the number of its decisions in the episode."""
+def count(observations: np.ndarray, memory: np.ndarray) -> np.ndarray:
+    """Give the number of the decisions in each episode as the voltage."""
+    memory += 1
+    return np.repeat(memory % 24, 4, axis=1)
 
-    def __init__(self, worlds: int) -> None:
-        self.count = np.zeros(worlds)
 
-    def reset(self, worlds: Any = slice(None)) -> None:
-        self.count[worlds] = 0
-
-    def __call__(self, observations: np.ndarray) -> np.ndarray:
-        self.count += 1
-        return np.repeat(self.count[:, None] % 24, 4, axis=1)
+COUNTER = Policy.of_function(count, LAYOUT, start=lambda worlds: np.zeros((worlds, 1)))
 
 
 def make_worlds(backend: str, mode: AutoresetMode, skip: int) -> Any:
@@ -56,11 +53,9 @@ def make_worlds(backend: str, mode: AutoresetMode, skip: int) -> Any:
 @pytest.mark.parametrize("backend", ["native", "sync", "async"])
 def test_a_policy_acts_in_each_world_as_alone(backend: str, mode: AutoresetMode, skip: int) -> None:
     env = make_worlds(backend, mode, skip)
-    policies = [
-        pter_gym.load_policy(each, env) for each in (DecisionCounter(4), "torque-feedback-tuned")
-    ]
-    alone = find_policy("torque-feedback-tuned")
-    singles: list[Any] = [alone.bind(BASELINE, LAYOUT) for _ in range(4)]  # type: ignore[union-attr]
+    policies = [pter_gym.load_policy(each, env) for each in (COUNTER, "torque-feedback-tuned")]
+    alone: Any = bind(find_policy("torque-feedback-tuned"), BASELINE, LAYOUT)
+    memories = [alone.start(1) for _ in range(4)]
     observations, _ = env.reset(seed=0)
     begun, ended, age, starts = np.ones(4, bool), np.zeros(4, bool), np.zeros(4), 0
     for _ in range(60):
@@ -69,11 +64,11 @@ def test_a_policy_acts_in_each_world_as_alone(backend: str, mode: AutoresetMode,
         age = np.where(begun, 1, age + 1)
         counted, volts = (policy(observations) for policy in policies)
         np.testing.assert_array_equal(counted[:, 0], age % 24)
-        for single in np.array(singles)[begun]:
-            single.reset()
-        np.testing.assert_array_equal(
-            volts, [act(row) for act, row in zip(singles, observations, strict=True)]
-        )
+        for world in np.flatnonzero(begun):
+            memories[world] = alone.start(1)
+        pairs = zip(observations, memories, strict=True)
+        expected = np.concatenate([alone.act(row[None], memory) for row, memory in pairs])
+        np.testing.assert_array_equal(volts, expected.astype(np.float32))
         observations, _, terminated, truncated, _ = env.step(volts)
         begun = ended if mode is AutoresetMode.NEXT_STEP else terminated | truncated
         ended = terminated | truncated
@@ -92,7 +87,15 @@ def test_actions_are_in_the_unit_of_the_environment() -> None:
         assert env.action_space.contains(action)
         volts[unit] = action if unit == "volt" else 24.0 * ((action + 1.0) / 2.0) ** 2
     np.testing.assert_allclose(volts["normalised"], volts["volt"], atol=2e-5)
-    np.testing.assert_allclose(normalised(np.array([0.0, 6.0, 24.0]), 24.0), [-1.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("bounds", [(-1.0, 1.0), (0.0, 24.0), (-2.0, 5.0)])
+def test_actions_and_voltages_undo_each_other(bounds: tuple[float, float]) -> None:
+    volts = np.linspace(0.0, 24.0, 97)
+    actions = action_of(volts, *bounds, 24.0)
+    assert (actions[0], actions[-1]) == bounds
+    np.testing.assert_allclose(volts_of(actions, *bounds, 24.0), volts, atol=1e-4)  # type: ignore[arg-type]
+    assert volts_of(0.0, -1.0, 1.0, 24.0) == 6.0
 
 
 def test_load_policy_on_a_user_path_has_the_gains_of_its_benchmark() -> None:
@@ -113,6 +116,62 @@ def test_load_policy_on_a_user_path_has_the_gains_of_its_benchmark() -> None:
         ),
     )
     assert named == ours != others
+
+
+def worlds_of_sb3(**arguments: Any) -> Any:
+    pytest.importorskip("stable_baselines3")
+    from pter_gym.envs.sb3 import make_sb3_vec_env
+
+    return make_sb3_vec_env(2, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("make", "gains"),
+    [
+        (lambda: gymnasium.make(ID), "standard"),
+        (lambda: gymnasium.make(ID, scenario="paths", action_unit="volt", frame_skip=1), "paths"),
+        (lambda: gymnasium.make(ID, task=PathFollowing(path=Circle(), error_max=0.1)), "paths"),
+        (lambda: gymnasium.make_vec("PTER/Hands-v0", 2), "hands"),
+        (lambda: gymnasium.make_vec("PTER/Hands-v0", 2, vectorization_mode="sync"), "hands"),
+        (lambda: worlds_of_sb3(scenario="everything"), "everything"),
+        (lambda: worlds_of_sb3(), "standard"),
+    ],
+)
+def test_a_law_has_the_gains_for_what_the_environment_draws(make: Any, gains: str) -> None:
+    env = make()
+    named, expected, *others = (
+        pter_gym.load_policy(policy, env)._policy.law.gains.tolist()  # type: ignore[union-attr]
+        for policy in (
+            "single-dof-tuned",
+            *(find_policy("single-dof-tuned", each) for each in (gains, *OTHERS[gains])),
+        )
+    )
+    assert named == expected
+    assert expected not in others
+    env.close()
+
+
+OTHERS = {
+    "standard": ("everything",),
+    "paths": ("standard",),
+    "hands": ("paths",),
+    "everything": ("standard",),
+}
+
+
+@pytest.mark.parametrize("door", ["single", "vector"])
+def test_random_voltages_differ_from_episode_to_episode(door: str) -> None:
+    env = gymnasium.make(ID) if door == "single" else gymnasium.make_vec(ID, 3)
+    policy = pter_gym.load_policy("random", env)
+    first = []
+    for _ in range(70):
+        observation, _ = env.reset(seed=0)
+        policy.reset()
+        first += np.atleast_2d(policy(observation)).tolist()
+    assert len(set(map(tuple, first))) == len(first)
+    again = pter_gym.load_policy("random", env)
+    again.reset()
+    np.testing.assert_array_equal(np.atleast_2d(again(observation)), first[: len(first) // 70])
 
 
 def test_a_policy_with_another_frame_skip_is_refused() -> None:

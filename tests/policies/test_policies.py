@@ -16,6 +16,7 @@ from pter_gym.policies import SHIPPED, read_policy, shipped_policies, write_poli
 from pter_gym.policies._files import read_header
 from pter_gym.policies._interface import available, quantities
 from pter_gym.tasks.path_following import PathFollowing
+from rollouts import Acting
 
 
 def test_tanh() -> None:
@@ -28,8 +29,8 @@ def test_tanh() -> None:
 def test_a_compiled_network_is_that_of_numpy(name: str) -> None:
     trained, batch = read_policy(name), Batch(BASELINE, PathFollowing(), 3)
     interface, layout = trained.interface, batch.layout
-    policy = trained.bind(BASELINE, layout)
-    base = None if interface.base is None else interface.base.bind(BASELINE, layout)
+    policy = Acting(trained.bind(BASELINE, layout))
+    base = interface.base and Acting(interface.base.bind(BASELINE, layout))
     names = available(layout, residual=base is not None)
     columns = [names.index(each.name) for each in interface.inputs]
     center, scale = (
@@ -39,7 +40,7 @@ def test_a_compiled_network_is_that_of_numpy(name: str) -> None:
     past: list[np.ndarray] = []
     means = None
     for _ in range(30):
-        volts = np.full((3, 4), 12.0) if base is None else base.act(obs)
+        volts = np.full((3, 4), 12.0) if base is None else base(obs)
         seen = quantities(obs * layout.scales, volts, layout, residual=base is not None)[:, columns]
         present = np.clip((seen - center) / scale, -10.0, 10.0)
         past = [present, *(past or [present] * 64)]

@@ -117,7 +117,8 @@ def worlds(draw) -> DrivenArm:
 
 @st.composite
 def actuated(draw) -> DrivenArm:
-    """A world whose clutches depend on speed, lag otherwise as they fall, drag without voltage and fade."""
+    """A world whose clutches depend on speed, lag otherwise as they fall, drag without voltage and
+    fade."""
     world = draw(worlds())
     clutch, off_state = world.machine.clutch, draw(between(0.0, 2.0))
     clutch = replace(
@@ -192,7 +193,8 @@ def assert_energy_closes(world: DrivenArm, run: Trajectory) -> None:
 
 ENERGIES = ("hand_work", "dissipated", "numerical_loss", "residual")
 ROUNDINGS = 8
-"""Of a friction problem in units of u·(‖M⁻¹‖·P + κ·|ω|), as in tests/verification/test_friction.py."""
+"""Of a friction problem in units of u·(‖M⁻¹‖·P + κ·|ω|), as in
+tests/verification/test_friction.py."""
 
 
 @settings(DETERMINISTIC, max_examples=50)
@@ -237,7 +239,8 @@ def assert_made_again(world: DrivenArm, run: Trajectory, found: Substeps) -> Non
 
 
 def storm(seed: int) -> DrivenArm:
-    """A machine whose loads and voltages jump at every substep, so slips pass zero and leave the band all the time."""
+    """A machine whose loads and voltages jump at every substep, so slips pass zero and leave the
+    band all the time."""
     rng = np.random.default_rng([21, seed])
     base = PAPERS[seed % len(PAPERS)]
     clutch = replace(
@@ -317,7 +320,8 @@ def test_a_released_clutch_carries_nothing(world, mask):
 
 
 def mirrored(world: DrivenArm) -> DrivenArm:
-    """The world in a mirror along the x axis: angles, velocities, torques and y components change their sign."""
+    """The world in a mirror along the x axis: angles, velocities, torques and y components change
+    their sign."""
     flip = np.array([1.0, -1.0])
     start = replace(world.start, theta=-world.start.theta, omega=-world.start.omega)
     return replace(
@@ -418,9 +422,10 @@ def test_a_free_arm_keeps_its_energy_to_first_order(arm, theta, omega):
     h²c²Ω⁴/2μ. With f = ωA·ωB·(ωA − ωB), both drifts gain −½h·c·sin(θA − θB)·(f + f⁺), and the kick
     h·c·sin(θA − θB)·(ωA²ωB⁺ − ωB²ωA⁺). In the sum the first-order parts cancel. Left are
     h|c|·|(−ωB², ωA²)·Δω − ½(f⁺ − f)| ≤ (1 + 3/√8)·h|c|Ω²|Δω|, since
-    |∇f| ≤ 3Ω²/√2, and the curvature of cos(θA − θB) over half a turn, at most ⅛h²|c|Ω⁴ in each drift, a tenth of that
-    more for the third order. Over a time T there are T/h substeps. While the sum is below K/10, Ω²
-    ≤ 2.2 K/μ."""
+    |∇f| ≤ 3Ω²/√2, and the curvature of cos(θA − θB) over half a turn, at most ⅛h²|c|Ω⁴ in each
+    drift, a tenth of that more for the third order. Over a time T there are T/h substeps. While the
+    sum is below K/10, Ω² ≤ 2.2 K/μ.
+    """
     machine, duration = replace(BASELINE, arm=arm), 0.5
     c, smallest = abs(arm.coupling), smallest_inertia(arm)
     energy = 0.5 * omega @ inertia(machine, np.array([theta]))[0] @ omega

@@ -33,7 +33,8 @@ def friction() -> None:
         clear = oracle.tie_distance(*problems.numbers, solution) > margin
         wrong = int((mine[clear, 2] != oracle.modes(solution.omega)[clear]).sum())
         say(
-            f"  {problems.name:30s} {len(problems):6d}  {relative:.1e}  {bound:.2f}  {wrong} of {int(clear.sum())}"
+            f"  {problems.name:30s} {len(problems):6d}  {relative:.1e}  {bound:.2f}  "
+            f"{wrong} of {int(clear.sum())}"
         )
 
 
@@ -74,14 +75,16 @@ def order() -> None:
 
 def band(scenarios: int = 200) -> None:
     say(
-        f"Largest change of an angle in 1 s when δω = 1e-3 rad/s is changed, {scenarios} scenarios, 1 ms"
+        "Largest change of an angle in 1 s when δω = 1e-3 rad/s is changed, "
+        f"{scenarios} scenarios, 1 ms"
     )
     before = [at_band(1e-3, seed) for seed in range(scenarios)]
     for threshold in (1e-5, 1e-4, 3e-4, 3e-3, 1e-2, 3e-2):
         change = [largest([at_band(threshold, seed) - theta]) for seed, theta in enumerate(before)]
         middle, most = np.quantile(change, [0.5, 0.9])
         say(
-            f"  {threshold:.0e}: median {middle:.1e}, nine of ten below {most:.1e}, largest {max(change):.1e} rad"
+            f"  {threshold:.0e}: median {middle:.1e}, nine of ten below {most:.1e}, "
+            f"largest {max(change):.1e} rad"
         )
 
 

@@ -1,4 +1,5 @@
-"""Actuators as they are: speed, lag, heat and drag of clutches, and anisotropic hands, against closed forms."""
+"""Actuators as they are: speed, lag, heat and drag of clutches, and anisotropic hands, against
+closed forms."""
 
 import math
 from dataclasses import replace
@@ -32,7 +33,8 @@ def wheel(**clutch: object) -> Machine:
 
 
 def test_a_viscous_brake_without_voltage_stops_a_wheel_exponentially():
-    """ω' = −2·viscous·ω with clutch 1 and the couplings 3 and 4 on a wheel that turns alone: (1, 1, 1) on ω_A."""
+    """ω' = −2·viscous·ω with clutch 1 and the couplings 3 and 4 on a wheel that turns alone: (1, 1,
+    1) on ω_A."""
     machine = replace(wheel(viscous=0.2), substep=1e-4)
     run = simulate(
         machine, initial_state(machine, (0.0, 1.5), (2.0, 0.0)), [0.0] * 4, (0.0, 0.0), duration=0.5
@@ -99,7 +101,8 @@ def test_damping_at_the_links_is_that_of_the_matrix_at_the_tip(seed: int):
 
 
 def test_an_anisotropic_hand_moves_the_arm_as_its_matrices_say():
-    """The tip's motion against an integration of M·α + V = Jᵀ(K·(target − x) − B·v), to the order of the substep."""
+    """The tip's motion against an integration of M·α + V = Jᵀ(K·(target − x) − B·v), to the order
+    of the substep."""
     hand = Hand(
         mass=0.5,
         damping=12.0,

@@ -31,7 +31,8 @@ DRAWS = range(12)
 
 
 def circle(seed: int) -> tuple[complex, float, float, float]:
-    """Centre, signed radius (positive to the left), the angle of a point from the centre, and a turn from there."""
+    """Centre, signed radius (positive to the left), the angle of a point from the centre, and a
+    turn from there."""
     rng = np.random.default_rng([8, seed])
     side = 1.0 if seed % 2 else -1.0
     return (
@@ -43,7 +44,8 @@ def circle(seed: int) -> tuple[complex, float, float, float]:
 
 
 def on(centre: complex, radius: float, angle: float) -> tuple[complex, complex]:
-    """Point and heading of the circle at an angle, that of its centre where the radius is positive."""
+    """Point and heading of the circle at an angle, that of its centre where the radius is
+    positive."""
     outward = cmath.rect(1.0, angle)
     return centre + abs(radius) * outward, math.copysign(1.0, radius) * 1j * outward
 

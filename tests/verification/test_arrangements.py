@@ -18,13 +18,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import rollouts
 from compiled_friction import resolve_arranged, resolve_friction, share_arranged
 from oracle.arrangements import Arranged, problems, share, solve
 from pter_gym import initial_state, simulate
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym._physics.friction import COUPLING, ClutchMode
-from pter_gym.benchmark import simulation
 from pter_gym.controllers import Impedance, Locked, Random, SingleDof, TorqueFeedback, VelocityRatio
 from pter_gym.envs._acting import nominal_machine
 from pter_gym.errors import ParameterError
@@ -103,7 +103,8 @@ def test_with_the_papers_rows_velocities_are_the_papers() -> None:
 
 
 def test_a_load_is_shared_with_the_smallest_torques_for_any_rows() -> None:
-    """Rows that differ by 1 % lose four digits; the oracle is as good as its 1e-11 of loads and ranges."""
+    """Rows that differ by 1 % lose four digits; the oracle is as good as its 1e-11 of loads and
+    ranges."""
     rng = np.random.default_rng(3)
     given = problems(rng, 4_000)
     low, high = -given.c, given.c.copy()
@@ -172,7 +173,8 @@ def test_clutches_of_any_ratio_do_stick() -> None:
 
 
 def test_two_equal_clutches_are_one_of_twice_the_torque() -> None:
-    """Sums of two torques are rounded once more; the velocities of 60 substeps grow apart by far less than 1e-9."""
+    """Sums of two torques are rounded once more; the velocities of 60 substeps grow apart by far
+    less than 1e-9."""
     for seed in range(4):
         rng = np.random.default_rng([41, seed])
         levels = rng.uniform(0.0, 12.0, (3, 4)) * rng.integers(0, 2, (3, 4))
@@ -233,7 +235,7 @@ def test_worlds_move_as_in_open_loop_and_alone_as_in_a_batch(name: str) -> None:
 def test_laws_command_only_what_is_there(name: str, law: Any) -> None:
     machine = DECLARED[name]
     batch = Batch(machine, PathFollowing(), 4)
-    rows = simulation.simulate(batch, law.bind(machine, batch.layout), [*range(4)], 150)
+    rows = rollouts.simulate(batch, law.bind(machine, batch.layout), [*range(4)], 150)
     volts = rows[..., [*COLUMN.volts]]
     there = np.array(machine.slot_scale) > 0.0
     assert not np.nan_to_num(volts[..., ~there]).any()
@@ -243,7 +245,7 @@ def test_laws_command_only_what_is_there(name: str, law: Any) -> None:
 def test_single_dof_lines_engage_a_coupling_of_any_ratio() -> None:
     machine = replace(BASELINE, clutches=FOUR_COUPLINGS)
     batch = Batch(machine, PathFollowing(), 16)
-    rows = simulation.simulate(batch, SingleDof().bind(machine, batch.layout), [*range(16)], 200)
+    rows = rollouts.simulate(batch, SingleDof().bind(machine, batch.layout), [*range(16)], 200)
     assert np.nan_to_num(rows[..., [*COLUMN.volts]]).max(axis=(0, 1)).astype(bool).sum() >= 2
 
 

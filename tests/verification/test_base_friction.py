@@ -70,7 +70,8 @@ def test_dry_friction_holds_up_to_its_torque(share: float, moves: bool):
 
 
 def test_dry_friction_is_a_clutch_that_is_always_on():
-    """At 5 V a clutch 1 with T_s = T_k brakes as dry friction of the same torque does; its own torque is not told."""
+    """At 5 V a clutch 1 with T_s = T_k brakes as dry friction of the same torque does; its own
+    torque is not told."""
     curve = replace(BASELINE.clutch.dynamic, knee=20.0)
     clutch = Clutch(breakaway=curve, dynamic=curve)
     braked = replace(BASELINE, clutch=clutch)

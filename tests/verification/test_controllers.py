@@ -1,4 +1,5 @@
-"""The controllers against their definitions by an independent formulation (paper section III-A, Fig. 6)."""
+"""The controllers against their definitions by an independent formulation (paper section III-A,
+Fig. 6)."""
 
 from dataclasses import replace
 from functools import partial
@@ -30,6 +31,7 @@ from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing, Sensors, observation_layout
 from pter_gym.tasks.path_following._observation import OBS, Observation
 from pter_gym.units import INCH_POUND
+from rollouts import Acting
 
 W = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
 LAYOUT = observation_layout(BASELINE, "torque")
@@ -37,7 +39,8 @@ Array = NDArray[np.float64]
 
 
 def allocate(want: Array, low: Array, high: Array, metric: Array) -> Array:
-    """Enumerate which clutches sit at a bound: least weighted distance, then least norm, among the feasible points."""
+    """Enumerate which clutches sit at a bound: least weighted distance, then least norm, among the
+    feasible points."""
     root = np.linalg.cholesky(metric).T
     found: list[Array] = []
     for states in product((False, True), repeat=4):
@@ -95,7 +98,8 @@ def voltages(
 
 
 def brake(gains: Guided, speed: float, pace: float) -> float:
-    """Force along the path: none between standstill and the fraction of the pace, a damper outside."""
+    """Force along the path: none between standstill and the fraction of the pace, a damper
+    outside."""
     free = gains.pace_fraction * pace
     excess = speed if speed < 0.0 else max(speed - free, 0.0)
     return -gains.damping_tangential * excess
@@ -151,7 +155,8 @@ def steering_reference(gains: SingleDof | VelocityRatio, obs: Array) -> Array:
 def engaged(
     gains: SingleDof, heading: float, physical: dict[str, float], omega: Array, jacobian: Array
 ) -> Array:
-    """Torque of the clutch with the best line: brake with each for a moment and see which way the tip turns."""
+    """Torque of the clutch with the best line: brake with each for a moment and see which way the
+    tip turns."""
     arm = BASELINE.arm
     m12 = arm.coupling * np.cos(
         np.arctan2(physical["sin_a"], physical["cos_a"])
@@ -244,7 +249,7 @@ def observations(count: int) -> NDArray[np.float32]:
 )
 def test_the_papers_controllers(gains: Impedance) -> None:
     obs = observations(400)
-    found = gains.bind(BASELINE, LAYOUT)(obs)
+    found = Acting(gains.bind(BASELINE, LAYOUT))(obs)
     loop = (
         (gains.feedback, gains.hold_when_stuck)
         if isinstance(gains, TorqueFeedback)
@@ -264,7 +269,8 @@ def test_the_papers_controllers(gains: Impedance) -> None:
 )
 def test_a_gain_changes_the_voltages(gains: Guided, change: dict[str, Any]) -> None:
     plain, changed = (
-        each.bind(BASELINE, LAYOUT)(observations(400)) for each in (gains, replace(gains, **change))
+        Acting(law.bind(BASELINE, LAYOUT))(observations(400))
+        for law in (gains, replace(gains, **change))
     )
     assert (plain != changed).any()
 
@@ -281,7 +287,7 @@ def test_a_gain_changes_the_voltages(gains: Guided, change: dict[str, Any]) -> N
 )
 def test_steering(gains: SingleDof | VelocityRatio) -> None:
     obs = observations(400)
-    found = np.array([gains.bind(BASELINE, LAYOUT)(row) for row in obs])
+    found = Acting(gains.bind(BASELINE, LAYOUT))(obs)
     expected = np.array([steering_reference(gains, row.astype(float)) for row in obs])
     np.testing.assert_allclose(found, expected, rtol=2e-6, atol=5e-5)
     assert (found > 0.0).mean() > 0.2
@@ -291,7 +297,7 @@ def test_steering_prefers_the_engaged_clutch() -> None:
     obs = observations(400)
     obs[:, LAYOUT.index("progress")] = 0.5  # all of one episode
     fickle, stubborn = (
-        SingleDof(damping_tangential=0.0, reluctance=reluctance).bind(BASELINE, LAYOUT)
+        Acting(SingleDof(damping_tangential=0.0, reluctance=reluctance).bind(BASELINE, LAYOUT))
         for reluctance in (0.0, 0.99)
     )
     engaged_by = [
@@ -312,13 +318,14 @@ def test_the_integral_of_the_pace_adds_to_the_brake_and_begins_again() -> None:
     volts = slice(LAYOUT.index("volts_1"), LAYOUT.index("volts_4") + 1)
     row[volts] = 0.1
     row[LAYOUT.index("progress")] = 0.5
-    policy = Impedance(damping_tangential=100.0, pace_integral=10.0).bind(BASELINE, LAYOUT)
+    law = Impedance(damping_tangential=100.0, pace_integral=10.0)
+    policy = Acting(law.bind(BASELINE, LAYOUT))
     for steps in range(1, 6):
         braking = 100.0 * 0.5 + 10.0 * 0.2 * steps
-        alone = Impedance(damping_tangential=braking / 0.5).bind(BASELINE, LAYOUT)
+        alone = Acting(Impedance(damping_tangential=braking / 0.5).bind(BASELINE, LAYOUT))
         np.testing.assert_allclose(policy(row), alone(row), rtol=1e-4, atol=1e-4)
-    row[LAYOUT.index("progress")] = 0.0
-    first = Impedance(damping_tangential=(100.0 * 0.5 + 2.0) / 0.5).bind(BASELINE, LAYOUT)
+    policy.reset()
+    first = Acting(Impedance(damping_tangential=(100.0 * 0.5 + 2.0) / 0.5).bind(BASELINE, LAYOUT))
     np.testing.assert_allclose(policy(row), first(row), rtol=1e-4, atol=1e-4)
     row[volts] = 0.1
     row[LAYOUT.index("pace")] = 3.0 / LAYOUT.scales[LAYOUT.index("pace")]
@@ -326,7 +333,7 @@ def test_the_integral_of_the_pace_adds_to_the_brake_and_begins_again() -> None:
         volts_given = policy(row)
     np.testing.assert_allclose(
         volts_given,
-        Impedance(damping_tangential=0.0).bind(BASELINE, LAYOUT)(row),
+        Acting(Impedance(damping_tangential=0.0).bind(BASELINE, LAYOUT))(row),
         rtol=1e-4,
         atol=1e-4,
     )
@@ -337,7 +344,8 @@ def test_a_grip_engages_all_clutches_only_at_the_start(kind: Any) -> None:
     batch = Batch(BASELINE, PathFollowing(), 3)
     obs, _ = batch.reset([0, 1, 2])
     gripping, plain = (
-        kind(grip=grip, pace_integral=0.0).bind(BASELINE, batch.layout) for grip in (4.0, 0.0)
+        Acting(kind(grip=grip, pace_integral=0.0).bind(BASELINE, batch.layout))
+        for grip in (4.0, 0.0)
     )
     for step in range(12):
         volts = gripping(obs)
@@ -351,12 +359,13 @@ def test_a_grip_engages_all_clutches_only_at_the_start(kind: Any) -> None:
     while (batch.layout.physical(obs, "progress") < 0.05).all():
         np.testing.assert_array_equal(gripping(obs), plain(obs), "no voltage is no beginning")
         obs = batch.step(np.zeros((3, 4))).obs
-    late = kind(grip=4.0, pace_integral=0.0).bind(BASELINE, batch.layout)
+    late = Acting(kind(grip=4.0, pace_integral=0.0).bind(BASELINE, batch.layout))
     np.testing.assert_array_equal(
         late(obs)[0], plain(obs)[0], "an episode that it did not see begin"
     )
-    gripping(obs)
     obs, _ = batch.reset([3, 4, 5])
+    assert not (gripping(obs) == 24.0).all(), "a tip back at the start is no new episode"
+    gripping.reset()
     assert (gripping(obs) == 24.0).all(), "a new episode"
 
 
@@ -381,7 +390,7 @@ def test_a_schedule_is_linear_between_its_knots_and_flat_beyond() -> None:
     ):
         obs[:, LAYOUT.index("pace")] = pace / LAYOUT.scales[LAYOUT.index("pace")]
         np.testing.assert_allclose(
-            schedule(obs), gains.bind(BASELINE, LAYOUT)(obs), rtol=1e-6, atol=1e-5
+            Acting(schedule)(obs), Acting(gains.bind(BASELINE, LAYOUT))(obs), rtol=1e-6, atol=1e-5
         )
 
 
@@ -422,9 +431,9 @@ def test_the_record_is_the_layout(sensors: Sensors) -> None:
 
 def test_simple_policies() -> None:
     obs = observations(3)
-    assert (Free().bind(BASELINE, LAYOUT)(obs) == 0.0).all()
-    assert (Locked().bind(BASELINE, LAYOUT)(obs) == 24.0).all()
-    one, two = (Random(seed=5).bind(BASELINE, LAYOUT) for _ in range(2))
+    assert (Acting(Free().bind(BASELINE, LAYOUT))(obs) == 0.0).all()
+    assert (Acting(Locked().bind(BASELINE, LAYOUT))(obs) == 24.0).all()
+    one, two = (Acting(Random(seed=5).bind(BASELINE, LAYOUT)) for _ in range(2))
     volts = np.array([one(obs) for _ in range(500)])
     assert volts[0].tobytes() == two(obs).tobytes()
     assert len(np.unique(volts)) > 0.99 * volts.size
@@ -463,20 +472,23 @@ def test_bad_gains_are_named(kind: Any, field: str, value: object) -> None:
 @pytest.mark.parametrize("top", [2.0, 10.0, 12.0, 24.0, 30.0])
 def test_the_table_ends_at_the_largest_voltage_of_the_machine(top: float) -> None:
     machine = replace(BASELINE, clutch=replace(BASELINE.clutch, voltage_max=top))
-    policy = Impedance().bind(machine, observation_layout(machine, "torque"))
+    policy: Any = Impedance().bind(machine, observation_layout(machine, "torque"))
     knots = [knot for knot in (0.0, 4.0, 10.0, 17.0, 24.0) if knot < top] + [top]
     for knot in knots:
         torque = machine.clutch.dynamic.torque(knot)
-        assert table_voltage(policy.gains, torque) == pytest.approx(knot, rel=1e-12)
-    assert (table_voltage(policy.gains, 0.0), table_voltage(policy.gains, 1e6)) == (0.0, top)
+        assert table_voltage(policy.law.gains, torque) == pytest.approx(knot, rel=1e-12)
+    assert (table_voltage(policy.law.gains, 0.0), table_voltage(policy.law.gains, 1e6)) == (
+        0.0,
+        top,
+    )
     assert (
-        np.diff([table_voltage(policy.gains, t) for t in np.linspace(0.0, 60.0, 200)]) >= 0.0
+        np.diff([table_voltage(policy.law.gains, t) for t in np.linspace(0.0, 60.0, 200)]) >= 0.0
     ).all()
-    exact = Impedance(table_volts=tuple(knots)).bind(machine, policy.layout)
-    np.testing.assert_array_equal(policy.gains, exact.gains)
+    exact: Any = Impedance(table_volts=tuple(knots)).bind(machine, policy.layout)
+    np.testing.assert_array_equal(policy.law.gains, exact.law.gains)
     np.testing.assert_array_equal(
-        Impedance(table_volts=(0.0, 12.0)).bind(BASELINE, LAYOUT).gains,
-        Impedance(table_volts=(0.0, 12.0, 24.0)).bind(BASELINE, LAYOUT).gains,
+        Impedance(table_volts=(0.0, 12.0)).bind(BASELINE, LAYOUT).law.gains,
+        Impedance(table_volts=(0.0, 12.0, 24.0)).bind(BASELINE, LAYOUT).law.gains,
     )
 
 
@@ -485,8 +497,9 @@ def test_observations_of_other_sensors_are_refused() -> None:
     with pytest.raises(ParameterError, match="sensors"):
         TorqueFeedback().bind(BASELINE, encoders)
     policy: Policy = Impedance().bind(BASELINE, LAYOUT)
-    with pytest.raises(ParameterError, match="observation"):
-        policy(np.zeros(18, np.float32))
+    for seen in (np.zeros((1, 18), np.float32), np.zeros((2, len(LAYOUT)), np.float32)):
+        with pytest.raises(ParameterError, match="observation"):
+            policy.act(seen, policy.start(1))
 
 
 @pytest.mark.parametrize("kind", [*CONTROLLERS.values(), partial(Impedance, grip=5.0)])
@@ -496,7 +509,7 @@ def test_an_absent_clutch_gets_no_voltage(kind: Any, gone: int) -> None:
     machine = replace(BASELINE, clutch_scale=scale)
     layout = observation_layout(machine, "torque")
     seen = observations(200)
-    volts, whole = (kind().bind(each, layout)(seen) for each in (machine, BASELINE))
+    volts, whole = (Acting(kind().bind(each, layout))(seen) for each in (machine, BASELINE))
     assert (volts[:, gone] == 0.0).all()
     assert np.isfinite(volts).all()
     assert volts.any() == np.delete(whole, gone, axis=1).any(), (
@@ -506,14 +519,15 @@ def test_an_absent_clutch_gets_no_voltage(kind: Any, gone: int) -> None:
 
 @pytest.mark.parametrize("gone", range(4))
 def test_existing_clutches_replace_absent_ones(gone: int) -> None:
-    """The allocation is that of the clutches that are there: the torques come as close as theirs can."""
+    """The allocation is that of the clutches that are there: the torques come as close as theirs
+    can."""
     scale = tuple(0.0 if x == gone else 1.0 for x in range(4))
     machine = replace(BASELINE, clutch_scale=scale)
     gains = Impedance()
     layout = observation_layout(machine, "torque")
     seen = observations(100)
-    volts = gains.bind(machine, layout)(seen)
-    whole = gains.bind(BASELINE, layout)(seen)
+    volts = Acting(gains.bind(machine, layout))(seen)
+    whole = Acting(gains.bind(BASELINE, layout))(seen)
     needed = whole[:, gone] > 0.5
     assert needed.any()
     others = [x for x in range(4) if x != gone]
@@ -541,7 +555,11 @@ def test_a_weaker_clutch_is_one_with_a_lower_curve() -> None:
     layout = observation_layout(BASELINE, "torque")
     seen = observations(100)
     for controller in (TorqueFeedback(), SingleDof(), VelocityRatio()):
-        scaled = controller.bind(replace(BASELINE, clutch_scale=(0.5,) * 4), layout)(seen)
-        np.testing.assert_allclose(
-            scaled, controller.bind(replace(BASELINE, clutch=lower), layout)(seen), rtol=1e-6
+        scaled, weaker = (
+            Acting(controller.bind(machine, layout))(seen)
+            for machine in (
+                replace(BASELINE, clutch_scale=(0.5,) * 4),
+                replace(BASELINE, clutch=lower),
+            )
         )
+        np.testing.assert_allclose(scaled, weaker, rtol=1e-6)

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from pter_gym._engine.batch import Batch
+from pter_gym._physics.arm import motion_at
 from pter_gym._physics.model import model_of
-from pter_gym.benchmark._measures import per_clutch, vector
-from pter_gym.benchmark.simulation import simulate
+from pter_gym.benchmark.measures import per_clutch, vector
 from pter_gym.controllers import Random
 from pter_gym.haptics import (
     _region,
@@ -23,7 +23,7 @@ from pter_gym.haptics import (
 )
 from pter_gym.params import BASELINE, MACHINES, Machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
-from pter_gym.tasks.path_following._rules import motion_at
+from rollouts import simulate
 
 ARM = BASELINE.arm
 DYNAMIC, HELD = BASELINE.clutch.dynamic.torque(24.0), BASELINE.clutch.breakaway.torque(24.0)
@@ -107,7 +107,8 @@ def test_two_brakes_at_a_right_angle_make_a_rectangle(velocity, x, y) -> None:
 
 
 def test_couplings_add_their_edges_at_a_right_angle() -> None:
-    """Half the sides of the octagon are those of its four segments, whose area is the sum over their pairs."""
+    """Half the sides of the octagon are those of its four segments, whose area is the sum over
+    their pairs."""
     found = force_region(BASELINE, RIGHT_ANGLE)
     along_y, along_x = 2.0 * HELD / ARM.length_a, 2.0 * HELD / ARM.length_b
     segments = [(along_x, 0.0), (0.0, along_y), (along_x, along_y), (-along_x, along_y)]
@@ -218,7 +219,8 @@ def test_angles_are_those_of_the_tasks() -> None:
 
 
 def test_simulated_forces_are_displayable() -> None:
-    """Random voltages: at every control instant, the clutches' force is within the region of the tip's velocity."""
+    """Random voltages: at every control instant, the clutches' force is within the region of the
+    tip's velocity."""
     batch = Batch(BASELINE, PathFollowing(), 16)
     rows = simulate(batch, Random(seed=3), range(16), 200)[1:].reshape(-1, len(TELEMETRY))
     rows = rows[np.isfinite(rows[:, 0])]

@@ -172,7 +172,8 @@ def test_no_momentum_is_rest(capacity):
 
 @pytest.mark.parametrize("index", range(len(FAMILIES)), ids=identify)
 def test_the_oracle_itself_is_right_in_exact_arithmetic(index):
-    """Extended precision and the package against fractions: velocities within the bound, modes equal off ties."""
+    """Extended precision and the package against fractions: velocities within the bound, modes
+    equal off ties."""
     problems, solution = FAMILIES[index], expected(index)
     chosen = np.random.default_rng(index).choice(len(problems), 100, replace=False)
     limit = rounding(problems, resolved(index)[:, :2])
@@ -187,7 +188,8 @@ def test_the_oracle_itself_is_right_in_exact_arithmetic(index):
 
 
 def test_bounded_least_squares_of_scipy_agrees():
-    """A third voice: scipy minimises |L⁻¹(p − Wᵀλ)|², M = LLᵀ, over the box of the capacities (to 1e-10 of P)."""
+    """A third voice: scipy minimises |L⁻¹(p − Wᵀλ)|², M = LLᵀ, over the box of the capacities (to
+    1e-10 of P)."""
     problems = FAMILIES[0]
     for row, mine in zip(list(problems.rows())[:300], resolved(0), strict=False):
         mass, p, c = (
@@ -226,7 +228,8 @@ def loads_to_share(rng: np.random.Generator, kind: str):
 
 @pytest.mark.parametrize("kind", ["stuck", "slipping", "released", "corner"])
 def test_a_load_is_shared_with_the_smallest_torques(kind):
-    """Against a least-distance problem solved by scipy's nnls, whose own answer is good to about 1e-10."""
+    """Against a least-distance problem solved by scipy's nnls, whose own answer is good to about
+    1e-10."""
     rng = np.random.default_rng(7)
     for _ in range(1_000):
         load, low, high = loads_to_share(rng, kind)
@@ -246,7 +249,8 @@ RECORDED_AGREEMENT = {
     3: (0.909, 0.729),
     4: (0.854, 0.553),
 }
-"""By number of engaged clutches: shares of random states at rest on which the two agree, as in verification.md."""
+"""By number of engaged clutches: shares of random states at rest on which the two agree, as in
+verification.md."""
 
 
 def random_situation(rng: np.random.Generator, kind: str, engaged: int) -> paper_rule.ClutchProblem:
@@ -280,7 +284,8 @@ def random_situation(rng: np.random.Generator, kind: str, engaged: int) -> paper
 
 
 def agrees(now: paper_rule.ClutchProblem, step: float = 1e-6) -> bool:
-    """Same mode after a step too short for any moving clutch to stop, and the same acceleration to 1e-6."""
+    """Same mode after a step too short for any moving clutch to stop, and the same acceleration to
+    1e-6."""
     answer = paper_rule.decide(now)
     omega = now.slip[:2]
     p = now.mass @ omega + step * now.load
@@ -295,7 +300,8 @@ def agrees(now: paper_rule.ClutchProblem, step: float = 1e-6) -> bool:
 
 @functools.cache
 def agreement(kind: str, engaged: int, draws: int = 4_000) -> tuple[float, float]:
-    """Share of states on which the two agree: of all, and of those that the paper's rule does not leave at rest."""
+    """Share of states on which the two agree: of all, and of those that the paper's rule does not
+    leave at rest."""
     rng = np.random.default_rng([31, engaged, len(kind)])
     situations = [random_situation(rng, kind, engaged) for _ in range(draws)]
     same = np.array([agrees(now) for now in situations])
@@ -311,7 +317,8 @@ def test_the_papers_rule_agrees_wherever_an_axis_moves(kind, engaged):
 
 @pytest.mark.parametrize("engaged", range(5))
 def test_the_papers_rule_agrees_from_rest_as_often_as_published(engaged):
-    """Within three standard errors, so another version of numpy's generators may draw other states."""
+    """Within three standard errors, so another version of numpy's generators may draw other
+    states."""
     document = (Path(__file__).parents[2] / "docs" / "development" / "verification.md").read_text(
         encoding="utf-8"
     )

@@ -1,4 +1,5 @@
-"""Gradients: the friction step in each mode, each stage against JAX's autodiff, rollouts against paired ones."""
+"""Gradients: the friction step in each mode, each stage against JAX's autodiff, rollouts against
+paired ones."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -78,7 +79,8 @@ def test_the_friction_step_has_the_derivative_of_central_differences_in_each_mod
 
 
 def test_friction_never_amplifies_a_change_of_momentum():
-    """In the norm of M, ∂ω⁺/∂p is a projection: its largest singular value is 1, or 0 at rest, to κ·ε."""
+    """In the norm of M, ∂ω⁺/∂p is a projection: its largest singular value is 1, or 0 at rest, to
+    κ·ε."""
     rng = np.random.default_rng(1)
     for _ in range(EACH):
         x = random_problem(rng)
@@ -94,7 +96,8 @@ def test_friction_never_amplifies_a_change_of_momentum():
 
 @cache
 def twin(stage: Any) -> Any:
-    """A stage as a function of JAX: from a column's numbers, and scalars, to those after it and what it returns."""
+    """A stage as a function of JAX: from a column's numbers, and scalars, to those after it and
+    what it returns."""
     from pter_gym.gradients.jax import MEANING
 
     made = branchless(stage, MEANING, {})
@@ -130,7 +133,8 @@ def random_body(rng: np.random.Generator) -> Any:
 
 @pytest.mark.parametrize("name", ["aim", "drift", "find", "share"])
 def test_each_stage_has_the_adjoint_that_autodiff_of_its_twin_in_jax_has(name: str):
-    """Two derivations of the same sums: they differ by rounding, at most ε·κ of a number times its derivatives."""
+    """Two derivations of the same sums: they differ by rounding, at most ε·κ of a number times its
+    derivatives."""
     jax = pytest.importorskip("jax")
     stage = {"aim": aim, "drift": drift, "find": STAGES.find, "share": STAGES.share}[name]
     constants = (True,) if name in ("aim", "drift") else ()

@@ -32,7 +32,8 @@ KINDS: dict[str, dict[str, Any]] = {
 
 
 def simulated(env: Any, state: Any, obs: Any, gains: Any, shifts: Any) -> Any:
-    """Observations, rewards and ends of worlds, each under a linear policy of its own with shifts."""
+    """Observations, rewards and ends of worlds, each under a linear policy of its own with
+    shifts."""
     space = env.action_space()
     middle, half = 0.5 * (space.low + space.high), 0.5 * (space.high - space.low)
 

@@ -12,6 +12,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.hands import EQ5_FREQUENCIES, MultiSineHand, eq5
 from pter_gym.params import BASELINE, Arm
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from rollouts import simulate
 
 
 def test_eq5_as_printed() -> None:
@@ -28,8 +29,7 @@ def test_the_kernel_follows_the_closed_form_for_ten_seconds(phases: tuple[float,
     hand = MultiSineHand(push=7.0, amplitudes=(10.0, 20.0, 5.0, 1.0, 12.0), phases=phases)
     batch = Batch(heavy, PathFollowing(hand=hand))
     policy = Free().bind(heavy, batch.layout)
-    obs, _ = batch.reset([0])
-    rows = batch.rollout(obs, policy.law, policy.gains, 1000)[1][:, 0]
+    rows = simulate(batch, policy, [0], 1000)[1:, 0]
     assert np.isfinite(rows[-1, COLUMN.time])
     expected = [hand.normal_force(time) for time in rows[:, COLUMN.time]]
     turns = 2 * round(rows[-1, COLUMN.time] / heavy.substep)
@@ -43,8 +43,7 @@ def test_random_phases_keep_amplitudes_and_frequencies() -> None:
     heavy = replace(BASELINE, arm=Arm(inertia_a=1e6, inertia_b=1e6, coupling=0.0))
     batch = Batch(heavy, PathFollowing(hand=hand), 200)
     policy = Free().bind(heavy, batch.layout)
-    obs, _ = batch.reset(list(range(200)))
-    rows = batch.rollout(obs, policy.law, policy.gains, 100)[1]
+    rows = simulate(batch, policy, range(200), 100)[1:]
     force = rows[:, :, COLUMN.force.y]
     time = rows[:, 0, COLUMN.time]
     frequency = 2.0 * math.pi * EQ5_FREQUENCIES[2]

@@ -114,7 +114,8 @@ def test_the_authors_example() -> None:
     ("width", "fall"), [(0.05, math.log(20.0)), (0.2, math.log(20.0)), (0.03, None)]
 )
 def test_the_arc_of_a_gaussian(width: float, fall: float | None) -> None:
-    """Its spectrum is exp(−(ωσ)²/2), up to the threshold, whatever the width, or else to the highest frequency."""
+    """Its spectrum is exp(−(ωσ)²/2), up to the threshold, whatever the width, or else to the
+    highest frequency."""
     a = fall or 0.5 * (2.0 * math.pi * 10.0 * width) ** 2
     arc, _ = quad(lambda u: math.hypot(1.0, 2.0 * a * u * math.exp(-a * u * u)), 0.0, 1.0)
     speed = np.exp(-0.5 * ((TIME - 2.0) / width) ** 2)
@@ -136,7 +137,8 @@ def test_a_movement_in_parts_is_less_smooth_and_rest_is_zero() -> None:
 
 
 def test_scores_of_an_episode() -> None:
-    """A push of 5 N at 0.5 m/s against 2 W, then two thirds of it; the row of the reset counts for nothing."""
+    """A push of 5 N at 0.5 m/s against 2 W, then two thirds of it; the row of the reset counts for
+    nothing."""
     rows = episode(
         90, force_x=3.0, force_y=4.0, tip_velocity_y=0.5, power_1=-0.5, power_3=-1.5, arc_length=0.0
     )
@@ -151,7 +153,8 @@ def test_scores_of_an_episode() -> None:
 
 
 def test_a_brake_of_known_torque_against_the_force_that_a_law_wants() -> None:
-    """Link A along x, B along y: brake A of τ pushes τ/l_A along y, across the path; the law wants −K·e − D·v there."""
+    """Link A along x, B along y: brake A of τ pushes τ/l_A along y, across the path; the law wants
+    −K·e − D·v there."""
     law = Impedance(stiffness=200.0, damping_normal=10.0, damping_tangential=80.0)
     length, tau, error, (along, across) = BASELINE.arm.length_a, 3.0, 0.01, (0.3, -0.2)
     rows = episode(50, theta_b=0.5 * math.pi, torque_1=tau, normal_error=error, arc_length=0.3)
@@ -173,7 +176,8 @@ def test_a_brake_of_known_torque_against_the_force_that_a_law_wants() -> None:
 
 @pytest.mark.parametrize("name", ["baseline", "two-brakes"])
 def test_the_wanted_force_is_the_one_of_the_law(name: str) -> None:
-    """Step by step, from observations of the same motions, with every gain that shapes it, up to the limit."""
+    """Step by step, from observations of the same motions, with every gain that shapes it, up to
+    the limit."""
     machine, task = MACHINES[name], PathFollowing(path=Circle(), error_max=0.1)
     layout, steps = observation_layout(machine, "torque"), 300
     acting = bind(Impedance(pace_fraction=0.7, pace_integral=300.0, grip=3.0), machine, layout)
@@ -198,11 +202,11 @@ def test_the_wanted_force_is_the_one_of_the_law(name: str) -> None:
     seen = np.zeros((steps, len(layout)), np.float32)
     for entry, value in values.items():
         seen[:, layout.index(entry)] = value / layout.scales[layout.index(entry)]
-    memory, expected = acting.empty_memory(1)[0], []
+    memory, expected = acting.start(1)[0], []
     for obs in seen:
         tip, g = (
-            observed_tip(obs, layout.scales, read(acting.gains, NOMINAL, 0)),
-            read_gains(acting.gains, task.pace),
+            observed_tip(obs, layout.scales, read(acting.law.gains, NOMINAL, 0)),
+            read_gains(acting.law.gains, task.pace),
         )
         gripping = g.grip - steps_before(obs, memory) >= 0.5
         integral = 0.0 if gripping else pace_integral(g, tip, task.pace, memory)
@@ -214,7 +218,8 @@ def test_the_wanted_force_is_the_one_of_the_law(name: str) -> None:
 
 @pytest.mark.parametrize(("side", "sign"), [("free_left", -1.0), ("free_right", 1.0)])
 def test_a_hand_against_the_edge_of_a_fixture_feels_its_stiffness(side: str, sign: float) -> None:
-    """A spring of 700 N/m into the wall, whatever the push along it; samples outside and just inside do not count."""
+    """A spring of 700 N/m into the wall, whatever the push along it; samples outside and just
+    inside do not count."""
     wall = replace(TASK, path=Line(direction=0.4), **{side: 0.1})
     depth = np.concatenate([np.zeros(20), np.linspace(5e-5, 9e-5, 10), np.linspace(1e-3, 8e-3, 40)])
     into = np.where(depth > 1e-4, 700.0 * depth, 50.0)

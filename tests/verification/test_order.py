@@ -94,7 +94,8 @@ def kept(name: str) -> list[tuple[VoltageStep, event_driven.ExactMotion]]:
 
 @functools.cache
 def errors(name: str) -> np.ndarray:
-    """Largest error of an angle [rad] at the grid times: one row per scenario, one column per step."""
+    """Largest error of an angle [rad] at the grid times: one row per scenario, one column per
+    step."""
     machine, rows = MACHINES[name], []
     for scenario, late in kept(name):
         early = late if has_one_torque(machine) else reference(machine, scenario, edge=1.0)
@@ -105,7 +106,8 @@ def errors(name: str) -> np.ndarray:
 
 
 def error(theta: np.ndarray, early: np.ndarray, late: np.ndarray) -> float:
-    """Largest distance of an angle from the nearest motion on the line from one reference to the other."""
+    """Largest distance of an angle from the nearest motion on the line from one reference to the
+    other."""
     every = len(theta) // len(early)
     off = theta[every - 1 :: every] - early
     return float(
@@ -134,7 +136,8 @@ EULER = {
     "wide band": 5.4e-3,
     "with a hand": 2.3e-3,
 }
-"""Root mean square error [rad] at 1 ms of semi-implicit Euler, in which slips that jump over the band may stick."""
+"""Root mean square error [rad] at 1 ms of semi-implicit Euler, in which slips that jump over the
+band may stick."""
 
 GATED = {"equal torques"}
 """What the gate looks at; the other machines are long."""

@@ -1,4 +1,5 @@
-"""Paths against closed forms and the curves that they are fitted to; projections against where a point was put."""
+"""Paths against closed forms and the curves that they are fitted to; projections against where a
+point was put."""
 
 import math
 from dataclasses import replace
@@ -52,7 +53,8 @@ def test_arcs_join_with_one_point_and_one_heading(path: Path) -> None:
 
 @pytest.mark.parametrize("path", KINDS, ids=name_of)
 def test_arc_length_heading_and_curvature_belong_together(path: Path) -> None:
-    """Central differences over 1e-6 m, away from joints, where the curvature may jump: second order, 1e-6 relative."""
+    """Central differences over 1e-6 m, away from joints, where the curvature may jump: second
+    order, 1e-6 relative."""
     h = 1e-6
     joints = path.arcs.table[:, 5]
     for s in np.linspace(1e-4, path.length - 1e-4, 97):
@@ -86,7 +88,8 @@ def test_closed_forms() -> None:
 
 @pytest.mark.parametrize("path", KINDS[5:7], ids=name_of)
 def test_fitted_arcs_stay_with_their_curve(path: Path) -> None:
-    """The fit looks at five points of each pair of arcs; between them a smooth distance can be a little larger."""
+    """The fit looks at five points of each pair of arcs; between them a smooth distance can be a
+    little larger."""
     from scipy.interpolate import CubicSpline
 
     t = np.linspace(0.0, 1.0, 3001)
@@ -111,7 +114,8 @@ def test_fitted_arcs_stay_with_their_curve(path: Path) -> None:
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=15, deadline=None)
 def test_the_foot_of_a_moving_point_is_the_nearest_one_nearby(path: Path, seed: int) -> None:
-    """A point wanders within the tube; its foot moves continuously and gives back arc length and normal error."""
+    """A point wanders within the tube; its foot moves continuously and gives back arc length and
+    normal error."""
     rng = np.random.default_rng(seed)
     bound = 0.9 / max(path.max_curvature, 4.0)
     table, segment, s, e = path.arcs.table, 0, 0.0, 0.0
@@ -187,7 +191,7 @@ def test_paths_from_csv(tmp_path: File) -> None:
         "# x_m, y_m, w_m\n-0.5,0.7,1\n-0.2,0.6,1\n0.1,0.8,1\n0.3,0.6,1\n",
         "-0.5, 0.7\n-0.2, 0.6\n0.1, 0.8\n0.3, 0.6\n",
         "-0.5, 0.7, 2\n-0.2, 0.6, 2\n0.1, 0.8, 2\n0.3, 0.6, 2\n",
-        "# a\n# s; X [m]; Y [m]; psi\n0; -0.5; 0.7; 0\n1; -0.2; 0.6; 0\n2; 0.1; 0.8; 0\n3; 0.3; 0.6; 0\n",
+        "# a\n# s; X [m]; Y [m]; psi\n0; -.5; .7; 0\n1; -.2; .6; 0\n2; .1; .8; 0\n3; .3; .6; 0\n",
         "x;y\n-0,5;0,7\n-0,2;0,6\n0,1;0,8\n0,3;0,6\n",
     ],
     ids=["# x_m", "no names", "a third column", "semicolons", "decimal commas"],
@@ -207,7 +211,8 @@ def test_points_may_be_lists_and_arrays_and_a_path_may_close_and_cross() -> None
 
 
 def test_a_recorded_path_is_smoothed() -> None:
-    """0.8 mm of noise on a circle of radius 150 mm: smoothed, its curvature is at most twice the circle's."""
+    """0.8 mm of noise on a circle of radius 150 mm: smoothed, its curvature is at most twice the
+    circle's."""
     t = np.linspace(0.0, 2.0 * np.pi, 300)
     noise = 0.0008 * np.random.default_rng(0).standard_normal((300, 2))
     points: Any = np.column_stack([0.15 * np.cos(t), 0.6 + 0.15 * np.sin(t)]) + noise

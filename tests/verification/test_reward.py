@@ -25,7 +25,8 @@ PERIOD = 0.01
 
 
 def expected(rows: np.ndarray, task: PathFollowing) -> dict[str, list[float]]:
-    """What each control step pays for the way and costs for the pace; rows (steps + 1, columns) from a reset on."""
+    """What each control step pays for the way and costs for the pace; rows (steps + 1, columns)
+    from a reset on."""
     length, pace, weight = task.path.length, task.pace, task.reward
     terms: dict[str, list[float]] = {"tracking": [], "precision": [], "pace": []}
     mean = 1.0

@@ -19,7 +19,7 @@ from oracle.plants import VoltageStep, plant
 from pter_gym._physics.friction import ClutchMode
 from pter_gym._physics.open_loop import Trajectory, initial_state, simulate
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL
-from pter_gym.tools.paper.printed_values import BREAKAWAY_SMALL_VOLTAGE
+from pter_gym.tools.paper.parameters import BREAKAWAY_SMALL_VOLTAGE
 
 SLIPS = np.array(W, float)
 STEP = BASELINE.substep
@@ -49,7 +49,8 @@ def share_of_ramp(small: int, held: int) -> float:
 
 
 def ramp(small: int, held: int, theta=(1.4, -0.2)) -> tuple[Trajectory, np.ndarray]:
-    """The trajectory and the ramp, until 0.3 s after the torque at which the small clutch should give way."""
+    """The trajectory and the ramp, until 0.3 s after the torque at which the small clutch should
+    give way."""
     volts = np.zeros(4)
     volts[small], volts[held] = small_voltage(), LARGE
     duration = BREAKAWAY_SMALL_VOLTAGE / share_of_ramp(small, held) / RATE + 0.3
@@ -98,7 +99,8 @@ def test_the_tip_stays_on_the_line_of_the_locked_clutch(small, held):
 
 
 def off_the_line(held: int, tip: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """Distance [m] of the tip from its one-DOF line: two circles around an elbow, one around the base, an ellipse."""
+    """Distance [m] of the tip from its one-DOF line: two circles around an elbow, one around the
+    base, an ellipse."""
     l_a, l_b = BASELINE.arm.length_a, BASELINE.arm.length_b
     elbow_a = l_a * np.array([np.cos(theta[0]), np.sin(theta[0])])
     elbow_b = l_b * np.array([np.cos(theta[1]), np.sin(theta[1])])
@@ -215,12 +217,14 @@ def flips_within(run: Trajectory, duration: float) -> int:
 
 DIRECTIONS = 16
 LOADS = np.linspace(0.1, 1.6, 16)
-"""Steady loads as a share of what the dynamic torques can hold; T_s/T_k of theoretical Delrin is about 0.6."""
+"""Steady loads as a share of what the dynamic torques can hold; T_s/T_k of theoretical Delrin is
+about 0.6."""
 
 
 @pytest.mark.parametrize("subset", range(1, 16))
 def test_theoretical_delrin_does_not_chatter(subset):
-    """No flips within 5 ms, for steady joint torques from all sides and in all sizes, from rest and from motion."""
+    """No flips within 5 ms, for steady joint torques from all sides and in all sizes, from rest and
+    from motion."""
     engaged = np.array([(subset >> x) & 1 for x in range(4)])
     rng = np.random.default_rng(subset)
     machine = DELRIN_THEORETICAL
@@ -236,7 +240,8 @@ def test_theoretical_delrin_does_not_chatter(subset):
 
 
 def holding_limit(torque: np.ndarray, direction: np.ndarray) -> float:
-    """How much load in a direction the clutches can hold: the sides of their zonotope (one clutch: its own torque)."""
+    """How much load in a direction the clutches can hold: the sides of their zonotope (one clutch:
+    its own torque)."""
     normals = np.array(LINE, float)
     reach = np.abs(normals @ SLIPS.T) @ torque
     facing = np.abs(normals @ direction)
@@ -292,8 +297,8 @@ def test_reversals_that_must_stick_do_stick_among_other_slips():
         volts = rng.integers(0, 2, 4) * rng.uniform(4.0, 9.0, 4)
         nothing = np.zeros((3, 2))
         scenario = VoltageStep(
-            volts, volts, rng.uniform(-np.pi, np.pi, 2), rng.normal(0.0, 1.0, 2), rng.normal(0.0, 20.0, 2),
-            nothing, np.zeros(3), np.zeros(3),
+            volts, volts, rng.uniform(-np.pi, np.pi, 2), rng.normal(0.0, 1.0, 2),
+            rng.normal(0.0, 20.0, 2), nothing, np.zeros(3), np.zeros(3),
         )  # fmt: skip
         start = initial_state(BASELINE, scenario.theta, scenario.omega, volts)
         run = simulate(BASELINE, start, volts, scenario.constant, duration=0.3)
@@ -314,8 +319,8 @@ def change_of_torque(scenario: VoltageStep, state: np.ndarray) -> float:
     """Most that the torque to hold a slip changes until it comes to zero: by the velocity term,
     |δV| ≤ 2|c|Ω|δω|.
 
-    |δω| ≤ h·‖M⁻¹‖·(load + torques). What is left for the stuck clutch of a load, across the line on which the arm
-    goes on, is at most 1 + κ(M) times that load.
+    |δω| ≤ h·‖M⁻¹‖·(load + torques). What is left for the stuck clutch of a load, across the line on
+    which the arm goes on, is at most 1 + κ(M) times that load.
     """
     arm = plant(BASELINE, scenario)
     mass, omega = arm.inertia(state[:2]), np.linalg.norm(state[2:])
@@ -328,7 +333,8 @@ def change_of_torque(scenario: VoltageStep, state: np.ndarray) -> float:
 
 
 def reversals(run: Trajectory, volts: np.ndarray):
-    """Substeps in which the slip of one engaged clutch alone comes to zero or beyond, from outside the band."""
+    """Substeps in which the slip of one engaged clutch alone comes to zero or beyond, from outside
+    the band."""
     slip = run.slip_velocity
     engaged = volts > 0.0
     over = (slip[:-1] * slip[1:] <= 0.0) & (np.abs(slip[:-1]) >= BASELINE.slip_threshold)

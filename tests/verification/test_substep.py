@@ -1,4 +1,5 @@
-"""The functions of one substep, each against a formula written otherwise: complex numbers, matrices, derivatives."""
+"""The functions of one substep, each against a formula written otherwise: complex numbers,
+matrices, derivatives."""
 
 import math
 from dataclasses import replace
@@ -14,7 +15,7 @@ from pter_gym._physics import arm as arms
 from pter_gym._physics import clutch, open_loop, step
 from pter_gym._physics.arm import Linkage, Load, Motion, PerLink
 from pter_gym._physics.arrangement import OptionalArrangement
-from pter_gym._physics.clutch import Curve, PerClutch, Torques
+from pter_gym._physics.clutch import Curve, PerClutch, Sliding, Torques
 from pter_gym._physics.friction import (
     COUPLING,
     LINES,
@@ -43,6 +44,7 @@ ARM = Linkage(
 RUBBING = ARM._replace(viscous_a=0.9, viscous_b=1.7)
 NONE = PerClutch(0.0, 0.0, 0.0, 0.0)
 FREE = Torques(NONE, NONE)
+NO_SLIDING = Sliding(stribeck=0.0, viscous=NONE)
 H = 2.5e-3
 UNIT = 2.0**-53
 W = np.array(COUPLING)
@@ -237,7 +239,8 @@ def test_torques_of_each_clutch_settle_are_scaled_and_lag():
 
 
 def test_torque_of_a_slipping_clutch_over_its_speed():
-    """Half of T_s − T_k is left at the Stribeck velocity, and the viscous part grows without bound."""
+    """Half of T_s − T_k is left at the Stribeck velocity, and the viscous part grows without
+    bound."""
     assert clutch.sliding(-0.5, 3.0, 2.0, 0.5, 0.4) == pytest.approx(2.7)
     part = clutch.falling(PerClutch(0.5, -0.05, 0.0, 1e6), 0.1, 0.25)
     assert part == pytest.approx((0.5, 0.25 / 0.26, 0.25 / 0.26, 0.25e-12))
@@ -264,7 +267,12 @@ def test_karnopps_rule_at_the_border_of_its_band():
     assert capacity(0.1, 0.1, 2.0, 1.0) == capacity(-0.1, 0.1, 2.0, 1.0) == 1.0
     assert capacity(0.0, 0.1, 1.0, 2.0) == 2.0  # T_k above T_s
     torques = Torques(PerClutch(10.0, 20.0, 30.0, 40.0), PerClutch(1.0, 2.0, 3.0, 4.0))
-    assert clutch.capacities(PerClutch(0.0, 1.0, -1.0, 0.0), 0.1, torques) == (10.0, 2.0, 3.0, 40.0)
+    assert clutch.capacities(PerClutch(0.0, 1.0, -1.0, 0.0), 0.1, torques, NO_SLIDING) == (
+        10.0,
+        2.0,
+        3.0,
+        40.0,
+    )
 
 
 def test_changing_clutches_are_found():
@@ -478,7 +486,8 @@ class Solo(NamedTuple):
     dynamic: float
 
     def velocities(self, inertia: float) -> list[float]:
-        """Slip velocities where the phases of constant acceleration end, in continuous time, the kick's end last."""
+        """Slip velocities where the phases of constant acceleration end, in continuous time, the
+        kick's end last."""
         slip, left, found = self.slip, H, []
         while left > 0.0:
             inside = abs(slip) < BAND
@@ -596,7 +605,8 @@ def test_a_stopped_clutch_tells_what_it_holds_in_the_last_part(name: str):
 
 
 def test_the_first_of_several_changes_divides_a_kick(parts: list[KickPart]):
-    """Link A would stop after a fifth of a millisecond, link B after two fifths; each stops at its own time."""
+    """Link A would stop after a fifth of a millisecond, link B after two fifths; each stops at its
+    own time."""
     limit = PerClutch(3.0, 3.0, 0.0, 0.0)
     before = at(0.3, 1.2, 0.2e-3 * 3.0 / SOLO.m11, -0.4e-3 * 3.0 / SOLO.m22)
     body = body_with(before, Torques(limit, limit), Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), BAND, SOLO)
@@ -621,7 +631,8 @@ def test_a_clutch_that_stops_as_the_kick_ends_does_not_divide_it(
 
 
 def test_a_clutch_that_slips_throughout():
-    """Those that pass zero exert all they have against the slip of before; the others are solved for as ever."""
+    """Those that pass zero exert all they have against the slip of before; the others are solved
+    for as ever."""
     for seed in range(200):
         rng = np.random.default_rng([8, seed])
         q, on = motion(seed), load(seed)
@@ -645,7 +656,8 @@ def test_a_clutch_that_slips_throughout():
 
 
 def drawn_kick(seed: int) -> tuple[Any, Torques, float]:
-    """A body about to be kicked so that clutches change often: slow, with a wide range of torques, loads and bands."""
+    """A body about to be kicked so that clutches change often: slow, with a wide range of torques,
+    loads and bands."""
     rng = np.random.default_rng([9, seed])
     threshold = float(10.0 ** rng.uniform(-4.0, -1.0))
     omega = rng.normal(size=2) * 10.0 ** rng.uniform(-3.0, 0.0)
@@ -664,7 +676,8 @@ def drawn_kick(seed: int) -> tuple[Any, Torques, float]:
 
 
 def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts: list[KickPart]):
-    """Whatever changes: at most ``MAX_PARTS``, each against the slip at its end, together the kick."""
+    """Whatever changes: at most ``MAX_PARTS``, each against the slip at its end, together the
+    kick."""
     counts = []
     for seed in range(2_000):
         body, torques, threshold = drawn_kick(seed)
@@ -681,7 +694,7 @@ def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts:
             )
             before = before._replace(omega_a=part.omega.a, omega_b=part.omega.b)
             slips = slip_velocities(part.before.omega_a, part.before.omega_b)
-            assert part.limit == clutch.capacities(slips, threshold, torques)
+            assert part.limit == clutch.capacities(slips, threshold, torques, NO_SLIDING)
             impact = step.free_motion(part.before, ARM, seen(body).load, part.span)
             capacities = step.impulses(part.limit, part.span)
             assert part.impact == impact
@@ -727,7 +740,7 @@ def test_torques_at_an_instant_make_the_accelerations_that_they_go_with(seed: in
     machine = model_of(BASELINE)._replace(arm=ARM, slip_threshold=threshold)
     torque = np.array(step.torques_at(q, machine, on, torques))
     slips = np.array(slip_velocities(q.omega_a, q.omega_b))
-    limit = np.array(clutch.capacities(PerClutch(*slips.tolist()), threshold, torques))
+    limit = np.array(clutch.capacities(PerClutch(*slips.tolist()), threshold, torques, NO_SLIDING))
     load = (
         np.array([on.torque_a, on.torque_b])
         - arms.velocity_torque(ARM, q)
@@ -792,7 +805,8 @@ def smallest_inertia(machine: Machine) -> float:
 @pytest.mark.parametrize("light", [1.0, 0.01])
 @pytest.mark.parametrize("damping", [0.0, 1.0, 30.0, 1e3, 1e5, 1e7])
 def test_implicit_damping_prevents_alternating_motion(damping: float, light: float):
-    """The share before a kick takes at most the momentum along the slowest motion: h·(1 − s)·b·(lA² + lB²) ≤ μ."""
+    """The share before a kick takes at most the momentum along the slowest motion: h·(1 − s)·b·(lA²
+    + lB²) ≤ μ."""
     inertias = {
         name: light * getattr(BASELINE.arm, name) for name in ("inertia_a", "inertia_b", "coupling")
     }
@@ -820,7 +834,8 @@ def test_one_negative_number_of_a_start_is_refused(field: str):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_friction_inverts_constructed_momenta(seed: int):
-    """Backwards: a velocity, and impulses that may go with it, make the momentum; off ties its answer is unique."""
+    """Backwards: a velocity, and impulses that may go with it, make the momentum; off ties its
+    answer is unique."""
     rng = np.random.default_rng([3, seed])
     for number in range(400):
         m11, m22 = np.exp(rng.uniform(-2.0, 2.0, 2))
@@ -847,7 +862,8 @@ def test_friction_inverts_constructed_momenta(seed: int):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_load_is_shared_by_the_multipliers_that_made_it(seed: int):
-    """Backwards: the least torques are multipliers on the two axes, limited; they make the load, and are unique."""
+    """Backwards: the least torques are multipliers on the two axes, limited; they make the load,
+    and are unique."""
     rng = np.random.default_rng([4, seed])
     w = np.array(COUPLING)
     for number in range(400):
@@ -891,7 +907,8 @@ def test_loads_of_whole_numbers_are_shared():
 
 @pytest.mark.parametrize("condition", [1e2, 1e5])
 def test_the_torques_of_a_kick_make_its_load_whatever_the_rounding(condition: float):
-    """The load is known to the rounding of momenta over a short time, and is not lost between limits all the same."""
+    """The load is known to the rounding of momenta over a short time, and is not lost between
+    limits all the same."""
     rng = np.random.default_rng([6, int(condition)])
     for _ in range(500):
         m11, m22 = np.exp(rng.uniform(-1.0, 1.0, 2)).tolist()

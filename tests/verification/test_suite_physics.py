@@ -1,4 +1,5 @@
-"""Hands, sensors and clutch errors in the environment, against open-loop simulation and closed forms."""
+"""Hands, sensors and clutch errors in the environment, against open-loop simulation and closed
+forms."""
 
 import math
 import tracemalloc
@@ -57,7 +58,8 @@ def intended(hand: HumanArm, pace: float, arc_lengths: np.ndarray) -> np.ndarray
 @pytest.mark.parametrize("name", HUMAN_ARMS)
 @pytest.mark.parametrize("lead", [0.12, 0.01])
 def test_a_human_arm_moves_the_tip_as_in_open_loop(name: str, lead: float) -> None:
-    """The same mass, damper, spring and target through ``simulate``: equal up to rounding in 400 substeps."""
+    """The same mass, damper, spring and target through ``simulate``: equal up to rounding in 400
+    substeps."""
     hand = HumanArm(
         impedance=HUMAN_ARMS[name],
         eagerness=1.5,
@@ -172,7 +174,8 @@ def test_bad_recordings_are_refused(tmp_path: File, text: str, message: str) -> 
 
 
 def test_torque_errors_and_drift_scale_the_clutches() -> None:
-    """A clutch with a factor is one with scaled curves; drift grows by its rate in each control step."""
+    """A clutch with a factor is one with scaled curves; drift grows by its rate in each control
+    step."""
     factor = 0.8
     curves = replace(
         BASELINE.clutch,

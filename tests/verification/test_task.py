@@ -1,4 +1,5 @@
-"""The functions of the task and the hand, each against a formula written otherwise; borders of what is accepted."""
+"""The functions of the task and the hand, each against a formula written otherwise; borders of what
+is accepted."""
 
 import cmath
 import math
@@ -13,7 +14,15 @@ from pter_gym._compiled.records import load, store
 from pter_gym._engine.episode import place, spread
 from pter_gym._engine.step import gaussians, hand_force, take_reading
 from pter_gym._engine.world import ROW, ROWS, Target
-from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, tip_position, tip_velocity
+from pter_gym._physics.arm import (
+    Linkage,
+    Motion,
+    UnitVector,
+    Vector,
+    motion_at,
+    tip_position,
+    tip_velocity,
+)
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.limits import MAX_SUBSTEPS, largest_energy, largest_travel
 from pter_gym._physics.model import model_of
@@ -31,6 +40,7 @@ from pter_gym.hands._model import (
 )
 from pter_gym.params import BASELINE, Clutch, Hand, TorqueCurve
 from pter_gym.paths import Arc, Line
+from pter_gym.paths._projection import Foot
 from pter_gym.tasks.path_following import (
     TELEMETRY,
     PathFollowing,
@@ -43,16 +53,16 @@ from pter_gym.tasks.path_following import (
     reason_of,
 )
 from pter_gym.tasks.path_following._context import context_of
-from pter_gym.tasks.path_following._observation import observation
+from pter_gym.tasks.path_following._observation import Measurement, observation
 from pter_gym.tasks.path_following._rules import (
     ALLOWANCE,
+    Band,
     Outcome,
     PathState,
     PathVector,
     SensingModel,
     Terms,
     in_start_up,
-    motion_at,
     pace_cost,
     pace_share,
     reached_end,
@@ -259,7 +269,8 @@ def test_a_passive_hand():
     ],
 )
 def test_the_strongest_force_that_a_hand_can_have(hand: Any, force: float):
-    """A spring is as long as the path, its width and the lead, and half as long again as the tip's way in a step."""
+    """A spring is as long as the path, its width and the lead, and half as long again as the tip's
+    way in a step."""
     machine = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.4, length_b=0.5))
     task = PathFollowing(hand=hand, pace=0.5, path=Line(length=0.6), error_max=0.2)
     travel = largest_travel(
@@ -371,13 +382,20 @@ def test_the_allowance_is_for_the_first_hundredth_of_a_path():
 
 def test_an_observation_has_the_declared_entries():
     q = Motion(0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-    at = PathState(0.3, 0.004, 0.004, unit(0.2), 7.0, PathVector(0.8, 0.9))
+    arm = model_of(BASELINE).arm
     volts, torque, force = (
         PerClutch(1.0, 2.0, 3.0, 4.0),
         PerClutch(5.0, 6.0, 7.0, 8.0),
         PathVector(9.0, 10.0),
     )
-    seen = observation(q, at, 1.5, 0.4, volts, torque, force)
+
+    def seen(offset: float) -> Any:
+        foot = Foot(0.3, offset, unit(0.2), 7.0, 2.0)
+        measured = Measurement(q, foot, torque, force)
+        return observation(measured, arm, Band(0.003, 0.001), 1.5, 0.4, volts)
+
+    v_x, v_y = tip_velocity(arm, q)
+    speed = complex(v_x, v_y) / cmath.exp(0.2j)
     expected = {
         "cos_a": 3.0,
         "sin_a": 4.0,
@@ -385,24 +403,20 @@ def test_an_observation_has_the_declared_entries():
         "sin_b": 6.0,
         "omega_a": 1.0,
         "omega_b": 2.0,
-        "normal_error": 0.004,
+        "normal_error": pytest.approx(0.003),
         "near_error": 0.004,
         "progress": pytest.approx(0.2),
         "heading": unit(0.2),
         "curvature": 7.0,
-        "speed": PathVector(0.8, 0.9),
+        "speed": pytest.approx((speed.real, speed.imag)),
         "pace": 0.4,
-        "pace_error": pytest.approx(1.0),
+        "pace_error": pytest.approx(speed.real / 0.4 - 1.0),
         "volts": volts,
         "torque": torque,
         "force": force,
     }
-    assert {name: getattr(seen, name) for name in expected} == expected
-    for error, near in ((0.5, 0.01), (-0.5, -0.01)):
-        assert (
-            observation(q, at._replace(offset=error), 1.5, 0.4, volts, torque, force).near_error
-            == near
-        )
+    assert {name: getattr(seen(0.004), name) for name in expected} == expected
+    assert [seen(offset).near_error for offset in (0.5, -0.5)] == [0.01, -0.01]
 
 
 def test_observed_context_of_machine_and_task():

@@ -1,4 +1,5 @@
-"""The library of hands: numbers that an arm can have, and a tremor whose free hand moves as its entry says."""
+"""The library of hands: numbers that an arm can have, and a tremor whose free hand moves as its
+entry says."""
 
 import math
 import re
@@ -26,6 +27,7 @@ from pter_gym.hands._tremor import KINDS
 from pter_gym.params import BASELINE, Arm
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from rollouts import simulate
 
 PERIOD = PathFollowing().control_period
 
@@ -83,7 +85,8 @@ def test_the_bands_are_those_that_are_cited() -> None:
 
 
 def test_matrices_of_the_joints_were_turned_into_those_at_the_hand() -> None:
-    """The limb of Selen et al., hand straight ahead: the Jacobian by differences of angles found by bisection."""
+    """The limb of Selen et al., hand straight ahead: the Jacobian by differences of angles found by
+    bisection."""
     upper, lower, ahead = 0.31, 0.34, 0.435
 
     def tip(q: np.ndarray) -> np.ndarray:
@@ -170,8 +173,7 @@ def test_the_kernel_adds_the_tremor_along_its_line_until_it_ends() -> None:
     tasks = [PathFollowing(hand=each) for each in (hand, replace(hand, acceleration=0.0))]
     batch = Batch([heavy, heavy], tasks)
     policy = Free().bind(heavy, batch.layout)
-    obs, _ = batch.reset([0, 0])
-    rows = batch.rollout(obs, policy.law, policy.gains, 250)[1]
+    rows = simulate(batch, policy, [0, 0], 250)[1:]
     found = rows[:, 0, [*COLUMN.force]] - rows[:, 1, [*COLUMN.force]]
     assert np.isfinite(found).all()
     instants = rows[:, 0, COLUMN.time]
@@ -185,9 +187,7 @@ def test_the_kernel_adds_the_tremor_along_its_line_until_it_ends() -> None:
 
 
 def test_the_scenario_draws_all_kinds_and_arms_within_the_ranges_of_the_library() -> None:
-    hands: list[Any] = [
-        task.hand for _, task in find_scenario("tremor").randomisation(contexts=300, seed=1).pairs()
-    ]
+    hands: list[Any] = [task.hand for _, task in find_scenario("tremor").draws.pairs(300, 1)]
     assert {type(hand) for hand in hands} == set(KINDS.values())
     assert {hand.impedance for hand in hands} == {arm.hand for arm in LIBRARY_ARMS.values()}
     for name, kind in KINDS.items():

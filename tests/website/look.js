@@ -3,16 +3,25 @@
   const found = [];
 
   const visible = (element) =>
-    element.checkVisibility({ opacityProperty: true, visibilityProperty: true, contentVisibilityAuto: true });
+    element.checkVisibility({
+      opacityProperty: true,
+      visibilityProperty: true,
+      contentVisibilityAuto: true,
+    });
 
-  const say = (element) => `${element.tagName.toLowerCase()}.${element.className || ""} "${(element.textContent || "").trim().slice(0, 40)}"`;
+  const say = (element) => {
+    const text = (element.textContent || "").trim().slice(0, 40);
+    return `${element.tagName.toLowerCase()}.${element.className || ""} "${text}"`;
+  };
 
   if (!document.body.innerText.trim()) found.push("no text");
 
   // pictures: those that load when they come into view are asked for by the caller
   for (const image of document.images) {
-    if (image.complete && image.naturalWidth === 0) found.push(`no picture: ${image.getAttribute("src")}`);
-    if (!image.hasAttribute("alt") || !image.alt.trim()) found.push(`no text for the picture ${image.getAttribute("src")}`);
+    if (image.complete && image.naturalWidth === 0)
+      found.push(`no picture: ${image.getAttribute("src")}`);
+    if (!image.hasAttribute("alt") || !image.alt.trim())
+      found.push(`no text for the picture ${image.getAttribute("src")}`);
   }
 
   // width
@@ -26,10 +35,12 @@
         if (["auto", "scroll", "hidden"].includes(getComputedStyle(each).overflowX)) return true;
       return false;
     };
-    for (const element of article.querySelectorAll("p, li, table, pre, img, math, h1, h2, h3, dt, dd")) {
+    for (const element of article.querySelectorAll(
+      "p, li, table, pre, img, math, h1, h2, h3, dt, dd",
+    )) {
       if (visible(element) && element.getBoundingClientRect().right > edge && !scrolls(element))
         found.push(`leaves the window: ${say(element)}`);
     }
   }
   return [...new Set(found)].slice(0, 20);
-})()
+})();

@@ -102,10 +102,6 @@ def check(tab: "browser.Tab", site: Path, names: list[str]) -> None:  # noqa: F8
     assert not {name: each for name, each in found.items() if each}
 
 
-INNER = {"pter_gym.tools.paper.calibration"}
-"""Packages whose names are public for `pter fit` and `pter reproduce` alone."""
-
-
 @pytest.mark.slow
 def test_one_page_of_each_kind(tab: "browser.Tab", site: Path) -> None:  # noqa: F821
     check(tab, site, list(FEW))
@@ -187,4 +183,4 @@ def test_every_public_package_is_in_the_reference() -> None:
         for path in package.glob("*/**/__init__.py")
         if "\n__all__ = [" in path.read_text("utf-8") and "/_" not in path.parent.as_posix()
     }
-    assert public - INNER <= set(listed)
+    assert public <= set(listed)

@@ -1,4 +1,4 @@
-"""Behaviour cloning with torchrl: `python agents/stock/offline/bc.py pter/standard/expert-v0 --seed 0`."""
+"""Behaviour cloning with torchrl: `python agents/stock/offline/bc.py pter/standard/expert-v0`."""
 
 from pathlib import Path
 

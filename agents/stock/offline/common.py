@@ -1,4 +1,4 @@
-"""What the offline scripts share: transitions that Minari reads, networks, and the score on fresh episodes."""
+"""What the offline scripts share: transitions from Minari, networks, and the score."""
 
 from pathlib import Path
 

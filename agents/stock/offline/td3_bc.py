@@ -1,4 +1,4 @@
-"""TD3+BC (arXiv:2106.06860) with torchrl: `python agents/stock/offline/td3_bc.py pter/standard/replay-v0`."""
+"""TD3+BC (arXiv:2106.06860) with torchrl: `python td3_bc.py pter/standard/expert-v0`."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The context of a world: the constants of machine, hand and task for the kernels, and those that are observable."""
+"""The context of a world: constants of machine, hand and task, and what is observable of them."""
 
 import math
 from typing import Annotated, Any, NamedTuple
@@ -22,7 +22,9 @@ from pter_gym.tasks.path_following._rules import (
 from pter_gym.tasks.path_following._specification import (
     IDEAL_SENSING,
     PathFollowing,
+    Sensing,
     held_machine,
+    sensing_of,
     strongest,
 )
 
@@ -92,7 +94,7 @@ def context_of(
     return Context(
         machine=model,
         hand=hand,
-        task=task_model(task, arcs, fastest),
+        task=task_model(task, sensing_of(task, machine), arcs, fastest),
         told=ObservedContext(
             time_constant=clutch.time_constant,
             breakaway_factor=scale
@@ -109,13 +111,17 @@ def context_of(
     )
 
 
-def task_model(task: PathFollowing, arcs: tuple[int, int], energy_max: float) -> TaskModel:
+def task_model(
+    task: PathFollowing, sensing: Sensing, arcs: tuple[int, int], energy_max: float
+) -> TaskModel:
     """Return the constants of a task: its fields and values derived from them.
 
     Parameters
     ----------
     task, arcs
         As in ``context_of``.
+    sensing
+        Its sensors on a machine.
     energy_max
         Kinetic energy that the arm may have [J].
     """
@@ -127,9 +133,7 @@ def task_model(task: PathFollowing, arcs: tuple[int, int], energy_max: float) ->
         "energy_max": energy_max,
         "starts": StartModel(**vars(task.starts)),
         "weight": Terms(**weights),
-        "sensing": SensingModel(
-            **vars(task.sensing), is_ideal=float(task.sensing == IDEAL_SENSING)
-        ),
+        "sensing": SensingModel(**vars(sensing), is_ideal=float(sensing == IDEAL_SENSING)),
     }
     return TaskModel(
         **{name: made[name] if name in made else getattr(task, name) for name in TaskModel._fields}

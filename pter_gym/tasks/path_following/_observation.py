@@ -1,23 +1,24 @@
-"""The observation: its entries, their units and scales, the sensors they need, and how each is
-computed.
+"""The observation: its entries, their units and scales, and how sensors' readings become one.
 
 Control laws index it with ``OBS``.
 """
 
-from dataclasses import dataclass
-from typing import Annotated, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args
 
 from pter_gym._compiled.compiler import device
 from pter_gym._compiled.layout import Layout
-from pter_gym._compiled.records import Entry, layout_of, leaves, rows, width
-from pter_gym._physics.arm import Motion, UnitVector
+from pter_gym._compiled.records import Entry, joined, layout_of, rows, width
+from pter_gym._physics.arm import Linkage, Motion, PerLink, UnitVector, tip_position, tip_velocity
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.scalars import clamp
 from pter_gym.errors import ParameterError
+from pter_gym.hands._model import unit_vector
 from pter_gym.params import Machine, find_machine
-from pter_gym.tasks.path_following._rules import PathState, PathVector
+from pter_gym.paths._projection import Foot, project
+from pter_gym.tasks.path_following._rules import Band, PathVector, path_state
 
 Sensors = Literal["encoders", "torque", "force"]
+"""What is measured: each kind has the sensors of those before it, too."""
 
 BOUND = 25.0
 """Entries are limited to ±BOUND; their scales are such that usual values are within ±1."""
@@ -30,59 +31,64 @@ FORCE_SCALE = 50.0
 CURVATURE_SCALE = 5.0
 
 
-@dataclass(frozen=True)
-class ObsEntry(Entry):
-    """The declaration of an observation entry, and the ``sensors`` that it needs."""
-
-    sensors: tuple[Sensors, ...] = get_args(Sensors)
-
-
 def largest_voltage(machine: Machine) -> float:
     """Return the largest voltage of a machine's clutches [V]."""
     return machine.clutch.voltage_max
 
 
-class Observation(NamedTuple):
-    """All possible entries of an observation, except those of the context.
+class EncoderEntries(NamedTuple):
+    """What encoders on the joints tell, and what is known without sensors."""
 
-    Entries that only some sensors provide come last, so the positions of the others do not depend
-    on the sensors.
-    """
-
-    cos_a: Annotated[float, ObsEntry("1", "cosine of link A's angle")]
-    sin_a: Annotated[float, ObsEntry("1", "sine of link A's angle")]
-    cos_b: Annotated[float, ObsEntry("1", "cosine of link B's angle")]
-    sin_b: Annotated[float, ObsEntry("1", "sine of link B's angle")]
-    omega_a: Annotated[float, ObsEntry("rad/s", "angular velocity of link A", OMEGA_SCALE)]
-    omega_b: Annotated[float, ObsEntry("rad/s", "angular velocity of link B", OMEGA_SCALE)]
+    cos_a: Annotated[float, Entry("1", "cosine of link A's angle")]
+    sin_a: Annotated[float, Entry("1", "sine of link A's angle")]
+    cos_b: Annotated[float, Entry("1", "cosine of link B's angle")]
+    sin_b: Annotated[float, Entry("1", "sine of link B's angle")]
+    omega_a: Annotated[float, Entry("rad/s", "angular velocity of link A", OMEGA_SCALE)]
+    omega_b: Annotated[float, Entry("rad/s", "angular velocity of link B", OMEGA_SCALE)]
     normal_error: Annotated[
-        float,
-        ObsEntry("m", "distance from the path's free band, positive to the left", ERROR_SCALE),
+        float, Entry("m", "distance from the path's free band, positive to the left", ERROR_SCALE)
     ]
     near_error: Annotated[
-        float, ObsEntry("m", "distance from the path itself, limited to the scale", ERROR_SCALE)
+        float, Entry("m", "distance from the path itself, limited to the scale", ERROR_SCALE)
     ]
     progress: Annotated[
-        float,
-        ObsEntry("1", "arc length of the tip's projection on the path, over the path's length"),
+        float, Entry("1", "arc length of the tip's projection on the path, over the path's length")
     ]
-    heading: Annotated[UnitVector, ObsEntry("1", "the path's heading at the tip's projection")]
+    heading: Annotated[UnitVector, Entry("1", "the path's heading at the tip's projection")]
     curvature: Annotated[
-        float, ObsEntry("1/m", "curvature of the path there, positive to the left", CURVATURE_SCALE)
+        float, Entry("1/m", "curvature of the path there, positive to the left", CURVATURE_SCALE)
     ]
-    speed: Annotated[PathVector, ObsEntry("m/s", "the tip's velocity", SPEED_SCALE)]
-    pace: Annotated[float, ObsEntry("m/s", "commanded mean speed along the path", SPEED_SCALE)]
-    pace_error: Annotated[
-        float, ObsEntry("1", "speed along the path over the commanded pace, less 1")
-    ]
-    volts: Annotated[PerClutch, ObsEntry("V", "last voltage", largest_voltage)]
-    torque: Annotated[
-        PerClutch, ObsEntry("N·m", "generated torque", TORQUE_SCALE, sensors=("torque", "force"))
-    ]
-    force: Annotated[PathVector, ObsEntry("N", "the hand's force", FORCE_SCALE, sensors=("force",))]
+    speed: Annotated[PathVector, Entry("m/s", "the tip's velocity", SPEED_SCALE)]
+    pace: Annotated[float, Entry("m/s", "commanded mean speed along the path", SPEED_SCALE)]
+    pace_error: Annotated[float, Entry("1", "speed along the path over the commanded pace, less 1")]
+    volts: Annotated[PerClutch, Entry("V", "last voltage", largest_voltage)]
 
 
-OBS = rows(Observation)
+class TorqueEntries(NamedTuple):
+    """What torque sensors on the clutches tell."""
+
+    torque: Annotated[PerClutch, Entry("N·m", "generated torque", TORQUE_SCALE)]
+
+
+class ForceEntries(NamedTuple):
+    """What a force sensor at the handle tells."""
+
+    force: Annotated[PathVector, Entry("N", "the hand's force", FORCE_SCALE)]
+
+
+_OF_SENSORS = (EncoderEntries, TorqueEntries, ForceEntries)
+"""Entries that each kind of ``Sensors`` adds to those of the kinds before it."""
+
+if TYPE_CHECKING:
+
+    class Observation(EncoderEntries, TorqueEntries, ForceEntries):  # pyright: ignore[reportGeneralTypeIssues]
+        ...
+
+else:
+    Observation = joined("Observation", *_OF_SENSORS)
+    Observation.__doc__ = "All possible entries of an observation, except those of the context."
+
+OBS: Observation = rows(Observation)
 """Places of the entries in an observation."""
 
 ENTRIES = width(Observation)
@@ -92,8 +98,7 @@ ENTRIES = width(Observation)
 def observation_layout(
     machine: Machine | str | None, sensors: Sensors, told: Layout | None = None
 ) -> Layout:
-    """Return the layout of the observation; each entry is stored relative to its scale, within
-    ±BOUND.
+    """Return the layout of the observation; entries are stored by their scales, within ±BOUND.
 
     Parameters
     ----------
@@ -109,32 +114,69 @@ def observation_layout(
     ParameterError
         If there is no such machine, or there are no such sensors.
     """
-    machine = find_machine(machine)
-    if sensors not in get_args(Sensors):
-        raise ParameterError(
-            f"sensors must be one of {', '.join(get_args(Sensors))}, got {sensors!r}"
-        )
-    brought = (
-        field
-        for leaf, field in zip(
-            leaves(Observation), layout_of(Observation, machine).fields, strict=True
-        )
-        if isinstance(leaf.entries[0], ObsEntry) and sensors in leaf.entries[0].sensors
+    kinds = get_args(Sensors)
+    if sensors not in kinds:
+        raise ParameterError(f"sensors must be one of {', '.join(kinds)}, got {sensors!r}")
+    entries = sum(map(width, _OF_SENSORS[: kinds.index(sensors) + 1]))
+    fields = layout_of(Observation, find_machine(machine)).fields[:entries]
+    return Layout((*fields, *(told.fields if told else ())))
+
+
+class Reading(NamedTuple):
+    """What sensors read at an instant."""
+
+    theta: Annotated[PerLink, Entry("rad", "angle{}")]
+    omega: Annotated[PerLink, Entry("rad/s", "angular velocity{}")]
+    torque: Annotated[PerClutch, Entry("N·m", "generated torque{}")]
+    force: Annotated[PathVector, Entry("N", "the hand's force{}")]
+
+
+class Measurement(NamedTuple):
+    """What an observation tells of arm and hand: how the arm moves, and the tip's projection."""
+
+    motion: Motion
+    foot: Foot
+    torque: PerClutch
+    force: PathVector
+
+
+@device
+def measurement_of(
+    reading: Reading, arm: Linkage, arcs: Any, first: int, count: int, segment: int
+) -> Measurement:
+    """Return what a reading tells, for the chain of ``count`` arcs that begins at ``first``.
+
+    ``segment`` is the arc at which the search for the tip's projection begins.
+    """
+    a, b = unit_vector(reading.theta.a), unit_vector(reading.theta.b)
+    q = Motion(
+        reading.theta.a,
+        reading.theta.b,
+        reading.omega.a,
+        reading.omega.b,
+        a.cos,
+        a.sin,
+        b.cos,
+        b.sin,
     )
-    return Layout((*brought, *(told.fields if told else ())))
+    x, y = tip_position(arm, q)
+    foot = project(arcs, first, count, segment, x, y)
+    return Measurement(q, foot, reading.torque, reading.force)
 
 
 @device
 def observation(
-    q: Motion,
-    at: PathState,
+    measured: Measurement,
+    arm: Linkage,
+    free: Band,
     path_length: float,
     pace: float,
     volts: PerClutch,
-    torque: PerClutch,
-    force: PathVector,
 ) -> Observation:
-    """Return all entries in their units, from the sensor readings and the task."""
+    """Return all entries in their units."""
+    q = measured.motion
+    v_x, v_y = tip_velocity(arm, q)
+    at = path_state(measured.foot, v_x, v_y, free)
     return Observation(
         cos_a=q.cos_a,
         sin_a=q.sin_a,
@@ -151,6 +193,6 @@ def observation(
         pace=pace,
         pace_error=at.speed.along / pace - 1.0,
         volts=volts,
-        torque=torque,
-        force=force,
+        torque=measured.torque,  # pyright: ignore[reportCallIssue]
+        force=measured.force,  # pyright: ignore[reportCallIssue]
     )

@@ -1,5 +1,4 @@
-"""The rules of path following, as pure functions on records: where am I, what is it worth, is it
-over.
+"""The rules of path following as pure functions: where am I, what is it worth, is it over.
 
 What is seen is in ``_observation``. The engine loads a world's numbers, calls these functions and
 stores what they return; gradients and the browser's module use the same ones.
@@ -14,12 +13,13 @@ import numpy as np
 from pter_gym._compiled.compiler import device
 from pter_gym._compiled.records import Entry
 from pter_gym._physics.arm import (
-    Linkage,
     Motion,
     UnitVector,
     Vector,
+    components,
     cos_difference,
     joint_torque,
+    motion_at,
     sin_difference,
 )
 from pter_gym._physics.clutch import PerClutch
@@ -71,7 +71,7 @@ class PathState(NamedTuple):
 
 @device
 def path_state(foot: Foot, v_x: float, v_y: float, free: Band) -> PathState:
-    """Return the state of the tip relative to its path, from its projection and its velocity [m/s]."""
+    """Return the tip's state relative to its path, from its projection and velocity [m/s]."""
     speed = to_path(Vector(v_x, v_y), foot.heading)
     beyond = beyond_band(foot.normal_error, free)
     return PathState(
@@ -81,17 +81,15 @@ def path_state(foot: Foot, v_x: float, v_y: float, free: Band) -> PathState:
 
 @device
 def beyond_band(offset: float, free: Band) -> float:
-    """Return how far the tip is beyond the free band [m], from its distance from the path, positive to the left."""
+    """Return how far the tip is beyond the free band [m], from its offset to the path's left."""
     return offset - clamp(offset, -free.right, free.left)
 
 
 @device
 def to_path(vector: Vector, heading: UnitVector) -> PathVector:
     """Return the components of a vector along and across a path with a heading."""
-    return PathVector(
-        vector.x * heading.cos + vector.y * heading.sin,
-        vector.y * heading.cos - vector.x * heading.sin,
-    )
+    along, across = components(vector, heading)
+    return PathVector(along, across)
 
 
 @device
@@ -100,25 +98,6 @@ def to_world(vector: PathVector, heading: UnitVector) -> Vector:
     return Vector(
         vector.along * heading.cos - vector.across * heading.sin,
         vector.along * heading.sin + vector.across * heading.cos,
-    )
-
-
-@device
-def motion_at(arm: Linkage, x: float, y: float) -> Motion:
-    """Return the arm at rest with the tip at (x, y) [m]; θB leads θA."""
-    cos = (x * x + y * y - arm.length_a * arm.length_a - arm.length_b * arm.length_b) / (
-        2.0 * arm.length_a * arm.length_b
-    )
-    sin = math.sqrt(1.0 - cos * cos)
-    re = arm.length_a + arm.length_b * cos
-    im = arm.length_b * sin
-    square = x * x + y * y
-    cos_a = (x * re + y * im) / square
-    sin_a = (y * re - x * im) / square
-    cos_b = cos_a * cos - sin_a * sin
-    sin_b = sin_a * cos + cos_a * sin
-    return Motion(
-        math.atan2(sin_a, cos_a), math.atan2(sin_b, cos_b), 0.0, 0.0, cos_a, sin_a, cos_b, sin_b
     )
 
 
@@ -199,22 +178,22 @@ def mean_square(volts: PerClutch) -> float:
 
 @device
 def pace_share(ratio: float) -> float:
-    """Return the share of the pay that a pace earns, from its ratio to the commanded one: 1 at ratio 1, else less."""
+    """Return the share of the pay that a pace earns, from its ratio to the commanded one."""
     slower = ratio if ratio > 0.0 else 0.0
     square = ratio * ratio
     return slower * square if ratio < 1.0 else 1.0 / (square * square)
 
 
 @device
-def paid(weight: float, seen: Outcome, width: float) -> float:
-    """Return the pay for new arc length; ``width`` is the distance from the path [m] at which it is 1/e."""
-    near = math.exp(-abs(seen.at.normal_error) / width)
-    return weight * seen.advance / seen.path_length * pace_share(seen.pace_ratio) * near
+def paid(weight: float, outcome: Outcome, width: float) -> float:
+    """Return the pay for new arc length, which is 1/e at a distance ``width`` from the path [m]."""
+    near = math.exp(-abs(outcome.at.normal_error) / width)
+    return weight * outcome.advance / outcome.path_length * pace_share(outcome.pace_ratio) * near
 
 
 @device
 def pace_cost(ratio: float) -> float:
-    """Return the cost of a pace, from its ratio to the commanded one: its distance from 1, times ``REST`` if slower."""
+    """Return the cost of a pace over the commanded one: |ratio − 1|, times ``REST`` below 1."""
     slower = ratio if ratio > 0.0 else 0.0
     faster = ratio if ratio < MAX_PACE_RATIO else MAX_PACE_RATIO
     return REST * (1.0 - slower) if ratio < 1.0 else faster - 1.0
@@ -235,7 +214,8 @@ class RewardWeights(Checked):
     )
     precision: float = quantity(
         "1",
-        "chosen: for the whole path at the commanded pace without error; next to nothing 30 mm beside it",
+        "chosen: for the whole path at the commanded pace without error; next to nothing 30 mm "
+        "beside it",
         at_least=0.0,
         default=0.0,
     )
@@ -259,7 +239,8 @@ class RewardWeights(Checked):
     )
     failure: float = quantity(
         "1",
-        "chosen: on leaving the workspace or missing the end of the path, times the part that was reached",
+        "chosen: on leaving the workspace or missing the end of the path, times the part that was "
+        "reached",
         at_least=0.0,
         default=PERFECT,
     )
@@ -279,18 +260,22 @@ Terms = NamedTuple("Terms", _TERMS)
 
 
 @device
-def reward_terms(weight: Any, seen: Outcome, period: float) -> Any:
+def reward_terms(weight: Any, outcome: Outcome, period: float) -> Any:
     """Return the weighted ``Terms`` of a control step of ``period`` [s]."""
     return Terms(
-        tracking=paid(weight.tracking, seen, ERROR_WIDTH),
-        precision=paid(weight.precision, seen, PRECISION_WIDTH),
-        pace=-weight.pace * pace_cost(seen.pace_ratio) * seen.pace * period / seen.path_length,
-        acceleration=-period * weight.acceleration * seen.acceleration / ACCELERATION_UNIT,
+        tracking=paid(weight.tracking, outcome, ERROR_WIDTH),
+        precision=paid(weight.precision, outcome, PRECISION_WIDTH),
+        pace=-weight.pace
+        * pace_cost(outcome.pace_ratio)
+        * outcome.pace
+        * period
+        / outcome.path_length,
+        acceleration=-period * weight.acceleration * outcome.acceleration / ACCELERATION_UNIT,
         effort=-period
         * weight.effort
-        * mean_square(seen.volts)
-        / (seen.voltage_max * seen.voltage_max),
-        failure=-weight.failure * seen.reached / seen.path_length if seen.failed else 0.0,
+        * mean_square(outcome.volts)
+        / (outcome.voltage_max * outcome.voltage_max),
+        failure=-weight.failure * outcome.reached / outcome.path_length if outcome.failed else 0.0,
     )
 
 
@@ -378,7 +363,7 @@ TIME_CONSTANTS = 2.0
 """After this many time constants a clutch has 86 % of a torque that is requested at the start."""
 
 START = 0.01
-"""The allowance covers this part of the path: time lost within it does not count, time lost later does."""
+"""Part of the path that the allowance covers; time lost later counts."""
 
 
 def start_up_allowance() -> float:
@@ -405,7 +390,7 @@ ALLOWANCE = start_up_allowance()
 
 @device
 def in_start_up(reached: float, length: float, pace: float, time: float) -> bool:
-    """Return whether the delay is within the allowance, given the largest arc length so far [m] and the time [s]."""
+    """Return whether a delay is within the allowance, from the progress [m] and the time [s]."""
     return (reached <= START * length) & (time <= ALLOWANCE + START * length / pace)
 
 
@@ -442,7 +427,7 @@ def reached_end(arc_length: float, path_length: float) -> bool:
 
 @device
 def strayed(arc_length: float, normal_error: float, furthest: float) -> bool:
-    """Return whether the tip is further than ``furthest`` [m] from the path, or that far behind its start."""
+    """Return whether the tip is over ``furthest`` [m] from the path or behind its start."""
     return (abs(normal_error) > furthest) | (arc_length < -furthest)
 
 
@@ -470,7 +455,7 @@ class Ending(NamedTuple):
 
 @device
 def ending(at: PathState, q: Motion, kinetic_energy: float, task: TaskModel) -> Ending:
-    """Return what terminates an episode, from the state relative to the path, the arm and its kinetic energy [J]."""
+    """Return what terminates an episode, from path state, arm and kinetic energy [J]."""
     at_end = reached_end(at.arc_length, task.path.length)
     arrived = at_end & (abs(at.normal_error) <= task.arrival)
     return Ending(

@@ -1,4 +1,4 @@
-"""The task as stated by its user (path, hand, pace, workspace, start, sensing, reward), checked against a machine."""
+"""The task as its user states it (path, hand, pace, workspace, …), checked against a machine."""
 
 import math
 from dataclasses import dataclass, replace
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym._physics.arm import elbow_cosine
 from pter_gym._physics.limits import (
     MAX_CONDITION,
     MAX_SUBSTEPS,
@@ -30,7 +31,7 @@ MAX_DELAY = 2
 """Largest delay of the sensors in control steps."""
 
 MAX_CURVATURE_RATIO = 0.9
-"""Largest ratio of the workspace's half-width to a path's radius of curvature, so that the nearest point is unique."""
+"""Largest half-width of a workspace over a path's radius, so that the nearest point is unique."""
 
 MAX_HALF_WIDTH = BOUND * ERROR_SCALE
 """Largest half-width of a workspace [m]: what an observation can tell."""
@@ -60,7 +61,8 @@ class Sensing(Checked):
     )
     encoder_velocity: bool = quantity(
         "1",
-        "chosen: True for velocities that are differences of encoder readings over the control period",
+        "chosen: True for velocities that are differences of encoder readings over the control "
+        "period",
         default=False,
         later=True,
     )
@@ -81,8 +83,7 @@ IDEAL_SENSING = Sensing()
 
 @dataclass(frozen=True, kw_only=True)
 class Starts(Checked):
-    """How episodes begin: by default, all at rest at the start of the path with the clutches
-    released.
+    """How episodes begin; by default at rest at the start of the path, clutches released.
 
     Other starts are for training, to explore more states. A ``moving`` start puts the tip anywhere
     along the path, with a uniformly drawn offset, at up to twice the commanded pace; a ``gripped``
@@ -114,7 +115,7 @@ STARTS = MappingProxyType({"rest": AT_REST, "path": Starts(moving=0.4, gripped=0
 
 
 def find_starts(starts: Starts | str) -> Starts:
-    """Return starts given as themselves or by their name in ``STARTS``, or raise a ParameterError."""
+    """Return starts by themselves or their name in ``STARTS``, or raise a ParameterError."""
     if isinstance(starts, str) and starts not in STARTS:
         raise unknown_name("starts", starts, STARTS)
     return STARTS[starts] if isinstance(starts, str) else starts
@@ -153,7 +154,8 @@ class PathFollowing(Checked):
     )
     truncation_error: float = quantity(
         "m",
-        "chosen: if not above error_max, an episode is truncated this far from the path; by default none is",
+        "chosen: if not above error_max, an episode is truncated this far from the path; by default"
+        " none is",
         above=0.0,
         at_most=2.0 * MAX_HALF_WIDTH,
         default=2.0 * MAX_HALF_WIDTH,
@@ -191,7 +193,7 @@ class PathFollowing(Checked):
     reward: RewardWeights = quantity("1", "see RewardWeights", default=RewardWeights())
 
     def __post_init__(self) -> None:
-        """Check each field, and that starts are within the workspace; ``check_machine`` checks it against a machine."""
+        """Check each field, and that starts are within the workspace."""
         super().__post_init__()
         require_number(self, "start_offset", below=min(self.error_max, self.truncation_error))
 
@@ -209,15 +211,29 @@ def substeps(task: PathFollowing, machine: Machine) -> int:
         count <= MAX_SUBSTEPS,
         task,
         "control_period",
-        task.control_period,
         f"at most {MAX_SUBSTEPS} times as long as the machine's substep, {machine.substep:g} s",
     )
     return count
 
 
+def sensing_of(task: PathFollowing, machine: Machine) -> Sensing:
+    """Return a task's sensors, with the delay of a machine that has one, in whole control steps.
+
+    Raises
+    ------
+    ParameterError
+        If the delay is longer than a task allows.
+    """
+    if machine.delay == 0.0:
+        return task.sensing
+    steps, longest = round(machine.delay / task.control_period), MAX_DELAY * task.control_period
+    accepted = f"at most {longest:g} s, {MAX_DELAY} control steps"
+    require(steps <= MAX_DELAY, machine, "delay", accepted)
+    return replace(task.sensing, delay=steps)
+
+
 def held_machine(task: PathFollowing, machine: Machine) -> Machine:
-    """Return the machine with the task's hand attached at the tip, and substeps that fill a control
-    period.
+    """Return the machine with the task's hand at the tip, and substeps that fill a control period.
 
     Raises
     ------
@@ -228,13 +244,7 @@ def held_machine(task: PathFollowing, machine: Machine) -> Machine:
     impedance, substep = task.hand.impedance, task.control_period / substeps(task, machine)
     if impedance == NO_HAND:
         return machine if substep == machine.substep else replace(machine, substep=substep)
-    require(
-        machine.hand == NO_HAND,
-        machine,
-        "hand",
-        machine.hand,
-        "none, since the task's hand brings its own",
-    )
+    require(machine.hand == NO_HAND, machine, "hand", "none, since the task's hand brings its own")
     return replace(machine, hand=impedance, substep=substep)
 
 
@@ -247,24 +257,18 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
         If a point of the path or a start off it lies outside the arm's reach or too close to a
         singular pose, the path bends so much that its centre of curvature is within the workspace,
         a control period has too many substeps, a sine is too fast for the substep, the machine's
-        hand has a spring, which would need an intent, or the arm may become too fast for the
-        integrator (``pter_gym._physics.limits``).
+        hand has a spring, which would need an intent, its delay is too long, or the arm may become
+        too fast for the integrator (``pter_gym._physics.limits``).
     """
+    sensing_of(task, machine)
     substep = held_machine(task, machine).substep
     require(
         max(task.hand.frequencies, default=0.0) * substep <= 0.1,
         task,
         "hand.frequencies",
-        task.hand.frequencies,
         f"≤ {0.1 / substep:g} Hz, a tenth of the substep's rate",
     )
-    require(
-        machine.hand.stiffness == 0.0,
-        machine,
-        "hand.stiffness",
-        machine.hand.stiffness,
-        "0: this hand has no intent",
-    )
+    require(machine.hand.stiffness == 0.0, machine, "hand.stiffness", "0: this hand has no intent")
     check_motion(task, machine)
     arm = machine.arm
     widest = task.error_max + max(task.free_left, task.free_right)
@@ -286,18 +290,17 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
         condition(arm, h) <= MAX_CONDITION,
         machine,
         "arm",
-        machine.arm,
-        f"so far from singular that the mass matrix with the hand's mass and damping has a condition of at most "
-        f"{MAX_CONDITION:g}, not {condition(arm, h):.3g}",
+        "so far from singular that the mass matrix with the hand's mass and damping has a "
+        f"condition of at most {MAX_CONDITION:g}, not {condition(arm, h):.3g}",
     )
     force, most = strongest(task, machine), largest_force(arm, h, period)
     require(
         force <= most,
         task,
         "hand",
-        task.hand,
-        f"at most {most:.4g} N strong on this arm, not {force:.4g} N, for which the integrator could lose the motion "
-        "within a control step; a shorter substep or control_period allows more",
+        f"at most {most:.4g} N strong on this arm, not {force:.4g} N, for which the integrator "
+        "could lose the motion within a control step; a shorter substep or control_period allows "
+        "more",
     )
     if task.starts.moving > 0.0:
         fastest = (
@@ -315,21 +318,20 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
             <= largest_energy(arm, h, period, _force_within(task.starts.offset, task, machine)),
             task,
             "starts",
-            task.starts,
-            "at rest, or moving with a smaller pace or a larger singularity_margin: the integrator could lose the "
-            "motion; a shorter substep or control_period allows more",
+            "at rest, or moving with a smaller pace or a larger singularity_margin: the integrator "
+            "could lose the motion; a shorter substep or control_period allows more",
         )
 
 
 def strongest(task: PathFollowing, machine: Machine) -> float:
-    """Return an upper bound of the mean force on the tip [N] that a task's hand can exert in a control step."""
+    """Return a bound of the mean force of a task's hand on the tip in a control step [N]."""
     path_width = min(task.error_max, task.truncation_error) + max(task.free_left, task.free_right)
     reach = machine.arm.length_a + machine.arm.length_b
     return _force_within(min(2.0 * reach, task.path.length + path_width), task, machine)
 
 
 def _force_within(length: float, task: PathFollowing, machine: Machine) -> float:
-    """Return the bound for a control step that begins with the tip within a length [m] of the hand's intended point."""
+    """Return that bound with the tip within a length [m] of the hand's target at first."""
     held = held_machine(task, machine)
     hand = task.hand.model(task.pace, held.substep, (0, 0))
     recorded = np.abs(task.hand.sampled(task.control_period)).max(axis=0, initial=0.0)
@@ -358,16 +360,17 @@ def _check_path(
     bend = path.max_curvature
     if bend * error_max > MAX_CURVATURE_RATIO:
         raise ParameterError(
-            f"PathFollowing.error_max, with a free band, must be ≤ {MAX_CURVATURE_RATIO / bend:.4g} m, "
-            f"{MAX_CURVATURE_RATIO:g} of the smallest radius of {type(path).__name__}, got {error_max!r}"
+            "PathFollowing.error_max, with a free band, must be ≤ "
+            f"{MAX_CURVATURE_RATIO / bend:.4g} m, {MAX_CURVATURE_RATIO:g} of the smallest radius "
+            f"of {type(path).__name__}, got {error_max!r}"
         )
     points = path.arcs.extremes()
     outside = sin_elbow(length_a, length_b, points) <= margin
     if outside.any():
         x, y = points[outside.argmax()]
         raise ParameterError(
-            f"PathFollowing.path must be within reach with |sin(θA − θB)| > {margin:g}, but ({x:.4g}, {y:.4g}) m "
-            f"is not: {path!r:.400}"
+            f"PathFollowing.path must be within reach with |sin(θA − θB)| > {margin:g}, but "
+            f"({x:.4g}, {y:.4g}) m is not: {path!r:.400}"
         )
 
 
@@ -384,12 +387,13 @@ def _check_start(task: PathFollowing, arm: Arm) -> None:
         float(elbows.min()) > task.singularity_margin,
         task,
         "start_offset",
-        task.start_offset,
-        f"so small that all starts are within reach with |sin(θA − θB)| > {task.singularity_margin:g}",
+        "so small that all starts are within reach with |sin(θA − θB)| > "
+        f"{task.singularity_margin:g}",
     )
 
 
 def sin_elbow(length_a: float, length_b: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return |sin(θA − θB)| with the tip at points (K, 2) [m], or −1 where the arm cannot reach; shape (K,)."""
-    cos = ((points**2).sum(axis=1) - length_a**2 - length_b**2) / (2.0 * length_a * length_b)
+    """Return |sin(θA − θB)| with the tip at points (K, 2) [m], or −1 out of reach; (K,)."""
+    tip: Any = points.T
+    cos = elbow_cosine(length_a, length_b, *tip)
     return np.where(np.abs(cos) <= 1.0, np.sqrt(np.maximum(1.0 - cos * cos, 0.0)), -1.0)

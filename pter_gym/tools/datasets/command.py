@@ -11,29 +11,24 @@ from pter_gym._internal.terminal import progress_bar, say
 
 def record(
     scenario: tuple[ScenarioName, ...] = ("standard", "everything"),
-    level: tuple[Literal["expert", "medium", "replay", "random"], ...] = (
-        "expert",
-        "medium",
-        "replay",
-        "random",
-    ),
+    level: tuple[Literal["expert", "random"], ...] = ("expert", "random"),
     steps: int = 1_000_000,
     seed: int = 0,
     out: Path | None = None,
 ) -> None:
     """Write Minari data sets for offline learning.
 
-    Policies of several levels run on training draws of scenarios; the stored evaluation episodes
-    are never read. The data sets are called pter/SCENARIO/LEVEL-v0. The same command always writes
-    the same bytes.
+    A trained policy and random actions run on training draws of scenarios; the stored evaluation
+    episodes are never read. The data sets are called pter/SCENARIO/LEVEL-v0. The same command
+    always writes the same bytes.
 
     Example: pter record --scenario standard --level expert --steps 20000 --out data
 
     Args:
         scenario: Scenarios.
-        level: Levels of the policies.
+        level: What acts: a trained policy, or random actions.
         steps: Control steps of each data set; its last episode is completed.
-        seed: Seed of the draws, the resets and the noise, at least 0.
+        seed: Seed of the draws, the resets and the random actions, at least 0.
         out: Folder for the data sets; by default the one where Minari looks for them.
     """
     from pter_gym._internal.terminal import make_folder

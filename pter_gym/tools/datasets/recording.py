@@ -1,13 +1,11 @@
-"""Episodes of policies at several skill levels, in the registered environments.
+"""Episodes of an expert and of random actions, in the registered environments.
 
 They are recorded in many worlds at once, 8,700 to 13,800 control steps per second on one core,
 where Minari's own ``DataCollector``, which wraps a single environment, records 450 to 1,150.
 """
 
-import tomllib
 from collections.abc import Callable, Iterator
 from functools import cache
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -17,33 +15,30 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from pter_gym._internal.checks import whole_number
-from pter_gym.benchmark._load_policy import load_policy
+from pter_gym.benchmark.policies import load_policy
 from pter_gym.errors import unknown_name
-from pter_gym.policies import TrainedPolicy, read_policy
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN
+
+Act = Callable[[NDArray[np.float32]], NDArray[np.float32]]
+Begin = Callable[[NDArray[np.bool_]], None]
 
 LEVELS = MappingProxyType(
     {
         "expert": "a trained policy of the package, without noise",
-        "medium": "a policy that was trained for a part of the time, without noise",
-        "replay": "the stages of a training from its start on, each with the noise with which it explored",
         "random": "actions drawn evenly from the action space",
     }
 )
 """What acts in a data set, by level."""
 
 EXPERTS = MappingProxyType({"standard": "ppo-standard"})
-"""Experts by scenario, here one that sees one observation at a time and so can be cloned; elsewhere ``residual``."""
-
-STAGES = Path(__file__).parent / "stages"
-"""The training whose stages act: a policy for each, and ``stages.toml``, which describes them."""
+"""Experts by scenario, one without memory, which can be cloned; elsewhere ``residual``."""
 
 WORLDS = 128
 """Worlds that are simulated at once."""
 
 EPISODES_OF_A_SEED = 2**32
-"""Episode k of seed K is that of a reset with the seed K times this, plus k; so all levels have the same episodes."""
+"""Episode k of seed K is that of a reset with K times this plus k, whatever the level."""
 
 REFERENCE_EPISODES = 100
 """Episodes whose mean return is a reference score."""
@@ -68,62 +63,20 @@ class RecordedEpisode(NamedTuple):
     distance: float
 
 
-class Actor(NamedTuple):
-    """A trained policy with the noise of its exploration, or random actions without a policy.
-
-    The noise of normalised actions is n = ρ·n' + σ·ε with the ``persistence`` ρ, the ``deviation``
-    σ and a normal ε.
-    """
-
-    name: str
-    policy: TrainedPolicy | None = None
-    deviation: float = 0.0
-    persistence: float = 0.0
-
-    def bind(
-        self, envs: Any, seed: int
-    ) -> tuple[Callable[[Any], Any], Callable[[NDArray[np.bool_]], None]]:
-        """Return functions that act, from observations to actions of all worlds, and that begin episodes in some."""
-        if self.policy is None:
-            envs.action_space.seed(seed)
-            return lambda _: envs.action_space.sample(), lambda _: None
-        acting, rng, noise = (
-            load_policy(self.policy, envs),
-            np.random.default_rng(seed),
-            np.zeros(envs.action_space.shape),
-        )
-
-        def explore(obs: NDArray[np.float32]) -> NDArray[np.float32]:
-            noise[:] = self.persistence * noise + self.deviation * rng.standard_normal(noise.shape)
-            return np.clip(acting(obs) + noise, -1.0, 1.0).astype(np.float32)
-
-        return explore if self.deviation else acting, acting.reset
+def name_of_actor(scenario: str, level: str) -> str:
+    """Return the name of what acts in a data set, or raise a ParameterError."""
+    if level not in LEVELS:
+        raise unknown_name("level", level, LEVELS)
+    return EXPERTS.get(scenario, "residual") if level == "expert" else level
 
 
-def actors_of(scenario: str, level: str) -> list[Actor]:
-    """Return the actors of a data set, each for the same share of its control steps.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such level.
-    """
-    table = tomllib.loads((STAGES / "stages.toml").read_text("utf-8"))
-    stages = {each["name"]: read_policy(STAGES / each["name"]) for each in table["stages"]}
-    if level == "random":
-        return [Actor("random")]
-    if level == "expert":
-        name = EXPERTS.get(scenario, "residual")
-        return [Actor(name, read_policy(name))]
-    if level == "medium":
-        name = table["medium"].get(scenario, table["medium"]["others"])
-        return [Actor(name, stages[name])]
-    if level == "replay":
-        return [
-            Actor(each["name"], stages[each["name"]], each["deviation"], table["persistence"])
-            for each in table["stages"]
-        ]
-    raise unknown_name("level", level, LEVELS)
+def acting_in(envs: Any, name: str, seed: int) -> tuple[Act, Begin]:
+    """Return what acts in environments by its name, and what begins episodes in some of them."""
+    if name == "random":
+        envs.action_space.seed(seed)
+        return lambda _: envs.action_space.sample(), lambda _: None
+    policy = load_policy(name, envs)
+    return policy, policy.reset
 
 
 def environment_of(scenario: str, seed: int = 0) -> tuple[str, dict[str, Any]]:
@@ -146,10 +99,9 @@ def record_episodes(
     scenario, level
         Names, of ``SCENARIOS`` and ``LEVELS``.
     steps
-        Control steps, at least 1. Each actor of the level has an even share, and completes its last
-        episode.
+        Control steps, at least 1; the last episode is completed.
     seed
-        Seed of draws, resets and noise, at least 0 and below 2³².
+        Seed of draws, resets and random actions, at least 0 and below 2³².
     on_steps
         Called with the number of control steps of each completed episode.
 
@@ -158,30 +110,25 @@ def record_episodes(
     ParameterError
         If a name is unknown, or a number is out of range.
     """
-    steps, seed = whole_number("steps", steps), whole_number("seed", seed, at_least=0)
-    actors = actors_of(scenario, level)
-    found: list[RecordedEpisode] = []
-    for place, actor in enumerate(actors):
-        episodes = _episodes(scenario, actor, seed, len(found), seed * len(actors) + place)
-        share = steps * (place + 1) // len(actors) - steps * place // len(actors)
-        while share > 0:
-            found.append(next(episodes))
-            share -= len(found[-1].rewards)
-            on_steps(len(found[-1].rewards))
-    return found
+    left, seed = whole_number("steps", steps), whole_number("seed", seed, at_least=0)
+    episodes = _episodes(scenario, name_of_actor(scenario, level), seed)
+    recorded: list[RecordedEpisode] = []
+    while left > 0:
+        recorded.append(next(episodes))
+        left -= len(recorded[-1].rewards)
+        on_steps(len(recorded[-1].rewards))
+    return recorded
 
 
-def _episodes(
-    scenario: str, actor: Actor, seed: int, first: int, noise_seed: int
-) -> Iterator[RecordedEpisode]:
-    """Yield the episodes of a seed in their order from the first on, without end.
+def _episodes(scenario: str, actor: str, seed: int) -> Iterator[RecordedEpisode]:
+    """Yield the episodes of a seed in their order, without end.
 
     A world begins the next episode as soon as its own has ended.
     """
     name, arguments = environment_of(scenario, seed)
     envs: Any = gymnasium.make_vec(name, WORLDS, autoreset_mode=AutoresetMode.DISABLED, **arguments)
-    act, begin = actor.bind(envs, noise_seed)
-    following = seed * EPISODES_OF_A_SEED + first
+    act, begin = acting_in(envs, actor, seed)
+    following = seed * EPISODES_OF_A_SEED
     seeds: list[int] = list(range(following, following + WORLDS))
     rows: list[list[Any]] = [[] for _ in seeds]
     ended: dict[int, RecordedEpisode] = {}
@@ -196,13 +143,13 @@ def _episodes(
         if not over.any():
             continue
         for world in np.flatnonzero(over).tolist():
-            seen, *columns, distances = (
+            observed, *columns, distances = (
                 np.array(column) for column in zip(*rows[world], strict=True)
             )
-            seen = np.concatenate([seen, after[world : world + 1]])
+            observed = np.concatenate([observed, after[world : world + 1]])
             arrived, distance = bool(infos["is_success"][world]), float(distances.mean())
             ended[seeds[world]] = RecordedEpisode(
-                seeds[world], seen, *columns, arrived=arrived, distance=distance
+                seeds[world], observed, *columns, arrived=arrived, distance=distance
             )
             seeds[world], rows[world] = max(seeds) + 1, []
         begun = [
@@ -217,10 +164,10 @@ def _episodes(
 
 @cache
 def reference_score(scenario: str, level: str, seed: int = 0) -> float:
-    """Return the mean return of the first actor of a level in ``REFERENCE_EPISODES``, which begin at rest."""
+    """Return the mean return of a level in ``REFERENCE_EPISODES``, which begin at rest."""
     name, arguments = environment_of(scenario, seed)
     envs: Any = gymnasium.make_vec(name, REFERENCE_EPISODES, **arguments, starts="rest")
-    act, _ = actors_of(scenario, level)[0].bind(envs, seed)
+    act, _ = acting_in(envs, name_of_actor(scenario, level), seed)
     obs, _ = envs.reset(seed=seed)
     total, is_first = 0.0, np.ones(REFERENCE_EPISODES, np.bool_)
     while is_first.any():

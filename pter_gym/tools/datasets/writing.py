@@ -10,14 +10,14 @@ import gymnasium
 
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym._version import __version__
-from pter_gym.benchmark.intervals import mean_interval, rate_interval
+from pter_gym.benchmark.intervals import mean_interval
 from pter_gym.errors import StorageError, needs_extra
 from pter_gym.tools.datasets.recording import (
     LEVELS,
     REFERENCE_EPISODES,
     RecordedEpisode,
-    actors_of,
     environment_of,
+    name_of_actor,
     reference_score,
 )
 
@@ -40,8 +40,7 @@ def write_dataset(
     seed: int,
     command: str,
 ) -> Path:
-    """Write the data set ``pter/SCENARIO/LEVEL-v0``, replacing an earlier one, and return its
-    folder.
+    """Write the data set ``pter/SCENARIO/LEVEL-v0`` in place of an earlier one; return its folder.
 
     Parameters
     ----------
@@ -76,7 +75,7 @@ def write_dataset(
         "dataset_id": ident,
         "minari_version": minari.__version__,
         "eval_env_spec": judged.spec.to_json(),  # type: ignore[union-attr]
-        "algorithm_name": ", ".join(actor.name for actor in actors_of(scenario, level)),
+        "algorithm_name": name_of_actor(scenario, level),
         "author": {"pter_gym contributors"},
         "description": f"{LEVELS[level]}; {command}",
         "requirements": [f"pter-gym=={__version__}"],
@@ -117,6 +116,6 @@ def summary_of(episodes: Sequence[RecordedEpisode]) -> dict[str, Any]:
         "steps": sum(len(episode.rewards) for episode in episodes),
         "episodes": len(episodes),
         "mean_return": list(mean_interval([float(episode.rewards.sum()) for episode in episodes])),
-        "arrived": list(rate_interval([float(episode.arrived) for episode in episodes])),
+        "arrived": list(mean_interval([float(episode.arrived) for episode in episodes])),
         "distance_m": list(mean_interval([episode.distance for episode in episodes])),
     }

@@ -1,8 +1,6 @@
-"""What a controller does before its law acts: angles from encoders, and the observation from
-readings and a path.
+"""What a controller computes before its law acts: angles, and the observation of a path.
 
-With the sine, cosine and arctangent that these need. All of it is Python that is translated to C
-with the laws.
+This Python is translated to C with the laws; so are the sine, cosine and arctangent that it needs.
 """
 
 import math
@@ -11,15 +9,20 @@ from typing import Any, NamedTuple
 from pter_gym._compiled.compiler import device
 from pter_gym._compiled.records import entrywise, write
 from pter_gym._engine.step import clipped
-from pter_gym._engine.world import Reading
-from pter_gym._physics.arm import Linkage, Motion, tip_position, tip_velocity
+from pter_gym._physics.arm import Linkage
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.scalars import clamp
-from pter_gym.hands._model import unit_vector
 from pter_gym.paths._arcs import SEGMENT
-from pter_gym.paths._projection import SEGMENT_WIDTH, project
-from pter_gym.tasks.path_following._observation import BOUND, OBS, Observation, observation
-from pter_gym.tasks.path_following._rules import NO_BAND, path_state
+from pter_gym.paths._projection import SEGMENT_WIDTH
+from pter_gym.tasks.path_following._observation import (
+    BOUND,
+    OBS,
+    Observation,
+    Reading,
+    measurement_of,
+    observation,
+)
+from pter_gym.tasks.path_following._rules import NO_BAND
 
 HALF_PI, HALF_PI_REST = 1.5703125, 0.00048382679489661923
 """π/2 in two parts, the first of 8 bits, so small multiples of it are exact."""
@@ -43,7 +46,7 @@ def encoder(count: int, before: int, resolution: float, zero: float, period: flo
 
 @device
 def series(x: float, first: float, start: int) -> float:
-    """Return the series of sine (first = x, start = 1) or cosine (first = 1, start = 0) for |x| ≤ π/4."""
+    """Return the sine (first = x, start = 1) or cosine (first = 1, start = 0) for |x| ≤ π/4."""
     found = first
     term = first
     for k in range(start + 1, start + 18, 2):
@@ -53,26 +56,30 @@ def series(x: float, first: float, start: int) -> float:
 
 
 @device
-def sine(angle: float) -> float:
-    """Return the sine of an angle [rad] of at most a few hundred turns."""
+def sine_ahead(angle: float, quarters: int) -> float:
+    """Return the sine of an angle [rad] of at most a few hundred turns, so many quarters ahead."""
     k = int(angle / (HALF_PI + HALF_PI_REST) + (0.5 if angle >= 0.0 else -0.5))
     x = angle - k * HALF_PI - k * HALF_PI_REST
-    size = series(x, 1.0, 0) if k % 2 != 0 else series(x, x, 1)
-    return size if ((k % 4) + 4) % 4 < 2 else -size
+    turn = ((k + quarters) % 4 + 4) % 4  # in C the remainder of a negative number is negative
+    size = series(x, 1.0, 0) if turn % 2 != 0 else series(x, x, 1)
+    return size if turn < 2 else -size
+
+
+@device
+def sine(angle: float) -> float:
+    """Return the sine of an angle [rad]."""
+    return sine_ahead(angle, 0)
 
 
 @device
 def cosine(angle: float) -> float:
-    """Return the cosine of an angle [rad] of at most a few hundred turns."""
-    k = int(angle / (HALF_PI + HALF_PI_REST) + (0.5 if angle >= 0.0 else -0.5))
-    x = angle - k * HALF_PI - k * HALF_PI_REST
-    size = series(x, x, 1) if k % 2 != 0 else series(x, 1.0, 0)
-    return size if ((k % 4) + 5) % 4 < 2 else -size
+    """Return the cosine of an angle [rad]."""
+    return sine_ahead(angle, 1)
 
 
 @device
 def arctangent(y: float, x: float) -> float:
-    """Return the angle of (x, y) [rad], by halving it three times before the series; 0 for (0, 0)."""
+    """Return the angle of (x, y) [rad], halved three times before the series; 0 for (0, 0)."""
     turned = 0.0
     if x < 0.0:
         turned = (
@@ -109,32 +116,17 @@ def observe(
     inverse_scale: Observation,
     out: Any,
 ) -> int:
-    """Write the observation that readings, the last voltages and a path give; return the arc that
-    the tip is on.
+    """Write the observation of a reading on a path, and return the arc that the tip is on.
 
-    As the simulator does with sensors that are not ideal, for a path without a free band.
+    It is that of the simulator with sensors that are not ideal, for a path without a free band.
     ``segment`` is the arc that the tip was on before.
     """
-    a, b = unit_vector(reading.theta.a), unit_vector(reading.theta.b)
-    q = Motion(
-        reading.theta.a,
-        reading.theta.b,
-        reading.omega.a,
-        reading.omega.b,
-        a.cos,
-        a.sin,
-        b.cos,
-        b.sin,
-    )
-    x, y = tip_position(arm, q)
-    v_x, v_y = tip_velocity(arm, q)
-    foot = project(arcs, 0, count, segment, x, y)
+    measured = measurement_of(reading, arm, arcs, 0, count, segment)
     last = (count - 1) * SEGMENT_WIDTH
     length = arcs[last + SEGMENT.start] + arcs[last + SEGMENT.length]
-    at = path_state(foot, v_x, v_y, NO_BAND)
-    seen = observation(q, at, length, pace, volts, reading.torque, reading.force)
+    seen = observation(measured, arm, NO_BAND, length, pace, volts)
     write(out, OBS, scaled(seen, inverse_scale))
-    return int(foot.segment)
+    return int(measured.foot.segment)
 
 
 @device

@@ -1,5 +1,4 @@
-"""A trained policy as an ONNX graph, for runtimes of neural networks; what it remembers, its caller
-keeps.
+"""A trained policy as an ONNX graph, for runtimes of neural networks; its caller keeps its memory.
 
 The graph computes in float64, as the policy's own law does: float32 would differ from it by more
 than a millionth of the largest voltage.
@@ -13,8 +12,9 @@ from numpy.typing import NDArray
 
 from pter_gym import __version__
 from pter_gym._internal.files import FilePath, check_target, find_path, write_bytes_atomic
-from pter_gym.benchmark.simulation import AnyPolicy, sensors_of
+from pter_gym.controllers import AnyPolicy
 from pter_gym.controllers._network import BASE_INPUTS, DERIVED, INPUT_LIMIT
+from pter_gym.controllers._policy import sensors_of
 from pter_gym.errors import ParameterError, needs_extra
 from pter_gym.params import Machine, find_machine
 from pter_gym.policies import TrainedPolicy
@@ -112,7 +112,7 @@ class Graph:
 
         return self.node("Cast", name, out=out, to=getattr(TensorProto, kind))
 
-    def given(self, name: str) -> str:
+    def entry(self, name: str) -> str:
         """Return an input of the model as float64."""
         if name not in self.inputs:
             self.inputs[name] = self.cast(name, "DOUBLE")
@@ -124,43 +124,37 @@ class Graph:
 
 
 def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
-    """Return the ONNX model of a trained policy, which is bound to the machine to check that it fits."""
+    """Return the ONNX model of a trained policy, after a check that it fits the machine."""
     from onnx import TensorProto, helper
 
     layout, interface = observation_layout(machine, sensors_of(policy)), policy.interface
     policy.bind(machine, layout)
     graph, count = Graph(), len(interface.inputs)
     scales = dict(zip(layout.names, layout.scales, strict=True))
-    columns = [quantity(graph, each.name, scales) for each in interface.inputs]
-    centered = graph.node(
-        "Sub",
-        graph.node("Concat", *columns, axis=1),
-        graph.constant([x.center for x in interface.inputs]),
-    )
-    seen = graph.node("Div", centered, graph.constant([x.scale for x in interface.inputs]))
-    x = graph.limited(seen, -INPUT_LIMIT, INPUT_LIMIT)
+    columns = [input_of(graph, each.name, scales) for each in interface.inputs]
+    x = graph.node("Concat", *columns, axis=1)
+    x = graph.node("Sub", x, graph.constant([each.center for each in interface.inputs]))
+    x = graph.node("Div", x, graph.constant([each.scale for each in interface.inputs]))
+    x = graph.limited(x, -INPUT_LIMIT, INPUT_LIMIT)
     earlier = interface.size - count
     if earlier:
         graph.cast(x, "FLOAT", out="inputs")
-        x = graph.node("Concat", x, graph.given("earlier"), axis=1)
+        x = graph.node("Concat", x, graph.entry("earlier"), axis=1)
     for layer, (weight, bias) in enumerate(policy.layers):
-        names = (
-            graph.weights(weight, f"layer_{layer}.weight"),
-            graph.weights(bias, f"layer_{layer}.bias"),
-        )
-        x = graph.node("Gemm", x, *names, transB=1)
+        weights = graph.weights(weight, f"layer_{layer}.weight")
+        x = graph.node("Gemm", x, weights, graph.weights(bias, f"layer_{layer}.bias"), transB=1)
         x = graph.node("Tanh", x) if layer < len(policy.layers) - 1 else x
     graph.cast(voltages(graph, graph.limited(x, -1.0, 1.0), policy), "FLOAT", out="volts")
     sizes = {each: earlier if each == "earlier" else 1 for each in graph.inputs}
     outputs = {"volts": len(interface.clutches)} | ({"inputs": count} if earlier else {})
-    given, made = (
+    ends, starts = (
         [
-            helper.make_tensor_value_info(each, TensorProto.FLOAT, ["N", size])
-            for each, size in sides.items()
+            helper.make_tensor_value_info(tensor, TensorProto.FLOAT, ["N", size])
+            for tensor, size in side.items()
         ]
-        for sides in (sizes, outputs)
+        for side in (outputs, sizes)
     )
-    whole = helper.make_graph(graph.nodes, name, given, made, graph.constants)
+    whole = helper.make_graph(graph.nodes, name, starts, ends, graph.constants)
     return helper.make_model(
         whole,
         opset_imports=[helper.make_opsetid("", OPSET)],
@@ -170,16 +164,14 @@ def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
     )
 
 
-def quantity(graph: Graph, name: str, scales: dict[str, float]) -> str:
-    """Return the tensor of a quantity that the network sees, in its unit."""
+def input_of(graph: Graph, name: str, scales: dict[str, float]) -> str:
+    """Return the tensor of an input of the network, in its unit."""
     if name in BASE_INPUTS:
-        return graph.given(name)
+        return graph.entry(name)
     if name not in DERIVED:
-        entry = graph.given(name)
-        return (
-            entry if scales[name] == 1.0 else graph.node("Mul", entry, graph.constant(scales[name]))
-        )
-    cos, sin, cos_a, sin_a, cos_b, sin_b = map(graph.given, OF_HEADING)
+        entry, scale = graph.entry(name), scales[name]
+        return entry if scale == 1.0 else graph.node("Mul", entry, graph.constant(scale))
+    cos, sin, cos_a, sin_a, cos_b, sin_b = map(graph.entry, OF_HEADING)
     of_a = name.startswith("heading_a")
     cos_link, sin_link = (cos_a, sin_a) if of_a else (cos_b, sin_b)
     pairs, sign = (
@@ -191,7 +183,7 @@ def quantity(graph: Graph, name: str, scales: dict[str, float]) -> str:
 
 
 def voltages(graph: Graph, output: str, policy: TrainedPolicy) -> str:
-    """Return the tensor of the voltages [V] of limited outputs; see ``pter_gym.policies.Interface``."""
+    """Return the voltages [V] of limited outputs; see ``pter_gym.policies.Interface``."""
     interface = policy.interface
     top = interface.voltage_max
     if interface.normalised:
@@ -203,7 +195,7 @@ def voltages(graph: Graph, output: str, policy: TrainedPolicy) -> str:
         base = graph.constant(top / 2.0)
     else:
         base = graph.node(
-            "Concat", *map(graph.given, BASE_INPUTS[: len(interface.clutches)]), axis=1
+            "Concat", *map(graph.entry, BASE_INPUTS[: len(interface.clutches)]), axis=1
         )
     corrected = graph.node("Add", base, graph.node("Mul", output, graph.constant(interface.reach)))
     return graph.limited(corrected, 0.0, top)

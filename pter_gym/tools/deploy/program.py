@@ -1,34 +1,32 @@
-"""A policy as a program in C: ``pter.h``, ``pter.c``, and ``main.c``, which turns lines of observations into volts."""
+"""A policy as a program in C: ``pter.h``, ``pter.c`` and ``main.c``, a filter for observations."""
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from string import Template
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import layout_of, read
-from pter_gym._engine.world import Reading
 from pter_gym._internal.files import FilePath, find_path, write_files_atomic
 from pter_gym._internal.terminal import make_folder
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.model import model_of
-from pter_gym.benchmark.simulation import AnyPolicy, sensors_of
-from pter_gym.controllers import Policy, bind
-from pter_gym.controllers._gains import NOMINAL, TABLE, WIDTH
-from pter_gym.controllers._laws import IMPEDANCE
-from pter_gym.controllers._network import HEADER, HEADER_WIDTH, NETWORK
+from pter_gym.controllers import AnyPolicy, Policy, bind
+from pter_gym.controllers._gains import IMPEDANCE, NETWORK, NOMINAL, TABLE, WIDTH
+from pter_gym.controllers._network import HEADER, HEADER_WIDTH
+from pter_gym.controllers._policy import sensors_of
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
 from pter_gym.paths import Path as Curve
 from pter_gym.paths import find_path as find_curve
 from pter_gym.policies import TrainedPolicy
 from pter_gym.tasks.path_following import PathFollowing, observation_layout
-from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Observation
+from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Observation, Reading
 from pter_gym.tools.deploy.functions import arctangent, command, cosine, encoder, observe, sine
 from pter_gym.tools.deploy.translating import Program
 from pter_gym.tools.deploy.values import Array, ConstantTable, Expression, Region
@@ -36,10 +34,10 @@ from pter_gym.tools.deploy.values import Array, ConstantTable, Expression, Regio
 STATIC = Path(__file__).parent / "static"
 
 Numbers = Literal["double", "float"]
-"""Type of the arithmetic: float64, which has Python's bits, or float32, which small processors have in hardware."""
+"""Type of the arithmetic: float64 with Python's bits, or float32, as small processors have it."""
 
 Weights = Literal["float", "int8"]
-"""Type of a network's stored weights: float32, as in its file, or whole numbers of 8 bits with a step per layer."""
+"""Type of stored weights: float32, as in a policy's file, or 8 bits with a step per layer."""
 
 ELEMENTARY = {math.sin: sine, math.cos: cosine, math.atan2: arctangent}
 
@@ -110,11 +108,10 @@ def source_of(
         If the policy is no compiled law or cannot be translated, or another argument is not as
         stated.
     """
-    for field, given, accepted in (("numbers", numbers, Numbers), ("weights", weights, Weights)):
-        if given not in accepted.__args__:
-            raise ParameterError(
-                f"{field} must be one of {', '.join(accepted.__args__)}, got {given!r}"
-            )
+    for field, kind, accepted in (("numbers", numbers, Numbers), ("weights", weights, Weights)):
+        if kind not in get_args(accepted):
+            accepted_names = ", ".join(get_args(accepted))
+            raise ParameterError(f"{field} must be one of {accepted_names}, got {kind!r}")
     machine, curve = find_machine(machine), find_curve(path)
     steps: tuple[float, ...] = ()
     if weights == "int8":
@@ -125,19 +122,20 @@ def source_of(
         policy, steps = rounded(policy)
     layout = observation_layout(machine, sensors_of(policy))
     bound = bind(policy, machine, layout)
-    if not isinstance(bound, Policy):
+    law = bound.law
+    if law is None:
         raise ParameterError(
             f"policies must be laws or trained policies to become C, {name!r} is Python code"
         )
     top = machine.clutch.voltage_max
     program = Program(ELEMENTARY, single=numbers == "float")
-    gains = ConstantTable(bound.gains, tuple(regions(bound.gains, steps)))
+    gains = ConstantTable(law.gains, tuple(regions(law.gains, steps)))
     scales = ConstantTable(layout.scales, (Region("observation_scales", 0, len(layout)),))
     obs, memory = (
         Array("float", "observation", "real" if program.single else "single"),
         Array("real", "memory", const=False),
     )
-    program.call(command, bound.law, obs, scales, gains, memory, top, whole=True)
+    program.call(command, law.function, obs, scales, gains, memory, top, whole=True)
     prepare(program, machine)
     named = {
         "title": f"The policy {name} for the passive arm PTER.",
@@ -145,7 +143,7 @@ def source_of(
         "period": repr(PathFollowing.control_period),
         "top": repr(top),
         "hold": bound.frame_skip,
-        "memory": bound.empty_memory(1).shape[1],
+        "memory": bound.start(1).shape[1],
         "entries": len(layout),
         "most": ENTRIES,
         "arcs": len(curve.arcs.table),
@@ -173,11 +171,10 @@ def prepare(program: Program, machine: Machine) -> None:
 
 
 def regions(gains: Any, steps: tuple[float, ...]) -> Iterator[Region]:
-    """Yield the parts of a law's gains that a program looks up; ``steps`` are those of layers in 8 bits."""
+    """Yield the parts of a law's gains that a program indexes; ``steps`` are those of layers."""
     if gains[0] != NETWORK:
-        yield from (
-            guiding_regions(gains, 0) if gains[0] >= IMPEDANCE else [Region("gains", 0, len(gains))]
-        )
+        guides = gains[0] >= IMPEDANCE
+        yield from guiding_regions(gains, 0) if guides else [Region("gains", 0, len(gains))]
         return
     base, inputs, layers = (int(gains[at]) for at in (HEADER.base, HEADER.inputs, HEADER.layers))
     if base:
@@ -197,17 +194,13 @@ def regions(gains: Any, steps: tuple[float, ...]) -> Iterator[Region]:
     for layer in range(layers):
         biases, end = at + int(sizes[layer + 1]), at + int(sizes[layer + 1] * (1 + sizes[layer]))
         yield Region(f"biases_{layer}", at, biases, "float")
-        yield Region(
-            f"weights_{layer}",
-            biases,
-            end,
-            *(("signed char", steps[layer]) if steps else ("float", None)),
-        )
+        stored = ("signed char", steps[layer]) if steps else ("float", None)
+        yield Region(f"weights_{layer}", biases, end, *stored)
         at = end
 
 
 def guiding_regions(gains: Any, first: int) -> Iterator[Region]:
-    """Yield the parts of a guiding law's gains, which begin at ``first``: its torque table, and rows by pace."""
+    """Yield the parts of a guiding law's gains from ``first``: torque table, rows by pace."""
     knots = int(gains[NOMINAL.knots])
     paces = TABLE + 2 * knots
     count = (len(gains) - paces) // (WIDTH + 1)
@@ -219,7 +212,7 @@ def guiding_regions(gains: Any, first: int) -> Iterator[Region]:
 
 
 def rounded(policy: TrainedPolicy) -> tuple[TrainedPolicy, tuple[float, ...]]:
-    """Return a policy whose weights are multiples of a step for each layer, of 8 bits, and the steps."""
+    """Return a policy with weights of 8 bits, and the step of each layer."""
     steps = tuple(step_of(weight) for weight, _ in policy.layers)
     layers = tuple(
         (np.float32(np.round(weight / np.float64(step)) * step), bias)
@@ -236,15 +229,13 @@ def step_of(weight: NDArray[np.float32]) -> float:
 
 def described(layout: Layout) -> Iterator[str]:
     """Yield a line for each entry of an observation."""
-    for place, each in enumerate(layout.fields):
-        yield f"     {place:2} {each.name:14} {each.scale:5g} {each.unit:6} {each.meaning}"
+    for place, entry in enumerate(layout.fields):
+        yield f"     {place:2} {entry.name:14} {entry.scale:5g} {entry.unit:6} {entry.meaning}"
 
 
 def path_table(curve: Curve, program: Program) -> str:
     """Return the arcs of a path in C."""
-    rows = (
-        ", ".join(program.literal(value, "real") for value in row)
-        for row in curve.arcs.table.tolist()
-    )
+    table = curve.arcs.table.tolist()
+    rows = (", ".join(program.literal(value, "real") for value in row) for row in table)
     body = ",\n    ".join(rows)
     return f"const real pter_path_arcs[PTER_ARCS * 7] = {{\n    {body}\n}};"

@@ -1,12 +1,11 @@
-"""From compiled Python functions to readable C99: the device functions of laws, networks and paths,
-not a copy of them.
+"""From compiled Python functions to readable C99: device functions of laws, networks and paths.
 
 These are written in a small part of Python: numbers, named tuples, arrays that they get, ``for``
 over a range. ``Program.call`` follows one from its syntax tree. What is known, such as gains, sizes
 and places of entries, is computed at once. The rest becomes C: a C function for each Python
 function and each set of known arguments, with the same names and the same operations in the same
-order, so it has the bits of compiled Python. (LLVM code by numba can be turned into C as well, but
-nobody can read that, and its numbers are float64 alone.) Anything else is refused.
+order, so it has the bits of compiled Python. (C from numba's LLVM code would be unreadable, and
+float64 alone.) Anything else is refused.
 """
 
 import ast
@@ -53,7 +52,7 @@ UNROLLED = 8
 """Most turns of a loop that is written out."""
 
 TOLERANCE, SINGLE_FACTOR = 1e-9, 2.0**29
-"""A smaller constant in a function is a tolerance for rounding, which is so many times as large in float32."""
+"""Smaller constants are tolerances for rounding, so many times as large in float32."""
 
 OPERATORS: dict[type[ast.AST], tuple[str, int, Callable[[Any, Any], Any]]] = {
     ast.Add: ("+", SUM, operator.add),
@@ -110,7 +109,7 @@ TAKEN = {
 
 @dataclass
 class Translated:
-    """A function of C: ``returns`` is the kind of its value, or None if that is known as ``value`` or there is none."""
+    """A function of C: ``returns`` is the kind of its value, or None if that is the ``value``."""
 
     name: str
     value: Any = None
@@ -140,8 +139,7 @@ class Program:
         self.functions: dict[Any, Translated] = {}
 
     def call(self, function: Any, *arguments: Any, whole: bool = False) -> tuple[Any, str, bool]:
-        """Return the value of a Python function, a statement that calls it if the value does not,
-        and if it writes.
+        """Return a function's value, a statement that calls it if the value does not, if it writes.
 
         What is known is computed at once; for the rest, the function is translated. Arguments that
         it does not read are left out, unless the file calls it with the ``whole`` of them.
@@ -149,11 +147,11 @@ class Program:
         python = getattr(function, "py_func", function)
         if all(is_known(each) for each in arguments):
             return python(*arguments), "", False
-        given = inspect.signature(python).bind(*arguments)
-        given.apply_defaults()
+        by_name = inspect.signature(python).bind(*arguments)
+        by_name.apply_defaults()
         known: dict[str, Any] = {}
         passed: dict[str, Any] = {}
-        for name, value in given.arguments.items():
+        for name, value in by_name.arguments.items():
             varies = is_number(value) or not (is_known(value) or isinstance(value, ConstantTable))
             (passed if varies else known)[name] = value
         key = (
@@ -195,7 +193,8 @@ class Program:
         """Return a number, or a record or tuple of any values, as C."""
         if not isinstance(kind, str):
             parts = zip(value, fields_of(kind), strict=True)
-            return f"({self.declared(kind)}){{{', '.join(self.text(each, inner) for each, (_, inner) in parts)}}}"
+            texts = ", ".join(self.text(part, inner) for part, (_, inner) in parts)
+            return f"({self.declared(kind)}){{{texts}}}"
         if kind in ("int", "bool"):
             return str(int(value))
         if math.isnan(value):
@@ -207,7 +206,7 @@ class Program:
         return text if np.isfinite(number) else "INFINITE" if number > 0 else "-INFINITE"
 
     def text(self, value: Any, kind: Any = None, level: int = 0) -> str:
-        """Return any value as C that binds at least as tightly as ``level``, a known one as a ``kind``."""
+        """Return a value, a known one as a ``kind``, as C that binds as tightly as ``level``."""
         if isinstance(value, Expression):
             return bound(value, level)
         text = self.literal(value, kind_of(value) if kind is None else kind)
@@ -327,19 +326,17 @@ class _Body:
             return
         words = self._prune()
         made.reads = [name for name in self.parameters if whole or next(numbered(name)) in words]
-        given = [
+        parameters = [
             *(self.parameters[name] for name in made.reads),
             *(f"int {name}_count" for name in made.counted),
         ]
-        head = (
-            f"static {self.program.declared(made.returns) if made.returns else 'void'} {made.name}"
-        )
-        told = textwrap.fill(
-            (inspect.getdoc(self.function) or "").partition("\n")[0], 116, subsequent_indent="   "
-        )
-        arguments = textwrap.fill(", ".join(given) or "void", 112, subsequent_indent="    ")
+        returns = self.program.declared(made.returns) if made.returns else "void"
+        head = f"static {returns} {made.name}"
+        summary = (inspect.getdoc(self.function) or "").partition("\n")[0]
+        comment = textwrap.fill(summary, 116, subsequent_indent="   ")
+        arguments = textwrap.fill(", ".join(parameters) or "void", 112, subsequent_indent="    ")
         lines = "\n".join(line.text for line in self.lines)
-        made.text = f"/* {told} */\n{head}({arguments})\n{{\n{lines}\n}}"
+        made.text = f"/* {comment} */\n{head}({arguments})\n{{\n{lines}\n}}"
 
     def _prune(self) -> list[str]:
         """Leave out variables that nothing reads, and return the words of what is left."""
@@ -419,7 +416,7 @@ class _Body:
         self._emit(f"return {self.program.text(value, made.returns)};")
 
     def _check(self, kind: Any, wanted: Any, what: str) -> None:
-        """Refuse a value that C would convert to one of another kind; all numbers may become real ones."""
+        """Refuse a value that C would convert to another kind, except numbers to real ones."""
         if kind != wanted and not (wanted == "real" and isinstance(kind, str)):
             raise self._refuse(what)
 
@@ -451,7 +448,7 @@ class _Body:
         self._emit(f"{self._entry(array, at)} = {self.program.text(value, 'real')};")
 
     def _changes(self, value: Any, targets: list[ast.expr]) -> bool:
-        """Return whether a value might be read after one of several targets has been assigned to."""
+        """Return whether a value might be read after one of several targets is assigned."""
         text = value.text if isinstance(value, Expression) else ""
         words = set(re.findall(r"(?<!\.)\b[A-Za-z_]\w*", text))
         names = (
@@ -533,8 +530,8 @@ class _Body:
         self._emit("}")
         return ended and bool(node.orelse)
 
-    def _loop(self, name: str, given: list[Any], node: ast.For) -> None:
-        start, stop, step = (0, *given, 1) if len(given) == 1 else (*given, 1)[:3]
+    def _loop(self, name: str, arguments: list[Any], node: ast.For) -> None:
+        start, stop, step = (0, *arguments, 1) if len(arguments) == 1 else (*arguments, 1)[:3]
         turns = range(start, stop, step) if is_known((start, stop, step)) else None
         breaks = any(isinstance(each, ast.Break) for each in ast.walk(node))
         if turns is not None and len(turns) <= UNROLLED and not breaks:
@@ -578,10 +575,10 @@ class _Body:
             ):
                 return self._operation(op, self._value(left), self._value(right))
             case ast.BoolOp(op=op, values=[first, *others]):
-                found = self._value(first)
+                result = self._value(first)
                 for each in others:
-                    found = self._operation(op, found, self._value(each))
-                return found
+                    result = self._operation(op, result, self._value(each))
+                return result
             case ast.IfExp(test=test, body=body, orelse=orelse):
                 condition = self._value(test)
                 if is_known(condition):
@@ -676,7 +673,8 @@ class _Body:
         return Expression(kind, f"{bound(condition, OR)} ? {' : '.join(texts)}", CHOICE)
 
     def _entry(self, array: Array, at: Any) -> str:
-        return f"{array.base}[{self.program.text(self._operation(ast.Add(), array.offset, at), 'int')}]"
+        place = self._operation(ast.Add(), array.offset, at)
+        return f"{array.base}[{self.program.text(place, 'int')}]"
 
     def _indexed(self, owner: Any, at: Any) -> Any:
         """Return an entry of an array, a table, a record or a tuple."""
@@ -687,10 +685,10 @@ class _Body:
         parts = self._entries(owner)
         if is_known(at):
             return parts[at]
-        found = parts[-1]
+        result = parts[-1]
         for k in range(len(parts) - 2, -1, -1):
-            found = self._choice(self._operation(ast.Eq(), at, k), parts[k], found)
-        return found
+            result = self._choice(self._operation(ast.Eq(), at, k), parts[k], result)
+        return result
 
     def _entries(self, owner: Any) -> tuple[Any, ...]:
         if not isinstance(owner, Expression):
@@ -746,10 +744,10 @@ class _Body:
             as_it_is = kind_of(first) == kind or (function is float and kind_of(first) == "single")
             cast = PLAIN[function] or "(real)"
             return first if as_it_is else Expression(kind, f"{cast}{bound(first, UNARY)}", UNARY)
-        found = self.program.text(first, "real")
+        result = self.program.text(first, "real")
         for each in others:
-            found = f"{PLAIN[function]}({found}, {self.program.text(each, 'real')})"
-        return Expression("real", found if others else f"{PLAIN[function]}({found})")
+            result = f"{PLAIN[function]}({result}, {self.program.text(each, 'real')})"
+        return Expression("real", result if others else f"{PLAIN[function]}({result})")
 
     def _record(self, kind: Any, arguments: Sequence[Any], named: Mapping[str, Any]) -> Any:
         made = kind(*arguments, **named)
@@ -760,8 +758,8 @@ class _Body:
             each if each == "single" or isinstance(each, Observed) else None
             for each in map(kind_of, made)
         )
-        found = tuple(each or use for each, use in zip(kinds, usual, strict=True))
-        kind = kind if found == tuple(usual) else Observed(kind, found)
+        types = tuple(each or use for each, use in zip(kinds, usual, strict=True))
+        kind = kind if types == tuple(usual) else Observed(kind, types)
         return Expression(kind, self.program.literal(tuple(made), kind))
 
     def _read(self, array: Any, at: Any, first: Any) -> Any:
@@ -786,13 +784,13 @@ class _Body:
 
     def _entrywise(self, function: Any, arguments: list[Any]) -> Any:
         """Return what a scalar function makes of each entry of records."""
-        told = inspect.getclosurevars(function).nonlocals
+        closure = inspect.getclosurevars(function).nonlocals
         wholes = [
             varies and is_record(each)
-            for each, varies in zip(arguments, told["varies"], strict=True)
+            for each, varies in zip(arguments, closure["varies"], strict=True)
         ]
         if not any(wholes):
-            return self._called(told["scalar"], arguments, {}, ast.Pass())
+            return self._called(closure["scalar"], arguments, {}, ast.Pass())
         held = [
             self._named(each) if whole else each
             for each, whole in zip(arguments, wholes, strict=True)

@@ -1,4 +1,4 @@
-"""Values that a translation to C meets: known Python objects, and those that only the running program knows."""
+"""Values that a translation to C meets: known Python objects, and the running program's."""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple, cast
@@ -43,7 +43,7 @@ class Expression:
 
 @dataclass(frozen=True)
 class Observed:
-    """The kind of a record with entries that come from an observation: they are float32 in compiled Python, too."""
+    """The kind of a record with entries from an observation, which are float32 in Python, too."""
 
     record: Any
     kinds: tuple[Any, ...]
@@ -51,7 +51,10 @@ class Observed:
 
 @dataclass(frozen=True)
 class Array:
-    """Numbers in memory from ``offset`` on, stored as ``element`` and read as ``reads``; they may count steps."""
+    """Numbers in memory from ``offset`` on, stored as ``element`` and read as ``reads``.
+
+    With a ``step`` they are multiples of it.
+    """
 
     element: str
     base: str
@@ -81,9 +84,12 @@ class ConstantTable:
 
     def part(self, first: int, last: int) -> "ConstantTable":
         """Return a part of the table."""
-        inside = (each for each in self.regions if first <= each.first and each.last <= last)
-        moved = (each._replace(first=each.first - first, last=each.last - first) for each in inside)
-        return ConstantTable(self.values[first:last], tuple(moved))
+        regions = tuple(
+            region._replace(first=region.first - first, last=region.last - first)
+            for region in self.regions
+            if first <= region.first and region.last <= last
+        )
+        return ConstantTable(self.values[first:last], regions)
 
 
 def is_known(value: Any) -> bool:
@@ -137,11 +143,8 @@ def name_of(kind: Any) -> str:
         return {"single": "float", "bool": "int"}.get(kind, kind)
     if isinstance(kind, tuple):
         kinds = cast("tuple[Any, ...]", kind)
-        return (
-            f"Real{len(kinds)}"
-            if set(kinds) == {"real"}
-            else "_".join(("Tuple", *map(name_of, kinds)))
-        )
+        are_real = set(kinds) == {"real"}
+        return f"Real{len(kinds)}" if are_real else "_".join(("Tuple", *map(name_of, kinds)))
     return f"Observed{kind.record.__name__}" if isinstance(kind, Observed) else kind.__name__
 
 

@@ -1,4 +1,4 @@
-"""From the description of a device to a verdict: what it can render, a law tuned for it, and how well that does."""
+"""From a device to a verdict: what it can render, and how well laws tuned for it do."""
 
 from pter_gym.tools.device.report import DeviceReport, examine_device
 

@@ -11,15 +11,14 @@ from pter_gym._internal.terminal import say, terminal
 
 
 def device(
-    machine: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME|PRESET.toml")],
+    machine: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME|FILE.toml")],
     pace: PaceName = "medium",
     trials: int = 200,
     episodes: int = 100,
     train: bool = False,
     out: Path = Path("pter-device"),
 ) -> None:
-    """Examine a device: the forces that it can display, its walls, and how well laws tuned for it
-    guide a hand.
+    """Examine a device: its forces, its walls, and how well laws tuned for it guide a hand.
 
     Tunes a law on each of the scenarios standard, corridor and wall, and scores it on fresh
     episodes. Writes index.html, device.json and pictures. Needs the extras tune and render.
@@ -27,11 +26,13 @@ def device(
     Example: pter device particle-brake --out particle-brake
 
     Args:
-        machine: A machine or an actuator by its name, or a preset of your own. pace: Commanded
-        pace. trials: Gains to try for each law. episodes: Fresh episodes of each scenario, at most
-        as many as it has stored ones. train: Train a policy by PPO for the machine, too, and score
-        it beside the laws. Needs the extra agents. out: Folder for the results, created if
-        necessary.
+        machine: A machine or an actuator by its name, or the file of your own.
+        pace: Commanded pace.
+        trials: Gains to try for each law.
+        episodes: Fresh episodes of each scenario, at most as many as it has stored ones.
+        train: Train a policy by PPO for the machine, too, and score it beside the laws. Needs the
+            extra agents.
+        out: Folder for the results, created if necessary.
     """
     from pter_gym.tools.device.report import examine_device
 
@@ -50,7 +51,7 @@ def device(
     say(f"{report.device}: {report.verdict}")
     for board in report.boards:
         best = board.standings[0]
-        say(f"{board.scenario}: {best.policy} {1e3 * best.scores['path_error_m'].value:.1f} mm")
+        say(f"{board.scenario}: {best.policy} {1e3 * best.error.value:.1f} mm")
     say(f"wrote {out / 'index.html'}")
 
 

@@ -1,4 +1,4 @@
-"""What a device can render, measured without learning: forces, drag in free motion, the stiffness of a wall."""
+"""What a device can render, without learning: forces, drag, and the stiffness of a wall."""
 
 import math
 from dataclasses import dataclass
@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 
 from pter_gym._physics.open_loop import initial_state, simulate
-from pter_gym.benchmark.simulation import AnyPolicy, record_episode, time_limit
+from pter_gym.benchmark.rollout import record_episode
+from pter_gym.controllers import AnyPolicy
 from pter_gym.haptics import force_extremes, impedance, link_angles, wall_stiffness, z_width
 from pter_gym.params import Machine
 from pter_gym.paths import Line
 from pter_gym.scenarios import find_scenario
-from pter_gym.scenarios._fixed_machine import FixedMachine
 from pter_gym.tasks.path_following._telemetry import COLUMN
 
 FREQUENCY = 5.0
 """Frequency at which impedances are compared [Hz]."""
 
 SHAKE, SETTLING, PERIODS = 10.0, 2, 5
-"""Force that shakes the free device [N], and the periods before and while its impedance is measured."""
+"""Force that shakes the free device [N], and the periods before and during the measurement."""
 
 WALLS = 8
 """Episodes from which the stiffness of the wall is estimated."""
@@ -56,18 +56,18 @@ class Rendering:
     z_width_db: float
 
 
-def measure_rendering(own: FixedMachine, law: AnyPolicy, pace: str) -> Rendering:
-    """Return what a machine can render; ``law`` guards the wall, at a commanded pace given by its name."""
-    machine, line = own.machine, Line()
-    theta = link_angles(machine.arm, line.point(0.5 * line.length))
-    found = force_extremes(machine, theta)
-    free, stiff = _free_impedance(machine, theta), _stiffness_of_wall(own, law, pace)
+def measure_rendering(own: Machine, law: AnyPolicy, pace: str) -> Rendering:
+    """Return what a machine can render; ``law`` guards the wall at a named commanded pace."""
+    line = Line()
+    theta = link_angles(own.arm, line.point(0.5 * line.length))
+    forces = force_extremes(own, theta)
+    free, stiff = _free_impedance(own, theta), _stiffness_of_wall(own, law, pace)
     wide = math.isfinite(free) and stiff > 0.0
     return Rendering(
-        least_steering_n=float(found.least_steering),
-        largest_steering_n=float(found.largest_steering),
-        least_resisting_n=float(found.least_resisting),
-        largest_resisting_n=float(found.largest_resisting),
+        least_steering_n=float(forces.least_steering),
+        largest_steering_n=float(forces.largest_steering),
+        least_resisting_n=float(forces.least_resisting),
+        largest_resisting_n=float(forces.largest_resisting),
         free_impedance=free,
         wall_stiffness=stiff,
         z_width_db=z_width(stiff, free, FREQUENCY) if wide else math.nan,
@@ -87,16 +87,12 @@ def _free_impedance(machine: Machine, theta: Any) -> float:
     return impedance(push[last, 1], across, machine.substep, FREQUENCY)
 
 
-def _stiffness_of_wall(own: FixedMachine, law: AnyPolicy, pace: str) -> float:
-    """Return the stiffness of the wall that a law renders [N/m], from training draws of the scenario ``wall``."""
+def _stiffness_of_wall(own: Machine, law: AnyPolicy, pace: str) -> float:
+    """Return the stiffness of the wall that a law renders [N/m], from draws of ``wall``."""
     forces, depths = [np.empty(0)], [np.empty(0)]
     scenario = find_scenario("wall", own)
-    for seed, (machine, task) in enumerate(
-        scenario.randomisation(pace, contexts=WALLS, seed=0).pairs()
-    ):
-        rows: Any = record_episode(
-            law, machine, task, seed, time_limit(task), nominal=own.machine
-        ).telemetry[1:]
+    for seed, (machine, task) in enumerate(scenario.draws.pairs(WALLS, 0, pace)):
+        rows: Any = record_episode(law, machine, task, seed, nominal=own).telemetry[1:]
         into = np.array([[math.sin(task.path.heading(0.0))], [-math.cos(task.path.heading(0.0))]])
         forces.append((rows[:, [*COLUMN.force]] @ into)[:, 0])
         depths.append(-rows[:, COLUMN.normal_error])

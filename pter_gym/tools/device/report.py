@@ -16,13 +16,13 @@ from pter_gym._version import __version__
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.boards import Leaderboard, leaderboards
 from pter_gym.benchmark.episodes import find_episodes
-from pter_gym.benchmark.runs import evaluate
+from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.benchmark.scores import ScenarioRun
-from pter_gym.benchmark.simulation import AnyPolicy, record_episode, time_limit
+from pter_gym.benchmark.tuned import with_gains
+from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import unknown_name
-from pter_gym.policies._stored_gains import make_guided
+from pter_gym.params import Machine, find_machine
 from pter_gym.scenarios import PACES, find_scenario
-from pter_gym.scenarios._fixed_machine import AnyMachine, FixedMachine, find_fixed_machine
 from pter_gym.tools.device.measures import FREQUENCY, Rendering, measure_rendering
 from pter_gym.tools.tuning.search import tune
 
@@ -63,7 +63,9 @@ class DeviceReport:
     def verdict(self) -> str:
         """What the device is good for, in a sentence."""
         ranked = [
-            board.scenario for board in self.boards if any(each.rank for each in board.standings)
+            board.scenario
+            for board in self.boards
+            if any(standing.rank for standing in board.standings)
         ]
         steer = self.rendering.least_steering_n
         can = (
@@ -75,7 +77,7 @@ class DeviceReport:
 
     def as_json(self) -> dict[str, Any]:
         """Return the report as plain data, None for a number that is not finite."""
-        found = {
+        content = {
             "version": __version__,
             "device": self.device,
             "pace": self.pace,
@@ -84,11 +86,11 @@ class DeviceReport:
             "gains": self.gains,
             "boards": [board.as_json() for board in self.boards],
         }
-        return _finite(found)
+        return _finite(content)
 
 
 def examine_device(
-    machine: AnyMachine,
+    machine: Machine | str,
     out: FilePath,
     *,
     name: str = "device",
@@ -103,7 +105,7 @@ def examine_device(
     Parameters
     ----------
     machine
-        The machine, its name, or the path of a preset.
+        The machine, its name, or its file.
     out
         The folder, created if necessary.
     name
@@ -126,7 +128,7 @@ def examine_device(
     DependencyError
         If Optuna, which searches for gains, is not installed.
     """
-    own = find_fixed_machine(machine)
+    own = find_machine(machine)
     if pace not in PACES:
         raise unknown_name("pace", pace, PACES)
     trials, count = whole_number("trials", trials), whole_number("episodes", episodes)
@@ -141,7 +143,7 @@ def examine_device(
         gains[scenario] = tune(
             law, scenario, pace, trials=trials, storage=storage, machine=own
         ).gains
-        tuned[scenario] = make_guided(law, gains[scenario])
+        tuned[scenario] = with_gains(law, gains[scenario])
         named = {f"{law}-tuned": tuned[scenario], FREE: find_policy(FREE), **(policies or {})}
         runs += _runs(named, scenario, pace, own, count)
     on_progress("measuring forces")
@@ -157,10 +159,10 @@ def examine_device(
 
 
 def _runs(
-    policies: dict[str, AnyPolicy], scenario: str, pace: str, own: FixedMachine, count: int
+    policies: dict[str, AnyPolicy], scenario: str, pace: str, own: Machine, count: int
 ) -> list[ScenarioRun]:
     """Return the runs of policies on fresh episodes with a machine."""
-    drawn = find_episodes(scenario, pace, SEED, own).first(count)
+    episodes = find_episodes(scenario, pace, SEED, own).first(count)
     return [
         ScenarioRun(
             scenario,
@@ -168,29 +170,25 @@ def _runs(
             name,
             0,
             SEED,
-            drawn.strata,
-            evaluate(policy, drawn, nominal=own.machine),
+            episodes.strata,
+            evaluate(policy, episodes),
         )
         for name, policy in policies.items()
     ]
 
 
 def _draw(
-    report: DeviceReport, own: FixedMachine, tuned: dict[str, AnyPolicy], folder: Path
+    report: DeviceReport, own: Machine, tuned: dict[str, AnyPolicy], folder: Path
 ) -> dict[str, str]:
     """Draw what the installed tools can draw into a folder; return captions by file name."""
     known, captions = registered(PICTURES), dict[str, str]()
     if "region" in known:
-        known["region"].load()(own.machine, folder / "forces.png")
+        known["region"].load()(own, folder / "forces.png")
         captions["forces.png"] = "Forces that the device can display; its smallest steering force."
     if "film" in known:
         for scenario, law in tuned.items():
-            ((machine, task),) = (
-                find_scenario(scenario, own).randomisation(report.pace, contexts=1, seed=0).pairs()
-            )
-            rows = record_episode(
-                law, machine, task, 0, time_limit(task), nominal=own.machine
-            ).telemetry
+            ((machine, task),) = find_scenario(scenario, own).draws.pairs(1, 0, report.pace)
+            rows = record_episode(law, machine, task, 0, nominal=own).telemetry
             label = f"{SCENARIOS[scenario]}-tuned"
             known["film"].load().write_film(
                 machine, task, {label: rows}, folder / f"{scenario}.webp"
@@ -202,9 +200,9 @@ def _draw(
 def _finite(value: Any) -> Any:
     """Return plain data with None in place of numbers that are not finite."""
     if isinstance(value, dict):
-        return {key: _finite(each) for key, each in cast("dict[str, Any]", value).items()}
+        return {key: _finite(item) for key, item in cast("dict[str, Any]", value).items()}
     if isinstance(value, list | tuple):
-        return [_finite(each) for each in cast("list[Any]", value)]
+        return [_finite(item) for item in cast("list[Any]", value)]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -220,9 +218,10 @@ ROWS = {
 """What the page says of each number of ``Rendering``."""
 
 STYLE = (
-    "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color-scheme:light dark}"
-    "table{border-collapse:collapse}td,th{padding:.2rem .8rem;text-align:right}td:first-child,th:first-child"
-    "{text-align:left}img{max-width:100%;background:#fff}figure{margin:1.5rem 0}"
+    "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;"
+    "color-scheme:light dark}table{border-collapse:collapse}td,th{padding:.2rem .8rem;"
+    "text-align:right}td:first-child,th:first-child{text-align:left}"
+    "img{max-width:100%;background:#fff}figure{margin:1.5rem 0}"
 )
 
 
@@ -234,14 +233,17 @@ def page(report: DeviceReport, pictures: dict[str, str]) -> str:
     )
     boards = "".join(_board(board) for board in report.boards)
     figures = "".join(
-        f'<figure><img src="{html.escape(name)}" alt=""><figcaption>{html.escape(caption)}</figcaption></figure>'
+        f'<figure><img src="{html.escape(name)}" alt="">'
+        f"<figcaption>{html.escape(caption)}</figcaption></figure>"
         for name, caption in pictures.items()
     )
     return (
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+        '<!doctype html><html lang="en"><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width">'
         f"<title>{html.escape(report.device)}</title><style>{STYLE}</style>"
         f"<h1>{html.escape(report.device)}</h1><p>{html.escape(report.verdict)}</p>"
-        f"<h2>What it can render</h2>{rendering}<h2>Tuned laws, pace {html.escape(report.pace)}</h2>{boards}"
+        f"<h2>What it can render</h2>{rendering}"
+        f"<h2>Tuned laws, pace {html.escape(report.pace)}</h2>{boards}"
         f"<h2>Pictures</h2>{figures}<p>pter_gym {__version__}; the numbers are in "
         "<a href='device.json'>device.json</a>.</p></html>\n"
     )
@@ -250,23 +252,23 @@ def page(report: DeviceReport, pictures: dict[str, str]) -> str:
 def _board(board: Leaderboard) -> str:
     rows = [
         (
-            each.policy,
-            _number(1e3 * each.scores["path_error_m"].value, "mm"),
-            _number(100.0 * each.scores["completed"].value, "%"),
-            _number(each.scores["resisting_force_n"].value, "N"),
-            _number(each.scores["peak_force_n"].value, "N"),
-            str(each.rank or each.reason),
+            standing.policy,
+            _number(1e3 * standing.error.value, "mm"),
+            _number(100.0 * standing.scores["completed"], "%"),
+            _number(standing.scores["resisting_force_n"], "N"),
+            _number(standing.scores["peak_force_n"], "N"),
+            str(standing.rank or standing.reason),
         )
-        for each in board.standings
+        for standing in board.standings
     ]
     heads = ("policy", "path error", "completed", "resisting force", "peak force", "rank")
     return f"<h3>{html.escape(board.scenario)}</h3>{_table(heads, rows)}"
 
 
 def _table(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    head = "".join(f"<th>{html.escape(each)}</th>" for each in heads)
+    head = "".join(f"<th>{html.escape(cell)}</th>" for cell in heads)
     body = "".join(
-        f"<tr>{''.join(f'<td>{html.escape(each)}</td>' for each in row)}</tr>" for row in rows
+        f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in rows
     )
     return f"<table><tr>{head}</tr>{body}</table>"
 

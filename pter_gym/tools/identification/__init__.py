@@ -13,7 +13,7 @@ if TYPE_CHECKING:
         Finding,
         Identification,
         identify,
-        preset_of,
+        origins_of,
     )
     from pter_gym.tools.identification.log import Log, join_logs, read_log, write_log
     from pter_gym.tools.identification.parameters import Quantity, quantities
@@ -25,7 +25,7 @@ __all__ = [
     "Quantity",
     "identify",
     "join_logs",
-    "preset_of",
+    "origins_of",
     "quantities",
     "read_log",
     "write_log",
@@ -34,7 +34,7 @@ __all__ = [
 __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
     __name__,
     submod_attrs={
-        "identifying": ["Finding", "Identification", "identify", "preset_of"],
+        "identifying": ["Finding", "Identification", "identify", "origins_of"],
         "log": ["Log", "join_logs", "read_log", "write_log"],
         "parameters": ["Quantity", "quantities"],
     },

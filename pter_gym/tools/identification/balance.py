@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
+from pter_gym._physics.arm import cos_difference, joint_torque, motion_of, velocity_torque
+from pter_gym._physics.model import model_of
 from pter_gym.params import Machine
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.log import Log
@@ -164,11 +166,9 @@ def _inertial(
 ) -> tuple[list[Array], Array]:
     """Return the columns of the inertias and of the coupling, and the load that all columns together carry [N·m]."""
     theta, omega, alpha = motion.theta[rows], motion.omega[rows], motion.alpha[rows]
-    between = theta[:, 0] - theta[:, 1]
-    coupling = np.cos(between)[:, None] * alpha[:, ::-1] + np.sin(between)[:, None] * omega[
-        :, ::-1
-    ] ** 2 * [1.0, -1.0]
-    force, arm = smooth_force(log)[rows], shape.start.arm
-    lengths = np.array([arm.length_a, arm.length_b])
-    load = lengths * (np.cos(theta) * force[:, [1]] - np.sin(theta) * force[:, [0]])
+    arm, q = model_of(shape.start).arm._replace(coupling=1.0), motion_of(theta, omega)
+    cos: Any = cos_difference(q)
+    coupling = cos[:, None] * alpha[:, ::-1] + np.stack(velocity_torque(arm, q), axis=-1)
+    force: Any = smooth_force(log)[rows].T
+    load = np.stack(joint_torque(arm, q, *force), axis=-1)
     return [_both(alpha * [1.0, 0.0]), _both(alpha * [0.0, 1.0]), _both(coupling)], _both(load)

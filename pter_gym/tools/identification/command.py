@@ -35,7 +35,7 @@ def identify(
 
     Grades how well the simulator's model describes them, estimates inertias, friction, torque
     curves, lag and delay with 95 % intervals, and lists what they don't determine. Writes
-    preset.toml, which other commands take as --machine, and identified.png. docs/identify.md says
+    machine.toml, which other commands take as --machine, and identified.png. docs/identify.md says
     what to record.
 
     Example: pter identify log.csv --lengths 0.5645,0.4454 --out mine
@@ -96,8 +96,8 @@ def show_machine(log: "Log", start: "Machine", out: Path) -> None:
             log, start, lambda share: progress.update(task, completed=round(100 * share))
         )
     title = "\n".join(["Written by pter identify. Assumed:", *found.assumptions])
-    text = format_preset(preset_of(found), title)
-    write_files_atomic(out, {"preset.toml": text.encode(), "identified.png": png(picture(found))})
+    text = format_machine(found.machine, ASSUMED, origins_of(found), title)
+    write_files_atomic(out, {"machine.toml": text.encode(), "identified.png": png(picture(found))})
     for sentence in (found.verdict.sentence, *found.verdict.hints):
         say(sentence)
     terminal().print(findings_table(found.findings))
@@ -106,7 +106,7 @@ def show_machine(log: "Log", start: "Machine", out: Path) -> None:
             say(f"{finding.quantity.name} is kept: {finding.reason}")
     for assumption in found.assumptions:
         say(f"assumed: {assumption}")
-    say(f"wrote {out / 'preset.toml'} and {out / 'identified.png'}")
+    say(f"wrote {out / 'machine.toml'} and {out / 'identified.png'}")
 
 
 def read_start(machine: str, lengths: str | None, voltage_max: float | None) -> "Machine":

@@ -1,19 +1,15 @@
 """From a log to a machine: what is identified, how well, and what the log does not show."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import PurePath
-from types import MappingProxyType
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
-from pter_gym.params import preset_of as machine_preset
-from pter_gym.params._preset import LEFT_OUT, OPTIONAL_SECTIONS, PRESET, Preset
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.balance import first_estimate
 from pter_gym.tools.identification.evidence import admit_terms, find_differences
@@ -131,7 +127,7 @@ class Identification:
             f"Links are {self.start.arm.length_a:g} m and {self.start.arm.length_b:g} m long.",
             f"Each clutch drags with {clutch.viscous:g} N·m·s: more is viscous friction of the axes.",
             f"A machine here has no constant torques: {self.offsets[0]:.3g} and {self.offsets[1]:.3g} "
-            "N·m on axes A and B, which were identified too, are not in the preset.",
+            "N·m on axes A and B, which were identified too, are not in the file.",
             f"Clutches lose {100.0 * clutch.fade:g} % of their torque per joule; they were as warm as in the log.",
         )
 
@@ -155,7 +151,7 @@ def identify(
     log
         What was recorded.
     start
-        The machine, its name or its preset: link lengths, the largest voltage, and what the log
+        The machine, its name or its file: link lengths, the largest voltage, and what the log
         does not show.
     on_progress
         Called with how much of the work is done, 0 to 1.
@@ -207,7 +203,7 @@ def identify(
     return Identification(
         log=log,
         start=start,
-        machine=fit.shape.machine(fit.p),
+        machine=replace(fit.shape.machine(fit.p), delay=max(float(fit.p[at.DELAY]), 0.0)),
         delay=float(fit.p[at.DELAY]),
         offsets=fit.shape.offsets(fit.p),
         findings=_findings(fit, kept, tied, verdict),
@@ -216,30 +212,38 @@ def identify(
     )
 
 
-def preset_of(found: Identification) -> Preset:
-    """Return a preset with what was identified; what was not is named as chosen, and the paper's test is left out."""
+ASSUMED = "chosen: stated to pter identify, or that of its start"
+"""Provenance of what is not estimated."""
+
+
+def origins_of(found: Identification) -> dict[str, str]:
+    """Return where the numbers of the identified machine come from, by field."""
     name = _plain(PurePath(found.log.name).name)
-    assumed = "chosen: stated to pter identify, or that of its start"
-    preset = machine_preset(found.machine, PRESET, origin=assumed)
-    origins = {
-        **preset.provenance,
-        **dict.fromkeys(("arm.length_a", "arm.length_b", "clutch.voltage_max"), assumed),
-    }
-    origins |= {where: LEFT_OUT for where in origins if where.split(".")[0] in OPTIONAL_SECTIONS}
+    origins: dict[str, str] = dict.fromkeys(
+        ("arm.length_a", "arm.length_b", "clutch.voltage_max"), ASSUMED
+    )
     for place in {finding.quantity.place for finding in found.findings} - {""}:
         told = [finding for finding in found.findings if finding.quantity.place == place]
         kind = "chosen" if all(finding.status == "kept" for finding in told) else "identified"
-        origins[place] = (
-            f"{kind}: from {name}, {'; '.join(_plain(finding.origin) for finding in told)}"
-        )
-    provenance = cast("Mapping[str, str]", MappingProxyType(origins))
-    return replace(
-        preset, sensing={**preset.sensing, "delay": max(found.delay, 0.0)}, provenance=provenance
-    )
+        origin = f"{kind}: from {name}, {'; '.join(_plain(finding.origin) for finding in told)}"
+        origins |= dict.fromkeys(FIELDS.get(place, (place,)), origin)
+    return origins
+
+
+FIELDS = {
+    "clutch.slope": ("clutch.dynamic.slope",),
+    "clutch.knee": ("clutch.dynamic.knee", "clutch.breakaway.knee"),
+    "clutch.curvature": ("clutch.dynamic.curvature",),
+    "clutch.off_state": ("clutch.dynamic.off_state", "clutch.breakaway.off_state"),
+    "clutch.breakaway_ratio": ("clutch.breakaway.slope", "clutch.breakaway.curvature"),
+    "clutch.scale": ("clutch_scale",),
+    "sensing.delay": ("delay",),
+}
+"""Fields of a machine that report's numbers stand in, where they have other names."""
 
 
 def _plain(text: str) -> str:
-    """Return text as one line without what a preset does not admit."""
+    """Return text as one line of printable characters."""
     return "".join(c if c.isprintable() and c not in '"\\' else "_" for c in text)
 
 

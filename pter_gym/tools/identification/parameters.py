@@ -209,7 +209,7 @@ class Shape:
 
 
 class Quantity(NamedTuple):
-    """One reported number: its value, by what size an error is judged, and section and field of a preset, if any."""
+    """One reported number: its value, by what size an error is judged, and its section and field, if any."""
 
     name: str
     unit: str

@@ -1,1 +1,1 @@
-"""The study of 1999: its experiments, its claims, its figures, and the report that puts them side by side."""
+"""The paper of 1999: its experiments, its figures, and its claims beside our measurements."""

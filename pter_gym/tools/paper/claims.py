@@ -1,10 +1,9 @@
-"""The statements of the paper that can be checked, with our measurement and the condition under
-which each holds.
+"""The claims of the paper, each with our measurement and the condition for it to hold.
 
 ``claims.toml`` holds all texts and thresholds. One rule says how each claim comes to be met:
 
 *calibration*
-    The search's objective or its space contains what is measured (``FITTED``). It is no evidence.
+    The calibration's objective or its space contains it (``FITTED``), so it is no evidence.
 *prediction*
     They do not, and other machines of the search space fail it.
 
@@ -13,7 +12,6 @@ meets follows from the equations, and is no claim here but a test of the model.
 """
 
 import math
-import tomllib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,11 +21,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from pter_gym._physics.arm import velocity_torque
+from pter_gym._internal.reading import read_toml
+from pter_gym._physics.arm import motion_of, velocity_torque
 from pter_gym._physics.model import model_of
-from pter_gym.tools.paper.clutch_tests import holding_torque, motion
+from pter_gym.tools.paper.clutch_tests import holding_torque
+from pter_gym.tools.paper.experiments import Experiments
 from pter_gym.tools.paper.path_tests import BEST_GAIN, PLATEAU_FROM
-from pter_gym.tools.paper.study import Study
 
 Kind = Literal["prediction", "calibration", "not met"]
 
@@ -44,7 +43,7 @@ FITTED = {
         "line_following_ratio",
     ),
 }
-"""Measures in the objective of ``calibration.misfit``, and ``peak_ratio``, for which its space has a range."""
+"""Measures in the calibration's objective, and ``peak_ratio``, a range of its space."""
 
 MAX_SATURATED = 0.05
 """Fraction of saturated clutch commands that is not yet significant."""
@@ -149,10 +148,14 @@ class Claim:
         }
 
 
-def check(study: Study, statements: Iterable[Statement] | None = None) -> tuple[Claim, ...]:
-    """Check statements, by default all of them, against the experiments of a study of Table I's three machines."""
+def check(
+    experiments: Experiments, statements: Iterable[Statement] | None = None
+) -> tuple[Claim, ...]:
+    """Check statements, by default all, against experiments with Table I's three machines."""
     chosen = STATEMENTS if statements is None else statements
-    return tuple(Claim(each, float(MEASURES[each.measure](study, **each.of))) for each in chosen)
+    return tuple(
+        Claim(each, float(MEASURES[each.measure](experiments, **each.of))) for each in chosen
+    )
 
 
 # --- measures ---
@@ -161,86 +164,88 @@ BASELINE = "baseline"
 
 
 def rank_correlation(x: ArrayLike, y: ArrayLike) -> float:
-    """Return Spearman's rank correlation of two samples of shape (K,); 0 if one of them is constant."""
+    """Return Spearman's rank correlation of two samples (K,); 0 if one is constant."""
     constant = np.ptp(np.asarray(x)) == 0.0 or np.ptp(np.asarray(y)) == 0.0
     return 0.0 if constant else float(_STATS.spearmanr(x, y).statistic)
 
 
-def _locked_torque_trend(study: Study) -> float:
-    test = study.single_dof[0]
+def _locked_torque_trend(experiments: Experiments) -> float:
+    test = experiments.single_dof[0]
     speed = np.linalg.norm(test.trajectory.tip_velocity[test.breakaway :], axis=1)
     return rank_correlation(speed, np.abs(test.locked_torque[test.breakaway :]))
 
 
-def _velocity_share(study: Study) -> float:
-    test = study.single_dof[0]
+def _velocity_share(experiments: Experiments) -> float:
+    test = experiments.single_dof[0]
     run, locked = test.trajectory, float(test.locked_torque[-1])
     _, v2 = velocity_torque(
-        model_of(study.setup.baseline).arm, motion(run.theta[-1], run.omega[-1])
+        model_of(experiments.setup.baseline).arm, motion_of(run.theta[-1], run.omega[-1])
     )
     return v2 / locked if locked != 0.0 else math.nan
 
 
-def _weakest_slips(study: Study) -> float:
-    return study.holding.weakest_slips.mean()
+def _weakest_slips(experiments: Experiments) -> float:
+    return experiments.holding.weakest_slips.mean()
 
 
-def _peak_ratio(study: Study, model: str) -> float:
-    return holding_torque(study.setup.machines[model]) / holding_torque(
-        study.setup.machines[BASELINE]
+def _peak_ratio(experiments: Experiments, model: str) -> float:
+    return holding_torque(experiments.setup.machines[model]) / holding_torque(
+        experiments.setup.machines[BASELINE]
     )
 
 
-def _trend_over_time_constant(study: Study, quantity: str) -> float:
-    sweep = study.sweeps[BASELINE]
+def _trend_over_time_constant(experiments: Experiments, quantity: str) -> float:
+    sweep = experiments.sweeps[BASELINE]
     return rank_correlation(sweep.time_constant, getattr(sweep, quantity))
 
 
-def _table_entry(study: Study, model: str, column: int) -> float:
-    return study.table1[model][column]
+def _table_entry(experiments: Experiments, model: str, column: int) -> float:
+    return experiments.table1[model][column]
 
 
-def _table_ratio(study: Study, model: str, other: str, column: int) -> float:
-    return study.table1[model][column] / study.table1[other][column]
+def _table_ratio(experiments: Experiments, model: str, other: str, column: int) -> float:
+    return experiments.table1[model][column] / experiments.table1[other][column]
 
 
-def _worst_error_ratio(study: Study, model: str, other: str) -> float:
-    return (study.sweeps[model].position_error / study.sweeps[other].position_error).max()
+def _worst_error_ratio(experiments: Experiments, model: str, other: str) -> float:
+    return (
+        experiments.sweeps[model].position_error / experiments.sweeps[other].position_error
+    ).max()
 
 
-def _peak_share(study: Study, model: str, column: int) -> float:
-    entry = study.table1[model][column]
-    return (entry - study.table1_equal_peak[model][column]) / (
-        entry - study.table1[BASELINE][column]
+def _peak_share(experiments: Experiments, model: str, column: int) -> float:
+    entry = experiments.table1[model][column]
+    return (entry - experiments.table1_equal_peak[model][column]) / (
+        entry - experiments.table1[BASELINE][column]
     )
 
 
 def _trend_over_gain(
-    study: Study, quantity: str, low: float = 0.0, high: float = math.inf
+    experiments: Experiments, quantity: str, low: float = 0.0, high: float = math.inf
 ) -> float:
-    sweep = study.gain_sweep
+    sweep = experiments.gain_sweep
     chosen = (sweep.gain >= low) & (sweep.gain <= high)
     return rank_correlation(sweep.gain[chosen], getattr(sweep, quantity)[chosen])
 
 
-def _plateau_width(study: Study) -> float:
-    error = study.gain_sweep.position_error[study.gain_sweep.gain >= PLATEAU_FROM]
+def _plateau_width(experiments: Experiments) -> float:
+    error = experiments.gain_sweep.position_error[experiments.gain_sweep.gain >= PLATEAU_FROM]
     return np.abs(error / error.mean() - 1.0).max()
 
 
-def _saturated_at_best_gain(study: Study) -> float:
-    return study.gain_sweep.saturated[study.gain_sweep.gain == BEST_GAIN][0]
+def _saturated_at_best_gain(experiments: Experiments) -> float:
+    return experiments.gain_sweep.saturated[experiments.gain_sweep.gain == BEST_GAIN][0]
 
 
-def _best_gain(study: Study) -> float:
-    sweep = study.gain_sweep
+def _best_gain(experiments: Experiments) -> float:
+    sweep = experiments.gain_sweep
     free = sweep.saturated <= MAX_SATURATED
     return sweep.gain[free][sweep.position_error[free].argmin()] if free.any() else math.nan
 
 
-def _line_following_ratio(study: Study) -> float:
+def _line_following_ratio(experiments: Experiments) -> float:
     without, with_feedback = (
-        run.score.mean_error_m for (run,) in study.line_following.runs.values()
+        run.score.mean_error_m for (run,) in experiments.line_following.runs.values()
     )
     return with_feedback / without
 
@@ -258,12 +263,12 @@ _FUNCTIONS: tuple[Callable[..., float], ...] = (
 )
 
 MEASURES = {function.__name__.removeprefix("_"): function for function in _FUNCTIONS}
-"""From a study to the number of a claim, which ``claims.toml`` describes; a column is one of Table I, from 0."""
+"""From the experiments to the number of a claim; a column is one of Table I, from 0."""
 
 
 def _read() -> tuple[Statement, ...]:
     """Return the statements of ``claims.toml``."""
-    table = tomllib.loads(Path(__file__).with_name("claims.toml").read_text("utf-8"))
+    table = read_toml(Path(__file__).with_name("claims.toml"), "claims")
     for entry in table["claims"]:
         for key in {"note", "reason"} & entry.keys():
             entry[key] = table["texts"].get(entry[key], entry[key])

@@ -13,7 +13,7 @@ from pter_gym._physics import arm, friction
 from pter_gym._physics.model import model_of
 from pter_gym._physics.open_loop import Trajectory, initial_state, simulate
 from pter_gym.params import Machine
-from pter_gym.tools.paper.printed_values import BREAKAWAY_SMALL_VOLTAGE
+from pter_gym.tools.paper.parameters import BREAKAWAY_SMALL_VOLTAGE
 
 Array = NDArray[np.float64]
 
@@ -32,26 +32,20 @@ def resolved(machine: Machine, longest: float = RESOLUTION) -> Machine:
     return replace(machine, substep=min(machine.substep, longest))
 
 
-def motion(theta: ArrayLike, omega: ArrayLike = (0.0, 0.0)) -> arm.Motion:
-    """Return angles [rad] and angular velocities [rad/s], shape (2,), as the arm's equations take them."""
-    (a, b), (omega_a, omega_b) = np.asarray(theta, float), np.asarray(omega, float)
-    return arm.Motion(a, b, omega_a, omega_b, np.cos(a), np.sin(a), np.cos(b), np.sin(b))
-
-
 def tip(machine: Machine, theta: ArrayLike) -> Array:
     """Return the tip position [m], shape (2,), at angles [rad]."""
-    return np.array(arm.tip_position(model_of(machine).arm, motion(theta)))
+    return np.array(arm.tip_position(model_of(machine).arm, arm.motion_of(theta)))
 
 
 def tip_force(machine: Machine, theta: ArrayLike, joint_torque: ArrayLike) -> Array:
-    """Return the tip force [N], shape (2,), that loads the links with given torques [N·m] at angles [rad]."""
-    at = model_of(machine).arm, motion(theta)
+    """Return the tip force [N], (2,), that loads the links with torques [N·m] at angles [rad]."""
+    at = model_of(machine).arm, arm.motion_of(theta)
     columns = [arm.joint_torque(*at, 1.0, 0.0), arm.joint_torque(*at, 0.0, 1.0)]
     return np.linalg.solve(np.array(columns).T, np.asarray(joint_torque, float))
 
 
 def holding_torque(machine: Machine, volts: float | None = None) -> float:
-    """Return the largest torque that a clutch holds [N·m] at a voltage, by default the largest one [V]."""
+    """Return the largest torque that a clutch holds [N·m], by default at the top voltage [V]."""
     volts = machine.clutch.voltage_max if volts is None else volts
     return max(machine.clutch.breakaway.torque(volts), machine.clutch.dynamic.torque(volts))
 
@@ -59,7 +53,7 @@ def holding_torque(machine: Machine, volts: float | None = None) -> float:
 # --- Figs. 3 and 4: single degree of freedom ---
 
 LOCKED_WITH = {1: 2, 2: 1, 3: 4, 4: 3}
-"""Clutch that gets the large voltage while another one is tested; clutch 2 for clutch 1 is the paper's."""
+"""Clutch that is locked while another one is tested; clutch 2 for clutch 1 is the paper's."""
 
 RAMP_TIME = 0.5
 """When a ramp reaches the torque at which a clutch gives way [s]."""
@@ -117,8 +111,7 @@ class SingleDofTest:
 
 
 def single_dof(machine: Machine) -> tuple[SingleDofTest, ...]:
-    """Ramp up a torque against each clutch in turn while another clutch leaves the arm one degree
-    of freedom.
+    """Ramp up a torque against each clutch while another one leaves one degree of freedom.
 
     The voltages have settled beforehand; that on the clutch under test has the breakaway torque of
     the paper. The ramp acts on link A, or on link B where link A is locked.
@@ -152,7 +145,7 @@ def _single_dof_test(machine: Machine, clutch: int, locked: int) -> SingleDofTes
 
 
 def _line(machine: Machine, locked: int, turns: Array) -> Array:
-    """Return tip positions [m], shape (K, 2), with one clutch locked and the driven link turned by angles [rad]."""
+    """Return tip positions [m], (K, 2), with a clutch locked and a link turned by angles [rad]."""
     return np.array(
         [
             tip(machine, np.add(POSE, np.multiply(turn, friction.LINES[locked - 1])))
@@ -214,8 +207,7 @@ MEASURED_FROM = 4.0
 
 @dataclass(frozen=True)
 class MaterialCurves:
-    """Torques of clutch 1 with one friction material [N·m] over its voltage [V], arrays of shape
-    (K,).
+    """Torques of clutch 1 with a material [N·m] over its voltage [V], arrays (K,).
 
     ``breakaway`` and ``dynamic`` are the curves. ``bench_breakaway`` and ``bench_dynamic`` are from
     a bench test: the largest torque before the slip and the mean torque during it, NaN where there
@@ -230,8 +222,7 @@ class MaterialCurves:
 
 
 def torque_curves(machines: Mapping[str, Machine]) -> dict[str, MaterialCurves]:
-    """Return the torque curves of clutch 1 and the results of six bench tests, by the name of the
-    machine.
+    """Return torque curves of clutch 1 and six bench tests of it, by the machine's name.
 
     In a bench test, as in the paper's, the voltage is constant and a slowly rising torque acts on
     link A until the clutch slips, and a little longer. Link B is locked.
@@ -251,7 +242,7 @@ def _torque_curves(machine: Machine) -> MaterialCurves:
 
 
 def _bench_test(machine: Machine, volts: float) -> tuple[float, float]:
-    """Return the breakaway and dynamic torque of clutch 1 [N·m] from a test at a constant voltage [V]."""
+    """Return breakaway and dynamic torque of clutch 1 [N·m], tested at a constant voltage [V]."""
     machine = resolved(machine)
     applied = (volts, machine.clutch.voltage_max, 0.0, 0.0)
     rate = holding_torque(machine, volts) * machine.substep / RAMP_TIME
@@ -283,7 +274,7 @@ The less it exceeds it, the longer the slip stays in the stick band, where the c
 breakaway torque. """
 
 FINE = 1e-4
-"""Longest substep [s]: about a third of the shortest time that the slip spends in the stick band."""
+"""Longest substep [s]: about a third of the shortest time in the stick band."""
 
 
 @dataclass(frozen=True)
@@ -344,13 +335,12 @@ def _reversal(machine: Machine, volts: float, force: Array) -> Reversal:
     return Reversal(volts, float(np.hypot(*force)), run, index, dynamic, jump)
 
 
-# --- loads that four engaged clutches hold together (section III-A, the lumped actuator approach) ---
+# --- loads that four engaged clutches hold together (section III-A) ---
 
 
 @dataclass(frozen=True)
 class Holding:
-    """Static loads on four engaged clutches, raised in a random direction until the arm moves;
-    arrays of shape (K,).
+    """Static loads on four engaged clutches, raised until the arm moves; arrays (K,).
 
     ``limit`` is the largest joint torque in that direction [N·m] that some set of clutch torques
     balances, ``moved_at`` the one at which the arm moved. ``weakest_slips`` says whether the clutch
@@ -363,14 +353,13 @@ class Holding:
 
 
 def holding(machine: Machine) -> Holding:
-    """Load the arm at random voltages in random poses and directions until it moves, K = 200 times."""
+    """Load the arm, at random voltages, poses and directions, until it moves, 200 times."""
     random = np.random.default_rng(0)
     return Holding(*map(np.array, zip(*(_load(machine, random) for _ in range(200)), strict=True)))
 
 
 def largest_load(capacity: Array, direction: Array) -> float:
-    """Return the largest joint torque [N·m] along a unit vector, shape (2,), that the clutches can
-    balance.
+    """Return the largest joint torque [N·m] along a unit vector (2,) that clutches balance.
 
     It is where the set ``{Wᵀτ: |τ_x| ≤ capacity_x}`` ends; ``capacity`` holds each clutch's largest
     torque [N·m], shape (4,).

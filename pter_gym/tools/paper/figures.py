@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pter_gym.benchmark._measures import column
+from pter_gym.benchmark.measures import column
 from pter_gym.tools import figures as style
 from pter_gym.tools.figures import MILLIMETRE, label, legend_of, name_lines, styled
 from pter_gym.tools.paper.claims import COLUMNS, NAMES, TABLE_TOLERANCE
@@ -21,10 +21,10 @@ from pter_gym.tools.paper.clutch_tests import (
     SingleDofTest,
     StepResponse,
 )
+from pter_gym.tools.paper.experiments import Experiments
+from pter_gym.tools.paper.parameters import BREAKAWAY_SMALL_VOLTAGE, TIME_CONSTANT
 from pter_gym.tools.paper.path_tests import BEST_GAIN, PAPER_TABLE, PLATEAU_FROM, GainSweep, Sweep
-from pter_gym.tools.paper.printed_values import BREAKAWAY_SMALL_VOLTAGE, TIME_CONSTANT
 from pter_gym.tools.paper.standard_test import Result
-from pter_gym.tools.paper.study import Study
 from pter_gym.units import INCH, to_inch_pounds
 
 Array = NDArray[np.float64]
@@ -264,15 +264,15 @@ def peak_acceleration_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
 
 @styled
 def way_and_speed_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
-    """Return path length and mean speed of the tip over the time constant (section IV-C.1, in the text only)."""
+    """Return the tip's path length and mean speed over the time constant (section IV-C.1)."""
     figure = Figure(figsize=(style.WIDTH, 3.1))
-    left, right = figure.subplots(1, 2)
-    _draw_sweeps(left, sweeps, lambda sweep: sweep.path_length, "path length of the tip [m]")
+    length_axes, right = figure.subplots(1, 2)
+    _draw_sweeps(length_axes, sweeps, lambda sweep: sweep.path_length, "path length of the tip [m]")
     _draw_sweeps(right, sweeps, lambda sweep: sweep.tip_speed, "mean tip speed [m/s]")
-    left.set_ylim(auto=True)
-    left.relim()
-    left.autoscale(axis="y")
-    style.inches_right(left, "path length of the tip")
+    length_axes.set_ylim(auto=True)
+    length_axes.relim()
+    length_axes.autoscale(axis="y")
+    style.inches_right(length_axes, "path length of the tip")
     style.inches_right(right, "mean tip speed", per="/s")
     name_lines(figure, right)
     return figure
@@ -402,17 +402,17 @@ def followed_lines(result: Result) -> Figure:
     return figure
 
 
-PICTURES: dict[str, Callable[[Study], Figure]] = {
-    "fig3": lambda study: single_dof_paths(study.single_dof),
-    "fig4": lambda study: single_dof_torques(study.single_dof),
-    "step": lambda study: clutch_step(study.step_response),
-    "fig5": lambda study: torque_over_voltage(study.torque_curves),
-    "fig7": lambda study: error_over_time_constant(study.sweeps),
-    "fig8": lambda study: peak_acceleration_over_time_constant(study.sweeps),
-    "fig8_way_and_speed": lambda study: way_and_speed_over_time_constant(study.sweeps),
-    "table1": lambda study: table_comparison(study.table1),
-    "fig9": lambda study: reversal_torques(study.reversals),
-    "fig10": lambda study: error_over_gain(study.gain_sweep),
-    "fig11": lambda study: followed_lines(study.line_following),
+PICTURES: dict[str, Callable[[Experiments], Figure]] = {
+    "fig3": lambda experiments: single_dof_paths(experiments.single_dof),
+    "fig4": lambda experiments: single_dof_torques(experiments.single_dof),
+    "step": lambda experiments: clutch_step(experiments.step_response),
+    "fig5": lambda experiments: torque_over_voltage(experiments.torque_curves),
+    "fig7": lambda experiments: error_over_time_constant(experiments.sweeps),
+    "fig8": lambda experiments: peak_acceleration_over_time_constant(experiments.sweeps),
+    "fig8_way_and_speed": lambda experiments: way_and_speed_over_time_constant(experiments.sweeps),
+    "table1": lambda experiments: table_comparison(experiments.table1),
+    "fig9": lambda experiments: reversal_torques(experiments.reversals),
+    "fig10": lambda experiments: error_over_gain(experiments.gain_sweep),
+    "fig11": lambda experiments: followed_lines(experiments.line_following),
 }
-"""How each figure or table is drawn, by the name of its file: that of the product, and what follows a ``_``."""
+"""How each picture is drawn, by its file's name: that of the output, perhaps with ``_…``."""

@@ -9,12 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark._measures import per_clutch
+from pter_gym.benchmark.measures import per_clutch
 from pter_gym.params import Machine, with_friction
 from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.paper.clutch_tests import holding_torque
-from pter_gym.tools.paper.printed_values import TIME_CONSTANT
-from pter_gym.tools.paper.setup import SETUP, Setup
+from pter_gym.tools.paper.parameters import SETUP, TIME_CONSTANT, Setup
 from pter_gym.tools.paper.standard_test import Result, Run, run_standard_test
 from pter_gym.units import INCH, INCH_POUND
 
@@ -25,7 +24,7 @@ PAPER_TABLE = {
     "delrin_experimental": (1.796, 33.02, 137.2),
     "delrin_theoretical": (1.498, 33.4, 144.2),
 }
-"""The paper's Table I by machine: average position error [in], tip velocity [in/s] and tip acceleration [in/s²]."""
+"""The paper's Table I: mean position error [in], tip velocity [in/s], acceleration [in/s²]."""
 
 BEST_GAIN = 0.06
 """The paper's optimum gain [V/(in·lbf)], in our reading of its unit (section IV-C.3)."""
@@ -77,16 +76,15 @@ class GainSweep(Sweep):
 def time_constant_sweep(
     setup: Setup = SETUP, time_constants: Sequence[float] | None = None
 ) -> dict[str, Sweep]:
-    """Run the standard test with plain impedance control on each machine of a setup, by the
-    machine's name.
+    """Run the standard test with plain impedance control on each machine of a setup.
 
     The time constants of the clutches [s] are those of the setup by default.
     """
-    chosen = setup.time_constants if time_constants is None else time_constants
+    taus = setup.time_constants if time_constants is None else time_constants
     machines = setup.machines.items()
     return {
-        name: sweep_of(*run_with_gains(setup, each, [0.0], chosen).runs.values())
-        for name, each in machines
+        name: sweep_of(*run_with_gains(setup, machine, [0.0], taus).runs.values())
+        for name, machine in machines
     }
 
 
@@ -104,7 +102,7 @@ def sweep_of(runs: Sequence[Run]) -> Sweep:
 
 
 def table1(sweeps: Mapping[str, Sweep]) -> dict[str, tuple[float, ...]]:
-    """Return Table I in the paper's units [in, in/s, in/s²]: averages over all runs, by the machine's name."""
+    """Return Table I in the paper's units, averages over all runs, by the machine's name."""
     rows = {
         name: (each.position_error, each.tip_speed, each.tip_acceleration)
         for name, each in sweeps.items()
@@ -115,7 +113,7 @@ def table1(sweeps: Mapping[str, Sweep]) -> dict[str, tuple[float, ...]]:
 
 
 def with_equal_peaks(setup: Setup) -> Setup:
-    """Return a setup in which every material's torques are scaled until its peak torque is the baseline's."""
+    """Return a setup in which torques are scaled until every peak torque is the baseline's."""
     machines: dict[str, Machine] = {}
     for name, machine in setup.machines.items():
         factor = holding_torque(setup.baseline) / holding_torque(machine)
@@ -124,7 +122,7 @@ def with_equal_peaks(setup: Setup) -> Setup:
 
 
 def gain_sweep(setup: Setup = SETUP, gains: Sequence[float] = GAINS) -> GainSweep:
-    """Run the standard test on the baseline machine at each gain of the torque loops [V/(in·lbf)]."""
+    """Run the standard test on the baseline machine at each gain [V/(in·lbf)]."""
     result = run_with_gains(setup, setup.baseline, gains, [TIME_CONSTANT])
     runs = [run for (run,) in result.runs.values()]
     top = (1.0 - 1e-6) * setup.baseline.clutch.voltage_max
@@ -133,14 +131,14 @@ def gain_sweep(setup: Setup = SETUP, gains: Sequence[float] = GAINS) -> GainSwee
 
 
 def line_following(setup: Setup = SETUP) -> Result:
-    """Follow the path on the baseline machine without torque feedback and with that of ``BEST_GAIN``."""
+    """Follow the path on the baseline machine without torque feedback and with ``BEST_GAIN``."""
     return run_with_gains(setup, setup.baseline, [0.0, BEST_GAIN], [TIME_CONSTANT])
 
 
 def run_with_gains(
     setup: Setup, machine: Machine, gains: Sequence[float], time_constants: Sequence[float]
 ) -> Result:
-    """Run the standard test at each gain of the torque loops [V/(in·lbf)], by its text, and each time constant [s]."""
+    """Run the standard test at each gain [V/(in·lbf)], by its text, and time constant [s]."""
     layout = observation_layout(machine, "torque")
     policies = {str(gain): setup.policy(machine, layout, gain / INCH_POUND) for gain in gains}
     return run_standard_test(

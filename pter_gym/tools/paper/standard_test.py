@@ -6,16 +6,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._engine.batch import Batch
+from pter_gym.benchmark.episodes import Episodes
+from pter_gym.benchmark.rollout import rollout
 from pter_gym.benchmark.scores import Score, score
-from pter_gym.benchmark.simulation import AnyPolicy, sensors_of, simulate
-from pter_gym.controllers import bind
+from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
 TIME_CONSTANTS = (0.01, 0.03, 0.06, 0.105, 0.15, 0.2)
-"""Time constants of the clutches [s] that a run covers; 0.105 is the manufacturer's (paper section IV-C.3)."""
+"""Time constants of the clutches [s]; 0.105 is the manufacturer's (section IV-C.3)."""
 
 MAX_STEPS = 1000
 """Control steps after which an episode is truncated."""
@@ -76,19 +76,20 @@ def run_standard_test(
         if not values:
             raise ParameterError(f"{name} must hold at least one, got none")
     machine, task = find_machine(machine), PathFollowing() if task is None else task
-    machines = [
+    machines = tuple(
         replace(machine, clutch=replace(machine.clutch, time_constant=tau))
         for tau in time_constants
-    ]
+    )
+    count = len(machines)
+    episodes = Episodes(
+        "", machines, (task,) * count, (seed,) * count, ("",) * count, machine, (MAX_STEPS,) * count
+    )
     runs: dict[str, tuple[Run, ...]] = {}
     for name, policy in policies.items():
-        batch = Batch(machines, task, sensors=sensors_of(policy))
-        telemetry = simulate(
-            batch, bind(policy, machine, batch.layout), [seed] * len(machines), MAX_STEPS
-        )
-        episodes = (rows[np.isfinite(rows[:, COLUMN.time])] for rows in telemetry.swapaxes(0, 1))
+        telemetry = rollout(policy, episodes).telemetry
+        recorded = (rows[np.isfinite(rows[:, COLUMN.time])] for rows in telemetry.swapaxes(0, 1))
         runs[name] = tuple(
             Run(tau, score(rows, task), rows)
-            for tau, rows in zip(time_constants, episodes, strict=True)
+            for tau, rows in zip(time_constants, recorded, strict=True)
         )
     return Result(machine, task, runs)

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.benchmark._measures import column
+from pter_gym.benchmark.measures import column
+from pter_gym.tools.paper.experiments import Experiments
 from pter_gym.tools.paper.path_tests import PAPER_TABLE
-from pter_gym.tools.paper.study import Study
 from pter_gym.units import INCH, INCH_POUND
 
 Columns = Mapping[str, ArrayLike]
@@ -39,7 +39,7 @@ PAPER_UNITS = {
     "_m_s2": ("_in_s2", INCH),
     "_nm": ("_in_lbf", INCH_POUND),
 }
-"""Ending of a column in SI, ending of the one in the paper's unit beside it, and the size of that unit."""
+"""Ending of a column in SI, its ending in the paper's unit, and the size of that unit."""
 
 TABLE_KEYS = ("position_error_in", "tip_speed_in_s", "tip_acceleration_in_s2")
 """Entries of a row of Table I in ``table1.json``."""
@@ -87,7 +87,7 @@ def fields_of(result: object) -> Columns:
     return {UNITS.get(name, name): values for name, values in vars(result).items()}
 
 
-def single_dof(study: Study) -> Columns:
+def single_dof(experiments: Experiments) -> Columns:
     """Figs. 3 and 4: tip and torques in each test."""
     return stacked(
         {
@@ -102,13 +102,13 @@ def single_dof(study: Study) -> Columns:
             "locked_clutch_torque_nm": np.abs(test.locked_torque),
             "tip_speed_m_s": np.linalg.norm(test.trajectory.tip_velocity, axis=1),
         }
-        for test in study.single_dof
+        for test in experiments.single_dof
     )
 
 
-def clutch_step(study: Study) -> Columns:
+def clutch_step(experiments: Experiments) -> Columns:
     """The step response of each clutch."""
-    step = study.step_response
+    step = experiments.step_response
     return stacked(
         {
             "clutch": k,
@@ -120,7 +120,7 @@ def clutch_step(study: Study) -> Columns:
     )
 
 
-def reversals(study: Study) -> Columns:
+def reversals(experiments: Experiments) -> Columns:
     """Fig. 9: torque and slip of clutch 1."""
     return stacked(
         {
@@ -130,48 +130,50 @@ def reversals(study: Study) -> Columns:
             "slip_velocity_rad_s": reversal.trajectory.slip_velocity[:, 0],
             "dynamic_torque_nm": reversal.dynamic,
         }
-        for name, reversal in study.reversals.items()
+        for name, reversal in experiments.reversals.items()
     )
 
 
-def lines(study: Study) -> Columns:
+def lines(experiments: Experiments) -> Columns:
     """Fig. 11: the tip with and without feedback."""
     names = {"time": "time_s", "tip_x": "tip_x_m", "tip_y": "tip_y_m", "arc_length": "arc_length_m"}
     names["normal_error"] = "normal_error_m"
     return stacked(
         {"gain_v_per_in_lbf": float(gain)}
         | {names[name]: column(run.telemetry, name) for name in names}
-        for gain, (run,) in study.line_following.runs.items()
+        for gain, (run,) in experiments.line_following.runs.items()
     )
 
 
-def table1(study: Study) -> dict[str, dict[str, float]]:
+def table1(experiments: Experiments) -> dict[str, dict[str, float]]:
     """Table I as ``table1.json`` holds it, in the paper's units."""
-    return {name: dict(zip(TABLE_KEYS, row, strict=True)) for name, row in study.table1.items()}
+    return {
+        name: dict(zip(TABLE_KEYS, row, strict=True)) for name, row in experiments.table1.items()
+    }
 
 
-def table1_columns(study: Study) -> Columns:
+def table1_columns(experiments: Experiments) -> Columns:
     """Table I beside the paper's."""
-    columns: dict[str, ArrayLike] = {"model": list(study.table1)}
+    columns: dict[str, ArrayLike] = {"model": list(experiments.table1)}
     ours, published = (
-        np.array(list(study.table1.values())),
-        np.array([PAPER_TABLE[name] for name in study.table1]),
+        np.array(list(experiments.table1.values())),
+        np.array([PAPER_TABLE[name] for name in experiments.table1]),
     )
     for k, key in enumerate(TABLE_KEYS):
         columns |= {key: ours[:, k], f"paper_{key}": published[:, k]}
     return columns
 
 
-COLUMNS: dict[str, Callable[[Study], Columns]] = {
+COLUMNS: dict[str, Callable[[Experiments], Columns]] = {
     "fig3": single_dof,
     "fig4": single_dof,
     "step": clutch_step,
-    "fig5": lambda study: by_model(study.torque_curves),
-    "fig7": lambda study: by_model(study.sweeps),
-    "fig8": lambda study: by_model(study.sweeps),
+    "fig5": lambda experiments: by_model(experiments.torque_curves),
+    "fig7": lambda experiments: by_model(experiments.sweeps),
+    "fig8": lambda experiments: by_model(experiments.sweeps),
     "table1": table1_columns,
     "fig9": reversals,
-    "fig10": lambda study: stacked([fields_of(study.gain_sweep)]),
+    "fig10": lambda experiments: stacked([fields_of(experiments.gain_sweep)]),
     "fig11": lines,
 }
 """The data of each figure or table."""

@@ -37,32 +37,35 @@ def watch(
     Example: pter watch torque-feedback,residual --out both.webp
 
     Args:
-        policies: Separated by commas, as for `pter benchmark --policies`. scenario: Scenario that
-        draws the episode. pace: Commanded pace: slow, medium, brisk, or a speed in m/s. path: Path
-        instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's name. seed:
-        Seed of the episode, and of random policies, at least 0. out: Film to write, or with .png
-        the final picture, with the tip's trail; its folder must exist. csv: File for the episode's
-        whole telemetry; see docs/watching.md. Its folder must exist. size: Width and height of the
-        picture in pixels. speed: Playback speed relative to real time; 0.2 is slow motion. machine:
-        Clutch material, or the preset of a machine of your own, instead of the one that the
-        scenario draws.
+        policies: Separated by commas, as for `pter benchmark --policies`.
+        scenario: Scenario that draws the episode.
+        pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
+        path: Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's
+            name.
+        seed: Seed of the episode, and of random policies, at least 0.
+        out: Film to write, or with .png the final picture, with the tip's trail; its folder must
+            exist.
+        csv: File for the episode's whole telemetry; see docs/watching.md. Its folder must exist.
+        size: Width and height of the picture in pixels.
+        speed: Playback speed relative to real time; 0.2 is slow motion.
+        machine: Clutch material, or the file of a machine of your own, instead of the one that
+            the scenario draws.
     """
     from pter_gym.benchmark import find_policy
-    from pter_gym.benchmark._trajectories import write_trajectories
-    from pter_gym.benchmark.simulation import record_episode, time_limit
+    from pter_gym.benchmark.results import write_trajectories
+    from pter_gym.benchmark.rollout import record_episode
     from pter_gym.tools.pictures import film
 
     names = split(policies)
     check_arguments(names, out, csv, size, speed)
     seed = whole_number("seed", seed, at_least=0)
     drawn = find_scenario(scenario, machine, path)
-    held, task = drawn.randomisation(pace, contexts=1, seed=seed).pairs()[0]
+    held, task = drawn.draws.pairs(1, seed, pace)[0]
     found = {name: find_policy(name, drawn.whose_gains) for name in names}
     telemetry: dict[str, Any] = {}
     for name, policy in found.items():
-        telemetry[name] = record_episode(
-            policy, held, task, seed, time_limit(task), nominal=drawn.nominal
-        ).telemetry
+        episode = record_episode(policy, held, task, seed, nominal=drawn.nominal)
+        telemetry[name] = episode.telemetry
         say(f"{name}: {summary(telemetry[name])}")
     if csv:
         write_trajectories(telemetry, csv)
@@ -87,7 +90,7 @@ def check_arguments(
     names: list[str], out: Path | None, csv: Path | None, size: tuple[int, int] | None, speed: float
 ) -> None:
     """Check the arguments as far as possible before the simulation; errors name the argument."""
-    from pter_gym.benchmark._trajectories import check_table
+    from pter_gym.benchmark.results import check_table
     from pter_gym.tools.pictures import film, viewer
 
     if not 1 <= len(names) <= MAX_POLICIES:
@@ -111,14 +114,12 @@ def check_arguments(
 def summary(telemetry: Any) -> str:
     """Return how an episode ended, and how far the tip was from the path, in words."""
     from pter_gym.tasks.path_following import COLUMN
+    from pter_gym.tools.pictures.drawing import outcome
 
     last = telemetry[-1]
-    end = (
-        "arrived"
-        if last[COLUMN.is_success]
-        else "left the workspace"
-        if last[COLUMN.terminated]
-        else "time is up"
-    )
+    ending = outcome(last) if last[COLUMN.terminated] else "time is up"
     error = 1e3 * abs(telemetry[:, COLUMN.normal_error])
-    return f"{end} after {last[COLUMN.time]:.2f} s; error {error.mean():.1f} mm on average, {error.max():.1f} at most"
+    return (
+        f"{ending} after {last[COLUMN.time]:.2f} s; "
+        f"error {error.mean():.1f} mm on average, {error.max():.1f} at most"
+    )

@@ -35,16 +35,16 @@ BADGES = {
     "released": (GROOVE, "#565d67"),
     "absent": (CARD, "#565d67"),
 }
-"""Colours of a clutch's states and of their names, which differ in lightness, so they need no colour vision."""
+"""Colours of a clutch's states and of their names; they differ in lightness, too."""
 
 TITLE, BODY, SMALL, MIN_TEXT = 14, 12, 11, 10
 """Sizes of text [px at the default size]; the smallest legible one [px]."""
 
 MIN_SIZE_WITH_TEXT, MIN_HEIGHT_WITH_LEGEND = (240, 160), 340
-"""Width and height [px] below which there is no room for text, and height below which there is none for a legend."""
+"""Size [px] below which there is no room for text, and height below which there is no legend."""
 
 MARGIN, LINE, CARD_HEIGHT, GAP = 16, 24, 62, 8
-"""Edge of the drawing, heights of a line of text and of a clutch's card, and space between cards, in units of text."""
+"""Edge, heights of a line of text and of a clutch's card, space between cards, in units of text."""
 
 SUPERSAMPLING = 2
 """A canvas is drawn larger by this factor, then reduced, which smooths its edges."""
@@ -80,7 +80,7 @@ class FiveBar(NamedTuple):
 
 
 def five_bar(arm: Arm, theta_a: float, theta_b: float) -> FiveBar:
-    """Return the pivots at absolute link angles [rad]; the tip is at lA·(cos θA, sin θA) + lB·(cos θB, sin θB)."""
+    """Return the pivots at absolute link angles [rad]."""
     elbow_a = arm.length_a * np.array([math.cos(theta_a), math.sin(theta_a)])
     elbow_b = arm.length_b * np.array([math.cos(theta_b), math.sin(theta_b)])
     return FiveBar(np.zeros(2), elbow_a, elbow_b, elbow_a + elbow_b)
@@ -96,19 +96,17 @@ def workspace(task: PathFollowing) -> Array:
 
 
 def band(path: Path, right: float, left: float, behind: float = 0.0) -> Array:
-    """Return the outline of a band along a path [m], shape (K, 2), that begins so far behind its start."""
+    """Return the outline [m], shape (K, 2), of a band along a path from ``behind`` its start."""
     x, y, heading, _ = path.arcs.at(np.linspace(0.0, path.length, 129))
-    x, y = (
-        np.append(x[0] - behind * np.cos(heading[0]), x),
-        np.append(y[0] - behind * np.sin(heading[0]), y),
-    )
+    x = np.append(x[0] - behind * np.cos(heading[0]), x)
+    y = np.append(y[0] - behind * np.sin(heading[0]), y)
     heading = np.append(heading[0], heading)
     points, normal = np.stack([x, y], axis=1), np.stack([-np.sin(heading), np.cos(heading)], axis=1)
     return np.vstack([points + left * normal, (points - right * normal)[::-1]])
 
 
 class Box(NamedTuple):
-    """A rectangle by its edges: metres in the world (y upwards) or pixels on the screen (y downwards)."""
+    """A rectangle by its edges: metres in the world (y up) or pixels on the screen (y down)."""
 
     left: float
     low: float
@@ -117,7 +115,7 @@ class Box(NamedTuple):
 
 
 class View(NamedTuple):
-    """World to screen; ``scale`` is in pixels per metre, ``origin`` the pixel (x, y) of the axis of the drive."""
+    """World to screen: ``scale`` in pixels per metre, ``origin`` the pixel of the drive's axis."""
 
     scale: float
     origin: tuple[float, float]
@@ -128,11 +126,11 @@ class View(NamedTuple):
 
 
 def fit(task: PathFollowing, arm: Arm, screen: Box) -> View:
-    """Return the view that shows the drive, the workspace, and the elbows on both sides of the drive in a box [px]."""
+    """Return the view that fits drive, workspace, and elbows to either side into a box [px]."""
     x, y = task.path.point(0.5 * task.path.length)
     sideways = max(arm.length_a, arm.length_b) / max(math.hypot(x, y), HUB) * np.array([-y, x])
-    shown = np.vstack([workspace(task), [[-HUB, -HUB], [HUB, HUB]], sideways, -sideways])
-    (left, low), (right, high) = shown.min(axis=0).tolist(), shown.max(axis=0).tolist()
+    corners = np.vstack([workspace(task), [[-HUB, -HUB], [HUB, HUB]], sideways, -sideways])
+    (left, low), (right, high) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
     scale = min(
         (screen.right - screen.left) / (right - left), (screen.high - screen.low) / (high - low)
     )
@@ -168,7 +166,7 @@ class Canvas:
         self._draw.polygon(_enlarged(points), colour)
 
     def line(self, points: Array, colour: str, width: float) -> None:
-        """Draw a line through points (K, 2), in pieces of at least two pixels; nothing for fewer than two points."""
+        """Draw a line through points (K, 2) in pieces of at least two pixels; one draws none."""
         if len(points) > 2:
             travelled = np.cumsum(np.hypot(*np.diff(points, axis=0).T))
             kept = np.diff(np.floor(0.5 * travelled), prepend=0.0) > 0.0
@@ -197,23 +195,14 @@ class Canvas:
         left = np.array([-ahead[1], ahead[0]])
         head, neck = tail + length * ahead, tail + max(length - 3.5 * width, 0.0) * ahead
         shaft, barb = 0.5 * width * left, 1.75 * width * left
-        self.polygon(
-            [
-                tail + shaft,
-                neck + shaft,
-                neck + barb,
-                head,
-                neck - barb,
-                neck - shaft,
-                tail - shaft,
-            ],
-            colour,
-        )
+        one_side = [tail + shaft, neck + shaft, neck + barb]
+        other_side = [neck - barb, neck - shaft, tail - shaft]
+        self.polygon([*one_side, head, *other_side], colour)
 
     def box(
         self, left: float, low: float, right: float, high: float, colour: str, radius: float = 0.0
     ) -> None:
-        """Fill a rectangle, with round corners if ``radius`` is given."""
+        """Fill a rectangle, with round corners if ``radius`` is positive."""
         left, low, right, high = (round(SUPERSAMPLING * edge) for edge in (left, low, right, high))
         if right > left and high > low:
             self._draw.rounded_rectangle(
@@ -229,7 +218,7 @@ class Canvas:
         colour: str,
         align: Literal["l", "m", "r"] = "l",
     ) -> None:
-        """Write a line of text around the height ``y``; its left end, middle or right end is at ``x``."""
+        """Write a line of text around the height ``y``; its left, middle or right is at ``x``."""
         self._draw.text(
             (SUPERSAMPLING * x, SUPERSAMPLING * y), text, colour, _font(size), f"{align}m"
         )
@@ -245,7 +234,7 @@ def text_width(text: str, size: float) -> float:
 
 
 def shortened(name: str, size: float, width: float) -> str:
-    """Return a name without as much of its beginning as makes it fit into a width [px]."""
+    """Return a name, without its beginning if it is wider than ``width`` [px]."""
     while len(name) > 1 and text_width(name, size) > width:
         name = "…" + name.removeprefix("…")[1:]
     return name
@@ -259,9 +248,8 @@ def _font(size: float) -> ImageFont.FreeTypeFont:
 def _load_font(size: int) -> ImageFont.FreeTypeFont:
     """Load the typeface of the figures from Matplotlib's files, without importing Matplotlib."""
     package: Any = find_spec("matplotlib")
-    return ImageFont.truetype(
-        FilePath(package.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf", size
-    )
+    fonts = FilePath(package.origin).parent / "mpl-data" / "fonts" / "ttf"
+    return ImageFont.truetype(fonts / "DejaVuSans.ttf", size)
 
 
 # --- the picture ---
@@ -289,16 +277,11 @@ class Picture:
         scene = Box(margin, margin, width - margin, height - margin)
         if self._has_text:
             margin = MARGIN * unit
-            scene = Box(
-                margin,
-                (1 + has_legend) * LINE * unit,
-                width - margin,
-                self._panel.low - 0.5 * margin,
-            )
+            top, bottom = (1 + has_legend) * LINE * unit, self._panel.low - 0.5 * margin
+            scene = Box(margin, top, width - margin, bottom)
         self.view = fit(task, self._machine.arm, scene)
-        self._stroke = (
-            min((scene.right - scene.left) / 508, (scene.high - scene.low) / 532) ** STROKE_GROWTH
-        )
+        room = min((scene.right - scene.left) / 508, (scene.high - scene.low) / 532)
+        self._stroke = room**STROKE_GROWTH
         self._size = BODY * unit if self._has_text else 0.0
         self._background = Canvas.blank(width, height)
         self._draw_background(task)
@@ -310,7 +293,7 @@ class Picture:
         )
 
     def draw(self, row: Any, trail: Array) -> NDArray[np.uint8]:
-        """Return a telemetry row, shape (len(TELEMETRY),), as pixels; ``trail`` holds past tips [m], shape (K, 2)."""
+        """Return a telemetry row as pixels; ``trail`` holds past tips [m], shape (K, 2)."""
         canvas = self._background.copy()
         canvas.line(self.view.pixels(np.reshape(trail, (-1, 2))), TRAIL, max(3 * self._stroke, 1.5))
         pivots = [
@@ -375,16 +358,14 @@ class Picture:
         ):
             canvas.bar(base, elbow, 14 * unit, colour)
             if size:
-                away = (base - other) / math.hypot(
-                    *(base - other)
-                )  # from the inside of the parallelogram
+                away = (base - other) / math.hypot(*(base - other))  # out of the parallelogram
                 x, y = 0.5 * (base + elbow) + (10 * unit + 0.6 * size) * away
                 canvas.text(name, x, y, size, INK, "m")
         for pivot in (base, elbow_a, elbow_b):
             canvas.ring(pivot, 6 * unit, 2.5 * unit, INK)
 
     def _draw_handle(self, canvas: Canvas, tip: Array, force: Array) -> None:
-        """Draw the hand's force [N] as an arrow from the tip [px] with its strength, and the handle."""
+        """Draw the handle at the tip [px], and the hand's force [N] as an arrow."""
         unit, size, strength = self._stroke, self._size, math.hypot(*force)
         if strength >= MIN_FORCE:
             ahead = force / strength * (1.0, -1.0)
@@ -392,35 +373,28 @@ class Picture:
             canvas.arrow(tip, ahead, length, 5 * unit, FORCE)
             if size:
                 upwards = np.array([ahead[1], -ahead[0]]) * math.copysign(1.0, ahead[0])
-                x, y = (
-                    tip + length * ahead + upwards * (1.6 * size, 1.2 * size)
-                )  # beside the path ahead
+                beside = upwards * (1.6 * size, 1.2 * size)  # the path ahead
+                x, y = tip + length * ahead + beside
                 canvas.text(f"{strength:.0f} N", x, y, size, FORCE, "m")
         canvas.disc(tip, 9 * unit, BACKGROUND)
         canvas.disc(tip, 7.5 * unit, INK)
 
     def _draw_readings(self, canvas: Canvas, row: Any) -> None:
-        """Write the time above the scene; below it the error and the mode, and draw a card for each clutch."""
+        """Write the time above the scene, error and mode below it; draw a card for each clutch."""
         left, top, right, bottom = self._panel
-        size, gap, line, margin = (
-            self._size,
-            GAP * self._unit,
-            LINE * self._unit,
-            MARGIN * self._unit,
-        )
+        size, unit = self._size, self._unit
+        gap, line, margin = GAP * unit, LINE * unit, MARGIN * unit
         canvas.text(f"{row[COLUMN.time]:.2f} s", right - margin, 0.5 * line, size, MUTED, "r")
         canvas.box(left, top, right, bottom, PANEL)
         y = top + 0.5 * (gap + line)
-        canvas.text(
-            f"error {_signed(1e3 * float(row[COLUMN.normal_error]))} mm", margin, y, size, INK
-        )
+        error = _signed(1e3 * float(row[COLUMN.normal_error]))
+        canvas.text(f"error {error} mm", margin, y, size, INK)
         canvas.text(outcome(row), right - margin, y, size, INK, "r")
         step = (right - left - gap) / 4
         for clutch, state in enumerate(clutch_states(row, self._machine)):
             x = left + gap + clutch * step
-            self._draw_card(
-                canvas, Box(x, top + gap + line, x + step - gap, bottom - gap), clutch, state, row
-            )
+            card = Box(x, top + gap + line, x + step - gap, bottom - gap)
+            self._draw_card(canvas, card, clutch, state, row)
 
     def _draw_card(self, canvas: Canvas, card: Box, clutch: int, state: str, row: Any) -> None:
         """Draw a clutch's state, and voltage and torque as bars and numbers, in its colour."""
@@ -432,24 +406,16 @@ class Picture:
         canvas.box(*card, CARD, 5 * unit)
         left, right, line = card.left + 4 * unit, card.right - 4 * unit, (card.high - card.low) / 3
         canvas.box(left, card.low + 0.2 * line, right, card.low + 0.95 * line, fill, 4 * unit)
-        canvas.text(
-            f"{clutch + 1} {state}",
-            0.5 * (left + right),
-            card.low + 0.58 * line,
-            SMALL * unit,
-            ink,
-            "m",
-        )
+        middle, y = 0.5 * (left + right), card.low + 0.58 * line
+        canvas.text(f"{clutch + 1} {state}", middle, y, SMALL * unit, ink, "m")
         width = max(right - left - 60 * unit, 0.0)
-        for y, zero, share, text in (
-            (
-                card.low + 1.45 * line,
-                0.0,
-                volts / self._machine.clutch.voltage_max,
-                f"{volts:.1f} V",
-            ),
-            (card.low + 2.35 * line, 0.5, torque / self._torque_max, f"{_signed(torque)} N·m"),
-        ):
+        voltage_share = volts / self._machine.clutch.voltage_max
+        bars = (
+            (1.45, 0.0, voltage_share, f"{volts:.1f} V"),
+            (2.35, 0.5, torque / self._torque_max, f"{_signed(torque)} N·m"),
+        )
+        for place, zero, share, text in bars:
+            y = card.low + place * line
             canvas.text(text, right, y, SMALL * unit, INK, "r")
             canvas.box(left, y - 4 * unit, left + width, y + 4 * unit, GROOVE)
             start = left + zero * width
@@ -466,15 +432,15 @@ def outcome(row: Any) -> str:
 
 
 def clutch_states(row: Any, machine: Machine) -> list[str]:
-    """Return the state of each of the four clutches; one without voltage and torque is released, even at rest."""
+    """Return the state of each clutch; without voltage and torque it is released, even at rest."""
     slots = zip(machine.slot_rows, machine.slot_scale, strict=True)
     rows = [slip if scale > 0.0 else None for slip, scale in slots]
     idle = (row[[*COLUMN.volts]] == 0.0) & (row[[*COLUMN.torque]] == 0.0)
     mode = int(row[COLUMN.mode])
     stuck = rows[mode - 1] if ClutchMode.TWO_DOF < mode < ClutchMode.ZERO_DOF else None
-    held = [mode == ClutchMode.ZERO_DOF or each == stuck for each in rows]
-    states = ["released" if idle[x] else "stuck" if held[x] else "slipping" for x in range(4)]
-    return ["absent" if each is None else state for each, state in zip(rows, states, strict=True)]
+    holds = [mode == ClutchMode.ZERO_DOF or slip == stuck for slip in rows]
+    states = ["released" if idle[x] else "stuck" if holds[x] else "slipping" for x in range(4)]
+    return ["absent" if slip is None else state for slip, state in zip(rows, states, strict=True)]
 
 
 def _signed(value: float) -> str:

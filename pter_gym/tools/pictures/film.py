@@ -1,9 +1,9 @@
-"""Films: episodes side by side above their errors, in frames at equal intervals, written to a file or shown."""
+"""Films: episodes side by side above their errors, written to a file or shown in a window."""
 
 import io
 import math
 import tempfile
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -69,25 +69,22 @@ class Film:
         size: tuple[int, int] | None = None,
         arms: Collection[str] | None = None,
     ) -> None:
-        shown = [name for name in episodes if arms is None or name in arms]
-        self.size = width, height = check_size(*(size or default_size(len(shown), len(episodes))))
+        names = [name for name in episodes if arms is None or name in arms]
+        self.size = width, height = check_size(*(size or default_size(len(names), len(episodes))))
         strip = min(strip_height(len(episodes)), round(MAX_SHARE * height))
         self._strip = ErrorStrip(task, episodes, width, strip) if strip >= MIN_HEIGHT else None
         height -= strip if self._strip else 0
         self.rate = rate
         self._step = speed / rate
-        self._episodes = [episodes[name] for name in shown]
-        rows, columns = grid(len(shown))
-        x, y = (
-            np.linspace(0, width, columns + 1).round().astype(int),
-            np.linspace(0, height, rows + 1).round().astype(int),
-        )
+        self._episodes = [episodes[name] for name in names]
+        rows, columns = grid(len(names))
+        x = np.linspace(0, width, columns + 1).round().astype(int)
+        y = np.linspace(0, height, rows + 1).round().astype(int)
         self._pictures: list[tuple[int, int, Picture]] = []
-        for k, name in enumerate(shown):
+        for k, name in enumerate(names):
             row, column = divmod(k, columns)
-            picture = Picture(
-                Subject(machine, task, name), int(np.diff(x)[column]), int(np.diff(y)[row])
-            )
+            size = int(np.diff(x)[column]), int(np.diff(y)[row])
+            picture = Picture(Subject(machine, task, name), *size)
             self._pictures.append((int(x[column]), int(y[row]), picture))
         duration = max(float(telemetry[-1, COLUMN.time]) for telemetry in episodes.values())
         self._count = 1 + math.ceil(duration / self._step - 1e-9)
@@ -97,7 +94,7 @@ class Film:
         return self._count
 
     def pixels(self, frame: int) -> NDArray[np.uint8]:
-        """Return a frame as a new array, shape (height, width, 3); the last one for all that follow it."""
+        """Return a frame as a new array (height, width, 3); beyond the last, the last."""
         time = min(frame, self._count - 1) * self._step
         whole = np.full((*reversed(self.size), 3), 255, np.uint8)
         for (left, top, picture), telemetry in zip(self._pictures, self._episodes, strict=True):
@@ -112,13 +109,13 @@ class Film:
 
 
 def grid(count: int) -> tuple[int, int]:
-    """Return rows and columns of a grid for that many pictures: up to three side by side, then about square."""
+    """Return rows and columns for so many pictures: up to three in a row, then about square."""
     columns = count if count <= 3 else math.ceil(math.sqrt(count))
     return -(-count // columns), columns
 
 
 def default_size(arms: int, policies: int) -> tuple[int, int]:
-    """Return the size of a film [px] with pictures of so many arms above the errors of so many policies."""
+    """Return a film's size [px]: pictures of ``arms`` above the errors of ``policies``."""
     rows, columns = grid(arms)
     width, height = (WIDTH, HEIGHT) if arms == 1 else (columns * TILE[0], rows * TILE[1])
     height += strip_height(policies)
@@ -127,7 +124,7 @@ def default_size(arms: int, policies: int) -> tuple[int, int]:
 
 
 def check_suffix(path: Path) -> None:
-    """Raise a ParameterError unless films can have this extension, a DependencyError if ffmpeg is missing for it."""
+    """Raise a ParameterError for other extensions, a DependencyError if ffmpeg is missing."""
     if path.suffix.lower() not in RATES:
         raise ParameterError(f"out must end in {', '.join(RATES)}, got {str(path)!r}")
     if path.suffix.lower() == ".mp4":
@@ -145,8 +142,7 @@ def write_film(
     arms: Collection[str] | None = None,
     on_progress: Callable[[float], object] = lambda _: None,
 ) -> Path:
-    """Write a film of policies on one episode, side by side, to a file atomically, and return its
-    path.
+    """Write a film of policies side by side on one episode atomically, and return its path.
 
     Parameters
     ----------
@@ -177,7 +173,8 @@ def write_film(
             on_progress((frame + 1) / count)
 
     if suffix == ".webp":
-        content = _encode_webp(frames(len(film)), len(film), film.rate)
+        durations = [round(1000.0 / film.rate)] * (len(film) - 1) + [round(1000.0 * PAUSE)]
+        content = encode_webp(frames(len(film)), durations)
     elif suffix == ".mp4":
         content = _encode_mp4(frames(len(film) + round(PAUSE * film.rate)), film.rate)
     else:
@@ -199,11 +196,12 @@ def show_film(film: Film, title: str) -> None:
         window.close()
 
 
-def _encode_webp(frames: Iterator[NDArray[np.uint8]], count: int, rate: float) -> bytes:
-    """Return frames as an animated WebP that repeats; the last frame stays for ``PAUSE``."""
+def encode_webp(
+    frames: Iterable[NDArray[np.uint8]], durations: list[int], *, quality: int = 70, method: int = 0
+) -> bytes:
+    """Return frames as a WebP that repeats, each shown for its duration [ms]; one stands still."""
     images = (Image.fromarray(frame) for frame in frames)
-    durations = [round(1000.0 / rate)] * (count - 1) + [round(1000.0 * PAUSE)]
-    settings = {"duration": durations, "loop": 0, "quality": 70, "method": 0}
+    settings = {"duration": durations, "loop": 0, "quality": quality, "method": method}
     return _encoded(next(images), "WEBP", save_all=True, append_images=images, **settings)
 
 

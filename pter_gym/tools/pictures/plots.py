@@ -1,6 +1,5 @@
 """Figures of a scenario's scores, drawn with Matplotlib."""
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,9 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
+from pter_gym._internal.terminal import shorten
 from pter_gym.benchmark.boards import PACE_ERROR, UNRANKED, Leaderboard, Standing
-from pter_gym.benchmark.intervals import performance_profile
-from pter_gym.benchmark.scores import ScenarioRun
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.scenarios import PACES, find_pace, title_of_pace
@@ -32,7 +30,7 @@ from pter_gym.tools.pictures.drawing import WORKSPACE
 from pter_gym.tools.pictures.strip import apart
 
 MAX_NAME = 60
-"""Most characters of a name in a picture; longer ones lose their middle."""
+"""Most characters of a name in a picture."""
 
 FAINT = 0.35
 """Opacity of a policy that is not ranked."""
@@ -41,12 +39,9 @@ MIN_PACE, MAX_PACE = 0.03, 1.0
 """Mean paces [m/s] at which slower and faster policies are drawn."""
 
 
-def draw_scenario(
-    boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun], folder: Path
-) -> list[Path]:
+def draw_scenario(boards: Sequence[Leaderboard], folder: Path) -> list[Path]:
     """Draw the leaderboards of one scenario into a folder as PNG files; return their paths."""
-    mine = [run for run in runs if boards[0].has_episodes_of(run)]
-    figures = {"profiles": profiles(boards, mine), "error-against-pace": error_against_pace(boards)}
+    figures = {"profiles": profiles(boards), "error-against-pace": error_against_pace(boards)}
     return [
         save(figure, folder / f"{boards[0].scenario}-{name}.png")
         for name, figure in figures.items()
@@ -60,64 +55,47 @@ def _x_at(line: Line2D, y: float) -> float:
 
 
 @styled
-def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figure:
-    """Return the performance profiles of a scenario: the share of episodes within an error, a panel
-    for each pace.
+def profiles(boards: Sequence[Leaderboard]) -> Figure:
+    """Return the performance profiles of a scenario: the share of episodes within an error.
 
-    Parameters
-    ----------
-    boards
-        Leaderboards of one scenario, one per pace.
-    runs
-        The runs behind them.
+    ``boards`` are leaderboards of one scenario; each pace has its panel.
     """
     figure = Figure(figsize=(WIDTH, 3.0))
     panels: list[Axes] = np.ravel(figure.subplots(1, len(boards), sharey=True)).tolist()
-    every = np.concatenate([run.scores["path_error_m"] for run in runs])
-    low, high = max(float(every.min()), 1e-5), float(every.max())
-    thresholds = np.exp(np.linspace(math.log(0.9 * low), math.log(1.1 * max(low, high)), 200))
+    every = [standing.errors.ravel() for board in boards for standing in board.standings]
+    low, high = (max(float(end(np.concatenate(every))), 1e-5) for end in (np.min, np.max))
+    thresholds = np.geomspace(0.9 * low, 1.1 * high, 200)
     by_policy, curves = _looks(boards), dict[str, Line2D]()
     for axes, board in zip(panels, boards, strict=True):
         axes.set_title(title_of_pace(board.pace))
         for standing in board.standings:
-            key = (standing.policy, board.pace)
-            errors = np.stack(
-                [run.scores["path_error_m"] for run in runs if (run.policy, run.pace) == key]
-            )
-            found = performance_profile(errors, thresholds)
+            errors = np.sort(standing.errors, axis=None)
+            shares = np.searchsorted(errors, thresholds, side="right") / len(errors)
             colour, _, dashes = by_policy[standing.policy]
             alpha = FAINT if standing.reason else 1.0
-            x = thresholds / MILLIMETRE
-            rises = (found.fraction > 0.0) & (found.fraction < 1.0)
-            axes.fill_between(
-                x, found.low, found.high, rises, color=colour, alpha=0.18 * alpha, linewidth=0.0
+            (line,) = axes.plot(
+                thresholds / MILLIMETRE, shares, color=colour, linestyle=dashes, alpha=alpha
             )
-            (line,) = axes.plot(x, found.fraction, color=colour, linestyle=dashes, alpha=alpha)
             if axes is panels[-1]:
                 curves[standing.policy + mark(standing)] = line
         axes.set_xscale("log")
         plain_ticks(axes, "x")
         axes.set_xlabel("path error [mm]")
     panels[0].set_ylabel("share of episodes within it")
-    shares = np.linspace(0.05, 0.95, len(curves))[
-        ::-1
-    ]  # each curve is labelled at a height of its own
+    # each curve is labelled at a height of its own
+    shares = np.linspace(0.95, 0.05, len(curves))
     ends = {
         name: (_x_at(line, float(share)), float(share))
         for share, (name, line) in zip(shares, curves.items(), strict=True)
     }
     label_ends(panels[-1], ends, {name: str(line.get_color()) for name, line in curves.items()})
-    board_note(
-        figure,
-        boards[0],
-        f"dashed: control laws; {UNRANKED}, faint: not ranked; bands: 95 % intervals",
-    )
+    board_note(figure, boards[0], f"dashed: control laws; {UNRANKED}, faint: not ranked")
     return figure
 
 
 @styled
 def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
-    """Return each policy's path error over its actual mean pace, with the commanded paces marked."""
+    """Return the path error of each policy over its mean pace, with the commanded paces marked."""
     figure = Figure(figsize=(WIDTH, 3.9))
     axes = figure.add_subplot()
     for board in boards:
@@ -132,12 +110,9 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
             standing for board in boards for standing in board.standings if standing.policy == name
         ]
         x = np.clip(
-            [standing.scores["mean_pace_m_s"].value for standing in standings], MIN_PACE, MAX_PACE
+            [standing.scores["mean_pace_m_s"] for standing in standings], MIN_PACE, MAX_PACE
         )
-        y = (
-            np.array([standing.scores["path_error_m"] for standing in standings], np.float64)
-            / MILLIMETRE
-        )
+        y = np.array([standing.error for standing in standings], np.float64) / MILLIMETRE
         axes.plot(x, y[:, 0], color=colour, linestyle=dashes, linewidth=1.2, alpha=0.6)
         spread = np.maximum([y[:, 0] - y[:, 1], y[:, 2] - y[:, 0]], 0.0)
         axes.errorbar(x, y[:, 0], spread, fmt="none", ecolor=colour, elinewidth=1.2)
@@ -162,7 +137,8 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
     plain_ticks(axes, "y")
     label(axes, "mean pace along the path [m/s]", "path error [mm]")
     label_ends(axes, ends, {name: look.colour for name, look in _looks(boards).items()})
-    note = f"dashed: control laws; {UNRANKED}, hollow: not ranked; bars: 95 % intervals\nshaded: paces that rank"
+    note = f"dashed: control laws; {UNRANKED}, hollow: not ranked; bars: 95 % intervals\n"
+    note += f"shaded: within {100 * PACE_ERROR:g} % of a commanded pace"
     board_note(figure, boards[0], note)
     return figure
 
@@ -172,10 +148,7 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
 
 def shown(name: str) -> str:
     """Return a policy's name for pictures: short enough, and without mathematical markup."""
-    half = MAX_NAME // 2
-    return (name if len(name) <= MAX_NAME else f"{name[: half - 1]}…{name[-half:]}").replace(
-        "$", r"\$"
-    )
+    return shorten(name, MAX_NAME).replace("$", r"\$")
 
 
 def mark(standing: Standing) -> str:
@@ -194,7 +167,7 @@ def plain_ticks(axes: Axes, which: str) -> None:
 
 
 def _pace_ticks(axes: Axes, paces: Mapping[str, float]) -> None:
-    """Label a logarithmic axis at each commanded pace [m/s] by its name, and at the slowest pace drawn."""
+    """Label a logarithmic axis at each commanded pace [m/s], and at the ends that are drawn."""
     low, high = axes.get_xlim()
     axes.set_xlim(min(low, 0.9 * min(paces.values())), max(high, 1.1 * max(paces.values())))
     labels = {
@@ -218,7 +191,7 @@ def _looks(boards: Sequence[Leaderboard]) -> dict[str, Look]:
 def label_ends(
     axes: Axes, ends: Mapping[str, tuple[float, float]], colours: Mapping[str, str]
 ) -> None:
-    """Write names beside the axes, each in its colour at the height of its line's end (x, y), and none over another."""
+    """Write names beside the axes, in the colours and at the heights of the ends (x, y)."""
     figure: Any = axes.figure
     to_axes = axes.transData + axes.transAxes.inverted()
     heights = {name: float(to_axes.transform(end)[1]) for name, end in ends.items()}
@@ -253,6 +226,4 @@ def label_ends(
 
 def board_note(figure: Figure, board: Leaderboard, note: str) -> None:
     """Write below the panels what was run, and a note."""
-    kind = "stored" if board.seed is None else "fresh"
-    ran = f"{board.scenario}, {board.episodes} {kind} episode{'s' if board.episodes > 1 else ''}"
-    figure.supxlabel(f"{ran}; {note}", fontsize=8.5)
+    figure.supxlabel(f"{board.title}; {note}", fontsize=8.5)

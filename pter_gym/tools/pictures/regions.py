@@ -1,4 +1,4 @@
-"""The figure of a machine's displayable forces: polygons at several poses, and a map of the smallest steering force."""
+"""The figure of a machine's displayable forces: polygons at several poses, and a map."""
 
 import math
 from pathlib import Path
@@ -32,7 +32,7 @@ MARGIN = 0.2
 """Smallest ``|sin(θA − θB)|`` that is drawn; the tasks have the same by default."""
 
 MIN_TOP = 10.0
-"""Smallest range of the colours [N], so that a machine without steering force does not look as if it had some."""
+"""Smallest range of the colours [N], so that no steering force does not look like some."""
 
 
 def draw_force_region(machine: Machine | str, path: FilePath) -> Path:
@@ -47,11 +47,11 @@ def force_map(machine: Machine | str) -> Figure:
     The map shows ``ForceExtremes.least_steering``, which depends on the distance from the drive
     alone.
     """
-    found = find_machine(machine)
+    machine = find_machine(machine)
     figure = Figure(figsize=(WIDTH, 3.6))
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
-    _draw_polygons(left, found)
-    _draw_steering(figure, right, found)
+    _draw_polygons(left, machine)
+    _draw_steering(figure, right, machine)
     for axes in (left, right):
         axes.add_patch(Circle((0.0, 0.0), 0.02, color=MUTED))
         axes.set_aspect("equal")

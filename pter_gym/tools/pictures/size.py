@@ -14,13 +14,13 @@ MIN_SIDE, MAX_SIDE = 32, 8192
 
 
 def check_size(width: object, height: object) -> tuple[int, int]:
-    """Return the size of a picture [px], or raise a ParameterError that names what is wrong with it."""
-    found: list[int] = []
-    for name, value in (("width", width), ("height", height)):
-        number = whole_number(name, value, at_least=MIN_SIDE)
-        if number > MAX_SIDE:
-            raise ParameterError(
-                f"{name} must be a whole number within [{MIN_SIDE}, {MAX_SIDE}], got {value!r}"
-            )
-        found.append(number)
-    return found[0], found[1]
+    """Return the size of a picture [px], or raise a ParameterError that names the wrong side."""
+    return _check_side("width", width), _check_side("height", height)
+
+
+def _check_side(name: str, value: object) -> int:
+    side = whole_number(name, value, at_least=MIN_SIDE)
+    if side > MAX_SIDE:
+        accepted = f"a whole number within [{MIN_SIDE}, {MAX_SIDE}]"
+        raise ParameterError(f"{name} must be {accepted}, got {value!r}")
+    return side

@@ -31,19 +31,18 @@ STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
 
 def strip_height(count: int) -> int:
-    """Return how high the strip of that many policies is [px] where there is room."""
+    """Return the preferred height [px] of the strip of ``count`` policies."""
     return max(HEIGHT, LINE * (count + 2))
 
 
 def apart(places: Array, line: float, most: float) -> Array:
-    """Return ascending places of labels, moved to be a line apart and, if they fit, not beyond ``most``."""
+    """Return ascending places of labels, moved a ``line`` apart and, if they fit, to ``most``."""
     lines = line * np.arange(len(places))
     return np.minimum(np.maximum.accumulate(places - lines) + lines, most + lines - lines[-1])
 
 
 class ErrorStrip:
-    """Draws |normal error| of episodes, thin, and its mean so far, bold, with a name and that mean
-    beside each.
+    """Draws |normal error| of episodes, thin, and its mean so far, bold, with names and means.
 
     Parameters
     ----------
@@ -77,13 +76,11 @@ class ErrorStrip:
         }
         self._duration = max(float(times[-1]) for times in self._times)
         self._top = 1.05 * max(1.0, *(float(errors.max()) for errors in self.errors.values()))
-        self._plot = Box(
-            44 * unit, 1.4 * LINE * unit, width - 205 * unit, height - 1.3 * LINE * unit
-        )
+        low, high = 1.4 * LINE * unit, height - 1.3 * LINE * unit
+        self._plot = Box(44 * unit, low, width - 205 * unit, high)
         self._background = Canvas.blank(width, height)
-        self._draw_scale(
-            1e3 * task.error_max if task.free_left == task.free_right == 0.0 else np.inf
-        )
+        has_band = task.free_left > 0.0 or task.free_right > 0.0
+        self._draw_scale(np.inf if has_band else 1e3 * task.error_max)
 
     def draw(self, time: float) -> NDArray[np.uint8]:
         """Return the strip at a time [s] as pixels, shape (height, width, 3)."""
@@ -109,16 +106,11 @@ class ErrorStrip:
         return canvas.pixels()
 
     def _draw_scale(self, limit: float) -> None:
-        """Draw lines at round distances and, if an error comes near it, at the largest one of the workspace [mm]."""
+        """Draw lines at round distances and, if an error exceeds it, at the workspace's edge."""
         canvas, plot, size = self._background, self._plot, SMALL * self._unit
         canvas.box(0.0, 0.0, self._plot.right + 205 * self._unit, 1.0, GROOVE)
-        canvas.text(
-            "distance from the path [mm]; bold: its mean so far",
-            plot.left,
-            0.7 * LINE * self._unit,
-            size,
-            INK,
-        )
+        title = "distance from the path [mm]; bold: its mean so far"
+        canvas.text(title, plot.left, 0.7 * LINE * self._unit, size, INK)
         step = next((step for step in STEPS if 3 * step > self._top), STEPS[-1])
         for value in np.arange(0.0, self._top, step):
             y = float(self._y(value))
@@ -127,21 +119,15 @@ class ErrorStrip:
         if limit < self._top:
             y = float(self._y(limit))
             canvas.box(plot.left, y - 0.5, plot.right, y + 0.5, INK)
-            canvas.text(
-                f"edge of the workspace, {limit:g} mm",
-                plot.left + 4,
-                y + 0.5 * LINE * self._unit,
-                size,
-                INK,
-            )
+            below = y + 0.5 * LINE * self._unit
+            canvas.text(f"edge of the workspace, {limit:g} mm", plot.left + 4, below, size, INK)
         y = plot.high + 0.65 * LINE * self._unit
         canvas.text("0 s", plot.left, y, size, MUTED)
         canvas.text(f"{self._duration:.1f} s", plot.right, y, size, MUTED, "r")
 
     def _x(self, time: Array) -> Array:
-        return self._plot.left + (self._plot.right - self._plot.left) * time / max(
-            self._duration, 1e-9
-        )
+        width = self._plot.right - self._plot.left
+        return self._plot.left + width * time / max(self._duration, 1e-9)
 
     def _y(self, error: Array | float) -> Array:
         return self._plot.high - (self._plot.high - self._plot.low) * np.asarray(error) / self._top

@@ -20,11 +20,11 @@ from pter_gym.tools.pictures.size import HEIGHT, WIDTH, check_size
 Mode = Literal["rgb_array", "human"]
 
 MAX_WORLDS = 64
-"""Worlds that are drawn; more on one screen could not be told apart."""
+"""Most worlds that are drawn; more on one screen would be indistinguishable."""
 
 
 INVISIBLE = ("dummy", "offscreen")
-"""SDL's drivers whose windows nobody sees."""
+"""SDL's drivers without visible windows."""
 
 
 class Viewer:
@@ -134,28 +134,28 @@ class WorldsViewer:
         return all(self._trails)
 
     def update(self, rows: Array, worlds: NDArray[np.bool_] | None = None) -> None:
-        """Record telemetry (N, len(TELEMETRY)) after a step, or only for the given worlds after their reset."""
+        """Record telemetry (N, len(TELEMETRY)) of all worlds, or of those that were reset."""
         for world in range(len(rows)) if worlds is None else np.flatnonzero(worlds).tolist():
             self._rows[world] = rows[world]
             if self._rows[world, COLUMN.time] == 0.0:
                 self._trails[world] = []
             self._trails[world].append(self._rows[world, [*COLUMN.tip]])
 
-    def draw(self, drawn: Sequence[int]) -> tuple[NDArray[np.uint8], ...]:
-        """Return a picture of each world, uint8 (height, width, 3); ``drawn`` holds the numbers of their pairs."""
+    def draw(self, numbers: Sequence[int]) -> tuple[NDArray[np.uint8], ...]:
+        """Return a picture of each world, uint8 (height, width, 3), from the number of its pair."""
         self._pictures = {
             number: self._pictures.get(number)
             or Picture(Subject(*self._pairs[number]), *self._size)
-            for number in set(drawn)
+            for number in set(numbers)
         }
         return tuple(
             self._pictures[number].draw(self._rows[world], np.array(self._trails[world]))
-            for world, number in enumerate(drawn)
+            for world, number in enumerate(numbers)
         )
 
 
 class Window:
-    """A window on the screen that shows pictures of a size [px] at a limited rate [1/s]; see ``open_display``."""
+    """A window that shows pictures of a size [px] at a limited rate [1/s]; see ``open_display``."""
 
     def __init__(self, size: tuple[int, int], rate: float, title: str = "PTER") -> None:
         self._pygame = open_display()
@@ -166,7 +166,7 @@ class Window:
         self._open = True
 
     def is_open(self) -> bool:
-        """Handle the window's events; return False once it is closed: by its button, Escape, or other code."""
+        """Handle events; return False once the window is closed by its button, Escape or code."""
         pygame = self._pygame
         if pygame.display.get_surface() is None:
             self._open = False
@@ -218,6 +218,6 @@ def open_display() -> Any:
         except pygame.error as error:
             reason = str(error)
     raise ParameterError(
-        f"a window needs a display, and {reason}: give `pter watch` a file, --out film.webp, and environments "
-        'render_mode="rgb_array"'
+        f"a window needs a display, and {reason}: give `pter watch` a file, --out film.webp, and "
+        'environments render_mode="rgb_array"'
     )

@@ -1,1 +1,1 @@
-"""Gains for controllers, searched on training draws of a scenario; evaluation episodes are never read."""
+"""Gains for controllers, searched on training draws; evaluation episodes are never read."""

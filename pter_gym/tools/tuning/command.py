@@ -33,18 +33,21 @@ def tune(
 
     Args:
         controller: Name of a controller, or FILE.py:Law for your own, whose `search` holds the
-        ranges of its gains. scenario: Scenario whose training draws are used; its evaluation
-        episodes are never read. pace: Commanded pace: slow, medium, brisk, or a speed in m/s. path:
-        Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's name.
-        trials: Gains to try, at least 1. episodes: Training draws for each trial, at least 1.
-        storage: Journal file of the trials; its folder must exist. seed: Seed of the draws and the
-        search, at least 0. out: TOML file for the best gains of a named controller, which `pter
-        benchmark --policies` and others accept;
-            its other entries are kept. By default they are only printed.
-        machine: Clutch material, or the preset of a machine of your own, instead of those that the
-        scenario draws.
+            ranges of its gains.
+        scenario: Scenario whose training draws are used; its evaluation episodes are never read.
+        pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
+        path: Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's
+            name.
+        trials: Gains to try, at least 1.
+        episodes: Training draws for each trial, at least 1.
+        storage: Journal file of the trials; its folder must exist.
+        seed: Seed of the draws and the search, at least 0.
+        out: TOML file for the best gains of a named controller, which `pter benchmark --policies`
+            and others accept; its other entries are kept. By default they are only printed.
+        machine: Clutch material, or the file of a machine of your own, instead of those that the
+            scenario draws.
     """
-    from pter_gym.benchmark._find_policy import is_code
+    from pter_gym.benchmark.policies import is_code
     from pter_gym.tools.tuning.gains_file import add_gains
     from pter_gym.tools.tuning.search import tune as search
 

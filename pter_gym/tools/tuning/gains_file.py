@@ -1,4 +1,4 @@
-"""Tuned gains as a TOML file: a table for each scenario, controller and pace, to which several searches may write."""
+"""Tuned gains as a TOML file by scenario, controller and pace; several searches may write it."""
 
 import json
 import re
@@ -8,20 +8,20 @@ from typing import Any, cast
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.locks import locked
 from pter_gym.benchmark.tuned import Table, read_table
-from pter_gym.policies._stored_gains import gains_of, make_guided
+from pter_gym.controllers import CONTROLLERS
 from pter_gym.scenarios import SCENARIOS, find_pace, find_scenario
 from pter_gym.tools.tuning.search import TunedGains
 
 HEADING = """\
-# Gains of controllers in SI, found by `pter tune` on training draws. Each entry holds the command that made it, how
-# many gains were tried, the training draws of each trial, and the scores on as many draws that the search had not seen,
-# as means. Gains that were not searched have the defaults of the entry.
+# Gains of controllers in SI, found by `pter tune` on training draws. Each entry holds the command
+# that made it, how many gains were tried, the training draws of each trial, and the scores on as
+# many draws that the search had not seen, as means. Gains that were not searched have the defaults
+# of the entry.
 """
 
 
 def add_gains(found: TunedGains, path: FilePath) -> None:
-    """Write the gains of a search to a file, replacing earlier ones for the same case; its other
-    entries are kept.
+    """Write the gains of a search to a file in place of earlier ones; other entries are kept.
 
     Raises
     ------
@@ -31,7 +31,7 @@ def add_gains(found: TunedGains, path: FilePath) -> None:
         If it cannot be written.
     """
     path = find_path("path", path)
-    defaults = gains_of(make_guided(found.controller, {}))
+    defaults = vars(CONTROLLERS[found.controller]())
     entry = {
         "command": found.command,
         "trials": found.trials,

@@ -1,4 +1,4 @@
-"""Laws whose gains can be searched: the package's by name, and a user's own, which brings its ranges."""
+"""Laws whose gains can be searched: dataclasses with ``search``, the ranges of their gains."""
 
 import hashlib
 import inspect
@@ -9,95 +9,103 @@ from pathlib import Path
 from typing import Any, cast
 
 from pter_gym._internal.checks import is_finite
-from pter_gym.benchmark._find_policy import find_policy, is_code
-from pter_gym.benchmark.simulation import AnyPolicy
-from pter_gym.benchmark.tuned import SUFFIX, TUNABLE
-from pter_gym.controllers import PaceSchedule
+from pter_gym.benchmark.policies import find_policy, is_code
+from pter_gym.benchmark.tuned import SUFFIX, TUNED
+from pter_gym.controllers import CONTROLLERS, AnyPolicy, Guided, PaceSchedule
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.policies._stored_gains import make_guided
-from pter_gym.tools.tuning.spaces import (
-    SPACES,
-    SWITCH,
-    Range,
-    Space,
-    gains_at,
-    point_at,
-    rounded,
-    within,
-)
 
 Gains = dict[str, float | bool]
 
 SEARCH = "search"
-"""Attribute of a user's law: by the name of a gain its range, ``(low, high)``, or ``(False, True)``."""
+"""Attribute of a law: by the name of a gain its range, ``(low, high)``, or ``(False, True)``."""
+
+BRAKING, DAMPING = "braking", "damping_tangential"
+"""Of a guiding law, the force [N] that is searched, and the damper that it stands for."""
+
+DIGITS = 4
+"""Significant digits of a gain: what is printed is what was tried."""
 
 
 @dataclass(frozen=True)
-class NamedLaw:
-    """A controller of the package at a commanded pace [m/s]."""
+class Range:
+    """Numbers from low to high, logarithmic where low > 0 and otherwise uniform."""
 
-    name: str
-    pace: float
-    scenario: str
-
-    @property
-    def key(self) -> str:
-        """What tells it from other laws."""
-        return self.name
+    low: float
+    high: float
 
     @property
-    def space(self) -> Space:
-        """The coordinates of its search."""
-        return SPACES[self.name]
+    def log(self) -> bool:
+        """Whether the logarithm of the number is what is searched."""
+        return self.low > 0.0
 
-    def starts(self) -> list[Gains]:
-        """Return the points where its search begins: the shipped gains, and the defaults."""
-        found: list[Gains] = []
-        for known in (find_policy(self.name + SUFFIX, self.scenario), find_policy(self.name)):
-            knots: Any = known.knots if isinstance(known, PaceSchedule) else ((self.pace, known),)
-            pace, law = min(knots, key=lambda knot: abs(math.log(knot[0] / self.pace)))
-            found.append(point_at(self.name, law, pace))
-        return found
 
-    def gains(self, point: Mapping[str, float | bool]) -> Gains:
-        """Return the gains of a point."""
-        return gains_at(point, self.pace)
+SWITCH = (False, True)
+"""A gain that is on or off."""
 
-    def with_gains(self, gains: Gains) -> AnyPolicy:
-        """Return the law with gains."""
-        return make_guided(self.name, gains)
+Space = dict[str, Range | tuple[bool, bool]]
 
 
 @dataclass(frozen=True)
-class OwnLaw:
-    """A law of a user's own, with its name: a dataclass with the attribute ``search``."""
+class TunableLaw:
+    """A law at a commanded pace [m/s], and the coordinates of its search.
+
+    Attributes
+    ----------
+    name, law
+        Its name, and the law with its default gains.
+    pace
+        Commanded pace [m/s].
+    space
+        What is searched: its gains, but of a guiding law ``braking`` in place of its damper.
+    known
+        Laws of its kind whose gains the search begins with, with the paces that they are for.
+    """
 
     name: str
     law: Any
+    pace: float
     space: Space
+    known: tuple[tuple[float, Any], ...] = ()
 
     @property
     def key(self) -> str:
-        """What tells it from other laws: its name, and a digest of its source."""
+        """What tells it from other laws: its name, and a digest of its source if it is a user's."""
+        if not is_code(self.name):
+            return self.name
         source = inspect.getsourcefile(self.law.__class__) or self.name
         return f"{self.name} {hashlib.sha256(Path(source).read_bytes()).hexdigest()[:16]}"
 
     def starts(self) -> list[Gains]:
-        """Return the point where its search begins: its own gains."""
-        return [
-            {name: within(space, getattr(self.law, name)) for name, space in self.space.items()}
-        ]
+        """Return the points where its search begins: the known gains, or its own."""
+        known = self.known or ((self.pace, self.law),)
+        return [self._point(law, pace) for pace, law in known]
 
     def gains(self, point: Mapping[str, float | bool]) -> Gains:
-        """Return the gains of a point."""
-        return {name: rounded(value) for name, value in point.items()}
+        """Return the gains of a point, with ``DIGITS`` significant digits."""
+        gains = dict(point)
+        if BRAKING in gains:
+            excess = self.pace * (1.0 - _rounded(gains["pace_fraction"]))
+            gains = {DAMPING: gains.pop(BRAKING) / excess, **gains}
+        return {name: _rounded(gain) for name, gain in gains.items()}
 
     def with_gains(self, gains: Gains) -> AnyPolicy:
         """Return the law with gains."""
         return cast(AnyPolicy, replace(self.law, **gains))
 
+    def _point(self, law: Any, pace: float) -> Gains:
+        """Return the point of the search that is nearest to the gains of a law for a pace [m/s]."""
+        gains = {item.name: getattr(law, item.name) for item in fields(law)}
+        if BRAKING in self.space:
+            gains[BRAKING] = gains[DAMPING] * pace * (1.0 - gains["pace_fraction"])
+        return {
+            name: min(max(gains[name], space.low), space.high)
+            if isinstance(space, Range)
+            else bool(gains[name])
+            for name, space in self.space.items()
+        }
 
-def find_law(name: str, pace: float, scenario: str) -> NamedLaw | OwnLaw:
+
+def find_law(name: str, pace: float, scenario: str) -> TunableLaw:
     """Return the law that a user names: a controller, or ``FILE.py:attribute``.
 
     Raises
@@ -105,23 +113,32 @@ def find_law(name: str, pace: float, scenario: str) -> NamedLaw | OwnLaw:
     ParameterError
         If there is none, or its ``search`` does not hold ranges of its fields.
     """
-    if not is_code(name):
-        if name not in TUNABLE:
-            raise unknown_name("controller", name, (*TUNABLE, "FILE.py:Law"))
-        return NamedLaw(name, pace, scenario)
-    law: Any = find_policy(name)
+    tunable = [law for law, kind in CONTROLLERS.items() if hasattr(kind, SEARCH)]
+    if not is_code(name) and name not in tunable:
+        raise unknown_name("controller", name, (*tunable, "FILE.py:Law"))
+    law: Any = find_policy(name) if is_code(name) else CONTROLLERS[name]()
     search = getattr(law, SEARCH, None)
     if not is_dataclass(law) or not isinstance(search, Mapping) or not search:
         raise ParameterError(
             f"controller must be a dataclass with {SEARCH} = {{'gain': (low, high), …}}, "
             f"which {name!r}, a {type(law).__name__}, is not"
         )
-    known = [item.name for item in fields(law)]
-    ranges = {
-        gain: _space(gain, given, known)
-        for gain, given in cast("Mapping[str, Any]", search).items()
-    }
-    return OwnLaw(name, law, ranges)
+    gains = [item.name for item in fields(law)]
+    gains += [BRAKING] if isinstance(law, Guided) else []
+    ranges = cast("Mapping[str, Any]", search).items()
+    space = {gain: _space(gain, given, gains) for gain, given in ranges}
+    known: list[AnyPolicy] = []
+    if name + SUFFIX in TUNED:
+        known.append(find_policy(name + SUFFIX, scenario))
+    if not is_code(name):
+        known.append(find_policy(name))
+    return TunableLaw(name, law, pace, space, tuple(_nearest(each, pace) for each in known))
+
+
+def _nearest(policy: Any, pace: float) -> tuple[float, Any]:
+    """Return a law's pace and gains that are nearest to a pace [m/s]."""
+    knots = policy.knots if isinstance(policy, PaceSchedule) else ((pace, policy),)
+    return min(knots, key=lambda knot: abs(math.log(knot[0] / pace)))
 
 
 def _space(gain: str, given: Any, known: list[str]) -> Range | tuple[bool, bool]:
@@ -131,8 +148,12 @@ def _space(gain: str, given: Any, known: list[str]) -> Range | tuple[bool, bool]
         case (False, True):
             return SWITCH
         case (low, high) if is_finite(low) and is_finite(high) and low < high:
-            return Range(low, high, log=low > 0.0)
+            return Range(low, high)
         case _:
             raise ParameterError(
                 f"{SEARCH}[{gain!r}] must be (low, high) or (False, True), got {given!r:.100}"
             )
+
+
+def _rounded(gain: float | bool) -> float | bool:
+    return gain if isinstance(gain, bool) else float(f"{gain:.{DIGITS}g}")

@@ -1,4 +1,4 @@
-"""The search for gains: an Optuna study in a journal file, which can be stopped, resumed and shared by processes."""
+"""The search for gains: an Optuna study in a journal file, which processes resume and share."""
 
 import math
 import warnings
@@ -12,13 +12,12 @@ from filelock import FileLock
 
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, check_target, find_path
-from pter_gym.benchmark._examination import Assessment, Examination
+from pter_gym.benchmark import Assessment, Episodes, assess, training_episodes
 from pter_gym.errors import ParameterError, StorageError, needs_extra
+from pter_gym.params import Machine
 from pter_gym.paths import Path as AnyPath
 from pter_gym.scenarios import find_pace, find_scenario, name_of_pace
-from pter_gym.scenarios._fixed_machine import AnyMachine, find_fixed_machine
-from pter_gym.tools.tuning.laws import NamedLaw, OwnLaw, find_law
-from pter_gym.tools.tuning.spaces import Range
+from pter_gym.tools.tuning.laws import Range, TunableLaw, find_law
 
 TRIALS = 3000
 """Gains to try for a controller, a scenario and a pace."""
@@ -27,18 +26,18 @@ EPISODES = 200
 """Training draws of a trial."""
 
 FINALISTS = 40
-"""The best trials, which are judged once more on other draws; the best of them there is the result."""
+"""The best trials, which are judged again on other draws; the best there is the result."""
 
 STARTUP_TRIALS = 24
 """Random trials before those of the evolution strategy."""
 
 REDUCTION, RUNGS = 4, 3
-"""A trial is judged on a part of the draws, and one in four goes on to four times as many, up to all of them."""
+"""A trial is judged on a part of the draws; one in four goes on to four times as many."""
 
 
 @dataclass(frozen=True)
 class TunedGains:
-    """The best gains of a search, their scores on draws that it had not seen, and its arguments as in ``tune``."""
+    """The best gains of a search, their scores on unseen draws, and its arguments."""
 
     controller: str
     scenario: str
@@ -48,18 +47,19 @@ class TunedGains:
     trials: int
     episodes: int
     seed: int
-    machine: AnyMachine | None = None
+    machine: Machine | str | None = None
     path: AnyPath | str | None = None
 
     @property
     def command(self) -> str:
         """The command that repeats the search."""
         command = (
-            f"pter tune {quote(self.controller)} --scenario {self.scenario} --pace {self.pace} --trials {self.trials} "
+            f"pter tune {quote(self.controller)} --scenario {self.scenario} "
+            f"--pace {self.pace} --trials {self.trials} "
             f"--episodes {self.episodes} --seed {self.seed}"
         )
         for name, given, kind in (
-            ("machine", self.machine, "PRESET.toml"),
+            ("machine", self.machine, "MACHINE.toml"),
             ("path", self.path, "FILE.csv"),
         ):
             if given is not None:
@@ -76,7 +76,7 @@ def tune(
     episodes: int = EPISODES,
     storage: FilePath = "pter-tune.journal",
     seed: int = 0,
-    machine: AnyMachine | None = None,
+    machine: Machine | str | None = None,
     path: AnyPath | str | None = None,
     on_trial: Callable[[int, float], None] = lambda _count, _best: None,
 ) -> TunedGains:
@@ -101,8 +101,8 @@ def tune(
     seed
         Seed of the draws and the search.
     machine
-        One machine for all draws, in place of those of the scenario: a machine, its name, or the
-        path of a preset.
+        One machine for all draws, in place of those of the scenario: a machine, its name, or
+        its file.
     path
         One path for all draws, as in ``find_scenario``.
     on_trial
@@ -121,16 +121,13 @@ def tune(
         holds.
     """
     journal = find_path("storage", storage)
-    own = (
-        None if machine is None else find_fixed_machine(machine)
-    )  # read once, in case its file changes
-    drawn, pace = find_scenario(scenario, own, path), name_of_pace(pace)
+    drawn, pace = find_scenario(scenario, machine, path), name_of_pace(pace)
     law = find_law(controller, find_pace(pace), drawn.whose_gains)
     trials, episodes = whole_number("trials", trials), whole_number("episodes", episodes)
     seed = whole_number("seed", seed, at_least=0)
     check_target("storage", journal)
     rungs = [
-        Examination(drawn, pace, -(-episodes // REDUCTION**k), 2 * seed)
+        training_episodes(drawn, pace, -(-episodes // REDUCTION**k), 2 * seed)
         for k in reversed(range(RUNGS))
     ]
     name = (
@@ -154,17 +151,17 @@ def tune(
         raise StorageError(
             f"storage {str(journal)!r} cannot be written: {error.strerror or error}"
         ) from error
-    final = Examination(drawn, pace, episodes, 2 * seed + 1)
+    final = training_episodes(drawn, pace, episodes, 2 * seed + 1)
     finalists = [law.gains(trial.params) for trial in _scored(study, "COMPLETE")[:FINALISTS]]
-    judged = [(final.judge(law.with_gains(gains)), gains) for gains in finalists]
+    judged = [(assess([law.with_gains(gains)], final), gains) for gains in finalists]
     assessment, gains = min(judged, key=lambda pair: pair[0].value)
     return TunedGains(
         controller, scenario, pace, gains, assessment, trials, episodes, seed, machine, path
     )
 
 
-def _judge(trial: Any, law: NamedLaw | OwnLaw, rungs: Sequence[Examination]) -> float:
-    """Return the value of a trial, scored on more and more draws as long as it keeps up with the others."""
+def _judge(trial: Any, law: TunableLaw, rungs: Sequence[Episodes]) -> float:
+    """Return the value of a trial, scored on more draws as long as it keeps up with others."""
     import optuna
 
     point = {
@@ -173,12 +170,12 @@ def _judge(trial: Any, law: NamedLaw | OwnLaw, rungs: Sequence[Examination]) -> 
         else trial.suggest_categorical(name, space)
         for name, space in law.space.items()
     }
-    tried = law.with_gains(law.gains(point))
+    candidate = law.with_gains(law.gains(point))
     for k, rung in enumerate(rungs[:-1]):
-        trial.report(rung.judge(tried).value, REDUCTION**k)
+        trial.report(assess([candidate], rung).value, REDUCTION**k)
         if trial.should_prune():
             raise optuna.TrialPruned
-    return rungs[-1].judge(tried).value
+    return assess([candidate], rungs[-1]).value
 
 
 def _open_study(path: Path, name: str, seed: int) -> Any:

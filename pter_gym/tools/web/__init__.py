@@ -1,1 +1,1 @@
-"""The simulator in a browser: the package's own kernels as a WebAssembly module, and the JavaScript around it."""
+"""The simulator in a browser: the package's kernels as WebAssembly, and the page around them."""

@@ -5,7 +5,6 @@ from typing import Annotated
 
 import tyro
 
-from pter_gym._commands.arguments import AnyPace, MachineName, PathName
 from pter_gym._internal.terminal import say
 from pter_gym.errors import ParameterError
 
@@ -15,9 +14,6 @@ MAX_PORT = 65535
 def play(
     port: Annotated[int, tyro.conf.arg(metavar="NUMBER")] = 0,
     open_browser: Annotated[bool, tyro.conf.arg(name="open")] = True,
-    machine: MachineName = None,
-    path: PathName = None,
-    pace: AnyPace | None = None,
     allow_host: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME …")] = (),
 ) -> None:
     """Push the arm yourself, in your browser.
@@ -29,26 +25,17 @@ def play(
     Example: pter play --no-open --port 8000
 
     Args:
-        port: Port that serves the page; 0 picks a free one. open_browser: Whether to open the page;
-        its address is printed either way. machine: Clutch material, or the preset of a machine of
-        your own, that the page starts with. A preset's delay
-            is ignored, since you wouldn't notice it with a mouse.
-        path: Path that the page starts with: a CSV file of waypoints x, y in metres, or a path's
-        name. pace: Commanded pace that the page starts with: slow, medium, brisk, or a speed in
-        m/s. allow_host: Further names by which your browser reaches the page, such as that of a
-        proxy. localhost and IP
-            addresses always work.
+        port: Port that serves the page; 0 picks a free one.
+        open_browser: Whether to open the page; its address is printed either way.
+        allow_host: Further names by which your browser reaches the page, such as that of a proxy.
+            localhost and IP addresses always work.
     """
-    from pter_gym.params import find_machine
     from pter_gym.tools.web.site import HOST, make_server
-    from pter_gym.tools.web.tables import tables
 
     if not 0 <= port <= MAX_PORT:
         raise ParameterError(f"port must be a whole number within [0, {MAX_PORT}], got {port}")
     try:
-        own = None if machine is None else find_machine(machine)
-        made = None if machine is path is pace is None else tables(own, path, pace)
-        server = make_server(port, made, allow_host)
+        server = make_server(port, allow_host)
     except OSError as error:
         raise ParameterError(
             f"port must be one that is free, or 0 for any, got {port}: {error.strerror}"

@@ -1,8 +1,7 @@
 """The page as a web site: its files by their addresses, and a server for them on this computer."""
 
-import json
 import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from contextlib import suppress
 from functools import partial
 from http import HTTPStatus
@@ -38,7 +37,7 @@ TYPES = MappingProxyType(
 
 
 def site_files() -> dict[str, Path]:
-    """Return the files of the page, with shipped weights, by their addresses without a leading slash."""
+    """Return the files of the page, with shipped weights, by addresses without a leading slash."""
     own = {
         path.name: path
         for path in sorted(STATIC.iterdir())
@@ -57,53 +56,38 @@ def write_site(folder: FilePath) -> None:
         write_bytes_atomic(place, file.read_bytes())
 
 
-def make_server(
-    port: int = 0, made: Mapping[str, Any] | None = None, allowed_hosts: Collection[str] = ()
-) -> ThreadingHTTPServer:
-    """Return a server of the page that listens on this computer only; a taken port raises an
-    OSError.
+def make_server(port: int = 0, allowed_hosts: Collection[str] = ()) -> ThreadingHTTPServer:
+    """Return a server of the page for this computer only; a taken port raises an OSError.
 
     It answers requests to ``localhost``, to IP addresses and to ``allowed_hosts``, at any port,
-    since a tunnel may lead here from another one. Any other name may belong to a web page that has
-    its name resolved to this computer.
+    since a tunnel may lead here from another one. Any other name may belong to a web page that
+    resolves its own name to this computer.
 
     Parameters
     ----------
     port
         Its port, or 0 for any.
-    made
-        Tables in place of those of the same names that the page has; see
-        ``pter_gym.tools.web.tables.tables``.
     allowed_hosts
         Names of other hosts under which a browser reaches this server.
     """
     hosts = {"localhost", *map(str.lower, allowed_hosts)}
-    return _Server(
-        (HOST, port), partial(_Handler, site_files(), {} if made is None else _tables(made), hosts)
-    )
-
-
-def _tables(made: Mapping[str, Any]) -> dict[str, bytes]:
-    """Return the tables of a page by their address."""
-    return {TABLES.name: json.dumps({**json.loads(TABLES.read_bytes()), **made}).encode()}
+    return _Server((HOST, port), partial(_Handler, site_files(), hosts))
 
 
 class _Server(ThreadingHTTPServer):
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Print a traceback, except after a browser has closed the connection, or has stopped reading."""
+        """Print a traceback, unless the browser has closed the connection or stopped reading."""
         if not isinstance(sys.exception(), ConnectionError | TimeoutError):
             super().handle_error(request, client_address)
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers with one of the given files, or with its replacement in ``made``, and with nothing else."""
+    """Serves a fixed set of files and nothing else."""
 
     timeout = 10.0  # seconds for which a connection may be silent
 
-    def __init__(
-        self, files: dict[str, Path], made: dict[str, bytes], hosts: set[str], *arguments: object
-    ) -> None:
-        self._files, self._made, self._hosts = files, made, hosts
+    def __init__(self, files: dict[str, Path], hosts: set[str], *arguments: object) -> None:
+        self._files, self._hosts = files, hosts
         super().__init__(*arguments)  # pyright: ignore[reportArgumentType]
 
     def do_GET(self) -> None:
@@ -127,7 +111,7 @@ class _Handler(BaseHTTPRequestHandler):
         if file is None:
             self.send_error(HTTPStatus.NOT_FOUND)
             return
-        content = self._made.get(address) or file.read_bytes()
+        content = file.read_bytes()
         self.send_response(HTTPStatus.OK)
         self.send_header("Content-Type", TYPES[file.suffix])
         self.send_header("Content-Length", str(len(content)))
@@ -141,7 +125,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def _host_name(headers: list[str]) -> str:
-    """Return the host of a request's only Host header in lower case, without its port; empty if there is none."""
+    """Return the host of a request's only Host header in lower case without its port, or ""."""
     with suppress(ValueError):  # not an address, as "[::1" is not
         return urlsplit(f"//{headers[0]}").hostname or "" if len(headers) == 1 else ""
     return ""

@@ -21,8 +21,8 @@ from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.benchmark.rollout import record_episode
 from pter_gym.benchmark.runs import evaluate
-from pter_gym.benchmark.simulation import record_episode
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import PerClutch, Policy, bind, device
 from pter_gym.errors import ParameterError
@@ -34,13 +34,14 @@ from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, OBS, PathFollowing, observation_layout
 from pter_gym.tools.deploy import Source, source_of, write_onnx
 from pter_gym.tools.deploy.functions import arctangent, cosine, encoder, sine
+from rollouts import Acting
 
 HERE = Path(__file__).parent
 WORLDS, STEPS = 40, 250
 TOP = BASELINE.clutch.voltage_max
 
 ROUNDING = 256 * 2.0**-24 * TOP
-"""What float32 arithmetic may change a voltage by: about as many roundings as the longest sum has terms [V]."""
+"""Change of a voltage [V] by float32: about as many roundings as the longest sum has terms."""
 
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Werror")
 
@@ -77,7 +78,7 @@ def lines_of(rows: Any) -> str:
 
 
 def episodes_of(observations: Any) -> str:
-    """What a program without force sensors reads: episodes (steps, worlds, entries), each after an empty line."""
+    """Input of a program without force sensors: episodes (steps, worlds, entries)."""
     count = len(observation_layout(BASELINE, "torque"))
     return "".join(
         "\n" + lines_of(observations[:, world, :count]) for world in range(observations.shape[1])
@@ -94,16 +95,16 @@ def ride(machines: Sequence[Any], tasks: Sequence[Any]) -> Any:
     """Observations of episodes, float32 (STEPS, worlds, entries)."""
     batch = Batch(machines, tasks, sensors="force")
     obs, _ = batch.reset(range(len(tasks)))
-    policy = bind(find_policy("torque-feedback-tuned"), BASELINE, batch.layout)
+    policy = Acting(bind(find_policy("torque-feedback-tuned"), BASELINE, batch.layout))
     rows = [obs]
     for _ in range(STEPS - 1):
-        rows.append(batch.step(policy.act(rows[-1]), SKIP).obs)
+        rows.append(batch.step(policy(rows[-1]), SKIP).obs)
     return np.array(rows)
 
 
 @pytest.fixture(scope="module")
 def recorded() -> Any:
-    pairs = find_scenario("everything").randomisation(contexts=WORLDS, seed=1).pairs()
+    pairs = find_scenario("everything").draws.pairs(WORLDS, 1)
     found = ride(*zip(*pairs, strict=True))
     assert np.isfinite(found).all()
     return found, episodes_of(found)
@@ -111,11 +112,12 @@ def recorded() -> Any:
 
 def actions(policy: Any, observations: Any) -> Any:
     """Voltages in Python, each decision held for its period, world after world: float32 (STEPS·worlds, 4)."""
-    policy.reset()
+    acting = Acting(policy)
     seen = np.ascontiguousarray(observations[..., : len(policy.layout)])
-    decided = [policy.act(each) for each in seen[:: policy.frame_skip]]
+    decided = [acting(each) for each in seen[:: policy.frame_skip]]
     held = [decided[step // policy.frame_skip] for step in range(len(seen))]
-    return np.swapaxes(held, 0, 1).reshape(-1, 4)
+    volts = np.swapaxes(held, 0, 1)
+    return np.pad(volts, ((0, 0), (0, 0), (0, 4 - volts.shape[2]))).reshape(-1, 4)
 
 
 def held_policy() -> Any:
@@ -305,15 +307,18 @@ def test_onnx_gives_the_policys_actions(name: Any, machine: str, recorded: Any, 
         write_onnx(policy, tmp_path / "policy.onnx", machine=machine)
     )
     layout, interface = observation_layout(machine, "torque"), policy.interface
-    bound, names = bind(policy, machine, layout), [each.name for each in session.get_inputs()]
-    base = bind(interface.base, machine, layout) if interface.base else None
+    bound, names = (
+        Acting(bind(policy, machine, layout)),
+        [each.name for each in session.get_inputs()],
+    )
+    base = Acting(bind(interface.base, machine, layout)) if interface.base else None
     assert set(names) <= {*layout.names, "base_1", "base_2", "base_3", "base_4", "earlier"}
     past: list[Any] = []
     means: list[Any] = []
     for obs in np.ascontiguousarray(recorded[0][:100, :, : len(layout)]):
         given = {each: obs[:, [layout.index(each)]] for each in layout.names}
         if base:
-            volts = base.act(obs)
+            volts = np.pad(base(obs), ((0, 0), (0, 4 - len(interface.clutches)))).astype(np.float32)
             given |= {f"base_{k + 1}": volts[:, [k]] for k in range(4)}
         if "earlier" in names:
             given["earlier"] = np.zeros(
@@ -330,7 +335,7 @@ def test_onnx_gives_the_policys_actions(name: Any, machine: str, recorded: Any, 
             )
         (volts,) = session.run(["volts"], {each: given[each] for each in names})
         assert volts.shape == (WORLDS, len(interface.clutches))
-        assert np.abs(volts - bound.act(obs)[:, : len(interface.clutches)]).max() < 1e-6 * TOP
+        assert np.abs(volts - bound(obs)).max() < 1e-6 * TOP
 
 
 def unsupported() -> Any:

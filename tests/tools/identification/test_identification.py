@@ -1,5 +1,6 @@
 """Identification of simulated machines: what is found, and what is named as not shown."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,15 +11,16 @@ from oracle.experiment import Experiment, Recorder, record_log
 from pter_gym._commands.main import main
 from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.params import BASELINE, Arm, Clutch, Machine, TorqueCurve, find_machine
-from pter_gym.params._preset import PRESET, format_preset, parse_preset
+from pter_gym.params._files import format_machine
 from pter_gym.tools.identification import (
     Identification,
     Log,
     identify,
-    preset_of,
+    origins_of,
     quantities,
     write_log,
 )
+from pter_gym.tools.identification.identifying import ASSUMED
 from pter_gym.tools.identification.parameters import COORDINATES, STEPS, Shape
 from pter_gym.tools.identification.shooting import LogInputs, differentiate, make_inputs, predict
 from pter_gym.tools.identification.verdict import EXACT
@@ -271,34 +273,29 @@ def test_a_machine_with_noise_and_its_files(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.chdir(tmp_path)
     write_log(record_log(OTHER, recorder=Recorder(delay=0.011)), tmp_path / "log.csv")
     assert main(["identify", "log.csv", "--out", "mine"]) == 0
-    machine = find_machine("mine/preset.toml")
+    machine = find_machine("mine/machine.toml")
     assert machine.arm.inertia_a == pytest.approx(OTHER.arm.inertia_a, rel=0.02)
     assert machine.clutch_scale == pytest.approx(OTHER.clutch_scale, rel=0.02)
     assert Path("mine/identified.png").read_bytes().startswith(b"\x89PNG")
-    assert main(["watch", "impedance", "--machine", "mine/preset.toml", "--csv", "own.csv"]) == 0
-    assert main(["identify", "log.csv", "--machine", "mine/preset.toml", "--out", "again"]) == 0
+    assert main(["watch", "impedance", "--machine", "mine/machine.toml", "--csv", "own.csv"]) == 0
+    assert main(["identify", "log.csv", "--machine", "mine/machine.toml", "--out", "again"]) == 0
 
 
-# --- the preset ---
+# --- the machine's file ---
 
 
 @pytest.mark.slow
-def test_the_preset_is_the_machine_and_says_where_it_comes_from():
+def test_the_file_is_the_machine_and_says_where_it_comes_from(tmp_path: Path):
     small = identify(
         record_log(OTHER, replace(SHORT, levels=(10.0,), on=0.6, free=2.0), EXACT), BASELINE
     )
-    preset = preset_of(small)
-    again = parse_preset(format_preset(preset, "title"))
-    assert again == preset
-    assert again.clutch["scale"] == small.machine.clutch_scale
-    assert again.provenance["arm.inertia_a"].startswith("identified: from simulated, ")
-    assert again.provenance["clutch.knee"].startswith(
-        "chosen: from simulated, not shown by it and kept: "
-    )
-    assert again.provenance["clutch.off_state"].startswith(
-        "chosen: from simulated, not shown by it and kept: "
-    )
-    assert again.path == PRESET.path
-    assert {again.provenance[name] for name in ("path.x", "hand.push", "delrin.dynamic_scale")} == {
-        "chosen: not in the file"
-    }
+    text = format_machine(small.machine, ASSUMED, origins_of(small), "title")
+    (tmp_path / "machine.toml").write_text(text, "utf-8")
+    assert find_machine(str(tmp_path / "machine.toml")) == small.machine
+    for line in (
+        r"length_a = .*  # m; chosen: stated to pter identify, or that of its start",
+        r"inertia_a = .*  # kg·m²; identified: from simulated, ",
+        r"knee = .*  # V; chosen: from simulated, not shown by it and kept: ",
+        r"clutch_scale = .*  # 1; identified: from simulated, ",
+    ):
+        assert re.search(rf"(?m)^{line}", text)

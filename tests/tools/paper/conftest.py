@@ -1,9 +1,9 @@
 import pytest
 
-from pter_gym.tools.paper.study import Study
+from pter_gym.tools.paper.experiments import Experiments
 
 
 @pytest.fixture(scope="session")
-def study() -> Study:
-    """The paper's experiments with the package's own parameters, each made once."""
-    return Study()
+def experiments() -> Experiments:
+    """The paper's experiments with the shipped parameters, each made once."""
+    return Experiments()

@@ -11,7 +11,6 @@ import pytest
 from oracle.friction import W
 from pter_gym._physics.friction import ClutchMode
 from pter_gym.params import TorqueCurve
-from pter_gym.tools.paper.calibration import SPACE, decode
 from pter_gym.tools.paper.clutch_tests import (
     POSE,
     RAMP_TIME,
@@ -23,9 +22,10 @@ from pter_gym.tools.paper.clutch_tests import (
     tip,
     tip_force,
 )
-from pter_gym.tools.paper.setup import PAPER_MACHINES, setup_of
-from pter_gym.tools.paper.study import Study
+from pter_gym.tools.paper.experiments import Experiments
+from pter_gym.tools.paper.parameters import PAPER_MACHINES
 from pter_gym.units import from_inch_pounds
+from tools.paper.setups import other_setup
 
 BASELINE, DELRIN_THEORETICAL = PAPER_MACHINES["baseline"], PAPER_MACHINES["delrin_theoretical"]
 
@@ -52,8 +52,8 @@ def test_single_dof_tests_give_way_at_the_papers_breakaway_torque(name):
         assert test.deviation.max() < 1e-12
 
 
-def test_the_locked_clutch_carries_what_equation_4_asks_for(study):
-    test = study.single_dof[0]
+def test_the_locked_clutch_carries_what_equation_4_asks_for(experiments):
+    test = experiments.single_dof[0]
     run, arm, h = test.trajectory, BASELINE.arm, RESOLUTION
     middles = run.theta[1:] - 0.5 * h * run.omega[1:]
     difference = middles[:, 0] - middles[:, 1]
@@ -68,9 +68,9 @@ def test_the_locked_clutch_carries_what_equation_4_asks_for(study):
     assert test.locked_torque[1:][~in_band] == pytest.approx(wanted[~in_band], abs=1e-9)
 
 
-def test_the_line_is_the_one_that_the_locked_clutch_leaves(study):
-    assert [test.share for test in study.single_dof] == pytest.approx([1.0, 1.0, 0.5, 0.5])
-    for test in study.single_dof:
+def test_the_line_is_the_one_that_the_locked_clutch_leaves(experiments):
+    assert [test.share for test in experiments.single_dof] == pytest.approx([1.0, 1.0, 0.5, 0.5])
+    for test in experiments.single_dof:
         turned = test.trajectory.theta[-1] - test.trajectory.theta[test.breakaway - 1]
         assert abs(W[test.locked - 1] @ turned) < 1e-9
         assert tip(BASELINE, test.trajectory.theta[-1]) == pytest.approx(
@@ -119,8 +119,8 @@ def test_a_lagged_voltage_is_not_a_first_order_torque_on_a_curved_characteristic
 # --- Fig. 5 ---
 
 
-def test_the_bench_test_finds_the_curves_again(study):
-    for name, material in study.torque_curves.items():
+def test_the_bench_test_finds_the_curves_again(experiments):
+    for name, material in experiments.torque_curves.items():
         clutch = PAPER_MACHINES[name].clutch
         measured = np.flatnonzero(np.isfinite(material.bench_dynamic))
         assert material.volts[measured] == pytest.approx(np.linspace(4.0, 24.0, 6))
@@ -136,8 +136,8 @@ def test_the_bench_test_finds_the_curves_again(study):
 # --- Fig. 9 ---
 
 
-def test_the_torque_jumps_by_the_excess_of_the_breakaway_torque(study):
-    for name, reversal in study.reversals.items():
+def test_the_torque_jumps_by_the_excess_of_the_breakaway_torque(experiments):
+    for name, reversal in experiments.reversals.items():
         held = holding_torque(PAPER_MACHINES[name], reversal.volts)
         assert reversal.jump == pytest.approx(held / reversal.dynamic - 1.0, abs=1e-12)
         slip = reversal.trajectory.slip_velocity[:, 0]
@@ -168,26 +168,24 @@ def test_the_largest_load_is_that_of_a_linear_program():
         assert largest_load(capacity, direction) == pytest.approx(best.x[-1], rel=1e-6, abs=1e-9)
 
 
-# --- what the paper says and every machine of the model meets: it follows from the equations, and is no evidence ---
+# --- what every machine of the model meets: it follows from the equations, and is no evidence ---
 
 
-@pytest.fixture(scope="module", params=["the study", 0, 1], ids=str)
-def any_study(request, study) -> Study:
-    """The study, and machines of the search space at random."""
-    if request.param == "the study":
-        return study
-    return Study(setup_of(decode(np.random.default_rng(request.param).random(len(SPACE)))))
+@pytest.fixture(scope="module", params=["shipped", 0, 1], ids=str)
+def any_experiments(request, experiments) -> Experiments:
+    """Those with the shipped parameters, and with others."""
+    return experiments if request.param == "shipped" else Experiments(other_setup(request.param))
 
 
-def test_clutches_only_take_energy_and_all_six_modes_occur(any_study):
-    runs = [test.trajectory for test in any_study.single_dof]
-    runs += [reversal.trajectory for reversal in any_study.reversals.values()]
+def test_clutches_only_take_energy_and_all_six_modes_occur(any_experiments):
+    runs = [test.trajectory for test in any_experiments.single_dof]
+    runs += [reversal.trajectory for reversal in any_experiments.reversals.values()]
     assert max(run.power.max() for run in runs) <= 0.0
     assert len(np.unique(np.concatenate([run.mode for run in runs]))) == 6
 
 
-def test_a_clutch_absorbs_the_ramp_and_falls_back_to_its_dynamic_torque(any_study):
-    for test in any_study.single_dof:
+def test_a_clutch_absorbs_the_ramp_and_falls_back_to_its_dynamic_torque(any_experiments):
+    for test in any_experiments.single_dof:
         level, stuck = from_inch_pounds(63.5), slice(0, test.breakaway)
         assert test.torque[stuck] == pytest.approx(
             test.share * test.input_torque[stuck], abs=1e-9 * level
@@ -196,8 +194,8 @@ def test_a_clutch_absorbs_the_ramp_and_falls_back_to_its_dynamic_torque(any_stud
         assert test.torque[-1] < 0.99 * level
 
 
-def test_materials_stick_and_slip_as_the_paper_says(any_study):
-    baseline, experimental, theoretical = any_study.torque_curves.values()
+def test_materials_stick_and_slip_as_the_paper_says(any_experiments):
+    baseline, experimental, theoretical = any_experiments.torque_curves.values()
     for curves in (baseline, experimental):
         assert curves.breakaway[0] == curves.dynamic[0] == 0.0
         assert (curves.breakaway[1:] >= 1.119999999 * curves.dynamic[1:]).all()
@@ -205,17 +203,21 @@ def test_materials_stick_and_slip_as_the_paper_says(any_study):
     assert theoretical.dynamic[-1] < 0.95 * baseline.breakaway[-1]
 
 
-def test_torque_jumps_at_a_reversal_where_clutches_stick_and_slip(any_study):
+def test_torque_jumps_at_a_reversal_where_clutches_stick_and_slip(any_experiments):
     baseline, experimental, theoretical = (
-        reversal.jump for reversal in any_study.reversals.values()
+        reversal.jump for reversal in any_experiments.reversals.values()
     )
     assert min(baseline, experimental) > 0.1
     assert 0.6 < experimental / baseline < 1.7
     assert theoretical < 0.01
 
 
-def test_steps_are_first_order_loads_are_held_and_the_hand_is_eq_5(any_study):
-    response, held, hand = any_study.step_response, any_study.holding, any_study.setup.task.hand
+def test_steps_are_first_order_loads_are_held_and_the_hand_is_eq_5(any_experiments):
+    response, held, hand = (
+        any_experiments.step_response,
+        any_experiments.holding,
+        any_experiments.setup.task.hand,
+    )
     assert np.abs(response.torque - response.first_order).max() < 0.01 * response.final
     assert (held.moved_at > held.limit * (1.0 - 1e-12)).all()
     assert (held.moved_at < held.limit * 1.001).all()

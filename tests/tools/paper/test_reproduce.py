@@ -7,14 +7,14 @@ import pytest
 
 from pter_gym._commands import main as cli
 from pter_gym.errors import ParameterError
-from pter_gym.tools.paper import products
+from pter_gym.tools.paper import outputs
 from pter_gym.tools.paper.figures import PICTURES
-from pter_gym.tools.paper.products import PRODUCTS, find_products, results
+from pter_gym.tools.paper.outputs import OUTPUTS, find_outputs, make_outputs
 
 
 @pytest.fixture(scope="module")
-def files(study) -> dict[str, bytes]:
-    return results(study, PRODUCTS)[0]
+def files(experiments) -> dict[str, bytes]:
+    return make_outputs(experiments, OUTPUTS)[0]
 
 
 def rows_of(content: bytes) -> list[dict[str, str]]:
@@ -22,7 +22,7 @@ def rows_of(content: bytes) -> list[dict[str, str]]:
 
 
 def test_there_is_a_picture_and_a_table_for_everything(files):
-    pictures, tables = {f"{name}.png" for name in PICTURES}, {f"{name}.csv" for name in PRODUCTS}
+    pictures, tables = {f"{name}.png" for name in PICTURES}, {f"{name}.csv" for name in OUTPUTS}
     assert set(files) == {*pictures, *tables, "table1.json", "claims.json"}
     for name in pictures:
         assert files[name].startswith(b"\x89PNG\r\n")
@@ -31,16 +31,16 @@ def test_there_is_a_picture_and_a_table_for_everything(files):
         assert height >= 400
 
 
-def test_table_1_keeps_its_contract(files, study):
+def test_table_1_keeps_its_contract(files, experiments):
     table = json.loads(files["table1.json"])
     assert list(table) == ["baseline", "delrin_experimental", "delrin_theoretical"]
     for name, row in table.items():
         assert list(row) == ["position_error_in", "tip_speed_in_s", "tip_acceleration_in_s2"]
-        assert tuple(row.values()) == study.table1[name]
+        assert tuple(row.values()) == experiments.table1[name]
 
 
-def test_data_of_a_figure_are_its_experiment(files, study):
-    for name, sweep in study.sweeps.items():
+def test_data_of_a_figure_are_its_experiment(files, experiments):
+    for name, sweep in experiments.sweeps.items():
         errors = [
             float(row["position_error_m"])
             for row in rows_of(files["fig7.csv"])
@@ -55,8 +55,8 @@ def test_data_of_a_figure_are_its_experiment(files, study):
     assert min(measured) == 4.0
 
 
-def test_the_same_study_gives_the_same_bytes(files, study):
-    again, _ = results(study, ["table1"])
+def test_the_same_experiments_give_the_same_bytes(files, experiments):
+    again, _ = make_outputs(experiments, ["table1"])
     assert {name: files[name] for name in again if name != "claims.json"} == {
         name: content for name, content in again.items() if name != "claims.json"
     }
@@ -74,14 +74,16 @@ def test_an_unknown_figure_is_refused_before_any_work(tmp_path):
     assert cli.main(["reproduce", "fig6", "--out", str(tmp_path / "out")]) == 2
     assert not (tmp_path / "out").exists()
     with pytest.raises(ParameterError, match="figures"):
-        find_products(["fig3", "fig99", "fig6"])
-    assert find_products(["all"]) == find_products(["fig11", "all"]) == list(PRODUCTS)
-    assert find_products(["fig11", "fig3", "fig11"]) == ["fig3", "fig11"]
+        find_outputs(["fig3", "fig99", "fig6"])
+    assert find_outputs(["all"]) == find_outputs(["fig11", "all"]) == list(OUTPUTS)
+    assert find_outputs(["fig11", "fig3", "fig11"]) == ["fig3", "fig11"]
 
 
 def test_a_folder_that_cannot_be_made_is_refused_before_any_work(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        products, "results", lambda *_, **__: pytest.fail("worked before it looked at the folder")
+        outputs,
+        "make_outputs",
+        lambda *_, **__: pytest.fail("worked before it looked at the folder"),
     )
     blocked = tmp_path / "file"
     blocked.write_text("mine")

@@ -4,12 +4,13 @@ from dataclasses import fields, replace
 
 import pytest
 
-from pter_gym.benchmark._measures import column, vector
+from pter_gym.benchmark.measures import column, vector
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
 from pter_gym.params import with_friction
 from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.paper.clutch_tests import holding_torque
+from pter_gym.tools.paper.parameters import PAPER_MACHINES, Setup
 from pter_gym.tools.paper.path_tests import (
     PAPER_TABLE,
     gain_sweep,
@@ -17,7 +18,6 @@ from pter_gym.tools.paper.path_tests import (
     time_constant_sweep,
     with_equal_peaks,
 )
-from pter_gym.tools.paper.setup import PAPER_MACHINES, Setup
 from pter_gym.tools.paper.standard_test import run_standard_test
 from pter_gym.units import INCH_POUND, to_inches
 
@@ -51,12 +51,12 @@ def test_a_sweep_is_the_benchmark_on_each_machine():
         assert table[name] == pytest.approx([to_inches(values.mean()) for values in means])
 
 
-def test_at_least_fifteen_time_constants_and_twenty_gains(study):
-    assert all(len(sweep.time_constant) >= 15 for sweep in study.sweeps.values())
-    assert len(study.gain_sweep.gain) >= 20
-    assert {0.0, 0.06, 0.1} <= set(study.gain_sweep.gain.tolist())
-    assert all(sweep.completed.all() for sweep in study.sweeps.values())
-    assert study.gain_sweep.completed.all()
+def test_at_least_fifteen_time_constants_and_twenty_gains(experiments):
+    assert all(len(sweep.time_constant) >= 15 for sweep in experiments.sweeps.values())
+    assert len(experiments.gain_sweep.gain) >= 20
+    assert {0.0, 0.06, 0.1} <= set(experiments.gain_sweep.gain.tolist())
+    assert all(sweep.completed.all() for sweep in experiments.sweeps.values())
+    assert experiments.gain_sweep.completed.all()
 
 
 def test_the_controller_of_a_delrin_machine_has_the_baselines_table():
@@ -74,7 +74,7 @@ def test_a_controller_with_a_wrong_table_is_that_of_a_machine_with_those_torques
         BASELINE, layout := observation_layout(BASELINE, "torque"), 0.0
     )
     weaker = replace(CONTROLLER, feedback=0.0).bind(replace(BASELINE, clutch=clutch), layout)
-    assert (wrong.gains == weaker.gains).all()
+    assert (wrong.law.gains == weaker.law.gains).all()
     exact, believed = (
         time_constant_sweep(Setup(table_error=each), taus)["baseline"] for each in (1.0, factor)
     )
@@ -109,9 +109,9 @@ def test_saturation_counts_commands_at_the_largest_voltage():
     assert 0.2 < sweep.saturated[1] <= 1.0
 
 
-def test_the_line_is_followed_from_its_start_to_its_end(study):
-    path = study.setup.task.path
-    for (run,) in study.line_following.runs.values():
+def test_the_line_is_followed_from_its_start_to_its_end(experiments):
+    path = experiments.setup.task.path
+    for (run,) in experiments.line_following.runs.values():
         assert run.score.completed
         assert vector(run.telemetry, "tip")[0] == pytest.approx(path.point(0.0))
         assert column(run.telemetry, "arc_length")[-1] >= path.length
@@ -130,9 +130,9 @@ def test_errors_name_their_field():
 
 
 @pytest.mark.slow
-def test_a_finer_substep_hardly_moves_table_1(study):
+def test_a_finer_substep_hardly_moves_table_1(experiments):
     """Substeps of 0.1 ms and the same control period."""
     machines = {name: replace(machine, substep=1e-4) for name, machine in PAPER_MACHINES.items()}
     refined = table1(time_constant_sweep(Setup(machines=machines)))
     for name, row in refined.items():
-        assert row == pytest.approx(study.table1[name], rel=0.005)
+        assert row == pytest.approx(experiments.table1[name], rel=0.005)

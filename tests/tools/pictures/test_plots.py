@@ -1,4 +1,4 @@
-"""Figures of a scenario's scores: what they show, and files that are the same each time whatever the user has set."""
+"""Figures of a scenario's scores: what they show, and the same bytes whatever the user has set."""
 
 import itertools
 import sys
@@ -19,39 +19,34 @@ POLICIES, PACES = ["impedance", "free", "locked"], ["slow", "medium"]
 
 @pytest.fixture(scope="module")
 def scored():
-    runs = run_scenario("standard", POLICIES, PACES, episodes=6)
-    return leaderboards(runs), runs
+    return leaderboards(run_scenario("standard", POLICIES, PACES, episodes=6))
 
 
 def test_profiles_show_each_policy_at_each_pace(scored):
-    boards, runs = scored
-    figure = plots.profiles(boards, runs)
+    figure = plots.profiles(scored)
     assert [axes.get_title(loc="left").partition(" ")[0] for axes in figure.axes] == PACES
-    for axes, board in zip(figure.axes, boards, strict=True):
+    for axes, board in zip(figure.axes, scored, strict=True):
         for standing, line in zip(board.standings, axes.get_lines(), strict=True):
-            errors = next(
-                run.scores["path_error_m"]
-                for run in runs
-                if (run.policy, run.pace) == (standing.policy, board.pace)
-            )
             x, shares = np.asarray(line.get_xydata()).T
-            np.testing.assert_allclose(shares, (errors <= 1e-3 * x[:, None]).mean(axis=1))
+            np.testing.assert_allclose(
+                shares, (standing.errors[0] <= 1e-3 * x[:, None]).mean(axis=1)
+            )
             assert line.get_color() == looks(sorted(POLICIES))[standing.policy].colour
 
 
 def test_errors_are_drawn_at_the_paces_that_were_reached(scored):
-    boards, _ = scored
-    (axes,) = plots.error_against_pace(boards).axes
+    (axes,) = plots.error_against_pace(scored).axes
     found = [
         np.asarray(line.get_xydata())[0]
         for line in axes.get_lines()
         if line.get_markersize() == 6.0
     ]
-    scores = [standing.scores for board in boards for standing in board.standings]
-    paces = np.clip([s["mean_pace_m_s"].value for s in scores], plots.MIN_PACE, plots.MAX_PACE)
+    standings = [standing for board in scored for standing in board.standings]
+    paces = np.clip(
+        [each.scores["mean_pace_m_s"] for each in standings], plots.MIN_PACE, plots.MAX_PACE
+    )
     expected = [
-        (pace, 1e3 * s["path_error_m"].value)
-        for pace, s in zip(paces.tolist(), scores, strict=True)
+        (pace, 1e3 * each.error.value) for pace, each in zip(paces.tolist(), standings, strict=True)
     ]
     np.testing.assert_allclose(sorted(map(tuple, found)), sorted(expected))
     assert (axes.get_xlabel(), axes.get_ylabel()) == (
@@ -62,7 +57,7 @@ def test_errors_are_drawn_at_the_paces_that_were_reached(scored):
 
 def test_one_policy_and_one_episode_can_be_drawn(tmp_path: Path):
     runs = run_scenario("standard", ["locked"], ["brisk"], episodes=1)
-    paths = plots.draw_scenario(leaderboards(runs), runs, tmp_path)
+    paths = plots.draw_scenario(leaderboards(runs), tmp_path)
     assert sorted(tmp_path.iterdir()) == sorted(paths)
     assert [path.name for path in paths] == [
         "standard-profiles.png",
@@ -72,19 +67,18 @@ def test_one_policy_and_one_episode_can_be_drawn(tmp_path: Path):
 
 
 def test_the_same_figure_gives_the_same_bytes(scored, tmp_path: Path):
-    boards, _ = scored
     before = mpl.rcParams.copy()
     for kind, beginning in (("png", b"\x89PNG\r\n\x1a\n"), ("pdf", b"%PDF-")):
-        first = save(plots.error_against_pace(boards), tmp_path / f"a.{kind}").read_bytes()
+        first = save(plots.error_against_pace(scored), tmp_path / f"a.{kind}").read_bytes()
         with mpl.rc_context(
             {"font.size": 20.0, "axes.grid": False, "savefig.dpi": 50, "axes.facecolor": "black"}
         ):
-            second = save(plots.error_against_pace(boards), tmp_path / f"b.{kind}").read_bytes()
+            second = save(plots.error_against_pace(scored), tmp_path / f"b.{kind}").read_bytes()
         assert first == second
         assert first.startswith(beginning)
     assert mpl.rcParams.copy() == before
     with pytest.raises(ParameterError, match="path"):
-        save(plots.error_against_pace(boards), tmp_path / "figure.svg")
+        save(plots.error_against_pace(scored), tmp_path / "figure.svg")
     assert len(list(tmp_path.iterdir())) == 4
 
 

@@ -1,4 +1,4 @@
-"""Rendering through Gymnasium: one world and many, its wrappers that record, and what is refused."""
+"""Rendering through Gymnasium: one world and many, wrappers that record, and refusals."""
 
 import pickle
 import subprocess
@@ -149,7 +149,8 @@ def test_another_render_mode_of_many_worlds_is_refused():
 def test_without_a_render_mode_no_drawing_code_is_loaded():
     code = (
         "import sys, gymnasium, pter_gym\n"
-        "env = gymnasium.make('PTER/PathFollowing-v0'); env.reset(seed=0); env.step(env.action_space.sample())\n"
+        "env = gymnasium.make('PTER/PathFollowing-v0'); env.reset(seed=0)\n"
+        "env.step(env.action_space.sample())\n"
         "gymnasium.make_vec('PTER/PathFollowing-v0', 2)\n"
         "print([name for name in sys.modules if name.startswith('pter_gym.tools.pictures')])"
     )

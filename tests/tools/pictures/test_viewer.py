@@ -1,4 +1,4 @@
-"""Pictures: what a telemetry row shows, without a display, the same each time; windows; the mechanism's geometry."""
+"""Pictures of telemetry, the same each time without a display; windows; geometry."""
 
 import math
 import os
@@ -129,7 +129,7 @@ def test_clutch_states(mode: ClutchMode, expected: list[str]):
 
 
 def run_fresh(program: str, **variables: str) -> str:
-    """Run a program in a fresh process without a display, and without SDL's variables unless they are given."""
+    """Run a program in a fresh process without a display; ``variables`` may set SDL's."""
     bare = {
         k: v
         for k, v in os.environ.items()

@@ -13,7 +13,8 @@ from PIL import Image
 
 from pter_gym._commands.main import main
 from pter_gym.benchmark import find_policy
-from pter_gym.benchmark.simulation import record_episode, time_limit
+from pter_gym.benchmark.episodes import time_limit
+from pter_gym.benchmark.rollout import record_episode
 from pter_gym.scenarios import find_scenario
 
 
@@ -37,7 +38,7 @@ def test_policies_side_by_side_and_their_table(here: Path, capsys: pytest.Captur
         assert part in said
     with Image.open(here / "end.png") as picture:
         assert picture.size == (640, 240)
-    ((machine, task),) = find_scenario("hands").randomisation("brisk", contexts=1, seed=2).pairs()
+    ((machine, task),) = find_scenario("hands").draws.pairs(1, 2, "brisk")
     policy = find_policy("torque-feedback", scenario="hands")
     expected = record_episode(policy, machine, task, 2, time_limit(task)).telemetry
     with (here / "both.csv").open(newline="", encoding="utf-8") as file:
@@ -69,7 +70,7 @@ def test_a_wrong_argument_is_named(
     field: str,
 ):
     monkeypatch.setattr(
-        "pter_gym.benchmark.simulation.record_episode", lambda *_: pytest.fail("it simulates first")
+        "pter_gym.benchmark.rollout.record_episode", lambda *_: pytest.fail("it simulates first")
     )
     assert main(["watch", *arguments]) == 2
     assert field in capsys.readouterr().err.lower()

@@ -7,20 +7,28 @@ from typing import Any
 
 import pytest
 
-from pter_gym.benchmark import Assessment, Examination
-from pter_gym.benchmark._examination import MISSING, RESERVE
-from pter_gym.benchmark._find_policy import find_policy
+from pter_gym.benchmark import Assessment, Episodes, assess, run_scenario, training_episodes
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
-from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, find_tuned, read_table
-from pter_gym.controllers import CONTROLLERS, Controller, Impedance, PaceSchedule
+from pter_gym.benchmark.policies import find_policy
+from pter_gym.benchmark.runs import MISSING, RESERVE
+from pter_gym.benchmark.tuned import (
+    TABLE,
+    TUNED,
+    controller_of,
+    find_tuned,
+    guided,
+    read_table,
+    with_gains,
+)
+from pter_gym.controllers import CONTROLLERS, AnyPolicy, Impedance, PaceSchedule
 from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
 from pter_gym.params import DELRIN_EXPERIMENTAL
 from pter_gym.paths import Circle
-from pter_gym.policies._stored_gains import gains_of, make_guided
 from pter_gym.scenarios import PACES, find_scenario
+from pter_gym.tools.tuning import search
 from pter_gym.tools.tuning.gains_file import add_gains
+from pter_gym.tools.tuning.laws import Range, find_law
 from pter_gym.tools.tuning.search import TunedGains, open_journal, tune
-from pter_gym.tools.tuning.spaces import SPACES, Range, gains_at, point_at
 
 optuna = pytest.importorskip("optuna")
 pytest.importorskip("cmaes")
@@ -53,18 +61,18 @@ def test_penalties_are_continuous() -> None:
 
 
 @pytest.mark.smoke
-@pytest.mark.parametrize("name", TUNABLE)
+@pytest.mark.parametrize("name", guided())
 def test_points_and_gains_go_both_ways(name: str) -> None:
-    kind = CONTROLLERS[name]
-    default = replace(kind(), pace_fraction=0.5)  # type: ignore[call-arg]
-    point = point_at(name, default, 0.25)
-    again = kind(**gains_at(point, 0.25))
-    assert set(point) == set(SPACES[name])
-    for gain, space in SPACES[name].items():
+    law = find_law(name, 0.25, "standard")
+    default: Any = replace(law.law, pace_fraction=0.5)
+    (point,) = replace(law, known=((0.25, default),)).starts()
+    again: Any = law.with_gains(law.gains(point))
+    assert set(point) == set(law.space)
+    for gain, space in law.space.items():
         if gain != "braking" and isinstance(space, Range):
             wanted = min(max(getattr(default, gain), space.low), space.high)
             assert getattr(again, gain) == pytest.approx(wanted, rel=1e-3)
-    assert again.damping_tangential == pytest.approx(default.damping_tangential, rel=1e-3)  # type: ignore[attr-defined]
+    assert again.damping_tangential == pytest.approx(default.damping_tangential, rel=1e-3)
 
 
 def test_a_search_is_repeatable_resumable_and_begins_with_known_gains(
@@ -81,14 +89,11 @@ def test_a_search_is_repeatable_resumable_and_begins_with_known_gains(
     assert [count for count, _ in calls] == list(range(1, 9))
     shipped = find_tuned("impedance-tuned", "standard").at(PACES["brisk"])
     paper = find_policy("impedance").at(PACES["brisk"])  # type: ignore[union-attr]
-    points = [point_at("impedance", known, 0.5) for known in (shipped, paper)]
+    law = find_law("impedance", 0.5, "standard")
+    points = replace(law, known=((0.5, shipped), (0.5, paper))).starts()
     assert [trial.params for trial in trials_in(first)[:2]] == points
-    value = (
-        Examination("standard", "brisk", 4, seed=0)
-        .judge(make_guided("impedance", gains_at(points[0], 0.5)))
-        .value
-    )
-    assert calls[0][1] == value
+    draws = training_episodes("standard", "brisk", 4, seed=0)
+    assert calls[0][1] == assess([law.with_gains(law.gains(points[0]))], draws).value
     more = tune(*CASE, trials=10, episodes=4, storage=first)
     assert (more.trials, len(trials_in(first))) == (10, 10)
     assert told_by(first)[:8] == told_by(second)
@@ -99,28 +104,26 @@ def test_only_trials_that_keep_up_are_judged_on_all_draws(
 ) -> None:
     monkeypatch.setattr("pter_gym.tools.tuning.search.STARTUP_TRIALS", 4)
     judged: list[int] = []
-    judge = Examination.judge
 
-    def counting(self: Examination, controller: Controller) -> Assessment:
-        judged.append(len(self.tasks))
-        return judge(self, controller)
+    def counting(policies: list[AnyPolicy], draws: Episodes) -> Assessment:
+        judged.append(len(draws))
+        return assess(policies, draws)
 
-    monkeypatch.setattr(Examination, "judge", counting)
+    monkeypatch.setattr(search, "assess", counting)
     tune("impedance", "standard", "brisk", trials=40, episodes=32, storage=tmp_path / "a.journal")
-    search = judged[
+    tried = judged[
         : -judged.count(32) // 2
     ]  # fewer than FINALISTS, so each is judged on other draws too
-    assert search[:3] == [2, 8, 32]
-    assert search.count(2) == 40 > search.count(8) > search.count(32) >= 1
+    assert tried[:3] == [2, 8, 32]
+    assert tried.count(2) == 40 > tried.count(8) > tried.count(32) >= 1
     trials = [
         trial for trial in trials_in(tmp_path / "a.journal") if trial.state.name == "COMPLETE"
     ]
-    assert len(trials) == search.count(32)
+    assert len(trials) == tried.count(32)
     for draws, value in ((2, trials[-1].intermediate_values[1]), (32, trials[-1].value)):
-        exam = Examination("standard", "brisk", draws, seed=0)
-        assert (
-            judge(exam, make_guided("impedance", gains_at(trials[-1].params, 0.5))).value == value
-        )
+        law = find_law("impedance", 0.5, "standard")
+        policy = law.with_gains(law.gains(trials[-1].params))
+        assert assess([policy], training_episodes("standard", "brisk", draws, 0)).value == value
 
 
 def test_a_full_disk_is_reported_and_the_search_continues(
@@ -269,15 +272,16 @@ def test_shipped_gains_have_their_published_scores_bit_for_bit(
     entry = read_table()[scenario][name][pace]
     words = entry["command"].split()
     seed = int(words[words.index("--seed") + 1])
-    exam = Examination(scenario, pace, entry["episodes"], 2 * seed + 1)
-    found = exam.judge(controller_of(name, entry, TABLE))
+    draws = training_episodes(scenario, pace, entry["episodes"], 2 * seed + 1)
+    found = assess([controller_of(name, entry, TABLE)], draws)
     assert found._asdict() == {score: entry[score] for score in Assessment._fields}
 
 
 def test_shipped_gains_cover_all_controllers_and_paces_of_standard() -> None:
     table = read_table()
-    assert set(table["standard"]) == set(TUNABLE)
-    for name in TUNABLE:
+    assert set(table["standard"]) == set(guided())
+    assert set(TUNED) == {f"{name}-tuned" for name in guided()}
+    for name in guided():
         assert set(table["standard"][name]) == set(PACES)
         schedule = find_policy(f"{name}-tuned", scenario="standard")
         assert isinstance(schedule, PaceSchedule)
@@ -327,4 +331,30 @@ def test_gains_for_a_path_of_ones_own_are_stored_and_found(tmp_path: Path) -> No
     ((pace, law),) = find_policy(
         tmp_path / "gains.toml", find_scenario("standard", path="circle").whose_gains
     ).knots
-    assert (pace, gains_of(law)["stiffness"]) == (0.3, found.gains["stiffness"])
+    assert (pace, law.stiffness) == (0.3, found.gains["stiffness"])
+
+
+class Toy(Impedance):
+    """A law that is not in any table."""
+
+    label = "Toy"
+
+
+def test_a_new_law_is_run_and_tuned_before_any_gains_are_stored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(CONTROLLERS, "toy", Toy)
+    given: dict[str, Any] = {"trials": 2, "episodes": 2, "storage": tmp_path / "toy.journal"}
+    found = tune("toy", "standard", "brisk", **given)
+    assert set(found.gains) - {"damping_tangential"} == set(Toy.search) - {"braking"}
+    with pytest.raises(ParameterError, match="policies"):
+        find_policy("toy-tuned")
+    add_gains(found, tmp_path / "toy.toml")
+    policies = {
+        "toy": "toy",
+        "tuned": tmp_path / "toy.toml",
+        "again": with_gains("toy", found.gains),
+    }
+    runs = run_scenario("standard", policies, "brisk", episodes=2)
+    toy, tuned, again = (run.scores["path_error_m"].tolist() for run in runs)
+    assert tuned == again != toy

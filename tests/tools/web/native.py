@@ -66,19 +66,20 @@ def run_scenario(name: str, steps: int, folder: Path) -> dict[str, Any]:
     """Step the worlds of a scenario and return what is needed to do it again."""
     from pter_gym._engine.batch import Batch
     from pter_gym._engine.world import BASIC_ROWS, FLAGS, SAME_STEP
-    from pter_gym.benchmark._find_policy import find_policy
-    from pter_gym.envs.scenario import training_draws
+    from pter_gym.benchmark.policies import find_policy
     from pter_gym.params import BASELINE
+    from pter_gym.scenarios import find_scenario
+    from pter_gym.tasks.path_following import STARTS
 
-    machines, tasks = zip(
-        *training_draws(name, contexts=32, context_seed=steps).pairs(), strict=True
-    )
+    draws = find_scenario(name).draws.with_task(starts=STARTS["path"])
+    machines, tasks = zip(*draws.pairs(32, steps), strict=True)
     batch = Batch(
         machines, tasks, WORLDS, draws=True, sensors="force", observe_context=True, max_steps=LIMIT
     )
     arrays = batch.device_arrays()
     arrays["constants"].tofile(folder / f"{name}.constants")
-    policies = [find_policy(law, scenario=name).bind(BASELINE, batch.layout) for law in LAWS]
+    laws = [find_policy(law, scenario=name).bind(BASELINE, batch.layout) for law in LAWS]
+    memories = [law.start(1) for law in laws]
     rows = arrays["worlds"].shape[1]
     begins, _ = batch.reset(list(range(1, WORLDS + 1)))
     obs, hashes, rng = begins, Hashes(), np.random.default_rng(0)
@@ -87,8 +88,8 @@ def run_scenario(name: str, steps: int, folder: Path) -> dict[str, Any]:
     with (folder / f"{name}.actions").open("wb") as file:
         for step in range(steps):
             actions = held_volts(rng, actions, top)
-            for world, policy in enumerate(policies):
-                actions[world] = policy.act(obs[world : world + 1])[0]
+            for world, (law, memory) in enumerate(zip(laws, memories, strict=True)):
+                actions[world] = law.act(obs[world : world + 1], memory)[0]
             actions.tofile(file)
             obs, final_obs, rewards, flags, telemetry = batch.step(actions, SAME_STEP)
             for world in range(WORLDS):
@@ -113,7 +114,7 @@ def run_scenario(name: str, steps: int, folder: Path) -> dict[str, Any]:
         "entries": len(batch.layout),
         "scales": batch.layout.scales.tolist(),
         "config": arrays["config"].tolist(),
-        "gains": [policy.gains.tolist() for policy in policies],
+        "gains": [law.law.gains.tolist() for law in laws],
         "hashes": hashes.done,
         "episodes": int(arrays["words"][:, 1].sum()),
     }

@@ -42,7 +42,10 @@ for (const run of JSON.parse(readFileSync(`${runs}/runs.json`))) {
         world.reset(world.words[0], world.words[1] + 1n);
         report.episodes++;
       }
-      hash.update(world.observation).update(new Float64Array([reward])).update(new Uint8Array(flags));
+      hash
+        .update(world.observation)
+        .update(new Float64Array([reward]))
+        .update(new Uint8Array(flags));
       hash.update(stored).update(world.telemetry);
       report.steps++;
       if ((step + 1) % run.chunk === 0) {

@@ -7,7 +7,6 @@ import struct
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -18,23 +17,28 @@ import pytest
 
 from pter_gym._commands.main import main
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark._find_policy import find_policy
+from pter_gym.benchmark.policies import find_policy
+from pter_gym.benchmark.rollout import record_episode
 from pter_gym.benchmark.scores import score
-from pter_gym.benchmark.simulation import record_episode
-from pter_gym.errors import ParameterError
+from pter_gym.benchmark.tuned import TUNED
+from pter_gym.controllers import CONTROLLERS
 from pter_gym.hands import read_forces
-from pter_gym.params import BASELINE, MACHINES, Machine, find_machine, machine_of
-from pter_gym.params._preset import PRESET, format_preset
-from pter_gym.paths import Circle
+from pter_gym.params import BASELINE, MACHINES
+from pter_gym.policies import shipped_policies
 from pter_gym.policies._files import SHIPPED
 from pter_gym.scenarios import PACES
 from pter_gym.scenarios._variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
+from pter_gym.tools.pictures.drawing import clutch_states
 from pter_gym.tools.web import site
 from pter_gym.tools.web.site import make_server, site_files, write_site
-from pter_gym.tools.web.tables import PATHS, pages_batch, tables
+from pter_gym.tools.web.tables import PATHS
 
-CONTROLS = "[...document.querySelectorAll('#control option')].map((option) => option.value)"
+OPTIONS = "[...document.querySelectorAll('#{} option')].map((option) => option.value)"
+POLICIES = OPTIONS.format("policy")
+COMPARED = """[...document.querySelectorAll('#comparison tbody tr')].map((row) =>
+  [row.cells[0].textContent, row.cells[1].textContent])"""
+STATES = "[...document.querySelectorAll('#clutches td:last-child')].map((cell) => cell.textContent)"
 
 WIDE = "document.documentElement.scrollWidth > document.documentElement.clientWidth"
 
@@ -188,7 +192,8 @@ def test_a_taken_port_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
 def test_ctrl_c_ends_it() -> None:
     import playing
 
-    heard = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"  # not ignored in the background
+    # a process in the background ignores SIGINT by default
+    heard = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
     command = [sys.executable, "-c", f"{heard}; {playing.PLAY}", "play", "--no-open"]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -225,20 +230,12 @@ def play(opened: Any) -> Iterator[Any]:
     assert opened.problems == []
 
 
-def task_of(path: str, push: Path, pace: str) -> PathFollowing:
+def task_of(path: str, push: Path, pace: str = "medium") -> PathFollowing:
     width = {} if path == "line" else {"error_max": WIDTH}
     return PathFollowing(path=PATHS[path], hand=read_forces(push), pace=PACES[pace], **width)
 
 
-def compare(
-    play: Any,
-    path: str,
-    *,
-    pace: str = "medium",
-    machine: str = "baseline",
-    lag: float,
-    friction: float,
-) -> Any:
+def compare(play: Any, path: str, *, pace: str = "medium", machine: str = "baseline") -> Any:
     """Compare the trial on the page with Python: the same push, the same voltages.
 
     Return its score.
@@ -246,295 +243,124 @@ def compare(
     import playing
 
     push = play.saved("save-push", "push.csv")
-    names, rows = playing.record(play.saved("save-record", "record.csv"))
+    names, rows = playing.read_run(play.saved("save-run", "run.csv"))
     assert names == list(TELEMETRY.names)
-    begun = find_machine(machine)
-    clutch = replace(begun.clutch, time_constant=lag)
-    scale = tuple(friction * own for own in begun.clutch_scale)
     task = task_of(path, push, pace)
-    batch = Batch(replace(begun, clutch=clutch, clutch_scale=scale), task, 1, sensors="force")
+    batch = Batch(MACHINES[machine], task, 1, sensors="force")
     batch.reset([1])
-    found = np.array(rows)
-    volts = found[1:, [names.index(f"volts_{n}") for n in range(1, 5)]]
-    expected = np.array([batch.step_alone(each[: batch.num_actions])[1] for each in volts])
-    np.testing.assert_allclose(found[1:], expected, rtol=1e-7, atol=1e-7)
-    scored = score(found, task)
-    told = play.run("page.trials[0].result")
-    for name, value in told.items():
+    telemetry = np.array(rows)
+    volts = telemetry[1:, [names.index(f"volts_{n}") for n in range(1, 5)]]
+    expected = np.array([batch.step_alone(action)[1] for action in volts])
+    np.testing.assert_allclose(telemetry[1:], expected, rtol=1e-7, atol=1e-7)
+    states = clutch_states(telemetry[-1], MACHINES[machine])
+    assert play.run("[0, 1, 2, 3].map((k) => page.trials[0].clutch(k))") == states
+    scored = score(telemetry, task)
+    for name, value in play.run("page.trials[0].result").items():
         assert value == pytest.approx(getattr(scored, name), rel=1e-9), name
     return scored
 
 
-def shown_millimetres(play: Any) -> str:
-    return play.run("document.querySelector('#board [aria-current] td:nth-child(5)').textContent")
-
-
 @pytest.mark.slow
 def test_a_push_by_mouse_is_that_of_python(play: Any) -> None:
-    play.open("path=arc&control=single-dof-tuned&lag=60&friction=1.2&material=delrin_experimental")
+    play.open(path="arc", pace="slow", machine="delrin_experimental")
     play.drag()
-    assert "mm off" in play.text("caption")
-    scored = compare(play, "arc", machine="delrin_experimental", lag=0.06, friction=1.2)
+    scored = compare(play, "arc", pace="slow", machine="delrin_experimental")
     assert scored.completed
-    assert shown_millimetres(play) == f"{1000 * scored.path_error_m:.1f} mm"
+    assert f"path error {1000 * scored.path_error_m:.1f} mm" in play.text("caption")
     assert float(play.text("time")) == pytest.approx(scored.duration_s, abs=0.005)
-    assert play.text("energy-given") == "0"
-    ledger = {
-        name: float(play.text(f"energy-{name}"))
-        for name in ("hand", "kinetic", "clutches", "rounding")
-    }
-    assert ledger["hand"] == pytest.approx(scored.hand_work_j, abs=0.006)
-    assert ledger["clutches"] == pytest.approx(scored.dissipated_j, abs=0.006)
-    assert ledger["hand"] == pytest.approx(
-        ledger["kinetic"] + ledger["clutches"] + ledger["rounding"], abs=0.03
-    )
 
 
 @pytest.mark.slow
-def test_the_learned_policy_rides_on_the_same_push(play: Any) -> None:
-    play.open("path=sine&control=impedance-tuned")
+@pytest.mark.parametrize(
+    "path", [pytest.param(name, marks=() if name == "sine" else pytest.mark.long) for name in PATHS]
+)
+def test_every_policy_gets_the_same_push(path: str, play: Any) -> None:
+    play.open(path=path, policy="impedance-tuned")
     play.drag()
+    pushed = play.run("page.trials[0].rows.map((row) => [...row])")
+    scored = compare(play, path)
+    play.until("!document.getElementById('comparison').hidden")
+    shown = dict(play.run(COMPARED))
+    assert sorted(shown) == sorted(play.run(POLICIES))
+    assert shown["impedance-tuned"].startswith(f"{1000 * scored.path_error_m:.1f} mm")
+    arrived = [text.endswith("mm") for text in shown.values()]
+    errors = [float(text.split()[0]) for text in shown.values() if text.endswith("mm")]
+    assert arrived == sorted(arrived, reverse=True)
+    assert errors == sorted(errors)
     push = play.saved("save-push", "push.csv")
-    play.until("document.querySelectorAll('#board tbody tr').length === 2")
-    row = play.run("document.querySelector('#board tbody tr:not([aria-current])').innerText")
-    task, limit = (
-        task_of("sine", push, "medium"),
-        play.run("page.workshop.timeLimit(page.settings, page.push)"),
-    )
-    ridden = record_episode(find_policy("residual", scenario="paths"), BASELINE, task, 1, limit)
-    assert f"{1000 * score(ridden.telemetry, task).path_error_m:.1f} mm" in row
-    assert play.saved("save-board", "scores.png").read_bytes().startswith(b"\x89PNG")
+    limit = play.run(f"page.workshop.timeLimit({path!r}, page.trials[0].pace, page.trials[0].push)")
+    task = task_of(path, push)
+    scenario = "standard" if path == "line" else "paths"
+    replayed = record_episode(find_policy("residual", scenario=scenario), BASELINE, task, 1, limit)
+    result = score(replayed.telemetry, task)
+    assert shown["residual"].startswith(f"{1000 * result.path_error_m:.1f} mm")
+    play.run("[...document.querySelectorAll('#comparison button')].at(-1).click()")
+    play.until("page.trials.length === 2 && page.trials.every((trial) => trial.ended)", 60)
+    assert play.run("page.trials[0].rows.map((row) => [...row])") == pushed, "the same push"
+    assert play.run("page.trials[1].rows.map((row) => [...row])") != pushed
+    play.click("again")
+    play.until("page.trials.length === 1 && page.waiting")
+    assert not play.run("document.getElementById('comparison').hidden")
+    play.choose("pace", "brisk")
+    assert play.run("document.getElementById('comparison').hidden"), "of another task"
 
 
 def test_a_dot_keeps_the_pace(play: Any) -> None:
-    play.open("path=arc&pace=brisk")
+    play.open(path="arc", pace="brisk")
     path, pace = PATHS["arc"], PACES["brisk"]
     sagitta = (path.length / 200) ** 2 * path.max_curvature / 8  # of the page's 200 chords
     for part in (0.0, 0.37, 1.0, 2.0):
-        found = play.run(f"page.trials[0].paced({part * path.length / pace})")
-        np.testing.assert_allclose(
-            found["at"], path.point(min(part, 1.0) * path.length), atol=1.01 * sagitta
-        )
-
-
-def test_an_arm_on_which_clutches_slip_is_not_called_free(play: Any) -> None:
-    play.open("control=sliders&volts=4,4,0,0")
-    start = play.handle()
-    play.mouse("mousePressed", *start)
-    seen: set[tuple[str, str]] = set()
-    for k in range(50):
-        play.mouse("mouseMoved", start[0] + 6 * k, start[1] - 2 * k)
-        play.run("page.readout.show(page.trials[0])")
-        seen.add(
-            (
-                play.text("mode"),
-                str(play.run("[0, 1, 2, 3].map((k) => page.trials[0].clutch(k)).join(' ')")),
-            )
-        )
-    play.mouse("mouseReleased", *start)
-    assert any("slipping" in states for _, states in seen)
-    assert all(
-        (mode == "free to move") == ("s" not in states.replace("released", ""))
-        for mode, states in seen
-    )
+        dot = play.run(f"page.trials[0].paced({part * path.length / pace})")
+        point = path.point(min(part, 1.0) * path.length)
+        np.testing.assert_allclose(dot["at"], point, atol=1.01 * sagitta)
 
 
 @pytest.mark.slow
-def test_a_user_machine_moves_as_in_python(opened: Any, tmp_path: Path) -> None:
-    import playing
-
-    clutch = {**PRESET.clutch, "time_constant": 0.052, "scale": (0.9, 1.1, 1.05, 0.95)}
-    own = replace(PRESET, arm={**PRESET.arm, "length_a": 0.6, "inertia_a": 0.8}, clutch=clutch)
-    preset = tmp_path / "own.toml"
-    preset.write_text(format_preset(own, "own"), "utf-8")
-    with playing.started("--machine", str(preset)) as address:
-        play = playing.Play(opened.tab, address, tmp_path)
-        play.open("path=arc&friction=1.2")
-        assert play.run("[page.settings.material, page.settings.lag]") == ["own", 52]
-        assert (
-            play.run("document.getElementById('material').selectedOptions[0].text")
-            == "Your machine"
-        )
-        assert "material" not in play.run("location.hash")
-        law = find_policy("single-dof-tuned", scenario="paths").bind(
-            machine_of(own), pages_batch().layout
-        )
-        assert play.run("page.workshop.tables.laws['single-dof-tuned'].paths") == law.gains.tolist()
-        play.drag()
-        compare(play, "arc", machine=str(preset), lag=0.052, friction=1.2)
-        play.choose("material", "baseline")
-        play.drag()
-        compare(play, "arc", lag=0.052, friction=1.2)
-        assert play.problems == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", ["two-brakes", pytest.param("double-brakes", marks=pytest.mark.long)]
-)
-def test_a_machine_with_other_clutches_is_felt(name: str, opened: Any, tmp_path: Path) -> None:
-    """Laws brake with what is there; policies, which were trained with the paper's clutches, are not offered."""
-    import playing
-
-    clutches = find_machine(name).clutches
-    with playing.started("--machine", name) as address:
-        play = playing.Play(opened.tab, address, tmp_path)
-        play.open("control=single-dof")
-        assert play.run("page.readout.clutches.map((row) => row.cells[1].textContent)") == [
-            c.name for c in clutches
-        ]
-        assert "residual" not in play.run(CONTROLS)
-        assert play.run("page.workshop.tables.laws['single-dof'].standard.length") > 5
-        play.drag()
-        compare(play, "line", machine=name, lag=0.105, friction=1.0)
-        play.open("control=locked")
-        play.drag(seconds=0.5)
-        states = play.run(
-            "page.trials[0].env.tables.clutches.map((_, k) => page.trials[0].clutch(k))"
-        )
-        assert states == ["stuck"] * len(clutches)
-        assert play.problems == []
-
-
-@pytest.mark.parametrize(
-    ("own", "told"),
-    [
-        (replace(BASELINE, clutch=replace(BASELINE.clutch, voltage_max=12.0)), "voltage_max"),
-        (replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.1, length_b=0.1)), "path"),
-    ],
-    ids=["voltage", "reach"],
-)
-def test_a_machine_that_the_page_cannot_have_is_refused(own: Machine, told: str) -> None:
-    with pytest.raises(ParameterError, match=told):
-        tables(own)
-
-
-def test_a_page_begins_with_a_path_and_a_pace_of_ones_own() -> None:
-    found = tables(path=Circle(radius=0.05), pace=0.3)
-    assert found["begin"] == {"path": "own", "pace": "own"}
-    assert found["paces"]["own"] == 0.3
-    assert found["paths"]["own"]["error_max"] < 0.05
-    assert tables(path="sine", pace="slow")["begin"] == {"path": "sine", "pace": "slow"}
-    for field, bad in {"path": {"path": "sone"}, "pace": {"pace": "fats"}}.items():
-        with pytest.raises(ParameterError, match=field):
-            tables(**bad)
-
-
-@pytest.mark.slow
-def test_every_setting_can_be_chosen(play: Any) -> None:
-    play.open("hand=paper")
-    for control in play.run(CONTROLS):
-        play.choose("control", control)
-        play.until(
-            f"page.trials[0].settings.control === '{control}' && page.trials[0].rows.length > 5"
-        )
-    for identity, values in {
+def test_everything_can_be_chosen(play: Any) -> None:
+    play.open()
+    choices = {
         "path": PATHS,
         "pace": PACES,
-        "material": [name for name, machine in MACHINES.items() if machine.has_paper_clutches],
-        "lag": (10, 300),
-        "friction": (0.2, 2),
-        "other": ("free", "residual"),
-    }.items():
-        for value in values:
-            play.choose(identity, value)
-            assert str(play.run(f"page.settings.{identity}")) == str(value)
-            assert play.run("document.getElementById('problem').hidden")
-    play.choose("control", "sliders")
-    for clutch in range(1, 5):
-        play.choose(f"volts-{clutch}", 5 * clutch)
-    play.click("again")
-    play.until("page.trials[0].now.volts_4 === 20")
-    assert play.run("page.trials[0].now.volts_1") == 5
-    assert "volts=5,10,15,20" in play.run("location.hash")
+        "machine": [name for name, machine in MACHINES.items() if machine.has_paper_clutches],
+        "policy": (*CONTROLLERS, *TUNED, *shipped_policies()),
+    }
+    for identity, names in choices.items():
+        assert play.run(OPTIONS.format(identity)) == list(names)
+        for name in names:
+            play.choose(identity, name)
+            assert play.run(f"page.trials[0].settings.{identity}") == name
+    assert play.run("document.getElementById('problem').hidden")
 
 
 @pytest.mark.slow
-def test_an_address_keeps_the_settings(play: Any) -> None:
-    stroke = ";".join(f"{x},{600 + x // 5}" for x in range(-300, 300, 20))
-    address = (
-        f"control=sliders&path=drawn&stroke={stroke}&pace=slow&lag=30&friction=0.5&volts=1,2,3,4"
-    )
-    play.open(address)
-    told = play.run("page.settings")
-    assert (told["path"], told["pace"], told["lag"], told["friction"]) == ("drawn", "slow", 30, 0.5)
-    assert told["volts"] == [1, 2, 3, 4]
-    assert play.run("page.trials[0].line[0]") == pytest.approx([-0.3, 0.54])
-    play.choose("pace", "brisk")
-    hash_now = play.run("location.hash").removeprefix("#")
-    play.open(hash_now)
-    assert play.run("page.settings") == {**told, "pace": "brisk"}
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_finger_and_the_arrow_keys_push_on_a_phone(play: Any, scheme: str) -> None:
+    play.open(width=390, height=844, scheme=scheme)
+    play.drag(by_touch=True)
+    assert "path error" in play.text("caption")
+    play.until("!document.getElementById('comparison').hidden")
+    assert not play.run(WIDE)
+    play.run("document.getElementById('stage').focus()")
+    for name in ("r", "ArrowRight"):
+        play.key(name, "keyDown")
+    play.until("page.trials[0].now.arc_length > 0.05")
+    play.key("ArrowRight", "keyUp")
+
+
+def test_the_clutches_show_their_states(play: Any) -> None:
+    for policy, state in {"free": "released", "locked": "stuck"}.items():
+        play.open(policy=policy)
+        play.drag(seconds=0.3)
+        play.run("page.readings.show(page.trials[0])")
+        assert play.run(STATES) == [state] * 4
 
 
 @pytest.mark.slow
-def test_a_shared_link_challenges_with_the_score(play: Any) -> None:
-    play.open("path=arc&lag=60")
-    play.drag()
-    mine = shown_millimetres(play)
-    play.run("navigator.clipboard.writeText = (text) => { window.shared = text; }")
-    play.run("page.share()")
-    play.until("window.shared")
-    assert mine in play.text("caption")
-    play.open(play.run("window.shared").partition("#")[2])
-    assert f"The score to beat: {mine}" in play.text("caption")
-    assert play.run("location.hash") == "#path=arc&lag=60"
-
-
-BAD = {
-    "lag=9": "lag",
-    "lag=": "lag",
-    "friction=many": "friction",
-    "control=magic": "control",
-    "control=constructor": "control",
-    "path=drawn": "stroke",
-    "path=drawn&stroke=1,2;3": "stroke",
-    "path=drawn&stroke=0,600;50,600": "path",
-    "path=drawn&stroke=0,600;0,1500": "reach",
-    "volts=1,2,3": "volts",
-    "volts=0,0,0,25": "volts",
-    "beat=-1": "beat",
-    "magic=1": "magic",
-    "pace=%3Cscript%3E": "pace",
-}
-
-
-@pytest.mark.slow
-def test_bad_input_gets_a_sentence_and_loses_nothing(play: Any, tmp_path: Path) -> None:
-    play.open("path=sine&lag=50&control=locked")
-    before = play.run("page.settings")
-    for bad, told in BAD.items():
-        play.run(f"location.hash = 'path=sine&lag=50&control=locked&{bad}'")
-        play.until("!document.getElementById('problem').hidden")
-        assert told in play.text("problem"), bad
-        assert play.run("page.settings") == before, bad
-        assert play.run("page.trials.length") == 1
-        play.run("page.complain('')")
-    files = {"": "columns time", "time,along,across\n": "no rows", "time,along,across\n0,1,x\n": "Line 2",
-             "time,along,across\n0,1,2\n0,1,2\n": "Line 3", "time,along,across\n0,0,0\n99,0,0\n": "60 s"}  # fmt: skip
-    for content, told in files.items():
-        play.run(f"page.openPush(new File([{content!r}], 'push.csv'))")
-        play.until("!document.getElementById('problem').hidden")
-        assert told in play.text("problem")
-        assert play.run("page.settings") == before
-        play.run("page.complain('')")
-
-
-# --- all of it, slowly ---
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("path", PATHS)
-def test_every_path_is_pushed_to_its_end(path: str, play: Any) -> None:
-    play.open(f"path={path}&control=residual&other=free")
-    play.drag()
-    scored = compare(play, path, lag=0.105, friction=1.0)
-    assert scored.completed
-    assert shown_millimetres(play) == f"{1000 * scored.path_error_m:.1f} mm"
-    pushed = play.run("page.trials[0].rows.map((row) => [...row])")
-    play.click("compare")
-    play.until("page.trials.length === 2 && page.trials.every((trial) => trial.ended)", 60)
-    assert play.run("page.trials[0].rows.map((row) => [...row])") == pushed, (
-        "the same push, the same controller"
-    )
-    assert play.run("page.trials[1].settings.control") == "free"
-    assert play.run("page.trials[1].rows.map((row) => [...row])") != pushed
+def test_a_policy_that_cannot_be_loaded_is_reported(opened: Any) -> None:
+    opened.open()
+    opened.run("page.workshop.simulator.policy = () => Promise.reject(new Error('no such file'))")
+    opened.choose("policy", "residual")
+    assert "no such file" in opened.text("problem")
+    opened.choose("policy", "free")
+    assert opened.run("page.trials[0].settings.policy") == "free"
+    assert opened.run("document.getElementById('problem').hidden")

@@ -23,7 +23,10 @@ async function thrown(call) {
 /** A pointer that wanders along a path, as a person's does: ahead of the tip, and beside it. */
 function wander(env, step) {
   const { tip_x, tip_y } = env.telemetry;
-  return { x: tip_x + 0.15 + 0.1 * Math.sin(0.11 * step), y: tip_y + 0.2 * Math.sin(0.07 * step + 1) };
+  return {
+    x: tip_x + 0.15 + 0.1 * Math.sin(0.11 * step),
+    y: tip_y + 0.2 * Math.sin(0.07 * step + 1),
+  };
 }
 
 /** Push a world with a pointer and return its trial, the voltages, and all that came of it. */
@@ -38,49 +41,44 @@ async function pushed(settings, name, steps) {
     const result = env.step(volts, hand.force(env, wander(env, step)));
     observation = result.observation;
     const { reward, telemetry } = result;
-    rows.push({ volts: [...volts], observation: [...observation], reward, telemetry: [...telemetry] });
+    rows.push({
+      volts: [...volts],
+      observation: [...observation],
+      reward,
+      telemetry: [...telemetry],
+    });
     if (result.terminated || result.truncated) break;
   }
   return { settings, csv: env.trialAsCSV(), trial: env.trial, rows };
-}
-
-/** Replay a trial with the same law, or another. */
-async function replayed({ settings, trial }, name, steps) {
-  const env = await simulator.make({ ...settings, hand: trial });
-  const law = await simulator.law(name, settings.path);
-  const rewards = [];
-  let observation = env.reset({ seed: 3 });
-  for (let step = 0; step < steps; step++) {
-    const result = env.step(law.act(observation));
-    observation = result.observation;
-    rewards.push(result.reward);
-    if (result.terminated || result.truncated) break;
-  }
-  return rewards;
 }
 
 /** What laws and policies make of recorded observations. */
 async function answers() {
   const flat = new Float32Array(new Uint8Array(readFileSync(recorded)).buffer);
   const width = tables.observation.length;
-  const observations = Array.from({ length: flat.length / width }, (_, k) => flat.slice(k * width, (k + 1) * width));
+  const observations = Array.from({ length: flat.length / width }, (_, k) =>
+    flat.slice(k * width, (k + 1) * width),
+  );
   const found = {};
   for (const name of Object.keys(tables.laws)) {
-    for (const path of ["line", "sine"]) {
+    for (const [scenario, path] of [
+      ["standard", "line"],
+      ["paths", "sine"],
+    ]) {
       const law = await simulator.law(name, path);
-      found[`${name} on ${path}`] = observations.map((observation) => [...law.act(observation)]);
+      found[`${name}, ${scenario}`] = observations.map((observation) => [...law.act(observation)]);
     }
   }
   for (const name of Object.keys(tables.policies)) {
     const policy = await simulator.policy(name, readFileSync(`${shipped}/${name}.safetensors`));
-    found[name] = observations.map((observation) => [...policy.act(observation)]);
+    found[`${name}, standard`] = observations.map((observation) => [...policy.act(observation)]);
     policy.reset();
     policy.period = 3;
     const { act } = policy.kernels;
     let decisions = 0;
     policy.kernels = { ...policy.kernels, act: (...given) => (decisions++, act(...given)) };
-    found[`${name}: held`] = observations.map((observation) => [...policy.act(observation)]);
-    found[`${name}: decisions`] = decisions;
+    const held = observations.map((observation) => [...policy.act(observation)]);
+    found[`${name}, held`] = { held, decisions };
   }
   return found;
 }
@@ -101,8 +99,6 @@ async function refusals() {
     low: await thrown(() => env.step([-0.1, 0, 0, 0])),
     force: await thrown(() => env.step([0, 0, 0, 0], { x: 1, y: 0 })),
     seed: await thrown(() => env.reset({ seed: -1 })),
-    friction: await thrown(() => env.adjust({ friction: 0 })),
-    time: await thrown(() => env.adjust({ timeConstant: -0.1 })),
     machine: await thrown(() => simulator.make({ machine: "steel" })),
     path: await thrown(() => simulator.make({ path: "maze" })),
     hand: await thrown(() => simulator.make({ hand: { along: [1, 2], across: [1] } })),
@@ -122,11 +118,19 @@ async function seeds() {
   for (const env of [first, second]) {
     env.state.hand.random_phases = env.context.hand.random_phases = 1;
   }
-  const begun = [first.reset({ seed: 5 }), first.reset(), second.reset({ seed: 5 }), second.reset()];
+  const begun = [
+    first.reset({ seed: 5 }),
+    first.reset(),
+    second.reset({ seed: 5 }),
+    second.reset(),
+  ];
   return [...begun, first.reset({ seed: 6 })].map((observation) => [...observation]);
 }
 
-/** A minute of wild dragging: the largest power of a clutch [W] and the least of what a step dissipates [J]. */
+/**
+ * A minute of wild dragging: the largest power of a clutch [W] and the least of what a step
+ * dissipates [J].
+ */
 async function dragging() {
   const env = await simulator.make({ hand: "pointer", path: "circle" });
   const hand = new pter.SpringHand({ stiffness: 600, damping: 30, limit: 150 });
@@ -150,52 +154,20 @@ async function dragging() {
   return found;
 }
 
-/** A path that is drawn by hand, followed by a law, and strokes that make no path. */
-async function drawing() {
-  const bends = (k) => 0.65 + 0.08 * Math.sin(0.1 * k) + 0.003 * (k % 2);
-  const stroke = Array.from({ length: 60 }, (_, k) => [-0.45 + 0.016 * k, bends(k)]);
-  const path = await simulator.draw(stroke);
-  const env = await simulator.make({ path, pace: 0.25 });
-  const law = await simulator.law("single-dof-tuned", "drawn");
-  let observation = env.reset({ seed: 1 });
-  let result;
-  let worst = 0;
-  do {
-    result = env.step(law.act(observation));
-    observation = result.observation;
-    worst = Math.max(worst, Math.abs(env.telemetry.normal_error));
-  } while (!result.terminated && !result.truncated);
-  const zigzag = Array.from({ length: 20 }, (_, k) => [-0.4 + 0.1 * (k % 2), 0.6 + 0.005 * k]);
-  return {
-    stroke,
-    path,
-    success: result.success,
-    worst,
-    refused: {
-      short: await thrown(() => simulator.draw([[0, 0.6], [0.1, 0.6]])),
-      sharp: await thrown(() => simulator.draw(zigzag)),
-      far: await thrown(() => simulator.draw([[0, 0.6], [0, 1.2]])),
-      none: await thrown(() => simulator.draw([])),
-      nan: await thrown(() => simulator.draw([[0, 0.6], [0.3, NaN]])),
-    },
-  };
-}
-
 const trial = await pushed({ path: "sine", pace: 0.25 }, "impedance-tuned", 300);
-const other = { machine: "delrin_experimental", timeConstant: 0.03, friction: 1.2 };
-const adjusted = await pushed({ path: "arc", pace: 0.25, ...other }, "impedance", 80);
 const env = await simulator.make({ path: "circle" });
 console.log(
   JSON.stringify({
     trial,
-    same: await replayed(trial, "impedance-tuned", trial.rows.length),
-    adjusted,
     answers: await answers(),
     refusals: await refusals(),
     seeds: await seeds(),
     dragging: await dragging(),
-    drawing: await drawing(),
     points: env.path(9),
-    names: { seen: Object.keys(env.seen), telemetry: Object.keys(env.telemetry), state: Object.keys(env.state) },
+    names: {
+      seen: Object.keys(env.seen),
+      telemetry: Object.keys(env.telemetry),
+      state: Object.keys(env.state),
+    },
   }),
 );

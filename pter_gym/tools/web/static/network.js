@@ -25,7 +25,9 @@ function layerOf(weight, bias) {
 export class Network extends Law {
   /** `card` is an entry of `tables.policies`. */
   constructor(tables, kernels, card, tensors) {
-    const layers = card.layers.flatMap((name) => layerOf(tensors[`${name}.weight`], tensors[`${name}.bias`]));
+    const layers = card.layers.flatMap((name) =>
+      layerOf(tensors[`${name}.weight`], tensors[`${name}.bias`]),
+    );
     super(tables, kernels, [...card.gains, ...layers], { memory: card.memory });
     this.period = card.frame_skip;
     this.steps = 0;

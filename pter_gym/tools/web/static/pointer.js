@@ -23,7 +23,8 @@ export class Pointer {
     const { canvas } = scene;
     canvas.addEventListener("pointerdown", (event) => this.#down(event));
     canvas.addEventListener("pointermove", (event) => this.#move(event));
-    for (const kind of ["pointerup", "pointercancel"]) canvas.addEventListener(kind, () => this.by === "pointer" && this.release());
+    for (const kind of ["pointerup", "pointercancel"])
+      canvas.addEventListener(kind, () => this.by === "pointer" && this.release());
     canvas.addEventListener("keydown", (event) => this.#keyDown(event));
     canvas.addEventListener("keyup", (event) => this.#pressed.delete(event.key));
     canvas.addEventListener("blur", () => this.#pressed.clear());
@@ -42,7 +43,10 @@ export class Pointer {
     const reach = SPEED * (this.#fast ? FAST : 1) * period;
     const ways = [...this.#pressed].map((key) => KEYS[key]);
     const tip = this.tip();
-    let [dx, dy] = ["x", "y"].map((axis, k) => this.point[axis] - tip[axis] + reach * ways.reduce((sum, way) => sum + way[k], 0));
+    let [dx, dy] = ["x", "y"].map(
+      (axis, k) =>
+        this.point[axis] - tip[axis] + reach * ways.reduce((sum, way) => sum + way[k], 0),
+    );
     const part = Math.min(1, LEASH / Math.hypot(dx, dy));
     this.point = { x: tip.x + part * dx, y: tip.y + part * dy };
   }

@@ -1,4 +1,4 @@
-// The simulator in a page: the package's own kernels (pter.wasm) behind the contract of the Python environment.
+// The package's kernels (pter.wasm) behind the contract of the Python environment.
 //
 //   const simulator = await Simulator.fetch();
 //   const env = await simulator.make({ path: "sine", hand: "pointer", pace: 0.25 });
@@ -13,9 +13,9 @@
 //     draw(env.telemetry.tip_x, env.telemetry.torque_1, env.seen.speed_along);
 //   }
 //
-// All numbers are in SI. Names, places and scales are those of pter.json, which the package's declarations make.
+// All numbers are in SI. Names, places and scales are those of pter.json, which the package's
+// declarations make.
 
-import { pathThrough } from "./drawn.js";
 import { Network, readTensors } from "./network.js";
 import { fill, inUnits, Law, named, World } from "./world.js";
 
@@ -35,8 +35,6 @@ const DEFAULTS = {
   path: "line",
   hand: "paper",
   pace: 0.25,
-  timeConstant: null,
-  friction: 1,
   maxSteps: Infinity,
 };
 
@@ -49,7 +47,9 @@ export class Simulator {
 
   /** Load `pter.wasm` and `pter.json` from a folder, by default that of this file. */
   static async fetch(folder = new URL(".", import.meta.url)) {
-    const [module, tables] = await Promise.all(["pter.wasm", "pter.json"].map((name) => get(new URL(name, folder))));
+    const [module, tables] = await Promise.all(
+      ["pter.wasm", "pter.json"].map((name) => get(new URL(name, folder))),
+    );
     return Simulator.load(await module.arrayBuffer(), await tables.json());
   }
 
@@ -61,14 +61,12 @@ export class Simulator {
   /**
    * Make an environment.
    *
-   * machine       a name in `tables.machines`
-   * path          a name in `tables.paths`, or `{ arcs, length, error_max }` as `draw` returns them
-   * hand          "paper": a push along the path and sines across it; "pointer": the force that `step` gets; or
-   *               `{ along, across }`, forces [N] at the control instants, as `trial` of another environment has them
-   * pace          commanded mean speed along the path [m/s]
-   * timeConstant  of the clutches [s]; null for the machine's own
-   * friction      torques of all clutches over those of the machine
-   * maxSteps      control steps after which an episode is truncated
+   * machine   a name in `tables.machines`
+   * path      a name in `tables.paths`
+   * hand      "paper": a push along the path and sines across it; "pointer": the force that `step`
+   *           gets; or `{ along, across }`: forces [N] at the control instants, as `trial` has them
+   * pace      commanded mean speed along the path [m/s]
+   * maxSteps  control steps after which an episode is truncated
    */
   async make(settings = {}) {
     return new Environment(this.tables, await this.kernels(), { ...DEFAULTS, ...settings });
@@ -77,24 +75,17 @@ export class Simulator {
   /** Make a law by its name in `tables.laws`, with the gains for a path. */
   async law(name, path = "line") {
     const gains = find(this.tables.laws, "law", name);
-    return new Law(this.tables, await this.kernels(), path === "line" ? gains.standard : gains.paths);
+    return new Law(
+      this.tables,
+      await this.kernels(),
+      path === "line" ? gains.standard : gains.paths,
+    );
   }
 
   /** Make a trained policy by its name in `tables.policies` and the bytes of its `.safetensors`. */
   async policy(name, weights) {
     const card = find(this.tables.policies, "policy", name);
     return new Network(this.tables, await this.kernels(), card, readTensors(weights));
-  }
-
-  /** Make a path of a stroke, [x, y] of its points [m]; one that a machine cannot follow raises a ParameterError. */
-  async draw(stroke, machine = "baseline") {
-    const { arm } = find(this.tables.machines, "machine", machine);
-    const points = Array.from(stroke ?? []);
-    const fits = points.length > 1 && points.every((point) => point?.length === 2 && point.every(Number.isFinite));
-    require(fits, "stroke", `${points.length} points`, "at least two points [x, y] of finite numbers");
-    const path = pathThrough(this.tables, await this.kernels(), points, arm);
-    if (typeof path === "string") throw new ParameterError(path);
-    return path;
   }
 
   /** Return the module's functions with a memory of their own. */
@@ -106,9 +97,10 @@ export class Simulator {
 /**
  * One world: what `PTER/PathFollowing-v0` with all sensors and voltages as actions is in Python.
  *
- * `seen` reads the last observation and `telemetry` the last telemetry by the names of their fields, in their units;
- * `state` reads and writes all numbers of the world by the names of the package's record `World`. All three are live.
- * With the hand "pointer", `trial` holds the forces of the episode so far, which `trialAsCSV` writes.
+ * `seen` reads the last observation and `telemetry` the last telemetry by the names of their
+ * fields, in their units; `state` reads and writes all numbers of the world by the names of the
+ * package's record `World`. All three are live. With the hand "pointer", `trial` holds the forces
+ * of the episode so far, which `trialAsCSV` writes.
  */
 export class Environment {
   #world;
@@ -123,30 +115,17 @@ export class Environment {
     this.state = this.#world.state;
     this.seen = inUnits(tables.observation, this.#world.observation);
     this.telemetry = inUnits(tables.telemetry, this.#world.telemetry);
-    this.adjust(settings);
   }
 
-  /** Change the clutches from now on: their time constant [s], null for the machine's own; their torques over its. */
-  adjust({ timeConstant, friction }) {
-    const told = this.tables.told[this.settings.machine];
-    const time = timeConstant ?? told.time_constant;
-    require(time > 0 && time <= 10, "timeConstant", time, "within (0, 10] s");
-    require(friction === undefined || (friction > 0 && friction <= 10), "friction", friction, "within (0, 10]");
-    for (const { machine } of [this.context, this.state]) {
-      if (timeConstant !== undefined) Object.assign(machine.torque_decay, this.#decay(timeConstant));
-      if (friction !== undefined) for (const [clutch, own] of Object.entries(this.machine.scale)) machine.scale[clutch] = friction * own;
-    }
-    if (timeConstant !== undefined) this.context.told.time_constant = time;
-    if (friction !== undefined) {
-      this.context.told.breakaway_factor = friction * told.breakaway_factor;
-      this.context.told.dynamic_factor = friction * told.dynamic_factor;
-    }
-  }
-
-  /** Start an episode and return its first observation; without a seed, the next episode of the present seed. */
+  /** Start an episode, without a seed the next one; return its first observation. */
   reset({ seed } = {}) {
     const given = seed !== undefined;
-    require(!given || (Number.isSafeInteger(seed) && seed >= 0), "seed", seed, "a whole number from 0 on");
+    check(
+      !given || (Number.isSafeInteger(seed) && seed >= 0),
+      "seed",
+      seed,
+      "a whole number from 0 on",
+    );
     const [present, episode] = this.#world.words;
     this.trial = { along: [0], across: [0] };
     if (this.settings.hand === "pointer") this.#write([0, 0, 0, 0]);
@@ -161,10 +140,10 @@ export class Environment {
    * Advance by one control period.
    *
    * volts  the voltages of the four clutches [V], those that the machine does not have included
-   * force  with the hand "pointer", the force { x, y } on the tip [N] at the end of the period; along and across the
-   *        path it changes linearly from that of the last period. None by default.
+   * force  with the hand "pointer", the force { x, y } on the tip [N] at the end of the period, to
+   *        which it ramps along and across the path; none by default
    *
-   * Returns observation (float32), reward, terminated, truncated, success and telemetry (float64); arrays are copies.
+   * Returns observation (float32), reward, terminated, truncated, success and telemetry (float64).
    */
   step(volts, force) {
     if (this.state.alive === 0) {
@@ -174,7 +153,9 @@ export class Environment {
     const pushed = this.#push(force);
     this.#world.volts.set(volts);
     if (this.#world.step()) {
-      throw new ActionError(`volts must be finite and within [0, ${this.machine.voltage_max}], got ${[...volts]}`);
+      throw new ActionError(
+        `volts must be finite and within [0, ${this.machine.voltage_max}], got ${[...volts]}`,
+      );
     }
     if (pushed) {
       this.trial.along.push(pushed.along);
@@ -194,48 +175,50 @@ export class Environment {
   /** Return points [x, y] of the path at even arc lengths from its start to its end [m]. */
   path(count = 101) {
     const { path } = this.context.task;
-    return Array.from({ length: count }, (_, k) => this.#world.pointAt(path, (path.length * k) / (count - 1)));
+    return Array.from({ length: count }, (_, k) =>
+      this.#world.pointAt(path, (path.length * k) / (count - 1)),
+    );
   }
 
   /** Return the trial as a CSV file: a recording that `pter_gym.hands.read_forces` reads. */
   trialAsCSV() {
-    const { along, across } = this.trial;
-    const rows = along.map((force, k) => `${k * this.tables.control_period},${force},${across[k]}`);
-    return ["time,along,across", ...rows, ""].join("\n");
+    return recordingAsCSV(this.trial, this.tables.control_period);
   }
 
-  /** Return the parts of the clutches' lag that half a substep leaves of a rising and of a falling torque. */
-  #decay(timeConstant) {
-    const own = this.machine.torque_decay;
-    if (timeConstant === null) return own;
-    const { kernels, config } = this.#world;
-    const half = 0.5 * config[this.tables.places.config.substep];
-    const ratio = own.rise === own.fall ? 1 : Math.log(own.rise) / Math.log(own.fall);
-    return { rise: kernels.decay(half, timeConstant), fall: kernels.decay(half, ratio * timeConstant) };
-  }
-
-  /** Write the force of the pointer at the end of the period to the hand's recording, and return it along the path. */
+  /** Write the pointer's force to the hand's recording, and return it along the path. */
   #push(force) {
-    require(!force || this.settings.hand === "pointer", "force", force, 'none, unless the hand is "pointer"');
+    check(
+      !force || this.settings.hand === "pointer",
+      "force",
+      force,
+      'none, unless the hand is "pointer"',
+    );
     if (this.settings.hand !== "pointer") return null;
     const { x, y } = force ?? { x: 0, y: 0 };
-    require(Number.isFinite(x) && Number.isFinite(y), "force", [x, y], "{ x, y } of finite numbers");
+    check(Number.isFinite(x) && Number.isFinite(y), "force", [x, y], "{ x, y } of finite numbers");
     const { cos, sin } = this.state.foot.heading;
     const next = { along: x * cos + y * sin, across: y * cos - x * sin };
     this.#write([this.trial.along.at(-1), this.trial.across.at(-1), next.along, next.across]);
     const { step } = this.state;
-    this.state.hand.record_first = this.context.hand.record_first - this.tables.widths.instant * step;
+    this.state.hand.record_first =
+      this.context.hand.record_first - this.tables.widths.instant * step;
     this.state.hand.record_count = step + 2;
     return next;
   }
 
-  /** Write the forces at the present and the next control instant, all that a hand's recording has to hold. */
+  /** Write the forces at the present and the next instant, all that a recording holds. */
   #write(forces) {
     this.#world.constants.set(forces, this.context.hand.record_first);
   }
 }
 
-/** A hand that a pointer leads: a spring and a damper between both, up to a largest force [N/m, N·s/m, N]. */
+/** Return forces { along, across } [N] at the control instants as a CSV file. */
+export function recordingAsCSV({ along, across }, period) {
+  const rows = along.map((force, k) => `${k * period},${force},${across[k]}`);
+  return ["time,along,across", ...rows, ""].join("\n");
+}
+
+/** A hand on a pointer: spring and damper, up to a largest force [N/m, N·s/m, N]. */
 export class SpringHand {
   constructor({ stiffness = 300, damping = 15, limit = 60 } = {}) {
     Object.assign(this, { stiffness, damping, limit });
@@ -247,14 +230,18 @@ export class SpringHand {
     this.last = null;
   }
 
-  /** Return the force { x, y } on the tip [N] for a pointer { x, y } [m], once in each control step. */
+  /** Return the force on the tip [N] for a pointer { x, y } [m], once in each control step. */
   force(env, pointer) {
     const { tip_x, tip_y, tip_velocity_x, tip_velocity_y } = env.telemetry;
     const before = this.last ?? pointer;
     this.last = { ...pointer };
     const speed = (now, then) => (now - then) / env.tables.control_period;
-    const x = this.stiffness * (pointer.x - tip_x) + this.damping * (speed(pointer.x, before.x) - tip_velocity_x);
-    const y = this.stiffness * (pointer.y - tip_y) + this.damping * (speed(pointer.y, before.y) - tip_velocity_y);
+    const x =
+      this.stiffness * (pointer.x - tip_x) +
+      this.damping * (speed(pointer.x, before.x) - tip_velocity_x);
+    const y =
+      this.stiffness * (pointer.y - tip_y) +
+      this.damping * (speed(pointer.y, before.y) - tip_velocity_y);
     const part = Math.min(1, this.limit / Math.hypot(x, y));
     return { x: part * x, y: part * y };
   }
@@ -264,11 +251,14 @@ export class SpringHand {
 function arraysOf(tables, settings) {
   const { places, widths } = tables;
   const machine = find(tables.machines, "machine", settings.machine);
-  const path = typeof settings.path === "string" ? find(tables.paths, "path", settings.path) : settings.path;
-  const hand = typeof settings.hand === "string" ? find(tables.hands, "hand", settings.hand) : tables.hands.pointer;
+  const path = find(tables.paths, "path", settings.path);
+  const hand =
+    typeof settings.hand === "string"
+      ? find(tables.hands, "hand", settings.hand)
+      : tables.hands.pointer;
   const { pace, maxSteps } = settings;
-  require(pace > 0 && pace <= 5, "pace", pace, "within (0, 5] m/s");
-  require(maxSteps >= 1, "maxSteps", maxSteps, "at least 1");
+  check(pace > 0 && pace <= 5, "pace", pace, "within (0, 5] m/s");
+  check(maxSteps >= 1, "maxSteps", maxSteps, "at least 1");
   const arcs = path.arcs.flat();
   const recording = recorded(settings.hand, widths.instant);
   const constants = new Float64Array(widths.context + arcs.length + recording.length);
@@ -282,7 +272,7 @@ function arraysOf(tables, settings) {
       error_max: path.error_max,
     },
     told: { ...tables.told[settings.machine], hand_push: hand.push },
-    arrangement: tables.arrangements[settings.machine],
+    arrangement: tables.arrangement,
   };
   if (typeof settings.hand !== "string") context.hand.record_count = settings.hand.along.length;
   fill(places.context, context, constants);
@@ -300,18 +290,20 @@ function recorded(hand, instant) {
   if (typeof hand === "string") return [];
   const { along, across } = hand;
   const forces = Array.from(along ?? [], (force, k) => [force, across?.[k]]).flat();
-  const fits = forces.length > 0 && along.length === across?.length && forces.every(Number.isFinite);
-  require(fits, "hand", "a recording", "forces along and across of one length, all finite");
+  const fits =
+    forces.length > 0 && along.length === across?.length && forces.every(Number.isFinite);
+  check(fits, "hand", "a recording", "forces along and across of one length, all finite");
   return forces;
 }
 
 function find(table, what, name) {
-  require(Object.hasOwn(table, name), what, name, `one of ${Object.keys(table).join(", ")}`);
+  check(Object.hasOwn(table, name), what, name, `one of ${Object.keys(table).join(", ")}`);
   return table[name];
 }
 
-function require(holds, what, value, accepted) {
-  if (!holds) throw new ParameterError(`${what} must be ${accepted}, got ${JSON.stringify(value) ?? value}`);
+function check(holds, what, value, accepted) {
+  if (!holds)
+    throw new ParameterError(`${what} must be ${accepted}, got ${JSON.stringify(value) ?? value}`);
 }
 
 async function get(url) {

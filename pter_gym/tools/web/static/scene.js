@@ -1,7 +1,6 @@
 // The picture of a trial: arm, path, trail, hand and the clutches of the drive, on a canvas.
 
 const WORLD = { left: -0.88, right: 0.76, low: -0.35, high: 1.04 };
-const REACH = 1;
 const BESIDE = 0.05; // of the path [m]
 const DISC = { radius: 0.075, y: -0.175, spacing: 0.23 };
 const FULL_ARROW = 0.28; // of a force of ARROW_FORCE [m]
@@ -12,11 +11,13 @@ const TURN = 2 * Math.PI;
 /** Return the colours of the style sheet by their names there. */
 export function colours() {
   const style = getComputedStyle(document.documentElement);
-  const names = ["paper", "stage", "ink", "muted", "line", "lane", "link-a", "link-b", "trail", "force", "difference", "sum", "groove"];
-  return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+  const names = "paper stage ink muted line lane link-a link-b trail force difference sum groove";
+  return Object.fromEntries(
+    names.split(" ").map((name) => [name, style.getPropertyValue(`--${name}`).trim()]),
+  );
 }
 
-/** Give a canvas as many pixels as it has on the screen; return its context and its size [CSS px]. */
+/** Match a canvas to its pixels on the screen; return context and size [CSS px]. */
 export function fitted(canvas) {
   const ratio = Math.min(window.devicePixelRatio || 1, 2);
   const { clientWidth: width, clientHeight: height } = canvas;
@@ -39,7 +40,10 @@ export class Scene {
   world(event) {
     const box = this.canvas.getBoundingClientRect();
     const { scale, x, y } = this.view(box.width, box.height);
-    return { x: (event.clientX - box.left - x) / scale, y: (y - (event.clientY - box.top)) / scale };
+    return {
+      x: (event.clientX - box.left - x) / scale,
+      y: (y - (event.clientY - box.top)) / scale,
+    };
   }
 
   /** Return the point of the window [CSS px] where a point of the world [m] is seen. */
@@ -63,10 +67,9 @@ export class Scene {
    *
    * part     how far the picture is between the last two control steps, 0 to 1
    * pointer  { x, y } [m] of the hand or null
-   * stroke   points of a path that is being drawn, or null
    * ready    whether the trial waits for its hand
    */
-  draw(trial, { part = 1, pointer = null, stroke = null, ready = false, palette }) {
+  draw(trial, { part, pointer, ready, palette }) {
     const { context, width, height } = fitted(this.canvas);
     const view = this.view(width, height);
     Object.assign(this, { c: context, palette, px: 1 / view.scale });
@@ -75,14 +78,12 @@ export class Scene {
     context.translate(view.x, view.y);
     context.scale(view.scale, -view.scale);
     context.lineCap = context.lineJoin = "round";
-    if (stroke) this.reach();
-    this.path(trial, stroke !== null);
+    this.path(trial);
     this.trail(trial);
-    if (!stroke) this.pacer(trial, part);
+    this.pacer(trial, part);
     const pose = this.pose(trial, part);
     this.drive(trial);
     this.arm(pose);
-    if (stroke) this.polyline(stroke, palette.force, 3);
     this.handle(trial, pose.tip, pointer, ready);
     context.restore();
   }
@@ -91,7 +92,8 @@ export class Scene {
   pose(trial, part) {
     const last = trial.rows.length - 1;
     const before = Math.max(last - 1, 0);
-    const angle = (name) => trial.at(name, before) + part * (trial.at(name, last) - trial.at(name, before));
+    const angle = (name) =>
+      trial.at(name, before) + part * (trial.at(name, last) - trial.at(name, before));
     const [a, b] = [angle("theta_a"), angle("theta_b")];
     const { length_a, length_b } = trial.env.context.machine.arm;
     const elbowA = [length_a * Math.cos(a), length_a * Math.sin(a)];
@@ -122,27 +124,23 @@ export class Scene {
     c.stroke();
   }
 
-  reach() {
-    this.disc([0, 0], REACH, "transparent", this.palette.muted, 1);
-  }
-
-  /** The path with its lane, in which the tip may move, a ring where it starts and a flag where it ends. */
-  path(trial, faint) {
-    const { c, palette } = this;
+  /** The path with its lane, a ring where it starts and a flag where it ends. */
+  path(trial) {
+    const { palette } = this;
     const { line } = trial;
-    c.globalAlpha = faint ? 0.3 : 1;
     this.polyline(line, palette.lane, (2 * trial.env.context.task.error_max) / this.px);
     this.polyline(line, palette.line, 2.5);
     this.disc(line[0], 5 * this.px, palette.stage, palette.line, 2);
     this.disc(line.at(-1), 6 * this.px, palette.line);
     this.disc(line.at(-1), 2.5 * this.px, palette.stage);
-    c.globalAlpha = 1;
   }
 
   /** A dot beside the path that moves at the commanded pace. */
   pacer(trial, part) {
-    const { at, along } = trial.paced(trial.now.time - (trial.rows.length > 1 ? (1 - part) * trial.period : 0));
-    this.disc([at[0] - BESIDE * along[1], at[1] + BESIDE * along[0]], 5 * this.px, this.palette.ink);
+    const rest = trial.rows.length > 1 ? (1 - part) * trial.period : 0;
+    const { at, along } = trial.paced(trial.now.time - rest);
+    const place = [at[0] - BESIDE * along[1], at[1] + BESIDE * along[0]];
+    this.disc(place, 5 * this.px, this.palette.ink);
   }
 
   trail(trial) {
@@ -177,7 +175,8 @@ export class Scene {
       this.polyline([tip, [pointer.x, pointer.y]], palette.muted, 1.5, [3, 5]);
       this.disc([pointer.x, pointer.y], 6 * px, "transparent", palette.muted, 1.5);
     }
-    if (size > 0.5) this.arrow(tip, (FULL_ARROW * size) / ARROW_FORCE, Math.atan2(force_y, force_x));
+    if (size > 0.5)
+      this.arrow(tip, (FULL_ARROW * size) / ARROW_FORCE, Math.atan2(force_y, force_x));
     if (ready) this.disc(tip, 22 * px, "transparent", palette.force, 1.5);
     this.disc(tip, 13 * px, palette.stage, palette.ink, 3);
     this.disc(tip, 5 * px, palette.force);
@@ -190,19 +189,22 @@ export class Scene {
     c.translate(x, y);
     c.rotate(angle);
     c.beginPath();
-    for (const [u, v] of [[0, -2.5], [0, 2.5]]) c.lineTo(u, v * px);
-    for (const [u, v] of [[length - head, 2.5], [length - head, 8], [length, 0], [length - head, -8], [length - head, -2.5]]) {
-      c.lineTo(u, v * px);
-    }
+    c.rect(0, -2.5 * px, length - head, 5 * px);
+    c.moveTo(length - head, 8 * px);
+    c.lineTo(length, 0);
+    c.lineTo(length - head, -8 * px);
     c.fillStyle = this.palette.force;
     c.fill();
     c.restore();
   }
 
-  /** The drive's clutches: they glow with their torque, fill with their voltage, and close when they lock. */
+  /** Clutches glow with their torque, fill with their voltage, and close when they lock. */
   drive(trial) {
     const { clutches } = trial.env.tables;
-    const centres = clutches.map((_, k) => [(k - (clutches.length - 1) / 2) * DISC.spacing, DISC.y]);
+    const centres = clutches.map((_, k) => [
+      (k - (clutches.length - 1) / 2) * DISC.spacing,
+      DISC.y,
+    ]);
     for (const centre of centres) this.polyline([[0, 0], centre], this.palette.groove, 3);
     centres.forEach((centre, k) => this.clutch(trial, k, centre));
   }
@@ -211,8 +213,8 @@ export class Scene {
     const { c, palette, px } = this;
     const colour = palette[trial.env.tables.clutches[k].colour];
     const { radius } = DISC;
-    const torque = Math.min(1, Math.abs(trial.now[`torque_${k + 1}`]) / trial.torqueLimit);
-    const glow = Math.sqrt(torque);
+    const most = trial.env.tables.torque_max[trial.settings.machine];
+    const glow = Math.sqrt(Math.min(1, Math.abs(trial.now[`torque_${k + 1}`]) / most));
     if (glow > 0.02) {
       const halo = c.createRadialGradient(x, y, radius, x, y, radius * 1.9);
       halo.addColorStop(0, colour);

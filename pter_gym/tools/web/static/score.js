@@ -1,4 +1,4 @@
-// The package's own score of an episode along its path, as pter_gym/benchmark/_measures.py finds it.
+// The package's score of an episode along its path, as pter_gym/benchmark/measures.py has it.
 
 /**
  * Score an episode.
@@ -7,8 +7,7 @@
  * task   { length, error_max, pace } of the path [m, m, m/s]
  * rules  `tables.scoring`
  *
- * Returns path_error_m, mean_error_m, mean_pace_m_s, mean_pace_error, segment_pace_error and completed, as the package
- * calls them.
+ * Returns path_error_m, mean_pace_m_s and completed, as the package calls them.
  */
 export function score(rows, task, rules) {
   const { segments, price } = rules;
@@ -17,7 +16,9 @@ export function score(rows, task, rules) {
   const clock = [rows[0].time, ...rows.map((row) => row.time)];
   const end = clock.at(-1);
   const needed = task.length / segments / task.pace;
-  const marks = Array.from({ length: segments + 1 }, (_, k) => passing(furthest, (task.length * k) / segments));
+  const marks = Array.from({ length: segments + 1 }, (_, k) =>
+    passing(furthest, (task.length * k) / segments),
+  );
 
   const lost = lostAtStart(furthest, clock, task, rules);
   const passed = marks.map((mark, k) => (mark ? at(mark, clock) : end) - (k > 0 ? lost : 0));
@@ -37,10 +38,7 @@ export function score(rows, task, rules) {
   });
   return {
     path_error_m: Math.min(mean(segmentErrors), worst),
-    mean_error_m: mean(errors.slice(1)),
     mean_pace_m_s: passed.at(-1) > 0 ? Math.min(furthest.at(-1), task.length) / passed.at(-1) : 0,
-    mean_pace_error: paceError(mean(ratios), finished.at(-1)),
-    segment_pace_error: mean(ratios.map((ratio, k) => paceError(ratio, finished[k]))),
     completed: rows.slice(1).some((row) => row.is_success === 1),
   };
 }
@@ -50,8 +48,6 @@ const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.
 const differences = (values) => values.slice(1).map((value, k) => value - values[k]);
 
 const paceFactor = (ratio, price) => (ratio > 1 ? ratio ** price : 1 + price * (1 - ratio));
-
-const paceError = (ratio, finished) => Math.max(Math.abs(ratio - 1), finished ? 0 : 1);
 
 function runningMaximum(values) {
   let most = -Infinity;
@@ -64,7 +60,7 @@ function integral(parts) {
   return [0, ...parts.map((part) => (sum += part))];
 }
 
-/** Return where a running maximum passed a mark, { before, after, part } between two rows; null for never. */
+/** Return where a maximum passed a mark, { before, after, part } of two rows, or null. */
 function passing(furthest, mark) {
   const after = furthest.findIndex((way) => way >= mark);
   if (after < 0) return null;
@@ -73,9 +69,10 @@ function passing(furthest, mark) {
   return { before, after, part: step > 0 ? (mark - furthest[before]) / step : 1 };
 }
 
-const at = ({ before, after, part }, values) => values[before] + part * (values[after] - values[before]);
+const at = ({ before, after, part }, values) =>
+  values[before] + part * (values[after] - values[before]);
 
-/** Return ∫|e|ds up to each row [m²]; new way counts with the largest error since there was new way. */
+/** Return ∫|e|ds up to each row [m²]; new way counts with the largest error since the last. */
 function wayIntegral(furthest, errors) {
   let worst = 0;
   const parts = differences(furthest).map((increment, k) => {
@@ -87,7 +84,7 @@ function wayIntegral(furthest, errors) {
   return integral(parts);
 }
 
-/** Return the time that does not count [s]: what the first part of the path takes too long, within the allowance. */
+/** Return the late start that does not count [s], within the allowance. */
 function lostAtStart(furthest, clock, { length, pace }, { start, allowance }) {
   const begun = passing(furthest, length * start);
   const late = (begun ? at(begun, clock) : clock.at(-1)) - (length * start) / pace;

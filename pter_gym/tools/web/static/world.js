@@ -1,6 +1,6 @@
-// A world and a law as arrays in the module's memory, read and written by the names of the package's records.
+// A world and a law as arrays in the module's memory, by the names of the package's records.
 
-/** Return an object that reads and writes numbers of an array by nested names; `places` holds their places. */
+/** Return an object that accesses an array by nested names with their `places`. */
 export function named(places, numbers) {
   const record = {};
   for (const [name, place] of Object.entries(places)) {
@@ -13,7 +13,7 @@ export function named(places, numbers) {
   return record;
 }
 
-/** Return an object that reads the entries of an array by the names of its fields, in their units. */
+/** Return an object that reads the entries of an array by their names, in their units. */
 export function inUnits(fields, values) {
   const record = {};
   fields.forEach(({ name, scale }, index) =>
@@ -30,7 +30,7 @@ export function fill(places, values, numbers) {
   }
 }
 
-/** Return arrays in the memory of a module that holds nothing yet: each of a type, with a length or a content. */
+/** Return arrays in a module's memory, each of a type, with a length or a content. */
 export function placed(kernels, parts) {
   let end = kernels.__heap_base.value;
   const offsets = parts.map(([type, content]) => {
@@ -50,24 +50,33 @@ export function placed(kernels, parts) {
 /**
  * One world by the arrays that the kernels work on.
  *
- * `config` and `constants` begin as the records `Config` and `Context` of the package lay them out; behind them are the
- * scales of the observation, and the tables of arcs and recordings. `entries` is the number of an observation's entries,
- * `draws` that of the contexts from which a reset draws. `guides` says that the hand may have more than a push and sines.
+ * `config` and `constants` begin as the records `Config` and `Context` of the package lay them out;
+ * behind them are the scales of the observation, and the tables of arcs and recordings. `entries`
+ * is the number of an observation's entries, `draws` that of the contexts from which a reset draws.
+ * `guides` says that the hand may have more than a push and sines.
  */
 export class World {
   constructor(tables, kernels, { config, constants, entries, draws, guides }) {
     const { widths, places } = tables;
-    [this.numbers, this.words, this.observation, this.telemetry, this.config, this.constants, this.volts, this.point] =
-      placed(kernels, [
-        [Float64Array, widths.world],
-        [BigUint64Array, 2],
-        [Float32Array, entries],
-        [Float64Array, widths.telemetry],
-        [Float64Array, config],
-        [Float64Array, constants],
-        [Float64Array, 4],
-        [Float64Array, 2],
-      ]);
+    [
+      this.numbers,
+      this.words,
+      this.observation,
+      this.telemetry,
+      this.config,
+      this.constants,
+      this.volts,
+      this.point,
+    ] = placed(kernels, [
+      [Float64Array, widths.world],
+      [BigUint64Array, 2],
+      [Float32Array, entries],
+      [Float64Array, widths.telemetry],
+      [Float64Array, config],
+      [Float64Array, constants],
+      [Float64Array, 4],
+      [Float64Array, 2],
+    ]);
     this.kernels = kernels;
     this.guides = guides ? 1 : 0;
     this.arguments = [
@@ -102,7 +111,7 @@ export class World {
   }
 }
 
-/** A control law of the package: `act(observation)` returns voltages; `reset()` begins a new episode. */
+/** A control law: `act(observation)` returns voltages; `reset()` begins an episode. */
 export class Law {
   constructor(tables, kernels, gains, { memory, scales } = {}) {
     scales ??= tables.observation.map((field) => field.scale);
@@ -114,7 +123,6 @@ export class Law {
       [Float64Array, 4],
     ]);
     this.kernels = kernels;
-    this.declared = tables.declared ? 1 : 0;
   }
 
   reset() {
@@ -133,7 +141,6 @@ export class Law {
       this.memory.byteOffset,
       this.memory.length,
       this.wanted.byteOffset,
-      this.declared,
     );
     return Float32Array.from(this.wanted);
   }

@@ -1,0 +1,416 @@
+"""What scores read from the telemetry of many episodes: error, pace and acceleration."""
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pter_gym.haptics import (
+    force_error,
+    force_per_torque,
+    mean_resisting_force,
+    spectral_arc_length,
+    wall_stiffness,
+)
+from pter_gym.params import Machine
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
+from pter_gym.tasks.path_following._rules import ALLOWANCE, START
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+CUTOFF = 20.0
+"""Cut-off [Hz] of the first-order low-pass on the tip acceleration."""
+
+SEGMENTS = 10
+"""Equal parts of a path, each with a pace error and a path error of its own."""
+
+
+class Marks(NamedTuple):
+    """When the running maximum of the arc length passed K marks on each of N paths, (K, N) each.
+
+    A mark was passed between the rows ``before`` and ``after``, after ``part`` of the interval; NaN
+    if it never was.
+    """
+
+    before: NDArray[np.intp]
+    after: NDArray[np.intp]
+    part: Array
+
+    def interpolate(self, values: Array) -> Array:
+        """Return values, a row for each arc length, at the marks; NaN for those never passed."""
+        first, last = (
+            np.take_along_axis(values, rows, axis=0) for rows in (self.before, self.after)
+        )
+        return first + self.part * (last - first)
+
+
+def column(telemetry: Array, name: str) -> Array:
+    """Return one field of telemetry (..., len(TELEMETRY))."""
+    return telemetry[..., TELEMETRY.index(name)]
+
+
+def vector(telemetry: Array, name: str) -> Array:
+    """Return the x and y parts of a field of telemetry, shape (..., 2)."""
+    first = TELEMETRY.index(f"{name}_x")
+    return telemetry[..., first : first + 2]
+
+
+def per_clutch(telemetry: Array, name: str) -> Array:
+    """Return the four clutches' parts of a field of telemetry, shape (..., 4)."""
+    first = TELEMETRY.index(f"{name}_1")
+    return telemetry[..., first : first + 4]
+
+
+def find_marks(furthest: Array, marks: Array) -> Marks:
+    """Return when marks (K, N) were passed by the running maximum of the arc length (R, N) [m]."""
+    passed = np.stack([furthest >= mark for mark in marks], axis=1)
+    after = passed.argmax(axis=0)
+    before = np.maximum(after - 1, 0)
+    low, high = (np.take_along_axis(furthest, rows, axis=0) for rows in (before, after))
+    part = np.divide(marks - low, high - low, where=high > low, out=np.ones_like(marks))
+    return Marks(before, after, np.where(passed.any(axis=0), part, np.nan))
+
+
+def path_integral(furthest: Array, errors: Array) -> Array:
+    """Return ∫|e|ds [m²] up to each row, shape (T + 2, N).
+
+    Each increment counts with the largest error since the previous one. ``furthest``, (T + 2, N)
+    [m], is the running maximum of the arc length, from 0 on; ``errors``, (T + 1, N) [m], are
+    |normal error| at each control instant, NaN after the end of an episode.
+    """
+    parts = np.zeros_like(furthest)
+    worst_since = np.zeros_like(furthest[0])
+    for part, increment, error in zip(
+        parts[1:], np.diff(furthest, axis=0), np.nan_to_num(errors), strict=True
+    ):
+        worst_since = np.maximum(worst_since, error)
+        part[:] = worst_since * increment
+        worst_since[increment > 0.0] = 0.0
+    return parts.cumsum(axis=0)
+
+
+def pace_errors(relative_times: Array, finished: Mask) -> Array:
+    """Return the pace errors of stretches: |t/T − 1|, at least 1 for an unfinished one."""
+    errors = np.abs(relative_times - 1.0)
+    return np.where(finished, errors, np.maximum(errors, 1.0))
+
+
+def smoothness(speed: Array, acceleration: Array, counted: Mask, period: float) -> Array:
+    """Return −ln(D) of the dimensionless jerk D = T³/v_peak²·∫|jerk|²dt, D ≥ 1, shape (N,).
+
+    Hogan and Sternad, Journal of Motor Behavior 41 (2009); the logarithm as in Balasubramanian,
+    Melendez-Calderon and Burdet, IEEE Transactions on Biomedical Engineering 59 (2012).
+
+    Speed [m/s] and acceleration [m/s²] of the tip have the shapes (T, N) and (T, N, 2);
+    ``counted``, (T, N), says which control steps count, and ``period`` is theirs [s].
+    """
+    both = counted[1:] & counted[:-1]
+    squares = np.where(both, (np.diff(acceleration, axis=0) ** 2).sum(axis=-1), 0.0)
+    duration = counted.sum(axis=0) * period
+    peak = np.where(counted, speed, 0.0).max(axis=0)
+    jerk = duration**3 * squares.sum(axis=0) / period
+    return -np.log(
+        np.maximum(jerk, peak**2) / np.where(peak > 0.0, peak**2, 1.0),
+        where=peak > 0.0,
+        out=0.0 * peak,
+    )
+
+
+def low_pass(values: Array, period: float) -> Array:
+    """Return values (T, …) after a first-order low-pass, exact for inputs held for a period [s]."""
+    decay = math.exp(-2.0 * math.pi * CUTOFF * period)
+    filtered = np.empty_like(values)
+    state = np.zeros_like(values[0])
+    for k, value in enumerate(values):
+        filtered[k] = state = value + (state - value) * decay
+    return filtered
+
+
+def norm(vectors: Array) -> Array:
+    """Return the lengths of vectors (…, 2)."""
+    return np.hypot(vectors[..., 0], vectors[..., 1])
+
+
+def headings(telemetry: Array, tasks: Sequence[PathFollowing]) -> Array:
+    """Return the headings of the paths at the tips' projections [rad], (R, N)."""
+    arcs = zip(tasks, column(telemetry, "arc_length").T, strict=True)
+    return np.stack([task.path.arcs.at(s)[2] for task, s in arcs], axis=1)
+
+
+def mean_over(values: ArrayLike, counted: Mask) -> Array:
+    """Return the mean of the counted values over the first axis; at least one must count."""
+    return np.where(counted, values, 0.0).sum(axis=0) / counted.sum(axis=0)
+
+
+START_UP = 0.2
+"""Start-up interval [s] that accelerations leave out: no policy causes the push's jolt."""
+
+TOUCH = 1e-4
+"""Penetration [m] of a fixture's edge from which on its stiffness counts."""
+
+PRICE = 2.0
+"""Power of the time ratio by which the path error of a slow segment counts; a fast one's slope.
+
+With less, a slower rollout within the limits would still pay, since errors grow with the speed.
+"""
+
+RANKED = tuple(map(TELEMETRY.index, ("time", "arc_length", "normal_error", "is_success")))
+"""Columns of the telemetry that the scores that decide ranks need."""
+
+
+class Travel:
+    """N episodes along their paths: everything needed for the scores that decide ranks.
+
+    ``ranked`` is telemetry, (T + 1, N, len(RANKED)), starting with the reset and NaN after the ends
+    of the episodes.
+    """
+
+    def __init__(self, ranked: Array, tasks: Sequence[PathFollowing]) -> None:
+        time, arc_length, errors, success = np.moveaxis(ranked, -1, 0)
+        self.time, self.errors, self.success = time, np.abs(errors), success
+        self.length = np.array([task.path.length for task in tasks])
+        self.error_max = np.array([task.error_max for task in tasks])
+        self.pace = np.array([task.pace for task in tasks])
+        self.furthest = np.fmax.accumulate(
+            np.concatenate([np.zeros_like(arc_length[:1]), arc_length]), axis=0
+        )
+        self.clock = np.concatenate([time[:1], time])
+        self.end = np.nanmax(time, axis=0)
+
+    @cached_property
+    def marks(self) -> Marks:
+        """The instants when 0, 1, … ``SEGMENTS`` tenths of the paths were passed."""
+        return find_marks(self.furthest, self.length * np.linspace(0.0, 1.0, SEGMENTS + 1)[:, None])
+
+    @cached_property
+    def path_integral(self) -> Array:
+        """∫|e|ds up to each row [m²]."""
+        return path_integral(self.furthest, self.errors)
+
+    @cached_property
+    def worst(self) -> Array:
+        """The error of the part of the path not reached [m]: the largest, at least the bound."""
+        return np.maximum(np.nanmax(self.errors, axis=0), self.error_max)
+
+    def mean_error(self) -> Array:
+        """Return the time average of the path error [m]."""
+        return mean_over(self.errors[1:], np.isfinite(self.time[1:]))
+
+    def path_average(self) -> Array:
+        """Return the path average of the path error [m]."""
+        return self._average_on_path(self.path_integral, self.worst)
+
+    def rms_error(self) -> Array:
+        """Return the root mean square of the path error over the path [m]."""
+        return np.sqrt(
+            self._average_on_path(path_integral(self.furthest, self.errors**2), self.worst**2)
+        )
+
+    def _average_on_path(self, integral: Array, missed: Array) -> Array:
+        """Return an integral (T + 2, N) over the path's length, ``missed`` where not reached."""
+        whole: Array = self.marks.interpolate(integral)[-1]
+        missing = np.maximum(self.length - self.furthest[-1], 0.0)
+        return np.where(np.isfinite(whole), whole, integral[-1] + missing * missed) / self.length
+
+    @cached_property
+    def lost_at_start(self) -> Array:
+        """The delay on the first ``START`` of the path that does not count [s]: ≤ ``ALLOWANCE``."""
+        start = self.length * START
+        begun: Array = find_marks(self.furthest, start[None]).interpolate(self.clock)[0]
+        return np.clip(
+            np.where(np.isfinite(begun), begun, self.end) - start / self.pace, 0.0, ALLOWANCE
+        )
+
+    @cached_property
+    def passed(self) -> Array:
+        """Counted times when the tenths of the path were passed [s]; the end for the others."""
+        times = self.marks.interpolate(self.clock)
+        times = np.where(np.isfinite(times), times, self.end)
+        return np.concatenate([times[:1], times[1:] - self.lost_at_start])
+
+    @cached_property
+    def finished(self) -> Mask:
+        """Which segments were finished, (SEGMENTS, N)."""
+        return np.isfinite(self.marks.part[1:])
+
+    @cached_property
+    def relative_times(self) -> Array:
+        """Times spent in the segments over the time at the pace, (SEGMENTS, N)."""
+        return np.diff(self.passed, axis=0) / (self.length / SEGMENTS / self.pace)
+
+    def segment_errors(self) -> Array:
+        """Return the path errors of the segments [m], (SEGMENTS, N).
+
+        Each is the larger of the averages of |e| over the time and over the length of the segment,
+        times its ``pace_factor``. An unfinished segment counts with ``worst`` and with at least its
+        time at the pace.
+        """
+        steps = np.nan_to_num(np.diff(self.clock, axis=0) * self.errors)
+        time_integral = np.concatenate([np.zeros_like(steps[:1]), steps.cumsum(axis=0)])
+        in_time, on_path = (
+            np.diff(self.marks.interpolate(integral), axis=0)
+            for integral in (time_integral, self.path_integral)
+        )
+        spent = self.relative_times * (self.length / SEGMENTS / self.pace)
+        in_time = np.divide(in_time, spent, where=spent > 0.0, out=np.zeros_like(spent))
+        larger = np.maximum(in_time, on_path * SEGMENTS / self.length)
+        ratios = np.where(self.finished, self.relative_times, np.maximum(self.relative_times, 1.0))
+        return np.where(self.finished, larger, self.worst) * pace_factor(ratios)
+
+    def path_error(self) -> Array:
+        """Return the mean of the segments' path errors [m], which ranks policies.
+
+        It is at most ``worst``, so a stuck episode counts the same however long it lasts.
+        """
+        return np.minimum(self.segment_errors().mean(axis=0), self.worst)
+
+    def later_path_error(self) -> Array:
+        """Return the path error without the first segment [m]."""
+        return np.minimum(self.segment_errors()[1:].mean(axis=0), self.worst)
+
+    def mean_pace_error(self) -> Array:
+        """Return the pace error of the whole path."""
+        return pace_errors(self.relative_times.sum(axis=0) / SEGMENTS, self.finished[-1])
+
+    def segment_pace_error(self) -> Array:
+        """Return the mean pace error of the segments."""
+        return pace_errors(self.relative_times, self.finished).mean(axis=0)
+
+    def mean_pace(self) -> Array:
+        """Return the mean speed along the path [m/s]; 0 where the tip never left the start."""
+        return self._mean_pace(0)
+
+    def cruising_pace(self) -> Array:
+        """Return the mean speed along the path after its first segment [m/s]; 0 without any."""
+        return self._mean_pace(1)
+
+    def _mean_pace(self, first: int) -> Array:
+        """Return the mean speed along the path from a segment on [m/s]; 0 without any time."""
+        distance = np.minimum(self.furthest[-1], self.length) - self.length / SEGMENTS * first
+        time = self.passed[-1] - (self.passed[1] if first else 0.0)
+        return np.divide(distance, time, where=time > 0.0, out=np.zeros_like(distance))
+
+    def completed(self) -> Mask:
+        """Return whether the end of the path was reached."""
+        return (self.success[1:] == 1.0).any(axis=0)
+
+
+class Recorded(Travel):
+    """N episodes with all their telemetry; parameters as in ``score_episodes``."""
+
+    def __init__(
+        self,
+        telemetry: Array,
+        tasks: Sequence[PathFollowing],
+        voltage_max: float,
+        machines: Sequence[Machine] = (),
+        wanted: Array | None = None,
+    ) -> None:
+        super().__init__(telemetry[..., RANKED], tasks)
+        self.tasks, self.machines, self.wanted = tasks, machines, wanted
+        self.telemetry = telemetry
+        self.steps = telemetry[1:]
+        self.alive = np.isfinite(self.time[1:])
+        self.period = tasks[0].control_period
+        self.voltage_max = voltage_max
+
+    @cached_property
+    def volts(self) -> Array:
+        """Clutch voltages [V], (T, N, 4)."""
+        return per_clutch(self.steps, "volts")
+
+    @cached_property
+    def speed(self) -> Array:
+        """Speed of the tip [m/s], (T, N)."""
+        return norm(vector(self.steps, "tip_velocity"))
+
+    @cached_property
+    def counted(self) -> Mask:
+        """Control steps whose accelerations count, (T, N): those after the start-up, if any."""
+        settled = self.alive & (column(self.steps, "time") > START_UP)
+        return settled | (self.alive & ~settled.any(axis=0))
+
+    @cached_property
+    def acceleration(self) -> Array:
+        """Acceleration of the tip after the low-pass [m/s²], (T, N)."""
+        return norm(low_pass(vector(self.steps, "acceleration"), self.period))
+
+    def mean(self, values: ArrayLike) -> Array:
+        """Return the mean over an episode of values (T, N)."""
+        return mean_over(values, self.alive)
+
+    def total(self, name: str) -> Array:
+        """Return the sum over an episode of a field of the telemetry."""
+        return np.nansum(column(self.steps, name), axis=0)
+
+    def distance_travelled(self) -> Array:
+        """Return the distance travelled by the tip [m]."""
+        return np.nansum(norm(np.diff(vector(self.telemetry, "tip"), axis=0)), axis=0)
+
+    @cached_property
+    def force(self) -> Array:
+        """Size of the hand's force on the tip [N], (T, N), 0 after the end."""
+        return np.nan_to_num(norm(vector(self.steps, "force")))
+
+    @cached_property
+    def heading(self) -> Array:
+        """Heading of the path at the tip's projection [rad], (T, N)."""
+        return headings(self.steps, self.tasks)
+
+    @cached_property
+    def force_error(self) -> Array | None:
+        """Errors of the clutches' force along and across the path [N], (2, N), or None."""
+        if self.wanted is None:
+            return None
+        angles = np.stack([column(self.steps, f"theta_{link}") for link in "ab"], axis=-1)
+        torques = per_clutch(self.steps, "torque")
+        heading = np.stack([np.cos(self.heading), np.sin(self.heading)], axis=-1)
+        errors: list[tuple[float, float]] = []
+        for world, (machine, alive) in enumerate(zip(self.machines, self.alive.T, strict=True)):
+            torque, wanted, along = (
+                values[alive, world] for values in (torques, self.wanted[1:], heading)
+            )
+            rendered = (torque[..., None] * force_per_torque(machine, angles[alive, world])).sum(
+                axis=-2
+            )
+            errors.append(force_error(rendered, wanted, along))
+        return np.transpose(errors)
+
+    def wall_stiffness(self) -> Array | None:
+        """Return the stiffness of the fixtures' edges [N/m], 0 if untouched; None without any."""
+        if not all(task.free_left or task.free_right for task in self.tasks):
+            return None
+        force, error = vector(self.steps, "force"), column(self.steps, "normal_error")
+        into = np.copysign(1.0, error) * (
+            force[..., 1] * np.cos(self.heading) - force[..., 0] * np.sin(self.heading)
+        )
+        depth = np.where(np.abs(error) > TOUCH, np.abs(error), 0.0)
+        return np.nan_to_num(
+            [wall_stiffness(*pair) for pair in zip(np.nan_to_num(into).T, depth.T, strict=True)]
+        )
+
+    def resisting_force(self) -> Array:
+        """Return the mean force of the clutches against the tip's motion [N]."""
+        return mean_resisting_force(per_clutch(self.steps, "power").sum(axis=-1), self.speed)
+
+    def spectral_arc_length(self) -> Array:
+        """Return SPARC of the tip's speed, each episode's from its first step on."""
+        pairs = zip(self.speed.T, self.alive.T, strict=True)
+        return np.array([spectral_arc_length(speed[alive], self.period) for speed, alive in pairs])
+
+    def smoothness(self) -> Array:
+        """Return −ln of the dimensionless jerk."""
+        return smoothness(self.speed, vector(self.steps, "acceleration"), self.counted, self.period)
+
+
+def pace_factor(ratios: Array) -> Array:
+    """Return the weight of a segment's error, given its time over the time at the pace.
+
+    For a ratio r, the weight is r to the power of ``PRICE`` if too slow, r > 1, and 1 +
+    ``PRICE``·(1 − r) if too fast.
+    """
+    return np.where(ratios > 1.0, ratios**PRICE, 1.0 + PRICE * (1.0 - ratios))

@@ -1,0 +1,262 @@
+"""Find the policy that a user names: by its name, by a path, or as code, ``FILE.py:attribute``."""
+
+import linecache
+import os
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.metadata import EntryPoint
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from traceback import extract_tb
+from types import ModuleType
+from typing import Any, cast
+from urllib.parse import quote
+
+from numba.core.dispatcher import Dispatcher
+
+from pter_gym._internal.checks import names_in
+from pter_gym._internal.files import FilePath, find_path
+from pter_gym.benchmark.tuned import TUNED, find_paced, find_tuned, read_tuned
+from pter_gym.controllers import CONTROLLERS, AnyPolicy, Controller, Policy
+from pter_gym.envs._acting import ActingPolicy, attributes
+from pter_gym.errors import ParameterError, nearest, unknown_name
+from pter_gym.policies import read_policy, shipped_policies
+from pter_gym.policies._files import is_here, is_path
+
+MAX_NAME = 180
+"""Most characters of a policy's name, which is part of a file name."""
+
+
+def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
+    """Return the policy that a user names.
+
+    Parameters
+    ----------
+    name
+        One of:
+
+        - a built-in controller, such as ``impedance``, with a damper for each commanded pace where
+          the paper's gains need one;
+        - a controller with tuned gains, such as ``impedance-tuned``, or the file of ``pter tune
+          --out``;
+        - a trained policy of the package, such as ``residual``, or the path of an exported one;
+        - ``FILE.py:attribute`` or ``package.module:attribute``: a controller or a callable from
+          observations to volts. A class is called without arguments. The file is run, or the module
+          imported, in this process, if need be from the current folder, which is then appended to
+          ``sys.path``.
+    scenario
+        Scenario whose gains and dampers to use. With None, as in the paper's standard test,
+        controllers have their default gains.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such policy; the message suggests the nearest names.
+    DataError
+        If a file of an exported policy is damaged.
+    """
+    name = _text_of(name)
+    if name.endswith((".py", ".py:")):
+        example = f"{name.removesuffix(':')}:policy"
+        raise ParameterError(
+            f"policies must name an attribute of a file, as in {example}, got {name!r:.200}"
+        )
+    if is_code(name):
+        return _import(name)
+    if name.endswith(".toml"):
+        return read_tuned(name, scenario)
+    known = (*CONTROLLERS, *TUNED, *shipped_policies())
+    if (
+        is_path(name)
+        or name in shipped_policies()
+        or (name not in known and name and is_here(name))
+    ):
+        return read_policy(name)
+    if name not in known:
+        raise unknown_name("policies", name, known)
+    return find_tuned(name, scenario) if name in TUNED else find_paced(name, scenario)
+
+
+def is_code(name: str) -> bool:
+    """Return whether a name means an attribute of a file or of a module."""
+    place, colon, _ = name.rpartition(":")
+    return bool(colon) and (place.endswith(".py") or not is_path(name))
+
+
+def load_policy(policy: "FilePath | AnyPolicy", env: Any) -> ActingPolicy:
+    """Return a policy that is ready to act in an environment: ``action = policy(observation)``.
+
+    It returns actions in the environment's unit. Call its ``reset()`` after ``env.reset()``, and
+    ``reset(worlds)`` with a mask where worlds of a vector environment begin new episodes.
+
+    Parameters
+    ----------
+    policy
+        What ``pter benchmark --policies`` takes: the name of a trained policy or of a controller,
+        the path of an exported policy (a string or a ``pathlib.Path``), or
+        ``package.module:attribute``. Or a policy itself: a controller, what ``from_sb3`` returns,
+        or a function from observations, float32 (N, entries), to volts, (N, 4).
+    env
+        Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or
+        ``make_sb3_vec_env``, with its wrappers. Control laws have the gains of its scenario; on a
+        path of your own, those of ``paths``.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such policy, or it cannot act in this environment; the message says why.
+    DataError
+        If a file of the policy is damaged.
+    """
+    if isinstance(policy, str | os.PathLike):
+        (gains,) = attributes(env, "gains")
+        policy = find_policy(cast("FilePath", policy), gains)
+    return ActingPolicy(policy, env)
+
+
+Policies = Mapping[str, "AnyPolicy | FilePath | Sequence[AnyPolicy | FilePath]"]
+"""Policies by name; a sequence holds those of several training seeds."""
+
+
+def find_policies(
+    policies: Policies | Iterable[FilePath] | FilePath, scenario: str
+) -> dict[str, tuple[AnyPolicy, ...]]:
+    """Return policies by name, those of each training seed, with the gains for a scenario.
+
+    Raises
+    ------
+    ParameterError
+        If there are none, or one has no name, is a class, or is the same for two training seeds.
+    """
+    if callable(policies) or isinstance(policies, Controller | Policy):
+        raise ParameterError(
+            f"policies must have names, as in {{'mine': policy}}, got {policies!r:.200}"
+        )
+    named: Mapping[str, Any] = (
+        cast("Mapping[str, Any]", policies)
+        if isinstance(policies, Mapping)
+        else {_text_of(name): name for name in names_in("policies", cast("Any", policies))}
+    )
+    if not named:
+        raise ParameterError("policies must hold at least one name")
+    by_name: dict[str, tuple[AnyPolicy, ...]] = {}
+    for name, policy in named.items():
+        _check_name(name)
+        several = isinstance(policy, Sequence) and not isinstance(policy, str)
+        seeds = cast("Sequence[Any]", policy if several else (policy,))
+        if not seeds or len({id(each) for each in seeds}) < len(seeds):
+            raise ParameterError(
+                "policies must hold one policy or more for a name, a different one for each "
+                f"training seed, {name!r} is {policy!r:.200}"
+            )
+        by_name[name] = tuple(_resolve(name, each, scenario) for each in seeds)
+    return by_name
+
+
+def _resolve(name: str, policy: Any, scenario: str) -> AnyPolicy:
+    """Return a policy that may be there by its name."""
+    if isinstance(policy, str | os.PathLike):
+        return find_policy(cast("FilePath", policy), scenario)
+    acts = isinstance(policy, Controller | Policy) or callable(policy)
+    if isinstance(policy, type) or not acts:
+        raise ParameterError(
+            "policies must be names, have a method bind or be callable, and no classes; "
+            f"{name!r} is {policy!r:.200}"
+        )
+    return policy
+
+
+def _text_of(name: object) -> str:
+    """Return a name or path as text that shows which of the two it is."""
+    if isinstance(name, str):
+        return name
+    if not isinstance(name, os.PathLike):
+        hint = (
+            "; give a policy of your own under a name, as in {'mine': policy}"
+            if callable(name)
+            else ""
+        )
+        raise ParameterError(f"policies must be names or paths, got {name!r:.200}{hint}")
+    text = str(find_path("policies", cast("FilePath", name)))
+    return text if is_path(text) else f"./{text}"
+
+
+def _check_name(name: object) -> None:
+    """Raise a ParameterError unless something can name a policy in tables and in file names."""
+    good = isinstance(name, str) and name.strip() == name != "" and name.isprintable()
+    if not good or len(quote(str(name), safe=" ")) > MAX_NAME:
+        raise ParameterError(
+            f"policies must have printable names of 1 to {MAX_NAME} characters, got {name!r:.60}"
+        )
+
+
+def _import(name: str) -> Any:
+    """Return the policy that is an attribute of a module, or an instance of it if it is a class."""
+    if (here := str(Path.cwd())) not in sys.path:
+        sys.path.append(here)
+    place, _, attribute = name.rpartition(":")
+    entry = EntryPoint(name, name, "")
+    if not place.endswith(".py") and not entry.pattern.fullmatch(name):
+        raise ParameterError(
+            f"policies must be written as package.module:attribute, got {name!r:.200}"
+        )
+    try:
+        found = _attribute_of(Path(place), attribute) if place.endswith(".py") else entry.load()
+        if isinstance(found, Dispatcher):
+            raise ParameterError(
+                f"policies must name a class whose bind returns the law, {name!r} is the law itself"
+            )
+        return found() if isinstance(found, type) else found
+    except (ImportError, AttributeError) as error:
+        raise ParameterError(
+            f"policies must name code that can be imported, got {name!r}: {error}"
+        ) from None
+    except TypeError as error:
+        raise ParameterError(
+            "policies must name an instance, or a class that needs no arguments, "
+            f"got {name!r}: {error}"
+        ) from None
+
+
+def _attribute_of(file: Path, name: str) -> Any:
+    """Return an attribute of a file of Python."""
+    known = {
+        each: value
+        for each, value in vars(_run_file(file.resolve())).items()
+        if not each.startswith("_")
+    }
+    if name not in known:
+        raise ParameterError(
+            f"policies must name what is in {file}, there is no {name!r}{nearest(name, known)}"
+        )
+    return known[name]
+
+
+def _run_file(path: Path) -> ModuleType:
+    """Return the module that a file of Python is, with its folder at the end of ``sys.path``.
+
+    A file is run again when its content has changed.
+    """
+    if not path.is_file():
+        raise ParameterError(f"policies must name a file that exists, there is no {str(path)!r}")
+    content = path.read_bytes()
+    if path in _RUN_FILES and _RUN_FILES[path][0] == content:
+        return _RUN_FILES[path][1]
+    spec: Any = spec_from_file_location(f"file:{path}", path)  # a name that no other module has
+    module = sys.modules[spec.name] = module_from_spec(spec)
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))
+    try:
+        exec(compile(content, path, "exec"), vars(module))
+    except Exception as error:
+        frames = extract_tb(error.__traceback__)
+        lines = [frame.lineno for frame in frames if frame.filename == str(path)]
+        line = error.lineno if isinstance(error, SyntaxError) else lines[-1]
+        reason = f"{path.name}, line {line}: {type(error).__name__}: {error}"
+        raise ParameterError(f"policies must name code that runs, {reason}") from error
+    linecache.checkcache(str(path))
+    _RUN_FILES[path] = content, module
+    return module
+
+
+_RUN_FILES: dict[Path, tuple[bytes, ModuleType]] = {}

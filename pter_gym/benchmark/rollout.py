@@ -1,0 +1,169 @@
+"""The one loop of a policy over episodes, and the scores of what it has recorded."""
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.world import SKIP
+from pter_gym.benchmark._wanted import wanted_forces
+from pter_gym.benchmark.episodes import Episodes
+from pter_gym.benchmark.measures import RANKED, Travel
+from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
+from pter_gym.controllers import AnyPolicy, Policy, bind
+from pter_gym.controllers._policy import sensors_of
+from pter_gym.params import BASELINE, Machine
+from pter_gym.tasks.path_following import COLUMN, PathFollowing, Sensors, observation_layout
+
+Array = NDArray[np.float64]
+Observations = NDArray[np.float32]
+
+CHUNK = 64
+"""Episodes that are simulated together."""
+
+NUMBERS = 2**53
+"""A law's memory counts episodes by their seeds, in whole numbers that a float64 holds exactly."""
+
+
+class Rollout(NamedTuple):
+    """What a policy did in N episodes, from their resets on: T control steps.
+
+    Attributes
+    ----------
+    telemetry
+        float64 (T + 1, N, columns), NaN after the end of an episode.
+    obs
+        Observations, float32 (T + 1, N, entries), zero after it.
+    """
+
+    telemetry: Array
+    obs: Observations
+
+
+def rollout(
+    policy: AnyPolicy,
+    episodes: Episodes,
+    *,
+    columns: slice | list[int] = slice(None),
+    sensors: Sensors | None = None,
+) -> Rollout:
+    """Let a policy act in episodes until each has ended or has come to its time limit.
+
+    Parameters
+    ----------
+    policy
+        What ``bind`` takes; it is bound to the nominal machine of the episodes.
+    episodes
+        The episodes.
+    columns
+        Columns of the telemetry that are kept; all by default.
+    sensors
+        Sensors of the observations; by default those that the policy needs. It sees no others.
+    """
+    acting = bind_to(policy, episodes)
+    batch = Batch(episodes.machines, episodes.tasks, sensors=sensors or sensors_of(policy))
+    obs, telemetry = batch.reset(episodes.seeds)
+    memory = acting.start(len(episodes), [seed % NUMBERS for seed in episodes.seeds])
+    volts = np.empty(0)
+    rows, seen = [telemetry[:, columns]], [obs]
+    limits = np.array(episodes.limits)
+    running = limits > 0
+    while running.any():
+        steps = len(seen) - 1
+        if steps % acting.frame_skip == 0:
+            volts = acting.act(np.ascontiguousarray(obs[:, : len(acting.layout)]), memory)
+        obs, _, _, (terminated, truncated, _), (telemetry,) = batch.step(volts, SKIP)
+        rows.append(telemetry[:, columns])
+        seen.append(obs)
+        running &= ~(terminated | truncated) & (steps + 1 < limits)
+    recorded, observed = np.stack(rows), np.stack(seen)
+    for world, limit in enumerate(episodes.limits):
+        recorded[limit + 1 :, world] = np.nan
+        observed[limit + 1 :, world] = 0.0
+    return Rollout(recorded, observed)
+
+
+def bind_to(policy: AnyPolicy, episodes: Episodes) -> Policy:
+    """Return a policy bound to the nominal machine of episodes, with the sensors that it needs."""
+    layout = observation_layout(episodes.machines[0], sensors_of(policy))
+    return bind(policy, episodes.nominal, layout)
+
+
+def evaluate(
+    policy: AnyPolicy, episodes: Episodes, num_threads: int = 2, *, ranking: bool = False
+) -> Scores:
+    """Return the scores of a policy, a number for each episode.
+
+    Parameters
+    ----------
+    policy, episodes
+        As in ``rollout``.
+    num_threads
+        Threads that share the episodes of a compiled law; scores do not depend on their number.
+    ranking
+        Whether only the scores that decide ranks are wanted, which takes less time.
+    """
+    acting, sensors = bind_to(policy, episodes), sensors_of(policy)
+
+    def evaluate_from(start: int) -> Scores:
+        part = episodes[start : start + CHUNK]
+        columns = [*RANKED] if ranking else slice(None)
+        telemetry = rollout(acting, part, columns=columns, sensors=sensors).telemetry
+        if ranking:
+            travel = Travel(telemetry, part.tasks)
+            return {
+                "path_error_m": travel.path_error(),
+                "completed": travel.completed(),
+                "mean_pace_error": travel.mean_pace_error(),
+                "segment_pace_error": travel.segment_pace_error(),
+            }
+        return score_episodes(
+            telemetry,
+            part.tasks,
+            voltage_max=part.machines[0].clutch.voltage_max,
+            machines=part.machines,
+            wanted=wanted_forces(acting, telemetry, part.tasks),
+        )
+
+    with ThreadPoolExecutor(
+        num_threads if acting.law else 1, thread_name_prefix="pter-benchmark"
+    ) as pool:
+        parts = list(pool.map(evaluate_from, range(0, len(episodes), CHUNK)))
+    names = (name for name in SCORES if all(name in part for part in parts))
+    return {name: np.concatenate([part[name] for part in parts]) for name in names}
+
+
+class Episode(NamedTuple):
+    """One episode with all that a policy saw and did: T control steps.
+
+    Attributes
+    ----------
+    telemetry
+        float64 (T + 1, len(TELEMETRY)): the row of the reset, then one per control step.
+    obs
+        Observations with force sensors, float32 (T + 1, entries).
+    volts
+        Applied voltages [V], float32 (T, 4).
+    """
+
+    telemetry: Array
+    obs: Observations
+    volts: NDArray[np.float32]
+
+
+def record_episode(
+    policy: AnyPolicy,
+    machine: Machine,
+    task: PathFollowing,
+    seed: int,
+    *,
+    nominal: Machine = BASELINE,
+) -> Episode:
+    """Return an episode in a world of its own, with the benchmark's time limit."""
+    episode = Episodes("", (machine,), (task,), (seed,), ("",), nominal)
+    recorded = rollout(policy, episode, sensors="force")
+    telemetry = recorded.telemetry[:, 0]
+    volts = telemetry[1:, np.array(COLUMN.volts, int)]
+    return Episode(telemetry, recorded.obs[:, 0], volts.astype(np.float32))

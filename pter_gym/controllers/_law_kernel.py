@@ -1,0 +1,121 @@
+"""The kernel that runs a control law in many worlds; users' laws have their bounds checked."""
+
+import math
+from collections.abc import Callable
+from functools import cache
+from types import CellType, FunctionType
+from typing import Any
+
+import numba
+import numpy as np
+from numba.core import config
+from numba.core.dispatcher import Dispatcher
+from numba.core.errors import NumbaError
+
+from pter_gym._compiled.compiler import Device, compile_kernel, device
+from pter_gym._compiled.digests import digest_of
+from pter_gym._compiled.records import entrywise, write
+from pter_gym._engine.law import CLUTCHES
+from pter_gym._physics.scalars import clamp
+from pter_gym.controllers._laws import built_in
+from pter_gym.errors import LawIndexError, ParameterError, PterError
+
+Law = Callable[..., Any]
+
+law: Any = built_in
+"""The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
+
+LARGEST = float(np.finfo(np.float32).max)
+
+_CHECKED: Any = {"forceinline": True, "error_model": "numpy", "boundscheck": True}
+
+_numba: Any = numba
+_config: Any = config
+
+
+@entrywise
+@device
+def applied(volts: float, voltage_max: float) -> float:
+    """Return a voltage [V] as a clutch gets it: a float32 within its range; NaN if not finite."""
+    single = float(np.float32(clamp(volts, -LARGEST, LARGEST)))
+    return clamp(single, 0.0, voltage_max) if math.isfinite(volts) else math.nan
+
+
+def _build_act(digest: str) -> Any:
+    def act(obs: Any, scales: Any, gains: Any, memory: Any, voltage_max: float, volts: Any) -> None:
+        _ = digest
+        for world in range(obs.shape[0]):
+            decided = law(obs[world], scales, gains, memory[world])
+            write(volts[world], CLUTCHES, applied(decided, voltage_max))
+
+    return act
+
+
+def kernel_of(law: Law) -> Any:
+    """Return ``act(obs, scales, gains, memory, voltage_max, volts)``, which runs a law in N worlds.
+
+    The kernel of a user's law is made anew when its code, or a value that it reads, has changed.
+    """
+    if _is_ours(law):
+        return _kernel(law)
+    digest = digest_of(law)
+    if digest is None:  # nobody can tell whether what it reads has changed
+        return _compile(law)
+    if digest not in _KERNELS:
+        _KERNELS[digest] = _compile(law)
+    return _KERNELS[digest]
+
+
+_KERNELS: dict[str, Any] = {}
+
+
+FAULTS = (IndexError, NumbaError, AttributeError, NameError, TypeError, ValueError)
+"""What a law raises that is wrong; all but the first two only where numba is disabled."""
+
+
+def law_error(law: Law, error: Exception, observed: int, gains: int, remembered: int) -> PterError:
+    """Return an error of one line for what went wrong in a law with arrays of these lengths."""
+    name = getattr(law, "__name__", repr(law))
+    if isinstance(error, IndexError):
+        return LawIndexError(
+            f"law {name}: {error}; obs and scales have {observed} entries, gains {gains}, "
+            f"memory {remembered}"
+        )
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    skipped = ("Failed", "Compilation", "- ")
+    reason = next((line for line in lines if not line.startswith(skipped)), lines[0])
+    return ParameterError(f"law {name} cannot be compiled: {reason:.300}")
+
+
+def _is_ours(law: Law) -> bool:
+    return str(getattr(law, "__module__", "")).startswith("pter_gym.")
+
+
+@cache
+def _kernel(law: Law) -> Any:
+    return compile_kernel(_build_act, law=law)
+
+
+def _compile(law: Law) -> Any:
+    return compile_kernel(_build_act, law=_checked(law, {}))
+
+
+def _checked(function: Any, done: dict[Any, Any]) -> Any:
+    """Return a user's function compiled afresh with bounds checks, with all that it calls."""
+    plain = getattr(function, "py_func", function)
+    if not isinstance(plain, FunctionType) or isinstance(function, Device):
+        return function
+    if plain not in done:
+        names = dict(plain.__globals__)
+        empty = tuple(CellType() for _ in plain.__closure__ or ())
+        copy = FunctionType(plain.__code__, names, plain.__name__, plain.__defaults__, empty)
+        copy.__qualname__ = plain.__qualname__
+        done[plain] = copy if _config.DISABLE_JIT else _numba.njit(**_CHECKED)(copy)
+
+        def replaced(value: Any) -> Any:
+            return _checked(value, done) if isinstance(value, Dispatcher) else value
+
+        for cell, original in zip(empty, plain.__closure__ or (), strict=True):
+            cell.cell_contents = replaced(original.cell_contents)
+        names |= {name: replaced(value) for name, value in names.items()}
+    return done[plain]

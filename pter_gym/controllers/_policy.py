@@ -1,0 +1,218 @@
+"""What acts: a policy turns observations, and what it remembers, into clutch voltages.
+
+A *controller* is a frozen set of gains, a trained network, or anything else with ``bind(machine,
+layout)``, which returns a policy for a nominal machine and the observations that it will get.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pter_gym._compiled.layout import Layout
+from pter_gym._compiled.records import rows, width
+from pter_gym._engine.law import Memory
+from pter_gym._internal.checks import whole_number
+from pter_gym.controllers._law_kernel import FAULTS, kernel_of, law_error
+from pter_gym.errors import ParameterError
+from pter_gym.params import SLOTS, Machine, find_machine
+
+Observations = NDArray[np.float32]
+Volts = NDArray[np.floating]
+ScalarLaw = Callable[..., Any]
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """A control law with its gains, a trained network, or anything else that acts once bound."""
+
+    def bind(self, machine: Machine, layout: Layout) -> "Policy":
+        """Return the policy for a nominal machine and the layout of its observations."""
+        ...
+
+
+class CompiledLaw(NamedTuple):
+    """A compiled law: the scalar function and its gains, float64 (G,)."""
+
+    function: ScalarLaw
+    gains: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Policy:
+    """What acts in N worlds: ``volts = policy.act(observations, memory)``.
+
+    It changes nothing but the memory, which belongs to whoever calls it, so one policy can act in
+    several places at once. ``of_law`` and ``of_function`` make policies.
+
+    Attributes
+    ----------
+    layout
+        Layout of the observations.
+    act
+        Maps observations, float32 (N, entries) and contiguous, and the memory, which it changes, to
+        clutch voltages [V], (N, clutches).
+    start
+        ``start(worlds, episodes=None)`` returns the memory of N worlds whose episodes begin: an
+        array with a row for each, or None. ``episodes`` numbers the episodes, 0 … N − 1 by default;
+        a policy that draws at random draws other numbers in each.
+    frame_skip
+        Control steps for which its voltages are held, as in training.
+    any_frame_skip
+        Whether it may act with any ``frame_skip``, as control laws may.
+    law
+        The compiled law, if it is one.
+    """
+
+    layout: Layout
+    act: Callable[[Observations, Any], Volts]
+    start: Callable[..., Any]
+    frame_skip: int = 1
+    any_frame_skip: bool = True
+    law: CompiledLaw | None = None
+
+    @classmethod
+    def of_law(
+        cls,
+        function: ScalarLaw,
+        gains: ArrayLike,
+        machine: Machine,
+        layout: Layout,
+        *,
+        memory: type[Any] = Memory,
+        more_memory: int = 0,
+        frame_skip: int | None = None,
+    ) -> "Policy":
+        """Return the policy that a compiled law is.
+
+        Parameters
+        ----------
+        function
+            ``law(obs, scales, gains, memory) -> PerClutch``, a function of one world that
+            ``pter_gym.controllers.device`` compiles. ``obs·scales`` is in physical units. Voltages
+            beyond the machine's range are clipped.
+        gains
+            Numbers that the law reads, (G,).
+        machine, layout
+            The nominal machine, and the layout of the observations.
+        memory
+            Record of what the law remembers of a world, a ``NamedTuple`` of floats. All are zero
+            when an episode begins, except an entry ``episode``, which is the episode's number.
+        more_memory
+            Numbers that follow this record.
+        frame_skip
+            Control steps for which the voltages are held; by default, any number will do.
+        """
+        numbers, scales = np.asarray(gains, np.float64), layout.scales
+        clutches, top = len(machine.clutches), machine.clutch.voltage_max
+        kernel = kernel_of(function)
+        entries = width(memory) + more_memory
+
+        def start(worlds: int, episodes: Sequence[int] | None = None) -> NDArray[np.float64]:
+            rows_of_worlds: Any = np.zeros((worlds, entries))
+            if "episode" in memory._fields:
+                number = rows(memory).episode
+                rows_of_worlds[:, number] = range(worlds) if episodes is None else episodes
+            return rows_of_worlds
+
+        def act(observations: Observations, memory: Any) -> Volts:
+            if observations.shape != (len(memory), len(scales)):
+                raise ParameterError(
+                    f"observations must have the shape {(len(memory), len(scales))}, one for each "
+                    f"world of the memory, got {observations.shape}"
+                )
+            volts = np.empty((len(observations), SLOTS))
+            try:
+                kernel(observations, scales, numbers, memory, top, volts)
+            except FAULTS as error:
+                raise law_error(function, error, len(scales), len(numbers), entries) from error
+            return volts[:, :clutches]
+
+        return cls(
+            layout,
+            act,
+            start,
+            1 if frame_skip is None else whole_number("frame_skip", frame_skip),
+            frame_skip is None,
+            CompiledLaw(function, numbers),
+        )
+
+    @classmethod
+    def of_function(
+        cls,
+        function: Callable[..., Any],
+        layout: Layout,
+        *,
+        start: Callable[[int], Any] | None = None,
+        frame_skip: int | None = None,
+    ) -> "Policy":
+        """Return the policy that a Python function is.
+
+        Parameters
+        ----------
+        function
+            Maps observations, float32 (N, entries), to voltages [V], (N, clutches); with ``start``,
+            observations and memory.
+        layout
+            Layout of the observations.
+        start
+            Returns the memory of so many worlds at the start of their episodes, an array with a row
+            for each; the function changes it in place.
+        frame_skip
+            Control steps for which the voltages are held; by default, any number will do.
+        """
+
+        def act(observations: Observations, memory: Any) -> Volts:
+            given = observations.copy()  # which the function may keep or change
+            return function(given) if start is None else function(given, memory)
+
+        def begin(worlds: int, episodes: Any = None) -> Any:  # noqa: ARG001
+            return None if start is None else start(worlds)
+
+        skip = 1 if frame_skip is None else whole_number("frame_skip", frame_skip)
+        return cls(layout, act, begin, skip, frame_skip is None)
+
+
+AnyPolicy = Controller | Policy | Callable[[Observations], Any]
+"""What ``bind`` takes: a controller, a policy, or a function from observations to volts."""
+
+
+def bind(policy: AnyPolicy, machine: Machine | str | None, layout: Layout) -> Policy:
+    """Return a policy that is ready to act.
+
+    Parameters
+    ----------
+    policy
+        A controller, a policy, or a function from observations, float32 (N, entries), to volts, (N,
+        clutches), which may have a ``frame_skip``.
+    machine
+        The nominal machine or its name; None for the default PTER.
+    layout
+        Layout of the observations.
+
+    Raises
+    ------
+    ParameterError
+        If it is none of these, it cannot be bound to this machine and layout, or it is an object
+        with a ``reset`` of its own: what it remembers must be a memory that ``start`` makes.
+    """
+    if isinstance(policy, Controller):
+        policy = policy.bind(find_machine(machine), layout)
+    if isinstance(policy, Policy):
+        return policy
+    if not callable(policy):
+        raise ParameterError(f"policy must have a method bind or be callable, got {policy!r:.200}")
+    if hasattr(policy, "reset"):
+        raise ParameterError(
+            "policy must remember nothing by itself: "
+            "Policy.of_function(act, layout, start=…) makes a "
+            f"policy with a memory, got {policy!r:.200} with a method reset"
+        )
+    return Policy.of_function(policy, layout, frame_skip=getattr(policy, "frame_skip", None))
+
+
+def sensors_of(policy: AnyPolicy) -> Any:
+    """Return the sensors in a policy's ``sensors``, by default torque sensors."""
+    return getattr(policy, "sensors", "torque")

@@ -1,0 +1,270 @@
+"""What single and vector environments share: constructor, spaces, and what a policy needs."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import is_dataclass, replace
+from typing import TYPE_CHECKING, Any, TypedDict, cast
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
+
+from pter_gym._compiled.layout import Layout
+from pter_gym._engine.batch import ActionUnit, Batch
+from pter_gym._internal.checks import whole_number
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE, Machine, find_machine
+from pter_gym.paths import Path, find_path
+from pter_gym.scenarios import Scenario, find_pace, find_scenario
+from pter_gym.scenarios._suite import gains_for
+from pter_gym.tasks._stored import codec
+from pter_gym.tasks.path_following import (
+    STARTS,
+    TELEMETRY,
+    PathFollowing,
+    RewardWeights,
+    Sensors,
+    Starts,
+    find_starts,
+)
+from pter_gym.tasks.path_following._observation import BOUND
+from pter_gym.tasks.path_following._specification import largest_error_max
+
+if TYPE_CHECKING:
+    from pter_gym.scenarios.distributions import Draws
+
+FRAME_SKIP = 3
+"""Control steps for which environments with a scenario hold an action: noise that is new at each
+decision then gets through the clutches' lag, so that stock algorithms explore."""
+
+
+class Arguments(TypedDict, total=False):
+    """Arguments of all environments, which ``PathFollowingEnv`` describes.
+
+    Vector environments take one machine and task for all worlds, or a sequence with one for each.
+    """
+
+    machine: Machine | str | Sequence[Machine | str] | None
+    task: PathFollowing | Sequence[PathFollowing] | None
+    scenario: "str | Scenario | Draws | None"
+    contexts: int
+    context_seed: int
+    path: Path | str | None
+    pace: float | str | None
+    reward: RewardWeights | None
+    error_max: float | None
+    truncation_error: float | None
+    starts: Starts | str | None
+    sensors: Sensors
+    action_unit: ActionUnit | None
+    observe_context: bool
+    frame_skip: int | None
+
+
+class WorldsMixin:
+    """Mixin of the Gymnasium environments: batch, spaces and spec.
+
+    Attributes
+    ----------
+    batch
+        The worlds.
+    gains
+        Name of the scenario whose gains control laws have here; ``paths`` on a path of one's own.
+    """
+
+    batch: Batch
+    gains: str
+    metadata: dict[str, Any]
+    _spec: EnvSpec | None = None
+
+    def _make_worlds(
+        self, num_envs: int, render_mode: str | None, arguments: Arguments, **engine: Any
+    ) -> tuple[Any, Any]:
+        """Make the worlds, and return the spaces of one world's observation and action.
+
+        ``engine`` holds ``max_episode_steps``, and arguments of ``Batch`` that not all environments
+        have.
+
+        Raises
+        ------
+        ParameterError
+            If a value is out of range, or there is both a scenario and something that it draws.
+        """
+        modes = self.metadata["render_modes"]
+        if render_mode is not None and render_mode not in modes:
+            raise ParameterError(
+                f"render_mode must be {', '.join(modes)} or None, got {render_mode!r}"
+            )
+        read: dict[str, Any] = {name: _from_plain(value) for name, value in arguments.items()}
+        self.batch, self.gains = _make_batch(num_envs, engine, **read)
+        rate = 1.0 / (self.batch.frame_skip * self.batch.task.control_period)
+        self.metadata = {**self.metadata, "render_fps": max(1, round(rate))}
+        return (
+            spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32),
+            spaces.Box(
+                self.batch.action_low, self.batch.action_high, (self.batch.num_actions,), np.float32
+            ),
+        )
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """How Gymnasium made the environment, with machine and task as plain data for JSON."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        kwargs = (
+            {} if spec is None else {name: _to_plain(value) for name, value in spec.kwargs.items()}
+        )
+        self._spec = spec and replace(spec, kwargs=kwargs)
+
+    @property
+    def frame_skip(self) -> int:
+        """Control steps for which an action is held."""
+        return self.batch.frame_skip
+
+    @property
+    def observation_layout(self) -> Layout:
+        """Names, units and scales of the observation's entries."""
+        return self.batch.layout
+
+    @property
+    def telemetry_layout(self) -> Layout:
+        """Names and units of the entries of the telemetry in the info."""
+        return TELEMETRY
+
+    @property
+    def nominal_machine(self) -> Machine:
+        """The machine of all episodes; of several, the paper's with their clutches and voltage.
+
+        Raises
+        ------
+        ParameterError
+            If the machines have different clutches.
+        """
+        return nominal_machine({machine for machine, _ in self.batch.pairs})
+
+
+def nominal_machine(machines: set[Machine]) -> Machine:
+    """Return the only machine, or the paper's with clutches and largest voltage of several."""
+    first, *others = machines
+    if not others:
+        return first
+    if any(machine.clutches != first.clutches for machine in others):
+        raise ParameterError(
+            "Machine.clutches of all worlds must be the same for a policy bound to a machine"
+        )
+    clutch = replace(BASELINE.clutch, voltage_max=first.clutch.voltage_max)
+    return replace(BASELINE, clutches=first.clutches, clutch=clutch)
+
+
+def _make_batch(
+    num_envs: int,
+    engine: dict[str, Any],
+    *,
+    machine: Any = None,
+    task: Any = None,
+    scenario: Any = None,
+    contexts: int | None = None,
+    context_seed: int | None = None,
+    path: Path | str | None = None,
+    pace: float | str | None = None,
+    reward: RewardWeights | None = None,
+    error_max: float | None = None,
+    truncation_error: float | None = None,
+    starts: Starts | str | None = None,
+    sensors: Sensors = "torque",
+    action_unit: ActionUnit | None = None,
+    observe_context: bool = False,
+    frame_skip: int | None = None,
+) -> tuple[Batch, str]:
+    """Return the worlds, and the name of the scenario whose gains suit them."""
+    numbers = {"reward": reward, "error_max": error_max, "truncation_error": truncation_error}
+    fields: dict[str, Any] = {name: value for name, value in numbers.items() if value is not None}
+    named = (("path", path, find_path), ("pace", pace, find_pace), ("starts", starts, find_starts))
+    fields |= {name: find(cast(Any, value)) for name, value, find in named if value is not None}
+    if task is not None and (fields or scenario is not None):
+        names = ", ".join(fields or ("scenario",))
+        raise ParameterError(f"{names} must not be given with a task, which has its own")
+    if scenario is None:
+        if contexts is not None or context_seed is not None:
+            raise ParameterError("contexts and context_seed must be given with a scenario")
+        machine = list(map(find_machine, machine)) if _several(machine) else find_machine(machine)
+        task = _task_with(fields) if task is None else task
+        gains = gains_for(_checked_tasks(task))
+    else:
+        chosen = find_scenario(scenario, machine, fields.pop("path", None))
+        if isinstance(scenario, str | Scenario):
+            fields.setdefault("starts", STARTS["path"])
+        count = whole_number("contexts", 512 if contexts is None else contexts)
+        seed = whole_number("context_seed", context_seed or 0, at_least=0)
+        draws = chosen.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
+        machine, task = zip(*draws.pairs(count, seed), strict=True)
+        gains, action_unit = chosen.whose_gains, action_unit or "normalised"
+        frame_skip = FRAME_SKIP if frame_skip is None else frame_skip
+    held = 1 if frame_skip is None else whole_number("frame_skip", frame_skip)
+    limit = engine.pop("max_episode_steps", None)
+    if limit is not None:
+        limit = held * whole_number("max_episode_steps", limit)
+    batch = Batch(
+        machine,
+        task,
+        num_envs,
+        draws=scenario is not None,
+        sensors=sensors,
+        action_unit=action_unit or "volt",
+        observe_context=observe_context,
+        frame_skip=held,
+        max_steps=limit,
+        **engine,
+    )
+    return batch, gains
+
+
+def _task_with(fields: dict[str, Any]) -> PathFollowing:
+    """Return a task, whose workspace about a path is at most as wide as its curvature allows."""
+    if "path" in fields:
+        widest = min(PathFollowing.error_max, largest_error_max(fields["path"]))
+        fields.setdefault("error_max", widest)
+    return PathFollowing(**fields)
+
+
+def _checked_tasks(task: Any) -> list[PathFollowing]:
+    """Return one task or several as a list, or raise a ParameterError if there is another thing."""
+    tasks: list[Any] = list(task) if _several(task) else [task]
+    for goal in tasks:
+        if not isinstance(goal, PathFollowing):
+            raise ParameterError(
+                "task must be a PathFollowing, or a sequence of them for many worlds, "
+                f"got {goal!r:.200}"
+            )
+    return tasks
+
+
+def _several(value: object) -> bool:
+    return isinstance(value, Sequence) and not isinstance(value, str)
+
+
+def _to_plain(value: Any) -> Any:
+    """Return this package's dataclasses, NumPy's numbers and paths as plain data."""
+    if _several(value):
+        return [_to_plain(item) for item in value]
+    try:
+        return codec().to_plain(value) if is_dataclass(value) else _builtin(value)
+    except ParameterError:  # a user's own class
+        return value
+
+
+def _from_plain(value: Any) -> Any:
+    """Return what ``_to_plain`` made plain data from."""
+    if isinstance(value, list):
+        return [_from_plain(item) for item in cast("list[Any]", value)]
+    stored = isinstance(cast("object", value), dict) and "type" in value
+    return codec().from_plain(value) if stored else _builtin(value)
+
+
+def _builtin(value: Any) -> Any:
+    """Return a number of NumPy's or a path as Python's own, and anything else as it is."""
+    if isinstance(value, os.PathLike):
+        return os.fspath(cast("os.PathLike[str]", value))
+    return value.item() if hasattr(value, "item") and np.ndim(value) == 0 else value

@@ -1,0 +1,196 @@
+"""Machines as TOML files: the plain data of their dataclasses, with units and sources as comments.
+
+``save_machine`` and ``pter identify`` write them; ``find_machine`` and ``--machine`` read them.
+"""
+
+import json
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any, cast
+
+from pter_gym._internal.files import FilePath, find_path, write_text_atomic
+from pter_gym._internal.reading import read_toml, reading
+from pter_gym.errors import ParameterError
+from pter_gym.params._connection import PAPER_CLUTCHES, SLOTS, Connection
+from pter_gym.params._machine import Arm, Clutch, Hand, Machine, TorqueCurve
+
+if TYPE_CHECKING:
+    from pter_gym._internal.codec import Codec
+
+ORIGINS = ("published", "derived", "fitted", "identified", "chosen")
+"""First words of a provenance."""
+
+
+@cache
+def _codec() -> "Codec":
+    from pter_gym._internal.codec import Codec  # loads cattrs, which no other part of params needs
+
+    return Codec((Arm, Clutch, Connection, Hand, Machine, TorqueCurve))
+
+
+def is_machine_file(machine: object) -> bool:
+    """Return whether a machine is given by the path of a file."""
+    return isinstance(machine, str) and machine.endswith(".toml")
+
+
+def load_machine(path: FilePath) -> Machine:
+    """Read a machine from a file.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such file.
+    DataError
+        If it is not TOML, or a field is unknown, missing or out of range.
+    """
+    file = find_path("machine", path)
+    if not file.is_file():
+        raise ParameterError(f"machine must name a file that exists, there is no {str(path)!r}")
+    content = read_toml(file, "machine")
+    with reading(f"machine {path}"):
+        return machine_from(content)
+
+
+def machine_from(content: Mapping[str, Any]) -> Machine:
+    """Return a machine from plain data, or raise a ParameterError that names the field."""
+    if "type" not in content and "arm" in content:
+        return _from_old_form(content)
+    machine = _codec().from_plain(dict(content))
+    if not isinstance(machine, Machine):
+        raise ParameterError(f"type must be 'Machine', got {content.get('type')!r:.60}")
+    return machine
+
+
+def save_machine(
+    machine: Machine,
+    path: FilePath,
+    *,
+    origin: str,
+    origins: Mapping[str, str] | None = None,
+    title: str = "",
+) -> None:
+    """Write a machine to a file, which commands and ``find_machine`` accept in place of its name.
+
+    Parameters
+    ----------
+    machine
+        What to write.
+    path
+        The file, whose name ends in ``.toml``.
+    origin
+        Provenance of the numbers that differ from PTER's: one line that begins with
+        ``published:``, ``derived:``, ``fitted:``, ``identified:`` or ``chosen:``.
+    origins
+        Provenance of single fields by their place, such as ``arm.length_a``, instead.
+    title
+        Heading of the file.
+
+    Raises
+    ------
+    ParameterError
+        If ``origin``, ``origins`` or ``path`` is not of this form.
+    """
+    file = find_path("path", path)
+    if not is_machine_file(str(file)):
+        raise ParameterError(f"path must end in .toml, got {str(file)!r}")
+    write_text_atomic(file, format_machine(machine, origin, origins or {}, title))
+
+
+def format_machine(
+    machine: Machine, origin: str, origins: Mapping[str, str], title: str = ""
+) -> str:
+    """Return a machine's file as text; see ``save_machine``."""
+    if not isinstance(cast("object", machine), Machine):
+        raise ParameterError(f"machine must be a Machine, got {machine!r:.200}")
+    for text in (origin, *origins.values()):
+        if text.split(":")[0] not in ORIGINS or not text.isprintable():
+            raise ParameterError(
+                f"origin must be a line that begins with one of {', '.join(ORIGINS)}, got {text!r}"
+            )
+    from pter_gym.params._named import BASELINE  # which is built on this module
+
+    usual, data = (cast("dict[str, Any]", _codec().to_plain(m)) for m in (BASELINE, machine))
+    lines = [f"# {line}".rstrip() for line in title.splitlines()]
+    lines += _table("", machine, data, usual, origin, origins)
+    return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def _table(
+    place: str,
+    owner: Any,
+    data: dict[str, Any],
+    usual: dict[str, Any],
+    origin: str,
+    origins: Mapping[str, str],
+) -> Iterator[str]:
+    """Yield the lines of a dataclass: its numbers, then a table for each dataclass in it."""
+    yield from ("", f"[{place}]") if place else ()
+    yield f"type = {_quoted(data['type'])}"
+    tables: list[str] = []
+    for item in fields(owner):
+        name, where = item.name, f"{place}.{item.name}".lstrip(".")
+        value = data.get(name)
+        if isinstance(value, dict) or name == "clutches":
+            tables.append(name)
+        elif name in data:
+            known = item.metadata["provenance"] if value == usual.get(name) else origin
+            comment = f"{item.metadata['unit']}; {origins.get(where, known)}"
+            yield f"{name} = {_written(value)}  # {comment}"
+    for name in tables:
+        where = f"{place}.{name}".lstrip(".")
+        if name == "clutches":
+            for connection in data.get(name, ()):
+                note = origins.get(where, origin)
+                yield from ("", f"[[{where}]]  # {note}", 'type = "Connection"')
+                yield from (f"{key} = {_written(connection[key])}" for key in ("name", "row"))
+        else:
+            part = getattr(owner, name)
+            assert is_dataclass(part)
+            yield from _table(where, part, data[name], usual[name], origin, origins)
+
+
+def _written(value: Any) -> str:
+    """Return a value as TOML: numbers and lists of them as Python writes them."""
+    return _quoted(value) if isinstance(value, str) else repr(value)
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _from_old_form(content: Mapping[str, Any]) -> Machine:
+    """Return a machine from entries ``{ value = …, unit = …, from = … }`` by section and name."""
+    warnings.warn(
+        "this machine is stored in the form of an earlier version, which the next one does not "
+        "read: save it again with pter_gym.params.save_machine",
+        DeprecationWarning,
+        stacklevel=4,
+    )
+    known = ("arm", "clutch", "clutches", "sensing")
+    values: dict[str, Any] = {
+        section: {
+            name: tuple(map(float, entry["value"]))
+            if isinstance(entry["value"], list)
+            else float(entry["value"])
+            for name, entry in content.get(section, {}).items()
+        }
+        for section in known
+    }
+    clutch, rows = values["clutch"], values["clutches"]
+    clutches = tuple(Connection(name, row) for name, row in rows.items()) or PAPER_CLUTCHES
+    scale = clutch.pop("scale", (1.0,) * len(clutches))
+    if len(scale) != len(clutches):
+        raise ParameterError(f"clutch.scale must have {len(clutches)} numbers, got {scale!r}")
+    curve = {
+        item.name: clutch.pop(item.name) for item in fields(TorqueCurve) if item.name in clutch
+    }
+    dynamic, ratio = TorqueCurve(**curve), clutch.pop("breakaway_ratio")
+    return Machine(
+        arm=Arm(**values["arm"]),
+        clutch=Clutch(breakaway=dynamic.scaled(ratio), dynamic=dynamic, **clutch),
+        clutch_scale=(*scale, *(1.0,) * (SLOTS - len(scale))),
+        clutches=clutches,
+        delay=values["sensing"].get("delay", 0.0),
+    )

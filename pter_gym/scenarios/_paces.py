@@ -1,0 +1,45 @@
+"""Commanded paces by name."""
+
+from types import MappingProxyType
+from typing import Any
+
+from pter_gym._internal.checks import is_finite
+from pter_gym.errors import ParameterError, unknown_name
+
+PACES = MappingProxyType({"slow": 0.12, "medium": 0.25, "brisk": 0.5})
+"""Commanded mean speeds along the path [m/s] at which each scenario is scored."""
+
+
+def find_pace(pace: float | str, field: str = "pace") -> float:
+    """Return a commanded pace [m/s] given as itself, also in text, or by its name in ``PACES``.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such pace; the message names the field and suggests the nearest name.
+    """
+    speed: Any = pace
+    if isinstance(pace, str):
+        if pace in PACES:
+            return PACES[pace]
+        try:
+            speed = float(pace)
+        except ValueError:
+            raise unknown_name(field, pace, (*PACES, "a speed > 0 m/s")) from None
+    if not is_finite(speed) or speed <= 0.0:
+        raise ParameterError(
+            f"{field} must be one of {', '.join(PACES)}, or a speed > 0 m/s, got {pace!r}"
+        )
+    return float(speed)
+
+
+def name_of_pace(pace: float | str, field: str = "pace") -> str:
+    """Return the name of a commanded pace, or its speed as text; raises as ``find_pace``."""
+    speed = find_pace(pace, field)
+    return next((name for name, named in PACES.items() if named == speed), str(speed))
+
+
+def title_of_pace(pace: str) -> str:
+    """Return a commanded pace as tables show it: ``medium (0.25 m/s)``, or ``0.3 m/s``."""
+    speed = f"{find_pace(pace):g} m/s"
+    return f"{pace} ({speed})" if pace in PACES else speed

@@ -1,0 +1,327 @@
+"""Distributions over machines and tasks: what varies from episode to episode.
+
+``Vary(base, field=distribution, …)`` draws some fields of a frozen dataclass ``base``; a field's
+value may itself be a ``Vary``. ``Draws`` draws a list of pairs of machine and task from one seed; a
+world draws one pair at each reset. Each distribution has ``draw(rng)``, and ``extremes()``,
+with which a ``Vary`` is checked when it is built.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from typing import Any, Generic, Protocol, TypeVar, cast
+
+import numpy as np
+
+from pter_gym._internal.checks import whole_number
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE, Checked, Machine, quantity, require, require_number
+from pter_gym.scenarios._paces import find_pace
+from pter_gym.tasks.path_following import PathFollowing, check_machine
+
+Drawn = TypeVar("Drawn")
+Pair = tuple[Machine, PathFollowing]
+
+TRIES = 200
+"""Draws of one pair until draws whose paths leave the arm's reach are refused."""
+
+ROOM = 1.5
+"""Distance of drawn paths from singular poses over the workspace's margin, so no episode ends at
+its start."""
+
+
+class Distribution(Protocol):
+    """A distribution that a value is drawn from."""
+
+    def draw(self, rng: np.random.Generator) -> Any:
+        """Return a value drawn with a generator."""
+        ...
+
+    def extremes(self) -> Sequence[Any]:
+        """Return the extreme values of the distribution."""
+        ...
+
+
+def drawn(value: Any, rng: np.random.Generator) -> Any:
+    """Return a draw from a distribution or from each entry of a tuple, or the value itself."""
+    if isinstance(value, tuple):
+        return tuple(drawn(item, rng) for item in cast("tuple[Any, ...]", value))
+    return value.draw(rng) if hasattr(value, "draw") else value
+
+
+def extremes(value: Any) -> Sequence[Any]:
+    """Return a distribution's extremes, tuples of all first and all last ones, or the value."""
+    if isinstance(value, tuple):
+        ends = [extremes(item) for item in cast("tuple[Any, ...]", value)]
+        return [tuple(values[place] for values in ends) for place in (0, -1)]
+    return value.extremes() if hasattr(value, "draw") else [value]
+
+
+@dataclass(frozen=True)
+class _Range(Checked):
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        """Check that both are finite and in order."""
+        super().__post_init__()
+        require_number(self, "high", at_least=self.low)
+
+    def extremes(self) -> Sequence[float]:
+        """Return the smallest and the largest number."""
+        return self.low, self.high
+
+
+class Uniform(_Range):
+    """A uniform draw from [low, high]."""
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """Return a number drawn uniformly."""
+        return float(rng.uniform(self.low, self.high))
+
+
+class LogUniform(_Range):
+    """A draw from [low, high], 0 < low, whose logarithm is uniform."""
+
+    def __post_init__(self) -> None:
+        """Check that both are finite, positive and in order."""
+        require_number(self, "low", above=0.0)
+        super().__post_init__()
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """Return a number whose logarithm is drawn uniformly."""
+        return math.exp(rng.uniform(math.log(self.low), math.log(self.high)))
+
+
+@dataclass(frozen=True)
+class Shared:
+    """A tuple of ``count`` products: one shared factor times an individual factor each."""
+
+    common: Distribution
+    individual: Distribution
+    count: int
+
+    def draw(self, rng: np.random.Generator) -> tuple[float, ...]:
+        """Return ``count`` products of one shared draw and one individual draw each."""
+        factor = self.common.draw(rng)
+        return tuple(factor * self.individual.draw(rng) for _ in range(self.count))
+
+    def extremes(self) -> Sequence[tuple[float, ...]]:
+        """Return tuples of the products of extremes."""
+        return [
+            (a * b,) * self.count
+            for a in self.common.extremes()
+            for b in self.individual.extremes()
+        ]
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """One of several values, distributions or tuples of them, all equally likely."""
+
+    options: tuple[Any, ...]
+
+    def __post_init__(self) -> None:
+        """Check that there is an option."""
+        require(len(self.options) > 0, self, "options", "at least one option")
+
+    def draw(self, rng: np.random.Generator) -> Any:
+        """Return an option, or a draw from it."""
+        return drawn(self.options[int(rng.integers(len(self.options)))], rng)
+
+    def extremes(self) -> Sequence[Any]:
+        """Return the extremes of all options."""
+        return [end for option in self.options for end in extremes(option)]
+
+
+class Vary(Generic[Drawn]):
+    """A frozen dataclass some of whose fields are drawn.
+
+    Parameters
+    ----------
+    base
+        The dataclass that provides the other fields.
+    **fields
+        By the name of the field: a distribution, a tuple of distributions, or a value.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such field, or the dataclass rejects an extreme value, of one field or of all
+        fields together. The message names the field.
+    """
+
+    def __init__(self, base: Drawn, **fields: Any) -> None:
+        self.base = base
+        self.fields = fields
+        known = getattr(base, "__dataclass_fields__", {})
+        for name in fields:
+            if name not in known:
+                raise ParameterError(
+                    f"{type(base).__name__} has no field {name!r}; it has {', '.join(known)}"
+                )
+        self.extremes()
+
+    def draw(self, rng: np.random.Generator) -> Drawn:
+        """Return the base with its drawn fields."""
+        return cast(
+            Drawn,
+            replace(cast(Any, self.base), **{k: drawn(v, rng) for k, v in self.fields.items()}),
+        )
+
+    def extremes(self) -> Sequence[Drawn]:
+        """Return draws with one field at an end, and with all at their first and last ends."""
+        ends = {name: extremes(field) for name, field in self.fields.items()}
+        changes = [{name: end} for name, values in ends.items() for end in values]
+        changes += [{name: values[place] for name, values in ends.items()} for place in (0, -1)]
+        return [cast(Drawn, replace(cast(Any, self.base), **change)) for change in changes]
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether both draw the same fields of the same dataclass from the same values."""
+        if not isinstance(other, Vary):
+            return NotImplemented
+        theirs = cast("Vary[Any]", other)
+        return self.base == theirs.base and list(self.fields.items()) == list(theirs.fields.items())
+
+    def __hash__(self) -> int:
+        """Return a hash of what is drawn, not of the distributions, which need not have one."""
+        return hash((type(self.base), *self.fields))
+
+    def __repr__(self) -> str:
+        """Return the call that makes this object."""
+        fields = "".join(f", {name}={field!r}" for name, field in self.fields.items())
+        return f"Vary({self.base!r}{fields})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Draws(Checked):
+    """What episodes are drawn from: pairs of machine and task.
+
+    Attributes
+    ----------
+    machine, task
+        Distributions or fixed values.
+    instead
+        A machine in place of drawn ones; everything else is drawn as before.
+    also
+        Further draws to mix in.
+    weight
+        Number of pairs relative to that of the others in such a mixture.
+    """
+
+    machine: Machine | Vary[Machine] = BASELINE
+    task: PathFollowing | Vary[PathFollowing]
+    instead: Machine | None = None
+    also: "tuple[Draws, ...]" = ()
+    weight: int = quantity("1", "chosen", at_least=1, default=1)
+
+    def __post_init__(self) -> None:
+        """Check the draws that are mixed in."""
+        super().__post_init__()
+        also, instead = cast(Any, self.also), cast("object", self.instead)
+        parts = cast("tuple[object, ...]", also) if isinstance(also, tuple) else (also,)
+        mixed = all(isinstance(part, Draws) for part in parts)
+        require(mixed, self, "also", "a tuple of Draws")
+        fixed = instead is None or isinstance(instead, Machine)
+        require(fixed, self, "instead", "a Machine or None")
+
+    @property
+    def varied_task(self) -> Vary[PathFollowing]:
+        """The task, also where none of its fields is drawn."""
+        return self.task if isinstance(self.task, Vary) else Vary(self.task)
+
+    def map_parts(self, change: "Callable[[Draws], Draws]") -> "Draws":
+        """Return changed draws, with the same change to those that are mixed in."""
+        return replace(change(self), also=tuple(map(change, self.also)))
+
+    def with_task(self, **values: Any) -> "Draws":
+        """Return draws whose tasks have other values in fields that are not drawn.
+
+        Raises
+        ------
+        ParameterError
+            If a task has no such field or draws it, or a value is out of range.
+        """
+
+        def changed(draws: Draws) -> Draws:
+            base, varied = draws.varied_task.base, draws.varied_task.fields
+            shared = [item.name for item in fields(base) if item.name not in (*varied, "pace")]
+            for name in values:
+                if name not in shared:
+                    raise ParameterError(
+                        f"{name} must be one of what all episodes share: {', '.join(shared)}"
+                    )
+            return replace(draws, task=Vary(replace(base, **values), **varied))
+
+        return self.map_parts(changed) if values else self
+
+    def at_pace(self, pace: "float | str | Distribution | None") -> "Draws":
+        """Return draws at a commanded pace [m/s], its name or its distribution; None: as drawn.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such pace.
+        """
+        if pace is None:
+            return self
+        commanded = pace if hasattr(pace, "draw") else find_pace(cast("float | str", pace))
+
+        def changed(draws: Draws) -> Draws:
+            varied = draws.varied_task
+            task = Vary(varied.base, **{**varied.fields, "pace": commanded})
+            return replace(draws, task=task)
+
+        return self.map_parts(changed)
+
+    def pairs(
+        self, n: int = 512, seed: int = 0, pace: "float | str | Distribution | None" = None
+    ) -> list[Pair]:
+        """Return ``n`` pairs, the same for the same seed.
+
+        Parameters
+        ----------
+        n, seed
+            Number of pairs, in a mixture rounded up to the weights of its parts, and their seed.
+        pace
+            As in ``at_pace``.
+
+        Raises
+        ------
+        ParameterError
+            If a number is out of range, or too few of the drawn tasks suit their machines.
+        """
+        n, seed = whole_number("n", n), whole_number("seed", seed, at_least=0)
+        draws = self.at_pace(pace)
+        parts = (draws, *draws.also)
+        share = -(-n // sum(part.weight for part in parts))
+        return [pair for part in parts for pair in _pairs(part, share * part.weight, seed)]
+
+    def draw(self, rng: np.random.Generator) -> Pair:
+        """Return a matching pair; a path that does not fit the workspace is drawn again."""
+        if self.also:
+            parts = [part for part in (self, *self.also) for _ in range(part.weight)]
+            return replace(parts[int(rng.integers(len(parts)))], also=()).draw(rng)
+        for attempt in range(TRIES):
+            machine, task = drawn(self.machine, rng), drawn(self.task, rng)
+            machine = machine if self.instead is None else self.instead
+            for name, value, kind in (("machine", machine, Machine), ("task", task, PathFollowing)):
+                accepted = f"a {kind.__name__}, or draw one"
+                require(isinstance(value, kind), self, name, accepted)
+            margin = ROOM * task.singularity_margin
+            try:
+                check_machine(replace(task, singularity_margin=margin), machine)
+            except ParameterError:
+                if attempt == TRIES - 1:
+                    raise
+            else:
+                return machine, task
+        raise AssertionError
+
+
+@lru_cache(maxsize=32)
+def _pairs(draws: Draws, n: int, seed: int) -> tuple[Pair, ...]:
+    """Return the pairs of one part; they are drawn once and shared."""
+    rng, alone = np.random.default_rng([seed, 0x5452]), replace(draws, also=())
+    return tuple(alone.draw(rng) for _ in range(n))

@@ -1,0 +1,160 @@
+"""Ways to ride that may look better than they are, each made from an honest policy."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pter_gym._compiled.layout import Layout
+from pter_gym.benchmark import PACES, training_episodes
+from pter_gym.benchmark.boards import mean_scores, reason_unranked
+from pter_gym.benchmark.measures import SEGMENTS
+from pter_gym.benchmark.rollout import rollout
+from pter_gym.benchmark.scores import Scores
+from pter_gym.controllers import Policy
+from pter_gym.params import BASELINE, Machine
+from pter_gym.tasks.path_following import observation_layout
+
+EPISODES = 32
+SEED = 77
+"""Of the draws, which are no stored episodes."""
+
+Array = NDArray[np.float64]
+Observations = NDArray[np.float32]
+Factor = Callable[[Array], Array | float]
+
+COURSES = [
+    pytest.param(
+        scenario, pace, marks=() if (scenario, pace) == ("standard", "brisk") else pytest.mark.long
+    )
+    for scenario in ("standard", "paths")
+    for pace in PACES
+]
+"""Scenarios and paces on which policies are attacked; the long run has all of them."""
+
+
+class Changed:
+    """A policy of which the observations, or the volts, are changed; ``steps`` counts its steps."""
+
+    def __init__(self, honest: Policy, act: Callable[["Changed", Observations], Any]) -> None:
+        self.honest = honest
+        self._act = act
+
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
+        return Policy.of_function(self.decide, layout, start=self.start)
+
+    def start(self, worlds: int) -> None:
+        self.steps = 0
+        self.memory = self.honest.start(worlds)
+
+    def observe(self, obs: Observations, name: str) -> Array:
+        """Return an entry of observations in its unit."""
+        place = self.honest.layout.index(name)
+        return obs[:, place] * float(self.honest.layout.scales[place])
+
+    def decide(self, obs: Observations, memory: None) -> Any:
+        volts = self._act(self, obs)
+        self.steps += 1
+        return volts
+
+
+Attack = Callable[[Policy], Changed]
+When = Callable[[Changed, Observations], Any]
+
+
+def tells(pace: When = lambda *_: 1.0, error: When = lambda *_: 0.0) -> Attack:
+    """Tell the policy its pace times a factor, and its error plus so many metres."""
+
+    def act(self: Changed, obs: Observations) -> Any:
+        changed = obs.copy()
+        layout, factor = self.honest.layout, pace(self, obs)
+        off = layout.index("pace_error")
+        changed[:, layout.index("pace")] *= factor
+        changed[:, off] = (changed[:, off] + 1.0) / factor - 1.0
+        place = layout.index("normal_error")
+        changed[:, place] += error(self, obs) / float(layout.scales[place])
+        return self.honest.act(changed, self.memory)
+
+    return lambda honest: Changed(honest, act)
+
+
+def rides(factor: Factor) -> Attack:
+    """Ride at the pace times a function of progress."""
+    return tells(pace=lambda self, obs: factor(self.observe(obs, "progress")))
+
+
+def sets(volts: float, when: When) -> Attack:
+    """Set all clutches to a voltage at times."""
+
+    def act(self: Changed, obs: Observations) -> Any:
+        decided = np.array(self.honest.act(obs, self.memory))
+        decided[when(self, obs)] = volts
+        return decided
+
+    return lambda honest: Changed(honest, act)
+
+
+def locks(when: When) -> Attack:
+    """Lock all clutches at times."""
+    return sets(BASELINE.clutch.voltage_max, when)
+
+
+def every(self: Changed, obs: Observations, *, steps: int, of: int) -> NDArray[np.bool_]:
+    """Return whether this is one of the first steps of so many, in all worlds."""
+    return np.full(len(obs), self.steps % of < steps)
+
+
+def beyond(progress: float) -> When:
+    """Return whether the tip is beyond a part of the path."""
+    return lambda self, obs: self.observe(obs, "progress") >= progress
+
+
+def beside(error: float, until: float = 2.0) -> Attack:
+    """Ride so many metres beside the path, to a part of it."""
+    return tells(error=lambda self, obs: np.where(beyond(until)(self, obs), 0.0, error))
+
+
+def inside(share: float, most: float) -> Attack:
+    """Ride nearer to the centre of each bend, by a share of its radius."""
+
+    def error(self: Changed, obs: Observations) -> Array:
+        bend = self.observe(obs, "curvature")
+        aside = np.divide(share, bend, where=np.abs(bend) > 0.01, out=np.zeros_like(bend))
+        return -np.clip(aside, -most, most)
+
+    return tells(error=error)
+
+
+def lingers(factor: float) -> Attack:
+    """Ride the first segment at another pace."""
+    return rides(lambda progress: np.where(progress * SEGMENTS < 1.0, factor, 1.0))
+
+
+def alternates(slow: float, fast: float, parts: int) -> Attack:
+    """Ride slowly and fast in turn behind the start, in equal parts of the path."""
+
+    def factor(progress: Array) -> Array:
+        in_turn = np.where(np.floor(parts * progress) % 2 == 0, slow, fast)
+        return np.where(progress < 0.5 / SEGMENTS, 1.0, in_turn)
+
+    return rides(factor)
+
+
+class Course:
+    """Fresh draws of a scenario at a pace, and how policies do on them."""
+
+    def __init__(
+        self, scenario: str, pace: str, episodes: int = EPISODES, seed: int = SEED
+    ) -> None:
+        self.scenario, self.pace = scenario, PACES[pace]
+        self.episodes = training_episodes(scenario, pace, episodes, seed)
+        self.tasks = self.episodes.tasks
+        self.layout = observation_layout(BASELINE, "torque")
+
+    def telemetry(self, policy: Any) -> Array:
+        return rollout(policy, self.episodes).telemetry
+
+    def ranked(self, scores: Scores) -> bool:
+        return reason_unranked(mean_scores(scores), self.pace) is None

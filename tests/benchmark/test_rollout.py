@@ -1,0 +1,156 @@
+"""One loop and one evaluator for policies of all kinds."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pter_gym._engine.batch import Batch
+from pter_gym.benchmark import PACES, Assessment, Episodes, evaluate, find_policy, training_episodes
+from pter_gym.benchmark.rollout import rollout
+from pter_gym.controllers import Free, Impedance, Locked, PaceSchedule, Policy, Random, bind
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE
+from pter_gym.scenarios import find_scenario
+from pter_gym.tasks.path_following import COLUMN, PathFollowing, observation_layout
+from rollouts import simulate
+
+SEEDS = [3, 4, 5]
+
+
+def drawn(scenario: str, pace: str) -> tuple[Sequence[Any], Sequence[Any]]:
+    machines, tasks = zip(*find_scenario(scenario).draws.pairs(3, 8, pace), strict=True)
+    return machines, tasks
+
+
+def test_a_schedule_is_its_controller_at_a_knot_that_holds_and_between_its_knots() -> None:
+    found: Any = find_policy("impedance")
+    for pace, speed in PACES.items():
+        batch = Batch(*drawn("standard", pace))
+        one, other = (simulate(batch, policy, SEEDS, 400) for policy in (found, found.at(speed)))
+        assert one.tobytes() == other.tobytes()
+    slow, medium = (found.at(PACES[pace]).damping_tangential for pace in ("slow", "medium"))
+    half = Impedance(damping_tangential=0.5 * (slow + medium))
+    batch = Batch(BASELINE, PathFollowing(pace=0.185), 1)
+    np.testing.assert_allclose(
+        *(simulate(batch, law, [1], 50) for law in (found, half)), rtol=1e-3, atol=1e-3
+    )
+    with pytest.raises(ParameterError, match="hold"):
+        PaceSchedule(((0.1, Impedance()), (0.2, Impedance())), hold=0.5)
+
+
+def episodes(scenario: str, pace: str, count: int = 3) -> Episodes:
+    return training_episodes(scenario, pace, count, seed=8)
+
+
+def released(observations: Any) -> Any:
+    """Release all clutches."""
+    return np.zeros((len(observations), 4))
+
+
+def test_a_function_moves_as_the_compiled_law() -> None:
+    drawn = episodes("standard", "brisk")
+    plain, law = (rollout(policy, drawn).telemetry for policy in (released, Free()))
+    np.testing.assert_array_equal(plain, law)
+
+
+def test_a_rollout_stops_when_all_have_ended_or_reached_their_own_limits() -> None:
+    drawn = episodes("standard", "brisk")
+    telemetry = rollout(Locked(), drawn).telemetry
+    lasted = np.isfinite(telemetry[..., COLUMN.time]).sum(axis=0) - 1
+    np.testing.assert_array_equal(lasted, drawn.limits)
+    assert len(telemetry) == max(drawn.limits) + 1
+    short = replace(drawn, limits=(5, 7, 6))
+    recorded = rollout(Locked(), short, columns=[0, 1])
+    assert recorded.telemetry.shape == (8, 3, 2)
+    np.testing.assert_array_equal(np.isfinite(recorded.telemetry[..., 0]).sum(axis=0), [6, 8, 7])
+    np.testing.assert_array_equal((recorded.obs != 0.0).any(axis=-1).sum(axis=0), [6, 8, 7])
+
+
+def test_nothing_is_scored_beyond_an_episodes_own_limit() -> None:
+    """An episode has the scores that it has alone, whatever the limits of those beside it."""
+    long, short = episodes("everything", "slow", 2), episodes("everything", "brisk", 6)
+    assert max(long.limits) > max(short.limits)
+    names = ("machines", "tasks", "seeds", "strata", "limits")
+    both = replace(short, **{name: getattr(short, name) + getattr(long, name) for name in names})
+    for ranking in (False, True):
+        alone = evaluate(Locked(), short, ranking=ranking)
+        beside = evaluate(Locked(), both, ranking=ranking)
+        for name, values in alone.items():
+            np.testing.assert_array_equal(beside[name][: len(short)], values)
+    assert np.all(alone["mean_pace_error"] >= 1.0)
+
+
+def test_validation_keeps_each_episodes_own_limit() -> None:
+    """With the longest limit of the batch, torque feedback arrived in more episodes at a brisk pace."""
+    drawn = training_episodes("everything", "brisk", 64, seed=0)
+    assert len(set(drawn.limits)) > 1
+    law = find_policy("torque-feedback", "everything")
+    own = evaluate(law, drawn, ranking=True)["completed"].mean()
+    longest = replace(drawn, limits=(max(drawn.limits),) * len(drawn))
+    assert own < evaluate(law, longest, ranking=True)["completed"].mean()
+
+
+def test_scores_that_decide_ranks_are_the_same_on_their_own() -> None:
+    drawn = episodes("everything", "brisk", 12)
+    every, ranking = (evaluate(Impedance(), drawn, ranking=only) for only in (False, True))
+    assert set(ranking) == set(Assessment._fields)
+    for name, values in ranking.items():
+        np.testing.assert_array_equal(values, every[name])
+
+
+@pytest.mark.parametrize("name", ["residual", "single-dof-tuned", "random"])
+def test_scores_depend_on_neither_threads_nor_chunks(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    policy: Any = find_policy(name)
+    if name == "residual":
+        policy = replace(policy, interface=replace(policy.interface, frame_skip=2))
+    drawn = episodes("standard", "brisk", 10)
+    monkeypatch.setattr("pter_gym.benchmark.rollout.CHUNK", 3)
+    alone, together = (evaluate(policy, drawn, threads, ranking=True) for threads in (1, 2))
+    monkeypatch.undo()
+    whole = evaluate(policy, drawn, ranking=True)
+    np.testing.assert_array_equal(together["path_error_m"], alone["path_error_m"])
+    # numpy adds up a single column in another order
+    np.testing.assert_allclose(whole["path_error_m"], alone["path_error_m"], rtol=1e-14)
+
+
+def test_random_voltages_differ_in_all_episodes_and_repeat() -> None:
+    drawn = episodes("standard", "brisk", 66)
+
+    def first_volts(policy: Any) -> Any:
+        return rollout(policy, replace(drawn, limits=(3,) * 66)).telemetry[1, :, [*COLUMN.volts]].T
+
+    volts = first_volts(Random(seed=1))
+    assert len({row.tobytes() for row in volts}) == 66
+    np.testing.assert_array_equal(volts, first_volts(Random(seed=1)))
+    assert not np.isin(volts, first_volts(Random(seed=2))).any()
+    acting = bind(Random(), BASELINE, observation_layout(BASELINE, "torque"))
+    obs, memory = np.zeros((1, 24), np.float32), acting.start(1)
+    assert acting.act(obs, memory).tolist() != acting.act(obs, memory).tolist()
+
+
+def test_a_policy_with_a_memory_has_it_from_whoever_loops() -> None:
+    def count(observations: Any, memory: Any) -> Any:
+        memory += 1.0
+        return np.repeat(memory, 4, axis=1)
+
+    layout = observation_layout(BASELINE, "torque")
+    policy = Policy.of_function(count, layout, start=lambda worlds: np.zeros((worlds, 1)))
+    drawn = replace(episodes("standard", "brisk"), limits=(4, 4, 4))
+    for _ in range(2):
+        volts = rollout(policy, drawn).telemetry[1:, :, COLUMN.volts.x1]
+        np.testing.assert_array_equal(volts, [[1.0] * 3, [2.0] * 3, [3.0] * 3, [4.0] * 3])
+
+
+def test_a_function_with_a_state_of_its_own_is_refused() -> None:
+    class Counting:
+        def reset(self) -> None: ...
+
+        def __call__(self, observations: Any) -> Any: ...
+
+    with pytest.raises(ParameterError, match="remember nothing"):
+        rollout(Counting(), episodes("standard", "brisk"))

@@ -1,0 +1,54 @@
+"""Policies in the worlds of a batch, for tests."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pter_gym._engine.batch import Batch
+from pter_gym.benchmark.episodes import Episodes
+from pter_gym.benchmark.rollout import Rollout, rollout
+from pter_gym.controllers import Policy
+from pter_gym.params import BASELINE, Machine
+
+
+def run(
+    batch: Batch,
+    policy: Any,
+    seeds: Sequence[int],
+    limits: Sequence[int],
+    nominal: Machine = BASELINE,
+) -> Rollout:
+    """Let a policy act in episodes of a batch's machines and tasks."""
+    machines, tasks = zip(*(batch.pairs[pair] for pair in batch.context), strict=True)
+    strata = ("",) * len(tasks)
+    episodes = Episodes("", machines, tasks, tuple(seeds), strata, nominal, tuple(limits))
+    return rollout(policy, episodes)
+
+
+def simulate(
+    batch: Batch, policy: Any, seeds: Sequence[int], max_steps: int, nominal: Machine = BASELINE
+) -> np.ndarray:
+    """Return the telemetry of episodes with one limit, (steps + 1, N, columns)."""
+    return run(batch, policy, seeds, [max_steps] * batch.num_worlds, nominal).telemetry
+
+
+class Acting:
+    """A policy in worlds that go on, with its memory: ``volts = acting(observations)``."""
+
+    def __init__(self, policy: Policy) -> None:
+        self.policy = policy
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin new episodes in all worlds."""
+        self.memory: Any = None
+        self.begins = True
+
+    def __call__(self, observations: np.ndarray) -> Any:
+        """Return voltages, (N, clutches), or (clutches,) for one observation."""
+        rows = np.ascontiguousarray(np.atleast_2d(observations), np.float32)
+        if self.begins:
+            self.memory, self.begins = self.policy.start(len(rows)), False
+        volts = self.policy.act(rows, self.memory)
+        return volts[0] if np.ndim(observations) == 1 else volts

@@ -1,0 +1,139 @@
+"""Files of machines: they hold everything that a machine has, and say where it comes from."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pter_gym.errors import DataError, ParameterError
+from pter_gym.params import (
+    ARRANGEMENTS,
+    BASELINE,
+    MACHINES,
+    Connection,
+    Hand,
+    Machine,
+    find_machine,
+    load_machine,
+    save_machine,
+)
+from pter_gym.params._files import format_machine
+
+TEXT = format_machine(BASELINE, "chosen: for tests", {})
+
+FLUID = replace(
+    BASELINE.clutch,
+    breakaway=replace(BASELINE.clutch.breakaway, curvature=1.0),
+    dynamic=replace(BASELINE.clutch.dynamic, off_state=0.3),
+    lag="voltage",
+    stribeck=0.1,
+    viscous=0.02,
+    fall_ratio=2.0,
+    fade=1e-3,
+    cooling=30.0,
+)
+EVERYTHING = Machine(
+    arm=replace(BASELINE.arm, length_a=0.5, viscous_b=0.1),
+    clutch=FLUID,
+    hand=Hand(mass=1.0, damping=3.0, damping_anisotropy=(0.1, 0.2)),
+    clutch_scale=(0.5, 1.0, 1.0, 1.0),
+    clutches=(Connection("A to ground", (1.0, 0.0)), Connection('gear "1:2"', (1.0, -0.5))),
+    slip_threshold=2e-3,
+    substep=1e-3,
+    delay=0.012,
+)
+
+
+@pytest.mark.smoke
+@pytest.mark.parametrize("machine", [EVERYTHING, *MACHINES.values()], ids=["everything", *MACHINES])
+def test_a_file_holds_every_bit_of_a_machine(machine: Machine, tmp_path: Path) -> None:
+    file = tmp_path / "own.toml"
+    save_machine(machine, file, origin="chosen: for tests", title="A machine\nof two lines")
+    assert repr(find_machine(str(file))) == repr(machine)
+    assert file.read_text("utf-8").startswith("# A machine\n# of two lines\n")
+
+
+def test_each_number_has_its_unit_and_its_source() -> None:
+    own = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.5, inertia_b=2.0), delay=0.01)
+    text = format_machine(own, "chosen: larger", {"arm.inertia_b": "identified: from a log"})
+    for line in (
+        "length_a = 0.5  # m; chosen: larger",
+        "length_b = 0.4454  # m; fitted: PTER's links were of the order of half a metre",
+        "inertia_b = 2.0  # kg·m²; identified: from a log",
+        "delay = 0.01  # s; chosen: larger",
+    ):
+        assert line in text
+    assert "delay" not in TEXT
+    assert "chosen: for tests" not in TEXT
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("^knee = ", "knees = ", "knees"),
+        ("^length_a = 0.5645", "length_a = 0.0", r"Arm\.length_a"),
+        ("^length_a = 0.5645", "length_a = 'x'", r"Arm\.length_a"),
+        ("^length_a = 0.5645", "length_a = inf", "finite"),
+        ("^slope = .*", "", "slope"),
+        ('^type = "Arm"', 'type = "Leg"', "Leg"),
+        ('^type = "Machine"', 'type = "Hand"', "arm"),
+        (r"^clutch_scale = \[.*\]", "clutch_scale = [1.0]", r"Machine\.clutch_scale"),
+        (r"^\[arm\]", "[arm", "own.toml"),
+    ],
+)
+def test_a_damaged_file_is_refused(old: str, new: str, named: str, tmp_path: Path) -> None:
+    text, count = re.subn(old, new, TEXT, count=1, flags=re.MULTILINE)
+    assert count == 1
+    (tmp_path / "own.toml").write_text(text, "utf-8")
+    with pytest.raises(DataError, match=named):
+        load_machine(tmp_path / "own.toml")
+
+
+def test_a_file_that_is_not_there_or_that_commands_do_not_take_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="machine"):
+        find_machine(str(tmp_path / "none.toml"))
+    with pytest.raises(ParameterError, match="path"):
+        save_machine(BASELINE, tmp_path / "own.txt", origin="chosen: for tests")
+    for origin in ("a guess", "chosen: two\nlines"):
+        with pytest.raises(ParameterError, match="origin"):
+            save_machine(BASELINE, tmp_path / "own.toml", origin=origin)
+    assert not list(tmp_path.iterdir())
+
+
+OLD = """
+[arm]
+length_a = { value = 0.5, unit = "m", from = "chosen: shorter" }
+[clutch]
+slope = { value = 0.8869, unit = "N·m/V", from = "fitted: …" }
+knee = { value = 19.4, unit = "V", from = "fitted: …" }
+curvature = { value = 1.557, unit = "N·m/V²", from = "fitted: …" }
+breakaway_ratio = { value = 1.12, unit = "1", from = "fitted: …" }
+stribeck = { value = 0.1, unit = "rad/s", from = "chosen: …" }
+scale = { value = [1.0, 0.5], unit = "1", from = "chosen: …" }
+[path]
+x = { value = -0.6, unit = "m", from = "chosen: …" }
+[sensing]
+delay = { value = 0.012, unit = "s", from = "identified: …" }
+[clutches]
+"A to ground" = { value = [1.0, 0.0], unit = "1", from = "chosen: a brake" }
+"B to ground" = { value = [0.0, 1.0], unit = "1", from = "chosen: a brake" }
+"""
+
+
+def test_a_file_of_the_form_before_is_read_with_a_warning(tmp_path: Path) -> None:
+    (tmp_path / "old.toml").write_text(OLD, "utf-8")
+    with pytest.warns(DeprecationWarning, match="save_machine"):
+        machine = find_machine(str(tmp_path / "old.toml"))
+    assert machine == replace(
+        BASELINE,
+        arm=replace(BASELINE.arm, length_a=0.5),
+        clutch=replace(BASELINE.clutch, stribeck=0.1),
+        clutch_scale=(1.0, 0.5, 1.0, 1.0),
+        clutches=ARRANGEMENTS["two-brakes"],
+        delay=0.012,
+    )
+    for old, new in (("1.12", '"x"'), ("[1.0, 0.5]", "[1.0]"), ("slope", "slop"), ("0.5,", "0.0,")):
+        (tmp_path / "old.toml").write_text(OLD.replace(old, new), "utf-8")
+        with pytest.warns(DeprecationWarning), pytest.raises(DataError):
+            find_machine(str(tmp_path / "old.toml"))
