@@ -110,7 +110,7 @@ def read_table(
 
 
 def _rows(path: Path, max_size: int, comments: list[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield numbers of lines and their entries as they are read; adds comments above the first to a list."""
+    """Yield numbers of lines and their entries as they are read; collect comments above them."""
     if not path.is_file():
         raise ValueError(
             "it is no regular file" if os.path.lexists(path) else "there is no such file"
@@ -174,7 +174,7 @@ def _place(name: str, header: Sequence[str], unit: str) -> tuple[int, str]:
 
 
 def _unit_in(entry: str, name: str, unit: str) -> str | None:
-    """Return the unit that an entry of the header states for a name, "" for none; None for another name."""
+    """Return the unit that an entry of the header states, "" for none; None for another name."""
     if entry == name or (unit and entry.lower() == name.lower()):
         return ""
     for text in UNITS.get(unit, ()):

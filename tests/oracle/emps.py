@@ -1,7 +1,7 @@
 """Records of a machine: EMPS, a prismatic axis with dry friction that a motor drives by a screw.
 
-``emps.npz`` holds both records of Janot, Gautier and Brunot, "Data Set and Reference Models of EMPS"
-(Workshop on Nonlinear System Identification Benchmarks, Eindhoven, 2019), as distributed at
+``emps.npz`` holds both records of Janot, Gautier and Brunot, "Data Set and Reference Models of
+EMPS" (Workshop on Nonlinear System Identification Benchmarks, Eindhoven, 2019), as distributed at
 github.com/wmkouw/NSI-EMPS (MIT licence): 24,841 rows at 1 kHz, rounded to 0.1 µm and 1 mV and
 stored as differences. In the second, 5 V are added to the motor's command for half of each second.
 """
@@ -30,7 +30,7 @@ LENGTH = 0.1
 """Of link A [m]: the axis moves its tip, on an arc of this radius."""
 
 LINK_B = 0.5 * np.pi + 1.35
-"""Angle of link B, which rests: the force points along it, so it has no torque about its axis [rad]."""
+"""Angle of link B, which rests [rad]: the force points along it, so it feels no torque."""
 
 RECORDS = ("plain", "pulses")
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import signal
 
+from oracle.experiment import Experiment, record_log
 from oracle.recorded import RecordedMachine, record
 from pter_gym.params import BASELINE, Machine, TorqueCurve
-from oracle.experiment import Experiment, record_log
 from pter_gym.tools.identification import Log, quantities
 
 HEAT = 60.0

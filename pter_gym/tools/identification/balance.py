@@ -72,7 +72,7 @@ class Balance:
 
 
 def first_estimate(log: Log, motion: Smoothed, shape: Shape) -> Array:
-    """Return coordinates near those of the machine, or those of the start where the log does not suffice."""
+    """Return coordinates near the machine, or of the start where the log does not suffice."""
     p, best = shape.coordinates(shape.start), balance(log, motion, shape)
     if best is None:
         return p
@@ -102,7 +102,7 @@ def first_estimate(log: Log, motion: Smoothed, shape: Shape) -> Array:
 def balance(
     log: Log, motion: Smoothed, shape: Shape, grid: Sequence[Grid] = FULL
 ) -> Balance | None:
-    """Return the best regression over a grid, without negative inertias, torques or friction; None for too few rows."""
+    """Return the best regression over a grid, None for too few rows."""
     rows = _slipping_rows(log, motion, shape.start)
     if len(rows) < MIN_ROWS:
         return None
@@ -164,7 +164,7 @@ def _both(values: Array) -> Array:
 def _inertial(
     log: Log, motion: Smoothed, shape: Shape, rows: NDArray[np.int64]
 ) -> tuple[list[Array], Array]:
-    """Return the columns of the inertias and of the coupling, and the load that all columns together carry [N·m]."""
+    """Return the columns of inertias and coupling, and the load that all columns carry [N·m]."""
     theta, omega, alpha = motion.theta[rows], motion.omega[rows], motion.alpha[rows]
     arm, q = model_of(shape.start).arm._replace(coupling=1.0), motion_of(theta, omega)
     cos: Any = cos_difference(q)

@@ -18,6 +18,7 @@ from pter_gym.tools.identification.parameters import Quantity
 
 Array = NDArray[np.float64]
 
+_LINEAR: Any = np.linalg
 _OPTIMIZE: Any = optimize
 _SIGNAL: Any = signal
 _STATS: Any = stats
@@ -49,7 +50,7 @@ HIGH = np.array([1e3, 1e3, 5.0, 50.0, 1e2, 5.0, 20.0])
 
 @dataclass(frozen=True)
 class Bench:
-    """Rows at even times: the interval [s], voltage [V], speed [rad/s] and torque [N·m], shape (rows,)."""
+    """Even rows: the interval [s], voltage [V], speed [rad/s] and torque [N·m], shape (rows,)."""
 
     interval: float
     volts: Array
@@ -59,7 +60,7 @@ class Bench:
 
 @dataclass(frozen=True)
 class BenchResult:
-    """The numbers of a clutch, the share of its torque that they leave, and the highest voltage [V]."""
+    """The numbers of a clutch, the share of torque that they leave, the highest voltage [V]."""
 
     findings: list[Finding]
     left: float
@@ -83,11 +84,12 @@ def read_bench(path: FilePath, renamed: Mapping[str, str]) -> Bench:
     if len(stamps) < MIN_ROWS or (np.diff(stamps) <= 0.0).any():
         raise ParameterError(f"{file} must have at least {MIN_ROWS} rows, and t_s must rise")
     times, _ = in_seconds(stamps)
-    even = np.linspace(0.0, times[-1], len(times))
-    held = volts[np.searchsorted(times, even + 1e-9, side="right") - 1]
+    interval = float(times[-1]) / (len(times) - 1)
+    even = interval * np.arange(len(times), dtype=np.float64)
+    held: Array = volts[np.searchsorted(times, even + 1e-9, side="right") - 1]
     return Bench(
-        interval=float(even[1]),
-        volts=np.round(np.maximum(held, 0.0), 2),
+        interval=interval,
+        volts=np.maximum(held, 0.0).round(2),
         omega=np.interp(even, times, omega),
         torque=np.interp(even, times, np.abs(torque)),
     )
@@ -121,11 +123,11 @@ def identify_clutch(bench: Bench, start: Clutch) -> BenchResult:
     normal = jacobian.T @ jacobian
     size = np.sqrt(np.diag(normal)) + 1e-12
     ridge = 1e-9 * np.diag(size**2)
-    moved = [
-        np.linalg.solve(normal - jacobian[k].T @ jacobian[k] + ridge, jacobian[k].T @ left[k])
+    moved: list[Array] = [
+        _LINEAR.solve(normal - jacobian[k].T @ jacobian[k] + ridge, jacobian[k].T @ left[k])
         for k in parts
     ]
-    errors = float(_STATS.t.ppf(0.975, BLOCKS - len(LOW))) * np.linalg.norm(moved, axis=0)
+    errors = float(_STATS.t.ppf(0.975, BLOCKS - len(LOW))) * np.linalg.norm(np.stack(moved), axis=0)
     share = float(np.sqrt(np.mean(left**2)))
     findings: list[Finding] = []
     for (name, unit), value, error, jump in zip(NAMES, found.x, errors, first, strict=True):
@@ -136,8 +138,9 @@ def identify_clutch(bench: Bench, start: Clutch) -> BenchResult:
         }
         q = Quantity(name, unit, float(value), max(float(value), judged.get(name, 0.0)), name)
         status = "identified" if error <= MAX_REL_HALF_WIDTH * q.scale else "uncertain"
-        ends = {"low": q.value - float(error), "high": q.value + float(error)}
-        findings.append(Finding(quantity=q, before=float(jump), status=status, **ends))
+        low, high = q.value - float(error), q.value + float(error)
+        before = float(jump)
+        findings.append(Finding(quantity=q, low=low, high=high, before=before, status=status))
     return BenchResult(findings, share, float(bench.volts.max()))
 
 

@@ -83,10 +83,11 @@ def show_bench(logs: tuple[Path, ...], names: dict[str, str], start: "Machine") 
 def show_machine(log: "Log", start: "Machine", out: Path) -> None:
     """Identify a machine, print its numbers and write its files."""
     from pter_gym._internal.files import write_files_atomic
-    from pter_gym.params._preset import format_preset
+    from pter_gym.params._files import format_machine
     from pter_gym.tools.figures import png
     from pter_gym.tools.identification import identify as search
-    from pter_gym.tools.identification import preset_of
+    from pter_gym.tools.identification import origins_of
+    from pter_gym.tools.identification.identifying import ASSUMED
     from pter_gym.tools.identification.picture import picture
 
     make_folder(out)

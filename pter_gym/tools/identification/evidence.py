@@ -26,7 +26,7 @@ Flags = NDArray[np.bool_]
 _LINEAR: Any = np.linalg
 
 SIGNIFICANT = 4.5
-"""Amount over its standard error from which it counts: among 200 tests, one in 700 logs without it is taken for one."""
+"""Amount over its standard error from which it counts: 200 tests mistake one log in 700."""
 
 SIZES = {i: (0.01, 0.03, 0.1, 0.3) if i == at.STRIBECK else (0.1,) for i in at.TERMS}
 """Changes of the coordinates of terms that are tested: one where its size makes no difference."""
@@ -36,7 +36,7 @@ MIN_WINDOWS = 8
 
 
 class Amount(NamedTuple):
-    """How much of a change residuals contain, its standard error, and what the free coordinates do of it."""
+    """How much of a change residuals contain, its error, and what the free coordinates do of it."""
 
     value: float
     error: float
@@ -133,7 +133,7 @@ def _unseen(fit: Fit, i: int, tests: dict[float, Amount]) -> str:
 
 
 def find_differences(fit: Fit, log: Log, motion: Smoothed) -> tuple[str, ...]:
-    """Return the numbers that differ between parts of the log as sentences, the most significant first.
+    """Return numbers that differ between parts of the log as sentences, most significant first.
 
     Adds to the fit's spread how far coordinates would go if the number had a value of its own in
     the part that tells less of it.
@@ -158,7 +158,7 @@ def find_differences(fit: Fit, log: Log, motion: Smoothed) -> tuple[str, ...]:
 
 
 def _parts(fit: Fit, log: Log, motion: Smoothed) -> Iterator[tuple[str, Flags]]:
-    """Yield parts of the windows in which the model must hold as it does in the others, with their names."""
+    """Yield parts of the windows, with their names, in which the model must hold as in others."""
     windows, machine = fit.windows, fit.shape.machine(fit.p)
     rows = windows.first[:, None] + np.arange(windows.length + 1)
     behind = lagged(log, log.volts, machine.clutch.time_constant)

@@ -45,7 +45,7 @@ START_ERRORS = (0.01, 0.01, 0.3, 0.3)
 """How wrong a start may be [rad, rad/s]: keeps what no angle tells from wandering off."""
 
 MIN_RATIO = 1.001
-"""Ratio of breakaway to dynamic torque from which the search goes up: at 1 and below nothing depends on it."""
+"""Lower bound of T_s/T_k in the search; at ≤ 1 the simulator ignores it."""
 
 RATIOS = (1.02, 1.08, 1.18, 1.3, 1.45, 1.6)
 """Ratios that are tried at first, and where the search has come down to the least."""
@@ -161,7 +161,7 @@ class Fit:
 
     @property
     def error(self) -> float:
-        """Size of a residual that is nothing unusual [rad]: of the noise, or of the model's own errors."""
+        """Size of an ordinary residual [rad]: of the noise, or of the model's own errors."""
         return max(self.windows.noise, self.usual)
 
     def _weigh(self) -> None:
@@ -204,11 +204,11 @@ class Fit:
         return p
 
     def _told(self, squares: Array) -> Array:
-        """Return how much of each window's sum of squares counts, by its mean square [rad²]: no lone window rules."""
+        """Return how much of a window's sum of squares counts, by its mean square [rad²]."""
         return 1.0 / (1.0 + squares / (BAD * self.usual) ** 2)
 
     def _loss(self, squares: Array) -> Array:
-        """Return the loss of weighted squares and its derivatives, as ``least_squares`` takes them."""
+        """Return the loss of weighted squares and its derivatives for ``least_squares``."""
         rows = self.windows.measured[0].size
         of_windows = squares[: len(self.weights) * rows].reshape(-1, rows)
         mean = of_windows.mean(axis=1) * self.error**2
@@ -219,7 +219,7 @@ class Fit:
         return np.stack([told * squares, told**2, np.zeros_like(told)])
 
     def factors(self) -> Array:
-        """Return by what residuals are multiplied [1/rad]: roots of the windows' weights over the noise, (windows,)."""
+        """Return the factors of the residuals of each window [1/rad], shape (windows,)."""
         told = self._told(np.mean(self._at(self.p).residual ** 2, axis=1))
         return np.sqrt(self.weights) * told / self.error
 
@@ -231,7 +231,7 @@ class Fit:
         ]
 
     def predicted(self, p: Array, inputs: LogInputs | None = None) -> Array:
-        """Return the predicted angles [rad], shape (windows, 2·length); what is not finite becomes large."""
+        """Return the predicted angles [rad], (windows, 2·length), all finite."""
         w = self.windows
         angles = predict(self.shape, p, inputs or w.inputs, self.starts, w.length)
         return _finite(angles.reshape(len(self.starts), -1))
@@ -255,7 +255,7 @@ class Fit:
         return self._known[key]
 
     def _projected(self, by_start: Array, values: Array) -> tuple[Array, Array]:
-        """Return values (windows, rows, k) without their part along the derivatives by the start; how large it is."""
+        """Return values (windows, rows, k) without their part along the start, and that part."""
         across = np.swapaxes(by_start, 1, 2)
         normal = across @ by_start
         largest = np.trace(normal, axis1=1, axis2=2)[:, None, None]
@@ -264,13 +264,13 @@ class Fit:
         return values - by_start @ along, along
 
     def _near(self, p: Array, inputs: LogInputs | None = None) -> Array:
-        """Return the residuals [rad] at other coordinates or inputs, with the derivatives by the start of here."""
+        """Return the residuals [rad] at other coordinates or inputs, projected as here."""
         here = self._at(self.p)
         off = self.predicted(p, inputs) - self.windows.measured.reshape(here.residual.shape)
         return self._projected(here.by_start, off[:, :, None])[0][:, :, 0]
 
     def covariance(self) -> tuple[Array, float]:
-        """Return the covariance of the free coordinates, and by what quantile its roots become a 95 % interval."""
+        """Return the covariance of the free coordinates, and the quantile of 95 % intervals."""
         residual, jacobian = self.weighed()
         changes, information = jackknife(residual, jacobian)
         size = np.sqrt(np.maximum(np.diag(information), 1e-30))
@@ -308,18 +308,18 @@ class Fit:
         return np.sqrt(np.mean(self.residual**2, axis=1))
 
     def shaken(self) -> Array:
-        """Return the mean square [rad²] by which noise of the forces moves each window's angles, shape (windows,)."""
+        """Return by what mean square [rad²] noise of the forces moves each window's angles."""
         return np.mean(
             [self.change(self.p, each) ** 2 for each in self.windows.shaken], axis=(0, 2)
         )
 
     def change(self, p: Array, inputs: LogInputs | None = None) -> Array:
-        """Return the change of the residuals [rad] at other coordinates or inputs, shape (windows, 2·length)."""
+        """Return the change of the residuals [rad] at other coordinates or inputs."""
         return self._near(p, inputs) - self._at(self.p).residual
 
 
 def jackknife(residual: Array, jacobian: Array) -> tuple[Array, Array]:
-    """Return the coordinates' first-order changes without each informative block, and the information matrix."""
+    """Return the coordinates' changes without each informative block, and the information."""
     first = np.arange(0, len(residual), BLOCK)
     gradients = np.add.reduceat(np.einsum("wij,wi->wj", jacobian, residual), first)
     parts = np.add.reduceat(np.swapaxes(jacobian, 1, 2) @ jacobian, first)

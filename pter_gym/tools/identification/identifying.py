@@ -40,7 +40,7 @@ EXPECTED_STEPS = 60
 """About how many steps of progress an identification takes."""
 
 TIED = 0.2
-"""Share of the largest change, over the numbers' scales, from which a number is part of what a log leaves open."""
+"""Share of the largest relative change from which a number is part of what is left open."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,19 +121,18 @@ class Identification:
     @property
     def assumptions(self) -> tuple[str, ...]:
         """What no log of this kind shows, as sentences."""
-        clutch = self.start.clutch
+        clutch, (a, b) = self.start.clutch, self.offsets
         return (
             "The force sensor's gain is exact: all inertias and torques are proportional to it.",
             f"Links are {self.start.arm.length_a:g} m and {self.start.arm.length_b:g} m long.",
-            f"Each clutch drags with {clutch.viscous:g} N·m·s: more is viscous friction of the axes.",
-            f"A machine here has no constant torques: {self.offsets[0]:.3g} and {self.offsets[1]:.3g} "
-            "N·m on axes A and B, which were identified too, are not in the file.",
-            f"Clutches lose {100.0 * clutch.fade:g} % of their torque per joule; they were as warm as in the log.",
+            f"Clutches drag with {clutch.viscous:g} N·m·s: more is viscous friction of the axes.",
+            f"Constant torques on the axes, {a:.3g} and {b:.3g} N·m, are not in the file.",
+            f"Clutches lose {100.0 * clutch.fade:g} % of their torque per joule, as warm as here.",
         )
 
     @property
     def residuals(self) -> Array:
-        """Measured less predicted angles [rad], shape (windows, length, 2); NaN for windows that are not used."""
+        """Measured less predicted angles [rad], (windows, length, 2); NaN in unused windows."""
         windows = self.fit.windows
         off = windows.measured - self.fit.predicted(self.fit.p).reshape(windows.measured.shape)
         return np.where(windows.used[:, None, None], off, np.nan)
@@ -174,7 +173,7 @@ def identify(
         if x not in live
     }
     if not live:
-        places = (at.EXTRA, at.KNEE, at.RATIO, at.TIME_CONSTANT, at.DELAY, *at.TERMS)
+        places = (at.EXTRA, at.KNEE, at.RATIO, at.TIME_CONSTANT, at.DELAY, *at.CLUTCH_TERMS)
         kept |= dict.fromkeys(places, "no clutch slipped while on")
     elif levels < MIN_LEVELS:
         shape = replace(shape, kept_knee=start.clutch.dynamic.knee)
@@ -252,7 +251,7 @@ def _checked(log: Log, start: Machine) -> Smoothed:
     largest, count = start.clutch.voltage_max, len(start.clutches)
     if log.volts.max() > largest:
         raise ParameterError(
-            f"log: V1 to V4 must be at most {largest:g} V, got {log.volts.max():g}: are these volts?"
+            f"log: V1 to V4 must be at most {largest:g} V, got {log.volts.max():g}: volts?"
         )
     if log.volts[:, count:].any():
         raise ParameterError(
@@ -267,8 +266,7 @@ def _checked(log: Log, start: Machine) -> Smoothed:
 
 
 def _keep_unseen(fit: Fit, kept: dict[int, str], before: Array) -> set[str]:
-    """Search without coordinates that the log does not show, which keep their values; add the
-    reasons.
+    """Search without coordinates that the log does not show, and add the reasons.
 
     Returns the names of numbers that it shows only in combination with one that is kept.
     """
@@ -303,7 +301,7 @@ def _keep_unseen(fit: Fit, kept: dict[int, str], before: Array) -> set[str]:
 
 
 def _left_open(fit: Fit, worst: int) -> set[str]:
-    """Return the numbers whose changes together are hardly seen, if a coordinate is not unseen by itself."""
+    """Return numbers that are hardly seen together, if a coordinate is not unseen by itself."""
     change = fit.weakest()
     if abs(change[worst]) < TIED * at.STEPS[worst]:
         return set()

@@ -74,7 +74,7 @@ MIN_DURATION, MAX_DURATION = 5.0, 600.0
 """Duration of a log [s]."""
 
 MAX_SPEED = 50.0
-"""Fastest turn of a link between two rows [rad/s]: faster is a sign of degrees, or of an angle that wraps."""
+"""Fastest turn of a link between two rows [rad/s]: faster are degrees, or an angle wraps."""
 
 MIN_TURN = 1e-3
 """Shortest time over which that is judged [s]: rows may be logged in bursts."""
@@ -250,7 +250,7 @@ def _refuse_rows(file: Path, lines: Rows, wrong: Flags, wanted: str) -> None:
 
 
 def in_seconds(stamps: Array) -> tuple[Array, str]:
-    """Return times from the first stamp on [s], and the unit of the stamps, by their mean interval."""
+    """Return times from the first stamp on [s], and the unit of stamps, by their mean interval."""
     passed = stamps - stamps[0]
     mean = float(passed[-1]) / (len(passed) - 1)
     for unit, size in CLOCKS.items():
@@ -269,12 +269,12 @@ def _spread(times: Array) -> tuple[Array, int]:
     count, number = int(together.sum()), np.arange(len(times), dtype=np.float64)
     if not count:
         return times, 0
-    even: Array = np.polyval(np.polyfit(number, times, 1), number)
+    even: Any = np.polyval(np.polyfit(number, times, 1), number)
     if count > COARSE * len(times) and np.abs(even - times).max() <= step.max():
         return even - even[0], count
     first = np.flatnonzero(np.concatenate([[True], ~together]))
     end = times[first[-1]] + float(np.mean(step)) * (len(times) - first[-1])
-    return np.interp(number, [*first, len(times)], [*times[first], end]), count
+    return np.interp(number, np.append(first, len(times)), np.append(times[first], end)), count
 
 
 def write_log(log: Log, path: FilePath) -> None:
@@ -352,18 +352,19 @@ def interpolated(when: Array, times: Array, columns: Array) -> Array:
 
 
 def angle_step(*angles: Array) -> float:
-    """Return the smallest change of angles between two rows [rad], which is an encoder's resolution; 0 for none."""
+    """Return the smallest change between two rows [rad]: an encoder's resolution; 0 for none."""
     steps = np.abs(np.concatenate([np.diff(each) for each in angles]))
     return float(steps[steps > ROUNDING].min(initial=1.0)) if (steps > ROUNDING).any() else 0.0
 
 
 def _mean_volts(when: Array, times: Array, volts: Array) -> Array:
-    """Return the mean voltages from each of even times to the next, with the integral of those held from row to row."""
+    """Return the mean voltage from each of even times to the next."""
     charge = np.concatenate([[0.0], np.cumsum(np.diff(times) * volts[:-1])])
     passed = np.interp(when, times, charge)
     passed += np.maximum(when - times[-1], 0.0) * volts[-1]
-    means = np.diff(passed) / (when[1] - when[0])
-    return np.round(np.append(means, volts[-1]), 6)
+    means: Array = np.diff(passed) / (when[1] - when[0])
+    held: Array = np.append(means, volts[-1]).round(6)
+    return held
 
 
 def _on_raster(
@@ -387,8 +388,10 @@ def _on_raster(
     gaps: list[tuple[float, float]] = []
     columns: dict[str, Array] = {}
     for name, values in volts.items():
-        when = times[known[name]] if len(values) else times[:1]
-        values = values if len(values) else np.zeros(1)
+        if not len(values):
+            columns[name] = np.zeros_like(raster)
+            continue
+        when = times[known[name]]
         columns[name] = _mean_volts(raster, np.append(0.0, when), np.append(values[0], values))
         changed, apart = np.diff(values) != 0.0, np.diff(when)
         if changed.mean() < 0.5:  # else a voltage has a row where it changes, at its own time
@@ -407,7 +410,8 @@ def _on_raster(
     periods = [np.mean(part) for part in np.array_split(step, max(1, int(times[-1])))]
     drift = float(np.ptp(periods) / interval)
     remarks.append(
-        f"rows were interpolated to {1e3 * interval:.6g} ms; the clock's period varies by {100 * drift:.2g} %."
+        f"rows were interpolated to {1e3 * interval:.6g} ms; "
+        f"the clock's period varies by {100 * drift:.2g} %."
     )
     if gaps:
         places = [f"{place:.2f}" for place in sorted({max(begin, 0.0) for begin, _ in gaps})]

@@ -1,4 +1,4 @@
-"""What is identified: a machine as coordinates that an optimiser sees, and the numbers that a user reads."""
+"""A machine as coordinates for an optimiser, and the numbers that a user reads."""
 
 import math
 from dataclasses import dataclass, replace
@@ -78,8 +78,9 @@ DRY, VISCOUS = (12, 13), (14, 15)
 OFF_STATE, STRIBECK, FALL_RATIO = 16, 17, 18
 OFFSET = (19, 20)
 
-TERMS = (OFF_STATE, STRIBECK, FALL_RATIO)
-"""Coordinates that the paper's clutches do not have: searched only if a log asks for them."""
+CLUTCH_TERMS = (OFF_STATE, STRIBECK, FALL_RATIO)
+TERMS = (*CLUTCH_TERMS, *OFFSET)
+"""Coordinates that the paper's machine does not have: searched only if a log asks for them."""
 
 STEPS = np.array([each.step for each in COORDINATES])
 MAX_ERRORS = np.array([each.max_error for each in COORDINATES])
@@ -167,7 +168,7 @@ class Shape:
         return float(p[OFFSET[0]] * np.exp(p[0])), float(p[OFFSET[1]] * np.exp(p[1]))
 
     def coordinates(self, machine: Machine, delay: float = 0.0) -> Array:
-        """Return the coordinates of a machine; a knee beyond the log is put into it, without a quadratic segment."""
+        """Return the coordinates of a machine; a knee beyond the log is moved into it."""
         arm, curve = machine.arm, machine.clutch.dynamic
         inside = curve.knee <= self.top - ROOM
         knee = curve.knee if inside else max(0.5 * self.top, 0.0)
@@ -209,7 +210,7 @@ class Shape:
 
 
 class Quantity(NamedTuple):
-    """One reported number: its value, by what size an error is judged, and its section and field, if any."""
+    """One reported number: its value, the scale of its errors, and its field, if any."""
 
     name: str
     unit: str

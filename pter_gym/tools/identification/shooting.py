@@ -42,7 +42,7 @@ LANES = len(ORDER) + 4
 """All lanes: the last four are the derivatives by a window's start."""
 
 SMALL = 1e-4
-"""Steps of differences where formulas are smooth, over the usual ones: they are right to about 10⁻⁹."""
+"""Steps of differences of smooth formulas, over the usual ones: right to about 10⁻⁹."""
 
 advance: Any = None
 """What the kernel below calls; ``compile_kernel`` binds this name."""
@@ -70,8 +70,7 @@ class LogInputs:
     force: Array
 
     def volts(self, delay: float) -> tuple[Array, Array]:
-        """Return the mean voltage of each substep [V], delayed by a time [s], and its derivative by
-        the delay.
+        """Return the delayed mean voltage of each substep [V], and its derivative by the delay.
 
         Both have the shape (substeps, 4).
         """
@@ -87,7 +86,7 @@ class LogInputs:
 def make_inputs(
     interval: float, volts: Array, force: Array, longest: float = MAX_SUBSTEP
 ) -> LogInputs:
-    """Return the model's inputs from rows of voltages [V], each held until the next, and of forces [N]."""
+    """Return the model's inputs from rows of voltages [V], which are held, and forces [N]."""
     substeps = int(np.ceil(interval / longest - 1e-9))
     step = interval / substeps
     charge = np.concatenate([np.zeros((1, 4)), np.cumsum(interval * volts[:-1], axis=0)])
@@ -137,7 +136,8 @@ def _body(shape: Shape, p: Array, inputs: LogInputs, volts: Array) -> Array:
     volts = np.minimum(volts, machine.clutch.voltage_max)
     settled = initial_state(machine, (0.0, 0.0), volts=volts)
     body = body_of(replace(machine, substep=inputs.step), settled)
-    body[[BODY.load.torque_a, BODY.load.torque_b], 0] = shape.offsets(p)
+    at_load: Any = [BODY.load.torque_a, BODY.load.torque_b]
+    body[at_load, 0] = shape.offsets(p)
     return body
 
 

@@ -31,31 +31,31 @@ NEGLIGIBLE = 0.005
 """Share of the force's effect that an exact model may leave in a window: no sensor is better."""
 
 SMOOTH = 0.02
-"""Time over which residuals are averaged for ρ [s]: errors of forces are smoother, an encoder's are not."""
+"""Time over which residuals are averaged for ρ [s]: errors of forces are smoother."""
 
 MAX_FAR = 0.1
-"""Largest share of such windows under an exact model: some breakaways are always a matter of chance."""
+"""Largest share of such windows under an exact model: some breakaways are chance."""
 
 MAX_DIFFERING = 0.25
-"""Largest share of numbers that differ between parts of the log: what is not in the model touches a few."""
+"""Largest share of numbers that differ between parts of the log."""
 
 MAX_EXACT_RHO = 0.01
-"""Largest share of the force that an exact model leaves: a coarse encoder alone makes no model exact."""
+"""Largest share of the force that an exact model leaves, whatever the encoder."""
 
 MAX_RHO = 0.03
 """Largest share of the force that a model which is good for simulation leaves."""
 
 LEFT = 0.02
-"""Share of the load left by the balance of torques, from which other readings of a log are tried."""
+"""Share of the load left by the balance of torques, from which other readings are tried."""
 
 BETTER = 0.2
 """What another reading may leave of that, to be reported."""
 
 UNRELATED = 0.5
-"""Share of the load left by all readings, from which forces and motion have nothing to do with each other."""
+"""Share of the load left by all readings, from which forces and motion are unrelated."""
 
 OTHER_SIZE = 2.0
-"""Factor between all inertias and torques and those of the start, from which the unit of the forces is questioned."""
+"""Factor from the start to all inertias and torques that questions the unit of forces."""
 
 MAX_LISTED = 3
 """Differences between parts of a log that are named."""
@@ -105,11 +105,12 @@ class Verdict:
     def sentence(self) -> str:
         """The verdict in words."""
         if not self.enough:
-            return f"Nothing is identified: {self.windows} usable windows are too few for so many numbers."
+            return f"Nothing is identified: {self.windows} usable windows are too few."
         left = f"it leaves {100 * self.rho:.2g} % of the hand's force unexplained"
         left += f" ({self.gaps} windows with gaps are left out)" if self.gaps else ""
         if self.grade == EXACT:
-            return f"The model is exact: in {100 * self.far:.0f} % of {self.windows} windows, residuals exceed noise; {left}."
+            far = f"in {100 * self.far:.0f} % of {self.windows} windows, residuals exceed noise"
+            return f"The model is exact: {far}; {left}."
         if self.grade == SIMULATION:
             return f"The model is good for simulation: {left}, in {self.windows} windows."
         differing = (
@@ -152,7 +153,7 @@ def judge(fit: Fit, differences: tuple[str, ...], log: Log) -> Verdict:
 
 
 def _mean_squares(angles: Array, rows: int, length: int) -> Array:
-    """Return the mean square of each window's angles (windows, 2·length), averaged over rows first."""
+    """Return each window's mean square of angles (windows, 2·length), averaged over rows first."""
     count = length // rows
     parts = angles.reshape(len(angles), length, 2)[:, : count * rows]
     return np.mean(parts.reshape(len(angles), count, rows, 2).mean(axis=2) ** 2, axis=(1, 2))
@@ -165,18 +166,18 @@ def _oddities(fit: Fit, log: Log, differences: tuple[str, ...]) -> Iterator[str]
         said = "; ".join(differences[:MAX_LISTED]) + (f", and {more} more" if more > 0 else "")
         yield f"Numbers differ between parts of the log, which makes their intervals wider: {said}."
     if 0.0 < log.volts.max() <= 1.0:
-        yield f"No voltage is above {log.volts.max():.3g} V: are V1 to V4 volts, or shares of the largest voltage?"
+        yield f"No voltage is above {log.volts.max():.3g} V: are V1 to V4 volts, or shares?"
     sizes = [i for i in (INERTIA_A, INERTIA_B, *SLOPES) if i in fit.free]
     ratios = np.exp((fit.p - fit.shape.coordinates(fit.shape.start))[sizes])
     if sizes and (ratios.min() > OTHER_SIZE or ratios.max() < 1.0 / OTHER_SIZE):
         yield (
-            f"All inertias and torques are about {np.exp(np.log(ratios).mean()):.2g} times those of the start: "
+            f"Inertias and torques are {np.exp(np.mean(np.log(ratios))):.2g} times the start's: "
             "are F_x and F_y in newtons (1 lbf is 4.448 N), and the lengths in metres?"
         )
 
 
 def other_readings(log: Log, shape: Shape) -> Iterator[str]:
-    """Yield the other reading of a log under which the balance of torques leaves much less, if there is one."""
+    """Yield the reading of a log under which the balance of torques leaves much less, if any."""
     usual = balance(log, smooth(log), shape, COARSE)
     if usual is None or usual.left < LEFT:
         return
@@ -186,9 +187,11 @@ def other_readings(log: Log, shape: Shape) -> Iterator[str]:
         if tried is not None and tried.left < least:
             least, said = tried.left, sentence
     if least < BETTER * usual.left:
-        yield f"{said}: then {100 * least:.1f} % of the torques stay unexplained, instead of {100 * usual.left:.0f} %."
+        left = f"{100 * least:.1f} % of the torques stay unexplained"
+        yield f"{said}: then {left}, instead of {100 * usual.left:.0f} %."
     elif least > UNRELATED:
-        yield f"{100 * least:.0f} % of the torques stay unexplained: do forces and angles belong to the same motion?"
+        left = f"{100 * least:.0f} % of the torques stay unexplained"
+        yield f"{left}: do forces and angles belong to the same motion?"
 
 
 def _readings(log: Log) -> Iterator[tuple[str, Log]]:

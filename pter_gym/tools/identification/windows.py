@@ -1,4 +1,4 @@
-"""A log cut into windows: what each begins with, which clutches hold then, and what the angles were."""
+"""A log cut into windows: where each begins, which clutches hold then, and the angles."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ _NDIMAGE: Any = ndimage
 _SIGNAL: Any = signal
 
 DURATION = 0.2
-"""Length of a window [s]: angles tell accelerations well within it, and little of a wrong start is left."""
+"""Length of a window [s]: angles tell accelerations well within it."""
 
 CUTOFF = 200.0
 """Cutoff frequency of the forces [Hz]: a log of up to 500 rows a second is not filtered. A filter
@@ -27,7 +27,7 @@ cuts off the hand's peaks, so that clutches break away too late; 120 Hz makes th
 0.1 % too small."""
 
 SMOOTHING = 0.024
-"""Half the length of the smoothing of the angles [s], which gives the velocities at the starts of windows."""
+"""Half the length of the angles' smoothing [s], which gives velocities at starts of windows."""
 
 GAIN = 1e-3
 """Relative change of the forces that shows what they do to the angles."""
@@ -122,7 +122,7 @@ def smooth(log: Log) -> Smoothed:
 
 
 def _noise(log: Log, smoothed: Array) -> float:
-    """Return the standard deviation of the angles' noise [rad]: without motion's, and at least an encoder's."""
+    """Return the standard deviation of the angles' noise [rad], at least an encoder's."""
     rough = np.diff(log.theta[:: _independent(log)], 3, axis=0) / np.sqrt(20.0)
     spread = min(
         float(np.median(np.abs(values))) / 0.6745 for values in (log.theta - smoothed, rough)
@@ -131,7 +131,7 @@ def _noise(log: Log, smoothed: Array) -> float:
 
 
 def _independent(log: Log) -> int:
-    """Return how many rows apart noise is independent: interpolated rows share that of their neighbours."""
+    """Return how many rows apart noise is independent: interpolated rows share it."""
     return max(1, round(INDEPENDENT / log.interval)) if log.angle_step else 1
 
 
@@ -222,7 +222,7 @@ def _shaken_logs(log: Log) -> Iterator[Log]:
 def _holding(
     log: Log, motion: Smoothed, start: Machine, time_constant: float
 ) -> tuple[Flags, Flags]:
-    """Return which clutches hold at rows of a log, shape (rows, 4), and where that cannot be told, shape (rows,)."""
+    """Return which clutches hold at rows, (rows, 4), and where that is uncertain, (rows,)."""
     engaged = lagged(log, log.volts, time_constant) > ENGAGED
     slip = np.abs(motion.omega @ slip_rows(start).T)
     width = 2 * motion.half + 1
@@ -234,7 +234,7 @@ def _holding(
 
 
 def _admitted(omega: Array, held: Flags, w: Array) -> tuple[Array, Array]:
-    """Return velocities that held clutches admit, shape (N, 2), and the directions left, as columns, (N, 2, 2)."""
+    """Return velocities that held clutches admit, (N, 2), and the directions left, (N, 2, 2)."""
     same = (
         (w[:, None] == w).all(axis=2).argmax(axis=1)
     )  # clutches of equal rows leave the same line

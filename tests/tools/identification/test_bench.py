@@ -1,4 +1,4 @@
-"""One clutch on a bench: its numbers from voltage, speed and torque, as an entry for the library."""
+"""One clutch on a bench: its numbers, and an entry for the library."""
 
 import tomllib
 from pathlib import Path

@@ -19,7 +19,7 @@ PUBLISHED = {
 }
 
 TOLERANCE = {"plain": 0.06, "pulses": 0.07}
-"""Of point values: friction's two numbers trade off, and the published ones are of the plain record."""
+"""Of point values: friction's two numbers trade off against each other."""
 
 
 @cache

@@ -77,7 +77,7 @@ def test_the_lag_is_that_of_the_clutches():
 
 
 def crossing(clutches: str, lag: str) -> tuple[Shape, np.ndarray, LogInputs, np.ndarray]:
-    """A shape, coordinates, inputs and starts of windows in which clutches slip, stick and break away."""
+    """Shape, coordinates, inputs and starts of windows in which clutches slip and stick."""
     rng = np.random.default_rng(3)
     start = BASELINE if clutches == "paper" else find_machine(clutches)
     arm = replace(OTHER.arm, dry_a=0.2, dry_b=0.1, viscous_a=0.1, viscous_b=0.2)
@@ -139,7 +139,7 @@ def test_windows_have_the_derivatives_of_central_differences(clutches: str, lag:
 
 
 def test_a_simulated_log_is_what_the_model_predicts():
-    """Its forces and angles are those of the same instants: half a substep of the record between them is 0.12 mrad."""
+    """Forces and angles are of the same instants: half a substep between them is 0.12 mrad."""
     log = record_log(OTHER, replace(SHORT, levels=(10.0,)), replace(PERFECT, angle_noise=0.0))
     inputs = make_inputs(log.interval, log.volts, log.force)
     shape, start = Shape(OTHER, 22.0), np.array([[*log.theta[0], 0.0, 0.0]])
@@ -193,7 +193,7 @@ def test_unobservable_clutch_numbers_are_named_and_kept():
 
 @pytest.mark.slow
 def test_a_combination_that_the_log_leaves_open_is_named(monkeypatch: pytest.MonkeyPatch):
-    """With a clutch at one voltage throughout, its torque and the axis's dry friction are one number."""
+    """At one voltage, a clutch's torque and the axis's dry friction are one number."""
     constant = lambda _experiment, times, _clutches: np.tile([5.0, 0, 0, 0], (len(times), 1))  # noqa: E731
     monkeypatch.setattr(Experiment, "voltages", constant)
     machine = replace(BASELINE, arm=replace(OTHER.arm, dry_a=0.3))
@@ -243,7 +243,7 @@ def drawn_machine(rng: np.random.Generator) -> Machine:
 @pytest.mark.long
 @pytest.mark.parametrize("number", range(10))
 def test_identified_values_are_within_five_percent(number: int):
-    """Encoders of 12 or 14 bit, forces with noise, up to 20 ms of delay; at most one interval in twenty fails."""
+    """Encoders of 12 or 14 bit, noisy forces, up to 20 ms of delay; two intervals may fail."""
     rng = np.random.default_rng([18, number])
     machine = drawn_machine(rng)
     recorder = Recorder(

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from oracle.experiment import Experiment, record_log
 from pter_gym._commands.main import main
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tools.identification import Log, identify, join_logs, read_log, write_log
-from oracle.experiment import Experiment, record_log
 from pter_gym.tools.identification.windows import cut, smooth
 
 HEAD = "t_s,V1,V2,V3,V4,theta_A,theta_B,F_x,F_y"
@@ -183,7 +183,7 @@ def test_the_command_names_what_is_wrong(
 
 @pytest.mark.slow
 def test_an_uneven_log_gives_the_machine_back(tmp_path: Path):
-    """Of an angle that is relative and in degrees, by a clock that wanders and loses rows, joined with an even log."""
+    """A relative angle in degrees, a clock that wanders and loses rows, joined with an even log."""
     machine = replace(
         BASELINE, arm=replace(BASELINE.arm, inertia_a=0.7, inertia_b=0.6, coupling=0.1)
     )

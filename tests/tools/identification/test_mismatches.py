@@ -1,4 +1,4 @@
-"""Logs of machines and sensors that are not as assumed: numbers are right within their intervals, or not identified."""
+"""Machines and sensors that are not as assumed: numbers are inside intervals, or not identified."""
 
 import pytest
 

@@ -53,7 +53,7 @@ def true_values(machine: RecordedMachine) -> dict[str, float]:
     "machine", [RecordedMachine(), RUBBING], ids=["no friction of the axes", "friction of the axes"]
 )
 def test_a_machine_of_the_models_kind_is_explained(machine: RecordedMachine):
-    """Each number is within 2 % of its scale, which is what the stiff springs of the generator may change."""
+    """Numbers are within 2 % of their scale: the generator's springs are stiff, not rigid."""
     found = identify(record(machine), BASELINE)
     assert found.verdict.grade == EXACT
     assert found.verdict.sentence.startswith("The model is exact")
@@ -179,7 +179,7 @@ def test_unmoved_numbers_are_kept_and_too_few_rows_refused():
 
 
 def test_white_noise_is_measured():
-    """Together with that of the log's encoders; the median of 4,000 numbers tells it to 2 %, smoothing takes 3 %."""
+    """With that of the encoders; the median of 4,000 numbers tells it to 2 %."""
     noise = 1e-4
     theta = good().theta + noise * np.random.default_rng(2).standard_normal(good().theta.shape)
     expected = np.hypot(noise, Recorder().angle_resolution / np.sqrt(12.0))
