@@ -132,29 +132,29 @@ def _unseen(fit: Fit, i: int, tests: dict[float, Amount]) -> str:
     return f"the log does not ask for it, and would show {scale.get(i, 1.0) * shown:.2g} {unit}"
 
 
-def find_differences(fit: Fit, log: Log, motion: Smoothed) -> tuple[str, ...]:
-    """Return numbers that differ between parts of the log as sentences, most significant first.
+def find_differences(fit: Fit, log: Log, motion: Smoothed) -> dict[str, str]:
+    """Return numbers that differ between parts of the log, and where, most significant first.
 
     Adds to the fit's spread how far coordinates would go if the number had a value of its own in
     the part that tells less of it.
     """
-    said: list[tuple[float, str]] = []
+    said: list[tuple[float, str, str]] = []
     parts = list(_parts(fit, log, motion))
     if not (fit.free and parts):
-        return ()
+        return {}
     evidence = Evidence(fit)
     for column, i in enumerate(fit.free):
         tests = [(name, evidence.part(column, part)) for name, part in parts]
         name, amount = max(tests, key=lambda test: abs(test[1].significance))
         if abs(amount.significance) >= SIGNIFICANT:
-            said.append((abs(amount.significance), f"{COORDINATES[i].quantity} differs {name}"))
+            said.append((abs(amount.significance), COORDINATES[i].quantity, name))
             own = np.eye(len(fit.free))[column] - amount.along
             change = np.zeros(at.COUNT)
             change[fit.free] = amount.value * min(
                 own, amount.along, key=lambda way: abs(float(way[column]))
             )
             fit.spread = fit.spread + np.outer(change, change)
-    return tuple(sentence for _, sentence in sorted(said, reverse=True))
+    return {quantity: name for _, quantity, name in sorted(said, reverse=True)}
 
 
 def _parts(fit: Fit, log: Log, motion: Smoothed) -> Iterator[tuple[str, Flags]]:

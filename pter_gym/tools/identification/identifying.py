@@ -345,7 +345,8 @@ def _findings(fit: Fit, kept: dict[int, str], tied: set[str], verdict: Verdict) 
         unmoved = "" if by_free.any() else "the log shows none of the numbers from which it follows"
         reason = reasons.get(q.name, "") or unmoved
         described = verdict.grade != NEITHER
-        sure = described and q.name not in tied and half <= MAX_REL_HALF_WIDTH * q.scale
+        sure = described and q.name not in tied | verdict.differences.keys()
+        sure &= half <= MAX_REL_HALF_WIDTH * q.scale
         half = 0.0 if reason else half if described else math.inf
         status = "kept" if reason else "identified" if sure else "uncertain"
         ends = {"low": q.value - half, "high": q.value + half}

@@ -1,6 +1,6 @@
 """How well the model describes a log: ρ, the grade, and what may be wrong with the log."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -80,6 +80,8 @@ class Verdict:
         Whether there are more independent stretches than numbers to identify.
     differing
         Share of the searched numbers that differ between parts of the log.
+    differences
+        Between which parts each of them does.
     hints
         Sentences on what may be wrong with the log.
     """
@@ -90,6 +92,7 @@ class Verdict:
     rho: float
     enough: bool
     differing: float
+    differences: Mapping[str, str]
     hints: tuple[str, ...] = ()
 
     @property
@@ -122,8 +125,8 @@ class Verdict:
         )
 
 
-def judge(fit: Fit, differences: tuple[str, ...], log: Log) -> Verdict:
-    """Return the verdict on a fit, given what differs between parts of the log."""
+def judge(fit: Fit, differences: Mapping[str, str], log: Log) -> Verdict:
+    """Return the verdict on a fit, given which numbers differ between which parts of the log."""
     windows, used = fit.windows, fit.windows.used
     driven = fit.change(fit.p, windows.harder) / GAIN
     made = [fit.change(fit.p, inputs) for inputs in (windows.finer, *windows.shaken)]
@@ -147,6 +150,7 @@ def judge(fit: Fit, differences: tuple[str, ...], log: Log) -> Verdict:
         rho=float(np.sqrt(max(left - noise, 0.0) / max(effect, 1e-300))),
         enough=int(used.sum()) // BLOCK > len(fit.free),
         differing=len(differences) / max(len(fit.free), 1),
+        differences=differences,
     )
     readings = other_readings(log, fit.shape) if verdict.grade == NEITHER else ()
     return replace(verdict, hints=(*_oddities(fit, log, differences), *readings))
@@ -159,11 +163,12 @@ def _mean_squares(angles: Array, rows: int, length: int) -> Array:
     return np.mean(parts.reshape(len(angles), count, rows, 2).mean(axis=2) ** 2, axis=(1, 2))
 
 
-def _oddities(fit: Fit, log: Log, differences: tuple[str, ...]) -> Iterator[str]:
+def _oddities(fit: Fit, log: Log, differences: Mapping[str, str]) -> Iterator[str]:
     """Yield what is odd about a log, whatever the grade."""
     if differences:
         more = len(differences) - MAX_LISTED
-        said = "; ".join(differences[:MAX_LISTED]) + (f", and {more} more" if more > 0 else "")
+        listed = [f"{name} differs {where}" for name, where in differences.items()][:MAX_LISTED]
+        said = "; ".join(listed) + (f", and {more} more" if more > 0 else "")
         yield f"Numbers differ between parts of the log, which makes their intervals wider: {said}."
     if 0.0 < log.volts.max() <= 1.0:
         yield f"No voltage is above {log.volts.max():.3g} V: are V1 to V4 volts, or shares?"

@@ -167,7 +167,7 @@ def test_a_log_without_noise_gives_the_machine_back(clutches: str):
     found = identify(record_log(machine, SHORT, PERFECT), start)
     off = errors(found, machine, 0.006)
     kept = {name for name, status in states(found).items() if status == "kept"}
-    assert kept == {"off_state", "stribeck", "fall_ratio"}
+    assert kept == {"off_state", "stribeck", "fall_ratio", "offset_a", "offset_b"}
     for name, error in off.items():
         assert abs(error) < (
             0.005 if name in ("breakaway_ratio", "curvature", "delay") else 0.001
@@ -287,7 +287,7 @@ def test_a_machine_with_noise_and_its_files(tmp_path: Path, monkeypatch: pytest.
 @pytest.mark.slow
 def test_the_file_is_the_machine_and_says_where_it_comes_from(tmp_path: Path):
     small = identify(
-        record_log(OTHER, replace(SHORT, levels=(10.0,), on=0.6, free=2.0), EXACT), BASELINE
+        record_log(OTHER, replace(SHORT, levels=(10.0,), on=0.6, free=2.0), PERFECT), BASELINE
     )
     text = format_machine(small.machine, ASSUMED, origins_of(small), "title")
     (tmp_path / "machine.toml").write_text(text, "utf-8")
