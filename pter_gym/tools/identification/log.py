@@ -393,10 +393,14 @@ def _on_raster(
             continue
         when = times[known[name]]
         columns[name] = _mean_volts(raster, np.append(0.0, when), np.append(values[0], values))
-        changed, apart = np.diff(values) != 0.0, np.diff(when)
-        if changed.mean() < 0.5:  # else a voltage has a row where it changes, at its own time
-            late = changed & (apart > LATE * np.median(apart) * (1.0 + 1e-6))
-            gaps += [(when[k], when[k + 1] + SETTLING) for k in np.flatnonzero(late)]
+    # voltages that have a row where one changes are known at their own times, others in between
+    commanded: Flags = np.any([known[name] for name in VOLTS], axis=0)
+    when, apart = times[commanded], np.diff(times[commanded])
+    held = np.stack([np.interp(when, times[known[n]], volts[n]) for n in VOLTS if len(volts[n])])
+    changed = np.any(np.diff(held, axis=1) != 0.0, axis=0)
+    if len(changed) and changed.mean() < 0.5:
+        late = changed & (apart > LATE * np.median(apart) * (1.0 + 1e-6))
+        gaps += [(when[k], when[k + 1] + SETTLING) for k in np.flatnonzero(late)]
     for name, when in clocks.items():
         curve = _INTERPOLATE.PchipInterpolator(when, found[name][known[name]])
         columns[name] = curve(raster.clip(when[0], when[-1]))
