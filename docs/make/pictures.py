@@ -23,6 +23,7 @@ import tyro
 from markup import IMAGES
 from matplotlib.figure import Figure
 
+import pter_gym
 from pter_gym._internal.files import write_bytes_atomic
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.boards import UNRANKED, in_order
@@ -118,7 +119,7 @@ def pter() -> None:
 
     env = gymnasium.make("pter_gym:PTER/PathFollowing-v0", render_mode="rgb_array")
     world = env.unwrapped
-    policy = TorqueFeedback().bind(world.machine, world.observation_layout)
+    policy = pter_gym.load_policy(TorqueFeedback(), env)
     observation, info = env.reset(seed=0)
     while info["telemetry"][world.telemetry_layout.index("time")] < 0.65 - 1e-9:
         observation, _, _, _, info = env.step(policy(observation))

@@ -7,12 +7,14 @@ episodes`` writes them.
 import gzip
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
+from pter_gym._engine.batch import Batch
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic
 from pter_gym._internal.reading import MAX_JSON_SIZE, inflate, parse_json, read_bytes, reading
@@ -21,12 +23,15 @@ from pter_gym.params import BASELINE, Machine
 from pter_gym.scenarios import Scenario, find_pace, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds
 from pter_gym.tasks._stored import codec
-from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.tasks.path_following import PathFollowing, Sensors
 
 FOLDER = Path(__file__).parents[1] / "episodes"
 """Where the package keeps its evaluation episodes."""
 
 ENDING = ".json.gz"
+
+CHUNK = 64
+"""Episodes that are simulated together."""
 
 MAX_SEED = 2**64 - 1
 """Largest seed of fresh episodes."""
@@ -71,6 +76,26 @@ class Episodes:
         """Return some of the episodes."""
         entries = ("machines", "tasks", "seeds", "strata", "limits")
         return replace(self, **{name: getattr(self, name)[part] for name in entries})
+
+    @cached_property
+    def chunks(self) -> "tuple[Episodes, ...]":
+        """The episodes in parts that are simulated together."""
+        return tuple(self[start : start + CHUNK] for start in range(0, len(self), CHUNK))
+
+    @contextmanager
+    def worlds(self, sensors: Sensors) -> Generator[Batch]:
+        """Lend a batch with a world for each episode, which later rollouts use again."""
+        idle = self._idle.setdefault(sensors, [])
+        try:
+            batch = idle.pop()
+        except IndexError:
+            batch = Batch(self.machines, self.tasks, sensors=sensors)
+        yield batch
+        idle.append(batch)
+
+    @cached_property
+    def _idle(self) -> dict[str, list[Batch]]:
+        return {}
 
     def first(self, count: int) -> "Episodes":
         """Return the first ``count`` episodes, or raise a ParameterError if there are fewer."""

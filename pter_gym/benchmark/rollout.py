@@ -20,9 +20,6 @@ from pter_gym.tasks.path_following import COLUMN, PathFollowing, Sensors, observ
 Array = NDArray[np.float64]
 Observations = NDArray[np.float32]
 
-CHUNK = 64
-"""Episodes that are simulated together."""
-
 NUMBERS = 2**53
 """A law's memory counts episodes by their seeds, in whole numbers that a float64 holds exactly."""
 
@@ -63,7 +60,18 @@ def rollout(
         Sensors of the observations; by default those that the policy needs. It sees no others.
     """
     acting = bind_to(policy, episodes)
-    batch = Batch(episodes.machines, episodes.tasks, sensors=sensors or sensors_of(policy))
+    with episodes.worlds(sensors or sensors_of(policy)) as batch:
+        recorded, observed = _recorded(acting, episodes, batch, columns)
+    for world, limit in enumerate(episodes.limits):
+        recorded[limit + 1 :, world] = np.nan
+        observed[limit + 1 :, world] = 0.0
+    return Rollout(recorded, observed)
+
+
+def _recorded(
+    acting: Policy, episodes: Episodes, batch: Batch, columns: slice | list[int]
+) -> Rollout:
+    """Return what happens in the worlds of a batch, beyond the limits of some episodes too."""
     obs, telemetry = batch.reset(episodes.seeds)
     memory = acting.start(len(episodes), [seed % NUMBERS for seed in episodes.seeds])
     volts = np.empty(0)
@@ -78,11 +86,7 @@ def rollout(
         rows.append(telemetry[:, columns])
         seen.append(obs)
         running &= ~(terminated | truncated) & (steps + 1 < limits)
-    recorded, observed = np.stack(rows), np.stack(seen)
-    for world, limit in enumerate(episodes.limits):
-        recorded[limit + 1 :, world] = np.nan
-        observed[limit + 1 :, world] = 0.0
-    return Rollout(recorded, observed)
+    return Rollout(np.stack(rows), np.stack(seen))
 
 
 def bind_to(policy: AnyPolicy, episodes: Episodes) -> Policy:
@@ -107,8 +111,7 @@ def evaluate(
     """
     acting, sensors = bind_to(policy, episodes), sensors_of(policy)
 
-    def evaluate_from(start: int) -> Scores:
-        part = episodes[start : start + CHUNK]
+    def evaluate_part(part: Episodes) -> Scores:
         columns = [*RANKED] if ranking else slice(None)
         telemetry = rollout(acting, part, columns=columns, sensors=sensors).telemetry
         if ranking:
@@ -127,10 +130,12 @@ def evaluate(
             wanted=wanted_forces(acting, telemetry, part.tasks),
         )
 
-    with ThreadPoolExecutor(
-        num_threads if acting.law else 1, thread_name_prefix="pter-benchmark"
-    ) as pool:
-        parts = list(pool.map(evaluate_from, range(0, len(episodes), CHUNK)))
+    threads = min(num_threads, len(episodes.chunks)) if acting.law else 1
+    if threads == 1:
+        parts = [evaluate_part(part) for part in episodes.chunks]
+    else:
+        with ThreadPoolExecutor(threads, thread_name_prefix="pter-benchmark") as pool:
+            parts = list(pool.map(evaluate_part, episodes.chunks))
     names = (name for name in SCORES if all(name in part for part in parts))
     return {name: np.concatenate([part[name] for part in parts]) for name in names}
 

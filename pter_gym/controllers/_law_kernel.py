@@ -27,6 +27,9 @@ law: Any = built_in
 
 LARGEST = float(np.finfo(np.float32).max)
 
+origin = ""
+"""Module of the law: what is cached names it, so the same text in another file is another law."""
+
 _CHECKED: Any = {"forceinline": True, "error_model": "numpy", "boundscheck": True}
 
 _numba: Any = numba
@@ -43,7 +46,7 @@ def applied(volts: float, voltage_max: float) -> float:
 
 def _build_act(digest: str) -> Any:
     def act(obs: Any, scales: Any, gains: Any, memory: Any, voltage_max: float, volts: Any) -> None:
-        _ = digest
+        _ = digest, origin
         for world in range(obs.shape[0]):
             decided = law(obs[world], scales, gains, memory[world])
             write(volts[world], CLUTCHES, applied(decided, voltage_max))
@@ -97,7 +100,7 @@ def _kernel(law: Law) -> Any:
 
 
 def _compile(law: Law) -> Any:
-    return compile_kernel(_build_act, law=_checked(law, {}))
+    return compile_kernel(_build_act, law=_checked(law, {}), origin=law.__module__)
 
 
 def _checked(function: Any, done: dict[Any, Any]) -> Any:

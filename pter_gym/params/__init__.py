@@ -13,7 +13,7 @@ from pter_gym.params._fields import (
     require_numbers,
     require_whole,
 )
-from pter_gym.params._files import is_machine_file, load_machine, save_machine
+from pter_gym.params._files import find_machine, is_machine_file, load_machine, save_machine
 from pter_gym.params._machine import (
     Arm,
     Clutch,
@@ -31,7 +31,6 @@ from pter_gym.params._named import (
     DELRIN_EXPERIMENTAL,
     DELRIN_THEORETICAL,
     MACHINES,
-    find_machine,
     paper_machines,
     with_friction,
 )

@@ -6,15 +6,17 @@
 import json
 import warnings
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from functools import cache
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, cast
 
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.reading import read_toml, reading
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, nearest
 from pter_gym.params._connection import PAPER_CLUTCHES, SLOTS, Connection
 from pter_gym.params._machine import Arm, Clutch, Hand, Machine, TorqueCurve
+from pter_gym.params._named import ACTUATORS, BASELINE, MACHINES
 
 if TYPE_CHECKING:
     from pter_gym._internal.codec import Codec
@@ -28,6 +30,39 @@ def _codec() -> "Codec":
     from pter_gym._internal.codec import Codec  # loads cattrs, which no other part of params needs
 
     return Codec((Arm, Clutch, Connection, Hand, Machine, TorqueCurve))
+
+
+def find_machine(machine: Machine | str | None) -> Machine:
+    """Return a machine given as itself, by its name or by its file; ``BASELINE`` for None.
+
+    A name is one of ``MACHINES``, or of ``ACTUATORS`` for PTER with four of these in place of its
+    clutches.
+
+    Raises
+    ------
+    ParameterError
+        If it is neither a machine nor a known name (the nearest are suggested), or there is no
+        such file.
+    DataError
+        If a file is damaged, incomplete or out of range.
+    """
+    chosen = cast("object", machine)
+    if chosen is None:
+        return BASELINE
+    if isinstance(chosen, Machine):
+        return chosen
+    if isinstance(chosen, str) and chosen in MACHINES:
+        return MACHINES[chosen]
+    if isinstance(chosen, str) and chosen in ACTUATORS:
+        return replace(BASELINE, clutch=ACTUATORS[chosen].clutch)
+    path = str(chosen) if isinstance(chosen, PurePath) else chosen
+    if is_machine_file(path):
+        return load_machine(cast("str", path))
+    names = (*MACHINES, *ACTUATORS)
+    raise ParameterError(
+        f"machine must be a Machine, one of {', '.join(names)} or the path of a file (.toml), "
+        f"got {chosen!r:.200}{nearest(chosen, names)}"
+    )
 
 
 def is_machine_file(machine: object) -> bool:
@@ -109,8 +144,6 @@ def format_machine(
             raise ParameterError(
                 f"origin must be a line that begins with one of {', '.join(ORIGINS)}, got {text!r}"
             )
-    from pter_gym.params._named import BASELINE  # which is built on this module
-
     usual, data = (cast("dict[str, Any]", _codec().to_plain(m)) for m in (BASELINE, machine))
     lines = [f"# {line}".rstrip() for line in title.splitlines()]
     lines += _table("", machine, data, usual, origin, origins)

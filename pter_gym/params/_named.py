@@ -1,13 +1,9 @@
 """The machines that have names: the paper's three, and arrangements that were never built."""
 
 from dataclasses import replace
-from pathlib import PurePath
-from typing import cast
 
-from pter_gym.errors import ParameterError, nearest
 from pter_gym.params._actuators import read_actuators
 from pter_gym.params._connection import BRAKE_A, BRAKE_B, COUPLED, INVERTED
-from pter_gym.params._files import is_machine_file, load_machine
 from pter_gym.params._machine import Clutch, Machine, TorqueCurve
 
 _BREAKAWAY_RATIO = 1.12
@@ -126,36 +122,3 @@ ACTUATORS = read_actuators(
     {"pter-clutch": BASELINE.clutch, "delrin-clutch": DELRIN_EXPERIMENTAL.clutch}
 )
 """Clutches and brakes by name, with what is known of them."""
-
-
-def find_machine(machine: Machine | str | None) -> Machine:
-    """Return a machine given as itself, by its name or by its file; ``BASELINE`` for None.
-
-    A name is one of ``MACHINES``, or of ``ACTUATORS`` for PTER with four of these in place of its
-    clutches.
-
-    Raises
-    ------
-    ParameterError
-        If it is neither a machine nor a known name (the nearest are suggested), or there is no
-        such file.
-    DataError
-        If a file is damaged, incomplete or out of range.
-    """
-    chosen = cast("object", machine)
-    if chosen is None:
-        return BASELINE
-    if isinstance(chosen, Machine):
-        return chosen
-    if isinstance(chosen, str) and chosen in MACHINES:
-        return MACHINES[chosen]
-    if isinstance(chosen, str) and chosen in ACTUATORS:
-        return replace(BASELINE, clutch=ACTUATORS[chosen].clutch)
-    path = str(chosen) if isinstance(chosen, PurePath) else chosen
-    if is_machine_file(path):
-        return load_machine(cast("str", path))
-    names = (*MACHINES, *ACTUATORS)
-    raise ParameterError(
-        f"machine must be a Machine, one of {', '.join(names)} or the path of a file (.toml), "
-        f"got {chosen!r:.200}{nearest(chosen, names)}"
-    )

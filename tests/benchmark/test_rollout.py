@@ -109,10 +109,10 @@ def test_scores_depend_on_neither_threads_nor_chunks(
     if name == "residual":
         policy = replace(policy, interface=replace(policy.interface, frame_skip=2))
     drawn = episodes("standard", "brisk", 10)
-    monkeypatch.setattr("pter_gym.benchmark.rollout.CHUNK", 3)
+    monkeypatch.setattr("pter_gym.benchmark.episodes.CHUNK", 3)
     alone, together = (evaluate(policy, drawn, threads, ranking=True) for threads in (1, 2))
     monkeypatch.undo()
-    whole = evaluate(policy, drawn, ranking=True)
+    whole = evaluate(policy, replace(drawn), ranking=True)
     np.testing.assert_array_equal(together["path_error_m"], alone["path_error_m"])
     # numpy adds up a single column in another order
     np.testing.assert_allclose(whole["path_error_m"], alone["path_error_m"], rtol=1e-14)

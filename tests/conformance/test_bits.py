@@ -329,9 +329,10 @@ def digest() -> str:
 
 @pytest.mark.parametrize("setting", ["", "NUMBA_DISABLE_JIT=1"])
 def test_another_process_has_the_same_bits(setting: str) -> None:
-    folder = str(Path(__file__).parent)
+    folder = str(Path(__file__).parents[1])
     code = (
-        f"import sys; sys.path.insert(0, {folder!r}); import test_bits; print(test_bits.digest())"
+        f"import sys; sys.path.insert(0, {folder!r}); "
+        "from conformance import test_bits; print(test_bits.digest())"
     )
     command = ["env", *filter(None, [setting]), sys.executable, "-c", code]
     found = subprocess.run(command, capture_output=True, text=True, check=True)

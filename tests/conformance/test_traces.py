@@ -27,7 +27,7 @@ from pter_gym.paths import Arc, Circle, Line, Sine
 from pter_gym.tasks.path_following import STARTS, PathFollowing, RewardWeights, Sensing, Starts
 from pter_gym.tasks.path_following._context import Context
 from pter_gym.tasks.path_following._telemetry import TELEMETRY
-from rollouts import run
+from rollouts import Acting
 
 FILE = Path(__file__).with_name("traces.npz")
 
@@ -171,10 +171,14 @@ def without_telemetry() -> Arrays:
 def of_a_law() -> Arrays:
     """Worlds that follow a compiled law."""
     batch = Batch(MACHINE, [TASKS[k] for k in (0, 1, 3)])
-    law = Impedance().bind(MACHINE, batch.layout)
-    episodes = run(batch, law, [7, 8, 9], [8] * 3)
-    telemetry = episodes.telemetry[1:]
-    return {"obs": episodes.obs[-1], "telemetry": np.nansum(telemetry, axis=0), **entries(batch)}
+    law = Acting(Impedance().bind(MACHINE, batch.layout))
+    obs, _ = batch.reset([7, 8, 9])
+    rows = []
+    for _ in range(8):
+        returns = batch.step(law(obs), SKIP)
+        obs = returns.obs
+        rows.append(returns.telemetry[0])
+    return {"obs": obs, "telemetry": np.nansum(rows, axis=0), **entries(batch)}
 
 
 PARTS: dict[str, Callable[[], Arrays]] = {

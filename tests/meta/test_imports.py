@@ -36,7 +36,11 @@ CORE = (
 
 LEVEL = {room: level for level, rooms in enumerate(CORE) for room in rooms}
 
-LAWS_MAY_IMPORT = {"pter_gym._engine.law", "pter_gym.tasks.path_following._observation"}
+LAWS_MAY_IMPORT = {
+    "pter_gym._engine.law",
+    "pter_gym.tasks.path_following._actions",
+    "pter_gym.tasks.path_following._observation",
+}
 """All that control laws know of the worlds in which they act."""
 
 SHARED = "pter_gym.tools.figures"
