@@ -3,7 +3,7 @@
 from types import MappingProxyType
 from typing import Any
 
-from pter_gym._internal.checks import is_finite
+from pter_gym._internal.checks import builtin, is_finite
 from pter_gym.errors import ParameterError, unknown_name
 
 PACES = MappingProxyType({"slow": 0.12, "medium": 0.25, "brisk": 0.5})
@@ -18,7 +18,7 @@ def find_pace(pace: float | str, field: str = "pace") -> float:
     ParameterError
         If there is no such pace; the message names the field and suggests the nearest name.
     """
-    speed: Any = pace
+    speed: Any = builtin(pace)
     if isinstance(pace, str):
         if pace in PACES:
             return PACES[pace]
