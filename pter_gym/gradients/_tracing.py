@@ -246,7 +246,7 @@ def tangent_of(
     *scalars: str,
     constants: tuple[Any, ...] = (),
     active: Collection[float],
-    lanes: int,
+    lanes: int | str,
 ) -> Any:
     """Return a stage of a substep with its Jacobian–vector products, compiled.
 
