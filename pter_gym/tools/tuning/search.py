@@ -130,9 +130,8 @@ def tune(
         training_episodes(chosen, pace, -(-episodes // REDUCTION**k), 2 * seed)
         for k in reversed(range(RUNGS))
     ]
-    name = (
-        f"{chosen.name}-v{chosen.version} {law.key} {pace} {episodes} {seed} {chosen.digest}".rstrip()
-    )
+    set_of_draws = f"{pace} {episodes} {seed} {chosen.digest}".rstrip()
+    name = f"{chosen.name}-v{chosen.version} {law.key} {set_of_draws}"
     study = _open_study(journal, name, seed)
     for start in law.starts():
         study.enqueue_trial(start, skip_if_exists=True)
