@@ -10,8 +10,8 @@ from typing import Any, cast
 
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
-from pter_gym._internal.plugins import PICTURES, registered
 from pter_gym._internal.locks import LOCK, locked
+from pter_gym._internal.plugins import PICTURES, registered
 from pter_gym._internal.terminal import make_folder
 from pter_gym._version import __version__
 from pter_gym.benchmark import find_policy
