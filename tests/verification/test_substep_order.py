@@ -32,7 +32,7 @@ from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of, initial_state, simulate
 from pter_gym._physics.step import paper_clutches
 from pter_gym.gradients import rollout
-from pter_gym.gradients._tangent import LANES, substep_tangents
+from pter_gym.gradients._tangent import substep_tangents
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
@@ -51,7 +51,7 @@ by, step = run.gradient(theta=weight).hand_force, 1e-4 * rng.normal(size=force.s
 change = (total(force + step) - total(force - step)) / 2.0
 print(abs(change - (by * step).sum()) / np.abs(by * step).sum())
 
-body, dot = body_of(BASELINE, start), np.zeros((BODY_WIDTH, LANES))
+body, dot = body_of(BASELINE, start), np.zeros((BODY_WIDTH, 1))
 dot[BODY.motion.omega_b] = 1.0
 advance = substep_tangents(paper_clutches, 1)
 for k in range(4):
