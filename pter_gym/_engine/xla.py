@@ -256,12 +256,9 @@ def _step_handler(advance: Any) -> Any:
                     seen[i], last[i], earned[i], told[:, i] = np.nan, np.nan, np.nan, False
             _scatter(block, mine, _data(results, 0), _data(results, 1), first)
             for i in range(lanes):
-                rewards[first + i, 0] = earned[i]
-                for end in range(FLAGS):
-                    flags[first + i, end] = told[end, i]
+                rewards[first + i, 0], flags[first + i] = earned[i], told[:, i]
                 if not (told[TERMINATED, i] or told[TRUNCATED, i]):
-                    for entry in range(entries):
-                        last[i, entry] = seen[i, entry]
+                    last[i] = seen[i]
 
     return step
 
