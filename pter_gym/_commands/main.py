@@ -10,9 +10,11 @@ from contextlib import suppress
 from importlib.metadata import EntryPoint
 from importlib.util import find_spec
 from pathlib import Path
+from traceback import extract_tb
 from typing import Any
 
 import tyro
+from rich import console
 from rich.table import Table
 
 from pter_gym._internal.plugins import COMMANDS, registered
@@ -20,6 +22,7 @@ from pter_gym._internal.terminal import (
     accept_all_characters,
     close_output,
     end_on_interrupt,
+    open_streams,
     say,
     terminal,
 )
@@ -65,6 +68,7 @@ def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run ``pter`` and return its exit status: 2 after an error, 130 after Ctrl-C."""
+    open_streams()
     accept_all_characters()
     if arguments is None:
         if (
@@ -83,15 +87,21 @@ def main(arguments: list[str] | None = None) -> int:
         terminal(errors=True).print("interrupted; files that were written are complete")
         return INTERRUPTED
     except OSError as error:  # of a file, or of where the output goes
-        if arguments is None:
-            close_output()
+        printed = close_output() if arguments is None else True
         with suppress(OSError):
-            complain(
-                str(error)
-                if error.filename
-                else f"not everything could be printed: {error.strerror}"
-            )
+            complain(reason_of(error, printed=printed))
         return 2
+
+
+def reason_of(error: OSError, *, printed: bool = True) -> str:
+    """Return what is wrong: with a file, which some errors do not name, or with the output."""
+    if error.filename:
+        return str(error)
+    last = extract_tb(error.__traceback__)[-1]
+    if not printed or last.filename in (__file__, console.__file__):
+        return f"not everything could be printed: {error.strerror}"
+    where = f"{last.filename}, line {last.lineno}"
+    return f"a file could not be read or written: {error.strerror or error} (in {where})"
 
 
 def _run(arguments: list[str]) -> int:
@@ -126,15 +136,13 @@ def summary(entry: EntryPoint) -> str:
 
 def _print_overview() -> None:
     """Print all commands, on one screen."""
-    console = terminal()
-    console.print(f"usage: pter COMMAND …\n\n{DESCRIPTION}\n")
+    screen = terminal()
+    screen.print(f"usage: pter COMMAND …\n\n{DESCRIPTION}\n")
     table = Table.grid(padding=(0, 2))
     for name, entry in commands().items():
         table.add_row(f"  {name}", summary(entry))
-    console.print(table)
-    console.print(
-        "\n`pter COMMAND --help` explains a command; `pter --version` prints the version."
-    )
+    screen.print(table)
+    screen.print("\n`pter COMMAND --help` explains a command; `pter --version` prints the version.")
 
 
 if __name__ == "__main__":
