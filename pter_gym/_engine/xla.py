@@ -28,6 +28,7 @@ from pter_gym._compiled.records import write
 from pter_gym._engine.kernels import RESET_TYPES, advance_caller, reset_kernel
 from pter_gym._engine.law import CLUTCHES
 from pter_gym._engine.world import FLAG, FLAGS, LANES, SAME_STEP
+from pter_gym.errors import ParameterError
 
 TERMINATED, TRUNCATED = int(FLAG.terminated), int(FLAG.truncated)
 
@@ -309,8 +310,39 @@ def call_law(
 
 
 def words_of(numbers: NDArray[Any]) -> jax.Array:
-    """Return numbers of 64 bits as words of 32."""
-    return jnp.asarray(np.ascontiguousarray(numbers).view(np.uint32))
+    """Return numbers of 64 bits as words of 32, on the CPU."""
+    return jnp.asarray(on_cpu(np.ascontiguousarray(numbers).view(np.uint32)))
+
+
+def on_cpu(arrays: Any) -> Any:
+    """Return arrays on JAX's CPU device, where kernels run; what is traced stays as it is.
+
+    Where the CPU is JAX's default, they stay too. Elsewhere they are committed to it, so
+    what is computed with them, also in ``jit``, is computed there.
+
+    Raises
+    ------
+    ParameterError
+        If JAX has no CPU device.
+    """
+    if jax.default_backend() == "cpu":
+        return arrays
+    device = cpu_device()
+    return jax.tree.map(
+        lambda each: each if isinstance(each, jax.core.Tracer) else jax.device_put(each, device),
+        arrays,
+    )
+
+
+def cpu_device() -> jax.Device:
+    """Return JAX's first CPU device, or raise a ParameterError if it has none."""
+    try:
+        return jax.local_devices(backend="cpu")[0]
+    except RuntimeError as error:
+        raise ParameterError(
+            "JAX's platforms must include cpu, on which the worlds run, as "
+            f"JAX_PLATFORMS=cuda,cpu has it: {error}"
+        ) from None
 
 
 def rounded(words: jax.Array) -> jax.Array:

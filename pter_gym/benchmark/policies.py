@@ -201,7 +201,7 @@ def _import(name: str) -> Any:
             f"policies must be written as package.module:attribute, got {name!r:.200}"
         )
     try:
-        found = _attribute_of(Path(place), attribute) if place.endswith(".py") else entry.load()
+        found = _attribute_of(Path(place), attribute) if place.endswith(".py") else _load(entry)
         if isinstance(found, Dispatcher):
             raise ParameterError(
                 f"policies must name a class whose bind returns the law, {name!r} is the law itself"
@@ -216,6 +216,16 @@ def _import(name: str) -> Any:
             "policies must name an instance, or a class that needs no arguments, "
             f"got {name!r}: {error}"
         ) from None
+
+
+def _load(entry: EntryPoint) -> Any:
+    """Return an attribute of a module."""
+    try:
+        return entry.load()
+    except (ImportError, AttributeError):
+        raise
+    except Exception as error:
+        raise _does_not_run(error, Path.cwd()) from error
 
 
 def _attribute_of(file: Path, name: str) -> Any:
@@ -249,14 +259,22 @@ def _run_file(path: Path) -> ModuleType:
     try:
         exec(compile(content, path, "exec"), vars(module))
     except Exception as error:
-        frames = extract_tb(error.__traceback__)
-        lines = [frame.lineno for frame in frames if frame.filename == str(path)]
-        line = error.lineno if isinstance(error, SyntaxError) else lines[-1]
-        reason = f"{path.name}, line {line}: {type(error).__name__}: {error}"
-        raise ParameterError(f"policies must name code that runs, {reason}") from error
+        raise _does_not_run(error, path.parent) from error
     linecache.checkcache(str(path))
     _RUN_FILES[path] = content, module
     return module
+
+
+def _does_not_run(error: Exception, folder: Path) -> ParameterError:
+    """Return the error for a user's code, with the place in the innermost of the user's files."""
+    frames = [(frame.filename, frame.lineno) for frame in extract_tb(error.__traceback__)]
+    if isinstance(error, SyntaxError) and error.filename:
+        frames.append((error.filename, error.lineno))
+    own = [frame for frame in frames if folder in Path(frame[0]).parents] or frames[-1:]
+    file, line = own[-1]
+    reason = error.msg if isinstance(error, SyntaxError) else error
+    place = f"{Path(file).name}, line {line}: {type(error).__name__}: {reason}"
+    return ParameterError(f"policies must name code that runs, {place}")
 
 
 _RUN_FILES: dict[Path, tuple[bytes, ModuleType]] = {}

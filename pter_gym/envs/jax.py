@@ -3,6 +3,10 @@
 ``reset`` and ``step`` are of one world; ``jax.vmap`` makes them those of many, in one call of the
 kernel, and ``jax.jit`` and ``jax.lax.scan`` take them as they are. A world with seed s goes through
 the same episodes, bit for bit, as one of ``gymnasium.make_vec`` with that seed.
+
+Worlds run on the CPU. If JAX has a GPU too, networks may use it: ``default_params`` are committed
+to the CPU, so a function that ``jit`` compiles runs there if it gets them, or a state, as an
+argument. Actions that were committed to the GPU are brought over with ``jax.device_put``.
 """
 
 from functools import cache
@@ -19,7 +23,15 @@ try:
     from jax import numpy as jnp
     from jax.custom_batching import custom_vmap
 
-    from pter_gym._engine.xla import DECLARED_STEP, RESET, STEP, register_calls, words_of
+    from pter_gym._engine.xla import (
+        DECLARED_STEP,
+        RESET,
+        STEP,
+        cpu_device,
+        on_cpu,
+        register_calls,
+        words_of,
+    )
 except ImportError as error:
     raise ImportError(str(needs_extra("pter_gym.envs.jax", "jax"))) from error
 
@@ -82,10 +94,7 @@ class JaxEnv:
     name = "PathFollowing"
 
     def __init__(self, env: PathFollowingVectorEnv) -> None:
-        if jax.default_backend() != "cpu":
-            raise ParameterError(
-                f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu"
-            )
+        cpu_device()
         step = STEP if env.batch.machine.has_paper_clutches else DECLARED_STEP
         register_calls(step)
         self._step = _stepping(step)
@@ -118,7 +127,7 @@ class JaxEnv:
 
         Its seed follows from the key, and its later episodes from its seed.
         """
-        return self.reset_to_seed(jax.random.bits(key, (2,), jnp.uint32), params)
+        return self.reset_to_seed(jax.random.bits(on_cpu(key), (2,), jnp.uint32), params)
 
     def reset_to_seed(
         self, seed: int | jax.Array | NDArray[Any], params: EnvParams | None = None
@@ -136,7 +145,7 @@ class JaxEnv:
         low, high = (
             jnp.broadcast_to(jnp.asarray(seed, jnp.uint32), (2,)) if jnp.ndim(seed) else (seed, 0)
         )
-        episode = jnp.stack([jnp.asarray(each, jnp.uint32) for each in (low, high, 0, 0)])
+        episode = on_cpu(jnp.stack([jnp.asarray(each, jnp.uint32) for each in (low, high, 0, 0)]))
         world, episode, obs = _one(_reset, (self._empty, episode), self._shared(params))
         return obs, EnvState(world, episode)
 
@@ -175,6 +184,7 @@ class JaxEnv:
         """
         del key
         space = self.action_space()
+        state, action = on_cpu((state, action))
         action = jnp.asarray(action, jnp.float32)
         known = jnp.isfinite(action).all()
         given = jnp.where(known, jnp.clip(action, space.low, space.high), space.low)
@@ -223,7 +233,7 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
     Raises
     ------
     ParameterError
-        If an argument is out of range, or JAX would run this on something else than a CPU.
+        If an argument is out of range, or JAX has no CPU device.
     """
     made = JaxEnv.from_id(env_id, keywords)
     return made, made.default_params

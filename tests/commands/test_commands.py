@@ -57,6 +57,16 @@ def test_the_path_of_a_file_may_have_commas(tmp_path: Path) -> None:
     assert split(f"{other}:law, free,{other}:law") == [f"{other}:law", "free"]
 
 
+def test_a_folder_may_have_commas(tmp_path: Path) -> None:
+    (tmp_path / "runs, 1" / "c").mkdir(parents=True)
+    policy, code = tmp_path / "runs, 1" / "mine.safetensors", tmp_path / "runs, 1" / "my,own.py"
+    policy.touch()
+    code.touch()
+    for first in (policy, policy.with_suffix(""), policy.parent, f"{code}:law"):
+        assert split(f"{first},impedance, {code}") == [str(first), "impedance", str(code)]
+    assert split(f"{tmp_path}/none, 1/mine,free") == [f"{tmp_path}/none", "1/mine", "free"]
+
+
 @pytest.mark.parametrize("line", ["benchmark --scenario standad", "benchmark --polices free"])
 def test_an_unknown_choice_is_refused_with_the_choices(
     line: str, capsys: pytest.CaptureFixture[str]
