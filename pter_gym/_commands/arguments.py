@@ -1,14 +1,18 @@
 """What the commands share about their arguments."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from pter_gym._internal.files import check_target
+from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError
+from pter_gym.params import find_machine
 from pter_gym.policies._files import ENDING
-from pter_gym.scenarios import PACES, SCENARIOS
+from pter_gym.policies._names import check_policy
+from pter_gym.scenarios import PACES, SCENARIOS, find_pace
 
 if TYPE_CHECKING:
     ScenarioName = str
@@ -51,6 +55,26 @@ def _is_there(name: str) -> bool:
     file, _, attribute = name.rpartition(":")
     paths = (name, f"{name}{ENDING}", *([file] if "," not in attribute else []))
     return any(path and Path(path).exists() for path in paths)
+
+
+def look_at(
+    *,
+    policies: Iterable[str] = (),
+    paces: Iterable[str] = (),
+    path: str | None = None,
+    machine: str | None = None,
+) -> None:
+    """Look at what a user has named before anything that takes seconds is imported.
+
+    What is mistyped raises the error at once that it would later.
+    """
+    for pace in paces:
+        find_pace(pace, "paces")
+    for policy in policies:
+        check_policy(policy)
+    find_machine(machine)
+    if path is not None and path.endswith(".csv"):
+        read_table(path, ("x", "y"), unit="m")
 
 
 def numbers(field: str, text: str) -> list[float]:

@@ -127,7 +127,9 @@ def complain(text: str) -> None:
 
 def summary(entry: EntryPoint) -> str:
     """Return the first line of a command's docstring, without importing it: all take seconds."""
-    spec = find_spec(entry.module)
+    spec = None
+    with suppress(ImportError):  # of a package that is no longer there
+        spec = find_spec(entry.module)
     source = Path(spec.origin).read_text("utf-8") if spec and spec.origin else ""
     functions = [node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)]
     texts = [ast.get_docstring(node) or "" for node in functions if node.name == entry.attr]

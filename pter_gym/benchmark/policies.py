@@ -17,11 +17,12 @@ from numba.core.dispatcher import Dispatcher
 from pter_gym._internal.checks import names_in
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym.benchmark.tuned import TUNED, find_paced, find_tuned, read_tuned
-from pter_gym.controllers import CONTROLLERS, AnyPolicy, Controller, Policy
+from pter_gym.controllers import AnyPolicy, Controller, Policy
 from pter_gym.envs._acting import ActingPolicy, attributes
-from pter_gym.errors import ParameterError, nearest, unknown_name
-from pter_gym.policies import read_policy, shipped_policies
-from pter_gym.policies._files import is_here, is_path
+from pter_gym.errors import ParameterError, nearest
+from pter_gym.policies import read_policy
+from pter_gym.policies._files import is_path
+from pter_gym.policies._names import check_policy, is_code, is_exported
 
 MAX_NAME = 180
 """Most characters of a policy's name, which is part of a file name."""
@@ -56,31 +57,14 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
         If a file of an exported policy is damaged.
     """
     name = _text_of(name)
-    if name.endswith((".py", ".py:")):
-        example = f"{name.removesuffix(':')}:policy"
-        raise ParameterError(
-            f"policies must name an attribute of a file, as in {example}, got {name!r:.200}"
-        )
+    check_policy(name)
     if is_code(name):
         return _import(name)
     if name.endswith(".toml"):
         return read_tuned(name, scenario)
-    known = (*CONTROLLERS, *TUNED, *shipped_policies())
-    if (
-        is_path(name)
-        or name in shipped_policies()
-        or (name not in known and name and is_here(name))
-    ):
+    if is_exported(name):
         return read_policy(name)
-    if name not in known:
-        raise unknown_name("policies", name, known)
     return find_tuned(name, scenario) if name in TUNED else find_paced(name, scenario)
-
-
-def is_code(name: str) -> bool:
-    """Return whether a name means an attribute of a file or of a module."""
-    place, colon, _ = name.rpartition(":")
-    return bool(colon) and (place.endswith(".py") or not is_path(name))
 
 
 def load_policy(policy: "FilePath | AnyPolicy", env: Any) -> ActingPolicy:
@@ -247,8 +231,6 @@ def _run_file(path: Path) -> ModuleType:
 
     A file is run again when its content has changed.
     """
-    if not path.is_file():
-        raise ParameterError(f"policies must name a file that exists, there is no {str(path)!r}")
     content = path.read_bytes()
     if path in _RUN_FILES and _RUN_FILES[path][0] == content:
         return _RUN_FILES[path][1]
