@@ -27,7 +27,7 @@ from pter_gym._internal.terminal import (
     terminal,
 )
 from pter_gym._version import __version__
-from pter_gym.errors import PterError, unknown_name
+from pter_gym.errors import DependencyError, PterError, unknown_name
 
 Command = Callable[..., int | None]
 
@@ -53,7 +53,12 @@ def load_command(name: str) -> Command:
     known = commands()
     if name not in known:
         raise unknown_name("COMMAND", name, known)
-    return known[name].load()
+    try:
+        return known[name].load()
+    except ModuleNotFoundError as error:
+        raise DependencyError(
+            f"{name}, which is {known[name].value}, does not load: {error}"
+        ) from None
 
 
 def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
