@@ -91,6 +91,10 @@ def test_keys_of_many_parts_are_refused_before_they_are_parsed(text: str) -> Non
         parse_toml(text)
 
 
+def test_a_byte_order_mark_is_no_part_of_a_file() -> None:
+    assert parse_toml("\ufeffa = 1\r\n") == {"a": 1}
+
+
 def test_dots_in_strings_comments_and_numbers_are_no_keys() -> None:
     text = "1.2.3.4.5.6.7.8.9"
     many = [1.5] * 20

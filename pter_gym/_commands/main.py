@@ -102,6 +102,8 @@ def reason_of(error: OSError, *, printed: bool = True) -> str:
     """Return what is wrong: with a file, which some errors do not name, or with the output."""
     if error.filename:
         return str(error)
+    if isinstance(error, FileNotFoundError):
+        return "the current folder is no longer there"
     last = extract_tb(error.__traceback__)[-1]
     if not printed or last.filename in (__file__, console.__file__):
         return f"not everything could be printed: {error.strerror}"

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import jax
 import jaxlib
@@ -18,6 +18,7 @@ import numba
 import numpy as np
 from jax import lax
 from jax import numpy as jnp
+from jax.core import Tracer
 from numba import types
 from numpy.typing import NDArray
 
@@ -327,17 +328,19 @@ def on_cpu(arrays: Any) -> Any:
     """
     if jax.default_backend() == "cpu":
         return arrays
-    device = cpu_device()
-    return jax.tree.map(
-        lambda each: each if isinstance(each, jax.core.Tracer) else jax.device_put(each, device),
-        arrays,
-    )
+    device, traced = cpu_device(), cast("type", Tracer)
+
+    def placed(array: Any) -> Any:
+        return array if isinstance(array, traced) else jax.device_put(array, device)
+
+    return jax.tree.map(placed, arrays)
 
 
-def cpu_device() -> jax.Device:
+def cpu_device() -> Any:
     """Return JAX's first CPU device, or raise a ParameterError if it has none."""
+    found: Any = jax
     try:
-        return jax.local_devices(backend="cpu")[0]
+        return found.local_devices(backend="cpu")[0]
     except RuntimeError as error:
         raise ParameterError(
             "JAX's platforms must include cpu, on which the worlds run, as "

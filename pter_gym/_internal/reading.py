@@ -107,6 +107,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     the time that tomllib takes grows with their square.
     """
     _bounded(text.encode(), MAX_TOML_SIZE)
+    text = text.removeprefix("\ufeff")  # which some editors write
     if _LONG_KEY.search(_NO_KEY.sub(lambda match: "" if match[0][0] == "#" else "#", text)):
         raise ValueError(f"keys must have at most {MAX_KEY_PARTS} parts")
     return tomllib.loads(text, parse_float=_finite)

@@ -92,11 +92,6 @@ def shorten(text: str, width: int) -> str:
 class ShortColumn(TextColumn):
     """A column of text that loses its middle where bar and numbers would have no room."""
 
-    def print(self, *objects: Any, **options: Any) -> None:
-        """Print text and tables."""
-        shown = (printable(each) if isinstance(each, str) else each for each in objects)
-        super().print(*shown, **options)
-
     def render(self, task: Task) -> Text:
         """Return the text of a task."""
         return Text(shorten(super().render(task).plain, WIDTH // 2))

@@ -108,6 +108,17 @@ def test_an_error_of_a_file_is_not_called_one_of_printing(
     assert __file__ in printed.replace("\n", "")
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a folder in use stays")
+def test_a_folder_that_is_gone_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert main(["benchmark", "--policies", "code:law"]) == 2
+    assert "current folder" in capsys.readouterr().err
+
+
 def test_a_name_cannot_send_commands_to_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     name = "a\x1b]0;title\x07\x9b31m\r\x08b"
     shown = r"a\x1b]0;title\x07\x9b31m\r\x08b"

@@ -260,7 +260,7 @@ def _has(character: str) -> bool:
     """Return whether the typeface has a character; it draws the same box for all others."""
     if character.isascii():
         return True
-    font = _font(BODY)
+    font: Any = _font(BODY)
     try:
         return bytes(font.getmask(character)) != bytes(font.getmask("\uffff"))
     except UnicodeError:  # half a surrogate pair, as in a file's name that is no UTF-8
