@@ -224,8 +224,6 @@ here, gpu = jax.local_devices(backend="cpu")
 jax.config.update("jax_default_device", gpu)
 jax.default_backend = lambda: "gpu"
 from pter_gym.envs.jax import make
-from pter_gym.gradients.jax import make_rollout
-import pter_gym
 
 env, params = make()
 key = jax.device_put(jax.random.key(0), gpu)
@@ -237,9 +235,6 @@ _, again, *_ = jax.jit(env.step)(None, compiled, jax.device_put(action, here), p
 for array in jax.tree.leaves((params, obs, state, after, compiled, again)):
     assert array.devices() == {here}, array.devices()
 np.testing.assert_array_equal(after.world, again.world)
-start = pter_gym.initial_state(None, (0.1, 0.5))
-motion = make_rollout()(start, np.ones((2, 4)), (1.0, 0.0))
-assert motion.theta.devices() == {here}
 """
 
 
