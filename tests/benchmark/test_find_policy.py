@@ -234,7 +234,7 @@ print(*sorted(set(sys.modules) - before))
         for name in found
         if name.startswith("pter_gym.benchmark.")
     }
-    assert ours == {"_from_sb3", "policies", "tuned"}
+    assert ours == {"policies", "tuned"}
     assert not {"scipy", "rich"} & set(found)
 
 

@@ -115,7 +115,8 @@ def test_a_folder_that_is_gone_is_named(
     (tmp_path / "gone").mkdir()
     monkeypatch.chdir(tmp_path / "gone")
     (tmp_path / "gone").rmdir()
-    assert main(["benchmark", "--policies", "code:law"]) == 2
+    out = str(tmp_path / "out")
+    assert main(["benchmark", "--policies", "code:law", "--out", out]) == 2
     assert "current folder" in capsys.readouterr().err
 
 
