@@ -260,11 +260,10 @@ def _has(character: str) -> bool:
     """Return whether the typeface has a character; it draws the same box for all others."""
     if character.isascii():
         return True
-    font: Any = _font(BODY)
-    try:
-        return bytes(font.getmask(character)) != bytes(font.getmask("\uffff"))
-    except UnicodeError:  # half a surrogate pair, as in a file's name that is no UTF-8
+    if not character.isprintable():  # such as half a surrogate pair, in a name that is no UTF-8
         return False
+    font: Any = _font(BODY)
+    return bytes(font.getmask(character)) != bytes(font.getmask("\uffff"))
 
 
 def _font(size: float) -> ImageFont.FreeTypeFont:
