@@ -4,14 +4,27 @@ Each message names the field and the accepted range; no state has changed when o
 """
 
 import difflib
+import re
 import sys
 from collections.abc import Iterable
 
 import gymnasium
 
+ACTING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029]")
+"""Characters that ring, move the cursor or change colours on a terminal."""
+
+
+def printable(text: str) -> str:
+    r"""Return text whose control characters are escaped, as in ``\x1b``; lines stay lines."""
+    return ACTING.sub(lambda match: repr(match[0])[1:-1], text)
+
 
 class PterError(Exception):
     """Base of every error that this package raises on purpose."""
+
+    def __str__(self) -> str:
+        """Return the message; control characters, as a file's name may have them, are escaped."""
+        return printable(super().__str__())
 
 
 class ParameterError(PterError, ValueError):

@@ -71,6 +71,17 @@ def test_permissions_follow_the_umask_and_links_are_kept(tmp_path: Path):
     assert stat.S_IMODE(result.stat().st_mode) == stat.S_IMODE(plain.stat().st_mode)
 
 
+@POSIX
+@pytest.mark.parametrize("mode", [0o600, 0o664, 0o444])
+def test_a_file_that_is_replaced_keeps_its_mode(mode: int, tmp_path: Path) -> None:
+    file = tmp_path / "results.json"
+    file.touch()
+    file.chmod(mode)
+    write_bytes_atomic(file, b"1")
+    assert stat.S_IMODE(file.stat().st_mode) == mode
+    assert file.read_bytes() == b"1"
+
+
 def test_only_leftovers_are_removed(tmp_path: Path):
     for name in (".0123456789abcdef.tmp", ".mine.tmp", "0123456789abcdef.tmp", "result"):
         (tmp_path / name).touch()

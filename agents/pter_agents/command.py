@@ -5,9 +5,10 @@ from typing import Annotated, Literal
 
 import tyro
 
-from pter_gym._commands.arguments import MachineName, ScenarioName
+from pter_gym._commands.arguments import MachineName, ScenarioName, look_at
 from pter_gym._internal.terminal import progress_bar, say, terminal
 from pter_gym.errors import needs_extra
+from pter_gym.policies._files import RUN
 
 SMOKE_ROLLOUTS = 3
 SMOKE_EPISODES = 8
@@ -139,11 +140,12 @@ def export(
 
         say(f"wrote {exporting.export(run, out, name=name)}")
         return
+    trained = (Path(run) / RUN).is_file()
+    look_at(policies=() if trained else (run,), machine=machine)
     from pter_gym.benchmark import find_policy
-    from pter_gym.policies._files import RUN
     from pter_gym.tools.deploy import source_of, write_onnx
 
-    if (Path(run) / RUN).is_file():
+    if trained:
         from pter_agents import exporting
 
         policy = exporting.read_run(Path(run))

@@ -1,13 +1,18 @@
 """What the commands share about their arguments."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from pter_gym._internal.files import check_target
+from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError
-from pter_gym.scenarios import PACES, SCENARIOS
+from pter_gym.params import find_machine
+from pter_gym.policies._files import ENDING
+from pter_gym.policies._names import check_policy
+from pter_gym.scenarios import PACES, SCENARIOS, find_pace
 
 if TYPE_CHECKING:
     ScenarioName = str
@@ -35,11 +40,41 @@ MachineName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.toml")]
 
 
 def split(text: str) -> list[str]:
-    """Return the parts between commas, without repeats; FILE and FILE:NAME are one part."""
-    file, _, name = text.rpartition(":")
-    if Path(text).is_file() or ("," not in name and Path(file).is_file()):
-        return [text]
-    return list(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
+    """Return the parts between commas, without repeats; commas in FILE and FILE:NAME stay."""
+    pieces, parts = text.split(","), list[str]()
+    while pieces:
+        ends = range(len(pieces), 1, -1)
+        end = next((k for k in ends if _is_there(",".join(pieces[:k]).strip())), 1)
+        parts.append(",".join(pieces[:end]).strip())
+        del pieces[:end]
+    return list(dict.fromkeys(part for part in parts if part))
+
+
+def _is_there(name: str) -> bool:
+    """Return whether a name is that of a file, with or without its ending, or FILE:NAME."""
+    file, _, attribute = name.rpartition(":")
+    paths = (name, f"{name}{ENDING}", *([file] if "," not in attribute else []))
+    return any(path and Path(path).exists() for path in paths)
+
+
+def look_at(
+    *,
+    policies: Iterable[str] = (),
+    paces: Iterable[str] = (),
+    path: str | None = None,
+    machine: str | None = None,
+) -> None:
+    """Look at what a user has named before anything that takes seconds is imported.
+
+    What is mistyped raises the error at once that it would later.
+    """
+    for pace in paces:
+        find_pace(pace, "paces")
+    for policy in policies:
+        check_policy(policy)
+    find_machine(machine)
+    if path is not None and path.endswith(".csv"):
+        read_table(path, ("x", "y"), unit="m")
 
 
 def numbers(field: str, text: str) -> list[float]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from pter_gym._commands.arguments import AnyPaces, PathName, ScenarioName, split
+from pter_gym._commands.arguments import AnyPaces, PathName, ScenarioName, look_at, split
 from pter_gym._internal.plugins import PICTURES, load_artist, registered
 from pter_gym._internal.terminal import progress_bar, say
 from pter_gym.scenarios import PACES, find_scenario
@@ -63,15 +63,16 @@ def benchmark(
         film: Whether to film the policies on a training draw of the scenario.
         out: Folder for the results, created if necessary.
     """
+    names = [name for each in policies for name in split(each)]
+    look_at(policies=names, paces=paces, path=path)
+
     from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
     from pter_gym.benchmark.boards import EPISODE_SET, boards_text, in_order
 
     chosen = find_scenario(scenario, path=path)
     results = ResultsFolder(out)
     results.make()
-    named = {
-        name: find_policy(name, chosen.whose_gains) for each in policies for name in split(each)
-    }
+    named = {name: find_policy(name, chosen.whose_gains) for name in names}
     with progress_bar() as progress:
         task = progress.add_task(chosen.name, total=len(named) * len(paces))
         runs = run_scenario(

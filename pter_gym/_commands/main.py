@@ -10,9 +10,11 @@ from contextlib import suppress
 from importlib.metadata import EntryPoint
 from importlib.util import find_spec
 from pathlib import Path
+from traceback import extract_tb
 from typing import Any
 
 import tyro
+from rich import console
 from rich.table import Table
 
 from pter_gym._internal.plugins import COMMANDS, registered
@@ -20,11 +22,12 @@ from pter_gym._internal.terminal import (
     accept_all_characters,
     close_output,
     end_on_interrupt,
+    open_streams,
     say,
     terminal,
 )
 from pter_gym._version import __version__
-from pter_gym.errors import PterError, unknown_name
+from pter_gym.errors import DependencyError, PterError, unknown_name
 
 Command = Callable[..., int | None]
 
@@ -50,7 +53,12 @@ def load_command(name: str) -> Command:
     known = commands()
     if name not in known:
         raise unknown_name("COMMAND", name, known)
-    return known[name].load()
+    try:
+        return known[name].load()
+    except ModuleNotFoundError as error:
+        raise DependencyError(
+            f"{name}, which is {known[name].value}, does not load: {error}"
+        ) from None
 
 
 def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
@@ -65,6 +73,7 @@ def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run ``pter`` and return its exit status: 2 after an error, 130 after Ctrl-C."""
+    open_streams()
     accept_all_characters()
     if arguments is None:
         if (
@@ -83,15 +92,23 @@ def main(arguments: list[str] | None = None) -> int:
         terminal(errors=True).print("interrupted; files that were written are complete")
         return INTERRUPTED
     except OSError as error:  # of a file, or of where the output goes
-        if arguments is None:
-            close_output()
+        printed = close_output() if arguments is None else True
         with suppress(OSError):
-            complain(
-                str(error)
-                if error.filename
-                else f"not everything could be printed: {error.strerror}"
-            )
+            complain(reason_of(error, printed=printed))
         return 2
+
+
+def reason_of(error: OSError, *, printed: bool = True) -> str:
+    """Return what is wrong: with a file, which some errors do not name, or with the output."""
+    if error.filename:
+        return str(error)
+    if isinstance(error, FileNotFoundError):
+        return "the current folder is no longer there"
+    last = extract_tb(error.__traceback__)[-1]
+    if not printed or last.filename in (__file__, console.__file__):
+        return f"not everything could be printed: {error.strerror}"
+    where = f"{last.filename}, line {last.lineno}"
+    return f"a file could not be read or written: {error.strerror or error} (in {where})"
 
 
 def _run(arguments: list[str]) -> int:
@@ -117,7 +134,9 @@ def complain(text: str) -> None:
 
 def summary(entry: EntryPoint) -> str:
     """Return the first line of a command's docstring, without importing it: all take seconds."""
-    spec = find_spec(entry.module)
+    spec = None
+    with suppress(ImportError):  # of a package that is no longer there
+        spec = find_spec(entry.module)
     source = Path(spec.origin).read_text("utf-8") if spec and spec.origin else ""
     functions = [node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)]
     texts = [ast.get_docstring(node) or "" for node in functions if node.name == entry.attr]
@@ -126,15 +145,13 @@ def summary(entry: EntryPoint) -> str:
 
 def _print_overview() -> None:
     """Print all commands, on one screen."""
-    console = terminal()
-    console.print(f"usage: pter COMMAND …\n\n{DESCRIPTION}\n")
+    screen = terminal()
+    screen.print(f"usage: pter COMMAND …\n\n{DESCRIPTION}\n")
     table = Table.grid(padding=(0, 2))
     for name, entry in commands().items():
         table.add_row(f"  {name}", summary(entry))
-    console.print(table)
-    console.print(
-        "\n`pter COMMAND --help` explains a command; `pter --version` prints the version."
-    )
+    screen.print(table)
+    screen.print("\n`pter COMMAND --help` explains a command; `pter --version` prints the version.")
 
 
 if __name__ == "__main__":

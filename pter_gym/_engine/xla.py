@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import jax
 import jaxlib
@@ -18,6 +18,7 @@ import numba
 import numpy as np
 from jax import lax
 from jax import numpy as jnp
+from jax.core import Tracer
 from numba import types
 from numpy.typing import NDArray
 
@@ -28,6 +29,7 @@ from pter_gym._compiled.records import write
 from pter_gym._engine.kernels import RESET_TYPES, advance_caller, reset_kernel
 from pter_gym._engine.law import CLUTCHES
 from pter_gym._engine.world import FLAG, FLAGS, LANES, ROW, SAME_STEP
+from pter_gym.errors import ParameterError
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
 
 TERMINATED, TRUNCATED = int(FLAG.terminated), int(FLAG.truncated)
@@ -367,8 +369,41 @@ def call_law(
 
 
 def words_of(numbers: NDArray[Any]) -> jax.Array:
-    """Return numbers of 64 bits as words of 32."""
-    return jnp.asarray(np.ascontiguousarray(numbers).view(np.uint32))
+    """Return numbers of 64 bits as words of 32, on the CPU."""
+    return jnp.asarray(on_cpu(np.ascontiguousarray(numbers).view(np.uint32)))
+
+
+def on_cpu(arrays: Any) -> Any:
+    """Return arrays on JAX's CPU device, where kernels run; what is traced stays as it is.
+
+    Where the CPU is JAX's default, they stay too. Elsewhere they are committed to it, so
+    what is computed with them, also in ``jit``, is computed there.
+
+    Raises
+    ------
+    ParameterError
+        If JAX has no CPU device.
+    """
+    if jax.default_backend() == "cpu":
+        return arrays
+    device, traced = cpu_device(), cast("type", Tracer)
+
+    def placed(array: Any) -> Any:
+        return array if isinstance(array, traced) else jax.device_put(array, device)
+
+    return jax.tree.map(placed, arrays)
+
+
+def cpu_device() -> Any:
+    """Return JAX's first CPU device, or raise a ParameterError if it has none."""
+    found: Any = jax
+    try:
+        return found.local_devices(backend="cpu")[0]
+    except RuntimeError as error:
+        raise ParameterError(
+            "JAX's platforms must include cpu, on which the worlds run, as "
+            f"JAX_PLATFORMS=cuda,cpu has it: {error}"
+        ) from None
 
 
 def rounded(words: jax.Array) -> jax.Array:

@@ -3,6 +3,7 @@
 import errno
 import os
 import secrets
+import stat
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
@@ -45,7 +46,7 @@ def write_bytes_atomic(path: FilePath, data: bytes) -> None:
     """Write or replace a file atomically: no other process ever sees part of it.
 
     The data are written to a temporary file in the same folder, which must exist, flushed to disk
-    and then renamed. A symbolic link is followed.
+    and then renamed. A symbolic link is followed; a file that is replaced keeps its mode.
 
     Raises
     ------
@@ -76,6 +77,8 @@ def write_files_atomic(folder: FilePath, files: Mapping[str, bytes]) -> None:
         for target, data in targets.items():
             written[target] = target.with_name(f".{secrets.token_hex(8)}.tmp")
             with written[target].open("xb") as file:
+                if target.is_file():
+                    written[target].chmod(stat.S_IMODE(target.stat().st_mode))
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())

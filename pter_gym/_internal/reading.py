@@ -9,6 +9,7 @@ import io
 import json
 import math
 import os
+import re
 import tomllib
 import zlib
 from collections.abc import Generator
@@ -20,6 +21,17 @@ from pter_gym.errors import DataError
 
 MAX_JSON_SIZE, MAX_TOML_SIZE = 1 << 22, 1 << 18
 """Largest texts that are parsed [B]."""
+
+MAX_KEY_PARTS = 8
+"""Most parts of a key in TOML, as ``a.b`` has two."""
+
+_NO_KEY = re.compile(
+    r'"""[\s\S]*?"""|' + r"'''[\s\S]*?'''|" + r'"(?:\\.|[^"\\\n])*"' + r"|'[^'\n]*'|#[^\n]*"
+)
+"""A string or a comment, in which dots mean nothing."""
+
+_LONG_KEY = re.compile(rf"(?<![\w#-])(?:[\w#-]+[ \t]*\.[ \t]*){{{MAX_KEY_PARTS}}}")
+"""More parts than a key may have, with # for each string."""
 
 READ_ERRORS = (
     *(
@@ -91,9 +103,13 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
 def parse_toml(text: str) -> dict[str, Any]:
     """Return the values in a TOML text of at most ``MAX_TOML_SIZE`` [B], all numbers finite.
 
-    It raises a ValueError where they are not.
+    It raises a ValueError where they are not, or where a key has more parts than ``MAX_KEY_PARTS``:
+    the time that tomllib takes grows with their square.
     """
     _bounded(text.encode(), MAX_TOML_SIZE)
+    text = text.removeprefix("\ufeff")  # which some editors write
+    if _LONG_KEY.search(_NO_KEY.sub(lambda match: "" if match[0][0] == "#" else "#", text)):
+        raise ValueError(f"keys must have at most {MAX_KEY_PARTS} parts")
     return tomllib.loads(text, parse_float=_finite)
 
 

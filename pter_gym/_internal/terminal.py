@@ -6,14 +6,26 @@ import signal
 import socket
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from threading import Thread
+from typing import Any
 
+from rich.cells import cell_len, chop_cells
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+)
+from rich.segment import Segment
+from rich.text import Text
 
 from pter_gym._internal.files import FilePath, check_target, find_path
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, printable
 
 WIDTH = 80
 """Characters in a line of a table."""
@@ -32,6 +44,24 @@ def make_folder(path: FilePath, field: str = "out") -> None:
     check_target(field, path / "file")
 
 
+class Terminal(Console):
+    """A console on which only rich moves the cursor: text is shown, whatever is in it."""
+
+    def out(self, *objects: Any, **options: Any) -> None:
+        """Print without markup and line breaks."""
+        super().out(*(printable(str(each)) for each in objects), **options)
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print text and tables."""
+        shown = (printable(each) if isinstance(each, str) else each for each in objects)
+        super().print(*shown, **options)
+
+    def render(self, *arguments: Any, **options: Any) -> Iterable[Segment]:
+        """Yield the pieces of what is printed."""
+        for text, style, control in super().render(*arguments, **options):
+            yield Segment(text if control else printable(text), style, control)
+
+
 def accept_all_characters() -> None:
     """Escape characters that the terminal cannot show, unless the user has chosen otherwise."""
     for stream in (sys.stdout, sys.stderr):
@@ -42,7 +72,7 @@ def accept_all_characters() -> None:
 def terminal(*, errors: bool = False) -> Console:
     """Return a console for the terminal, even for one that cannot show every character."""
     accept_all_characters()
-    return Console(stderr=errors, highlight=False)
+    return Terminal(stderr=errors, highlight=False)
 
 
 def say(text: str) -> None:
@@ -51,15 +81,26 @@ def say(text: str) -> None:
 
 
 def shorten(text: str, width: int) -> str:
-    """Return text of at most so many characters, ≥ 3; a longer one loses its middle."""
+    """Return text of at most so many columns, ≥ 3; a longer one loses its middle."""
+    if cell_len(text) <= width:
+        return text
     half = (width - 1) // 2
-    return text if len(text) <= width else f"{text[: width - 1 - half]}…{text[-half:]}"
+    end = chop_cells(text[::-1], half)[0][::-1]
+    return f"{chop_cells(text, width - 1 - half)[0]}…{end}"
 
 
-def progress_bar() -> Progress:
+class ShortColumn(TextColumn):
+    """A column of text that loses its middle where bar and numbers would have no room."""
+
+    def render(self, task: Task) -> Text:
+        """Return the text of a task."""
+        return Text(shorten(super().render(task).plain, WIDTH // 2))
+
+
+def progress_bar(console: Console | None = None) -> Progress:
     """Return the progress bar that all commands share; without a terminal nothing is shown."""
-    console = terminal(errors=True)
-    text = TextColumn("{task.description}", markup=False)
+    console = console or terminal(errors=True)
+    text = ShortColumn("{task.description}", markup=False)
     columns = (text, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     return Progress(
         *columns,
@@ -70,13 +111,28 @@ def progress_bar() -> Progress:
     )
 
 
-def close_output() -> None:
-    """Drop what cannot be printed, so Python ends without a complaint of its own."""
+def open_streams() -> None:
+    """Open streams that were closed when the process began on nothing.
+
+    Otherwise the next file would get the number of standard output.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115
+
+
+def close_output() -> bool:
+    """Drop what cannot be printed, so Python ends without a complaint of its own.
+
+    Return whether all could be printed.
+    """
     try:
         sys.stdout.flush()
     except OSError:
         with Path(os.devnull).open("wb") as nowhere:
             os.dup2(nowhere.fileno(), sys.stdout.fileno())
+        return False
+    return True
 
 
 def end_on_interrupt(status: int) -> None:

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 
-from pter_gym.benchmark._from_sb3 import from_actions, from_sb3
 from pter_gym.scenarios import PACES
 
 if TYPE_CHECKING:
+    from pter_gym.benchmark._from_sb3 import from_actions, from_sb3
     from pter_gym.benchmark.boards import Leaderboard, leaderboards, print_boards
     from pter_gym.benchmark.episodes import Episodes, training_episodes
     from pter_gym.benchmark.policies import find_policy
@@ -49,6 +49,7 @@ __all__ = [
 __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
     __name__,
     submod_attrs={
+        "_from_sb3": ["from_actions", "from_sb3"],
         "boards": ["Leaderboard", "leaderboards", "print_boards"],
         "results": ["ResultsFolder"],
         "episodes": ["Episodes", "training_episodes"],

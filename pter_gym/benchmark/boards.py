@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from rich.cells import cell_len, set_cell_size
 
 from pter_gym._internal.terminal import WIDTH, say, shorten
 from pter_gym._version import __version__
@@ -352,10 +353,13 @@ def _lines(
     """Return a table; names that leave too little room for the columns lose their middle."""
     widths = [max(map(len, column)) for column in columns]
     free = WIDTH - sum(widths) - len(starts[0])
-    gap = 2 if free - 2 * len(widths) >= max(map(len, names)) else 1
+    gap = 2 if free - 2 * len(widths) >= max(map(cell_len, names)) else 1
     labels = [shorten(name, max(MIN_NAME, free - gap * len(widths))) for name in names]
-    longest = max(map(len, labels))
+    longest = max(map(cell_len, labels))
+    labels = [set_cell_size(label, longest) for label in labels]
     return [
-        (" " * gap).join([f"{start}{label:<{longest}}", *map(str.ljust, cells, widths)]).rstrip()
+        (" " * gap)
+        .join([start + set_cell_size(label, longest), *map(str.ljust, cells, widths)])
+        .rstrip()
         for start, label, cells in zip(starts, labels, zip(*columns, strict=True), strict=True)
     ]

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
 
 from pter_gym.errors import ParameterError
 
@@ -64,6 +63,8 @@ def mean_interval(values: ArrayLike, strata: Sequence[Hashable] = ()) -> Interva
     if too_few or np.ptp(sample) <= 1e-12 * abs(mean):
         return Interval(mean)
     if count > 1:
+        from scipy import stats  # takes half a second
+
         quantile: Any = stats.t.ppf(0.975, count - 1)
         reach = float(quantile) * float(np.std(sample, ddof=1)) / math.sqrt(count)
         return Interval(mean, mean - reach, mean + reach)
@@ -81,6 +82,8 @@ def _bootstrap(sample: NDArray[np.float64], strata: Sequence[Hashable]) -> tuple
 
     def mean(*resampled: Any, axis: int = -1) -> Any:
         return np.concatenate(resampled, axis=axis).mean(axis=axis)
+
+    from scipy import stats
 
     bootstrap: Any = stats.bootstrap(
         kinds, mean, n_resamples=RESAMPLES, rng=np.random.default_rng(SEED)

@@ -19,11 +19,12 @@ from numba.core.dispatcher import Dispatcher
 from pter_gym._internal.checks import names_in
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym.benchmark.tuned import TUNED, find_paced, find_tuned, read_tuned
-from pter_gym.controllers import CONTROLLERS, AnyPolicy, Controller, Policy
+from pter_gym.controllers import AnyPolicy, Controller, Policy
 from pter_gym.envs._acting import ActingPolicy, attributes
-from pter_gym.errors import ParameterError, nearest, unknown_name
-from pter_gym.policies import read_policy, shipped_policies
-from pter_gym.policies._files import is_here, is_path
+from pter_gym.errors import ParameterError, nearest
+from pter_gym.policies import read_policy
+from pter_gym.policies._files import is_path
+from pter_gym.policies._names import check_policy, is_code, is_exported
 
 MAX_NAME = 180
 """Most characters of a policy's name, which is part of a file name."""
@@ -58,31 +59,14 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
         If a file of an exported policy is damaged.
     """
     name = _text_of(name)
-    if name.endswith((".py", ".py:")):
-        example = f"{name.removesuffix(':')}:policy"
-        raise ParameterError(
-            f"policies must name an attribute of a file, as in {example}, got {name!r:.200}"
-        )
+    check_policy(name)
     if is_code(name):
         return _import(name)
     if name.endswith(".toml"):
         return read_tuned(name, scenario)
-    known = (*CONTROLLERS, *TUNED, *shipped_policies())
-    if (
-        is_path(name)
-        or name in shipped_policies()
-        or (name not in known and name and is_here(name))
-    ):
+    if is_exported(name):
         return read_policy(name)
-    if name not in known:
-        raise unknown_name("policies", name, known)
     return find_tuned(name, scenario) if name in TUNED else find_paced(name, scenario)
-
-
-def is_code(name: str) -> bool:
-    """Return whether a name means an attribute of a file or of a module."""
-    place, colon, _ = name.rpartition(":")
-    return bool(colon) and (place.endswith(".py") or not is_path(name))
 
 
 def load_policy(policy: "FilePath | AnyPolicy", env: Any) -> ActingPolicy:
@@ -240,9 +224,14 @@ def _load(entry: EntryPoint) -> Any:
     seen = _CONTENTS.get(entry.module)
     module = sys.modules.get(entry.module)
     with _without_bytecode():
-        if module is not None and seen is not None and seen != _contents([entry.module]):
-            reload(module)
-        found = entry.load()
+        try:
+            if module is not None and seen is not None and seen != _contents([entry.module]):
+                reload(module)
+            found = entry.load()
+        except (ImportError, AttributeError):
+            raise
+        except Exception as error:
+            raise _does_not_run(error, Path.cwd()) from error
     _CONTENTS[entry.module] = _contents([entry.module])
     return found
 
@@ -252,8 +241,6 @@ def _run_file(path: Path) -> ModuleType:
 
     A file is run again when its content has changed, or that of a file beside it that it imports.
     """
-    if not path.is_file():
-        raise ParameterError(f"policies must name a file that exists, there is no {str(path)!r}")
     name = f"file:{path}"  # that no other module has
     beside = [each for each in _BESIDE if _folder_of(each) == path.parent]
     if name in sys.modules and _CONTENTS.get(name) == _contents([name, *beside]):
@@ -270,16 +257,24 @@ def _run_file(path: Path) -> ModuleType:
             exec(compile(path.read_bytes(), path, "exec"), vars(module))
     except Exception as error:
         sys.modules.pop(name)
-        frames = extract_tb(error.__traceback__)
-        lines = [frame.lineno for frame in frames if frame.filename == str(path)]
-        line = error.lineno if isinstance(error, SyntaxError) else lines[-1]
-        reason = f"{path.name}, line {line}: {type(error).__name__}: {error}"
-        raise ParameterError(f"policies must name code that runs, {reason}") from error
+        raise _does_not_run(error, path.parent) from error
     linecache.checkcache()
     _BESIDE.update(each for each in set(sys.modules) - before if _folder_of(each) == path.parent)
     beside = [each for each in _BESIDE if _folder_of(each) == path.parent]
     _CONTENTS[name] = _contents([name, *beside])
     return module
+
+
+def _does_not_run(error: Exception, folder: Path) -> ParameterError:
+    """Return the error for a user's code, with the place in the innermost of the user's files."""
+    frames = [(frame.filename, frame.lineno) for frame in extract_tb(error.__traceback__)]
+    if isinstance(error, SyntaxError) and error.filename:
+        frames.append((error.filename, error.lineno))
+    own = [frame for frame in frames if folder in Path(frame[0]).parents] or frames[-1:]
+    file, line = own[-1]
+    reason = error.msg if isinstance(error, SyntaxError) else error
+    place = f"{Path(file).name}, line {line}: {type(error).__name__}: {reason}"
+    return ParameterError(f"policies must name code that runs, {place}")
 
 
 _BESIDE: set[str] = set()

@@ -81,7 +81,8 @@ def _recorded(
     while running.any():
         steps = len(observations) - 1
         if steps % acting.frame_skip == 0:
-            volts = acting.act(np.ascontiguousarray(obs[:, : len(acting.layout)]), memory)
+            entries = np.ascontiguousarray(obs[:, : len(acting.layout)])
+            volts = acting.volts(entries, memory, episodes.machines[0])
         obs, _, _, (terminated, truncated, _), (telemetry,) = batch.step(volts, SKIP)
         rows.append(telemetry[:, columns])
         observations.append(obs)
@@ -138,6 +139,19 @@ def evaluate(
             parts = list(pool.map(evaluate_part, episodes.chunks))
     names = (name for name in SCORES if all(name in part for part in parts))
     return {name: np.concatenate([part[name] for part in parts]) for name in names}
+
+
+def check_acting(policy: AnyPolicy, episodes: Episodes) -> None:
+    """Let a Python function act once, in two worlds that begin the first episode.
+
+    So one that cannot act is refused before any work.
+    """
+    acting = bind_to(policy, episodes)
+    if not acting.law:
+        with episodes.first(1).worlds(sensors_of(policy)) as batch:
+            obs, _ = batch.reset(episodes.seeds[:1])
+        both = np.repeat(obs[:, : len(acting.layout)], 2, axis=0)
+        acting.volts(both, acting.start(2, [0, 1]), episodes.machines[0])
 
 
 class Episode(NamedTuple):

@@ -11,7 +11,7 @@ from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.episodes import Episodes, find_episodes, training_episodes
 from pter_gym.benchmark.policies import Policies, find_policies
 from pter_gym.benchmark.results import ResultsFolder
-from pter_gym.benchmark.rollout import evaluate
+from pter_gym.benchmark.rollout import check_acting, evaluate
 from pter_gym.benchmark.scores import ScenarioRun
 from pter_gym.controllers import AnyPolicy
 from pter_gym.params import Machine
@@ -82,6 +82,8 @@ def run_scenario(
     )
     if folder:
         folder.make()
+    for policy in (each for versions in named.values() for each in versions):
+        check_acting(policy, next(iter(sets.values())))
     runs: list[ScenarioRun] = []
     for pace, chosen in sets.items():
         for name, versions in named.items():

@@ -19,13 +19,12 @@ from pter_gym._internal.files import FilePath, find_path
 from pter_gym._internal.reading import read_toml, reading
 from pter_gym.controllers import CONTROLLERS, Controller, Guided, Impedance, PaceSchedule
 from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.policies._names import SUFFIX, TUNED_TABLE, tuned_policies
 from pter_gym.scenarios import find_pace
 
-TABLE = Path(__file__).parents[1] / "presets" / "tuned.toml"
+TABLE = TUNED_TABLE
 
 DAMPERS = TABLE.with_name("dampers.toml")
-
-SUFFIX = "-tuned"
 
 NEAREST = MappingProxyType({"tremor": "hands", "corridor": "standard", "wall": "standard"})
 """The scenario whose gains serve where there are none for another, chosen on training draws."""
@@ -189,5 +188,5 @@ def tuned_names(table: Table) -> tuple[str, ...]:
     return tuple(name + SUFFIX for name in CONTROLLERS if name in there)
 
 
-TUNED = tuned_names(read_table())
+TUNED = tuned_policies()
 """Names under which controllers are found with shipped gains."""

@@ -4,6 +4,7 @@ A *controller* is a frozen set of gains, a trained network, or anything else wit
 layout)``, which returns a policy for a nominal machine and the observations that it will get.
 """
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
@@ -16,7 +17,7 @@ from pter_gym._compiled.records import rows, width
 from pter_gym._engine.law import Memory
 from pter_gym._internal.checks import whole_number
 from pter_gym.controllers._law_kernel import FAULTS, kernel_of, law_error
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, PterError
 from pter_gym.params import SLOTS, Machine, find_machine
 
 Observations = NDArray[np.float32]
@@ -64,6 +65,8 @@ class Policy:
         Whether it may act with any ``frame_skip``, as control laws may.
     law
         The compiled law, if it is one.
+    name
+        Its name in errors and warnings.
     """
 
     layout: Layout
@@ -72,6 +75,38 @@ class Policy:
     frame_skip: int = 1
     any_frame_skip: bool = True
     law: CompiledLaw | None = None
+    name: str = "policy"
+
+    def volts(self, observations: Observations, memory: Any, machine: Machine) -> Volts:
+        """Return what ``act`` does, within the range of a machine's drive, (N, clutches).
+
+        Voltages beyond the range are clipped, as a drive does, with one warning.
+
+        Raises
+        ------
+        ParameterError
+            If it returns anything but a row of voltages for each world.
+        """
+        volts = self.act(observations, memory)
+        if self.law:  # is within the range
+            return volts
+        worlds, clutches, top = len(observations), len(machine.clutches), machine.clutch.voltage_max
+        try:
+            volts = np.asarray(volts)
+            found = f"shape {volts.shape}" if volts.dtype.kind in "fiu" else f"dtype {volts.dtype}"
+        except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor elsewhere
+            volts, found = np.empty(0), f"no array ({error})"
+        if volts.shape != (worlds, clutches) or volts.dtype.kind not in "fiu":
+            raise ParameterError(
+                f"{self.name} returned {found} for observations {observations.shape}: "
+                f"return one row of {clutches} volts per row"
+            )
+        slack = 4.0 * float(np.spacing(np.float32(top)))  # what float32 rounds
+        if ((volts < -slack) | (volts > top + slack)).any():
+            warnings.warn(
+                f"{self.name} gives voltages beyond [0, {top:g}] V, which are clipped", stacklevel=1
+            )
+        return volts.clip(0.0, top)
 
     @classmethod
     def of_law(
@@ -166,13 +201,22 @@ class Policy:
 
         def act(observations: Observations, memory: Any) -> Volts:
             given = observations.copy()  # which the function may keep or change
-            return function(given) if start is None else function(given, memory)
+            try:
+                return function(given) if start is None else function(given, memory)
+            except PterError:
+                raise
+            except (ValueError, TypeError, LookupError) as error:
+                raise ParameterError(
+                    f"{name} failed for observations {observations.shape}, a row for each world: "
+                    f"{type(error).__name__}: {error}"
+                ) from error
 
         def begin(worlds: int, episodes: Any = None) -> Any:  # noqa: ARG001
             return None if start is None else start(worlds)
 
+        name: str = getattr(function, "__name__", type(function).__name__)
         skip = 1 if frame_skip is None else whole_number("frame_skip", frame_skip)
-        return cls(layout, act, begin, skip, frame_skip is None)
+        return cls(layout, act, begin, skip, frame_skip is None, name=name)
 
 
 AnyPolicy = Controller | Policy | Callable[[Observations], Any]

@@ -65,9 +65,8 @@ class ActingPolicy:
         (skip,) = attributes(env, "frame_skip")
         self._single = isinstance(env, gymnasium.Env)
         self._worlds: int = 1 if self._single else env.num_envs
-        self._voltage_max = machine.clutch.voltage_max
+        self._machine = machine
         self._bounds = bounds_of_actions(env, layout, machine)
-        self._volts_shape = (self._worlds, len(machine.clutches))
         self._policy = bind(policy, machine, layout)
         self._shape = (len(layout),) if self._single else (self._worlds, len(layout))
         held = self._policy.frame_skip
@@ -118,9 +117,9 @@ class ActingPolicy:
         Raises
         ------
         ParameterError
-            If the observation has a wrong shape.
+            If the observation has a wrong shape, or what the policy returns.
         ActionError
-            If the policy returns anything but finite voltages within the range.
+            If a voltage is not finite.
         """
         try:
             rows = np.array(observation, np.float32, order="C")
@@ -135,14 +134,12 @@ class ActingPolicy:
             raise ParameterError(
                 f"observation must be an array of the shape {self._shape}, got {got}"
             )
-        volts = np.array(self._policy.act(rows.reshape(self._worlds, -1), self._memory), np.float32)
-        most, shape = self._voltage_max, self._volts_shape
-        if volts.shape != shape or not ((volts >= 0.0) & (volts <= most)).all():
-            raise ActionError(
-                f"policy must give voltages of the shape {shape} within [0, {most:g}] V, "
-                f"got {volts!r:.200}"
-            )
-        actions = action_of(volts, *self._bounds, most)
+        volts = self._policy.volts(rows.reshape(self._worlds, -1), self._memory, self._machine)
+        if not np.isfinite(volts).all():
+            raise ActionError(f"policy must give finite voltages, got {volts!r:.200}")
+        actions = action_of(
+            volts.astype(np.float32), *self._bounds, self._machine.clutch.voltage_max
+        )
         return actions[0] if self._single else actions
 
 

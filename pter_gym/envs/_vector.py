@@ -45,7 +45,7 @@ class PathFollowingVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverr
         When a world whose episode has ended is reset; an ``AutoresetMode`` or its value.
     max_episode_steps
         Steps of the environment, of ``frame_skip`` control steps each, after which an episode is
-        truncated; None for no limit.
+        truncated; None, or −1 as Gymnasium has it, for no limit.
     telemetry
         Whether ``infos`` holds telemetry.
     render_mode
@@ -80,14 +80,14 @@ class PathFollowingVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverr
     ) -> None:
         self.autoreset_mode = find_autoreset_mode(autoreset_mode)
         self.num_envs = whole_number("num_envs", num_envs)
-        self.max_episode_steps = max_episode_steps
+        self.max_episode_steps = None if max_episode_steps == -1 else max_episode_steps
         check_memory(self.num_envs, telemetry)
         self.metadata = {"render_modes": ["rgb_array"], "autoreset_mode": self.autoreset_mode}
         self.single_observation_space, self.single_action_space = self._make_worlds(
             self.num_envs,
             render_mode,
             arguments,
-            max_episode_steps=max_episode_steps,
+            max_episode_steps=self.max_episode_steps,
             telemetry=telemetry or render_mode is not None,
             num_threads=available_cores() if num_threads is None else num_threads,
         )

@@ -3,6 +3,10 @@
 ``reset`` and ``step`` are of one world; ``jax.vmap`` makes them those of many, in one call of the
 kernel, and ``jax.jit`` and ``jax.lax.scan`` take them as they are. A world with seed s goes through
 the same episodes, bit for bit, as one of ``gymnasium.make_vec`` with that seed.
+
+Worlds run on the CPU. If JAX has a GPU too, networks may use it: ``default_params`` are committed
+to the CPU, so a function that ``jit`` compiles runs there if it gets them, or a state, as an
+argument. Actions that were committed to the GPU are brought over with ``jax.device_put``.
 """
 
 from functools import cache
@@ -21,7 +25,15 @@ try:
     from jax.core import Tracer
     from jax.custom_batching import custom_vmap
 
-    from pter_gym._engine.xla import DECLARED_STEP, RESET, STEP, register_calls, words_of
+    from pter_gym._engine.xla import (
+        DECLARED_STEP,
+        RESET,
+        STEP,
+        cpu_device,
+        on_cpu,
+        register_calls,
+        words_of,
+    )
 except ImportError as error:
     raise ImportError(str(needs_extra("pter_gym.envs.jax", "jax"))) from error
 
@@ -84,10 +96,7 @@ class JaxEnv:
     name = "PathFollowing"
 
     def __init__(self, env: PathFollowingVectorEnv) -> None:
-        if jax.default_backend() != "cpu":
-            raise ParameterError(
-                f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu"
-            )
+        cpu_device()
         step = STEP if env.batch.machine.has_paper_clutches else DECLARED_STEP
         register_calls(step)
         self._step = _stepping(step)
@@ -120,7 +129,7 @@ class JaxEnv:
 
         Its seed follows from the key, and its later episodes from its seed.
         """
-        return self.reset_to_seed(jax.random.bits(key, (2,), jnp.uint32), params)
+        return self.reset_to_seed(jax.random.bits(on_cpu(key), (2,), jnp.uint32), params)
 
     def reset_to_seed(
         self, seed: int | jax.Array | NDArray[Any], params: EnvParams | None = None
@@ -141,7 +150,7 @@ class JaxEnv:
             If the seed is not of this kind, or ``params`` are of an environment with others.
         """
         words = seed_words(seed)
-        episode = jnp.zeros(4, jnp.uint32).at[: words.size].set(words)
+        episode = on_cpu(jnp.zeros(4, jnp.uint32).at[: words.size].set(words))
         world, episode, obs = _one(_reset, (self._empty, episode), self._shared(params))
         return obs, EnvState(world, episode)
 
@@ -188,8 +197,9 @@ class JaxEnv:
         """
         del key
         space = self.action_space()
-        action = checked_action(action, (self.num_actions,))
+        action = on_cpu(checked_action(action, (self.num_actions,)))
         self._check_state(state)
+        state = on_cpu(state)
         known = jnp.isfinite(action).all()
         given = jnp.where(known, jnp.clip(action, space.low, space.high), space.low)
         state, obs, final, reward, flags = self._advance(state, given, self._shared(params))
@@ -257,7 +267,7 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
     Raises
     ------
     ParameterError
-        If an argument is out of range, or JAX would run this on something else than a CPU.
+        If an argument is out of range, or JAX has no CPU device.
     """
     made = JaxEnv.from_id(env_id, keywords)
     return made, made.default_params

@@ -17,7 +17,7 @@ try:
     from jax.custom_batching import custom_vmap as _custom_vmap
 
     from pter_gym._engine import xla as _xla
-    from pter_gym._engine.xla import rounded, words_of
+    from pter_gym._engine.xla import cpu_device, on_cpu, rounded, words_of
 except ImportError as error:
     raise ImportError(str(needs_extra("pter_gym.gradients.jax", "jax"))) from error
 
@@ -127,16 +127,13 @@ def make_rollout(
     Raises
     ------
     ParameterError
-        If JAX would run this on anything but a CPU, an argument is out of range, or in the call a
+        If JAX has no CPU device, an argument is out of range, or in the call a
         shape is wrong or an array is not of numbers.
     """
-    if jax.default_backend() != "cpu":
-        raise ParameterError(
-            f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu"
-        )
+    cpu_device()
     machine, substeps = divided(machine, period)
     defaults = {place: value for place, value in numbers_of(machine).items() if place != "substep"}
-    fixed = jnp.asarray(flat(arrangement_of(machine)))
+    fixed = jnp.asarray(on_cpu(np.array(flat(arrangement_of(machine)))))
     to_model = branchless(model_of, MEANING, {})
     roll = rolling(machine.has_paper_clutches, machine.substep)
 

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -84,6 +85,22 @@ def test_code_is_found_in_a_file(tmp_path: Path) -> None:
             find_policy(name)
 
 
+@pytest.mark.parametrize("wrong", ["def broken(:", "nothing + 1", "import numpy; numpy.zeros(-1)"])
+@pytest.mark.parametrize("name", ["{folder}/laws.py:law", "laws_of_mine:law"])
+def test_the_file_that_does_not_run_is_named(
+    wrong: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is not always the one that the user has named."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.path", [*sys.path])
+    gains = f"gains_{abs(hash((wrong, name)))}"
+    for file in ("laws.py", "laws_of_mine.py"):
+        (tmp_path / file).write_text(f"\n\n\nimport {gains}\nlaw = 1\n")
+    (tmp_path / f"{gains}.py").write_text(f"\n{wrong}\n")
+    with pytest.raises(ParameterError, match=rf"{gains}\.py, line 2"):
+        find_policy(name.format(folder=tmp_path))
+
+
 def test_a_file_that_has_changed_is_read_again(tmp_path: Path) -> None:
     """Also a law, whose compiled code must not outlive its text."""
     file = tmp_path / "mine.py"
@@ -162,6 +179,45 @@ def test_training_seeds_are_different_policies(bad: Any) -> None:
         run_scenario("standard", {"mine": bad}, "brisk", episodes=1)
 
 
+def one_row(obs: Any) -> Any:
+    return np.array([obs[0], 0.0, 0.0, 24.0])
+
+
+def columns(obs: Any) -> Any:
+    return np.zeros((4, len(obs)))
+
+
+def named(obs: Any) -> Any:
+    return np.full((len(obs), 4), obs["theta_a"])
+
+
+@pytest.mark.parametrize(
+    ("law", "match"),
+    [
+        (one_row, r"one_row failed for observations \(2, 24\)"),
+        (columns, r"columns returned shape \(4, 2\).*\(2, 24\): return one row of 4 volts"),
+        (named, r"named failed .*IndexError"),
+    ],
+)
+def test_a_function_that_cannot_act_in_many_worlds_is_told_before_any_run(
+    law: Any, match: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ParameterError, match=match):
+        run_scenario("standard", {"free": "free", "law": law}, "brisk", results=tmp_path)
+    assert not list((tmp_path / "runs").iterdir())
+
+
+def test_a_function_beyond_the_range_is_clipped_as_a_drive_does() -> None:
+    def high(obs: Any) -> Any:
+        return np.full((len(obs), 4), 30.0)
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("default")
+        runs = run_scenario("standard", {"high": high, "locked": "locked"}, "brisk", episodes=2)
+    assert len([each for each in caught if "high gives" in str(each.message)]) == 1
+    np.testing.assert_array_equal(runs[0].scores["path_error_m"], runs[1].scores["path_error_m"])
+
+
 def test_a_policy_acts_without_what_scores_need() -> None:
     program = """
 import sys, gymnasium, pter_gym
@@ -178,7 +234,7 @@ print(*sorted(set(sys.modules) - before))
         for name in found
         if name.startswith("pter_gym.benchmark.")
     }
-    assert ours == {"_from_sb3", "policies", "tuned"}
+    assert ours == {"policies", "tuned"}
     assert not {"scipy", "rich"} & set(found)
 
 

@@ -2,12 +2,18 @@
 
 import re
 import shlex
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 
 from pter_gym._commands.arguments import split
 from pter_gym._commands.main import commands, load_command, main, parse
+from pter_gym.benchmark.tuned import read_table, tuned_names
+from pter_gym.controllers import CONTROLLERS
+from pter_gym.policies._names import BUILT_IN, tuned_policies
 
 EXAMPLE = re.compile(r"Example: `?pter ([^\n`]+)")
 
@@ -48,6 +54,53 @@ def test_an_error_is_one_line(
     assert printed.err.startswith("error: ")
 
 
+MISTYPED = [
+    *("benchmark --policies impedence", "benchmark --policies some/where", "benchmark --paces slw"),
+    *(
+        "benchmark --policies mine.toml",
+        "benchmark --policies my.py:law",
+        "benchmark --path my.csv",
+    ),
+    *("benchmark --path columns.csv", "tune impedence", "tune impedance --machine my.toml"),
+    *("watch impedence --out a.webp", "watch free --pace slw --out a.webp", "device my.toml"),
+    *("hil impedence ./loop", "export impedence --c folder"),
+]
+
+
+def test_what_is_mistyped_is_told_before_anything_heavy_is_imported(tmp_path: Path) -> None:
+    """Numba, SciPy and Matplotlib take seconds to import."""
+    (tmp_path / "columns.csv").write_text("x,z\n0,0\n1,1\n")
+    lines = [line for line in MISTYPED if line.partition(" ")[0] in commands()]
+    program = (
+        "import sys; from pter_gym._commands.main import main\n"
+        f"for line in {lines}:\n"
+        "    assert main(line.split()) == 2, line\n"
+        "    heavy = {'numba', 'scipy', 'matplotlib', 'jax', 'torch'} & set(sys.modules)\n"
+        "    assert not heavy, (line, heavy)\n"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    )
+    assert found.returncode == 0, found.stderr
+    assert found.stderr.count("error: ") == len(lines)
+
+
+def test_names_that_are_known_without_the_controllers_are_theirs() -> None:
+    assert tuple(CONTROLLERS) == BUILT_IN
+    assert tuned_policies() == tuned_names(read_table())
+
+
+def test_help_survives_a_command_whose_package_is_gone(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gone = EntryPoint("gone", "no_such_package.command:gone", "pter.commands")
+    monkeypatch.setattr("pter_gym._commands.main.registered", lambda _: {"gone": gone})
+    assert main(["--help"]) == 0
+    assert "gone" in capsys.readouterr().out
+    assert main(["gone"]) == 2
+    assert "no_such_package" in capsys.readouterr().err
+
+
 def test_the_path_of_a_file_may_have_commas(tmp_path: Path) -> None:
     file, other = tmp_path / "a,b.py", tmp_path / "c.py"
     file.touch()
@@ -55,6 +108,16 @@ def test_the_path_of_a_file_may_have_commas(tmp_path: Path) -> None:
     for text in (str(file), f"{file}:law"):
         assert split(text) == [text]
     assert split(f"{other}:law, free,{other}:law") == [f"{other}:law", "free"]
+
+
+def test_a_folder_may_have_commas(tmp_path: Path) -> None:
+    (tmp_path / "runs, 1" / "c").mkdir(parents=True)
+    policy, code = tmp_path / "runs, 1" / "mine.safetensors", tmp_path / "runs, 1" / "my,own.py"
+    policy.touch()
+    code.touch()
+    for first in (policy, policy.with_suffix(""), policy.parent, f"{code}:law"):
+        assert split(f"{first},impedance, {code}") == [str(first), "impedance", str(code)]
+    assert split(f"{tmp_path}/none, 1/mine,free") == [f"{tmp_path}/none", "1/mine", "free"]
 
 
 @pytest.mark.parametrize("line", ["benchmark --scenario standad", "benchmark --polices free"])

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Iterator
+from importlib.util import find_spec
 from itertools import pairwise
 from typing import Any
 
@@ -17,7 +18,6 @@ from gymnasium.vector import AutoresetMode
 
 from pter_gym._engine.world import ROW
 from pter_gym.envs import PathFollowingEnv, PathFollowingVectorEnv
-from pter_gym.errors import ParameterError
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import DELRIN_EXPERIMENTAL
 from pter_gym.paths import Line, Sine
@@ -46,14 +46,15 @@ each_mode = pytest.mark.parametrize("mode", AutoresetMode, ids=lambda mode: mode
 
 
 @pytest.mark.parametrize("name", IDS)
-def test_gymnasiums_checker_is_silent(name: str) -> None:
+def test_gymnasiums_checker_is_silent(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     options: dict[str, Any] = {} if name == ID else {"contexts": 8}
     env = gymnasium.make(
         name, action_unit="normalised", observe_context=True, sensors="force", **options
     )
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(env.unwrapped, skip_render_check=True)
+        check_env(env.unwrapped, skip_render_check=find_spec("pygame") is None)
 
 
 def test_the_checker_of_stable_baselines3_is_silent() -> None:
@@ -116,13 +117,33 @@ def test_pictures_are_collected(name: str) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have a display")
-def test_a_window_without_a_display_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", [ID, "PTER/Standard-v0"])
+def test_gymnasiums_own_check_passes_without_a_display(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("pygame")
-    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
-        monkeypatch.delenv(name, raising=False)
-    with pytest.raises(ParameterError, match="display"):
-        gymnasium.make(ID, render_mode="human")
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
+        monkeypatch.delenv(variable, raising=False)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        check_env(gymnasium.make(name).unwrapped)
+        env = gymnasium.make(name, render_mode="human")
+        env.reset(seed=0)
+        env.step(env.action_space.low)
+        env.close()
+    told = [str(warning.message) for warning in caught if "display" in str(warning.message)]
+    assert len(told) == 2  # once for each window, not for each picture
     assert "SDL_VIDEODRIVER" not in os.environ
+
+
+@pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
+def test_minus_one_is_no_limit_of_steps(make: Any) -> None:
+    env = make(ID, max_episode_steps=-1)
+    env.reset(seed=0)
+    for _ in range(1100):
+        locked = env.action_space.high
+        *_, terminated, truncated, _ = env.step(locked)
+        assert not np.any(terminated | truncated)
 
 
 def test_ids_of_scenarios_are_arguments_of_both_environments() -> None:

@@ -1,5 +1,7 @@
 """JAX has the bits of ``make_vec`` under ``jit``, ``vmap`` and ``scan``; what it refuses."""
 
+import subprocess
+import sys
 from functools import partial
 from typing import Any
 
@@ -212,9 +214,41 @@ def test_bad_arguments_are_refused(wrong: dict[str, Any], message: str) -> None:
         make(**wrong)
 
 
-def test_other_platforms_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
-    with pytest.raises(ParameterError, match="platform"):
+BESIDE_A_GPU = """
+import os
+os.environ["XLA_FLAGS"] = "--xla_force_host_platform_device_count=2"
+import jax
+import numpy as np
+
+here, gpu = jax.local_devices(backend="cpu")
+jax.config.update("jax_default_device", gpu)
+jax.default_backend = lambda: "gpu"
+from pter_gym.envs.jax import make
+
+env, params = make()
+key = jax.device_put(jax.random.key(0), gpu)
+obs, state = env.reset(key, params)
+action = jax.device_put(np.ones(env.num_actions, np.float32), gpu)
+_, after, *_ = env.step(key, state, action)
+_, compiled = jax.jit(env.reset)(jax.random.key(0), params)
+_, again, *_ = jax.jit(env.step)(None, compiled, jax.device_put(action, here), params)
+for array in jax.tree.leaves((params, obs, state, after, compiled, again)):
+    assert array.devices() == {here}, array.devices()
+np.testing.assert_array_equal(after.world, again.world)
+"""
+
+
+def test_beside_a_gpu_worlds_run_on_the_cpu() -> None:
+    """A second device of the CPU stands for the GPU that JAX takes by default."""
+    subprocess.run([sys.executable, "-c", BESIDE_A_GPU], check=True)
+
+
+def test_jax_without_a_cpu_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(**_: object) -> None:
+        raise RuntimeError("Unknown backend cpu")
+
+    monkeypatch.setattr(jax, "local_devices", refuse)
+    with pytest.raises(ParameterError, match="platforms must include cpu"):
         make()
 
 

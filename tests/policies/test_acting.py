@@ -211,9 +211,17 @@ def test_bad_observations_masks_and_voltages_are_refused() -> None:
             policy(wrong)
     with pytest.raises(ParameterError, match="worlds"):
         policy.reset(np.ones(2, bool))
-    for volts in (np.full((1, 4), 24.1), np.full((1, 4), np.nan), np.zeros(4), np.zeros((2, 4))):
-        with pytest.raises(ActionError, match="policy"):
+    for volts in (np.full((1, 4), np.nan), np.zeros(4), np.zeros((2, 4)), [[0.0] * 4, 1.0], "x"):
+        with pytest.raises((ActionError, ParameterError), match=r"policy|lambda"):
             pter_gym.load_policy(lambda _, volts=volts: volts, env)(observation)
+
+
+def test_voltages_beyond_the_range_are_clipped_with_a_warning() -> None:
+    env = gymnasium.make(ID, action_unit="volt")
+    observation, _ = env.reset(seed=0)
+    policy = pter_gym.load_policy(lambda _: np.array([[30.0, -1.0, 3.0, 24.0]]), env)
+    with pytest.warns(UserWarning, match=r"beyond \[0, 24\] V"):
+        assert policy(observation).tolist() == [24.0, 0.0, 3.0, 24.0]
 
 
 def test_the_nominal_machine_is_that_of_the_environment_unless_it_varies() -> None:

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from pter_gym._commands.arguments import PaceName
+from pter_gym._commands.arguments import PaceName, look_at
 from pter_gym._internal.plugins import COMMANDS, registered
 from pter_gym._internal.terminal import say, terminal
 
@@ -34,6 +34,8 @@ def device(
             extra agents.
         out: Folder for the results, created if necessary.
     """
+    look_at(machine=machine)
+
     from pter_gym.tools.device.report import examine_device
 
     policies = {"ppo": _trained(machine, pace, out)} if train else {}

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from pter_gym._commands.arguments import AnyPace, ScenarioName
+from pter_gym._commands.arguments import AnyPace, ScenarioName, look_at
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
 from pter_gym._internal.terminal import say
@@ -54,6 +54,8 @@ def hil(
         baud: Baud rate of the port.
         csv: File for the telemetry; see docs/watching.md. Its folder must exist.
     """
+    look_at(policies=[policy], paces=[pace])
+
     from dataclasses import replace
 
     from pter_gym.benchmark import find_policy

@@ -6,7 +6,14 @@ from typing import Annotated, Any
 
 import tyro
 
-from pter_gym._commands.arguments import AnyPace, MachineName, PathName, ScenarioName, split
+from pter_gym._commands.arguments import (
+    AnyPace,
+    MachineName,
+    PathName,
+    ScenarioName,
+    look_at,
+    split,
+)
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
 from pter_gym._internal.terminal import progress_bar, say
@@ -51,12 +58,14 @@ def watch(
         machine: Clutch material, or the file of a machine of your own, instead of the one that
             the scenario draws.
     """
+    names = split(policies)
+    look_at(policies=names, paces=[pace], path=path, machine=machine)
+
     from pter_gym.benchmark import find_policy
     from pter_gym.benchmark.results import write_trajectories
     from pter_gym.benchmark.rollout import record_episode
     from pter_gym.tools.pictures import film
 
-    names = split(policies)
     check_arguments(names, out, csv, size, speed)
     seed = whole_number("seed", seed, at_least=0)
     chosen = find_scenario(scenario, machine, path)

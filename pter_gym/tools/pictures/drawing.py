@@ -4,7 +4,7 @@ Drawn with Pillow, which takes milliseconds.
 """
 
 import math
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import Any, Literal, NamedTuple
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from pter_gym._internal import palette
+from pter_gym._internal.terminal import shorten
 from pter_gym._physics.friction import ClutchMode
 from pter_gym.params import Arm, Machine
 from pter_gym.paths import Path
@@ -220,7 +221,11 @@ class Canvas:
     ) -> None:
         """Write a line of text around the height ``y``; its left, middle or right is at ``x``."""
         self._draw.text(
-            (SUPERSAMPLING * x, SUPERSAMPLING * y), text, colour, _font(size), f"{align}m"
+            (SUPERSAMPLING * x, SUPERSAMPLING * y),
+            drawable(text),
+            colour,
+            _font(size),
+            f"{align}m",
         )
 
 
@@ -230,14 +235,35 @@ def _enlarged(points: ArrayLike) -> list[tuple[float, ...]]:
 
 def text_width(text: str, size: float) -> float:
     """Return the width of a line of text [px]."""
-    return _font(size).getlength(text) / SUPERSAMPLING
+    return _font(size).getlength(drawable(text)) / SUPERSAMPLING
 
 
 def shortened(name: str, size: float, width: float) -> str:
-    """Return a name, without its beginning if it is wider than ``width`` [px]."""
-    while len(name) > 1 and text_width(name, size) > width:
-        name = "…" + name.removeprefix("…")[1:]
-    return name
+    """Return a name, without its middle if it is wider than ``width`` [px]."""
+    text = shown = drawable(name)
+    kept = len(text)
+    while kept > 3 and text_width(shown, size) > width:
+        kept -= 1
+        shown = shorten(text, kept)
+    return shown
+
+
+def drawable(text: str) -> str:
+    r"""Return text in which characters that the typeface lacks are escaped, such as ``\u65e5``."""
+    return "".join(
+        each if _has(each) else each.encode("ascii", "backslashreplace").decode() for each in text
+    )
+
+
+@cache
+def _has(character: str) -> bool:
+    """Return whether the typeface has a character; it draws the same box for all others."""
+    if character.isascii():
+        return True
+    if not character.isprintable():  # such as half a surrogate pair, in a name that is no UTF-8
+        return False
+    font: Any = _font(BODY)
+    return bytes(font.getmask(character)) != bytes(font.getmask("\uffff"))
 
 
 def _font(size: float) -> ImageFont.FreeTypeFont:

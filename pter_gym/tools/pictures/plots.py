@@ -26,7 +26,7 @@ from pter_gym.tools.figures import (
     save,
     styled,
 )
-from pter_gym.tools.pictures.drawing import WORKSPACE
+from pter_gym.tools.pictures.drawing import WORKSPACE, drawable
 from pter_gym.tools.pictures.strip import apart
 
 MAX_NAME = 60
@@ -147,8 +147,13 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
 
 
 def shown(name: str) -> str:
-    """Return a policy's name for pictures: short enough, and without mathematical markup."""
-    return shorten(name, MAX_NAME).replace("$", r"\$")
+    """Return a policy's name for pictures, short enough."""
+    return plain(shorten(drawable(name), MAX_NAME))
+
+
+def plain(text: str) -> str:
+    """Return text that Matplotlib draws as it is, without mathematical markup."""
+    return drawable(text).replace("$", r"\$")
 
 
 def mark(standing: Standing) -> str:
@@ -226,4 +231,4 @@ def label_ends(
 
 def board_note(figure: Figure, board: Leaderboard, note: str) -> None:
     """Caption the panels with what was run, and a note."""
-    figure.supxlabel(f"{board.title}; {note}", fontsize=8.5)
+    figure.supxlabel(f"{plain(board.title)}; {note}", fontsize=8.5)

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any, Literal, get_args
 
+import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,18 +37,16 @@ class Viewer:
         The subject; it fixes the view, so the same state gives the same picture.
     mode
         ``"rgb_array"`` returns pictures and needs no display; ``"human"`` shows them in a window,
-        at most one for each control period. A window that its user closes stays closed, and the
-        program goes on without it.
+        at most one for each control period. It opens with the first picture; without a display
+        there is a warning instead. A window that its user closes stays closed, and the program goes
+        on without it.
     width, height
         Size of a picture [px].
 
     Raises
     ------
-    DependencyError
-        If a window is asked for and pygame is not installed.
     ParameterError
-        If the mode is not one of the two, the size is out of range, or there is no display for a
-        window.
+        If the mode is not one of the two, or the size is out of range.
     """
 
     def __init__(
@@ -61,7 +60,10 @@ class Viewer:
         if mode not in get_args(Mode):
             raise ParameterError(f"mode must be one of {', '.join(get_args(Mode))}, got {mode!r}")
         self._size = check_size(width, height)
-        self._window = Window(self._size, 1.0 / task.control_period) if mode == "human" else None
+        self._rate = 1.0 / task.control_period
+        self._mode = mode
+        self._display = True
+        self._window: Window | None = None
         self._picture: Picture | None = None
         self.look_at(machine, task)
 
@@ -83,13 +85,28 @@ class Viewer:
         -------
         picture
             A new uint8 array (height, width, 3), or None with ``mode="human"``.
+
+        Raises
+        ------
+        DependencyError
+            If a window is asked for and pygame is not installed.
         """
-        if self._window is not None and not self._window.is_open():
+        if self._mode == "human" and not self._is_shown():
             return None
         if self._picture is None or self._picture.subject != self._subject:
             self._picture = Picture(self._subject, *self._size)
         pixels = self._picture.draw(telemetry_row, trail)
         return pixels if self._window is None else self._window.show(pixels)
+
+    def _is_shown(self) -> bool:
+        """Return whether there is a window; it opens at first, or else there is one warning."""
+        if self._window is None and self._display:
+            try:
+                self._window = Window(self._size, self._rate)
+            except ParameterError as error:
+                gymnasium.logger.warn(f"nothing is shown: {error}")
+                self._display = False
+        return self._window is not None and self._window.is_open()
 
     def close(self) -> None:
         """Close the window, if there is one. May be called again."""

@@ -5,9 +5,17 @@ from typing import Annotated, Any
 
 import tyro
 
-from pter_gym._commands.arguments import AnyPace, MachineName, PathName, ScenarioName, check_file
+from pter_gym._commands.arguments import (
+    AnyPace,
+    MachineName,
+    PathName,
+    ScenarioName,
+    check_file,
+    look_at,
+)
 from pter_gym._internal.terminal import progress_bar, say
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.policies._names import BUILT_IN, is_code
 
 
 def tune(
@@ -47,7 +55,10 @@ def tune(
         machine: Clutch material, or the file of a machine of your own, instead of those that the
             scenario draws.
     """
-    from pter_gym.benchmark.policies import is_code
+    if not is_code(controller) and controller not in BUILT_IN:
+        raise unknown_name("controller", controller, (*BUILT_IN, "FILE.py:Law"))
+    look_at(policies=[controller], paces=[pace], path=path, machine=machine)
+
     from pter_gym.tools.tuning.gains_file import add_gains
     from pter_gym.tools.tuning.search import tune as search
 

@@ -2,6 +2,8 @@
 
 import itertools
 import sys
+import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib as mpl
@@ -11,8 +13,11 @@ from matplotlib.figure import Figure
 
 from pter_gym.benchmark import leaderboards, run_scenario
 from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE
+from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.tools.figures import looks, name_lines, save
 from pter_gym.tools.pictures import plots
+from pter_gym.tools.pictures.drawing import Picture, Subject, drawable, shortened, text_width
 
 POLICIES, PACES = ["impedance", "free", "locked"], ["slow", "medium"]
 
@@ -64,6 +69,26 @@ def test_one_policy_and_one_episode_can_be_drawn(tmp_path: Path):
         "standard-error-against-pace.png",
     ]
     assert "matplotlib.pyplot" not in sys.modules
+
+
+@pytest.mark.parametrize("name", ["日本語" * 40, "a $x$ \udcff 🧪 b$", "τ=0.1, ё"])
+def test_letters_that_the_typeface_lacks_are_escaped(name: str, tmp_path: Path):
+    """Matplotlib warns of a letter that it draws as a box, and fails at half a formula."""
+    runs = run_scenario("standard", ["locked"], "brisk", episodes=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        plots.draw_scenario(
+            leaderboards([replace(runs[0], policy=name, scenario=name[:8])]), tmp_path
+        )
+        picture = Picture(Subject(BASELINE, PathFollowing(), name), 400, 300)
+    assert picture
+    assert text_width(drawable(name), 12) == text_width(name, 12)
+    short = shortened(name, 12, 150.0)
+    assert text_width(short, 12) <= 150.0
+    assert short[0] == drawable(name)[0]
+    assert short[-1] == drawable(name)[-1]
+    assert drawable("τ=0.1, ё é") == "τ=0.1, ё é"
+    assert drawable("本") == r"\u672c"
 
 
 def test_the_same_figure_gives_the_same_bytes(scored, tmp_path: Path):

@@ -160,20 +160,23 @@ row, trail = np.zeros(len(TELEMETRY)), np.zeros((0, 2))
 @pytest.mark.parametrize("variables", [{}, {"SDL_VIDEODRIVER": "x11"}], ids=["nothing", "x11"])
 def test_pictures_need_no_display_and_windows_say_what_they_need(variables: dict[str, str]):
     program = """
-import os
+import os, warnings
 before, told = dict(os.environ), []
 for missing in (False, True):
     if missing:
         sys.modules["pygame"] = None
-    try:
-        Viewer(BASELINE, PathFollowing(), "human")
-    except Exception as error:
-        told.append(type(error).__name__)
+    viewer = Viewer(BASELINE, PathFollowing(), "human")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            told += [viewer.draw(row, trail), viewer.draw(row, trail), len(caught)]
+        except Exception as error:
+            told.append(type(error).__name__)
     assert os.environ == before
 print(Viewer(BASELINE, PathFollowing(), "rgb_array").draw(row, trail).shape, *told)
 """
     pytest.importorskip("pygame")
-    assert run_fresh(program, **variables) == "(600, 840, 3) ParameterError DependencyError"
+    assert run_fresh(program, **variables) == "(600, 840, 3) None None 1 DependencyError"
 
 
 def test_a_window_keeps_the_pace_and_stays_closed():
