@@ -170,7 +170,7 @@ def code(text: Any) -> str:
 
 
 def part(about: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """Return a part of what a policy tells of its training, or raise a DataError."""
+    """Return a part of a policy's record of its training, or raise a DataError."""
     found: Any = about.get(name, {})
     if not isinstance(found, dict):
         raise DataError(f"about: {name} must be a table, got {found!r:.200}")

@@ -42,10 +42,10 @@ def check_target(field: str, path: Path) -> None:
 
 
 def write_bytes_atomic(path: FilePath, data: bytes) -> None:
-    """Write or replace a file whole or not at all: no other process ever sees a part of it.
+    """Write or replace a file atomically: no other process ever sees part of it.
 
-    The data go to a temporary file in the same folder, which must exist, then to the disk, and only
-    then to their name. A symbolic link is followed.
+    The data are written to a temporary file in the same folder, which must exist, flushed to disk
+    and then renamed. A symbolic link is followed.
 
     Raises
     ------

@@ -162,7 +162,7 @@ def examine(
     seed: int = UNSEEN,
     machine: Machine | str | None = None,
 ) -> dict[str, Assessment]:
-    """Assess policies on training draws, beside those that know nothing; the best comes first.
+    """Assess policies on training draws and compare them with trivial ones; the best comes first.
 
     Evaluation episodes are not read, so the results may guide further training. ``free``,
     ``locked`` and ``random`` are assessed, too.

@@ -80,7 +80,7 @@ class ActingPolicy:
         self._memory = self._policy.start(self._worlds)
 
     def reset(self, worlds: NDArray[np.bool_] | None = None) -> None:
-        """Forget past episodes in these worlds, a bool array (N,), or in all by default.
+        """Clear the memory of some worlds, a bool array (N,), or by default of all.
 
         Call it after ``env.reset``, and in a vector environment for the worlds whose latest
         observation is the first of an episode: with ``AutoresetMode.SAME_STEP`` those whose episode
@@ -131,9 +131,9 @@ class ActingPolicy:
         ):  # ragged, as what reset returns, or a tensor on another device
             rows = np.empty(0, np.float32)
         if rows.shape != self._shape:
-            found = rows.shape if rows.size else f"a {type(observation).__name__}"
+            got = rows.shape if rows.size else f"a {type(observation).__name__}"
             raise ParameterError(
-                f"observation must be an array of the shape {self._shape}, got {found}"
+                f"observation must be an array of the shape {self._shape}, got {got}"
             )
         volts = np.array(self._policy.act(rows.reshape(self._worlds, -1), self._memory), np.float32)
         most, shape = self._voltage_max, self._volts_shape

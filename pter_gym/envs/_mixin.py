@@ -17,7 +17,7 @@ from pter_gym.params import BASELINE, Machine, find_machine
 from pter_gym.paths import Path, find_path
 from pter_gym.scenarios import Scenario, find_pace, find_scenario
 from pter_gym.scenarios._suite import gains_for
-from pter_gym.tasks._stored import codec
+from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import (
     STARTS,
     TELEMETRY,

@@ -156,7 +156,7 @@ class JaxEnv:
         Parameters
         ----------
         key
-            Not used: what is drawn follows from the world's seed and its episode count.
+            Unused: random numbers follow from the world's seed and episode count.
         state
             The world.
         action
@@ -203,11 +203,11 @@ class JaxEnv:
         return obs, state, reward, terminated, truncated, told
 
     def action_space(self, params: EnvParams | None = None) -> spaces.Box:  # noqa: ARG002  (as gymnax has it)
-        """Return the space of an action, as Gymnasium has it."""
+        """Return the action space, one of Gymnasium's."""
         return cast(spaces.Box, self.env.single_action_space)
 
     def observation_space(self, params: EnvParams | None = None) -> spaces.Box:  # noqa: ARG002
-        """Return the space of an observation, as Gymnasium has it."""
+        """Return the observation space, one of Gymnasium's."""
         return cast(spaces.Box, self.env.single_observation_space)
 
     def _advance(self, state: EnvState, given: jax.Array, shared: EnvParams) -> Any:
@@ -295,10 +295,10 @@ def shapes_of(tree: Any) -> str:
 
 
 def _many(run: Any) -> Any:
-    """Return a function of many worlds whose ``vmap`` is the same function of more of them.
+    """Return a function of many worlds whose ``vmap`` is itself, on more worlds.
 
-    Its arguments are a tuple of the worlds' own arrays, worlds first, and what they share. A branch
-    of ``lax.cond`` maps that too, in equal rows; where rows differ, observations and rewards are
+    Its arguments are a tuple of per-world arrays, worlds first, and what all worlds share.
+    ``lax.cond`` maps the latter too, in equal rows; where rows differ, observations and rewards are
     NaN.
     """
     call = custom_vmap(run)

@@ -38,7 +38,7 @@ KICK = MOTION | TORQUES | frozenset(
 
 
 def substep_tangents(arrangement_at: Any, torque_lanes: int) -> Any:
-    """Return a substep with tangents, for machines whose clutches ``arrangement_at`` tells.
+    """Return a substep with tangents, for machines with the clutches of ``arrangement_at``.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def substep_tangents(arrangement_at: Any, torque_lanes: int) -> Any:
         ``advance(body, dot, h, aims)`` does to a body with its command and its load what
         ``open_loop.advance`` does, energies apart, and to ``dot`` (entries, lanes), the tangents of
         its entries by numbers of the motion, the clutches, the inertias, the friction of the axes
-        and the torques on the links. ``aims`` tells whether commands may have changed.
+        and the torques on the links. ``aims`` says whether commands may have changed.
     """
     kick = _kick_tangents(arrangement_at)
     first, whole = f"min({torque_lanes}, {LANES})", DRIFTS_WHOLE

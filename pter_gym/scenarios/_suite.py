@@ -60,7 +60,7 @@ class Scenario:
 
     @property
     def whose_gains(self) -> str:
-        """The name under which control laws have gains."""
+        """Name of the scenario whose gains control laws use."""
         return self.gains or self.name
 
     @property
@@ -132,7 +132,7 @@ def find_scenario(
 
 
 def gains_for(tasks: "Iterable[PathFollowing]") -> str:
-    """Return the name of the scenario whose gains suit tasks of one's own."""
+    """Return the name of the scenario whose gains suit a user's tasks."""
     from pter_gym.hands import MultiSineHand
     from pter_gym.tasks.path_following import PathFollowing
 
