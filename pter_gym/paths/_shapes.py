@@ -173,8 +173,7 @@ def smoothed(knots: Sequence[float], points: Any, distance: float) -> Any:
     """
     from scipy import linalg, optimize
 
-    solve: Any = linalg.solveh_banded
-    find_root: Any = optimize.brentq
+    solve, find_root = cast("Any", linalg).solveh_banded, cast("Any", optimize).brentq
     steps = np.diff(knots) / knots[-1]
     left, right = 1.0 / steps[:-1], 1.0 / steps[1:]
     middle = -(left + right)
