@@ -67,8 +67,8 @@ def run_scenario(
     drawn = find_scenario(scenario)
     if paces is None:
         paces = scenario.pace if isinstance(scenario, PathFollowing) else tuple(PACES)
-    given: Any = builtin(paces)
-    listed = names_in("paces", [given] if isinstance(given, int | float) else given)
+    several: Any = builtin(paces)
+    listed = names_in("paces", [several] if isinstance(several, int | float) else several)
     seed = 0 if seed is None and drawn.digest else seed
     sets = {
         pace: find_episodes(drawn, pace, seed)

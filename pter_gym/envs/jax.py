@@ -266,7 +266,7 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
 def seed_words(seed: Any) -> jax.Array:
     """Return a seed as words, uint32 () or (2,), or raise a ParameterError."""
     traced = isinstance(seed, Tracer)
-    words: Any = seed if traced else np.asarray(seed)
+    words = cast(Any, seed if traced else np.asarray(seed))
     whole = jnp.issubdtype(words.dtype, jnp.integer) and words.shape in ((), (2,))
     if not whole or not (traced or ((words >= 0) & (words < 2**32)).all()):
         raise ParameterError(
