@@ -159,6 +159,15 @@ def _stand_in(world: Any) -> None:
 
 
 @_njit
+def _replace_unsound(block: Any, goes: Any, lanes: int, constants: Any) -> None:
+    """Say which worlds of a block go on, and put others in place of those that do not."""
+    for i in range(LANES):
+        goes[i] = i < lanes and _goes_on(block[0, :, i], constants)
+        if not goes[i]:
+            _stand_in(block[0, :, i])
+
+
+@_njit
 def _opened(address: int, version: int) -> tuple[int, int]:
     """Return the addresses of arguments and results; none where XLA only asks for the version."""
     frame = whole(address)
@@ -244,10 +253,7 @@ def _step_handler(advance: Any) -> Any:
             )
             _gather(block, mine, _data(arguments, 0), _data(arguments, 1), first)
             given[:lanes] = actions[first : first + lanes]
-            for i in range(LANES):
-                goes[i] = i < lanes and _goes_on(block[0, :, i], constants)
-                if not goes[i]:
-                    _stand_in(block[0, :, i])
+            _replace_unsound(block, goes, lanes, constants)
             outputs = seen, last, earned[:lanes], told, telemetry, config, constants
             advance((block, mine, given[:lanes], *outputs, ended, first_block, last_block))
             for i in range(lanes):

@@ -113,6 +113,11 @@ def test_reset_infos_options_and_attributes() -> None:
         env.set_options(options)
         with pytest.raises(ParameterError, match="options"):
             env.reset()
+        env.reset()  # what was refused is forgotten
+    env.seed(-5)
+    with pytest.raises(ParameterError, match="seed"):
+        env.reset()
+    env.reset()
 
 
 def test_worlds_are_drawn_as_one_picture() -> None:

@@ -20,6 +20,18 @@ from pter_gym.errors import ParameterError
 from pter_gym.scenarios import PACES, SCENARIOS
 
 
+@pytest.mark.parametrize(
+    ("scenario", "nearest"), [("tremor", "hands"), ("corridor", "standard"), ("wall", "standard")]
+)
+def test_gains_for_the_nearest_scenario_serve_where_there_are_none(
+    scenario: str, nearest: str
+) -> None:
+    law = find_policy("single-dof-tuned", scenario)
+    assert law == find_policy("single-dof-tuned", nearest)
+    assert law != find_policy("single-dof-tuned", "everything")
+    assert find_policy("impedance", scenario) != find_policy("impedance", nearest)  # has dampers
+
+
 def zero(obs: Any) -> Any:
     return np.zeros((len(obs), 4))
 

@@ -195,8 +195,13 @@ def test_paths_from_csv(tmp_path: File) -> None:
         "-0.5, 0.7, 2\n-0.2, 0.6, 2\n0.1, 0.8, 2\n0.3, 0.6, 2\n",
         "# a\n# s; X [m]; Y [m]; psi\n0; -.5; .7; 0\n1; -.2; .6; 0\n2; .1; .8; 0\n3; .3; .6; 0\n",
         "x;y\n-0,5;0,7\n-0,2;0,6\n0,1;0,8\n0,3;0,6\n",
+        "# drawn by hand; in metres\nx,y\n-0.5,0.7\n-0.2,0.6\n0.1,0.8\n0.3,0.6\n",
+        "-0,5;0,7\n-0,2;0,6\n0,1;0,8\n0,3;0,6\n",
     ],
-    ids=["# x_m", "no names", "a third column", "semicolons", "decimal commas"],
+    ids=[
+        *("# x_m", "no names", "a third column", "semicolons", "decimal commas"),
+        *("a semicolon in a comment", "decimal commas without names"),
+    ],
 )
 def test_paths_from_files_as_people_have_them(text: str, tmp_path: File) -> None:
     (tmp_path / "path.csv").write_text(text)
@@ -213,8 +218,8 @@ def test_points_may_be_lists_and_arrays_and_a_path_may_close_and_cross() -> None
 
 
 def test_a_recorded_path_is_smoothed() -> None:
-    """0.8 mm of noise on a circle of radius 150 mm: smoothed, its curvature is the circle's within a
-    tenth, and its place within 2 mm but for the ends, which are free to straighten."""
+    """0.8 mm of noise on a circle of radius 150 mm: smoothed, its curvature is the circle's within
+    a tenth, and its place within 2 mm but for the ends, which are free to straighten."""
     t = np.linspace(0.0, 2.0 * np.pi, 300)
     noise = 0.0008 * np.random.default_rng(0).standard_normal((300, 2))
     points: Any = np.column_stack([0.15 * np.cos(t), 0.6 + 0.15 * np.sin(t)]) + noise
