@@ -13,7 +13,6 @@ from pter_gym._engine.world import ROW, SAME_STEP
 from pter_gym.benchmark import assess, training_episodes
 from pter_gym.benchmark.episodes import load_episodes, scenarios
 from pter_gym.controllers import TorqueFeedback, bind
-from pter_gym.envs.sb3 import make_sb3_vec_env
 from pter_gym.errors import ParameterError, ResetNeededError
 from pter_gym.hands import HumanArm
 from pter_gym.params import (
@@ -242,6 +241,9 @@ def test_environments_know_whose_gains_their_episodes_need(
 ) -> None:
     keywords |= {"contexts": 3} if "scenario" in keywords else {}
     assert gymnasium.make("PTER/PathFollowing-v0", **keywords).unwrapped.gains == name  # pyright: ignore[reportAttributeAccessIssue]
+    pytest.importorskip("stable_baselines3")
+    from pter_gym.envs.sb3 import make_sb3_vec_env
+
     assert make_sb3_vec_env(2, **keywords).get_attr("gains") == [name] * 2
 
 
@@ -412,10 +414,10 @@ def test_an_episode_that_strays_is_truncated_and_is_no_failure() -> None:
     free = np.zeros(4)
     for reward in (RewardWeights(), RewardWeights(failure=0.0)):
         near: Any = gymnasium.make(
-            "PTER/PathFollowing-v0", task=replace(NEAR, reward=reward)
+            "PTER/PathFollowing-v0", task=replace(NEAR, reward=reward), action_unit="volt"
         ).unwrapped
         wide: Any = gymnasium.make(
-            "PTER/PathFollowing-v0", task=PathFollowing(reward=reward)
+            "PTER/PathFollowing-v0", task=PathFollowing(reward=reward), action_unit="volt"
         ).unwrapped
         near.reset(seed=0), wide.reset(seed=0)
         truncated = terminated = False
@@ -439,7 +441,7 @@ def test_the_nearer_limit_ends_an_episode_and_truncation_wins_ties(
 ) -> None:
     """A step that goes beyond both is terminated alone."""
     env: Any = gymnasium.make(
-        "PTER/PathFollowing-v0", task=replace(NEAR, error_max=error_max)
+        "PTER/PathFollowing-v0", task=replace(NEAR, error_max=error_max), action_unit="volt"
     ).unwrapped
     env.reset(seed=0)
     ends = (False, False)
