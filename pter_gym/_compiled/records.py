@@ -20,10 +20,10 @@ from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, ge
 from numba import types
 from numba.extending import overload
 
-from pter_gym._compiled.compiler import WITHOUT_ARRAYS, device
+from pter_gym._compiled.compiler import device
 from pter_gym._compiled.generated import compile_source
 from pter_gym._compiled.layout import Field, Layout
-from pter_gym._compiled.pipeline import Part
+from pter_gym._compiled.pipeline import WITHOUT_ARRAYS, Part
 
 R = TypeVar("R")
 """A record, or a number."""
