@@ -138,9 +138,8 @@ def _choose() -> tuple[Any, Any]:
     except Exception:  # noqa: BLE001  (whatever has changed in numba)
         pass
     warn(
-        f"pter_gym does not know the internals of numba {_numba.__version__}: compiling takes "
-        "three times as long, and simulating two to three times; "
-        f"numba {'.'.join(map(str, TESTED))} is fast"
+        f"numba {_numba.__version__} has other internals than numba "
+        f"{'.'.join(map(str, TESTED))}: kernels compile more slowly and are slower"
     )
     return Compiler, Compiler
 

@@ -1,9 +1,9 @@
-"""How numba compiles kernels and their parts in half of its usual time.
+"""How numba compiles kernels and their parts in little more than half of its usual time.
 
 Numba optimises each function and makes machine code of it, even where the function is copied into
 every kernel that calls it. Here only kernels get that far. Numba also rebuilds a constant record
 wherever an entry of it is read; here only the entry is read. Without this file, compiling the
-kernels takes 2.7 times as long, and they run at 40 % of their speed.
+step's kernel takes 1.7 times as long, and a step of 1,024 worlds 1.4 times.
 
 What it takes from numba may change with any version of numba: ``register_pass`` and
 ``FunctionPass``, the pass ``TranslateByteCode`` and ``DefaultPassBuilder``, which it extends; of a
