@@ -184,5 +184,3 @@ def test_the_slowest_pace_is_named_before_anything_is_run() -> None:
         run_scenario("standard", ["free"], "1e-6")
     with pytest.raises(ParameterError, match="pace must be at least"):
         run_scenario(PathFollowing(pace=0.002), ["free"], episodes=1)
-
-

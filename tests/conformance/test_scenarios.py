@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+from pter_gym import load_policy
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import ROW, SAME_STEP
 from pter_gym.benchmark import assess, training_episodes
@@ -470,3 +471,30 @@ def test_a_scenario_takes_what_its_episodes_share_and_nothing_that_it_draws() ->
     assert (env.task.error_max, env.task.starts, env.task.pace) == (0.08, MOVING, 0.12)
     with pytest.raises(ParameterError, match="path"):
         SCENARIOS["paths"].draws.with_task(path=None)
+
+
+def returns_of(policy: str, scenario: str, worlds: int = 256) -> np.ndarray:
+    """Return what a policy earns in the first training episode of each world."""
+    envs: Any = gymnasium.make_vec(
+        find_scenario(scenario).id, worlds, frame_skip=1, max_episode_steps=3000, telemetry=False
+    )
+    acting = load_policy(policy, envs)
+    observations, _ = envs.reset(seed=1)
+    total, running = np.zeros(worlds), np.ones(worlds, bool)
+    while running.any():
+        observations, rewards, terminated, truncated, _ = envs.step(acting(observations))
+        total += running * rewards
+        running &= ~(terminated | truncated)
+    return total
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [pytest.param(x, marks=pytest.mark.long if x != "standard" else ()) for x in SCENARIOS],
+)
+def test_a_trained_policy_solves_an_id_and_a_tuned_law_does_not(scenario: str) -> None:
+    threshold: Any = gymnasium.spec(find_scenario(scenario).id).reward_threshold
+    earned = returns_of("residual", scenario)
+    error = 2.0 * earned.std() / np.sqrt(len(earned))  # of this mean and of the stored one
+    assert abs(0.9 * earned.mean() - threshold) < 3.0 * error
+    assert returns_of("single-dof-tuned", scenario).mean() + error < threshold

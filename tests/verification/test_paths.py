@@ -256,7 +256,9 @@ def test_a_smoothed_path_is_that_of_scipy_at_the_distance_asked_for(count: int) 
         return fit(knots) @ [1.0, 1.0j]
 
     def excess(log_weight: float) -> float:
-        return float(np.linalg.norm(fitted(np.exp(log_weight)) - complex_points) - np.linalg.norm(off))
+        return float(
+            np.linalg.norm(fitted(np.exp(log_weight)) - complex_points) - np.linalg.norm(off)
+        )
 
     weight: Any = optimize.brentq(excess, -40.0, 5.0, xtol=1e-12)
     np.testing.assert_allclose(moved, fitted(np.exp(weight)), atol=1e-8)
