@@ -136,9 +136,7 @@ def check_number(
 def require_whole(owner: object, name: str, *, at_least: int = 1, below: float = math.inf) -> None:
     """Raise a ParameterError unless a field is a whole number within a range."""
     value = plain_field(owner, name)
-    fits = (
-        type(value) is not bool and isinstance(value, int) and at_least <= value < below
-    )
+    fits = type(value) is not bool and isinstance(value, int) and at_least <= value < below
     accepted = f"a whole number ≥ {at_least}{f' and < {below:g}' if math.isfinite(below) else ''}"
     require(fits, owner, name, accepted)
 

@@ -229,7 +229,7 @@ def test_invalid_names_are_refused(keywords: dict[str, Any], field: str) -> None
         ({}, "standard"),
         ({"path": "circle"}, "paths"),
         ({"task": PathFollowing(path=Circle(), error_max=0.1)}, "paths"),
-        ({"task": PathFollowing(hand=HumanArm())}, "everything"),
+        ({"task": PathFollowing(hand=HumanArm())}, "hands"),
         ({"scenario": "everything"}, "everything"),
         ({"scenario": SCENARIOS["wall"]}, "wall"),
         ({"scenario": SCENARIOS["paths"].draws}, "paths"),
