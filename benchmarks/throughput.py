@@ -66,6 +66,7 @@ def stepping(env: Any, worlds: int, steps: int = 1) -> Workload:
 def ours(worlds: int, threads: int, steps: int = 1, **keywords: Any) -> Workload:
     """Return our vector environment without telemetry, which resets worlds in the step they end."""
     settings: Any = {
+        "action_unit": "volt",  # MuJoCo's are drawn as evenly
         "telemetry": False,
         "autoreset_mode": AutoresetMode.SAME_STEP,
         "num_threads": threads,

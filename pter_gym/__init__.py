@@ -103,5 +103,6 @@ for _scenario in SCENARIOS.values():
         entry_point="pter_gym.envs._single:PathFollowingEnv",
         vector_entry_point="pter_gym.envs._vector:PathFollowingVectorEnv",
         max_episode_steps=1000,
+        reward_threshold=_scenario.reward_threshold,
         kwargs={"scenario": _scenario.name},
     )

@@ -15,20 +15,13 @@ from typing import Any, TypeVar, cast
 import numba
 from numba.core import config
 from numba.core.caching import IndexDataCacheFile
-from numba.core.registry import CPUDispatcher
+from numba.core.compiler import Compiler
 
 from pter_gym._compiled import pipeline
 from pter_gym._compiled.digests import digest_of
+from pter_gym._compiled.pipeline import INLINED, WITHOUT_ARRAYS
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-
-_INLINED: Any = {"forceinline": True, "error_model": "numpy"}
-_WITHOUT_WRAPPERS: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-
-WITHOUT_ARRAYS: Any = {**_INLINED, **_WITHOUT_WRAPPERS, "_nrt": False}
-"""Options of code that kernels inline, that makes no arrays and that Python does not call."""
-
-_KERNEL: Any = {"nogil": True, "error_model": "numpy", "pipeline_class": pipeline.Kernel}
 
 _NUMBA: Any = config
 # numba would read settings, such as where to cache code, from a file in the working directory
@@ -39,29 +32,10 @@ COMPILES = not _NUMBA.DISABLE_JIT
 """Whether code is compiled; with ``NUMBA_DISABLE_JIT=1``, all of it is called as Python."""
 
 
-class Device(CPUDispatcher):
-    """A function that is compiled for compiled callers; from Python, calls the original function.
-
-    Without the wrappers by which Python calls compiled code, kernels compile in three quarters of
-    the time.
-    """
-
-    def add_overload(self, cres: Any) -> None:
-        """Keep what was compiled for compiled callers."""
-        self.overloads[tuple(cres.signature.args)] = cres
-
-    def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        """Call the Python function."""
-        return self.py_func(*args, **kwargs)
-
-
 def _for_compiled_callers(function: Function, **options: Any) -> Function:
     if not COMPILES:
         return function
-    return cast(
-        Function,
-        Device(function, {}, {"nopython": True, "boundscheck": None, **options}, pipeline.Part),
-    )
+    return cast(Function, pipeline.for_compiled_callers(function, pipeline.Part, options))
 
 
 def device(function: Function) -> Function:
@@ -80,7 +54,7 @@ def outlined(function: Function) -> Function:
 
 def inlined(function: Function) -> Function:
     """Compile a user's scalar function as ``device`` does, but let it make arrays."""
-    return cast(Function, numba.njit(**_INLINED)(function))
+    return cast(Function, numba.njit(**INLINED)(function))
 
 
 def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Function:
@@ -102,7 +76,7 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
     plain = cast(FunctionType, build(""))
     digest = digest_of(_bind(plain, inlined))
     function = _bind(cast(FunctionType, build(digest or "")), inlined)
-    kernel: Any = numba.njit(**_KERNEL)(function)
+    kernel: Any = pipeline.kernel_of(function, pipeline.Kernel)
     if COMPILES:
         # a cache could not load functions that are in no module, as after exec
         if digest and all(
@@ -111,7 +85,8 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
             with suppress(RuntimeError):  # there is no folder to write to
                 kernel.enable_caching()
                 _index_by(digest_of(plain), kernel)
-        pipeline.announce(kernel)
+        if pipeline.Kernel is not Compiler:
+            pipeline.announce(kernel)
     return cast(Function, kernel)
 
 

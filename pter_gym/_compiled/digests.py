@@ -20,7 +20,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic  # pyright: ignore[reportPrivateUsage]
 from numba.core.typing.templates import Signature
 
-_COMPILER = ("compiler.py", "pipeline.py", "records.py", "source.py")
+_COMPILER = ("compiler.py", "pipeline.py", "records.py", "shortcuts.py", "source.py")
 """What makes code of functions beside their bytecode: all of it counts for each of them."""
 
 _LIBRARIES = ("builtins", "math", "cmath", "_operator", "operator", "typing", "numpy", "numba")
@@ -100,6 +100,8 @@ def _text(value: Any, reached: list[FunctionType]) -> str:  # noqa: C901  (one c
             return _code_text(value)
         case frozenset():  # in code
             return f"{{{','.join(sorted(map(of, cast(Any, value))))}}}"
+        case slice():  # in code from Python 3.14 on
+            return f"slice{of(value.start, value.stop, value.step)}"
         case tuple():
             kind = cast(Any, value).__class__
             return of(*cast(Any, value)) if kind is tuple else of(kind, *cast(Any, value))

@@ -1,31 +1,25 @@
-"""How numba compiles kernels and their parts: in half of its usual time.
+"""By which of numba's steps kernels and their parts are compiled, and what the user is told.
 
-Numba optimises each function and makes machine code of it, even where the function is copied into
-every kernel that calls it. Here only kernels get that far. Numba also rebuilds a constant record
-wherever an entry of it is read; here only the entry is read. Without this file, compiling the
-kernels takes 2.7 times as long, and they run at 40 % of their speed.
+These are the steps of ``shortcuts.py``, which rely on numba's internals; or numba's own, with a
+warning, where a numba newer than those tested does not compile a small kernel right by them.
 
-What it takes from numba may change with any version of numba: ``register_pass`` and
-``FunctionPass``, the pass ``TranslateByteCode`` and ``DefaultPassBuilder``, which it extends; of a
-function under compilation ``func_ir.blocks``, ``_definitions`` and the nodes ``Assign``, ``Const``,
-``Expr``, ``FreeVar`` and ``Global``; of code libraries ``_ensure_finalized``, ``_finalized``,
-``_finalize_dynamic_globals``, ``_optimize_final_module``, ``_finalize_final_module`` and
-``set_env``; of a kernel ``_compiler.compile`` and ``stats.cache_path``. ``compiler.py`` takes
-``Dispatcher.add_overload``, ``_cache``, ``_cache_path`` and ``_cache_file`` too.
+``announce`` takes ``_compiler.compile`` and ``stats.cache_path`` of a kernel; ``compiler.py`` takes
+``Dispatcher.add_overload``, ``_cache``, ``_cache_path`` and ``_cache_file``.
 """
 
 import functools
 import logging
 import multiprocessing
-from collections import Counter
-from collections.abc import Iterator
 from threading import Timer
-from typing import Any, cast
+from typing import Any, NamedTuple
 
-from numba.core import compiler_machinery, ir, ir_utils
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
-from numba.core.untyped_passes import TranslateByteCode
+import numba
+import numpy as np
+from numba.core.compiler import Compiler
+from numba.core.registry import CPUDispatcher
+
+TESTED = (0, 68)
+"""The newest numba whose internals are known to be those of ``shortcuts.py``."""
 
 PATIENCE = 1.0
 """Seconds of compiling after which the user gets a message."""
@@ -33,9 +27,44 @@ PATIENCE = 1.0
 CACHED = "compiling, once: about 20 s"
 NOT_CACHED = "compiling for this process alone, as it cannot be stored: about 20 s"
 
-_machinery: Any = compiler_machinery
+INLINED: Any = {"forceinline": True, "error_model": "numpy"}
+
+WITHOUT_ARRAYS: Any = {
+    **INLINED,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "_nrt": False,
+}
+"""Options of code that kernels inline, that makes no arrays and that Python does not call."""
 
 _log = logging.getLogger(__name__.partition(".")[0])
+_numba: Any = numba
+
+
+class Device(CPUDispatcher):
+    """A function that is compiled for compiled callers; from Python, calls the original function.
+
+    Without the wrappers by which Python calls compiled code, kernels compile in three quarters of
+    the time.
+    """
+
+    def add_overload(self, cres: Any) -> None:
+        """Keep what was compiled for compiled callers."""
+        self.overloads[tuple(cres.signature.args)] = cres
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Call the Python function."""
+        return self.py_func(*args, **kwargs)
+
+
+def for_compiled_callers(function: Any, steps: Any, options: dict[str, Any]) -> Any:
+    """Return a function that kernels call, compiled by numba's steps or those of ``shortcuts``."""
+    return Device(function, {}, {"nopython": True, "boundscheck": None, **options}, steps)
+
+
+def kernel_of(function: Any, steps: Any) -> Any:
+    """Return a kernel that is compiled by these steps, without the interpreter's lock."""
+    return _numba.njit(nogil=True, error_model="numpy", pipeline_class=steps)(function)
 
 
 def announce(kernel: Any) -> None:
@@ -62,115 +91,57 @@ def warn(text: str) -> None:
         _log.warning("%s: %s", _log.name, text)
 
 
-@_machinery.register_pass(mutates_CFG=False, analysis_only=False)
-class _FoldRecords(_machinery.FunctionPass):
-    """Replace ``ROW.motion.theta_a`` by its value, where ``ROW`` is a constant record."""
-
-    _name = "fold_records"
-
-    def __init__(self) -> None:  # abstract in numba
-        super().__init__()
-
-    def run_pass(self, state: Any) -> bool:
-        """Change the function; return whether anything has changed."""
-        blocks = state.func_ir.blocks
-        records = _fold(blocks)
-        if records:
-            _drop_unused(blocks, records)
-            state.func_ir._definitions = ir_utils.build_definitions(blocks)
-        return bool(records)
+class _Pair(NamedTuple):
+    low: Any
+    high: Any
 
 
-def _assignments(blocks: Any) -> Iterator[Any]:
-    for block in blocks.values():
-        yield from (each for each in block.body if isinstance(each, ir.Assign))
+_FACTORS = _Pair(_Pair(0.1, -0.0), _Pair(3, 1e300))
 
 
-def _fold(blocks: Any) -> set[str]:
-    """Read the entries of constant records; return the names that hold records."""
-    times = Counter(each.target.name for each in _assignments(blocks))
-    records: dict[str, Any] = {}
-    for each in _assignments(blocks):
-        value: Any = each.value
-        if isinstance(value, ir.Global | ir.FreeVar):
-            found = cast(Any, value).value
-        elif (
-            isinstance(value, ir.Expr)
-            and value.op == "getattr"
-            and cast(Any, value).value.name in records
-        ):
-            expression = cast(Any, value)
-            record = records[expression.value.name]
-            if expression.attr not in record._fields:
-                continue
-            found = getattr(record, expression.attr)
-            if type(found) in (int, float):
-                each.value = ir.Const(found, each.loc)
-            elif _is_record(found):
-                each.value = ir.Global(expression.attr, found, each.loc)
-        else:
-            continue
-        if _is_record(found) and times[each.target.name] == 1:
-            records[each.target.name] = found
-    return set(records)
+def _works(kernel_steps: Any, part_steps: Any) -> bool:
+    """Return whether a small kernel compiled by these steps computes what Python does."""
+
+    def scaled(x: Any, i: Any) -> Any:
+        return x[i] * _FACTORS.low.low + _FACTORS.high.high * _FACTORS.low.high
+
+    def chosen(flag: Any) -> Any:
+        pair = _FACTORS.low
+        if flag:
+            pair = _FACTORS.low
+        return pair.low / _FACTORS.high.low
+
+    def kernel(x: Any, flag: Any) -> Any:
+        for i in range(len(x)):
+            x[i] = scaled(x, i)
+        return chosen(flag)
+
+    given = np.array([0.3, -1e-300, np.inf, 7.0])
+    expected, computed = given.copy(), given.copy()
+    value = kernel(expected, True)
+    scaled = for_compiled_callers(scaled, part_steps, WITHOUT_ARRAYS)
+    chosen = for_compiled_callers(chosen, part_steps, WITHOUT_ARRAYS | {"forceinline": False})
+    compiled = kernel_of(kernel, kernel_steps)
+    same_value = compiled(computed, True) == value
+    _ = compiled._compiler.compile, compiled.stats.cache_path  # what ``announce`` takes
+    return same_value and computed.tobytes() == expected.tobytes()
 
 
-def _is_record(value: Any) -> bool:
-    return isinstance(value, tuple) and hasattr(cast(Any, value), "_fields")
+def _choose() -> tuple[Any, Any]:
+    """Return numba's steps for kernels and for their parts."""
+    try:
+        from pter_gym._compiled.shortcuts import Kernel, Part
 
-
-def _drop_unused(blocks: Any, records: set[str]) -> None:
-    """Remove the assignments of records that nothing reads any more."""
-    statements = [each for block in blocks.values() for each in block.body]
-    named = Counter(variable.name for each in statements for variable in each.list_vars())
-    set_here = Counter(each.target.name for each in _assignments(blocks))
-    unused = {name for name in records if named[name] == set_here[name]}
-    for block in blocks.values():
-        block.body = [
-            each
-            for each in block.body
-            if not (isinstance(each, ir.Assign) and each.target.name in unused)
-        ]
-
-
-class Kernel(CompilerBase):
-    """Numba's steps for a kernel."""
-
-    def define_pipelines(self) -> list[Any]:
-        """Return numba's usual steps and the one for records."""
-        steps: Any = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        steps.add_pass_after(_FoldRecords, TranslateByteCode)
-        steps.finalize()
-        return [steps]
-
-
-class Part(Kernel):
-    """Numba's steps for a function that only kernels call: they end before machine code."""
-
-    def __init__(self, typing: Any, target: Any, library: Any, *args: Any) -> None:
-        """Begin to compile a function."""
-        super().__init__(typing, target, library or _PartLibrary(target.codegen(), "part"), *args)
-
-
-class _PartLibrary(JITCodeLibrary):
-    """Code that is copied into kernels and optimised there; none of it runs by itself."""
-
-    @property
-    def codegen(self) -> Any:
-        """Where numba sets what running code needs: here, where nothing runs."""
-        return self
-
-    def set_env(self, *_: Any) -> None:
-        """Set nothing."""
-
-    def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002
-        """Return that there is no machine code."""
-        self._ensure_finalized()
-        return 0
-
-    def _optimize_final_module(self) -> None:
+        version = tuple(map(int, _numba.__version__.split(".")[:2]))
+        if version <= TESTED or _works(Kernel, Part):
+            return Kernel, Part
+    except Exception:  # noqa: BLE001  (whatever has changed in numba)
         pass
+    warn(
+        f"numba {_numba.__version__} has other internals than numba "
+        f"{'.'.join(map(str, TESTED))}: kernels compile more slowly and are slower"
+    )
+    return Compiler, Compiler
 
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
-        self._finalized = True
+
+Kernel, Part = _choose()

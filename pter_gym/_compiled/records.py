@@ -20,9 +20,9 @@ from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, ge
 from numba import types
 from numba.extending import overload
 
-from pter_gym._compiled.compiler import WITHOUT_ARRAYS, device
+from pter_gym._compiled.compiler import device
 from pter_gym._compiled.layout import Field, Layout
-from pter_gym._compiled.pipeline import Part
+from pter_gym._compiled.pipeline import WITHOUT_ARRAYS, Part
 from pter_gym._compiled.source import compile_source
 
 R = TypeVar("R")

@@ -12,8 +12,9 @@ from numba.core import config
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
 
-from pter_gym._compiled.compiler import Device, compile_kernel, device
+from pter_gym._compiled.compiler import compile_kernel, device
 from pter_gym._compiled.digests import digest_of
+from pter_gym._compiled.pipeline import Device
 from pter_gym._compiled.records import entrywise, write
 from pter_gym._engine.law import CLUTCHES
 from pter_gym._physics.scalars import clamp

@@ -182,7 +182,7 @@ def _make_batch(
     truncation_error: float | None = None,
     starts: Starts | str | None = None,
     sensors: Sensors = "torque",
-    action_unit: ActionUnit | None = None,
+    action_unit: ActionUnit = "normalised",
     observe_context: bool = False,
     frame_skip: int | None = None,
 ) -> tuple[Batch, str]:
@@ -208,7 +208,7 @@ def _make_batch(
         seed = whole_number("context_seed", context_seed or 0, at_least=0)
         draws = chosen.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
         machine, task = zip(*draws.pairs(count, seed), strict=True)
-        gains, action_unit = chosen.whose_gains, action_unit or "normalised"
+        gains = chosen.whose_gains
         frame_skip = FRAME_SKIP if frame_skip is None else frame_skip
     held = 1 if frame_skip is None else whole_number("frame_skip", frame_skip)
     limit = engine.pop("max_episode_steps", None)
@@ -220,7 +220,7 @@ def _make_batch(
         num_envs,
         draws=scenario is not None,
         sensors=sensors,
-        action_unit=action_unit or "volt",
+        action_unit=action_unit,
         observe_context=observe_context,
         frame_skip=held,
         max_steps=limit,

@@ -31,12 +31,12 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
     across it.
 
     ## Action Space
-    `Box(0, 24, (4,), float32)` with `action_unit="volt"`: the voltages of the four clutches, up to
-    the machine's largest voltage. `Box(-1, 1, (4,), float32)` with `action_unit="normalised"`: `a`
-    stands for the largest voltage times `((a + 1) / 2)**2`, which gives fine resolution where the
-    clutches slip. Values up to four float32 ulp out of bounds are clipped; values further out, NaN
-    or a wrong shape raise `ActionError`, and nothing moves. A machine with fewer clutches has as
-    many entries: two brakes have `Box(0, 24, (2,), float32)`.
+    `Box(-1, 1, (4,), float32)`, an entry for each clutch: `a` stands for the machine's largest
+    voltage times `((a + 1) / 2)**2`, which gives fine resolution where the clutches slip; -1 is
+    0 V. With `action_unit="volt"`, `Box(0, 24, (4,), float32)`: the voltages themselves. Values up
+    to four float32 ulp out of bounds are clipped; values further out, NaN or a wrong shape raise
+    `ActionError`, and nothing moves. A machine with fewer clutches has as many entries: two brakes
+    have `Box(-1, 1, (2,), float32)`.
 
     ## Observation Space
     `Box(-25, 25, (20,), float32)` with encoders only, 24 entries with torque sensors, 26 with force
@@ -105,17 +105,17 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
     - `scenario`: what each episode draws its machine and task from, as for `PTER/Standard-v0`: a
       name in `pter_gym.scenarios.SCENARIOS`, a `Scenario`, or `Draws` of one's own
       (`pter_gym.scenarios.distributions`). `machine`, `path` and the other fields then replace what
-      is drawn. By default actions are normalised and held for 3 control steps, the pace is drawn
-      between the slowest and the fastest named one, and episodes of a named scenario begin anywhere
-      along the path, moving; with `starts="rest"` they begin like evaluation episodes, so
-      exploration sees little of the path.
+      is drawn. By default actions are held for 3 control steps, the pace is drawn between the
+      slowest and the fastest named one, and episodes of a named scenario begin anywhere along the
+      path, moving; with `starts="rest"` they begin like evaluation episodes, so exploration sees
+      little of the path.
     - `contexts`, `context_seed`: number of pairs of machine and task that a scenario's episodes
       draw from, 512 by default, and the seed of their list.
     - `observe_context`: whether the observation ends with the context of machine and task (time
       constant, torque and drift of the clutches, what the hand adds). The telemetry always includes
       it.
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
-    - `action_unit`: `"volt"` (default) or `"normalised"`.
+    - `action_unit`: `"normalised"` (default) or `"volt"`.
     - `frame_skip`: control steps (of 10 ms) for which an action is held, 1 by default. The rewards
       of these steps add up, and observation and `info` are those of the last of them. An episode
       that ends within them ends the step.

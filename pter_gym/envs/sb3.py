@@ -16,7 +16,6 @@ try:
 except ImportError as error:
     raise ImportError(str(needs_extra("pter_gym.envs.sb3", "agents"))) from error
 
-from pter_gym._engine.batch import ActionUnit
 from pter_gym.envs._vector import PathFollowingVectorEnv
 
 Indices = int | Iterable[int] | None
@@ -116,24 +115,18 @@ class PterVecEnv(VecEnv):
         return [wrapper_class is Monitor for _ in self._get_indices(indices)]
 
 
-def make_sb3_vec_env(
-    num_envs: int, *, action_unit: ActionUnit = "normalised", **arguments: Any
-) -> PterVecEnv:
+def make_sb3_vec_env(num_envs: int, **arguments: Any) -> PterVecEnv:
     """Return N worlds as a ``VecEnv`` of Stable-Baselines3.
 
     Parameters
     ----------
     num_envs
         N.
-    action_unit
-        ``"normalised"``, which suits Stable-Baselines3, or ``"volt"``.
     **arguments
         Those of ``PathFollowingVectorEnv``, such as ``scenario="standard"`` for the worlds of
         ``PTER/Standard-v0``; by default the worlds are those of ``PTER/PathFollowing-v0``.
     """
     mode = AutoresetMode.SAME_STEP
     return PterVecEnv(
-        PathFollowingVectorEnv(
-            num_envs, autoreset_mode=mode, telemetry=False, action_unit=action_unit, **arguments
-        )
+        PathFollowingVectorEnv(num_envs, autoreset_mode=mode, telemetry=False, **arguments)
     )

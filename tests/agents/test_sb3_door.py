@@ -50,7 +50,7 @@ def test_same_episodes_as_stable_baselines_own_vec_env_of_single_environments() 
     theirs = vec_env.DummyVecEnv(
         [
             lambda: algorithms.common.monitor.Monitor(
-                gymnasium.make(ID, task=TASK, action_unit="normalised", max_episode_steps=LIMIT)
+                gymnasium.make(ID, task=TASK, max_episode_steps=LIMIT)
             )
         ]
         * COUNT
@@ -211,7 +211,7 @@ def test_models_of_stable_baselines_bring_that_of_their_environment(kind: str) -
 
     from pter_gym.envs.sb3 import make_sb3_vec_env
 
-    keywords: dict[str, Any] = {"frame_skip": 4, "action_unit": "normalised"}
+    keywords: dict[str, Any] = {"frame_skip": 4}
     made = {
         "batch": lambda: make_sb3_vec_env(2, **keywords),
         "dummy": lambda: make_vec_env("PTER/Standard-v0", 2, env_kwargs=keywords),

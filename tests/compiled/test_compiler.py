@@ -1,5 +1,8 @@
 """Compiled code computes what Python does, and its cache notices changes."""
 
+import os
+import subprocess
+import sys
 from enum import Enum
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -93,6 +96,55 @@ def test_parts_have_no_machine_code() -> None:
     compile_kernel(build_steps)(np.ones((5, 2)), True)
     for part in vars(swapped)["overloads"].values():
         assert part.library.get_pointer_to_function(part.fndesc.llvm_func_name) == 0
+
+
+CHANGES = {
+    "nothing": "",
+    "a class is gone": "del codegen.JITCodeLibrary",
+    "a method is gone": "del compiler_machinery.PassManager.add_pass_after",
+    "a class means another thing": (
+        "from pter_gym._compiled import shortcuts; "
+        "shortcuts.ir = SimpleNamespace(**{**vars(ir), 'Const': lambda x, at: ir.Const(2 * x, at)})"
+    ),
+}
+
+WITH_ANOTHER_NUMBA = """
+import sys
+from types import SimpleNamespace
+import numba, numpy as np
+from numba.core import codegen, compiler_machinery, ir
+
+numba.__version__ = "1.0.0"
+{change}
+from compiled.test_compiler import build_steps, compile_kernel, pipeline
+
+w = np.random.default_rng(0).normal(size=(5, 7))
+compile_kernel(build_steps)(w, True)
+print(pipeline.Kernel.__name__, w.tobytes().hex())
+"""
+
+
+@needs_jit
+@pytest.mark.parametrize("change", CHANGES)
+def test_numba_of_other_internals_compiles_by_its_own_steps(change: str, tmp_path: Path) -> None:
+    """With one warning, and the same bits."""
+    given = np.random.default_rng(0).normal(size=(5, 7))
+    compile_kernel(build_steps)(given, True)
+    tests = str(Path(__file__).parents[1])
+    ran = subprocess.run(
+        [sys.executable, "-c", WITH_ANOTHER_NUMBA.format(change=CHANGES[change])],
+        env=os.environ
+        | {
+            "NUMBA_CACHE_DIR": str(tmp_path),
+            "PYTHONPATH": os.pathsep.join([tests, os.environ.get("PYTHONPATH", "")]),
+        },
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    steps_of, bits = ran.stdout.split()
+    assert (steps_of, bits) == ("Compiler" if CHANGES[change] else "Kernel", given.tobytes().hex())
+    assert ran.stderr.count("numba 1.0.0 has other internals") == bool(CHANGES[change])
 
 
 law: Any = None

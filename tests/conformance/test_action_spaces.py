@@ -18,10 +18,8 @@ ID = "PTER/PathFollowing-v0"
 @pytest.mark.parametrize("name", COUNTS)
 def test_single_and_vector_environments_have_an_entry_for_each_clutch(name: str):
     count = COUNTS[name]
-    env = gymnasium.make(ID, machine=name, action_unit="normalised", max_episode_steps=40)
-    envs = gymnasium.make_vec(
-        ID, num_envs=3, machine=name, action_unit="normalised", max_episode_steps=40
-    )
+    env = gymnasium.make(ID, machine=name, max_episode_steps=40)
+    envs = gymnasium.make_vec(ID, num_envs=3, machine=name, max_episode_steps=40)
     assert env.action_space.shape == envs.single_action_space.shape == (count,)
     check_env(env.unwrapped, skip_render_check=True)
     rng = np.random.default_rng(1)
@@ -41,7 +39,7 @@ def test_the_interface_for_stable_baselines3_steps_as_the_vector_environment(nam
         "pter_gym.envs.sb3", exc_type=ImportError
     ).make_sb3_vec_env
     worlds = make_sb3_vec_env(3, machine=name)
-    envs = gymnasium.make_vec(ID, num_envs=3, machine=name, action_unit="normalised")
+    envs = gymnasium.make_vec(ID, num_envs=3, machine=name)
     assert worlds.action_space.shape == (COUNTS[name],)
     worlds.seed(5)
     np.testing.assert_array_equal(worlds.reset(), envs.reset(seed=5)[0])
@@ -50,7 +48,7 @@ def test_the_interface_for_stable_baselines3_steps_as_the_vector_environment(nam
 
 
 def test_an_empty_slot_has_no_voltage():
-    env: Any = gymnasium.make(ID, machine="two-brakes", action_unit="normalised")
+    env: Any = gymnasium.make(ID, machine="two-brakes")
     env.reset(seed=1)
     info = env.step(np.array([0.2, 0.5], np.float32))[4]
     volts = [env.unwrapped.telemetry_layout.index(f"volts_{x}") for x in (1, 2, 3, 4)]
@@ -58,7 +56,7 @@ def test_an_empty_slot_has_no_voltage():
 
 
 def test_laws_and_functions_act_on_their_machine():
-    env = gymnasium.make(ID, machine="two-brakes")
+    env = gymnasium.make(ID, machine="two-brakes", action_unit="volt")
     observation = env.reset(seed=1)[0]
     assert load_policy("impedance", env)(observation).shape == (2,)
     assert load_policy(lambda obs: np.full((len(obs), 2), 3.0), env)(observation).tolist() == [
@@ -88,6 +86,6 @@ def test_jax_env_takes_an_entry_for_each_clutch(name: str):
     rows, (obs, state) = envs.reset(seed=3)[0], env.reset_to_seed(3, params)
     for _ in range(10):
         np.testing.assert_array_equal(rows[0], obs)
-        action = np.full(COUNTS[name], 2.0, np.float32)
+        action = np.full(COUNTS[name], -0.4, np.float32)
         rows = envs.step(action[None])[0]
         obs, state, *_ = env.step(None, state, jax.numpy.asarray(action), params)

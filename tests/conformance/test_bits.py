@@ -105,6 +105,7 @@ def make(count: int, mode: AutoresetMode, **options: Any) -> Any:
         "machine": machines(count),
         "task": tasks(count),
         "max_episode_steps": LIMIT,
+        "action_unit": "volt",
         **options,
     }
     return gymnasium.make_vec(ID, num_envs=count, autoreset_mode=mode, **given)
@@ -136,7 +137,7 @@ def live(env: Any, first: Sequence[int] | None, voltages: np.ndarray) -> Iterato
 def live_alone(world: int, mode: AutoresetMode, skip: int) -> Iterator[Record]:
     """The same of one world in an environment of its own, reset with its seed and then without."""
     kinds = {"machine": machines(world + 1)[-1], "task": tasks(world + 1)[-1]}
-    env = gymnasium.make(ID, **kinds, frame_skip=skip, max_episode_steps=LIMIT)
+    env = gymnasium.make(ID, **kinds, action_unit="volt", frame_skip=skip, max_episode_steps=LIMIT)
     obs, info = env.reset(seed=seeds(world + 1)[-1])
     yield {"obs": obs, "telemetry": info["telemetry"]}
     ended = False
@@ -289,7 +290,7 @@ def test_a_policy_decides_at_its_training_frame_skip(skip: int) -> None:
 
         return act
 
-    env: Any = gymnasium.make(ID, frame_skip=skip)
+    env: Any = gymnasium.make(ID, frame_skip=skip, action_unit="volt")
     asked: list[Any] = []
     ran = run(
         Batch(BASELINE, PathFollowing(), 2), from_actions(noted(asked), env), [3, 4], [18, 18]

@@ -36,7 +36,10 @@ THREADED = 2000
 def make(count: int, **options: Any) -> PathFollowingVectorEnv:
     """A vector environment that has made a few steps."""
     env = PathFollowingVectorEnv(
-        count, task=TASK, **{"max_episode_steps": 40, "num_threads": 2, **options}
+        count,
+        task=TASK,
+        action_unit="volt",
+        **{"max_episode_steps": 40, "num_threads": 2, **options},
     )
     env.reset(seed=0)
     for row in actions(count, 3):
@@ -45,6 +48,7 @@ def make(count: int, **options: Any) -> PathFollowingVectorEnv:
 
 
 def actions(count: int, steps: int) -> np.ndarray:
+    """Random voltages, most of them zero."""
     drawn = np.random.default_rng(5).random((steps, count, 8), np.float32)
     return 24.0 * drawn[..., :4] * (drawn[..., 4:] < 0.4)
 
@@ -312,9 +316,10 @@ START_METHODS = [pytest.param("fork", marks=[forks, quietly]), "spawn"]
 @pytest.mark.parametrize("method", START_METHODS)
 def test_gymnasiums_processes_after_the_parent_has_used_threads(method: str) -> None:
     parent = make(THREADED)
-    one = partial(gymnasium.make, ID, task=TASK, max_episode_steps=40)
+    options: dict[str, Any] = {"task": TASK, "action_unit": "volt", "max_episode_steps": 40}
+    one = partial(gymnasium.make, ID, **options)
     theirs = gymnasium.vector.AsyncVectorEnv([one] * 2, context=method)
-    ours = PathFollowingVectorEnv(2, task=TASK, max_episode_steps=40)
+    ours = PathFollowingVectorEnv(2, **options)
     try:
         assert theirs.reset(seed=3)[0].tobytes() == ours.reset(seed=3)[0].tobytes()
         for row in actions(2, 60):
@@ -331,7 +336,9 @@ import numpy as np
 from pter_gym.envs._vector import PathFollowingVectorEnv
 
 def make():
-    env = PathFollowingVectorEnv(count, max_episode_steps=50, num_threads=3)
+    env = PathFollowingVectorEnv(
+        count, action_unit="volt", max_episode_steps=50, num_threads=3
+    )
     env.reset(seed=0)
     return env
 
@@ -410,7 +417,7 @@ BAD_SINGLE_ACTIONS: dict[str, Any] = {
 
 @pytest.mark.parametrize("action", BAD_SINGLE_ACTIONS.values(), ids=BAD_SINGLE_ACTIONS)
 def test_a_bad_action_of_one_world_is_refused_and_nothing_moves(action: Any) -> None:
-    env: Any = gymnasium.make(ID).unwrapped
+    env: Any = gymnasium.make(ID, action_unit="volt").unwrapped
     env.reset(seed=0)
     env.step(np.full(4, 5.0, np.float32))
     before = env.batch.get_state()
@@ -421,14 +428,15 @@ def test_a_bad_action_of_one_world_is_refused_and_nothing_moves(action: Any) -> 
 
 def test_step_before_reset_and_after_the_end() -> None:
     env: Any = gymnasium.make(ID).unwrapped
+    free = -np.ones(4, np.float32)
     with pytest.raises(ResetNeededError):
-        env.step(np.zeros(4, np.float32))
+        env.step(free)
     env.reset(seed=0)
-    while not env.step(np.zeros(4, np.float32))[2]:
+    while not env.step(free)[2]:
         pass
     before = env.batch.get_state()
     with pytest.raises(ResetNeededError):
-        env.step(np.zeros(4, np.float32))
+        env.step(free)
     assert same(before, env.batch.get_state())
 
 

@@ -77,7 +77,7 @@ def test_velocities_from_encoders_are_differences_of_their_readings():
             )  # float32 observations
         coarse.append(speed / (step / 0.01))
         before = at
-        obs = env.step(np.zeros(4, np.float32))[0]
+        obs = env.step(-np.ones(4, np.float32))[0]
     counts = np.array(coarse)
     np.testing.assert_allclose(counts, np.round(counts), atol=0.02)
     assert len(np.unique(np.round(counts))) > 5

@@ -49,9 +49,7 @@ each_mode = pytest.mark.parametrize("mode", AutoresetMode, ids=lambda mode: mode
 def test_gymnasiums_checker_is_silent(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     options: dict[str, Any] = {} if name == ID else {"contexts": 8}
-    env = gymnasium.make(
-        name, action_unit="normalised", observe_context=True, sensors="force", **options
-    )
+    env = gymnasium.make(name, observe_context=True, sensors="force", **options)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(env.unwrapped, skip_render_check=find_spec("pygame") is None)
@@ -87,7 +85,7 @@ def test_ids_and_public_packages_need_no_import() -> None:
                 "machine": DELRIN_EXPERIMENTAL,
             },
         ),
-        (ID, {"machine": "delrin_experimental", "action_unit": "normalised", "frame_skip": 2}),
+        (ID, {"machine": "delrin_experimental", "action_unit": "volt", "frame_skip": 2}),
         (ID, {"scenario": "paths", "contexts": np.int64(3), "pace": np.float32(0.25)}),
         (
             "PTER/Standard-v0",
@@ -180,7 +178,7 @@ def test_observation_layout_names_every_entry(sensors: str) -> None:
 
 
 def test_both_action_units_reach_the_same_voltages_and_rounding_is_clipped() -> None:
-    volt, normalised = gymnasium.make(ID), gymnasium.make(ID, action_unit="normalised")
+    volt, normalised = gymnasium.make(ID, action_unit="volt"), gymnasium.make(ID)
     volt.reset(seed=0), normalised.reset(seed=0)
     for k in range(20):
         action = np.array([1.0, 0.5 * (k % 5) - 1.0, 0.0, -1.0], np.float32)
@@ -195,7 +193,7 @@ def test_both_action_units_reach_the_same_voltages_and_rounding_is_clipped() -> 
 def test_reward_is_the_sum_of_its_terms() -> None:
     env: Any = gymnasium.make(ID, task=PathFollowing(reward=RewardWeights(effort=2.0)))
     env.reset(seed=0)
-    _, reward, _, _, info = env.step(np.full(4, 6.0, np.float32))
+    _, reward, _, _, info = env.step(np.zeros(4, np.float32))  # 6 V
     row = env.unwrapped.telemetry_layout.as_dict(info["telemetry"])
     terms = [
         row[f"reward_{name}"] for name in ("tracking", "pace", "acceleration", "effort", "failure")
@@ -242,10 +240,13 @@ def test_adjacent_seeds_share_no_stream() -> None:
 
 
 def make(mode: AutoresetMode) -> Any:
-    return PathFollowingVectorEnv(WORLDS, task=TASK, autoreset_mode=mode, max_episode_steps=LIMIT)
+    return PathFollowingVectorEnv(
+        WORLDS, task=TASK, action_unit="volt", autoreset_mode=mode, max_episode_steps=LIMIT
+    )
 
 
 def actions(seed: int = 0) -> np.ndarray:
+    """Random voltages."""
     return np.random.default_rng(seed).uniform(0.0, 9.0, (STEPS, WORLDS, 4)).astype(np.float32)
 
 
@@ -295,7 +296,7 @@ def told(infos: dict[str, Any]) -> dict[str, Any]:
 
 @each_mode
 def test_returns_are_those_of_gymnasiums_own_vector_environment(mode: AutoresetMode) -> None:
-    options: dict[str, Any] = {"task": TASK, "max_episode_steps": LIMIT}
+    options: dict[str, Any] = {"task": TASK, "action_unit": "volt", "max_episode_steps": LIMIT}
     ours = make(mode)
     theirs: Any = gymnasium.make_vec(ID, WORLDS, "sync", {"autoreset_mode": mode}, **options)
     for name in (
@@ -322,16 +323,16 @@ def test_an_end_at_the_limit_is_both_terminated_and_truncated_as_with_time_limit
                 return [step, *flags]
         raise AssertionError("no end")
 
-    zero = np.zeros(4, np.float32)
-    step, terminated, truncated = first_end(gymnasium.make(ID), zero)
+    free = -np.ones(4, np.float32)
+    step, terminated, truncated = first_end(gymnasium.make(ID), free)
     assert (terminated, truncated) == (True, False)
     for limit, flags in (
         (step - 1, [False, True]),
         (step, [True, True]),
         (step + 1, [True, False]),
     ):
-        alone = first_end(gymnasium.make(ID, max_episode_steps=limit), zero)
-        batch = first_end(gymnasium.make_vec(ID, num_envs=1, max_episode_steps=limit), zero[None])
+        alone = first_end(gymnasium.make(ID, max_episode_steps=limit), free)
+        batch = first_end(gymnasium.make_vec(ID, num_envs=1, max_episode_steps=limit), free[None])
         assert batch == alone == [min(step, limit), *flags]
 
 
@@ -360,7 +361,7 @@ def test_returns_share_no_memory_and_neither_they_nor_actions_are_read_again(
 
 
 def test_returns_of_one_world_keep_their_values() -> None:
-    env: Any = PathFollowingEnv(task=TASK)
+    env: Any = PathFollowingEnv(task=TASK, action_unit="volt")
     kept = [
         (returned, bits(returned))
         for returned in (env.reset(seed=0), *map(env.step, actions()[:9, 0]))

@@ -22,15 +22,16 @@ WORLDS = 45
 """Two blocks, the second one not full."""
 
 KINDS: dict[str, dict[str, Any]] = {
-    "standard": {"env_id": "PTER/Standard-v0", "action_unit": "normalised"},
+    "standard": {"env_id": "PTER/Standard-v0"},
     "held": {"env_id": "PTER/Standard-v0", "frame_skip": 3, "observe_context": True},
     "all that is stored": {"env_id": "PTER/Everything-v0", "pace": "brisk", "sensors": "force"},
     "one task": {
         "task": PathFollowing(path=Sine(), truncation_error=0.05),
         "max_episode_steps": 60,
+        "action_unit": "volt",
     },
-    "other clutches": {"machine": "couplings-2-1"},
-    "a corridor": {"env_id": "PTER/Corridor-v0", "action_unit": "normalised"},
+    "other clutches": {"machine": "couplings-2-1", "action_unit": "volt"},
+    "a corridor": {"env_id": "PTER/Corridor-v0"},
 }
 
 
@@ -141,7 +142,7 @@ def test_states_are_updated_in_place_when_they_are_donated() -> None:
 
 
 def test_actions_beyond_the_bounds_are_clipped_and_others_are_told() -> None:
-    env, _ = make("PTER/Standard-v0", action_unit="normalised")
+    env, _ = make("PTER/Standard-v0")
     _, state = env.reset(jax.random.key(2))
     wild, tame = (env.step(None, state, jnp.full(4, value)) for value in (50.0, 1.0))
     for one, other in zip(*map(jax.tree.leaves, (wild, tame)), strict=True):

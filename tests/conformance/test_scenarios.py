@@ -8,12 +8,12 @@ import gymnasium
 import numpy as np
 import pytest
 
+from pter_gym import load_policy
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import ROW, SAME_STEP
 from pter_gym.benchmark import assess, training_episodes
 from pter_gym.benchmark.episodes import load_episodes, scenarios
 from pter_gym.controllers import TorqueFeedback, bind
-from pter_gym.envs.sb3 import make_sb3_vec_env
 from pter_gym.errors import ParameterError, ResetNeededError
 from pter_gym.hands import HumanArm
 from pter_gym.params import (
@@ -243,6 +243,9 @@ def test_environments_know_whose_gains_their_episodes_need(
 ) -> None:
     keywords |= {"contexts": 3} if "scenario" in keywords else {}
     assert gymnasium.make("PTER/PathFollowing-v0", **keywords).unwrapped.gains == name  # pyright: ignore[reportAttributeAccessIssue]
+    pytest.importorskip("stable_baselines3")
+    from pter_gym.envs.sb3 import make_sb3_vec_env
+
     assert make_sb3_vec_env(2, **keywords).get_attr("gains") == [name] * 2
 
 
@@ -413,10 +416,10 @@ def test_an_episode_that_strays_is_truncated_and_is_no_failure() -> None:
     free = np.zeros(4)
     for reward in (RewardWeights(), RewardWeights(failure=0.0)):
         near: Any = gymnasium.make(
-            "PTER/PathFollowing-v0", task=replace(NEAR, reward=reward)
+            "PTER/PathFollowing-v0", task=replace(NEAR, reward=reward), action_unit="volt"
         ).unwrapped
         wide: Any = gymnasium.make(
-            "PTER/PathFollowing-v0", task=PathFollowing(reward=reward)
+            "PTER/PathFollowing-v0", task=PathFollowing(reward=reward), action_unit="volt"
         ).unwrapped
         near.reset(seed=0), wide.reset(seed=0)
         truncated = terminated = False
@@ -440,7 +443,7 @@ def test_the_nearer_limit_ends_an_episode_and_truncation_wins_ties(
 ) -> None:
     """A step that goes beyond both is terminated alone."""
     env: Any = gymnasium.make(
-        "PTER/PathFollowing-v0", task=replace(NEAR, error_max=error_max)
+        "PTER/PathFollowing-v0", task=replace(NEAR, error_max=error_max), action_unit="volt"
     ).unwrapped
     env.reset(seed=0)
     ends = (False, False)
@@ -469,3 +472,30 @@ def test_a_scenario_takes_what_its_episodes_share_and_nothing_that_it_draws() ->
     assert (env.task.error_max, env.task.starts, env.task.pace) == (0.08, MOVING, 0.12)
     with pytest.raises(ParameterError, match="path"):
         SCENARIOS["paths"].draws.with_task(path=None)
+
+
+def returns_of(policy: str, scenario: str, worlds: int = 256) -> np.ndarray:
+    """Return what a policy earns in the first training episode of each world."""
+    envs: Any = gymnasium.make_vec(
+        find_scenario(scenario).id, worlds, frame_skip=1, max_episode_steps=3000, telemetry=False
+    )
+    acting = load_policy(policy, envs)
+    observations, _ = envs.reset(seed=1)
+    total, running = np.zeros(worlds), np.ones(worlds, bool)
+    while running.any():
+        observations, rewards, terminated, truncated, _ = envs.step(acting(observations))
+        total += running * rewards
+        running &= ~(terminated | truncated)
+    return total
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [pytest.param(x, marks=pytest.mark.long if x != "standard" else ()) for x in SCENARIOS],
+)
+def test_a_trained_policy_solves_an_id_and_a_tuned_law_does_not(scenario: str) -> None:
+    threshold: Any = gymnasium.spec(find_scenario(scenario).id).reward_threshold
+    earned = returns_of("residual", scenario)
+    error = 2.0 * earned.std() / np.sqrt(len(earned))  # of this mean and of the stored one
+    assert abs(0.9 * earned.mean() - threshold) < 3.0 * error
+    assert returns_of("single-dof-tuned", scenario).mean() + error < threshold

@@ -37,7 +37,7 @@ COUNTER = Policy.of_function(count, LAYOUT, start=lambda worlds: np.zeros((world
 
 
 def make_worlds(backend: str, mode: AutoresetMode, skip: int) -> Any:
-    options = {"task": ENDS_SOON, "frame_skip": skip}
+    options = {"task": ENDS_SOON, "frame_skip": skip, "action_unit": "volt"}
     if backend == "native":
         return gymnasium.make_vec(ID, 4, autoreset_mode=mode, **options)
     vector = (

@@ -27,6 +27,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "voltages": {
         "task": PathFollowing(path=Sine()),
         "machine": replace(BASELINE, clutch=replace(BASELINE.clutch, lag="voltage")),
+        "action_unit": "volt",
     },
 }
 

@@ -27,8 +27,9 @@ def make_vec(count: int, name: str = ID, **keywords: Any) -> Any:
     return gymnasium.make_vec(name, num_envs=count, **{**SMALL, **keywords})
 
 
-def volts(count: int, value: float = 3.0) -> np.ndarray:
-    return np.full((count, 4), value, np.float32)
+def braking(count: int) -> np.ndarray:
+    """Return actions that brake with 3 V."""
+    return np.full((count, 4), 2.0 * (3.0 / 24.0) ** 0.5 - 1.0, np.float32)
 
 
 @pytest.mark.parametrize(("width", "height"), [(32, 64), (1920, 1080)])
@@ -55,7 +56,7 @@ def test_many_worlds_give_a_picture_each():
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.render()
     env.reset(seed=5)
-    env.step(volts(3))
+    env.step(braking(3))
     frames = env.render()
     assert isinstance(frames, tuple)
     assert [frame.shape for frame in frames] == [SHAPE] * 3
@@ -64,9 +65,7 @@ def test_many_worlds_give_a_picture_each():
     assert env.metadata["render_fps"] == 100
 
 
-@pytest.mark.parametrize(
-    ("name", "drawn"), [(ID, {}), ("PTER/Everything-v0", {"contexts": 3, "action_unit": "volt"})]
-)
+@pytest.mark.parametrize(("name", "drawn"), [(ID, {}), ("PTER/Everything-v0", {"contexts": 3})])
 def test_a_world_is_drawn_the_same_among_many(name: str, drawn: dict[str, Any]):
     """With its own machine, task and trail, in each episode."""
     many = make_vec(2, name, max_episode_steps=4, **drawn)
@@ -76,11 +75,11 @@ def test_a_world_is_drawn_the_same_among_many(name: str, drawn: dict[str, Any]):
     for _ in range(2):
         for _ in range(4):
             np.testing.assert_array_equal(many.render()[1], alone.render())
-            many.step(volts(2))
-            _, _, _, truncated, _ = alone.step(volts(1)[0])
+            many.step(braking(2))
+            _, _, _, truncated, _ = alone.step(braking(1)[0])
         np.testing.assert_array_equal(many.render()[1], alone.render())
         assert truncated
-        many.step(volts(2))
+        many.step(braking(2))
         alone.reset()
 
 
@@ -90,9 +89,9 @@ def test_a_trail_begins_with_its_episode(mode: AutoresetMode):
     env.reset(seed=0)
     first = env.render()
     for _ in range(3):
-        env.step(volts(2))
+        env.step(braking(2))
     if mode == AutoresetMode.NEXT_STEP:
-        env.step(volts(2))
+        env.step(braking(2))
     if mode == AutoresetMode.DISABLED:
         before = env.render()
         env.reset(options={"reset_mask": np.array([True, False])})
@@ -110,7 +109,7 @@ def test_rendering_changes_nothing_else():
         np.testing.assert_array_equal(obs, same_obs)
         assert infos.keys() == same_infos.keys()
     for _ in range(5):
-        got, expected = drawn.step(volts(3)), plain.step(volts(3))
+        got, expected = drawn.step(braking(3)), plain.step(braking(3))
         drawn.render()
         for one, other in zip(got[:4], expected[:4], strict=True):
             np.testing.assert_array_equal(one, other)
@@ -176,7 +175,7 @@ def test_gymnasium_records_one_world_and_many(tmp_path: Path):
         gymnasium.make(ID, **SMALL), str(tmp_path / "one"), episode_trigger=lambda _: True
     )
     four = wrappers.RecordVideo(make_vec(4), str(tmp_path / "four"), episode_trigger=lambda _: True)
-    for name, env, actions in (("one", one, volts(1)[0]), ("four", four, volts(4))):
+    for name, env, actions in (("one", one, braking(1)[0]), ("four", four, braking(4))):
         env.reset(seed=0)
         for _ in range(9):
             env.step(actions)
