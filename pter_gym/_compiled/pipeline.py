@@ -11,7 +11,9 @@ function under compilation ``func_ir.blocks``, ``_definitions`` and the nodes ``
 ``Expr``, ``FreeVar`` and ``Global``; of code libraries ``_ensure_finalized``, ``_finalized``,
 ``_finalize_dynamic_globals``, ``_optimize_final_module``, ``_finalize_final_module`` and
 ``set_env``; of a kernel ``_compiler.compile`` and ``stats.cache_path``. ``compiler.py`` takes
-``Dispatcher.add_overload``, ``_cache``, ``_cache_path`` and ``_cache_file`` too.
+``Dispatcher.add_overload`` and ``_cache`` too, ``stored.py`` of ``FunctionCache`` ``_cache_path``,
+``_index_key``, ``_impl`` (``check_cachable``, ``reduce``, ``rebuild``, ``locator``) and, of its
+``_cache_file``, ``_dump`` and ``_open_for_write``.
 """
 
 import functools
@@ -32,6 +34,7 @@ PATIENCE = 1.0
 
 CACHED = "compiling, once: about 20 s"
 NOT_CACHED = "compiling for this process alone, as it cannot be stored: about 20 s"
+NOT_STORED = "compiled code cannot be stored: other processes will compile again"
 
 _machinery: Any = compiler_machinery
 
