@@ -1,16 +1,19 @@
-"""What policies in C cost and how they score: memory, time, and episodes in which the compiled
-program drives the arm.
+"""What policies in C cost on a microcontroller, and how they score: instructions, memory, and
+episodes in which the compiled program drives the arm.
 
     python benchmarks/deploy.py [--quick]
 
-takes about ten minutes; it needs PyPI's ``ziglang``. The tables are in docs/deploy.md.
+takes about ten minutes. It needs Debian's ``gcc-arm-none-eabi`` and ``qemu-system-arm``, and a C
+compiler or PyPI's ``ziglang``. The tables are in docs/deploy.md.
 
-A program gets observations over a pipe, one process for each world. For uneven periods and delays
-the worlds have control steps of 1 ms, and a program is asked about every tenth: each time up to 1
-ms earlier or later, if the period is uneven, and its voltages are applied a period later, if there
-is a delay."""
+The microcontroller is QEMU's Cortex-M4F, which counts instructions, not cycles. In the episodes a
+program gets observations over a pipe, one process for each world. For uneven periods and delays the
+worlds have control steps of 1 ms, and a program is asked about every tenth: each time up to 1 ms
+earlier or later, if the period is uneven, and its voltages are applied a period later, if there is
+a delay.
+"""
 
-import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -18,30 +21,30 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import Episodes, find_episodes
-from pter_gym.benchmark.rollout import record_episode
-from pter_gym.benchmark.runs import evaluate
+from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.controllers import Policy
 from pter_gym.tools.deploy import Source, source_of
+from pter_gym.tools.hil.session import follow
 
 HERE = Path(__file__).parent
 POLICIES = ("residual", "ppo-standard", "torque-feedback-tuned", "single-dof-tuned", "impedance")
 NETWORKS = POLICIES[:2]
 TYPES = (("double", "float"), ("float", "float"), ("float", "int8"))
 PERIOD = 10  # ms
-MICROCONTROLLER = ("-target", "thumb-freestanding-eabihf", "-mcpu")
-CPUS = ("cortex_m4", "cortex_m4+vfp4d16sp")
 TIMINGS = {"exact": (0, 0), "± 1 ms": (1, 0), "a period late": (0, PERIOD), "both": (1, PERIOD)}
 
-
-def zig(*arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "ziglang", *map(str, arguments)]
-    return subprocess.run(command, check=True, capture_output=True, text=True, **options)
+ARM = "-mcpu=cortex-m4 -mthumb -mfpu=fpv4-sp-d16 -mfloat-abi=hard -std=c99 -O2"
+BARE = "-ffreestanding -nostartfiles -Wl,-e,start,-Ttext=0x08000100,-Tbss=0x20000000"
+MACHINE = "-M netduinoplus2 -display none -monitor none"
+CLOCK = 168e6  # of this machine [Hz]
+PER_TICK = 1e9 / CLOCK  # instructions, of 1 ns each with QEMU's -icount shift=0
+CYCLES = 2  # for an instruction, at most, but for divisions
 
 
 @contextmanager
@@ -51,76 +54,95 @@ def folder_of(source: Source) -> Iterator[Path]:
 
 
 def program(folder: Path, main: Path) -> Path:
-    zig("cc", "-std=gnu99", "-O2", "-I", folder, main, folder / "pter.c", "-o", folder / "program")
+    compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
+    files = (main, folder / "pter.c", "-o", folder / "program")
+    subprocess.run([*compiler, "-std=c99", "-O2", "-I", folder, *files], check=True)
     return folder / "program"
 
 
-def memory(folder: Path, cpu: str) -> tuple[int, int, int]:
-    """Flash, static RAM and the sum of all stack frames [B] of a microcontroller's program."""
-    elf = folder / "program.elf"
-    target = (*MICROCONTROLLER, cpu)
-    files = ("-cflags", "-std=c99", "--", HERE / "deploy.c", folder / "pter.c")
-    zig(
-        "build-exe",
-        *target,
-        "-O",
-        "ReleaseFast",
-        "-fstrip",
-        "-I",
-        folder,
-        *files,
-        f"-femit-bin={elf}",
-    )
-    told = zig(
-        "cc",
-        *target[:2],
-        f"-mcpu={cpu}",
-        "-O2",
-        "-std=c99",
-        "-Wframe-larger-than=0",
-        "-c",
-        folder / "pter.c",
-        "-o",
-        folder / "pter.o",
-    )
-    frames = sum(map(int, re.findall(r"stack frame size \((\d+)\)", told.stderr)))
-    data = elf.read_bytes()
-    first, size, count = (int.from_bytes(data[at : at + 2], "little") for at in (28, 42, 44))
-    headers = np.frombuffer(data, "<u4", count * size // 4, first).reshape(count, -1)
-    loaded = headers[
-        headers[:, 0] == 1
-    ]  # PT_LOAD: type, offset, addresses, size in the file, in memory, flags
-    writable = (loaded[:, 6] & 2) != 0
-    return int(loaded[:, 4].sum()), int(loaded[writable, 5].sum()), frames
+def firmware(folder: Path, *files: Path, serial: bool = False) -> Path:
+    """A program for the microcontroller."""
+    sections = ["-Wl,--section-start=.vectors=0x08000000", *(["-DSERIAL"] if serial else [])]
+    command = ["arm-none-eabi-gcc", *ARM.split(), *BARE.split(), *sections, "-I", folder]
+    files = (HERE / "deploy.c", folder / "pter.c", *files)
+    subprocess.run([*command, *files, "-o", folder / "firmware"], check=True)
+    return folder / "firmware"
 
 
-def costs(observations: Any) -> None:
+class Cost(NamedTuple):
+    """Instructions of each control step, for the observation and the law; bytes; voltages."""
+
+    observe: Any
+    act: Any
+    flash: int
+    ram: int
+    stack: int
+    volts: Any
+
+
+def cost(source: Source, readings: Any, observations: Any) -> Cost:
+    """What a policy costs on the microcontroller, for an episode's readings and observations."""
+    entries = len(source.policy.layout)
+    row = np.dtype([("reading", "<f8", 10), ("observation", "<f4", entries)], align=True)
+    rows = np.zeros(len(readings), row)
+    rows["reading"], rows["observation"] = readings, observations[: len(rows), :entries]
+    with folder_of(source) as folder:
+        elf = firmware(folder)
+        size = subprocess.run(
+            ["arm-none-eabi-size", elf], check=True, capture_output=True, text=True
+        )
+        text, data, zeroed = map(int, size.stdout.splitlines()[1].split()[:3])
+        (folder / "rows").write_bytes(rows.tobytes())
+        options = "-icount shift=0 -semihosting-config enable=on,target=native -kernel"
+        command = ["qemu-system-arm", *MACHINE.split(), *options.split(), elf]
+        subprocess.run(command, check=True, cwd=folder, timeout=600)
+        out = (folder / "out").read_bytes()
+    steps = np.frombuffer(out[:-4], [("volts", "<f4", 4), ("ticks", "<u4", 2)])
+    stack = int.from_bytes(out[-4:], "little")
+    observe, act = PER_TICK * steps["ticks"].T
+    return Cost(observe, act, text + data, data + zeroed, stack, steps["volts"])
+
+
+def recorded(policy: Any, machine: Any, task: Any, seed: int) -> tuple[Any, Any, Any]:
+    """Readings, observations and voltages of an episode."""
+    episode = record_episode(policy, machine, task, seed)
+    readings: list[Any] = []
+    volts = iter(episode.volts)
+
+    def decide(reading: Any) -> Any:
+        readings.append(reading)
+        return next(volts)
+
+    for _ in follow(machine, task, seed, decide):
+        pass
+    return np.array(readings), episode.obs, episode.volts
+
+
+def costs(machine: Any, task: Any, seed: int) -> None:
     print(
-        "| policy | numbers | weights | step, median / worst [µs] "
-        "| M4 flash, RAM, stack [kB] | with FPU [kB] |"
+        "| Policy | Numbers | Weights | Instructions, mean / most | For the observation | "
+        "Of 10 ms at 168 MHz | Flash / RAM / stack [kB] | Voltages differ by [mV] |"
     )
-    print("|---|---|---|---|---|---|")
+    print("|" + "---|" * 8)
     for name in POLICIES:
+        policy = find_policy(name)
         for numbers, weights in TYPES if name in NETWORKS else TYPES[:2]:
-            source = source_of(find_policy(name), name=name, numbers=numbers, weights=weights)
-            rows = np.ascontiguousarray(observations[:, : len(source.policy.layout)])
-            with folder_of(source) as folder:
-                times = subprocess.run(
-                    [program(folder, HERE / "deploy.c")],
-                    input=rows.tobytes(),
-                    capture_output=True,
-                    check=True,
-                )
-                median, worst = (float(each) / 1e3 for each in times.stdout.split())
-                kilobytes = (
-                    " / ".join(f"{each / 1e3:.1f}" for each in memory(folder, cpu)) for cpu in CPUS
-                )
-                kind = weights if name in NETWORKS else "-"
-                print(
-                    f"| {name} | {numbers} | {kind} | {median:.1f} / {worst:.1f} "
-                    f"| {' | '.join(kilobytes)} |",
-                    flush=True,
-                )
+            source = source_of(policy, name=name, numbers=numbers, weights=weights)
+            readings, observations, _ = recorded(source.policy, machine, task, seed)
+            found = cost(source, readings, observations)
+            rows = np.ascontiguousarray(observations[:, None, : len(source.policy.layout)])
+            memory = source.policy.start(1)
+            wanted = [np.float32(source.policy.act(row, memory)[0]) for row in rows]
+            differ = np.abs(found.volts - wanted[: len(found.volts)]).max()
+            whole = found.observe + found.act
+            memory = (f"{each / 1e3:.1f}" for each in (found.flash, found.ram, found.stack))
+            print(
+                f"| `{name}` | {numbers} | {weights if name in NETWORKS else ''} | "
+                f"{whole.mean():,.0f} / {whole.max():,.0f} | {found.observe.mean():,.0f} | "
+                f"{CYCLES * whole.max() / (CLOCK * PERIOD * 1e-3):.1%} | {' / '.join(memory)} | "
+                f"{1e3 * differ:.2g} |",
+                flush=True,
+            )
 
 
 class Compiled:
@@ -218,6 +240,7 @@ def closed_loop(episodes: Episodes) -> None:
                         + " | ".join(told(evaluate(each, fine)) for each in times)
                         + " |"
                     )
+        cells += [""] * (1 + len(TYPES) - len(cells))
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
     print("\n| policy | " + " | ".join(TIMINGS) + " |\n|" + "---|" * (1 + len(TIMINGS)))
     print("\n".join(timed))
@@ -225,7 +248,6 @@ def closed_loop(episodes: Episodes) -> None:
 
 if __name__ == "__main__":
     standard = find_episodes("standard", "medium").first(10 if "--quick" in sys.argv else 64)
-    task = standard.tasks[0]
-    costs(record_episode(find_policy("residual"), standard.machines[0], task, 0).obs)
+    costs(standard.machines[0], standard.tasks[0], standard.seeds[0])
     print(flush=True)
     closed_loop(standard)

@@ -107,12 +107,12 @@ def export(
     onnx: Annotated[Path | None, tyro.conf.arg(metavar="FILE.onnx")] = None,
     numbers: Literal["double", "float"] = "double",
     weights: Literal["float", "int8"] = "float",
+    prefix: str = "pter",
     scenario: ScenarioName = "standard",
     path: Annotated[str, tyro.conf.arg(metavar="NAME|FILE.csv")] = "line",
     machine: MachineName = None,
 ) -> None:
-    """Turn a run of `pter train` into a policy to share, or any policy into C or ONNX for a real
-    machine.
+    """Turn a run of `pter train` into a policy to share, or any policy into C or ONNX.
 
     By default the folder then holds NAME.safetensors, weights without code, and README.md, a model
     card. That is the layout of the Hugging Face Hub; nothing is uploaded. With --c or --onnx only
@@ -128,6 +128,8 @@ def export(
         onnx: File for the network alone, as an ONNX model.
         numbers: Arithmetic of the C code; double has the bits of Python.
         weights: Weights in the C code; int8 needs a quarter of the memory and costs some score.
+        prefix: Begins all names in the C code and of its files; two policies in one program have
+            different ones.
         scenario: Scenario whose gains a controller has.
         path: Path that the C code holds.
         machine: Nominal machine of a policy for C or ONNX, by its name or its file.
@@ -149,7 +151,15 @@ def export(
         policy = find_policy(run, scenario)
     called = name or Path(run).stem
     source = (
-        source_of(policy, name=called, machine=machine, path=path, numbers=numbers, weights=weights)
+        source_of(
+            policy,
+            name=called,
+            machine=machine,
+            path=path,
+            numbers=numbers,
+            weights=weights,
+            prefix=prefix,
+        )
         if c
         else None
     )

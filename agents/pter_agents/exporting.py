@@ -1,24 +1,29 @@
-"""Export a run as a folder for the Hugging Face Hub: a policy's weights and its model card."""
+"""Export a run as a policy in a folder of its own, as the Hugging Face Hub has it."""
 
+import html
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from pter_agents.runs import RunFolder, policy_of
 from pter_agents.settings import NO_BASE, TrainingArguments, load_settings
 from pter_gym import __version__
-from pter_gym._internal.files import FilePath, find_path, write_text_atomic
+from pter_gym._internal.files import FilePath, find_path, write_files_atomic
 from pter_gym._internal.terminal import make_folder
-from pter_gym.errors import ParameterError
-from pter_gym.policies import TrainedPolicy, read_policy, write_policy
-from pter_gym.policies._files import ENDING, RUN, check_name
+from pter_gym.errors import DataError, ParameterError
+from pter_gym.policies import TrainedPolicy, read_policy
+from pter_gym.policies._files import ENDING, RUN, check_name, encode_policy
 from pter_gym.scenarios import PACES, SCENARIOS
 
 README = "README.md"
 """Name of the model card."""
+
+MAX_TEXT = 500
+"""Characters of a text that the card repeats."""
 
 
 def export(source: FilePath, out: FilePath | None = None, *, name: str | None = None) -> Path:
@@ -41,9 +46,10 @@ def export(source: FilePath, out: FilePath | None = None, *, name: str | None = 
         If there is no such run or policy, it cannot have this name, or the folder holds other
         files.
     DataError
-        If the run or the policy cannot be read.
+        If the run or the policy cannot be read, or what it tells of its training is not as
+        ``about_run`` makes it.
     StorageError
-        If the files cannot be written.
+        If the files cannot be written; older ones then stay.
     """
     run = find_path("source", source)
     policy = read_run(run) if (run / RUN).is_file() else read_policy(source)
@@ -57,8 +63,9 @@ def export(source: FilePath, out: FilePath | None = None, *, name: str | None = 
             f"out must be a folder for this policy alone, {str(out)!r} holds "
             f"{', '.join(others):.200}"
         )
-    write_text_atomic(out / README, model_card(name, policy))
-    return write_policy(policy, out / file)
+    card = model_card(name, policy).encode()
+    write_files_atomic(out, {file: encode_policy(policy), README: card})
+    return out / file
 
 
 def read_run(path: FilePath) -> TrainedPolicy:
@@ -107,17 +114,14 @@ def model_card(name: str, policy: TrainedPolicy) -> str:
     """Return the model card in Markdown, with metadata for the Hub."""
     about, interface = policy.about, policy.interface
     *hidden, outputs = policy.sizes[1:]
-    what = (
-        f"corrects the controller `{about['corrects']}`"
-        if about.get("corrects")
-        else "sets the clutch voltages"
-    )
+    corrects = about.get("corrects")
+    what = f"corrects the controller {code(corrects)}" if corrects else "sets the clutch voltages"
     meaning = f"of ±1 is ±{interface.reach:g} V, limited to 0…{interface.voltage_max:g} V"
     if interface.normalised:
         meaning = f"a within ±1 is {interface.voltage_max:g} V · ((a + 1)/2)²"
-    versions = ", ".join(f"{key} {number}" for key, number in about.get("versions", {}).items())
-    units = ", ".join(map(str, hidden))
-    skip = f"frame_skip={interface.frame_skip}"
+    versions = ", ".join(code(f"{key} {number}") for key, number in part(about, "versions").items())
+    changed = part(about, "config").items()
+    layers = ", ".join(map(str, hidden))
     lines = [
         "---",
         "license: mit",
@@ -130,25 +134,22 @@ def model_card(name: str, policy: TrainedPolicy) -> str:
         "",
         f"A policy for the passive haptic arm PTER that {what}.",
         "",
-        f"- Trained by `{about.get('algorithm')}` on training draws of `{about.get('scenario')}`",
-        f"- Command: `{about.get('command')}` ({about.get('steps')} decisions)",
-        *(
-            f"- In the file: `{key} = {json.dumps(value)}`"
-            for key, value in about.get("config", {}).items()
-        ),
+        f"- Trained by {code(about.get('algorithm'))} on draws of {code(about.get('scenario'))}",
+        f"- Command: {code(about.get('command'))}, {code(about.get('steps'))} decisions",
+        *(f"- In the file: {code(f'{key} = {json.dumps(value)}')}" for key, value in changed),
         f"- Versions: {versions}",
-        f"- Network: {policy.sizes[0]} inputs, tanh layers of {units}, {outputs} outputs",
+        f"- Network: {policy.sizes[0]} inputs, tanh layers of {layers}, {outputs} outputs",
         f"- An output {meaning}",
         f"- Inputs: {', '.join(each.name for each in interface.inputs)}",
         "",
-        "It is made for the simulator: clutches, sensors and hand of a real machine are others.",
+        "It is made for the simulator, from which a real machine, its sensors and its hand differ.",
         "",
-        *_score_table(about.get("validation", {})),
+        *score_table(part(about, "validation")),
         "```python",
         "import gymnasium",
         "import pter_gym",
         "",
-        f'env = gymnasium.make("PTER/Standard-v0", pace="medium", {skip})',
+        f'env = gymnasium.make("PTER/Standard-v0", frame_skip={interface.frame_skip})',
         'policy = pter_gym.load_policy("path/to/this/folder", env)',
         "observation, info = env.reset(seed=0)",
         "policy.reset()",
@@ -160,20 +161,40 @@ def model_card(name: str, policy: TrainedPolicy) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _score_table(validation: Mapping[str, Mapping[str, float]]) -> list[str]:
+def code(text: Any) -> str:
+    """Return a stranger's text as code in a line of Markdown, where nothing has a meaning."""
+    plain = re.sub(r"[`\s\x00-\x1f\x7f-\x9f]+", " ", str(text)).strip()
+    return f"`{html.escape(plain[:MAX_TEXT], quote=False)}`"
+
+
+def part(about: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """Return a part of what a policy tells of its training, or raise a DataError."""
+    found: Any = about.get(name, {})
+    if not isinstance(found, dict):
+        raise DataError(f"about: {name} must be a table, got {found!r:.200}")
+    return cast(dict[str, Any], found)
+
+
+def score_table(validation: Mapping[str, Any]) -> list[str]:
     """Return the scores of the validation as lines of Markdown."""
     if not validation:
         return []
+    try:
+        rows = [
+            f"| {pace} ({PACES[pace]:g} m/s) | {1000 * scores['path_error_m']:.1f} | "
+            f"{100 * scores['completed']:.1f} | {100 * scores['mean_pace_error']:.1f} | "
+            f"{100 * scores['segment_pace_error']:.1f} |"
+            for pace, scores in validation.items()
+        ]
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(
+            f"about: validation must hold numbers by pace and score, got {error!r:.200}"
+        ) from None
     return [
         "Scores on drawn validation episodes, which are neither trained on nor the benchmark's:",
         "",
         "| pace | path error [mm] | completed [%] | mean pace error [%] | segment pace error [%] |",
         "|---|---|---|---|---|",
-        *(
-            f"| {pace} ({PACES[pace]:g} m/s) | {1000 * s['path_error_m']:.1f} "
-            f"| {100 * s['completed']:.1f} | "
-            f"{100 * s['mean_pace_error']:.1f} | {100 * s['segment_pace_error']:.1f} |"
-            for pace, s in validation.items()
-        ),
+        *rows,
         "",
     ]

@@ -1,5 +1,6 @@
 """Paths as users give them, and files that are written whole or not at all."""
 
+import errno
 import os
 import secrets
 from collections.abc import Mapping
@@ -51,19 +52,8 @@ def write_bytes_atomic(path: FilePath, data: bytes) -> None:
     StorageError
         If it cannot be written; an earlier file of that name stays as it was.
     """
-    target = find_path("path", path).resolve()
-    temporary = target.with_name(f".{secrets.token_hex(8)}.tmp")
-    try:
-        with temporary.open("xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(target)
-    except OSError as error:
-        raise StorageError(f"{os.fspath(path)!r} cannot be written: {error.strerror}") from error
-    finally:
-        with suppress(OSError):  # there is nothing to remove where nothing can be written
-            temporary.unlink(missing_ok=True)
+    path = find_path("path", path)
+    write_files_atomic(path.parent, {path.name: data})
 
 
 def write_text_atomic(path: FilePath, text: str) -> None:
@@ -75,9 +65,30 @@ def write_text_atomic(path: FilePath, text: str) -> None:
 
 
 def write_files_atomic(folder: FilePath, files: Mapping[str, bytes]) -> None:
-    """Write files to a folder in their order, each as ``write_bytes_atomic`` does."""
-    for name, data in files.items():
-        write_bytes_atomic(find_path("folder", folder) / name, data)
+    """Write files to a folder, each as ``write_bytes_atomic`` does, all or none.
+
+    None gets its name before all are on the disk.
+    """
+    targets = {find_path("folder", folder).joinpath(name).resolve(): files[name] for name in files}
+    written: dict[Path, Path] = {}
+    target = Path()
+    try:
+        for target, data in targets.items():
+            written[target] = target.with_name(f".{secrets.token_hex(8)}.tmp")
+            with written[target].open("xb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            if target.is_dir():
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        for target, temporary in written.items():
+            temporary.replace(target)
+    except OSError as error:
+        raise StorageError(f"{str(target)!r} cannot be written: {error.strerror}") from error
+    finally:
+        for temporary in written.values():
+            with suppress(OSError):  # there is nothing to remove where nothing can be written
+                temporary.unlink(missing_ok=True)
 
 
 def remove_leftovers(folder: Path) -> None:

@@ -6,6 +6,7 @@ Both angles are absolute. With a coaxial drive and a parallelogram the mass matr
     M(θ)·θ̈ + V(θ, θ̇) = Wᵀτ + JᵀF      M12 = c·cos(θA − θB)   V = c·sin(θA − θB)·(θ̇B², −θ̇A²)
 """
 
+import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -131,8 +132,8 @@ def elbow_cosine(length_a: float, length_b: float, x: float, y: float) -> float:
 
 
 @device
-def motion_at(arm: Linkage, x: float, y: float) -> Motion:
-    """Return the arm at rest with the tip at (x, y) [m]; θB leads θA.
+def links_at(arm: Linkage, x: float, y: float) -> tuple[UnitVector, UnitVector]:
+    """Return the directions of both links with the tip at (x, y) [m]; θB leads θA.
 
     Called from Python, it takes arrays too, and returns NaN out of reach.
     """
@@ -145,8 +146,15 @@ def motion_at(arm: Linkage, x: float, y: float) -> Motion:
     sin_a = (y * re - x * im) / square
     cos_b = cos_a * cos - sin_a * sin
     sin_b = sin_a * cos + cos_a * sin
-    theta_a, theta_b = np.arctan2(sin_a, cos_a), np.arctan2(sin_b, cos_b)
-    return Motion(theta_a, theta_b, 0.0, 0.0, cos_a, sin_a, cos_b, sin_b)
+    return UnitVector(cos_a, sin_a), UnitVector(cos_b, sin_b)
+
+
+@device
+def motion_at(arm: Linkage, x: float, y: float) -> Motion:
+    """Return the arm at rest with the tip at (x, y) [m]; θB leads θA."""
+    a, b = links_at(arm, x, y)
+    theta_a, theta_b = math.atan2(a.sin, a.cos), math.atan2(b.sin, b.cos)
+    return Motion(theta_a, theta_b, 0.0, 0.0, a.cos, a.sin, b.cos, b.sin)
 
 
 @device

@@ -15,11 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pter_gym._physics.arm import (
     Vector,
-    cos_difference,
-    motion_at,
+    links_at,
     motion_of,
     moving,
-    sin_difference,
 )
 from pter_gym._physics.clutch import PerClutch, falling, holding, sliding
 from pter_gym._physics.friction import slip_velocities
@@ -36,9 +34,10 @@ def link_angles(arm: Arm, tip: ArrayLike) -> Array:
     links: Any = arm
     at: Any = np.moveaxis(np.asarray(tip, np.float64), -1, 0)
     with np.errstate(invalid="ignore"):
-        q = motion_at(links, *at)
-    elbow = np.arctan2(-sin_difference(q), cos_difference(q))
-    return np.stack([q.theta_a, q.theta_a + elbow], axis=-1)
+        a, b = links_at(links, *at)
+    theta_a = np.arctan2(a.sin, a.cos)
+    elbow = np.arctan2(b.sin * a.cos - b.cos * a.sin, b.cos * a.cos + b.sin * a.sin)
+    return np.stack([theta_a, theta_a + elbow], axis=-1)
 
 
 def force_per_torque(machine: Machine, theta: ArrayLike) -> Array:

@@ -36,12 +36,12 @@ class Encoder(NamedTuple):
 
 
 @device
-def encoder(count: int, before: int, resolution: float, zero: float, period: float) -> Encoder:
-    """Return angle and angular velocity from an encoder's count now and a period [s] before.
+def encoder(count: int, change: int, resolution: float, zero: float, period: float) -> Encoder:
+    """Return angle and angular velocity from an encoder's count and its change in a period [s].
 
     ``resolution`` is the angle of a count and ``zero`` that of count 0 [rad].
     """
-    return Encoder(zero + resolution * count, resolution * (count - before) / period)
+    return Encoder(zero + resolution * count, resolution * change / period)
 
 
 @device

@@ -1,6 +1,7 @@
 """A policy as a program in C: ``pter.h``, ``pter.c`` and ``main.c``, a filter for observations."""
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,6 +34,8 @@ from pter_gym.tools.deploy.values import Array, ConstantTable, Expression, Regio
 
 STATIC = Path(__file__).parent / "static"
 
+FILES = ("pter.h", "pter.c", "main.c")
+
 Numbers = Literal["double", "float"]
 """Type of the arithmetic: float64 with Python's bits, or float32, as small processors have it."""
 
@@ -46,6 +49,9 @@ BITS = {
     "float": {"word": "int", "magic": "0x5f3759dfU", "mask": "~0xfffU"},
 }
 """What the square root does to the bits of a number."""
+
+PREFIX = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
+"""How names in C may begin."""
 
 INT8_MAX = 127
 
@@ -87,6 +93,7 @@ def source_of(
     path: Curve | str = "line",
     numbers: Numbers = "double",
     weights: Weights = "float",
+    prefix: str = "pter",
 ) -> Source:
     """Return a policy in C.
 
@@ -101,6 +108,9 @@ def source_of(
         The path whose arcs the program holds.
     numbers, weights
         Types of the arithmetic and of the stored weights.
+    prefix
+        Begins the names of files, functions, types and, in capitals, macros: two policies in one
+        program have different ones.
 
     Raises
     ------
@@ -113,6 +123,10 @@ def source_of(
             accepted_names = ", ".join(get_args(accepted))
             raise ParameterError(f"{field} must be one of {accepted_names}, got {kind!r}")
     machine, curve = find_machine(machine), find_curve(path)
+    if not PREFIX.fullmatch(prefix):
+        raise ParameterError(
+            f"prefix must be a letter, then letters, digits and underscores, got {prefix!r:.200}"
+        )
     steps: tuple[float, ...] = ()
     if weights == "int8":
         if not isinstance(policy, TrainedPolicy):
@@ -137,7 +151,7 @@ def source_of(
     )
     program.call(command, law.function, obs, scales, gains, memory, top, whole=True)
     prepare(program, machine)
-    named = {
+    named: dict[str, Any] = {
         "title": f"The policy {name} for the passive arm PTER.",
         "real": numbers,
         "period": repr(PathFollowing.control_period),
@@ -152,11 +166,21 @@ def source_of(
         "path": path_table(curve, program),
         **BITS[numbers],
     }
-    files = ("pter.h", "pter.c", "main.c")
+    named["path"] = renamed(named["path"], prefix)
+    texts = {file: renamed((STATIC / file).read_text("utf-8"), prefix) for file in FILES}
     return Source(
-        {file: Template((STATIC / file).read_text("utf-8")).substitute(named) for file in files},
+        {
+            file.replace("pter", prefix): Template(text).substitute(named)
+            for file, text in texts.items()
+        },
         bound,
     )
+
+
+def renamed(text: str, prefix: str) -> str:
+    """Return text in C whose names begin with another prefix."""
+    text = re.sub(r"\bpter(?=_(?!gym)|\.h)", prefix, text)
+    return re.sub(r"\bPTER(?=_)", prefix.upper(), text)
 
 
 def prepare(program: Program, machine: Machine) -> None:

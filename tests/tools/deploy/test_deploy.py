@@ -21,11 +21,11 @@ from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import find_episodes
-from pter_gym.benchmark.rollout import record_episode
-from pter_gym.benchmark.runs import evaluate
+from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import PerClutch, Policy, bind, device
-from pter_gym.errors import ParameterError
+from pter_gym.controllers._laws import built_in
+from pter_gym.errors import ParameterError, StorageError
 from pter_gym.params import BASELINE, MACHINES, find_machine
 from pter_gym.paths import find_path
 from pter_gym.policies import Input
@@ -111,7 +111,7 @@ def recorded() -> Any:
 
 
 def actions(policy: Any, observations: Any) -> Any:
-    """Voltages in Python, each decision held for its period, world after world: float32 (STEPS·worlds, 4)."""
+    """Voltages in Python, decisions held, world after world: float32 (STEPS·worlds, 4)."""
     acting = Acting(policy)
     seen = np.ascontiguousarray(observations[..., : len(policy.layout)])
     decided = [acting(each) for each in seen[:: policy.frame_skip]]
@@ -174,6 +174,11 @@ def test_a_decision_is_held_and_a_law_knows_other_clutches(
     ).all()
 
 
+def own(law: Any, gains: Any) -> Policy:
+    """The policy of a compiled law."""
+    return Policy.of_law(law, gains, BASELINE, observation_layout(BASELINE, "torque"))
+
+
 @device
 def own_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Brake more and more, the further the tip is from the path."""
@@ -188,7 +193,7 @@ def own_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 @needs_compiler
 def test_a_users_own_law_becomes_a_program(recorded: Any, tmp_path: Path):
-    source = source_of(Policy(np.arange(20.0), observation_layout(BASELINE, "torque"), own_law))
+    source = source_of(own(own_law, np.arange(20.0)))
     observations, text = recorded
     assert (said(compiled(source, tmp_path), text) == actions(source.policy, observations)).all()
 
@@ -218,7 +223,7 @@ def first_or(first: bool, other: float) -> float:
 )
 def test_a_law_whose_types_c_cannot_keep_is_refused(law: Any, what: str):
     with pytest.raises(ParameterError, match=what):
-        source_of(Policy(np.zeros(2), observation_layout(BASELINE, "torque"), law))
+        source_of(own(law, np.zeros(2)))
 
 
 @needs_compiler
@@ -230,7 +235,7 @@ def test_the_observation_is_the_simulators(
     path: str, numbers: Any, tolerance: float, tmp_path: Path
 ):
     task = PathFollowing(path=find_path(path), pace=0.25)
-    episode = record_episode(find_policy("single-dof-tuned"), BASELINE, task, 0, STEPS)
+    episode = record_episode(find_policy("single-dof-tuned"), BASELINE, task, 0)
     layout = observation_layout(BASELINE, "force")
     theta = episode.telemetry[:, [*COLUMN.theta]]
     places = [layout.index(each) for each in ("omega_a", "torque_1", "force_along", "volts_1")]
@@ -249,7 +254,7 @@ def test_the_observation_is_the_simulators(
 
 def test_a_small_gain_or_weight_stays_small_in_float32():
     gains = np.array([1.0, 1e-12, 0.0, 0.0, 0.0])
-    source = source_of(Policy(gains, observation_layout(BASELINE, "torque")), numbers="float")
+    source = source_of(own(built_in, gains), numbers="float")
     assert "1e-12f" in source.files["pter.c"]
 
 
@@ -260,15 +265,162 @@ def test_elementary_functions_are_those_of_mathematics():
         y, x = math.sin(angle) * (1.0 + angle**2), math.cos(angle) * (1.0 + angle**2)
         assert arctangent(y, x) == pytest.approx(math.atan2(y, x), abs=1e-15)
     assert arctangent(0.0, 0.0) == 0.0
-    assert encoder(12, 10, 0.1, -1.0, 0.01) == pytest.approx((0.2, 20.0))
+    assert encoder(12, 2, 0.1, -1.0, 0.01) == pytest.approx((0.2, 20.0))
 
 
-@needs_zig
-def test_a_microcontroller_needs_no_library(tmp_path: Path):
-    folder = source_of(find_policy("ppo-standard"), numbers="float", weights="int8").write(tmp_path)
-    flash, ram, stack = bench.memory(folder, "cortex_m4")
-    assert flash < 20_000
-    assert ram + stack < 2_000
+needs_board = pytest.mark.skipif(
+    not (shutil.which("arm-none-eabi-gcc") and shutil.which("qemu-system-arm")),
+    reason="gcc-arm-none-eabi or qemu-system-arm is not installed",
+)
+
+
+@needs_board
+@pytest.mark.parametrize(
+    ("name", "numbers", "weights"),
+    [("ppo-standard", "float", "int8"), ("single-dof-tuned", "double", "float")],
+)
+def test_a_microcontroller_gives_pythons_voltages(name: str, numbers: Any, weights: Any):
+    source = source_of(find_policy(name), name=name, numbers=numbers, weights=weights)
+    task = PathFollowing(pace=0.25)
+    readings, observations, _ = bench.recorded(source.policy, BASELINE, task, 0)
+    found = bench.cost(source, readings[:20], observations[:20])
+    rows = np.ascontiguousarray(observations[:20, None, : len(source.policy.layout)])
+    memory = source.policy.start(1)
+    wanted = [np.float32(source.policy.act(row, memory)[0]) for row in rows]
+    differ = np.abs(found.volts - wanted).max()
+    assert differ == 0.0 if numbers == "double" else differ < ROUNDING
+    assert 1_000 < found.act.min() <= found.act.max() < 200_000
+    assert found.flash < 30_000
+    assert found.ram + found.stack < 3_000
+
+
+CPP = """
+#include "pter.h"
+int main() {
+    pter_state state;
+    float observation[PTER_ENTRIES] = {0}, volts[4];
+    pter_reset(&state);
+    pter_act(&state, observation, volts);
+    return !(volts[0] >= 0);
+}
+"""
+
+
+@needs_compiler
+def test_a_program_in_cpp_links(tmp_path: Path):
+    source_of(find_policy("impedance")).write(tmp_path)
+    (tmp_path / "loop.cpp").write_text(CPP)
+    zig = [sys.executable, "-m", "ziglang"]
+    c, cpp = (["cc"], ["c++"]) if shutil.which("c++") else ([*zig, "cc"], [*zig, "c++"])
+    for command in ([*c, "-std=c99", "-c", "pter.c"], [*cpp, "-Wall", "loop.cpp", "pter.o"]):
+        subprocess.run(command, cwd=tmp_path, check=True)
+    subprocess.run([tmp_path / "a.out"], check=True)
+
+
+BOTH = r"""
+#include "pter.h"
+#include "tuned.h"
+#include <stdio.h>
+int main(void) {
+    pter_state a;
+    tuned_state b;
+    float observation[PTER_ENTRIES] = {0}, volts[4], others[4];
+    pter_reset(&a), tuned_reset(&b);
+    pter_act(&a, observation, volts), tuned_act(&b, observation, others);
+    printf("%.9g,%.9g,%d,%d\n", volts[0], others[0], PTER_MEMORY, TUNED_MEMORY);
+    return 0;
+}
+"""
+
+
+@needs_compiler
+def test_two_policies_are_in_one_program(tmp_path: Path):
+    first, second = find_policy("ppo-standard"), find_policy("single-dof-tuned")
+    other = source_of(second, name="a pter_x", prefix="tuned")
+    assert sorted(other.files) == ["main.c", "tuned.c", "tuned.h"]
+    other.write(tmp_path)
+    (tmp_path / "both.c").write_text(BOTH)
+    own = source_of(first)
+    own.write(tmp_path)
+    compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
+    files = [*WARNINGS, "-std=c99", "both.c", "pter.c", "tuned.c"]
+    subprocess.run([*compiler, *files], cwd=tmp_path, check=True)
+    zeros = np.zeros((1, len(own.policy.layout)), np.float32)
+    found = said(tmp_path / "a.out", "")
+    policies = (own.policy, other.policy)
+    wanted = [np.float32(policy.act(zeros, policy.start(1))[0, 0]) for policy in policies]
+    assert found[:2].tolist() == wanted
+
+
+COUNTS = r"""
+#include "pter.h"
+#include <limits.h>
+#include <stdio.h>
+int main(void) {
+    pter_reading r = {0};
+    int counts[][3] = {{65533, 3, 16}, {3, 65533, 16}, {-7, 65535, 16},
+                       {INT_MAX - 3, INT_MIN + 2, 32}};
+    for (int k = 0; k < 4; k++) {
+        int *c = counts[k], now = pter_count(c[0], (unsigned)c[1], c[2]);
+        pter_encoder(&r, 0, now, c[0], 0.125, 0);
+        printf("%d,%g\n", now, r.velocity[0]);
+    }
+    return 0;
+}
+"""
+
+BAD = r"""
+#include "pter.h"
+#include <stdio.h>
+int main(void) {
+    double angles[] = {0.0 / 0.0, 1.0 / 0.0, -1e300};
+    for (int k = 0; k < 3; k++) {
+        pter_state state;
+        pter_reading r = {{angles[k], 1}, {0}, {0}, {0}};
+        pter_path path = {pter_path_arcs, PTER_ARCS, 0.25};
+        float observation[PTER_ENTRIES], v[4];
+        pter_reset(&state);
+        pter_observe(&state, &r, &path, observation);
+        pter_act(&state, observation, v);
+        printf("%g,%g,%g,%g,%d\n", v[0], v[1], v[2], v[3], state.arc);
+    }
+    return 0;
+}
+"""
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["impedance", "ppo-standard"])
+def test_an_angle_that_is_no_number_gives_voltages(name: str, tmp_path: Path):
+    (tmp_path / "bad.c").write_text(BAD)
+    found = said(compiled(source_of(find_policy(name)), tmp_path, tmp_path / "bad.c"), "")
+    assert ((found[:, :4] >= 0.0) & (found[:, :4] <= TOP)).all()
+    assert (found[:, 4] == 0).all()
+
+
+@needs_compiler
+def test_an_encoder_whose_counter_wraps_turns_on(tmp_path: Path):
+    (tmp_path / "counts.c").write_text(COUNTS)
+    found = said(compiled(source_of(find_policy("impedance")), tmp_path, tmp_path / "counts.c"), "")
+    assert found[:3, 0].tolist() == [65539, -3, -1]
+    assert found[:, 1].tolist() == [75.0, -75.0, 75.0, 75.0]
+
+
+@pytest.mark.parametrize("prefix", ["", "1st", "a-b", "a b", "é", "x" * 41])
+def test_a_prefix_is_a_name_in_c(prefix: str):
+    with pytest.raises(ParameterError, match="prefix"):
+        source_of(find_policy("impedance"), prefix=prefix)
+
+
+def test_an_export_that_fails_leaves_the_older_one_whole(tmp_path: Path):
+    folder = source_of(find_policy("impedance")).write(tmp_path)
+    before = {path.name: path.read_bytes() for path in folder.iterdir() if path.name != "main.c"}
+    (folder / "main.c").unlink()
+    (folder / "main.c").mkdir()
+    with pytest.raises(StorageError, match=r"main\.c"):
+        source_of(find_policy("torque-feedback")).write(tmp_path)
+    after = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    assert after == before
 
 
 @needs_zig
@@ -280,7 +432,7 @@ def test_a_program_that_drives_the_arm_scores_as_the_policy(tmp_path: Path):
         programs = [bench.Compiled(program, len(source.policy.layout)) for _ in range(3)]
         for each in programs:
             stack.callback(each.close)
-        found = evaluate(bench.Timed(programs, source.policy.layout), episodes)
+        found = evaluate(bench.Timed(programs), episodes)
     wanted = evaluate(find_policy("ppo-standard"), episodes)
     assert all((found[name] == wanted[name]).all() for name in wanted)
 

@@ -75,9 +75,17 @@ void pter_reset(pter_state *state)
     state->arc = 0;
 }
 
+int pter_count(int before, unsigned counter, int bits)
+{
+    unsigned half = 1U << (bits - 1);
+    unsigned change = ((counter - (unsigned)before + half) & (2 * half - 1)) - half;
+    return (int)((unsigned)before + change);
+}
+
 void pter_encoder(pter_reading *reading, int link, int count, int before, real resolution, real zero)
 {
-    Encoder found = encoder(count, before, resolution, zero, PTER_PERIOD);
+    int change = (int)((unsigned)count - (unsigned)before);
+    Encoder found = encoder(count, change, resolution, zero, PTER_PERIOD);
     reading->angle[link] = found.theta;
     reading->velocity[link] = found.omega;
 }
@@ -91,7 +99,13 @@ void pter_observe(pter_state *state, const pter_reading *reading, const pter_pat
     Reading r = {{reading->angle[0], reading->angle[1]}, {reading->velocity[0], reading->velocity[1]},
                  {t[0], t[1], t[2], t[3]}, {reading->force[0], reading->force[1]}};
     PerClutch volts = {v[0], v[1], v[2], v[3]};
-    state->arc = observe(r, volts, path->arcs, path->count, state->arc, path->pace, seen);
+    if (magnitude(r.theta.a) + magnitude(r.theta.b) < (real)1e6) {
+        state->arc = observe(r, volts, path->arcs, path->count, state->arc, path->pace, seen);
+    } else { /* no angle has a sine */
+        for (int k = 0; k < $most; k++) {
+            seen[k] = NOT_A_NUMBER;
+        }
+    }
     for (int k = 0; k < PTER_ENTRIES; k++) {
         observation[k] = (float)seen[k];
     }

@@ -18,6 +18,10 @@ $observation */
 #define PTER_MEMORY $memory /* numbers that the law keeps */
 #define PTER_ARCS $arcs /* arcs of pter_path_arcs */
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef $real pter_real;
 
 /* What lasts from one control step to the next. */
@@ -47,8 +51,11 @@ extern const pter_real pter_path_arcs[PTER_ARCS * 7];
 /* Begin an episode. */
 void pter_reset(pter_state *state);
 
+/* Return the count, from the one before, of a counter of so many bits, which wraps at its end. */
+int pter_count(int before, unsigned counter, int bits);
+
 /* Set angle and angular velocity of link A (0) or B (1) from its encoder: counts now and a control step ago,
-   the angle of one count and that of count 0 [rad]. */
+   which must not wrap (see pter_count), the angle of one count and that of count 0 [rad]. */
 void pter_encoder(pter_reading *reading, int link, int count, int before, pter_real resolution, pter_real zero);
 
 /* Write the observation at a control step. */
@@ -57,5 +64,9 @@ void pter_observe(pter_state *state, const pter_reading *reading, const pter_pat
 
 /* Write the voltages of the four clutches [V] at a control step. */
 void pter_act(pter_state *state, const float observation[PTER_ENTRIES], float volts[4]);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif
