@@ -1,4 +1,4 @@
-"""Compile the simulator's kernels into numba's cache: once for all processes of a test run, in two at the same time."""
+"""Compile the kernels for all processes of a test run: each once, in two processes."""
 
 import subprocess
 import sys

@@ -46,7 +46,7 @@ class StoredKernel(FunctionCache):
                 return None
             stored_key, reduced = pickle.loads(data)
             return self._impl.rebuild(target_context, reduced) if stored_key == key else None
-        except Exception:
+        except Exception:  # noqa: BLE001  (whatever is wrong with it, it can be compiled)
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
