@@ -1,7 +1,4 @@
-"""Train Stable-Baselines3's PPO and rank it.
-
-Needs the extra `agents`; about five minutes on one core.
-"""
+"""Train Stable-Baselines3's PPO and rank it, in about five minutes (extra `agents`)."""
 
 from statistics import mean
 
@@ -21,9 +18,8 @@ class Anneal(BaseCallback):
         self.model.policy.log_std.data.fill_(-3 * self.num_timesteps / STEPS)
 
     def _on_step(self):
-        return (
-            not TRIAL <= self.num_timesteps < TRIAL + self.training_env.num_envs
-        )  # where a trial ends
+        trial_ends = TRIAL <= self.num_timesteps < TRIAL + self.training_env.num_envs
+        return not trial_ends
 
 
 def worlds(gripped, **weights):
@@ -31,28 +27,23 @@ def worlds(gripped, **weights):
     return make_sb3_vec_env(128, scenario="standard", error_max=0.05, reward=reward, starts=starts)
 
 
+def rate(left):
+    return 3e-4 * left
+
+
 def trial(seed):
-    settings = {
-        "n_steps": 32,
-        "batch_size": 1024,
-        "gae_lambda": 0.98,
-        "learning_rate": lambda left: 3e-4 * left,
-    }
-    return PPO(
-        "MlpPolicy", worlds(gripped=0.6, tracking=100, failure=15), seed=seed, **settings
-    ).learn(STEPS, Anneal())
+    settings = {"n_steps": 32, "batch_size": 1024, "gae_lambda": 0.98}
+    envs = worlds(gripped=0.6, tracking=100, failure=15)
+    model = PPO("MlpPolicy", envs, learning_rate=rate, seed=seed, **settings)
+    return model.learn(STEPS, Anneal())
 
 
 torch.set_num_threads(1)
 trials = (trial(SEED + k) for k in range(100))
-model = next(
-    each for each in trials if mean(episode["r"] for episode in each.ep_info_buffer) > 15
-)  # else a trap
+good = (model for model in trials if mean(end["r"] for end in model.ep_info_buffer) > 15)
+model = next(good)  # the others are in a trap
 model.set_env(worlds(gripped=0.2, tracking=50, precision=50, failure=0))
 model.set_random_seed(SEED)
 model.learn(STEPS - TRIAL, Anneal(), reset_num_timesteps=False, progress_bar=True)
-print_boards(
-    run_scenario(
-        "standard", {"mine": from_sb3(model), "tuned law": "torque-feedback-tuned"}, seed=0
-    )
-)
+policies = {"mine": from_sb3(model), "tuned law": "torque-feedback-tuned"}
+print_boards(run_scenario("standard", policies, seed=0))
