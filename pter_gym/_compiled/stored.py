@@ -16,6 +16,7 @@ from typing import Any
 
 import llvmlite
 import numba
+from numba.core import sigutils
 from numba.core.caching import FunctionCache
 
 from pter_gym._compiled import pipeline
@@ -65,8 +66,9 @@ class StoredKernel(FunctionCache):
         self._remove_outdated()
 
     def _key(self, sig: Any, codegen: Any) -> Any:
-        signature, machine, code = self._index_key(sig, codegen)
-        return str(signature), machine, code, self._stamp
+        arguments, _ = sigutils.normalize_signature(sig)  # it may or may not name what is returned
+        _, machine, code = self._index_key(sig, codegen)
+        return str(arguments), machine, code, self._stamp
 
     def _path(self, key: Any) -> Path:
         variant = hashlib.sha256(repr(key).encode()).hexdigest()[:32]

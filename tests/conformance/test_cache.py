@@ -130,6 +130,14 @@ def test_two_processes_store_variants_at_the_same_time(tmp_path: Path) -> None:
     assert run(tmp_path, "import sys; sys.argv += ['3 3.0']; import caller") == "1.5 1\n1.5 2"
 
 
+@needs_jit
+def test_a_kernel_compiled_for_a_signature_is_that_of_a_call(tmp_path: Path) -> None:
+    (tmp_path / "caller.py").write_text(VARIANTS)
+    compiled = "import sys; sys.argv += [''] ; import caller; caller.kernel.compile('f8(i8)')"
+    assert run(tmp_path, compiled) == ""
+    assert run(tmp_path, "import sys; sys.argv += ['3']; import caller") == "1.5 1"
+
+
 KILLED = """
 import os
 replace, left = os.replace, [{}]
