@@ -58,7 +58,7 @@ def compile_all() -> None:
     for process in parts:
         errors = process.communicate()[1].decode()
         if process.returncode:  # the first test that needs the kernel tells more
-            print(f"kernels are not compiled beforehand:\n{errors}", file=sys.stderr)
+            sys.stderr.write(f"kernels are not compiled beforehand:\n{errors}")
 
 
 if __name__ == "__main__":
