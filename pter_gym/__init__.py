@@ -1,5 +1,4 @@
-"""PTER: a passive haptic arm with four friction clutches, as a simulator and a Gymnasium
-environment.
+"""PTER, a passive haptic arm with four friction clutches: simulator and Gymnasium environment.
 
 ``import pter_gym`` registers the environment ids and loads nothing heavy; the rest is imported on
 first use.

@@ -51,9 +51,10 @@ class PolicyError(PterError, RuntimeError):
 
 
 def needs_extra(what: str, extra: str) -> DependencyError:
-    """Return the error for an optional package that is missing, with the command that installs it."""
+    """Return the error for a missing optional package, with the command that installs it."""
     return DependencyError(
-        f"{what} needs the extra {extra}: run `{sys.executable} -m pip install -e '.[{extra}]'` in your clone"
+        f"{what} needs the extra {extra}: "
+        f"run `{sys.executable} -m pip install -e '.[{extra}]'` in your clone"
     )
 
 

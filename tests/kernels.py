@@ -39,10 +39,13 @@ def main(part: str) -> None:
         state = open_loop.initial_state(BASELINE, (0.5, 2.0))
         rollout(BASELINE, state, np.zeros((1, 4)), np.zeros(2)).gradient(theta=np.zeros((2, 2)))
         if find_spec("pter_gym.tools.identification"):
+            from pter_gym.tools.identification.parameters import Shape
             from pter_gym.tools.identification.shooting import make_inputs, predict
 
             inputs = make_inputs(1e-3, np.zeros((3, 4)), np.zeros((3, 2)))
-            predict(BASELINE, inputs, 0.0, np.array([[0.5, 2.0, 0.0, 0.0]]), 2)
+            shape = Shape(BASELINE, 22.0)
+            p = shape.coordinates(BASELINE)
+            predict(shape, p, inputs, np.array([[0.5, 2.0, 0.0, 0.0]]), 2)
 
 
 def move(machine: Machine) -> None:

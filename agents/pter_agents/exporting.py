@@ -13,6 +13,7 @@ from pter_agents.runs import RunFolder, policy_of
 from pter_agents.settings import NO_BASE, TrainingArguments, load_settings
 from pter_gym import __version__
 from pter_gym._internal.files import FilePath, find_path, write_files_atomic
+from pter_gym._internal.locks import LOCK
 from pter_gym._internal.terminal import make_folder
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.policies import TrainedPolicy, read_policy
@@ -58,7 +59,8 @@ def export(source: FilePath, out: FilePath | None = None, *, name: str | None = 
     out = Path(name) if out is None else find_path("out", out)
     make_folder(out)
     file = f"{name}{ENDING}"
-    if others := sorted(path.name for path in out.iterdir() if path.name not in (README, file)):
+    own = (README, file, LOCK)
+    if others := sorted(path.name for path in out.iterdir() if path.name not in own):
         raise ParameterError(
             f"out must be a folder for this policy alone, {str(out)!r} holds "
             f"{', '.join(others):.200}"
@@ -168,7 +170,7 @@ def code(text: Any) -> str:
 
 
 def part(about: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """Return a part of what a policy tells of its training, or raise a DataError."""
+    """Return a part of a policy's record of its training, or raise a DataError."""
     found: Any = about.get(name, {})
     if not isinstance(found, dict):
         raise DataError(f"about: {name} must be a table, got {found!r:.200}")

@@ -59,7 +59,7 @@ Layers = list[tuple[jax.Array, jax.Array]]
 
 
 class Samples(NamedTuple):
-    """Samples of a rollout, a row for each.
+    """Samples of a rollout, one per row.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a run shows when it ends: its scores, a learning curve and a film, beside tuned laws."""
+"""Report of a finished run: scores, a learning curve and a film, compared with tuned laws."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -125,7 +125,7 @@ def _write(axes: Axes, text: str, at: tuple[float, float], coordinates: Any, **s
 
 
 def film(policy: Controller, arguments: TrainingArguments, path: Path) -> Path:
-    """Film a policy beside the better of the paper's laws on one validation draw."""
+    """Film a policy and the better of the paper's laws on one validation draw."""
     pace = "medium" if "medium" in arguments.paces else arguments.paces[0]
     machine, task = draws_for(arguments.scenario, pace, arguments.machine).pairs(1, SEED)[0]
     shown = {arguments.algorithm: policy, LAWS[-1]: _law(LAWS[-1], arguments)}

@@ -18,13 +18,13 @@ from safetensors.numpy import save as save_tensors
 
 from pter_agents.settings import TrainingArguments, arguments_from
 from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic, write_text_atomic
-from pter_gym._internal.locks import locked
+from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.policies import Interface, TrainedPolicy
 from pter_gym.policies._files import RUN, interface_codec
 
-SCORES, PROGRESS, LOCK = "validation.json", "progress.csv", ".lock"
+SCORES, PROGRESS = "validation.json", "progress.csv"
 """Files of a run: its scores, their table, and one that the training process has locked."""
 
 KEPT = 2

@@ -52,7 +52,7 @@ CODEC = Codec(dataclasses_in(params))
 
 @dataclass(frozen=True, kw_only=True)
 class Settings(RewardWeights):
-    """Hyper-parameters, besides the reward weights.
+    """Hyper-parameters, in addition to the reward weights.
 
     Attributes
     ----------

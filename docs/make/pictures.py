@@ -73,7 +73,7 @@ def policy_names() -> list[str]:
 
 @styled
 def error_against_pace(results: Path) -> Figure:
-    """Return path errors over paces on `standard`; markers of unranked policies are hollow."""
+    """Return path errors over commanded paces on `standard`, hollow where a policy has no rank."""
     found = boards.boards_of(results, "standard")
     rows = in_order(list(found.values()))
     names = [name for name in policy_names() if name not in FALLING and name in rows]

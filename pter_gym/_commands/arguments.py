@@ -45,7 +45,7 @@ def split(text: str) -> list[str]:
 def numbers(field: str, text: str) -> list[float]:
     """Return numbers that are separated by commas, or raise a ParameterError for the field."""
     try:
-        return [float(part) for part in split(text)]
+        return [float(part) for part in text.split(",")]
     except ValueError:
         raise ParameterError(f"{field} must be numbers separated by commas, got {text!r}") from None
 

@@ -66,9 +66,8 @@ def _for_compiled_callers(function: Function, **options: Any) -> Function:
 def device(function: Function) -> Function:
     """Compile a scalar function so that it is always inlined into the kernel that calls it.
 
-    It may read and write the arrays that it gets and makes none of its own: numba then counts no
-    references to arrays, which would cost more than the arithmetic and keep loops from being
-    vectorised.
+    It may read and write its array arguments but must not create arrays: numba then counts no
+    references, which would cost more than the arithmetic and keep loops from being vectorised.
     """
     return _for_compiled_callers(function, **WITHOUT_ARRAYS)
 

@@ -20,7 +20,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic  # pyright: ignore[reportPrivateUsage]
 from numba.core.typing.templates import Signature
 
-_COMPILER = ("compiler.py", "generated.py", "pipeline.py", "records.py")
+_COMPILER = ("compiler.py", "pipeline.py", "records.py", "source.py")
 """What makes code of functions beside their bytecode: all of it counts for each of them."""
 
 _LIBRARIES = ("builtins", "math", "cmath", "_operator", "operator", "typing", "numpy", "numba")

@@ -21,9 +21,9 @@ from numba import types
 from numba.extending import overload
 
 from pter_gym._compiled.compiler import WITHOUT_ARRAYS, device
-from pter_gym._compiled.generated import compile_source
 from pter_gym._compiled.layout import Field, Layout
 from pter_gym._compiled.pipeline import Part
+from pter_gym._compiled.source import compile_source
 
 R = TypeVar("R")
 """A record, or a number."""

@@ -12,7 +12,7 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import llvmlite
 import numba
@@ -21,6 +21,7 @@ from numba.core.caching import FunctionCache
 
 from pter_gym._compiled import pipeline
 
+_normalize: Any = sigutils.normalize_signature
 _VERSIONS = f"{numba.__version__} {llvmlite.__version__}"
 _ABANDONED = 3600.0
 """Seconds after which a file that is still being written belongs to a process that is gone."""
@@ -32,6 +33,10 @@ class StoredKernel(FunctionCache):
     def __init__(self, function: Any, stamp: str) -> None:
         """Find a folder; raise RuntimeError where there is none to write to."""
         super().__init__(function)
+        self._files: Any = self._cache_file
+        self._form: Any = self._impl
+        self._machine_and_code: Any = self._index_key
+        self._folder = Path(str(cast(Any, self)._cache_path))
         qualname = function.__qualname__.replace("<locals>", "locals")
         self._base = f"{function.__module__}.{qualname}.{sys.implementation.cache_tag}"
         self._stamp = hashlib.sha256(f"{stamp} {_VERSIONS}".encode()).hexdigest()[:16]
@@ -46,19 +51,19 @@ class StoredKernel(FunctionCache):
             if checksum != hashlib.sha256(data).digest():
                 return None
             stored_key, reduced = pickle.loads(data)
-            return self._impl.rebuild(target_context, reduced) if stored_key == key else None
+            return self._form.rebuild(target_context, reduced) if stored_key == key else None
         except Exception:  # noqa: BLE001  (whatever is wrong with it, it can be compiled)
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store a variant where that is possible; remove those of other sources."""
-        if not self._impl.check_cachable(data):
+        if not self._form.check_cachable(data):
             return
         key = self._key(sig, data.codegen)
-        content, path = self._cache_file._dump((key, self._impl.reduce(data))), self._path(key)
+        content, path = self._files._dump((key, self._form.reduce(data))), self._path(key)
         try:
-            self._impl.locator.ensure_cache_path()
-            with self._cache_file._open_for_write(path) as file:
+            self._form.locator.ensure_cache_path()
+            with self._files._open_for_write(path) as file:
                 file.write(hashlib.sha256(content).digest() + content)
         except OSError as error:
             if not path.exists():  # on Windows, a file that another process reads is not replaced
@@ -66,17 +71,16 @@ class StoredKernel(FunctionCache):
         self._remove_outdated()
 
     def _key(self, sig: Any, codegen: Any) -> Any:
-        arguments, _ = sigutils.normalize_signature(sig)  # it may or may not name what is returned
-        _, machine, code = self._index_key(sig, codegen)
-        return str(arguments), machine, code, self._stamp
+        arguments = str(_normalize(sig)[0])  # it may or may not name what is returned
+        return arguments, self._machine_and_code(sig, codegen)[1:], self._stamp
 
     def _path(self, key: Any) -> Path:
         variant = hashlib.sha256(repr(key).encode()).hexdigest()[:32]
-        return Path(self._cache_path, f"{self._base}.{self._stamp}.{variant}.nbc")
+        return self._folder / f"{self._base}.{self._stamp}.{variant}.nbc"
 
     def _remove_outdated(self) -> None:
         with suppress(OSError):
-            for path in Path(self._cache_path).glob(f"{self._base}.*"):
+            for path in self._folder.glob(f"{self._base}.*"):
                 of_other_sources = not path.name.startswith(f"{self._base}.{self._stamp}.")
                 with suppress(OSError):
                     written = ".tmp." not in path.name

@@ -73,7 +73,7 @@ class Batch(Storage):
     sensors
         What the observation holds; see ``observation_layout``.
     observe_context
-        Whether the observation ends with what is told of machine and task.
+        Whether the observation ends with the context of machine and task.
     action_unit
         ``"volt"``: actions within [0, voltage_max]; ``"normalised"``: a within [−1, 1] for
         voltage_max·((a + 1)/2)².

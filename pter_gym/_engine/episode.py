@@ -228,14 +228,14 @@ def set_going(w: Any, i: int, foot: Foot, speed: PathVector) -> None:
 
 @device
 def grip(w: Any, i: int, shares: PerClutch) -> None:
-    """Let the clutches have settled at shares of the largest voltage."""
+    """Set the clutches as if settled at fractions of the largest voltage."""
     most = w[ROW.machine.voltage_max, i]
     settle(w, i, clipped(product(shares, most), most))
 
 
 @device
 def settle(w: Any, i: int, volts: PerClutch) -> None:
-    """Let the clutches have settled at voltages [V]."""
+    """Set the clutches as if settled at voltages [V]."""
     machine = load(w, ROW.machine, i)
     store(w, ROW.command, i, volts)
     store(w, ROW.lagged_volts, i, volts)

@@ -1,4 +1,4 @@
-"""What a compiled control law keeps of each world, and where its voltages go.
+"""What a compiled control law remembers of each world, and the order of its voltages.
 
 A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation,
 ``obs·scales`` is in physical units, ``gains`` belongs to the law and ``memory`` to one world. What
@@ -13,7 +13,7 @@ from pter_gym._physics.clutch import PerClutch
 
 
 class Memory(NamedTuple):
-    """What the built-in laws keep of one world."""
+    """What the built-in laws remember of one world."""
 
     kept: Annotated[float, Entry("1", "the clutch engaged last, or a counter")]
     brake: Annotated[float, Entry("N", "force along the path that the pace's integral has come to")]

@@ -1,9 +1,9 @@
 """One control step of a world: functions on column ``i``, or the first ones, of rows ``ROW``.
 
 ``take_command`` takes an action, ``move_worlds`` moves hand and arm through the substeps, and
-``conclude_step`` finds what that has led to. The two last functions of this file list the stages in
-their order. Each loads what it needs from a world, calls the physics or the task's rules, and
-stores what these return.
+``conclude_step`` judges and observes the result. The last two functions of this file list the
+stages in order. Each loads what it needs from a world, calls the physics or the task's rules, and
+stores the result.
 """
 
 import math
@@ -37,6 +37,7 @@ from pter_gym._physics.arm import (
 )
 from pter_gym._physics.clutch import PerClutch, faded, heated, product
 from pter_gym._physics.friction import slip_velocities
+from pter_gym._physics.order import KICK_FIRST
 from pter_gym._physics.scalars import clamp
 from pter_gym._physics.step import (
     Energy,
@@ -489,7 +490,7 @@ def observe(w: Any, i: int, config: Any, constants: Any) -> None:
 
 @device
 def write_observation(w: Any, i: int, obs: Any, world: int, config: Any, constants: Any) -> None:
-    """Write what was observed, and what is told of the context, to a row of ``obs``."""
+    """Write the observation, and the context if that is observed, to a row of ``obs``."""
     plain = int(config[CONFIG.entries])
     for k in range(ENTRIES):  # not over the entries: compilers unroll what they can count
         if k < plain:
@@ -534,6 +535,8 @@ def _mover(arrangement_at: Any) -> Any:
         h, count = config[CONFIG.substep], int(config[CONFIG.substeps])
         for i in range(lanes):
             set_strengths(w, i, h * count)
+            if KICK_FIRST:
+                push_tip(w, i, guides)
         control_step(
             w, lanes, h, count, count_nonzero(w, ROW.machine.voltage_decay.rise, lanes) > 0, guides
         )
@@ -563,7 +566,7 @@ def conclude_step(
     constants: Any,
     with_extras: bool,
 ) -> None:
-    """Find what a control step has led to: place, reward, end, the hand's next plan, observation.
+    """Find the result of a control step: place, reward, end, the hand's next plan, observation.
 
     Parameters
     ----------

@@ -27,9 +27,17 @@ from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.records import write
 from pter_gym._engine.kernels import RESET_TYPES, advance_caller, reset_kernel
 from pter_gym._engine.law import CLUTCHES
-from pter_gym._engine.world import FLAG, FLAGS, LANES, SAME_STEP
+from pter_gym._engine.world import FLAG, FLAGS, LANES, ROW, SAME_STEP
+from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
 
 TERMINATED, TRUNCATED = int(FLAG.terminated), int(FLAG.truncated)
+
+CONTEXT_AT, DRAWS_FROM, DRAWS = int(ROW.context_at), int(ROW.draws_from), int(ROW.draws)
+ALIVE, STEPS, SEGMENT_NUMBER = int(ROW.alive), int(ROW.step), int(ROW.foot.segment)
+ARCS_AT, ARCS = int(CONTEXT.task.path.first), int(CONTEXT.task.path.arcs)
+
+MAX_STEPS = 2.0**31
+"""Steps that no world can reach."""
 
 STEP, DECLARED_STEP, RESET = "pter_step", "pter_declared_step", "pter_reset"
 """Names of the calls."""
@@ -116,6 +124,39 @@ def _scatter(block: Any, words: Any, rows: int, seeds: int, first: int) -> None:
 
 
 @_njit
+def _is_place(number: float, end: float) -> bool:
+    """Return whether a context begins at a place in the constants."""
+    return 0.0 <= number < end and number % CONTEXT_WIDTH == 0.0
+
+
+@_njit
+def _has_contexts(world: Any, constants: Any) -> bool:
+    """Return whether the contexts that a world has and draws from are in the constants."""
+    if len(constants) < CONTEXT_WIDTH:
+        return False
+    end = min(constants[ARCS_AT], 1.0 * len(constants))  # where the arcs of the first path begin
+    at, begin, draws = world[CONTEXT_AT], world[DRAWS_FROM], world[DRAWS]
+    last = begin + draws * CONTEXT_WIDTH
+    return _is_place(at, end) and _is_place(begin, end) and begin <= at < last <= end
+
+
+@_njit
+def _goes_on(world: Any, constants: Any) -> bool:
+    """Return whether a world can make a step: it has begun, and is somewhere on its path."""
+    if not _has_contexts(world, constants) or world[ALIVE] != 1.0:
+        return False
+    arcs = constants[int(world[CONTEXT_AT]) + ARCS]
+    return 0.0 <= world[STEPS] < MAX_STEPS and 0.0 <= world[SEGMENT_NUMBER] < arcs
+
+
+@_njit
+def _stand_in(world: Any) -> None:
+    """Put a world that goes on with any constants in place of one that does not."""
+    world[:] = 0.0
+    world[DRAWS], world[ALIVE] = 1.0, 1.0
+
+
+@_njit
 def _opened(address: int, version: int) -> tuple[int, int]:
     """Return the addresses of arguments and results; none where XLA only asks for the version."""
     frame = whole(address)
@@ -170,7 +211,8 @@ def _step_handler(advance: Any) -> Any:
     """Return what advances worlds.
 
     Its arguments are worlds, seeds and episodes, actions, config and constants; its results worlds,
-    seeds and episodes, observations, last observations, rewards and flags.
+    seeds and episodes, observations, last observations, rewards and flags. A world that is damaged,
+    was never reset, or is of other constants stays as it is; its numbers are NaN.
     """
 
     @inlined
@@ -184,6 +226,7 @@ def _step_handler(advance: Any) -> Any:
         flags = _flags(results, 5, n)
         block = np.zeros((1, rows, LANES))
         words, given = np.empty((LANES, 2), np.uint64), np.empty((LANES, 4))
+        goes = np.ones(LANES, np.bool_)
         earned, told, telemetry = (
             np.empty(LANES),
             np.empty((FLAGS, LANES), np.bool_),
@@ -199,8 +242,18 @@ def _step_handler(advance: Any) -> Any:
             )
             _gather(block, mine, _data(arguments, 0), _data(arguments, 1), first)
             given[:lanes] = actions[first : first + lanes]
+            for i in range(LANES):
+                goes[i] = i < lanes and _goes_on(block[0, :, i], constants)
+                if not goes[i]:
+                    _stand_in(block[0, :, i])
             outputs = seen, last, earned[:lanes], told, telemetry, config, constants
             advance((block, mine, given[:lanes], *outputs, ended, first_block, last_block))
+            for i in range(lanes):
+                if not goes[i]:
+                    one = slice(i, i + 1)
+                    world, word, place = block[:, :, one], mine[one], first + i
+                    _gather(world, word, _data(arguments, 0), _data(arguments, 1), place)
+                    seen[i], last[i], earned[i], told[:, i] = np.nan, np.nan, np.nan, False
             _scatter(block, mine, _data(results, 0), _data(results, 1), first)
             for i in range(lanes):
                 rewards[first + i, 0] = earned[i]
@@ -217,7 +270,8 @@ def _reset_handler(start: Any) -> Any:
     """Return what starts worlds.
 
     Its arguments are worlds that have not begun, seeds and episodes, config and constants; its
-    results worlds, seeds and episodes, and observations.
+    results worlds, seeds and episodes, and observations, which are NaN for a world that draws from
+    other constants.
     """
 
     @inlined
@@ -232,7 +286,14 @@ def _reset_handler(start: Any) -> Any:
             lanes = min(LANES, n - first)
             _gather(block, words[:lanes], _data(arguments, 0), _data(arguments, 1), first)
             mine, seen = words[:lanes], obs[first : first + lanes]
+            for i in range(lanes):
+                chosen[i] = _has_contexts(block[0, :, i], constants)
+                if not chosen[i]:
+                    _stand_in(block[0, :, i])
             start((block, mine, chosen[:lanes], seen, telemetry, config, constants))
+            for i in range(lanes):
+                if not chosen[i]:
+                    seen[i] = np.nan
             _scatter(block, words[:lanes], _data(results, 0), _data(results, 1), first)
 
     return reset

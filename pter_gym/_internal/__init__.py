@@ -1,1 +1,1 @@
-"""What every room may use and no user needs: files, tables, plain data, the terminal, colours."""
+"""Helpers of every room, not for users: files, tables, plain data, the terminal, colours."""

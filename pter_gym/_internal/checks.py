@@ -20,8 +20,16 @@ def whole_number(field: str, value: Any, *, at_least: int = 1) -> int:
     return number
 
 
+def builtin(value: Any) -> Any:
+    """Return a number of NumPy's or a path as Python's own, and anything else as it is."""
+    if isinstance(value, os.PathLike):
+        return os.fspath(cast("os.PathLike[str]", value))
+    is_numpy = hasattr(value, "item") and getattr(value, "ndim", None) == 0
+    return value.item() if is_numpy else value
+
+
 def is_finite(value: object) -> bool:
-    """Return whether a value is a number that a float64 holds; True and False are not."""
+    """Return whether a value is a number of Python's that a float64 holds; True is not."""
     return (
         isinstance(value, (int, float))
         and not isinstance(value, bool)

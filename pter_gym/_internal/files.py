@@ -4,7 +4,7 @@ import errno
 import os
 import secrets
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 
 from pter_gym.errors import ParameterError, StorageError
@@ -42,10 +42,10 @@ def check_target(field: str, path: Path) -> None:
 
 
 def write_bytes_atomic(path: FilePath, data: bytes) -> None:
-    """Write or replace a file whole or not at all: no other process ever sees a part of it.
+    """Write or replace a file atomically: no other process ever sees part of it.
 
-    The data go to a temporary file in the same folder, which must exist, then to the disk, and only
-    then to their name. A symbolic link is followed.
+    The data are written to a temporary file in the same folder, which must exist, flushed to disk
+    and then renamed. A symbolic link is followed.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def write_text_atomic(path: FilePath, text: str) -> None:
 def write_files_atomic(folder: FilePath, files: Mapping[str, bytes]) -> None:
     """Write files to a folder, each as ``write_bytes_atomic`` does, all or none.
 
-    None gets its name before all are on the disk.
+    None gets its name before all are on the disk, and no two processes name some of theirs at once.
     """
     targets = {find_path("folder", folder).joinpath(name).resolve(): files[name] for name in files}
     written: dict[Path, Path] = {}
@@ -81,14 +81,21 @@ def write_files_atomic(folder: FilePath, files: Mapping[str, bytes]) -> None:
                 os.fsync(file.fileno())
             if target.is_dir():
                 raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        for target, temporary in written.items():
-            temporary.replace(target)
+        with _lock_of(folder) if len(files) > 1 else nullcontext():
+            for target, temporary in written.items():
+                temporary.replace(target)
     except OSError as error:
         raise StorageError(f"{str(target)!r} cannot be written: {error.strerror}") from error
     finally:
         for temporary in written.values():
             with suppress(OSError):  # there is nothing to remove where nothing can be written
                 temporary.unlink(missing_ok=True)
+
+
+def _lock_of(folder: FilePath) -> AbstractContextManager[None]:
+    from pter_gym._internal.locks import LOCK, locked  # loads filelock, which single files spare
+
+    return locked(find_path("folder", folder) / LOCK)
 
 
 def remove_leftovers(folder: Path) -> None:

@@ -8,6 +8,14 @@ from filelock import FileLock, Timeout
 
 from pter_gym.errors import ParameterError, StorageError
 
+LOCK = ".lock"
+"""Name of the lock in a folder of results, which stays there."""
+
+
+def lock_beside(path: Path) -> Path:
+    """Return the lock of a file, or of a folder that is replaced whole, which stays beside it."""
+    return path.with_name(f".{path.name}{LOCK}")
+
 
 @contextmanager
 def locked(path: Path, *, busy: str | None = None) -> Generator[None]:

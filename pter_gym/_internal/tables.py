@@ -1,20 +1,38 @@
-"""Columns of numbers in CSV files."""
+"""Columns of numbers in text files, as programs write them."""
 
 import csv
-import io
 import math
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._internal.files import FilePath, find_path
-from pter_gym._internal.reading import read_bytes
 from pter_gym.errors import ParameterError
 
-MAX_CSV_SIZE = 1 << 24
+MAX_SIZE = 1 << 24
 """Largest file [B]."""
+
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9},
+    "V": {"V": 1.0, "mV": 1e-3},
+    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0, "°": math.pi / 180.0},
+    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0},
+    "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3, "lbf": 4.4482216},
+    "N·m": {"N·m": 1.0, "Nm": 1.0, "N*m": 1.0, "mNm": 1e-3, "lbf·in": 0.1129848},
+}
+"""Units in which a column may be, by that in which it is returned, and their sizes."""
+
+MISSING = ("", "nan", "na", "null", "none", "-")
+"""Entries that are no number, in lower case."""
+
+_UNIT_TEXTS = {unit for sizes in UNITS.values() for unit in sizes} | {"", "1", "-"}
+_FORMS = ("_{}", " [{}]", " ({})", "[{}]", "({})")
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 class Table(NamedTuple):
@@ -29,17 +47,18 @@ def read_table(
     names: Sequence[str],
     *,
     optional: Sequence[str] = (),
-    unit: str = "",
+    unit: str | Mapping[str, str] = "",
     blanks: bool = False,
-    max_size: int = MAX_CSV_SIZE,
+    max_size: int = MAX_SIZE,
 ) -> Table:
-    """Return the named columns of a CSV file and those of the optional ones that it has; others are
-    left out.
+    """Return the named columns of a text file and those of the optional ones that it has.
 
-    Columns are separated by commas, or by semicolons, after which numbers may have decimal commas.
-    Their names are in the first line, or in the last one of those that begin with ``#``. With a
-    ``unit`` they may carry it (``x_m``, ``X [m]``), and a file of as many columns, or one more, may
-    have no names. With ``blanks``, an empty entry is NaN.
+    Columns are separated by tabs, semicolons, commas or blanks, judged by the first line that is
+    no comment; a line ``sep=;`` may say which. But after commas, numbers may have decimal commas.
+    Names are in the first line, or in the last one of those that begin with ``#``. With a ``unit``
+    (of all columns, or by name), names or a line below them may state another one of ``UNITS``
+    (``x_mm``, ``X [cm]``), and a file of as many columns, or one more, may have no names. With
+    ``blanks``, an empty entry or NaN is NaN. Texts are UTF-8, or UTF-16 with its mark.
 
     Raises
     ------
@@ -48,77 +67,128 @@ def read_table(
         twice, a line has more entries than there are names, or an entry is not a finite number; it
         names the line.
     """
-    file = find_path("file", file)
+    path = find_path("file", file)
+    units = unit if isinstance(unit, Mapping) else dict.fromkeys((*names, *optional), unit)
     try:
-        text = read_bytes(file, max_size).decode("utf-8-sig")
-        separator = ";" if ";" in text else ","
-        reader = csv.reader(
-            io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True
-        )
-        rows = [(reader.line_num, [entry.strip() for entry in row]) for row in reader if row]
-        begin = next(
-            (k for k, (_, row) in enumerate(rows) if not row[0].startswith("#")), len(rows)
-        )
-        header = rows[begin - 1][1] if begin else []
-        header[:1] = [name.lstrip("# ") for name in header[:1]]
-        first = rows[begin][1] if begin < len(rows) else []
-        if not any(map(_is_number, first)):
-            header, begin = first, begin + 1
-        elif unit and not header and len(first) <= len(names) + 1:
-            header = [*names, ""][: len(first)]
-        names = [*names, *(name for name in optional if name in header)]
-        places = [_place(name, header, unit) for name in names]
-        values = [
-            _numbers(row, names, places, line, len(header), separator, blanks=blanks)
-            for line, row in rows[begin:]
-        ]
+        comments: list[str] = []
+        rows = _rows(path, max_size, comments)
+        first = next(rows, None)
+        header = _entries(comments[-1], _separator(comments[-1])) if comments else []
+        if first is None or not any(map(_is_number, first[1])):
+            header, first = (header, None) if first is None else (first[1], next(rows, None))
+        elif unit and len(first[1]) <= len(names) + 1 and not _have(names, header, units):
+            header = [*names, ""][: len(first[1])]
+        if first and {text.strip("[]()") for text in first[1]} <= _UNIT_TEXTS:
+            texts = [*(text.strip("[]()") for text in first[1]), *[""] * len(header)]
+            header = [f"{name} [{text}]" if text else name for name, text in zip(header, texts)]  # noqa: B905
+            first = next(rows, None)
+        names = [*names, *(name for name in optional if _have([name], header, units))]
+        places = [_place(name, header, units.get(name, "")) for name in names]
+        values: list[list[float]] = []
+        lines: list[int] = []
+        while first:
+            line, row = first
+            if any(row[len(header) :]):
+                raise ValueError(f"line {line} has {len(row)} entries, the first has {len(header)}")
+            entries = [row[place] if place < len(row) else "" for place, _ in places]
+            values.append(
+                [
+                    _number(entry, name, line, blanks)
+                    for entry, name in zip(entries, names, strict=True)
+                ]
+            )
+            lines.append(line)
+            first = next(rows, None)
     except (OSError, ValueError, csv.Error) as error:
-        raise ParameterError(f"{file} cannot be read as CSV: {error}") from None
+        raise ParameterError(f"{path} cannot be read as a table: {error}") from None
     columns = np.array(values, np.float64).reshape(-1, len(names)).T
-    return Table(dict(zip(names, columns, strict=True)), [line for line, _ in rows[begin:]])
-
-
-def _place(name: str, header: Sequence[str], unit: str) -> int:
-    """Return the number of the column of a name."""
-    forms = {
-        f"{name}{before}{unit}{after}"
-        for before, after in (("_", ""), (" [", "]"), (" (", ")"), ("[", "]"))
+    found = {
+        name: UNITS[units[name]][text] * values if text else values
+        for name, values, (_, text) in zip(names, columns, places, strict=True)
     }
+    return Table(found, lines)
+
+
+def _rows(path: Path, max_size: int, comments: list[str]) -> Iterator[tuple[int, list[str]]]:
+    """Yield numbers of lines and their entries as they are read; collect comments above them."""
+    if not path.is_file():
+        raise ValueError(
+            "it is no regular file" if os.path.lexists(path) else "there is no such file"
+        )
+    with path.open("rb") as file:
+        if os.fstat(file.fileno()).st_size > max_size:
+            raise ValueError(f"it is larger than {max_size} bytes")
+        encoding = "utf-16" if file.read(2) in _UTF_16 else "utf-8-sig"
+    separator: str | None = ""
+    with path.open(encoding=encoding) as text:
+        for number, line in enumerate(text, 1):
+            bare = line.strip("\0\r\n ")
+            if bare.startswith("#"):
+                comments += [] if separator else [bare.lstrip("# ")]
+            elif not separator and bare.startswith("sep=") and len(bare) == 5:
+                separator = bare[4]
+            elif bare.strip():
+                separator = _separator(bare) if separator == "" else separator
+                yield number, _entries(bare, separator)
+
+
+def _separator(line: str) -> str | None:
+    """Return what separates the entries of a line: None for blanks."""
+    return next((each for each in "\t;," if each in line), None)
+
+
+def _entries(line: str, separator: str | None) -> list[str]:
+    """Return the entries of a line; unless commas separate them, decimal commas become points."""
+    if separator is None:
+        entries = line.split()
+    elif '"' in line:
+        entries = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    else:
+        entries = line.split(separator)
+    entries = [entry.strip() for entry in entries]
+    if separator == "," or "," not in line:
+        return entries
+    points = [entry.replace(",", ".") for entry in entries]
+    return [b if _is_number(b) else a for a, b in zip(entries, points, strict=True)]
+
+
+def _have(names: Sequence[str], header: Sequence[str], units: Mapping[str, str]) -> bool:
+    """Return whether there are columns of all names."""
+    return all(
+        any(_unit_in(entry, name, units.get(name, "")) is not None for entry in header)
+        for name in names
+    )
+
+
+def _place(name: str, header: Sequence[str], unit: str) -> tuple[int, str]:
+    """Return the number of the column of a name, and the unit that it states."""
     found = [
-        k
-        for k, each in enumerate(header)
-        if each == name or (unit and each.lower() in {name, *forms})
+        (k, text)
+        for k, entry in enumerate(header)
+        if (text := _unit_in(entry, name, unit)) is not None
     ]
     if len(found) != 1:
-        raise ValueError(
-            f"there must be one column {name}; the columns are {', '.join(header):.200}"
-        )
+        columns = ", ".join(header)
+        raise ValueError(f"there must be one column {name}; the columns are {columns:.200}")
     return found[0]
 
 
-def _numbers(
-    row: Sequence[str],
-    names: Sequence[str],
-    places: Sequence[int],
-    line: int,
-    most: int,
-    separator: str,
-    *,
-    blanks: bool,
-) -> list[float]:
-    if len(row) > most:
-        raise ValueError(f"line {line} has {len(row)} entries, the first has {most}")
-    found: list[float] = []
-    for name, place in zip(names, places, strict=True):
-        text = row[place] if place < len(row) else ""
-        if blanks and not text:
-            found.append(math.nan)
-            continue
-        plain = text.replace(",", ".") if separator == ";" else text
-        if not _is_number(plain):
-            raise ValueError(f"line {line}: {name} must be a finite number, got {text!r:.60}")
-        found.append(float(plain))
-    return found
+def _unit_in(entry: str, name: str, unit: str) -> str | None:
+    """Return the unit that an entry of the header states, "" for none; None for another name."""
+    if entry == name or (unit and entry.lower() == name.lower()):
+        return ""
+    for text in UNITS.get(unit, ()):
+        if entry.lower() in {f"{name.lower()}{form.format(text.lower())}" for form in _FORMS}:
+            return text
+    return None
+
+
+def _number(entry: str, name: str, line: int, blanks: bool) -> float:
+    if blanks and entry.lower() in MISSING:
+        return math.nan
+    if not _is_number(entry):
+        raise ValueError(f"line {line}: {name} must be a finite number, got {entry!r:.60}")
+    return float(entry)
 
 
 def _is_number(text: str) -> bool:

@@ -40,7 +40,7 @@ def accept_all_characters() -> None:
 
 
 def terminal(*, errors: bool = False) -> Console:
-    """Return a console for the terminal, whatever characters that can show."""
+    """Return a console for the terminal, even for one that cannot show every character."""
     accept_all_characters()
     return Console(stderr=errors, highlight=False)
 

@@ -1,4 +1,4 @@
-"""Joint dry friction of up to four clutches on two axes, from plain numbers. It knows no arm.
+"""Joint dry friction of up to four clutches on two axes, independent of the arm's kinematics.
 
 One substep asks for the velocity that minimises ``½·ωᵀMω − pᵀω + Σ c_x·|W_x·ω|``: implicit Euler
 with maximum dissipation, strictly convex. Here p is the momentum without clutches, c_x the largest

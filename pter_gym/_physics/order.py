@@ -1,4 +1,4 @@
-"""The order of a substep's stages, the one list that whatever moves a machine walks."""
+"""The order of a substep's stages: the one list that simulation and derivatives follow."""
 
 from pter_gym._compiled.compiler import device
 
@@ -18,6 +18,9 @@ CYCLE = len(ORDER) - _JOINS
 """Stages from one kick to the next."""
 
 _KICK_AT = ORDER.index((KICK, WHOLE))
+
+KICK_FIRST = _KICK_AT == 0
+"""Whether a control step begins with a kick, whose load no drift of that step has brought up."""
 
 DRIFTS_WHOLE = (DRIFT, WHOLE) in ORDER
 """Whether a substep by itself has whole drifts."""

@@ -1,7 +1,7 @@
 """Run policies on the evaluation episodes of the scenarios, score and rank them.
 
 ``policies``, ``episodes`` → ``rollout``, ``runs`` → ``scores`` → ``intervals`` → ``boards``:
-policies act in episodes, each run is scored, scores become intervals, and these a leaderboard.
+policies act in episodes, each run is scored, and scores become intervals and leaderboards.
 ``results`` stores runs in a folder.
 
 The names are imported when they are first used, so a policy can act without loading the code for

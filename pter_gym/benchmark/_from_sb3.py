@@ -161,7 +161,7 @@ class Model:
 
 
 class _Kept(NamedTuple):
-    """The model's state of all worlds, as a world keeps it whose episode goes on."""
+    """The model's state of all worlds, kept by each world whose episode goes on."""
 
     state: Any
 

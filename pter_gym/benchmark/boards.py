@@ -116,7 +116,7 @@ class Leaderboard:
     """The policies on so many episodes of a scenario at a pace: the best first, unranked ones last.
 
     ``seed`` is that of fresh episodes, None for the stored ones; ``version`` that of the package
-    that made the runs; ``digest`` that of a scenario of one's own.
+    that made the runs; ``digest`` that of a user's scenario.
     """
 
     scenario: str
@@ -223,7 +223,7 @@ def reason_unranked(means: Mapping[str, float], pace: float) -> Reason | None:
 
 
 def print_boards(runs: Iterable[ScenarioRun], *, details: bool = False) -> None:
-    """Print the table of each scenario in runs; with details, further scores at each pace."""
+    """Print a table for each scenario in the runs; with ``details``, more scores at each pace."""
     say(boards_text(leaderboards(runs), details=details))
 
 

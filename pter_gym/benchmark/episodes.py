@@ -22,7 +22,7 @@ from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import BASELINE, Machine
 from pter_gym.scenarios import Scenario, find_pace, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds
-from pter_gym.tasks._stored import codec
+from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import PathFollowing, Sensors
 
 FOLDER = Path(__file__).parents[1] / "episodes"
@@ -32,6 +32,9 @@ ENDING = ".json.gz"
 
 CHUNK = 64
 """Episodes that are simulated together."""
+
+LONGEST = 20_000
+"""Most control steps of an episode: 200 s at 100 Hz."""
 
 MAX_SEED = 2**64 - 1
 """Largest seed of fresh episodes."""
@@ -112,8 +115,17 @@ class Episodes:
 
 
 def time_limit(task: PathFollowing) -> int:
-    """Return the control steps of an episode: three times its time at the pace, at least 300."""
-    return max(300, math.ceil(3.0 * task.path.length / (task.pace * task.control_period)))
+    """Return the control steps of an episode: three times its time at the pace, at least 300.
+
+    Raises a ParameterError if they are more than ``LONGEST``.
+    """
+    metres, most = 3.0 * task.path.length, LONGEST * task.control_period
+    if metres > most * task.pace:
+        raise ParameterError(
+            f"pace must be at least {metres / most:.3g} m/s on a path of {task.path.length:.4g} m, "
+            f"where an episode then lasts {most:g} s, got {task.pace!r}"
+        )
+    return max(300, math.ceil(metres / (task.pace * task.control_period)))
 
 
 def scenarios(folder: FilePath = FOLDER) -> tuple[str, ...]:
@@ -140,7 +152,8 @@ def load_episodes(scenario: str, pace: str, *, folder: FilePath = FOLDER) -> Epi
     if scenario not in (known := scenarios(folder)):
         raise unknown_name("scenario", scenario, known)
     with reading(f"evaluation data {path}"):
-        return _decode(read_bytes(path, MAX_JSON_SIZE)).at_pace(speed)
+        stored = _decode(read_bytes(path, MAX_JSON_SIZE))
+    return stored.at_pace(speed)
 
 
 def find_episodes(

@@ -36,15 +36,15 @@ def mean_interval(values: ArrayLike, strata: Sequence[Hashable] = ()) -> Interva
 
     Over episodes it is SciPy's bootstrap (BCa), as errors are skewed. Over several training seeds
     it is Student's for their S means: an interval from five resampled seeds would hold the mean in
-    83 % of the cases only.
+    83 % of cases only.
 
     Parameters
     ----------
     values
         A score of each episode.
     strata
-        The kind of each episode. Fresh episodes have as many of each kind, so these are resampled
-        within their kinds, unless there are fewer than ``MIN_STRATUM`` of one.
+        The kind of each episode. Every set of episodes has the same number of each kind, so the
+        bootstrap is stratified, unless a kind has fewer than ``MIN_STRATUM`` episodes.
 
     Raises
     ------

@@ -3,7 +3,9 @@
 import linecache
 import os
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from contextlib import contextmanager
+from importlib import invalidate_caches, reload
 from importlib.metadata import EntryPoint
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -201,7 +203,8 @@ def _import(name: str) -> Any:
             f"policies must be written as package.module:attribute, got {name!r:.200}"
         )
     try:
-        found = _attribute_of(Path(place), attribute) if place.endswith(".py") else entry.load()
+        is_file = place.endswith(".py")
+        found = _attribute_of(Path(place), attribute) if is_file else _load(entry)
         if isinstance(found, Dispatcher):
             raise ParameterError(
                 f"policies must name a class whose bind returns the law, {name!r} is the law itself"
@@ -232,31 +235,84 @@ def _attribute_of(file: Path, name: str) -> Any:
     return known[name]
 
 
+def _load(entry: EntryPoint) -> Any:
+    """Return an attribute of a module, which is imported again when its file has changed."""
+    seen = _CONTENTS.get(entry.module)
+    module = sys.modules.get(entry.module)
+    with _without_bytecode():
+        if module is not None and seen is not None and seen != _contents([entry.module]):
+            reload(module)
+        found = entry.load()
+    _CONTENTS[entry.module] = _contents([entry.module])
+    return found
+
+
 def _run_file(path: Path) -> ModuleType:
     """Return the module that a file of Python is, with its folder at the end of ``sys.path``.
 
-    A file is run again when its content has changed.
+    A file is run again when its content has changed, or that of a file beside it that it imports.
     """
     if not path.is_file():
         raise ParameterError(f"policies must name a file that exists, there is no {str(path)!r}")
-    content = path.read_bytes()
-    if path in _RUN_FILES and _RUN_FILES[path][0] == content:
-        return _RUN_FILES[path][1]
-    spec: Any = spec_from_file_location(f"file:{path}", path)  # a name that no other module has
-    module = sys.modules[spec.name] = module_from_spec(spec)
+    name = f"file:{path}"  # that no other module has
+    beside = [each for each in _BESIDE if _folder_of(each) == path.parent]
+    if name in sys.modules and _CONTENTS.get(name) == _contents([name, *beside]):
+        return sys.modules[name]
+    for each in beside:
+        sys.modules.pop(each, None)
+    spec: Any = spec_from_file_location(name, path)
+    module = sys.modules[name] = module_from_spec(spec)
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
+    before = set(sys.modules)
     try:
-        exec(compile(content, path, "exec"), vars(module))
+        with _without_bytecode():
+            exec(compile(path.read_bytes(), path, "exec"), vars(module))
     except Exception as error:
+        sys.modules.pop(name)
         frames = extract_tb(error.__traceback__)
         lines = [frame.lineno for frame in frames if frame.filename == str(path)]
         line = error.lineno if isinstance(error, SyntaxError) else lines[-1]
         reason = f"{path.name}, line {line}: {type(error).__name__}: {error}"
         raise ParameterError(f"policies must name code that runs, {reason}") from error
-    linecache.checkcache(str(path))
-    _RUN_FILES[path] = content, module
+    linecache.checkcache()
+    _BESIDE.update(each for each in set(sys.modules) - before if _folder_of(each) == path.parent)
+    beside = [each for each in _BESIDE if _folder_of(each) == path.parent]
+    _CONTENTS[name] = _contents([name, *beside])
     return module
 
 
-_RUN_FILES: dict[Path, tuple[bytes, ModuleType]] = {}
+_BESIDE: set[str] = set()
+"""Modules that files of policies have imported from their own folders."""
+
+_CONTENTS: dict[str, dict[str, bytes]] = {}
+"""By module, what it was made of: the content of its file, and of those beside it."""
+
+
+def _file_of(module: str) -> Path | None:
+    """Return the file of an imported module, if it has one."""
+    file = getattr(sys.modules.get(module), "__file__", None)
+    return Path(file) if file else None
+
+
+def _folder_of(module: str) -> Path | None:
+    """Return the folder of an imported module's file."""
+    file = _file_of(module)
+    return file and file.resolve().parent
+
+
+def _contents(modules: Iterable[str]) -> dict[str, bytes]:
+    """Return the contents of imported modules' files, as far as there are any."""
+    files = {module: _file_of(module) for module in modules}
+    return {name: file.read_bytes() for name, file in files.items() if file and file.is_file()}
+
+
+@contextmanager
+def _without_bytecode() -> Generator[None]:
+    """Import without writing bytecode, which Python takes for new where a second has not passed."""
+    writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    try:
+        invalidate_caches()
+        yield
+    finally:
+        sys.dont_write_bytecode = writes

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
+from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
 from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark.boards import Leaderboard, leaderboards
@@ -32,7 +33,7 @@ NAMES = ("version", "scenario", "digest", "pace", "policy", "training_seed", "se
 class ResultsFolder:
     """The folder of results at ``path``; ``summary`` is the file with all leaderboards.
 
-    Files are written atomically, so several benchmarks may share it.
+    Files are written atomically and one benchmark at a time writes, so several may share it.
     """
 
     def __init__(self, path: FilePath) -> None:
@@ -50,12 +51,13 @@ class ResultsFolder:
 
     def add(self, runs: Sequence[ScenarioRun]) -> None:
         """Store the runs of all training seeds of a policy at a pace, replacing earlier ones."""
-        for run in runs:
-            write_run(self.path, run)
         number = len(runs)
-        while (path := run_path(self.path, runs[0], number)).is_file():
-            path.unlink(missing_ok=True)
-            number += 1
+        with locked(self.path / LOCK):
+            for run in runs:
+                write_run(self.path, run)
+            while (path := run_path(self.path, runs[0], number)).is_file():
+                path.unlink(missing_ok=True)
+                number += 1
 
     def runs(self) -> list[ScenarioRun]:
         """Return all runs; leave out files that cannot be read, with a warning of ``pter_gym``."""
@@ -70,9 +72,10 @@ class ResultsFolder:
     def summarise(self) -> tuple[Leaderboard, ...]:
         """Write ``benchmark.json`` from all runs in the folder and return its leaderboards."""
         self.make()
-        boards = leaderboards(self.runs())
-        content = {"leaderboards": [board.as_json() for board in boards]}
-        write_text_atomic(self.summary, json.dumps(content, indent=2, allow_nan=False) + "\n")
+        with locked(self.path / LOCK):
+            boards = leaderboards(self.runs())
+            content = {"leaderboards": [board.as_json() for board in boards]}
+            write_text_atomic(self.summary, json.dumps(content, indent=2, allow_nan=False) + "\n")
         return boards
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
-from pter_gym.benchmark._wanted import wanted_forces
+from pter_gym.benchmark._desired_forces import wanted_forces
 from pter_gym.benchmark.episodes import Episodes
 from pter_gym.benchmark.measures import RANKED, Travel
 from pter_gym.benchmark.scores import SCORES, Scores, score_episodes

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pter_gym._internal.checks import names_in, whole_number
+from pter_gym._internal.checks import builtin, names_in, whole_number
 from pter_gym._internal.files import FilePath
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.episodes import Episodes, find_episodes, training_episodes
@@ -67,7 +67,8 @@ def run_scenario(
     drawn = find_scenario(scenario)
     if paces is None:
         paces = scenario.pace if isinstance(scenario, PathFollowing) else tuple(PACES)
-    listed = names_in("paces", [paces] if isinstance(paces, int | float) else paces)
+    single = builtin(paces)
+    listed = names_in("paces", [single] if isinstance(single, int | float) else paces)
     seed = 0 if seed is None and drawn.digest else seed
     sets = {
         pace: find_episodes(drawn, pace, seed)
@@ -161,7 +162,7 @@ def examine(
     seed: int = UNSEEN,
     machine: Machine | str | None = None,
 ) -> dict[str, Assessment]:
-    """Assess policies on training draws, beside those that know nothing; the best comes first.
+    """Assess policies on training draws and compare them with trivial ones; the best comes first.
 
     Evaluation episodes are not read, so the results may guide further training. ``free``,
     ``locked`` and ``random`` are assessed, too.

@@ -231,11 +231,10 @@ class ScenarioRun:
     seed
         Seed of fresh episodes; None for the stored ones.
     digest
-        Digest of a scenario of one's own, whose name may be another's; empty for those of the
-        suite.
+        Digest of a user's scenario, whose name need not be unique; empty for the suite's.
     strata, scores
-        A label for each episode, and an array with an entry for each episode under the name of each
-        defined score.
+        A label for each episode; by the name of each defined score, an array with an entry for each
+        episode.
     """
 
     scenario: str

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from pter_gym._internal.codec import tuple_of
@@ -26,8 +27,11 @@ DAMPERS = TABLE.with_name("dampers.toml")
 
 SUFFIX = "-tuned"
 
+NEAREST = MappingProxyType({"tremor": "hands", "corridor": "standard", "wall": "standard"})
+"""The scenario whose gains serve where there are none for another, chosen on training draws."""
+
 FALLBACK = "everything"
-"""The scenario whose gains serve where there are none for another."""
+"""The scenario whose gains serve where there are none for that one either."""
 
 HOLD = 1e-6
 """Part of a pace about it in which its damper holds: far more than a float32 rounds."""
@@ -43,8 +47,8 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
     name, path
         Its name, and the file of the gains.
     scenario
-        Scenario whose gains to use; by default, or if there are none for it, as for one's own,
-        those of ``everything``.
+        Scenario whose gains to use, or if there are none for it, those of the nearest one in
+        ``NEAREST``; by default, and for one's own, those of ``everything``.
 
     Raises
     ------
@@ -57,16 +61,20 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
     table = read_table(path)
     if name not in (known := tuned_names(table)):
         raise unknown_name("policies", name, known)
-    for place in (scenario or FALLBACK, FALLBACK):
+    for place in places_of(scenario):
         if entries := table.get(place, {}).get(controller):
             return _schedule(
                 (pace, controller_of(controller, entry, path)) for pace, entry in entries.items()
             )
     raise ParameterError(
         f"policies: there are no tuned gains of {controller!r} for "
-        f"{scenario or FALLBACK!r} or {FALLBACK!r}; "
-        f"`pter tune {controller}` finds some"
+        f"{' or '.join(map(repr, places_of(scenario)))}; `pter tune {controller}` finds some"
     )
+
+
+def places_of(scenario: str | None) -> list[str]:
+    """Return the scenarios whose gains serve for one, the best first."""
+    return list(dict.fromkeys(filter(None, (scenario, NEAREST.get(scenario or ""), FALLBACK))))
 
 
 def read_tuned(path: FilePath, scenario: str | None = None) -> PaceSchedule:
@@ -95,7 +103,8 @@ def read_tuned(path: FilePath, scenario: str | None = None) -> PaceSchedule:
 def find_paced(name: str, scenario: str | None) -> Controller:
     """Return a controller by its name, with a damper for each pace where there are some."""
     controller = CONTROLLERS[name]()
-    dampers = scenario and damping_table().get(scenario, damping_table()[FALLBACK]).get(name)
+    tables = (damping_table().get(place, {}) for place in places_of(scenario) if scenario)
+    dampers = next((table[name] for table in tables if name in table), None)
     if not dampers or not isinstance(controller, Impedance):
         return controller
     laws = (

@@ -113,10 +113,8 @@ class Guided:
 
     def gains(self) -> Gains:
         """Return the gains as the law reads them, 0 for those of other laws."""
-        arrangement = vars(self)
-        return Gains(
-            **{name: float(arrangement[name]) for name in Gains._fields if name in arrangement}
-        )
+        values = vars(self)
+        return Gains(**{name: float(values[name]) for name in Gains._fields if name in values})
 
     def at(self, pace: float) -> "Guided":  # noqa: ARG002
         """Return itself, the gains for every commanded pace [m/s]; see ``PaceSchedule.at``."""

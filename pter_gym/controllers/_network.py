@@ -52,7 +52,7 @@ class Network(NamedTuple):
 
 
 class InputHistory(NamedTuple):
-    """The changing state of a network besides its vectors."""
+    """The state of a network other than its vectors."""
 
     begun: Annotated[float, Entry("1", "whether the episode has begun")]
     newest: Annotated[float, Entry("1", "instant of the ring that was written last")]
@@ -72,7 +72,7 @@ def source_of(name: str, names: tuple[str, ...]) -> float:
 
 
 def memory_width(network: Network) -> int:
-    """Return the numbers that the law keeps of a world."""
+    """Return how many numbers the law remembers of each world."""
     vectors = network.inputs * (network.ring + network.averages) + 2 * network.width
     return VECTORS + int(vectors)
 
@@ -95,8 +95,8 @@ def tanh(x: float) -> float:
 
 
 @device
-def quantity(obs: Any, scales: Any, base: PerClutch, source: int) -> float:
-    """Return a quantity that a network may see, in its unit; see ``source_of``."""
+def input_value(obs: Any, scales: Any, base: PerClutch, source: int) -> float:
+    """Return an input of a network in its unit, from its number; see ``source_of``."""
     if source >= 0:
         return obs[source] * scales[source]
     if source <= -5:
@@ -150,7 +150,7 @@ def decide(obs: Any, scales: Any, gains: Any, memory: Any, base: PerClutch) -> P
     memory[PAST.begun], memory[PAST.newest] = 1.0, newest
     values = memory[first : first + wide]
     for i in range(inputs):
-        value = quantity(obs, scales, base, int(gains[table + i]))
+        value = input_value(obs, scales, base, int(gains[table + i]))
         value = (value - gains[table + inputs + i]) / gains[table + 2 * inputs + i]
         value = clamp(value, -INPUT_LIMIT, INPUT_LIMIT)
         values[i] = value

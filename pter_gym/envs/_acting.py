@@ -80,7 +80,7 @@ class ActingPolicy:
         self._memory = self._policy.start(self._worlds)
 
     def reset(self, worlds: NDArray[np.bool_] | None = None) -> None:
-        """Forget past episodes in these worlds, a bool array (N,), or in all by default.
+        """Clear the memory of some worlds, a bool array (N,), or by default of all.
 
         Call it after ``env.reset``, and in a vector environment for the worlds whose latest
         observation is the first of an episode: with ``AutoresetMode.SAME_STEP`` those whose episode

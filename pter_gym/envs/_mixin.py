@@ -1,7 +1,6 @@
 """What single and vector environments share: constructor, spaces, and what a policy needs."""
 
-import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypedDict, cast
 
@@ -11,13 +10,14 @@ from gymnasium.envs.registration import EnvSpec
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._engine.batch import ActionUnit, Batch
-from pter_gym._internal.checks import whole_number
+from pter_gym._internal.checks import builtin, whole_number
+from pter_gym._internal.files import FilePath
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine, find_machine
 from pter_gym.paths import Path, find_path
 from pter_gym.scenarios import Scenario, find_pace, find_scenario
 from pter_gym.scenarios._suite import gains_for
-from pter_gym.tasks._stored import codec
+from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import (
     STARTS,
     TELEMETRY,
@@ -44,12 +44,12 @@ class Arguments(TypedDict, total=False):
     Vector environments take one machine and task for all worlds, or a sequence with one for each.
     """
 
-    machine: Machine | str | Sequence[Machine | str] | None
+    machine: Machine | FilePath | Sequence[Machine | FilePath] | None
     task: PathFollowing | Sequence[PathFollowing] | None
     scenario: "str | Scenario | Draws | None"
     contexts: int
     context_seed: int
-    path: Path | str | None
+    path: Path | FilePath | None
     pace: float | str | None
     reward: RewardWeights | None
     error_max: float | None
@@ -76,6 +76,7 @@ class WorldsMixin:
     gains: str
     metadata: dict[str, Any]
     _spec: EnvSpec | None = None
+    _read: dict[str, Any]
 
     def _make_worlds(
         self, num_envs: int, render_mode: str | None, arguments: Arguments, **engine: Any
@@ -95,8 +96,13 @@ class WorldsMixin:
             raise ParameterError(
                 f"render_mode must be {', '.join(modes)} or None, got {render_mode!r}"
             )
-        read: dict[str, Any] = {name: _from_plain(value) for name, value in arguments.items()}
-        self.batch, self.gains = _make_batch(num_envs, engine, **read)
+        plain: dict[str, Any] = {name: _from_plain(value) for name, value in arguments.items()}
+        self._read = {
+            name: _read(plain[name], find)
+            for name, find in (("path", find_path), ("machine", find_machine))
+            if _has_file(plain.get(name))
+        }
+        self.batch, self.gains = _make_batch(num_envs, engine, **{**plain, **self._read})
         rate = 1.0 / (self.batch.frame_skip * self.batch.task.control_period)
         self.metadata = {**self.metadata, "render_fps": max(1, round(rate))}
         return (
@@ -108,14 +114,16 @@ class WorldsMixin:
 
     @property
     def spec(self) -> EnvSpec | None:
-        """How Gymnasium made the environment, with machine and task as plain data for JSON."""
+        """How Gymnasium made the environment, as plain data for JSON.
+
+        It holds machines, tasks, and what was read from files.
+        """
         return self._spec
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        kwargs = (
-            {} if spec is None else {name: _to_plain(value) for name, value in spec.kwargs.items()}
-        )
+        given = {} if spec is None else {**spec.kwargs, **self._read}
+        kwargs = {name: _to_plain(value) for name, value in given.items()}
         self._spec = spec and replace(spec, kwargs=kwargs)
 
     @property
@@ -167,7 +175,7 @@ def _make_batch(
     scenario: Any = None,
     contexts: int | None = None,
     context_seed: int | None = None,
-    path: Path | str | None = None,
+    path: Path | FilePath | None = None,
     pace: float | str | None = None,
     reward: RewardWeights | None = None,
     error_max: float | None = None,
@@ -245,12 +253,23 @@ def _several(value: object) -> bool:
     return isinstance(value, Sequence) and not isinstance(value, str)
 
 
+def _has_file(value: Any) -> bool:
+    """Return whether a path or a machine, or one of several, is given by a file."""
+    names = cast("Sequence[Any]", value) if _several(value) else (value,)
+    return any(str(name).endswith((".csv", ".toml")) for name in names)
+
+
+def _read(value: Any, find: Callable[[Any], Any]) -> Any:
+    """Return a path or a machine, or several, by name or file."""
+    return [*map(find, cast("Any", value))] if _several(value) else find(value)
+
+
 def _to_plain(value: Any) -> Any:
     """Return this package's dataclasses, NumPy's numbers and paths as plain data."""
     if _several(value):
         return [_to_plain(item) for item in value]
     try:
-        return codec().to_plain(value) if is_dataclass(value) else _builtin(value)
+        return codec().to_plain(value) if is_dataclass(value) else builtin(value)
     except ParameterError:  # a user's own class
         return value
 
@@ -260,11 +279,4 @@ def _from_plain(value: Any) -> Any:
     if isinstance(value, list):
         return [_from_plain(item) for item in cast("list[Any]", value)]
     stored = isinstance(cast("object", value), dict) and "type" in value
-    return codec().from_plain(value) if stored else _builtin(value)
-
-
-def _builtin(value: Any) -> Any:
-    """Return a number of NumPy's or a path as Python's own, and anything else as it is."""
-    if isinstance(value, os.PathLike):
-        return os.fspath(cast("os.PathLike[str]", value))
-    return value.item() if hasattr(value, "item") and np.ndim(value) == 0 else value
+    return codec().from_plain(value) if stored else builtin(value)

@@ -9,10 +9,11 @@ from functools import cache
 from typing import Any, NamedTuple, Self, cast
 
 import gymnasium
+import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from pter_gym.errors import ParameterError, needs_extra
+from pter_gym.errors import ActionError, ParameterError, needs_extra
 
 try:
     import jax
@@ -132,11 +133,14 @@ class JaxEnv:
             uint32 (2,).
         params
             What worlds share; ``default_params`` by default.
+
+        Raises
+        ------
+        ParameterError
+            If the seed is not of this kind, or ``params`` are of an environment with others.
         """
-        low, high = (
-            jnp.broadcast_to(jnp.asarray(seed, jnp.uint32), (2,)) if jnp.ndim(seed) else (seed, 0)
-        )
-        episode = jnp.stack([jnp.asarray(each, jnp.uint32) for each in (low, high, 0, 0)])
+        words = seed_words(seed)
+        episode = jnp.zeros(4, jnp.uint32).at[: words.size].set(words)
         world, episode, obs = _one(_reset, (self._empty, episode), self._shared(params))
         return obs, EnvState(world, episode)
 
@@ -152,7 +156,7 @@ class JaxEnv:
         Parameters
         ----------
         key
-            Not used: what is drawn follows from the world's seed and its episode count.
+            Unused: random numbers follow from the world's seed and episode count.
         state
             The world.
         action
@@ -172,10 +176,19 @@ class JaxEnv:
         info
             ``terminated`` and ``truncated`` too, ``is_success``, and ``final_observation``: before
             such a reset.
+
+        Raises
+        ------
+        ActionError
+            If the action has another shape or type.
+        ParameterError
+            If state or params are of an environment of another kind. The numbers in a state are not
+            known yet: what a damaged one returns is NaN.
         """
         del key
         space = self.action_space()
-        action = jnp.asarray(action, jnp.float32)
+        action = checked_action(action, (self.num_actions,))
+        self._check_state(state)
         known = jnp.isfinite(action).all()
         given = jnp.where(known, jnp.clip(action, space.low, space.high), space.low)
         state, obs, final, reward, flags = self._advance(state, given, self._shared(params))
@@ -190,11 +203,11 @@ class JaxEnv:
         return obs, state, reward, terminated, truncated, told
 
     def action_space(self, params: EnvParams | None = None) -> spaces.Box:  # noqa: ARG002  (as gymnax has it)
-        """Return the space of an action, as Gymnasium has it."""
+        """Return the action space, one of Gymnasium's."""
         return cast(spaces.Box, self.env.single_action_space)
 
     def observation_space(self, params: EnvParams | None = None) -> spaces.Box:  # noqa: ARG002
-        """Return the space of an observation, as Gymnasium has it."""
+        """Return the observation space, one of Gymnasium's."""
         return cast(spaces.Box, self.env.single_observation_space)
 
     def _advance(self, state: EnvState, given: jax.Array, shared: EnvParams) -> Any:
@@ -205,8 +218,28 @@ class JaxEnv:
         world, episode, *rest = _one(self._step, (*state, jnp.concatenate([given, empty])), shared)
         return EnvState(world, episode), *rest
 
+    def _check_state(self, state: EnvState) -> None:
+        """Raise a ParameterError unless a state is as large as this environment's."""
+        expected = ((self._empty.shape, jnp.uint32), ((4,), jnp.uint32))
+        if [(jnp.shape(part), jnp.result_type(part)) for part in state] != [*expected]:
+            raise ParameterError(
+                "state must be an EnvState of this environment, of uint32 "
+                f"{self._empty.shape} and (4,), got {shapes_of(state)}"
+            )
+
     def _shared(self, params: EnvParams | None) -> EnvParams:
-        return self.default_params if params is None else params
+        """Return what worlds share, or raise a ParameterError if it is another environment's."""
+        usual = self.default_params
+        if params is None:
+            return usual
+        config, constants = params
+        fits = jnp.shape(config) == usual.config.shape and jnp.ndim(constants) == 1
+        if not fits or {jnp.result_type(part) for part in params} != {jnp.dtype(jnp.uint32)}:
+            raise ParameterError(
+                "params must be EnvParams of an environment with these observations and actions, "
+                f"of uint32 {usual.config.shape} and (K,), got {shapes_of(params)}"
+            )
+        return params
 
 
 def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv, EnvParams]:
@@ -229,11 +262,43 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
     return made, made.default_params
 
 
-def _many(run: Any) -> Any:
-    """Return a function of many worlds whose ``vmap`` is the same function of more of them.
+def seed_words(seed: Any) -> jax.Array:
+    """Return a seed as words, uint32 () or (2,), or raise a ParameterError."""
+    traced = isinstance(seed, jax.core.Tracer)
+    words = seed if traced else np.asarray(seed)
+    whole = jnp.issubdtype(words.dtype, jnp.integer) and words.shape in ((), (2,))
+    if not whole or not (traced or ((words >= 0) & (words < 2**32)).all()):
+        raise ParameterError(
+            "seed must be a whole number within [0, 2³²), or two for the halves of a longer one, "
+            f"got {seed!r:.200}"
+        )
+    return jnp.asarray(words.astype(np.uint32))
 
-    Its arguments are a tuple of the worlds' own arrays, worlds first, and what they share. A branch
-    of ``lax.cond`` maps that too, in equal rows; where rows differ, observations and rewards are
+
+def checked_action(action: Any, shape: tuple[int, ...]) -> jax.Array:
+    """Return an action as float32, or raise an ActionError if its shape or type is another."""
+    try:
+        numbers = jnp.asarray(action)
+    except (TypeError, ValueError) as error:
+        raise ActionError(f"action must be an array of numbers: {error}") from None
+    real = jnp.issubdtype(numbers.dtype, jnp.floating) or jnp.issubdtype(numbers.dtype, jnp.integer)
+    if numbers.shape != shape or not real:
+        raise ActionError(
+            f"action must be real numbers of the shape {shape}, got {numbers.dtype} {numbers.shape}"
+        )
+    return numbers.astype(jnp.float32)
+
+
+def shapes_of(tree: Any) -> str:
+    """Return the shapes and types in a tree, for a message."""
+    return f"{[(str(jnp.result_type(part)), jnp.shape(part)) for part in jax.tree.leaves(tree)]}"
+
+
+def _many(run: Any) -> Any:
+    """Return a function of many worlds whose ``vmap`` is itself, on more worlds.
+
+    Its arguments are a tuple of per-world arrays, worlds first, and what all worlds share.
+    ``lax.cond`` maps the latter too, in equal rows; where rows differ, observations and rewards are
     NaN.
     """
     call = custom_vmap(run)

@@ -39,13 +39,17 @@ class PterVecEnv(VecEnv):
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
 
     def reset(self) -> NDArray[np.float32]:
-        """Start new episodes, with the seeds of ``seed`` if it was called since the last reset."""
-        if not isinstance(cast("object", self._options), list) or any(self._options):
-            raise ParameterError(f"options must be empty, got {self._options}")
-        obs, _ = self.env.reset(seed=self._seeds)
-        self._returns[:] = self._lengths[:] = 0
+        """Start new episodes, with the seeds of ``seed`` if it was called since the last reset.
+
+        Seeds and options are those of one reset, also if it refuses them.
+        """
+        seeds, options = self._seeds, cast("object", self._options)
         self._reset_seeds()
         self._reset_options()
+        if not isinstance(options, list) or any(cast("list[Any]", options)):
+            raise ParameterError(f"options must be empty, got {options!r:.200}")
+        obs, _ = self.env.reset(seed=seeds)
+        self._returns[:] = self._lengths[:] = 0
         self.reset_infos = [{} for _ in range(self.num_envs)]
         return obs
 

@@ -68,7 +68,7 @@ class Kick(NamedTuple):
 
 
 def kick_stages(arrangement_at: Any) -> Kick:
-    """Return a kick's stages for clutches as ``arrangement_at`` tells."""
+    """Return a kick's stages for the clutches of ``arrangement_at``."""
     find, _, _ = kick_stages_on(BODY, load_on, arrangement_at)
 
     @outlined

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from types import FunctionType
 from typing import Any
 
-from pter_gym._compiled.generated import compile_source
+from pter_gym._compiled.source import compile_source
 
 _REWRITTEN = tuple(
     f"pter_gym.{room}"

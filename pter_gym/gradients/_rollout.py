@@ -220,7 +220,7 @@ def checked(
 
 
 def run(inputs: Inputs) -> Rollout:
-    """Simulate what was checked."""
+    """Simulate checked inputs."""
     states = np.empty((len(inputs.volts) + 1, LAST - FIRST))
     forward, _ = kernels(has_paper_clutches=inputs.machine.has_paper_clutches)
     machine = inputs.machine

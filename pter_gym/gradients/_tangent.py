@@ -13,6 +13,9 @@ from pter_gym._physics.step import MAX_PARTS, MIN_PART
 from pter_gym.gradients._adjoint import OMEGA, Kick, aim, drift, kick_stages, lags
 from pter_gym.gradients._tracing import tangent_of
 
+LANES = "dot.shape[1]"
+"""How many tangents there are, in the code of a stage."""
+
 MOTION = frozenset(flat(BODY.motion))
 TORQUES = frozenset(
     flat((
@@ -29,35 +32,34 @@ KICK = MOTION | TORQUES | frozenset(
         *(BODY.machine.arm.dry_a, BODY.machine.arm.dry_b, BODY.machine.arm.viscous_a),
         *(BODY.machine.arm.viscous_b, BODY.arrangement.dry),
         *(BODY.impact, BODY.omega, BODY.capacity, BODY.span, BODY.switches),
+        *(BODY.load.torque_a, BODY.load.torque_b),
     ))
 )  # fmt: skip
 
 
-def substep_tangents(arrangement_at: Any, lanes: int, torque_lanes: int) -> Any:
-    """Return a substep with tangents, for machines whose clutches ``arrangement_at`` tells.
+def substep_tangents(arrangement_at: Any, torque_lanes: int) -> Any:
+    """Return a substep with tangents, for machines with the clutches of ``arrangement_at``.
 
     Parameters
     ----------
     arrangement_at
         As ``substep_on`` takes it.
-    lanes
-        How many tangents there are.
     torque_lanes
-        How many of them, the first, may have tangents of the clutches' torques and voltages.
+        How many lanes, the first, may have tangents of the clutches' torques and voltages.
 
     Returns
     -------
     Callable
         ``advance(body, dot, h, aims)`` does to a body with its command and its load what
         ``open_loop.advance`` does, energies apart, and to ``dot`` (entries, lanes), the tangents of
-        its entries by numbers of the motion, the clutches, the inertias and the friction of the
-        axes. ``aims`` tells whether commands may have changed.
+        its entries by numbers of the motion, the clutches, the inertias, the friction of the axes
+        and the torques on the links. ``aims`` says whether commands may have changed.
     """
-    kick = _kick_tangents(arrangement_at, lanes)
-    whole = DRIFTS_WHOLE
-    aim_torques = tangent_of(aim, constants=(whole,), active=TORQUES, lanes=torque_lanes)
-    relax = tangent_of(drift, "h", constants=(whole,), active=TORQUES, lanes=torque_lanes)
-    turn = tangent_of(drift, "h", constants=(whole,), active=MOTION, lanes=lanes)
+    kick = _kick_tangents(arrangement_at)
+    first, whole = f"min({torque_lanes}, {LANES})", DRIFTS_WHOLE
+    aim_torques = tangent_of(aim, constants=(whole,), active=TORQUES, lanes=first)
+    relax = tangent_of(drift, "h", constants=(whole,), active=TORQUES, lanes=first)
+    turn = tangent_of(drift, "h", constants=(whole,), active=MOTION, lanes=LANES)
 
     @device
     def advance(body: Any, dot: Any, h: float, aims: bool) -> None:
@@ -93,11 +95,11 @@ def stages_in_span(stages: Kick) -> tuple[Any, Any]:
     return find, take_part
 
 
-def _kick_tangents(arrangement_at: Any, lanes: int) -> Any:
+def _kick_tangents(arrangement_at: Any) -> Any:
     """Return ``kick(body, dot, h)``: a kick of h [s] with tangents, divided at each switch."""
     stages = kick_stages(arrangement_at)
     share = stages.share
-    find, part = (tangent_of(stage, active=KICK, lanes=lanes) for stage in stages_in_span(stages))
+    find, part = (tangent_of(stage, active=KICK, lanes=LANES) for stage in stages_in_span(stages))
 
     @outlined
     def divide(body: Any, dot: Any) -> None:
@@ -109,13 +111,13 @@ def _kick_tangents(arrangement_at: Any, lanes: int) -> Any:
     @device
     def kick(body: Any, dot: Any, h: float) -> None:
         body[BODY.span, 0] = h
-        for j in range(lanes):
+        for j in range(dot.shape[1]):
             dot[BODY.span, j] = 0.0
         find(body, 0, dot)
         if body[BODY.switches, 0] != 0.0:
             divide(body, dot)
         store(body, OMEGA, 0, load(body, BODY.omega, 0))
-        for j in range(lanes):
+        for j in range(dot.shape[1]):
             store(dot, OMEGA, j, load(dot, BODY.omega, j))
 
     return kick

@@ -12,8 +12,8 @@ from types import SimpleNamespace
 from typing import Any
 
 from pter_gym._compiled.compiler import device
-from pter_gym._compiled.generated import compile_source
 from pter_gym._compiled.records import flat
+from pter_gym._compiled.source import compile_source
 from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import resolve
@@ -246,7 +246,7 @@ def tangent_of(
     *scalars: str,
     constants: tuple[Any, ...] = (),
     active: Collection[float],
-    lanes: int,
+    lanes: int | str,
 ) -> Any:
     """Return a stage of a substep with its Jacobian–vector products, compiled.
 
@@ -257,7 +257,7 @@ def tangent_of(
     active
         Rows whose entries vary and are written; all others, and the scalars, have no tangents.
     lanes
-        How many tangents there are.
+        Number of tangents.
 
     Returns
     -------
@@ -315,7 +315,7 @@ def _forward(made: tuple[_Value, ...], kind: str, of: tuple[Any, ...]) -> str:
 
 
 class _Adjoints:
-    """What has been added to the adjoint of each value, by its name."""
+    """Contributions to the adjoint of each value, by its name."""
 
     def __init__(self) -> None:
         self.pulls: dict[str, list[str]] = {}

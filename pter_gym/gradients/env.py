@@ -24,7 +24,7 @@ from pter_gym._engine.step import (
 from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANTS, FLAG, ROW, Config
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH
-from pter_gym._physics.order import is_kick, is_whole, stage_count
+from pter_gym._physics.order import KICK_FIRST, is_kick, is_whole, stage_count
 from pter_gym.envs import jax as jax_env
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.gradients._branchless import Column, branchless
@@ -43,14 +43,14 @@ from pter_gym.tasks.path_following._observation import BOUND
 
 
 class DifferentiableEnvState(NamedTuple):
-    """A world, and the numbers by which its derivatives pass from step to step.
+    """A world, and the numbers that carry its derivatives from step to step.
 
     Attributes
     ----------
     world, episode
         Those of ``pter_gym.envs.jax.EnvState``.
     numbers
-        What ``world`` says, as floating-point numbers (51,): angles, velocities, torques and so on,
+        ``world`` as floating-point numbers (51,): angles, velocities, torques and so on,
         in the order of ``pter_gym._engine.world.World``. A step does not read them.
     """
 
@@ -225,6 +225,8 @@ def _following(config: Config, frame_skip: int) -> Any:
     def move(w: Column) -> None:
         """Move the arm by a control step."""
         force = []
+        if KICK_FIRST:
+            _push_tip(w, 0, False)
         for stage in range(stage_count(count)):
             if is_kick(stage):
                 force.append(jnp.stack(load(w, ROW.force, 0)))

@@ -103,7 +103,7 @@ class TremorArm(HumanArm):
         Raises
         ------
         ParameterError
-            If there are more than ``MAX_INSTANTS``, or a period of the tremor has less than four.
+            If there are more than ``MAX_INSTANTS``, or fewer than four in a period of the tremor.
         """
         longest = MAX_INSTANTS * period
         require(self.lasts <= longest, self, "lasts", f"in seconds, up to {longest:g} s")

@@ -29,7 +29,7 @@ def force_error(rendered: ArrayLike, desired: ArrayLike, direction: ArrayLike) -
     rendered, desired
         Forces of the device on the hand, (T, 2) [N].
     direction
-        The direction along which errors are told apart, such as the heading of a path: vectors (T,
+        The direction that separates the errors, such as the heading of a path: vectors (T,
         2) or (2,) of any length.
     """
     error: Array = np.subtract(rendered, desired)

@@ -3,11 +3,10 @@
 import math
 from dataclasses import MISSING, field, fields
 from functools import cache
-from numbers import Integral
 from operator import attrgetter
 from typing import Any, Literal, cast, get_args, get_origin, get_type_hints
 
-from pter_gym._internal.checks import is_finite
+from pter_gym._internal.checks import builtin, is_finite
 from pter_gym.errors import ParameterError
 
 MAX_NUMBER = 1e12
@@ -54,6 +53,8 @@ def types_of(kind: type) -> dict[str, Any]:
 class Checked:
     """Base of frozen dataclasses that check each field: its type, and the limits of ``quantity``.
 
+    NumPy's numbers become Python's, also in tuples.
+
     Raises
     ------
     ParameterError
@@ -79,6 +80,15 @@ class Checked:
                 require_kind(self, name, kind)
 
 
+def plain_field(owner: object, name: str) -> Any:
+    """Return a field's value; a number of NumPy's in it becomes Python's, also within a tuple."""
+    value: Any = getattr(owner, name)
+    is_tuple = isinstance(value, tuple)
+    plain = tuple(map(builtin, cast("tuple[Any, ...]", value))) if is_tuple else builtin(value)
+    object.__setattr__(owner, name, plain)
+    return plain
+
+
 def require(condition: bool, owner: object, name: str, accepted: str, *, got: Any = None) -> None:
     """Raise a ParameterError that names a field and what it accepts, unless a condition holds.
 
@@ -93,7 +103,7 @@ def require(condition: bool, owner: object, name: str, accepted: str, *, got: An
 
 def require_number(owner: object, name: str, **bounds: float) -> None:
     """Raise a ParameterError unless a field is a finite number; bounds as in ``check_number``."""
-    check_number(f"{type(owner).__name__}.{name}", getattr(owner, name), **bounds)
+    check_number(f"{type(owner).__name__}.{name}", plain_field(owner, name), **bounds)
 
 
 def check_number(
@@ -124,22 +134,16 @@ def check_number(
 
 
 def require_whole(owner: object, name: str, *, at_least: int = 1, below: float = math.inf) -> None:
-    """Raise a ParameterError unless a field is a whole number within a range.
-
-    It is converted to an int, so NumPy's integer types are accepted too.
-    """
-    value: Any = getattr(owner, name)
-    fits = (
-        type(value) is not bool and isinstance(value, Integral) and at_least <= int(value) < below
-    )
+    """Raise a ParameterError unless a field is a whole number within a range."""
+    value = plain_field(owner, name)
+    fits = type(value) is not bool and isinstance(value, int) and at_least <= value < below
     accepted = f"a whole number ≥ {at_least}{f' and < {below:g}' if math.isfinite(below) else ''}"
     require(fits, owner, name, accepted)
-    object.__setattr__(owner, name, int(value))
 
 
 def require_kind(owner: object, name: str, *kinds: type) -> None:
     """Raise a ParameterError unless the field is of one of these types."""
-    value = getattr(owner, name)
+    value = plain_field(owner, name)
     accepted = " or ".join(kind.__name__ for kind in kinds)
     require(isinstance(value, kinds), owner, name, f"of type {accepted}")
 
@@ -153,7 +157,7 @@ def require_numbers(
     owner: object, name: str, *, count: int | None = None, at_least: float = -MAX_NUMBER
 ) -> None:
     """Raise a ParameterError unless a field is a tuple of ``count`` numbers ≥ ``at_least``."""
-    value: Any = getattr(owner, name)
+    value = plain_field(owner, name)
     numbers = cast("tuple[float, ...]", value) if isinstance(value, tuple) else ()
     fits = numbers is value and all(is_finite(x) and at_least <= x <= MAX_NUMBER for x in numbers)
     size = "" if count is None else f"{count} "

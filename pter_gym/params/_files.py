@@ -8,9 +8,9 @@ import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, cast
 
+from pter_gym._internal.checks import builtin
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.reading import read_toml, reading
 from pter_gym.errors import ParameterError, nearest
@@ -32,7 +32,7 @@ def _codec() -> "Codec":
     return Codec((Arm, Clutch, Connection, Hand, Machine, TorqueCurve))
 
 
-def find_machine(machine: Machine | str | None) -> Machine:
+def find_machine(machine: Machine | FilePath | None) -> Machine:
     """Return a machine given as itself, by its name or by its file; ``BASELINE`` for None.
 
     A name is one of ``MACHINES``, or of ``ACTUATORS`` for PTER with four of these in place of its
@@ -46,7 +46,7 @@ def find_machine(machine: Machine | str | None) -> Machine:
     DataError
         If a file is damaged, incomplete or out of range.
     """
-    chosen = cast("object", machine)
+    chosen: object = builtin(machine)
     if chosen is None:
         return BASELINE
     if isinstance(chosen, Machine):
@@ -55,9 +55,8 @@ def find_machine(machine: Machine | str | None) -> Machine:
         return MACHINES[chosen]
     if isinstance(chosen, str) and chosen in ACTUATORS:
         return replace(BASELINE, clutch=ACTUATORS[chosen].clutch)
-    path = str(chosen) if isinstance(chosen, PurePath) else chosen
-    if is_machine_file(path):
-        return load_machine(cast("str", path))
+    if is_machine_file(chosen):
+        return load_machine(cast("str", chosen))
     names = (*MACHINES, *ACTUATORS)
     raise ParameterError(
         f"machine must be a Machine, one of {', '.join(names)} or the path of a file (.toml), "

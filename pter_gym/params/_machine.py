@@ -148,7 +148,7 @@ class Clutch(Checked):
 
 @dataclass(frozen=True, kw_only=True)
 class Hand(Checked):
-    """Mass, damper and spring that the hand adds at the tip, besides its force.
+    """Mass, damper and spring that the hand adds at the tip, in addition to its force.
 
     The paper's tests have none of them.
 
@@ -260,7 +260,7 @@ class Machine(Checked):
 
     @property
     def slot_rows(self) -> tuple[tuple[float, float], ...]:
-        """The rows of W of all slots; an empty one has a missing brake's, for dry friction."""
+        """The rows of W of all slots; an empty slot has a missing brake's, for dry friction."""
         rows = tuple(clutch.row for clutch in self.clutches)
         empty = [brake.row for brake in (BRAKE_A, BRAKE_B) if brake.row not in rows]
         return (*rows, *empty, *[BRAKE_A.row] * SLOTS)[:SLOTS]

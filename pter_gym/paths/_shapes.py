@@ -11,8 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from pter_gym._internal.checks import is_finite
-from pter_gym._internal.codec import tuple_of
+from pter_gym._internal.checks import builtin, is_finite
 from pter_gym._internal.files import FilePath
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError, unknown_name
@@ -31,6 +30,10 @@ _ACROSS = "fitted: across the workspace"
 
 WITHIN: dict[str, Any] = {"at_least": -MAX_COORDINATE, "at_most": MAX_COORDINATE}
 SIZE: dict[str, Any] = {"above": 0.0, "at_most": MAX_COORDINATE}
+
+WEIGHTS = (-90.0, 20.0)
+"""Logarithms of the weights of curvature, for paths of length 1, with which a spline passes through
+its points, and with which it is straight."""
 
 MAX_EVALUATIONS = 1 << 18
 """Most evaluations of a curve until arcs fit it; a zigzag through 1,000 points takes 50,000."""
@@ -127,7 +130,7 @@ class Spline(Path):
     """A natural cubic spline through waypoints (x, y) [m], parametrised by chord length.
 
     With ``smooth`` it passes by the waypoints, by that many metres (root mean square) in x and in
-    y: the noise of a recorded path (Dierckx's smoothing spline).
+    y, the noise of a recorded path, and has the least curvature that allows.
     """
 
     points: Points = quantity("m", "chosen")
@@ -148,16 +151,9 @@ class Spline(Path):
         knots = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)))]).tolist()
         if len(knots) == 2:
             return chain([arc_between(points[0], (points[1] - points[0]) / knots[1], points[1])])
-        if self.smooth > 0.0 and len(knots) > 3:
-            squares = 2.0 * len(knots) * self.smooth**2
-            scipy: Any = interpolate
-            fit = scipy.make_splprep(np.array(self.points).T, u=knots, s=squares)[0]
-            x, y = (scipy.PPoly.from_spline((fit.t, fit.c[:, k], 3)) for k in (0, 1))
-            inner = np.diff(x.x) > 0.0
-            knots = [*x.x[:-1][inner].tolist(), float(x.x[-1])]
-            coefficients: Any = (x.c + 1j * y.c)[:, inner].T.tolist()
-        else:
-            coefficients = interpolate.CubicSpline(knots, points, bc_type="natural").c.T.tolist()
+        if self.smooth > 0.0:
+            points = smoothed(knots, points, self.smooth)
+        coefficients: Any = interpolate.CubicSpline(knots, points, bc_type="natural").c.T.tolist()
 
         def curve(t: float) -> tuple[complex, complex]:
             piece = min(bisect_right(knots, t), len(knots) - 1) - 1
@@ -166,6 +162,43 @@ class Spline(Path):
             return ((a * u + b) * u + c) * u + d, (3.0 * a * u + 2.0 * b) * u + c
 
         return _fitted(self, curve, knots)
+
+
+def smoothed(knots: Sequence[float], points: Any, distance: float) -> Any:
+    """Return waypoints x + iy, (N,), moved by a root mean square distance in x and in y [m].
+
+    A natural cubic spline through them has the smallest integral of squared second derivatives
+    (Reinsch 1967); where the distance is beyond that of the straight line that fits best, they are
+    on this line.
+    """
+    from scipy import linalg, optimize
+
+    steps = np.diff(knots) / knots[-1]
+    left, right = 1.0 / steps[:-1], 1.0 / steps[1:]
+    middle = -(left + right)
+    bends = np.diff(np.diff(points) / steps)
+    spline, squares = np.zeros((2, 3, len(bends)))  # three diagonals, the main one last
+    spline[2], spline[1, 1:] = (steps[:-1] + steps[1:]) / 3.0, steps[1:-1] / 6.0
+    squares[2] = left**2 + middle**2 + right**2
+    squares[1, 1:] = middle[:-1] * left[1:] + right[:-1] * middle[1:]
+    squares[0, 2:] = right[:-2] * left[2:]
+
+    def moves(log_weight: float) -> Any:
+        weight = math.exp(log_weight)
+        second = linalg.solveh_banded(spline + weight * squares, weight * bends)
+        moved = np.zeros_like(points)
+        for k, factor in enumerate((left, middle, right)):
+            moved[k : k + len(second)] += factor * second
+        return moved
+
+    def excess(log_weight: float) -> float:
+        return float(np.linalg.norm(moves(log_weight))) / math.sqrt(2 * len(points)) - distance
+
+    if excess(WEIGHTS[0]) >= 0.0:
+        return points
+    if excess(WEIGHTS[1]) <= 0.0:
+        return points - moves(WEIGHTS[1])
+    return points - moves(float(optimize.brentq(excess, *WEIGHTS, xtol=1e-9)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -235,11 +268,8 @@ def _fitted(path: Path, curve: Curve, knots: Sequence[float]) -> Arcs:
 
 def check_points(path: "Spline | Polyline") -> None:
     """Turn points into tuples; raise a ParameterError unless they can be waypoints of a path."""
-    source = cast("object", path.points)
-    rows = source.tolist() if isinstance(source, np.ndarray) else source
-    points: Any = (
-        tuple(map(tuple_of, cast("list[Any]", rows))) if isinstance(rows, list | tuple) else ()
-    )
+    points: Any = _plain(path.points)
+    points = points if isinstance(points, tuple) else ()
     object.__setattr__(path, "points", points)
     accepted = (
         f"2 to {MAX_POINTS} points (x, y) of finite numbers up to {MAX_COORDINATE:g} m, "
@@ -248,6 +278,13 @@ def check_points(path: "Spline | Polyline") -> None:
     require(2 <= len(points) <= MAX_POINTS, path, "points", accepted)
     if fault := fault_in(points, lambda k: f"point {k}"):
         raise ParameterError(f"{type(path).__name__}.points must be {accepted}: {fault}")
+
+
+def _plain(value: Any) -> Any:
+    """Return points as tuples of Python's numbers: they may be lists, arrays, NumPy's numbers."""
+    rows = value.tolist() if isinstance(value, np.ndarray) else value
+    several = isinstance(rows, list | tuple)
+    return tuple(map(_plain, cast("list[Any]", rows))) if several else builtin(rows)
 
 
 def fault_in(points: Sequence[Any], label: Callable[[int], str]) -> str | None:
@@ -302,12 +339,12 @@ PATHS: Mapping[str, Path] = MappingProxyType(
 """Paths by name."""
 
 
-def find_path(path: Path | str) -> Path:
+def find_path(path: Path | FilePath) -> Path:
     """Return a path given as itself, by its name in ``PATHS``, or as a file for ``read_path``.
 
     If there is none, it raises a ParameterError that lists the names.
     """
-    chosen: Any = path
+    chosen = builtin(path)
     if isinstance(chosen, Path):
         return chosen
     if isinstance(chosen, str) and chosen.endswith(".csv"):

@@ -3,11 +3,15 @@
 from types import MappingProxyType
 from typing import Any
 
-from pter_gym._internal.checks import is_finite
+from pter_gym._internal.checks import builtin, is_finite
 from pter_gym.errors import ParameterError, unknown_name
 
 PACES = MappingProxyType({"slow": 0.12, "medium": 0.25, "brisk": 0.5})
 """Commanded mean speeds along the path [m/s] at which each scenario is scored."""
+
+
+SLOWEST = 0.001
+"""Slowest commanded pace [m/s]: 1 m takes 17 min."""
 
 
 def find_pace(pace: float | str, field: str = "pace") -> float:
@@ -18,18 +22,17 @@ def find_pace(pace: float | str, field: str = "pace") -> float:
     ParameterError
         If there is no such pace; the message names the field and suggests the nearest name.
     """
-    speed: Any = pace
+    speed: Any = builtin(pace)
     if isinstance(pace, str):
         if pace in PACES:
             return PACES[pace]
         try:
             speed = float(pace)
         except ValueError:
-            raise unknown_name(field, pace, (*PACES, "a speed > 0 m/s")) from None
-    if not is_finite(speed) or speed <= 0.0:
-        raise ParameterError(
-            f"{field} must be one of {', '.join(PACES)}, or a speed > 0 m/s, got {pace!r}"
-        )
+            raise unknown_name(field, pace, (*PACES, f"a speed ≥ {SLOWEST:g} m/s")) from None
+    if not is_finite(speed) or speed < SLOWEST:
+        accepted = f"{', '.join(PACES)}, or a speed ≥ {SLOWEST:g} m/s"
+        raise ParameterError(f"{field} must be one of {accepted}, got {pace!r}")
     return float(speed)
 
 

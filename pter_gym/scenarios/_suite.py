@@ -9,6 +9,7 @@ id, its stored episodes and their strata follow from these. This module imports 
 """
 
 import hashlib
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import PurePath
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pter_gym.errors import ParameterError, unknown_name
 
 if TYPE_CHECKING:
+    from pter_gym._internal.files import FilePath
     from pter_gym.params import Machine
     from pter_gym.paths import Path
     from pter_gym.scenarios.distributions import Draws
@@ -58,7 +60,7 @@ class Scenario:
 
     @property
     def whose_gains(self) -> str:
-        """The name under which control laws have gains."""
+        """Name of the scenario whose gains control laws use."""
         return self.gains or self.name
 
     @property
@@ -89,8 +91,8 @@ class Scenario:
 
 def find_scenario(
     scenario: "str | Scenario | Draws | PathFollowing",
-    machine: "Machine | str | None" = None,
-    path: "Path | str | None" = None,
+    machine: "Machine | FilePath | None" = None,
+    path: "Path | FilePath | None" = None,
 ) -> Scenario:
     """Return a scenario by its name.
 
@@ -130,14 +132,18 @@ def find_scenario(
 
 
 def gains_for(tasks: "Iterable[PathFollowing]") -> str:
-    """Return the name of the scenario whose gains suit tasks of one's own."""
+    """Return the name of the scenario whose gains suit a user's tasks."""
     from pter_gym.hands import MultiSineHand
     from pter_gym.tasks.path_following import PathFollowing
 
     kinds = {(isinstance(task.hand, MultiSineHand), task.path) for task in tasks}
-    if not all(pushes for pushes, _ in kinds):
-        return "everything"
-    return "standard" if all(path == PathFollowing.path for _, path in kinds) else "paths"
+    pushes, on_the_line = (
+        all(pushes for pushes, _ in kinds),
+        all(path == PathFollowing.path for _, path in kinds),
+    )
+    if on_the_line:
+        return "standard" if pushes else "hands"
+    return "paths" if pushes else "everything"
 
 
 def _find(scenario: Any) -> Scenario:
@@ -161,14 +167,15 @@ def _find(scenario: Any) -> Scenario:
     return Scenario(name, 0, "A task of your own.", episodes=200, own=draws, gains=gains)
 
 
-def _on_path(scenario: Scenario, source: "Path | str") -> Scenario:
+def _on_path(scenario: Scenario, source: "Path | FilePath") -> Scenario:
     """Return a scenario with one path for all episodes."""
     from pter_gym.paths import find_path
     from pter_gym.scenarios.distributions import Vary
     from pter_gym.tasks.path_following._specification import check_machine, largest_error_max
 
     path = find_path(source)
-    title = PurePath(source).stem if isinstance(source, str) else type(path).__name__.lower()
+    is_name = isinstance(source, str | os.PathLike)
+    title = PurePath(source).stem if is_name else type(path).__name__.lower()
 
     def changed(draws: "Draws") -> "Draws":
         base, fields = draws.varied_task.base, dict(draws.varied_task.fields)

@@ -232,7 +232,7 @@ class Draws(Checked):
         return self.task if isinstance(self.task, Vary) else Vary(self.task)
 
     def map_parts(self, change: "Callable[[Draws], Draws]") -> "Draws":
-        """Return changed draws, with the same change to those that are mixed in."""
+        """Return these draws and those mixed in, each changed by a function."""
         return replace(change(self), also=tuple(map(change, self.also)))
 
     def with_task(self, **values: Any) -> "Draws":

@@ -1,1 +1,1 @@
-"""Tools built on the simulator: each folder is one, imports the core and no other tool, and may be deleted."""
+"""Tools built on the simulator, one per folder: each imports the core only, and may be deleted."""

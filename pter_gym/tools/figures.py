@@ -203,7 +203,7 @@ def _spread(box: Any) -> Array:
 
 
 def _room(places: Array, half: Array, *points: Array) -> Array:
-    """Return how far boxes at places stay from points [px]."""
+    """Return the distances of boxes, at their places, from points [px]."""
     near = [np.max(np.abs(places[:, None] - line) - half, axis=2).min(axis=1) for line in points]
     return np.min([np.full(len(places), np.inf), *near], axis=0)
 

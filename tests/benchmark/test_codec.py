@@ -25,7 +25,7 @@ from pter_gym.params import (
     Machine,
     TorqueCurve,
 )
-from pter_gym.tasks._stored import codec
+from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.tasks.path_following import _specification as specification
 

@@ -6,10 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
-from pter_gym.benchmark import examine, find_policy, run_scenario
+import pter_gym
+from pter_gym._commands.main import main
+from pter_gym.benchmark import ResultsFolder, examine, find_policy, run_scenario
 from pter_gym.benchmark.tuned import damping_table
 from pter_gym.controllers import CONTROLLERS, Free, Impedance, Locked, PaceSchedule
 from pter_gym.errors import ParameterError
@@ -177,3 +180,38 @@ print(*sorted(set(sys.modules) - before))
     }
     assert ours == {"_from_sb3", "policies", "tuned"}
     assert not {"scipy", "rich"} & set(found)
+
+
+PLAIN = "import numpy as np\n\ndef law(obs):\n    return np.full((len(obs), 4), {volts})\n"
+
+
+@pytest.mark.parametrize("door", ["file", "module", "a file beside it", "load_policy", "benchmark"])
+def test_code_that_has_changed_is_read_again_at_every_door(
+    door: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Twice within a second, and of the same length, which Python's bytecode cannot tell apart."""
+    monkeypatch.chdir(tmp_path)
+    stem = f"mine_{door.replace(' ', '_')}"
+    file = tmp_path / f"{stem}.py"
+    edited, name = file, f"{file}:law"
+    if door == "module":
+        name = f"{stem}:law"
+    elif door == "a file beside it":
+        edited = tmp_path / "helper_of_mine.py"
+        file.write_text("from helper_of_mine import law\n")
+    env: Any = gymnasium.make("PTER/PathFollowing-v0")
+    observation, _ = env.reset(seed=0)
+    found = []
+    for volts in ("1.0", "2.0", "2.0"):
+        edited.write_text(PLAIN.format(volts=volts))
+        if door == "load_policy":
+            found.append(pter_gym.load_policy(name, env)(observation)[0])
+        elif door == "benchmark":
+            out = ["--out", str(tmp_path), "--no-film", "--paces", "brisk", "--episodes", "1"]
+            assert main(["benchmark", "--policies", name, *out]) == 0
+            (run,) = ResultsFolder(tmp_path).runs()
+            found.append(24.0 * run.scores["effort"][0])
+        else:
+            act: Any = find_policy(name)
+            found.append(act(observation[None])[0, 0])
+    assert found[1] == found[2] != found[0]

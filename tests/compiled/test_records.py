@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pter_gym._compiled.compiler import device
-from pter_gym._compiled.generated import compile_source
 from pter_gym._compiled.layout import Field
 from pter_gym._compiled.records import (
     Entry,
@@ -25,6 +24,7 @@ from pter_gym._compiled.records import (
     width,
     write,
 )
+from pter_gym._compiled.source import compile_source
 from pter_gym.errors import ParameterError
 
 DETERMINISTIC = settings(derandomize=True, deadline=None, database=None, max_examples=100)

@@ -29,8 +29,8 @@ def test_the_error_counts_from_the_edge_of_the_band(offset: float, beyond: float
 def test_telemetry_observation_and_reward_count_from_the_band():
     """The hand alone carries the tip out of the band; within it every step pays as on the path."""
     line, task = Line(), PathFollowing(free_left=0.01, free_right=0.02)
-    rows = record_episode(Free(), BASELINE, task, 0, 60).telemetry
-    plain = record_episode(Free(), BASELINE, PathFollowing(), 0, 60).telemetry
+    rows = record_episode(Free(), BASELINE, task, 0).telemetry
+    plain = record_episode(Free(), BASELINE, PathFollowing(), 0).telemetry
     count = min(len(rows), len(plain))
     tips, (x, y), heading = rows[:, [*COLUMN.tip]], line.point(0.0), line.heading(0.0)
     offset = (tips[:, 1] - y) * math.cos(heading) - (tips[:, 0] - x) * math.sin(heading)

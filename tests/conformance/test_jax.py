@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ActionError, ParameterError
 from pter_gym.paths import Sine
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -225,3 +225,65 @@ def test_a_state_is_a_tree_of_two_arrays() -> None:
     assert env.observation_space(params).contains(np.asarray(obs))
     assert env.action_space(params).shape == (env.num_actions,)
     assert obs.shape == (len(env.observation_layout),)
+
+
+# --- what is refused where it is traced ---
+
+
+@pytest.mark.parametrize("seed", [1.7, True, -1, 2**32, [1, 2, 3], np.float32(1.0)])
+def test_a_seed_that_is_no_whole_number_is_refused(seed: Any) -> None:
+    env, _ = make()
+    with pytest.raises(ParameterError, match="seed"):
+        env.reset_to_seed(seed)
+    with pytest.raises(ParameterError, match="seed"):
+        jax.jit(env.reset_to_seed)(jnp.asarray(1.7))
+
+
+@pytest.mark.parametrize(
+    "action", [0.5, np.zeros(3), np.zeros((2, 4)), np.ones(4, bool), np.ones(4, complex), "volts"]
+)
+def test_an_action_of_another_shape_or_type_is_refused(action: Any) -> None:
+    env, _ = make()
+    _, state = env.reset(jax.random.key(0))
+    with pytest.raises(ActionError, match="action"):
+        env.step(None, state, action)
+
+
+def test_states_and_params_of_other_environments_are_refused() -> None:
+    env, _ = make("PTER/Standard-v0")
+    other, params = make("PTER/Everything-v0", sensors="force")
+    _, state = env.reset(jax.random.key(0))
+    with pytest.raises(ParameterError, match="state must be"):
+        env.step(None, other.reset(jax.random.key(0))[1], jnp.zeros(4))
+    with pytest.raises(ParameterError, match="state must be"):
+        env.step(None, jax.tree.map(lambda part: jnp.stack([part, part]), state), jnp.zeros(4))
+    with pytest.raises(ParameterError, match="params must be"):
+        env.step(None, state, jnp.zeros(4), params)
+
+
+def test_damaged_worlds_return_nan_and_change_no_other() -> None:
+    env, params = make("PTER/Standard-v0")
+    _, state = env.reset(jax.random.key(0))
+    rng, n = np.random.default_rng(0), 70
+    worlds = np.repeat(np.asarray(state.world)[None], n, 0)
+    bad = np.arange(n) % 7 == 3
+    worlds[bad] = rng.integers(0, 2**32, (int(bad.sum()), worlds.shape[1]), np.uint32)
+    worlds[3] = 0  # never reset
+    states = EnvState(jnp.asarray(worlds), jnp.repeat(state.episode[None], n, 0))
+    obs, after, rewards, ended, *_ = jax.vmap(env.step, in_axes=(None, 0, None))(
+        None, states, jnp.zeros(4)
+    )
+    expected = env.step(None, state, jnp.zeros(4))
+    assert np.isnan(obs[bad]).all()
+    assert np.isnan(rewards[bad]).all()
+    assert not ended[bad].any()
+    np.testing.assert_array_equal(after.world[bad], worlds[bad])
+    np.testing.assert_array_equal(obs[~bad], np.repeat(expected[0][None], (~bad).sum(), 0))
+
+
+def test_a_world_that_draws_from_other_constants_returns_nan() -> None:
+    env, _ = make("PTER/Standard-v0", contexts=8)
+    _, fewer = make("PTER/Standard-v0", contexts=2)
+    _, state = env.reset_to_seed(3)
+    assert np.isnan(env.step(None, state, jnp.zeros(4), fewer)[0]).all()
+    assert np.isnan(env.reset_to_seed(3, fewer)[0]).all()

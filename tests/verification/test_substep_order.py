@@ -4,6 +4,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 ORDERS = {
     "drift and kick": "((DRIFT, WHOLE), (KICK, WHOLE))",
     "kick and drift": "((KICK, WHOLE), (DRIFT, WHOLE))",
@@ -24,6 +26,7 @@ sys.modules[spec.name] = order
 CHECK = """
 import numpy as np
 from pter_gym._compiled.records import store
+from pter_gym._engine.batch import Batch
 from pter_gym._physics.arm import Load
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of, initial_state, simulate
@@ -31,6 +34,7 @@ from pter_gym._physics.step import paper_clutches
 from pter_gym.gradients import rollout
 from pter_gym.gradients._tangent import substep_tangents
 from pter_gym.params import BASELINE
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
 rng = np.random.default_rng(0)
 volts, force = rng.uniform(0.0, 6.0, (4, 4)), rng.uniform(-20.0, 20.0, (4, 1, 2))
@@ -59,7 +63,14 @@ last[-1, 0] = 1.0
 wanted = run.gradient(theta=last).state.omega[1]
 print(abs(dot[BODY.motion.theta_a, 0] / wanted - 1.0))
 print(run.theta[-1, 0].hex())
+
+batch = Batch(BASELINE, PathFollowing(), 1)
+batch.reset([0])
+print(batch.step(np.full((1, 4), 1.0)).telemetry[0, 0, COLUMN.energy.hand_work])
 """
+
+HAND_WORK = 0.148
+"""Work of the hand in the first control step with the shipped order [J]."""
 
 
 def test_another_order_is_one_edit():
@@ -69,9 +80,10 @@ def test_another_order_is_one_edit():
     for order in ORDERS.values():
         done = subprocess.run([sys.executable, "-c", EDIT + CHECK, order], check=False, **quiet)
         assert done.returncode == 0, done.stderr
-        motion, adjoint, tangent, end = done.stdout.split()
+        motion, adjoint, tangent, end, hand_work = done.stdout.split()
         assert float(motion) == 0.0
         assert float(adjoint) < 1e-6
         assert float(tangent) < 1e-9
+        assert float(hand_work) == pytest.approx(HAND_WORK, rel=0.02)
         ends.add(end)
     assert len(ends) == len(ORDERS)

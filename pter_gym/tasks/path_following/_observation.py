@@ -37,7 +37,7 @@ def largest_voltage(machine: Machine) -> float:
 
 
 class EncoderEntries(NamedTuple):
-    """What encoders on the joints tell, and what is known without sensors."""
+    """Entries from joint encoders, and those that need no sensor."""
 
     cos_a: Annotated[float, Entry("1", "cosine of link A's angle")]
     sin_a: Annotated[float, Entry("1", "sine of link A's angle")]
@@ -65,13 +65,13 @@ class EncoderEntries(NamedTuple):
 
 
 class TorqueEntries(NamedTuple):
-    """What torque sensors on the clutches tell."""
+    """Entries from torque sensors on the clutches."""
 
     torque: Annotated[PerClutch, Entry("N·m", "generated torque", TORQUE_SCALE)]
 
 
 class ForceEntries(NamedTuple):
-    """What a force sensor at the handle tells."""
+    """Entries from a force sensor at the handle."""
 
     force: Annotated[PathVector, Entry("N", "the hand's force", FORCE_SCALE)]
 
@@ -132,7 +132,7 @@ class Reading(NamedTuple):
 
 
 class Measurement(NamedTuple):
-    """What an observation tells of arm and hand: how the arm moves, and the tip's projection."""
+    """What sensors measure: the arm's motion, the tip's projection, torques and force."""
 
     motion: Motion
     foot: Foot
@@ -144,7 +144,7 @@ class Measurement(NamedTuple):
 def measurement_of(
     reading: Reading, arm: Linkage, arcs: Any, first: int, count: int, segment: int
 ) -> Measurement:
-    """Return what a reading tells, for the chain of ``count`` arcs that begins at ``first``.
+    """Return the measurement of a reading, for the chain of ``count`` arcs from ``first`` on.
 
     ``segment`` is the arc at which the search for the tip's projection begins.
     """

@@ -1,7 +1,7 @@
-"""The rules of path following as pure functions: where am I, what is it worth, is it over.
+"""The rules of path following as pure functions: position on the path, reward, end of episodes.
 
-What is seen is in ``_observation``. The engine loads a world's numbers, calls these functions and
-stores what they return; gradients and the browser's module use the same ones.
+The observation is in ``_observation``. The engine loads a world's numbers, calls these functions
+and stores what they return; gradients and the browser's module use the same ones.
 """
 
 import math

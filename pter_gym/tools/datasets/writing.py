@@ -1,7 +1,8 @@
 """Recorded episodes as a data set in Minari's format."""
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,8 @@ from typing import Any
 import gymnasium
 
 from pter_gym._internal.files import FilePath, find_path
+from pter_gym._internal.locks import lock_beside, locked
+from pter_gym._internal.terminal import make_folder
 from pter_gym._version import __version__
 from pter_gym.benchmark.intervals import mean_interval
 from pter_gym.errors import StorageError, needs_extra
@@ -85,29 +88,45 @@ def write_dataset(
         "num_episodes_average_score": REFERENCE_EPISODES,
         "summary": summary_of(episodes),
     }
-    work = target.with_name(
-        f".{target.name}"
-    ).absolute()  # Minari loses its files where a path is relative
+    target = target.absolute()  # Minari loses its files where a path is relative
     fields = RecordedEpisode._fields[:-2]  # Minari's, without what only the summary needs
-    try:
-        shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
-        (work / "new").mkdir(parents=True)
-        storage = MinariStorage.new(
-            work / "new" / "data", env.observation_space, env.action_space, env.spec
-        )
+    make_folder(target.parent)
+    with locked(lock_beside(target)), replaced(target) as new:
+        storage = MinariStorage.new(new / "data", env.observation_space, env.action_space, env.spec)
         storage.update_metadata(metadata)
         buffers = (dict(zip(fields, episode, strict=False)) for episode in episodes)
         storage.update_episodes(minari.data_collector.EpisodeBuffer(**each) for each in buffers)
-        if target.exists():
-            target.rename(work / "old")
-        (work / "new").rename(target)
+    return target
+
+
+@contextmanager
+def replaced(folder: Path) -> Generator[Path]:
+    """Lend a new folder that takes a folder's place when it is whole; one process at a time.
+
+    Raises a StorageError if it cannot be written; the old one is left unchanged. If the process is
+    killed while they change places, the old one is there again at the next call.
+    """
+    work = folder.with_name(f".{folder.name}")
+    old, new = work / "old", work / "new"
+
+    def tidy() -> None:
+        if old.exists() and not folder.exists():
+            old.rename(folder)
+        shutil.rmtree(work, ignore_errors=True)
+
+    try:
+        tidy()  # after a process that was killed
+        new.mkdir(parents=True)
+        yield new
+        if folder.exists():
+            folder.rename(old)
+        new.rename(folder)
     except OSError as error:
         raise StorageError(
-            f"data set {str(target)!r} cannot be written: {error.strerror or error}"
+            f"data set {str(folder)!r} cannot be written: {error.strerror or error}"
         ) from error
     finally:
-        shutil.rmtree(work, ignore_errors=True)
-    return target
+        tidy()
 
 
 def summary_of(episodes: Sequence[RecordedEpisode]) -> dict[str, Any]:

@@ -236,7 +236,7 @@ def guiding_regions(gains: Any, first: int) -> Iterator[Region]:
 
 
 def rounded(policy: TrainedPolicy) -> tuple[TrainedPolicy, tuple[float, ...]]:
-    """Return a policy with weights of 8 bits, and the step of each layer."""
+    """Return a policy with 8-bit weights, and the quantisation step of each layer."""
     steps = tuple(step_of(weight) for weight, _ in policy.layers)
     layers = tuple(
         (np.float32(np.round(weight / np.float64(step)) * step), bias)

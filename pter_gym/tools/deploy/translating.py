@@ -406,7 +406,7 @@ class _Body:
         return False
 
     def _give_back(self, value: Any) -> None:
-        """Return a value; one that is known is told to the caller, not returned by C."""
+        """Return a value; a known one goes to the caller of the translator, not through C."""
         made = self.made
         if value is None or (is_known(value) and self.depth == 1 and made.returns is None):
             made.value = value
@@ -494,7 +494,7 @@ class _Body:
         return Expression(kind, called, shift=shift)
 
     def _unknown(self, statements: Sequence[ast.stmt]) -> None:
-        """Make variables of C of what is known now and may be changed by statements."""
+        """Spill constants that the statements may assign to C variables."""
         for node in (inner for each in statements for inner in ast.walk(each)):
             if (
                 isinstance(node, ast.Name)
@@ -625,7 +625,7 @@ class _Body:
         )
 
     def _operation(self, op: ast.AST, left: Any, right: Any) -> Any:
-        """Return what an operator makes of two values."""
+        """Apply an operator to two values."""
         sign, level, function = OPERATORS.get(type(op), ("", 0, operator.is_))
         if level and is_known((left, right)):
             return function(left, right)
@@ -665,7 +665,7 @@ class _Body:
         return Expression("bool", f" {sign} ".join(texts), level)
 
     def _choice(self, condition: Any, a: Any, b: Any) -> Any:
-        """Return one value or another, as the running program finds a condition."""
+        """Return a value that the C program selects by a condition."""
         if type(a) is type(b) is tuple:
             return tuple(self._choice(condition, *pair) for pair in zip(a, b, strict=True))
         kind = "real" if kind_of(b) == "real" else kind_of(a)
@@ -783,7 +783,7 @@ class _Body:
         return self._variable("record", value) if computed else value
 
     def _entrywise(self, function: Any, arguments: list[Any]) -> Any:
-        """Return what a scalar function makes of each entry of records."""
+        """Apply a scalar function to each entry of records."""
         closure = inspect.getclosurevars(function).nonlocals
         wholes = [
             varies and is_record(each)

@@ -30,7 +30,7 @@ def device(
         pace: Commanded pace.
         trials: Gains to try for each law.
         episodes: Fresh episodes of each scenario, at most as many as it has stored ones.
-        train: Train a policy by PPO for the machine, too, and score it beside the laws. Needs the
+        train: Also train a policy by PPO for the machine, and compare it with the laws. Needs the
             extra agents.
         out: Folder for the results, created if necessary.
     """

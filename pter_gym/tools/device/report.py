@@ -11,6 +11,7 @@ from typing import Any, cast
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.plugins import PICTURES, registered
+from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.terminal import make_folder
 from pter_gym._version import __version__
 from pter_gym.benchmark import find_policy
@@ -150,11 +151,11 @@ def examine_device(
     rendering = measure_rendering(own, tuned["wall"], pace)
     report = DeviceReport(name, pace, rendering, gains, leaderboards(runs))
     on_progress("drawing")
-    pictures = _draw(report, own, tuned, folder)
-    write_text_atomic(
-        folder / "device.json", json.dumps(report.as_json(), indent=2, allow_nan=False) + "\n"
-    )
-    write_text_atomic(folder / "index.html", page(report, pictures))
+    content = json.dumps(report.as_json(), indent=2, allow_nan=False) + "\n"
+    with locked(folder / LOCK):
+        pictures = _draw(report, own, tuned, folder)
+        write_text_atomic(folder / "device.json", content)
+        write_text_atomic(folder / "index.html", page(report, pictures))
     return report
 
 

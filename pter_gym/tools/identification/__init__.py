@@ -9,13 +9,6 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 if TYPE_CHECKING:
-    from pter_gym.tools.identification.experiment import (
-        EXPERIMENT,
-        RECORDER,
-        Experiment,
-        Recorder,
-        record_log,
-    )
     from pter_gym.tools.identification.identifying import (
         Finding,
         Identification,
@@ -26,27 +19,21 @@ if TYPE_CHECKING:
     from pter_gym.tools.identification.parameters import Quantity, quantities
 
 __all__ = [
-    "EXPERIMENT",
-    "RECORDER",
-    "Experiment",
     "Finding",
     "Identification",
     "Log",
     "Quantity",
-    "Recorder",
     "identify",
     "join_logs",
     "origins_of",
     "quantities",
     "read_log",
-    "record_log",
     "write_log",
 ]
 
 __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
     __name__,
     submod_attrs={
-        "experiment": ["EXPERIMENT", "RECORDER", "Experiment", "Recorder", "record_log"],
         "identifying": ["Finding", "Identification", "identify", "origins_of"],
         "log": ["Log", "join_logs", "read_log", "write_log"],
         "parameters": ["Quantity", "quantities"],

@@ -42,6 +42,12 @@ KNEES = (0.3, 0.45, 0.6, 0.7, 0.8, 0.88)
 MIN_ROWS = 50
 """Fewest rows for a regression."""
 
+RIDGE = 1e-10
+"""What keeps normal equations positive definite, over their diagonal."""
+
+NEGLIGIBLE = 1e-3
+"""Share of the load below which a term counts as none."""
+
 EVERY = 0.006
 """Time between the rows that are used [s]."""
 
@@ -66,7 +72,7 @@ class Balance:
 
 
 def first_estimate(log: Log, motion: Smoothed, shape: Shape) -> Array:
-    """Return coordinates near those of the machine, or those of the start where the log does not suffice."""
+    """Return coordinates near the machine, or of the start where the log does not suffice."""
     p, best = shape.coordinates(shape.start), balance(log, motion, shape)
     if best is None:
         return p
@@ -77,10 +83,11 @@ def first_estimate(log: Log, motion: Smoothed, shape: Shape) -> Array:
         best.found[7:11],
         best.found[11],
     )
+    for link in np.flatnonzero(inertias[:2] > 0.0):
+        p[link] = np.log(inertias[link])
+        p[[at.DRY[link], at.VISCOUS[link]]] = friction[[link, link + 2]] / inertias[link]
     if min(inertias[:2]) > 0.0:
-        p[[at.INERTIA_A, at.INERTIA_B]] = np.log(inertias[:2])
         p[at.COUPLING] = np.clip(inertias[2] / np.sqrt(inertias[0] * inertias[1]), -0.8, 0.8)
-        p[[*at.DRY, *at.VISCOUS]] = friction / inertias[[0, 1, 0, 1]]
     for place, slope in zip(at.SLOPES, slopes, strict=True):
         if slope > 0.0:
             p[place] = np.log(slope)
@@ -95,7 +102,7 @@ def first_estimate(log: Log, motion: Smoothed, shape: Shape) -> Array:
 def balance(
     log: Log, motion: Smoothed, shape: Shape, grid: Sequence[Grid] = FULL
 ) -> Balance | None:
-    """Return the best regression over a grid, without negative inertias, torques or friction; None for too few rows."""
+    """Return the best regression over a grid, None for too few rows."""
     rows = _slipping_rows(log, motion, shape.start)
     if len(rows) < MIN_ROWS:
         return None
@@ -120,11 +127,13 @@ def balance(
         table = np.column_stack([*inertial, *axes, *slopes, _both(above @ w)])
         size = np.linalg.norm(table, axis=0) + 1e-12
         signed = [2, table.shape[1] - 1]  # coupling and curvature may be negative
-        triangle: Array = _LINEAR.qr(
-            np.column_stack([table / size, -table[:, signed] / size[signed], load]), mode="r"
-        )
+        columns = np.column_stack([table / size, -table[:, signed] / size[signed], load])
+        normal = columns.T @ columns
+        ridge = RIDGE * np.diag(np.diag(normal) + 1e-300)
+        triangle: Array = _LINEAR.cholesky(normal + ridge).T  # far shorter than the columns
         positive, left = _OPTIMIZE.nnls(triangle[:, :-1], triangle[:, -1])
         positive[signed] -= positive[len(size) :]
+        positive[np.abs(positive) < NEGLIGIBLE * np.linalg.norm(load)] = 0.0
         share_left = float(left / max(np.linalg.norm(load), 1e-300)) ** 2
         if best is None or share_left < best.left:
             best = Balance(share_left, positive[: len(size)] / size, (time_constant, delay, share))
@@ -155,7 +164,7 @@ def _both(values: Array) -> Array:
 def _inertial(
     log: Log, motion: Smoothed, shape: Shape, rows: NDArray[np.int64]
 ) -> tuple[list[Array], Array]:
-    """Return the columns of the inertias and of the coupling, and the load that all columns together carry [N·m]."""
+    """Return the columns of inertias and coupling, and the load that all columns carry [N·m]."""
     theta, omega, alpha = motion.theta[rows], motion.omega[rows], motion.alpha[rows]
     arm, q = model_of(shape.start).arm._replace(coupling=1.0), motion_of(theta, omega)
     cos: Any = cos_difference(q)

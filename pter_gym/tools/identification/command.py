@@ -12,8 +12,10 @@ from pter_gym._internal.terminal import make_folder, progress_bar, say, terminal
 from pter_gym.errors import ParameterError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from pter_gym.params import Machine
-    from pter_gym.tools.identification import Identification
+    from pter_gym.tools.identification import Finding, Log
 
 MACHINE = "baseline"
 
@@ -26,41 +28,68 @@ def identify(
     columns: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=COLUMN …")] = (),
     degrees: bool = False,
     relative_b: bool = False,
+    clutch: bool = False,
     out: Path = Path("pter-identified"),
 ) -> None:
     """Identify a real machine from logs.
 
-    Says whether the simulator's model explains them, estimates inertias, friction, torque curves,
-    lag and delay with 95 % intervals, and lists what they don't determine. Writes machine.toml,
-    which other commands take as --machine, and identified.png. docs/identify.md says what to record.
+    Grades how well the simulator's model describes them, estimates inertias, friction, torque
+    curves, lag and delay with 95 % intervals, and lists what they don't determine. Writes
+    machine.toml, which other commands take as --machine, and identified.png. docs/identify.md says
+    what to record.
 
     Example: pter identify log.csv --lengths 0.5645,0.4454 --out mine
 
     Args:
-        logs: Tables with t_s, V1 to V4, theta_A, theta_B, F_x and F_y; several are joined. machine:
-        Machine to start from; parameters that the log doesn't determine keep its values. lengths:
-        Measured lengths of links A and B [m]; by default those of the machine to start from.
+        logs: Tables with t_s, V1 to V4, theta_A, theta_B, F_x and F_y; several are joined.
+        machine: Machine to start from; parameters that the log doesn't determine keep its values.
+        lengths: Measured lengths of links A and B [m]; by default those of the machine to start
+            from.
         voltage_max: Largest voltage of the clutches [V]; by default that of the machine to start
-        from. columns: Names of these columns in the files where they differ, such as
-        theta_A=thetaA. degrees: Whether angles are in degrees. relative_b: Whether theta_B is
-        measured from link A instead of the x axis. out: Folder for the results, created if
-        necessary.
+            from.
+        columns: Names of these columns in the files where they differ, such as theta_A=thetaA.
+        degrees: Whether angles are in degrees.
+        relative_b: Whether theta_B is measured from link A instead of the x axis.
+        clutch: Whether the log is of one clutch or brake on a bench, with t_s, V, omega and torque;
+            prints an entry for the library of actuators.
+        out: Folder for the results, created if necessary.
     """
-    from pter_gym._internal.files import write_files_atomic
-    from pter_gym.params._files import format_machine
-    from pter_gym.tools.figures import png
-    from pter_gym.tools.identification import identify as search
-    from pter_gym.tools.identification import join_logs, origins_of, read_log
-    from pter_gym.tools.identification.identifying import ASSUMED
-    from pter_gym.tools.identification.picture import picture
+    from pter_gym.tools.identification import join_logs, read_log
 
-    start = read_start(machine, lengths, voltage_max)
-    names = read_names(columns)
+    start, names = read_start(machine, lengths, voltage_max), read_names(columns)
+    if clutch:
+        show_bench(logs, names, start)
+        return
     log = join_logs(
         [read_log(path, columns=names, degrees=degrees, relative_b=relative_b) for path in logs]
     )
     for remark in log.remarks:
         say(remark)
+    show_machine(log, start, out)
+
+
+def show_bench(logs: tuple[Path, ...], names: dict[str, str], start: "Machine") -> None:
+    """Print the numbers of one clutch on a bench, and an entry for the library of actuators."""
+    from pter_gym.tools.identification.bench import entry_of, identify_clutch, read_bench
+
+    if len(logs) != 1:
+        raise ParameterError(f"logs must be one file with --clutch, got {len(logs)}")
+    found = identify_clutch(read_bench(logs[0], names), start.clutch)
+    say(found.sentence)
+    terminal().print(findings_table(found.findings))
+    terminal().print(entry_of(found, logs[0].stem), markup=False, highlight=False)
+
+
+def show_machine(log: "Log", start: "Machine", out: Path) -> None:
+    """Identify a machine, print its numbers and write its files."""
+    from pter_gym._internal.files import write_files_atomic
+    from pter_gym.params._files import format_machine
+    from pter_gym.tools.figures import png
+    from pter_gym.tools.identification import identify as search
+    from pter_gym.tools.identification import origins_of
+    from pter_gym.tools.identification.identifying import ASSUMED
+    from pter_gym.tools.identification.picture import picture
+
     make_folder(out)
     with progress_bar() as progress:
         task = progress.add_task("identify", total=100)
@@ -72,7 +101,7 @@ def identify(
     write_files_atomic(out, {"machine.toml": text.encode(), "identified.png": png(picture(found))})
     for sentence in (found.verdict.sentence, *found.verdict.hints):
         say(sentence)
-    terminal().print(findings_table(found))
+    terminal().print(findings_table(found.findings))
     for finding in found.findings:
         if finding.reason:
             say(f"{finding.quantity.name} is kept: {finding.reason}")
@@ -89,12 +118,12 @@ def read_start(machine: str, lengths: str | None, voltage_max: float | None) -> 
 
     start = find_machine(machine)
     if lengths is not None:
-        given = numbers("lengths", lengths)
-        if len(given) != 2:
+        both = numbers("lengths", lengths)
+        if len(both) != 2:
             raise ParameterError(
                 f"lengths must be two numbers separated by a comma, got {lengths!r}"
             )
-        start = replace(start, arm=replace(start.arm, length_a=given[0], length_b=given[1]))
+        start = replace(start, arm=replace(start.arm, length_a=both[0], length_b=both[1]))
     if voltage_max is not None:
         start = replace(start, clutch=replace(start.clutch, voltage_max=voltage_max))
     return start
@@ -102,7 +131,7 @@ def read_start(machine: str, lengths: str | None, voltage_max: float | None) -> 
 
 def read_names(columns: tuple[str, ...]) -> dict[str, str]:
     """Return names of columns in the files, by their usual names."""
-    pairs = [each.partition("=") for each in columns]
+    pairs = [column.partition("=") for column in columns]
     if not all(name and column for name, _, column in pairs):
         raise ParameterError(
             f"columns must be pairs such as theta_A=thetaA, got {' '.join(columns)!r}"
@@ -110,7 +139,7 @@ def read_names(columns: tuple[str, ...]) -> dict[str, str]:
     return {name: column for name, _, column in pairs}
 
 
-def findings_table(found: "Identification") -> Table:
+def findings_table(findings: "Sequence[Finding]") -> Table:
     """Return a table of the numbers; it fits a terminal of 80 columns."""
     table = Table(
         box=None,
@@ -122,7 +151,7 @@ def findings_table(found: "Identification") -> Table:
     for header in ("value", "±", "unit"):
         table.add_column(header, justify="left" if header == "unit" else "right", no_wrap=True)
     table.add_column("state", no_wrap=True)
-    for finding in found.findings:
+    for finding in findings:
         q, half = finding.quantity, finding.half_width
         shown = f"{half:.2g}" if finding.status != "kept" and math.isfinite(half) else ""
         table.add_row(q.name, f"{q.value:.4g}", shown, q.unit, finding.status)

@@ -1,15 +1,14 @@
-"""What the residuals of a fit still tell: score tests, whose errors are derived from the noise of
-the log.
+"""What the residuals of a fit still tell: score tests.
 
 A test asks how much of a further change of the predicted angles the residuals contain, beyond what
-the free coordinates could do instead, and how much of it the noise of angles and forces and the
-model's step make by themselves. It takes no search. The changes are those of terms of the clutches
-that are not searched at first, and those of each coordinate in one part of the log only: a number
-that differs between parts is none of the machine's.
+the free coordinates could do instead. Its error is the larger of that by the noise of angles and
+forces and of that by a jackknife over windows: noise alone would make everything significant under
+a fine encoder. It takes no search. The changes are those of terms that are not searched at first,
+and those of each coordinate in one part of the log only: a number that differs between parts is
+none of the machine's.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +18,6 @@ from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.fit import SINGULAR, Fit, jackknife
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import COORDINATES
-from pter_gym.tools.identification.shooting import LogInputs
 from pter_gym.tools.identification.windows import ENGAGED, Smoothed, lagged, slip_rows
 
 Array = NDArray[np.float64]
@@ -28,9 +26,9 @@ Flags = NDArray[np.bool_]
 _LINEAR: Any = np.linalg
 
 SIGNIFICANT = 4.5
-"""Amount over its standard error from which it counts: among 200 tests, one in 700 logs without it is taken for one."""
+"""Amount over its standard error from which it counts: 200 tests mistake one log in 700."""
 
-SIZES = {at.OFF_STATE: (0.1,), at.STRIBECK: (0.01, 0.03, 0.1, 0.3), at.FALL_RATIO: (0.1,)}
+SIZES = {i: (0.01, 0.03, 0.1, 0.3) if i == at.STRIBECK else (0.1,) for i in at.TERMS}
 """Changes of the coordinates of terms that are tested: one where its size makes no difference."""
 
 MIN_WINDOWS = 8
@@ -38,11 +36,10 @@ MIN_WINDOWS = 8
 
 
 class Amount(NamedTuple):
-    """How much of a change residuals contain, and what the free coordinates do of it; errors by noise and jackknife."""
+    """How much of a change residuals contain, its error, and what the free coordinates do of it."""
 
     value: float
     error: float
-    jackknife: float
     along: Array
 
     @property
@@ -51,53 +48,28 @@ class Amount(NamedTuple):
         return self.value / self.error
 
 
-@dataclass
 class Evidence:
-    """Residuals of a fit, and what noise makes of them.
+    """The residuals of a fit as it is now, and what noise makes of them."""
 
-    Attributes
-    ----------
-    fit
-        As it is now.
-    finer
-        Inputs with a shorter substep: what they change is an error of the model.
-    """
-
-    fit: Fit
-    finer: LogInputs
-    _factors: Array = field(init=False)
-    _residual: Array = field(init=False)
-    _jacobian: Array = field(init=False)
-    _shaken: Array = field(init=False)
-    _stepped: Array = field(init=False)
-
-    def __post_init__(self) -> None:
+    def __init__(self, fit: Fit) -> None:
         """Weigh residuals and changes as the fit does."""
-        fit = self.fit
+        self._fit, self._factors = fit, fit.factors()
         self._residual, self._jacobian = fit.weighed()
-        self._factors = fit.factors()
-        self._shaken = np.stack(
-            [self._weighed(fit.change(fit.p, inputs)) for inputs in fit.windows.shaken]
-        )
-        self._stepped = self._weighed(fit.change(fit.p, self.finer))
+        inputs = (*fit.windows.shaken, fit.windows.finer)
+        changes = [self._weighed(fit.change(fit.p, other)) for other in inputs]
+        self._shaken, self._stepped = np.stack(changes[:-1]), changes[-1]
 
     def _weighed(self, change: Array) -> Array:
         return self._factors[:, None] * change
 
     def term(self, i: int, size: float) -> Amount:
         """Test a change of a coordinate that is not searched."""
-        p = self.fit.p.copy()
-        p[i] += size
-        return self._tested(self._weighed(self.fit.change(p)))
+        change = self._fit.change(self._fit.p + size * np.eye(at.COUNT)[i])
+        return self._tested(self._weighed(change))
 
-    def part(self, i: int, part: Flags) -> Amount:
-        """Test a change of ``fit.free[i]`` in a part of the windows only, shape (windows,), by the
-        larger error.
-
-        A lone breakaway, which is a matter of chance, then makes no difference.
-        """
-        found = self._tested(self._jacobian[:, :, i] * part[:, None])
-        return found._replace(error=max(found.error, found.jackknife))
+    def part(self, column: int, part: Flags) -> Amount:
+        """Test a change of a free coordinate in a part of the windows only, shape (windows,)."""
+        return self._tested(self._jacobian[:, :, column] * part[:, None])
 
     def _tested(self, change: Array) -> Amount:
         """Return the amount of a weighted change (windows, 2·length) in the residuals."""
@@ -109,30 +81,29 @@ class Evidence:
         weights = np.sum(own**2, axis=1)
         total = float(weights.sum())
         if total <= 1e-9 * float(np.sum(change**2)) or total == 0.0:
-            return Amount(0.0, np.inf, np.inf, along)
-        white = weights @ (self._factors * self.fit.windows.noise) ** 2
+            return Amount(0.0, np.inf, along)
+        white = weights @ (self._factors * self._fit.windows.noise) ** 2
         forces = np.sum(np.mean(np.sum(own * self._shaken, axis=2) ** 2, axis=0))
         step = np.sum(own * self._stepped) ** 2
-        error = float(np.sqrt(white + forces + step)) / total
         value = -float(np.sum(own * self._residual)) / total
         changes, _ = jackknife(self._residual + value * own, own[:, :, None])
-        return Amount(value, error, float(np.linalg.norm(changes)), along)
+        error = max(np.sqrt(white + forces + step) / total, np.linalg.norm(changes))
+        return Amount(value, float(error), along)
 
 
-def admit_terms(fit: Fit, finer: LogInputs, kept: dict[int, str]) -> None:
-    """Search those terms of the clutches that the residuals ask for, one after the other; keep the
-    others.
+def admit_terms(fit: Fit, kept: dict[int, str]) -> None:
+    """Search the terms that the residuals ask for, the most significant first; keep the others.
 
     Adds to ``kept`` why they are: from which size on the log would show them.
     """
     waiting = [i for i in at.TERMS if i not in fit.free and i not in kept]
     while waiting:
-        evidence = Evidence(fit, finer)
+        evidence = Evidence(fit)
         tests = {(i, size): evidence.term(i, size) for i in waiting for size in SIZES[i]}
         asked = {test: _asked(test[0], amount) for test, amount in tests.items()}
         i, size = max(asked, key=lambda test: asked[test])
         if asked[i, size] < SIGNIFICANT:
-            kept |= {i: _unseen(i, {each: tests[i, each] for each in SIZES[i]}) for i in waiting}
+            kept |= {i: _unseen(fit, i, {n: tests[i, n] for n in SIZES[i]}) for i in waiting}
             return
         fit.p[i] += size * (1.0 if i == at.STRIBECK else tests[i, size].value)
         fit.p = fit.p.clip(at.LOWEST, fit.shape.highest)
@@ -146,50 +117,48 @@ def _asked(i: int, amount: Amount) -> float:
     return abs(amount.significance) if at.LOWEST[i] < 0.0 else amount.significance
 
 
-def _unseen(i: int, tests: dict[float, Amount]) -> str:
+def _unseen(fit: Fit, i: int, tests: dict[float, Amount]) -> str:
     """Return why a term is kept, by the tests of its sizes."""
-    if len(tests) == 1:
+    if i == at.STRIBECK:
+        sizes = [size for size, test in tests.items() if SIGNIFICANT * test.error <= 1.0]
+        shown = min(sizes, default=np.inf)
+    else:
         ((size, test),) = tests.items()
         shown = SIGNIFICANT * test.error * size
-    else:
-        shown = min(
-            (size for size, test in tests.items() if SIGNIFICANT * test.error <= 1.0),
-            default=np.inf,
-        )
     if not shown < COORDINATES[i].max_error:
         return COORDINATES[i].unseen
-    what = f"{100.0 * shown:.2g} % from 1" if i == at.FALL_RATIO else f"{shown:.2g} {at.TERMS[i]}"
-    return f"the log does not ask for it, and would show {what}"
+    unit = {at.STRIBECK: "rad/s", at.FALL_RATIO: "% from 1"}.get(i, "N·m")
+    scale = {at.FALL_RATIO: 100.0} | dict(zip(at.OFFSET, np.exp(fit.p[:2]), strict=True))
+    return f"the log does not ask for it, and would show {scale.get(i, 1.0) * shown:.2g} {unit}"
 
 
-def find_differences(fit: Fit, finer: LogInputs, log: Log, motion: Smoothed) -> tuple[str, ...]:
-    """Find numbers that differ between parts of the log, and return the most significant ones
-    first, as sentences.
+def find_differences(fit: Fit, log: Log, motion: Smoothed) -> dict[str, str]:
+    """Return numbers that differ between parts of the log, and where, most significant first.
 
     Adds to the fit's spread how far coordinates would go if the number had a value of its own in
     the part that tells less of it.
     """
-    said: list[tuple[float, str]] = []
+    said: list[tuple[float, str, str]] = []
     parts = list(_parts(fit, log, motion))
     if not (fit.free and parts):
-        return ()
-    evidence = Evidence(fit, finer)
+        return {}
+    evidence = Evidence(fit)
     for column, i in enumerate(fit.free):
         tests = [(name, evidence.part(column, part)) for name, part in parts]
-        name, found = max(tests, key=lambda test: abs(test[1].significance))
-        if abs(found.significance) >= SIGNIFICANT:
-            said.append((abs(found.significance), f"{COORDINATES[i].quantity} differs {name}"))
-            own = np.eye(len(fit.free))[column] - found.along
+        name, amount = max(tests, key=lambda test: abs(test[1].significance))
+        if abs(amount.significance) >= SIGNIFICANT:
+            said.append((abs(amount.significance), COORDINATES[i].quantity, name))
+            own = np.eye(len(fit.free))[column] - amount.along
             change = np.zeros(at.COUNT)
-            change[fit.free] = found.value * min(
-                own, found.along, key=lambda each: abs(float(each[column]))
+            change[fit.free] = amount.value * min(
+                own, amount.along, key=lambda way: abs(float(way[column]))
             )
             fit.spread = fit.spread + np.outer(change, change)
-    return tuple(sentence for _, sentence in sorted(said, reverse=True))
+    return {quantity: name for _, quantity, name in sorted(said, reverse=True)}
 
 
 def _parts(fit: Fit, log: Log, motion: Smoothed) -> Iterator[tuple[str, Flags]]:
-    """Yield parts of the windows in which the model must hold as it does in the others, with their names."""
+    """Yield parts of the windows, with their names, in which the model must hold as in others."""
     windows, machine = fit.windows, fit.shape.machine(fit.p)
     rows = windows.first[:, None] + np.arange(windows.length + 1)
     behind = lagged(log, log.volts, machine.clutch.time_constant)

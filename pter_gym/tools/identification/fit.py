@@ -7,11 +7,10 @@ dense problem in the machine's coordinates. The derivatives are exact: a simulat
 along. Then the starts are mended, windows that fit badly get less weight, and the search goes on.
 
 Intervals come from a jackknife, to first order: how far the coordinates would go without each pair
-of neighbouring windows. Residuals of one window are one error that grows, and not many errors. To
-these comes what changes when the log is cut, filtered and simulated in another way.
+of neighbouring windows. Residuals of one window are one error that grows, and not many errors.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -46,7 +45,7 @@ START_ERRORS = (0.01, 0.01, 0.3, 0.3)
 """How wrong a start may be [rad, rad/s]: keeps what no angle tells from wandering off."""
 
 MIN_RATIO = 1.001
-"""Ratio of breakaway to dynamic torque from which the search goes up: at 1 and below nothing depends on it."""
+"""Lower bound of T_s/T_k in the search; at ≤ 1 the simulator ignores it."""
 
 RATIOS = (1.02, 1.08, 1.18, 1.3, 1.45, 1.6)
 """Ratios that are tried at first, and where the search has come down to the least."""
@@ -56,6 +55,10 @@ SINGULAR = 1e-12
 
 UNSEEN = 1e6
 """Variance of a coordinate that no window shows."""
+
+PRIOR = 4.0
+"""How far from the first estimate the search expects a coordinate, over its ``max_error``: what no
+window shows stays near it."""
 
 BLOCK = 2
 """Windows whose gradients count as one error."""
@@ -68,7 +71,7 @@ class Point(NamedTuple):
     ----------
     residual, jacobian
         Less what a wrong start makes [rad], and by all coordinates, shapes (windows, 2·length) and
-        (…, 19).
+        (…, 21).
     by_start
         Derivatives of the angles by the admitted changes of a start, shape (windows, 2·length, 4).
     correction
@@ -102,7 +105,7 @@ class Fit:
     usual
         Root mean square of a usual window's residuals [rad].
     spread
-        Covariance of the coordinates by choices that a result should not depend on, shape (19, 19).
+        Covariance of the coordinates by what differs between parts of the log, shape (21, 21).
     """
 
     windows: Windows
@@ -112,23 +115,25 @@ class Fit:
     on_step: Callable[[], None] = lambda: None
     starts: Array = field(init=False)
     weights: Array = field(init=False)
-    usual: float = 1.0
+    usual: float = 1e-12
     spread: Array = field(default_factory=lambda: np.zeros((at.COUNT, at.COUNT)))
+    _first: Array = field(init=False)
     _known: dict[bytes, Point] = field(default_factory=dict[bytes, Point])
 
     def __post_init__(self) -> None:
         """Begin with the starts as they were measured."""
         self.starts, self.weights = self.windows.starts.copy(), self.windows.used.astype(float)
+        self._first = self.p.copy()
 
     def search(self, rounds: int = ROUNDS) -> "Fit":
         """Search, mend starts and weights, and search again."""
         for _ in range(rounds):
             if self.has_no_jump:
                 self.choose_ratio()
-            self.usual = self._usual()
+            self._weigh()
             if self.free:
                 self._minimise()
-            self.usual = self._usual()
+            self._weigh()
             self.weights = self.windows.used / (1.0 + self.shaken() / self.usual**2)
             self.starts = self.starts - np.einsum(
                 "wij,wj->wi", self.windows.uncertain, self._at(self.p).correction
@@ -151,27 +156,35 @@ class Fit:
 
     def _misfit(self, p: Array) -> float:
         """Return a sum over the windows that no lone window rules."""
-        size = np.mean(self._near(p) ** 2, axis=1)[self.windows.used] / self.windows.noise**2
+        size = np.mean(self._near(p) ** 2, axis=1)[self.windows.used] / self.error**2
         return float(np.sum(size / (1.0 + size / 100.0)))
 
-    def _usual(self) -> float:
-        """Return the median root mean square of the residuals of windows in which something moves [rad]."""
+    @property
+    def error(self) -> float:
+        """Size of an ordinary residual [rad]: of the noise, or of the model's own errors."""
+        return max(self.windows.noise, self.usual)
+
+    def _weigh(self) -> None:
+        """Set the median root mean square of the residuals of windows in which something moves."""
         moving = self.windows.used & self.windows.uncertain[:, 2:, 2:].any(axis=(1, 2))
-        return max(float(np.median(self.sizes()[moving])) if moving.any() else 0.0, 1e-12)
+        self.usual = float(np.median(self.sizes()[moving])) if moving.any() else 1e-12
+        self._known.clear()
 
     def _minimise(self) -> None:
         """Go down within the bounds."""
         low = np.where(np.arange(at.COUNT) == at.RATIO, MIN_RATIO, at.LOWEST)[self.free] + 1e-9
         high = self.shape.highest[self.free] - 1e-9
-        weights = np.sqrt(self.weights)[:, None] / self.windows.noise
+        weights = np.sqrt(self.weights)[:, None] / self.error
+
+        prior = np.diag(1.0 / (PRIOR * at.MAX_ERRORS[self.free]))
 
         def residual(x: Array) -> Array:
-            return (weights * self._at(self._with(x)).residual).ravel()
+            left = weights * self._at(self._with(x)).residual
+            return np.concatenate([left.ravel(), prior @ (x - self._first[self.free])])
 
         def jacobian(x: Array) -> Array:
-            return (
-                weights[:, :, None] * self._at(self._with(x)).jacobian[:, :, self.free]
-            ).reshape(-1, len(x))
+            by = weights[:, :, None] * self._at(self._with(x)).jacobian[:, :, self.free]
+            return np.concatenate([by.reshape(-1, len(x)), prior])
 
         found = _OPTIMIZE.least_squares(
             residual,
@@ -191,21 +204,24 @@ class Fit:
         return p
 
     def _told(self, squares: Array) -> Array:
-        """Return how much of each window's sum of squares counts, by its mean square [rad²]: no lone window rules."""
+        """Return how much of a window's sum of squares counts, by its mean square [rad²]."""
         return 1.0 / (1.0 + squares / (BAD * self.usual) ** 2)
 
     def _loss(self, squares: Array) -> Array:
-        """Return the loss of weighted squares and its derivatives, as ``least_squares`` takes them."""
-        mean = squares.reshape(len(self.weights), -1).mean(axis=1) * self.windows.noise**2
-        told = np.repeat(
-            self._told(mean / np.maximum(self.weights, SINGULAR)), squares.size // len(self.weights)
+        """Return the loss of weighted squares and its derivatives for ``least_squares``."""
+        rows = self.windows.measured[0].size
+        of_windows = squares[: len(self.weights) * rows].reshape(-1, rows)
+        mean = of_windows.mean(axis=1) * self.error**2
+        told = np.ones_like(squares)
+        told[: of_windows.size] = np.repeat(
+            self._told(mean / np.maximum(self.weights, SINGULAR)), rows
         )
         return np.stack([told * squares, told**2, np.zeros_like(told)])
 
     def factors(self) -> Array:
-        """Return by what residuals are multiplied [1/rad]: roots of the windows' weights over the noise, (windows,)."""
+        """Return the factors of the residuals of each window [1/rad], shape (windows,)."""
         told = self._told(np.mean(self._at(self.p).residual ** 2, axis=1))
-        return np.sqrt(self.weights) * told / self.windows.noise
+        return np.sqrt(self.weights) * told / self.error
 
     def weighed(self) -> tuple[Array, Array]:
         """Return residuals and their derivatives by the free coordinates, times ``factors``."""
@@ -215,11 +231,9 @@ class Fit:
         ]
 
     def predicted(self, p: Array, inputs: LogInputs | None = None) -> Array:
-        """Return the predicted angles [rad], shape (windows, 2·length); what is not finite becomes large."""
+        """Return the predicted angles [rad], (windows, 2·length), all finite."""
         w = self.windows
-        angles = predict(
-            self.shape.machine(p), inputs or w.inputs, float(p[at.DELAY]), self.starts, w.length
-        )
+        angles = predict(self.shape, p, inputs or w.inputs, self.starts, w.length)
         return _finite(angles.reshape(len(self.starts), -1))
 
     def _at(self, p: Array) -> Point:
@@ -241,24 +255,22 @@ class Fit:
         return self._known[key]
 
     def _projected(self, by_start: Array, values: Array) -> tuple[Array, Array]:
-        """Return values (windows, rows, k) without their part along the derivatives by the start; how large it is."""
+        """Return values (windows, rows, k) without their part along the start, and that part."""
         across = np.swapaxes(by_start, 1, 2)
         normal = across @ by_start
         largest = np.trace(normal, axis1=1, axis2=2)[:, None, None]
-        normal += np.diag(
-            self.windows.noise**2 / np.square(START_ERRORS)
-        ) + SINGULAR * largest * np.eye(4)
+        normal += np.diag(self.error**2 / np.square(START_ERRORS)) + SINGULAR * largest * np.eye(4)
         along: Array = _LINEAR.solve(normal, across @ values)
         return values - by_start @ along, along
 
     def _near(self, p: Array, inputs: LogInputs | None = None) -> Array:
-        """Return the residuals [rad] at other coordinates or inputs, with the derivatives by the start of here."""
+        """Return the residuals [rad] at other coordinates or inputs, projected as here."""
         here = self._at(self.p)
         off = self.predicted(p, inputs) - self.windows.measured.reshape(here.residual.shape)
         return self._projected(here.by_start, off[:, :, None])[0][:, :, 0]
 
     def covariance(self) -> tuple[Array, float]:
-        """Return the covariance of the free coordinates, and by what quantile its roots become a 95 % interval."""
+        """Return the covariance of the free coordinates, and the quantile of 95 % intervals."""
         residual, jacobian = self.weighed()
         changes, information = jackknife(residual, jacobian)
         size = np.sqrt(np.maximum(np.diag(information), 1e-30))
@@ -276,7 +288,7 @@ class Fit:
         return covariance, float(_STATS.t.ppf(0.975, max(len(changes) - len(self.free), 1)))
 
     def weakest(self) -> Array:
-        """Return the change of coordinates of which the log tells least, shape (19,).
+        """Return the change of coordinates of which the log tells least, shape (21,).
 
         The largest of its parts is one of ``parameters.STEPS``.
         """
@@ -286,39 +298,28 @@ class Fit:
         change[self.free] = directions[:, 0] / directions[np.abs(directions[:, 0]).argmax(), 0]
         return change * at.STEPS
 
-    def compare(self, others: Sequence[Windows]) -> None:
-        """Find the spread: search on with the log cut in other ways."""
-        changes = [
-            Fit(o, self.shape, self.free, self.p.copy(), self.on_step).search(1).p - self.p
-            for o in others
-        ]
-        # the sum, not the mean: so few changes tell their own size badly
-        self.spread = np.sum([np.outer(change, change) for change in changes], axis=0)
-
     @property
-    def jacobian(self) -> Array:
-        """Derivatives of the residuals by all coordinates, shape (windows, 2·length, 19)."""
-        return self._at(self.p).jacobian
+    def residual(self) -> Array:
+        """Predicted less measured angles [rad] but for wrong starts, shape (windows, 2·length)."""
+        return self._at(self.p).residual
 
     def sizes(self) -> Array:
         """Return the root mean square of each window's residuals [rad], shape (windows,)."""
-        return np.sqrt(np.mean(self._at(self.p).residual ** 2, axis=1))
+        return np.sqrt(np.mean(self.residual**2, axis=1))
 
     def shaken(self) -> Array:
-        """Return the mean square [rad²] by which noise of the forces moves each window's angles, shape (windows,)."""
-        return np.mean([self.moved(inputs) for inputs in self.windows.shaken], axis=0)
+        """Return by what mean square [rad²] noise of the forces moves each window's angles."""
+        return np.mean(
+            [self.change(self.p, each) ** 2 for each in self.windows.shaken], axis=(0, 2)
+        )
 
     def change(self, p: Array, inputs: LogInputs | None = None) -> Array:
-        """Return the change of the residuals [rad] at other coordinates or inputs, shape (windows, 2·length)."""
+        """Return the change of the residuals [rad] at other coordinates or inputs."""
         return self._near(p, inputs) - self._at(self.p).residual
-
-    def moved(self, inputs: LogInputs) -> Array:
-        """Return the mean square change [rad²] of each window's angles with other inputs, shape (windows,)."""
-        return np.mean(self.change(self.p, inputs) ** 2, axis=1)
 
 
 def jackknife(residual: Array, jacobian: Array) -> tuple[Array, Array]:
-    """Return the coordinates' first-order changes without each informative block, and the information matrix."""
+    """Return the coordinates' changes without each informative block, and the information."""
     first = np.arange(0, len(residual), BLOCK)
     gradients = np.add.reduceat(np.einsum("wij,wi->wj", jacobian, residual), first)
     parts = np.add.reduceat(np.swapaxes(jacobian, 1, 2) @ jacobian, first)

@@ -16,16 +16,13 @@ from pter_gym.tools.identification.evidence import admit_terms, find_differences
 from pter_gym.tools.identification.fit import Fit
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import COORDINATES, Quantity, Shape, quantities
-from pter_gym.tools.identification.shooting import make_inputs
-from pter_gym.tools.identification.verdict import Verdict, judge
+from pter_gym.tools.identification.verdict import NEGLIGIBLE, NEITHER, Verdict, judge
 from pter_gym.tools.identification.windows import (
-    OTHERS,
     SLIPPING,
     Smoothed,
     cut,
     experience,
     smooth,
-    smooth_force,
 )
 
 Array = NDArray[np.float64]
@@ -43,7 +40,7 @@ EXPECTED_STEPS = 60
 """About how many steps of progress an identification takes."""
 
 TIED = 0.2
-"""Share of the largest change, over the numbers' scales, from which a number is part of what a log leaves open."""
+"""Share of the largest relative change from which a number is part of what is left open."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,11 +53,11 @@ class Finding:
         Name, unit, value and scale.
     low, high
         95 % interval, in the unit: equal to the value where that was kept, infinite if the model
-        does not explain the log.
+        does not describe the log.
     before
         Value of the start.
     status
-        ``identified``: within ±5 % of its scale, by a model that explains the log. ``uncertain``:
+        ``identified``: within ±5 % of its scale, by a model that describes the log. ``uncertain``:
         used, but less sure. ``kept``: the log does not show it, so it is that of the start.
     reason
         Why it is kept.
@@ -84,7 +81,7 @@ class Finding:
         if self.status == "kept":
             return f"not shown by it and kept: {self.reason}"
         if math.isinf(self.high):
-            return "uncertain, the model does not explain it"
+            return "uncertain, the model does not describe it"
         unsure = "uncertain, " if self.status == "uncertain" else ""
         return f"{unsure}95 % interval {self.low:.4g} to {self.high:.4g}"
 
@@ -101,18 +98,22 @@ class Identification:
         The start with what was identified.
     delay
         From a recorded voltage to the motion that it makes [s].
+    offsets
+        Constant torques on the axes [N·m]: of gravity, of the force sensor's zero, or half of what
+        dry friction differs between directions.
     findings
         The numbers, in the order of ``quantities``.
     fit
         The windows and how well they are predicted.
     verdict
-        Whether the model explains the log, and where it does not.
+        How well the model describes the log.
     """
 
     log: Log
     start: Machine
     machine: Machine
     delay: float
+    offsets: tuple[float, float]
     findings: list[Finding]
     fit: Fit
     verdict: Verdict
@@ -120,17 +121,18 @@ class Identification:
     @property
     def assumptions(self) -> tuple[str, ...]:
         """What no log of this kind shows, as sentences."""
-        clutch = self.start.clutch
+        clutch, (a, b) = self.start.clutch, self.offsets
         return (
             "The force sensor's gain is exact: all inertias and torques are proportional to it.",
             f"Links are {self.start.arm.length_a:g} m and {self.start.arm.length_b:g} m long.",
-            f"Each clutch drags with {clutch.viscous:g} N·m·s: more is part of the axes' viscous friction.",
-            f"Clutches lose {100.0 * clutch.fade:g} % of their torque per joule; they were as warm as in the log.",
+            f"Clutches drag with {clutch.viscous:g} N·m·s: more is viscous friction of the axes.",
+            f"Constant torques on the axes, {a:.3g} and {b:.3g} N·m, are not in the file.",
+            f"Clutches lose {100.0 * clutch.fade:g} % of their torque per joule, as warm as here.",
         )
 
     @property
     def residuals(self) -> Array:
-        """Measured less predicted angles [rad], shape (windows, length, 2); NaN for windows that are not used."""
+        """Measured less predicted angles [rad], (windows, length, 2); NaN in unused windows."""
         windows = self.fit.windows
         off = windows.measured - self.fit.predicted(self.fit.p).reshape(windows.measured.shape)
         return np.where(windows.used[:, None, None], off, np.nan)
@@ -171,7 +173,7 @@ def identify(
         if x not in live
     }
     if not live:
-        places = (at.EXTRA, at.KNEE, at.RATIO, at.TIME_CONSTANT, at.DELAY, *at.TERMS)
+        places = (at.EXTRA, at.KNEE, at.RATIO, at.TIME_CONSTANT, at.DELAY, *at.CLUTCH_TERMS)
         kept |= dict.fromkeys(places, "no clutch slipped while on")
     elif levels < MIN_LEVELS:
         shape = replace(shape, kept_knee=start.clutch.dynamic.knee)
@@ -186,26 +188,23 @@ def identify(
         on_progress(min(taken / EXPECTED_STEPS, 1.0))
 
     windows = cut(log, motion, start, float(np.exp(p[at.TIME_CONSTANT])))
-    finer = make_inputs(log.interval, log.volts, smooth_force(log), 0.5 * windows.inputs.step)
     absent = {i for i in at.TERMS if before[i] == 0.0}
     fit = Fit(
         windows, shape, [i for i in range(at.COUNT) if i not in absent | kept.keys()], p, step
     )
     fit.choose_ratio()
     fit.search()
-    admit_terms(fit, finer, kept)
+    admit_terms(fit, kept)
     tied = _keep_unseen(fit, kept, before)
-    fit.compare(
-        [cut(log, motion, start, float(np.exp(fit.p[at.TIME_CONSTANT])), other) for other in OTHERS]
-    )
-    differences = find_differences(fit, finer, log, motion)
-    verdict = judge(fit, finer, differences, log, motion)
+    differences = find_differences(fit, log, motion)
+    verdict = judge(fit, differences, log)
     on_progress(1.0)
     return Identification(
         log=log,
         start=start,
         machine=replace(fit.shape.machine(fit.p), delay=max(float(fit.p[at.DELAY]), 0.0)),
         delay=float(fit.p[at.DELAY]),
+        offsets=fit.shape.offsets(fit.p),
         findings=_findings(fit, kept, tied, verdict),
         fit=fit,
         verdict=verdict,
@@ -252,7 +251,7 @@ def _checked(log: Log, start: Machine) -> Smoothed:
     largest, count = start.clutch.voltage_max, len(start.clutches)
     if log.volts.max() > largest:
         raise ParameterError(
-            f"log: V1 to V4 must be at most {largest:g} V, got {log.volts.max():g}: are these volts?"
+            f"log: V1 to V4 must be at most {largest:g} V, got {log.volts.max():g}: volts?"
         )
     if log.volts[:, count:].any():
         raise ParameterError(
@@ -267,8 +266,7 @@ def _checked(log: Log, start: Machine) -> Smoothed:
 
 
 def _keep_unseen(fit: Fit, kept: dict[int, str], before: Array) -> set[str]:
-    """Search without coordinates that the log does not show, which keep their values; add the
-    reasons.
+    """Search without coordinates that the log does not show, and add the reasons.
 
     Returns the names of numbers that it shows only in combination with one that is kept.
     """
@@ -303,7 +301,7 @@ def _keep_unseen(fit: Fit, kept: dict[int, str], before: Array) -> set[str]:
 
 
 def _left_open(fit: Fit, worst: int) -> set[str]:
-    """Return the numbers whose changes together are hardly seen, if a coordinate is not unseen by itself."""
+    """Return numbers that are hardly seen together, if a coordinate is not unseen by itself."""
     change = fit.weakest()
     if abs(change[worst]) < TIED * at.STEPS[worst]:
         return set()
@@ -340,15 +338,16 @@ def _findings(fit: Fit, kept: dict[int, str], tied: set[str], verdict: Verdict) 
         np.maximum(np.einsum("qi,ij,qj->q", slopes, covariance, slopes), 0.0)
     )
     reasons = {COORDINATES[i].quantity: reason for i, reason in kept.items()}
+    share = max(2.0 * verdict.rho, NEGLIGIBLE)  # of its scale, for errors of the model
     found: list[Finding] = []
     for q, first, error, by_free in zip(here, start, errors, slopes, strict=True):
-        explained = (
-            verdict.breakaways_explained if q.name == "breakaway_ratio" else verdict.explained
-        )
+        half = float(np.hypot(error, share * q.scale))
         unmoved = "" if by_free.any() else "the log shows none of the numbers from which it follows"
         reason = reasons.get(q.name, "") or unmoved
-        sure = explained and q.name not in tied and error <= MAX_REL_HALF_WIDTH * q.scale
-        half = 0.0 if reason else float(error) if explained else math.inf
+        described = verdict.grade != NEITHER
+        sure = described and q.name not in tied | verdict.differences.keys()
+        sure &= half <= MAX_REL_HALF_WIDTH * q.scale
+        half = 0.0 if reason else half if described else math.inf
         status = "kept" if reason else "identified" if sure else "uncertain"
         ends = {"low": q.value - half, "high": q.value + half}
         found.append(Finding(quantity=q, before=first.value, status=status, reason=reason, **ends))

@@ -32,12 +32,25 @@ ANGLES = ("theta_A", "theta_B")
 FORCES = ("F_x", "F_y")
 COLUMNS = (TIME, *VOLTS, *ANGLES, *FORCES)
 
-RANGES = {
-    **dict.fromkeys(VOLTS, (0.0, 1000.0)),
-    **dict.fromkeys(ANGLES, (-1e5, 1e5)),
-    **dict.fromkeys(FORCES, (-1e4, 1e4)),
+UNITS = {
+    TIME: "s",
+    **dict.fromkeys(VOLTS, "V"),
+    **dict.fromkeys(ANGLES, "rad"),
+    **dict.fromkeys(FORCES, "N"),
 }
-"""Smallest and largest entry by column."""
+"""Unit of each column, where the file states none."""
+
+RANGES = {"V": (-0.05, 1000.0), "rad": (-1e5, 1e5), "N": (-1e4, 1e4)}
+"""Smallest and largest entry by unit; a measured voltage may be a little below 0."""
+
+CLOCKS = {"seconds": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
+"""Units of time stamps that a log may have without saying so [s]."""
+
+SLOWEST = 0.03
+"""Mean time between rows up to which a unit of the stamps is believed [s]."""
+
+BURST = 0.1
+"""Time between two rows over the mean up to which they were stamped together."""
 
 MAX_FILE = 1 << 30
 """Largest file [B]: far above what ``MAX_DURATION`` needs."""
@@ -61,7 +74,7 @@ MIN_DURATION, MAX_DURATION = 5.0, 600.0
 """Duration of a log [s]."""
 
 MAX_SPEED = 50.0
-"""Fastest turn of a link between two rows [rad/s]: faster is a sign of degrees, or of an angle that wraps."""
+"""Fastest turn of a link between two rows [rad/s]: faster are degrees, or an angle wraps."""
 
 MIN_TURN = 1e-3
 """Shortest time over which that is judged [s]: rows may be logged in bursts."""
@@ -69,7 +82,13 @@ MIN_TURN = 1e-3
 ROUNDING = 1e-9
 """Differences of angles that are none [rad]."""
 
-NAMED = 5
+COMPLETE = 0.9
+"""Share of filled entries from which all columns of a row were read at its time."""
+
+COARSE = 0.3
+"""Share of rows stamped with others from which the clock is coarse."""
+
+MAX_LISTED = 5
 """Gaps that are named one by one."""
 
 
@@ -139,10 +158,10 @@ def read_log(
     Parameters
     ----------
     path
-        CSV whose first line names its columns, in any order: ``t_s`` [s], from any beginning;
-        ``V1`` to ``V4`` [V], of which those that are missing are 0; ``theta_A`` and ``theta_B``
-        [rad]; ``F_x`` and ``F_y`` [N]. Empty entries are interpolated; an empty voltage is the last
-        one.
+        A table whose first line names its columns, in any order: ``t_s`` from any beginning, in s,
+        ms, µs or ns; ``V1`` to ``V4`` [V], of which those that are missing are 0; ``theta_A`` and
+        ``theta_B`` [rad]; ``F_x`` and ``F_y`` [N]. Names may state other units. Empty entries are
+        interpolated, each column by itself; an empty voltage is the last one.
     columns
         Names of these columns in the file, where they differ.
     degrees
@@ -158,60 +177,70 @@ def read_log(
         column and line.
     """
     file = find_path("log", path)
-    found, lines, missing = _read_columns(file, dict(columns or {}))
-    remarks = [
-        f"{file.name} has no column {name}: its voltage is taken as 0 V." for name in missing
-    ]
-    repeated = np.diff(found[TIME], prepend=-np.inf) == 0.0
-    if repeated.any():
-        remarks.append(
-            f"{file.name}: {repeated.sum()} rows repeat the {TIME} of the row before and are left out."
-        )
-        found, lines = {name: values[~repeated] for name, values in found.items()}, lines[~repeated]
-    times = found[TIME] - found[TIME][0]
-    volts, theta, force = (
-        np.column_stack([found[name] for name in names]) for names in (VOLTS, ANGLES, FORCES)
-    )
-    theta = np.radians(theta) if degrees else theta
-    theta = theta + np.outer(theta[:, 0], [0.0, 1.0]) if relative_b else theta
-    _check_density(file, times, {ANGLES: theta, FORCES: force})
-    for name, angles in zip(ANGLES, theta.T, strict=True):
-        known = np.flatnonzero(np.isfinite(angles))
-        speed = np.abs(np.diff(angles[known])) / np.maximum(np.diff(times[known]), MIN_TURN)
-        wanted = (
-            f"{name} must turn by at most {MAX_SPEED:g} rad/s: are these radians, without wrapping?"
-        )
-        _refuse_rows(file, lines[known[1:]], speed > MAX_SPEED, wanted)
-    return _on_raster(times, volts, theta, force, file.name, remarks)
+    found, lines, remarks = _read_columns(file, dict(columns or {}))
+    times, unit = in_seconds(found.pop(TIME))
+    if unit != "seconds":
+        remarks.append(f"{TIME} is taken as {unit}, by the mean time between rows.")
+    if not MIN_DURATION <= times[-1] <= MAX_DURATION:
+        wanted = f"{TIME} must span {MIN_DURATION:g} to {MAX_DURATION:g} s"
+        raise ParameterError(f"{file}: {wanted}, got {times[-1]:g}")
+    known = {name: np.isfinite(values) for name, values in found.items()}
+    if np.mean([known[name] for name in (*ANGLES, *FORCES)]) > COMPLETE:
+        times, shared = _spread(times)
+        if shared:
+            remarks.append(f"{shared} rows share stamps with others: their times are counted.")
+    clocks: dict[str, Array] = {}
+    for name in (*ANGLES, *FORCES):
+        clocks[name], _ = _spread(times[known[name]])
+        usual = float(np.median(np.diff(clocks[name]))) if known[name].sum() > 2 else np.inf
+        if usual > MAX_INTERVAL * (1.0 + 1e-3):
+            wanted = f"{name} must be given at least each {MAX_INTERVAL:g} s of {TIME}"
+            raise ParameterError(f"{file}: {wanted}, got {usual:g}")
+    scale = np.radians(1.0) if degrees else 1.0
+    for name in ANGLES:
+        at, angles = known[name], scale * found[name][known[name]]
+        fast = np.abs(np.diff(angles)) > MAX_SPEED * np.maximum(np.diff(clocks[name]), MIN_TURN)
+        wanted = f"{name} must turn by at most {MAX_SPEED:g} rad/s: radians, without wrapping"
+        _refuse_rows(file, lines[at][1:], fast, wanted)
+    log = _on_raster(times, found, clocks, remarks)
+    theta = scale * log.theta
+    if relative_b:
+        theta[:, 1] += theta[:, 0]
+    said = tuple(f"{file.name}: {remark}" for remark in log.remarks)
+    step = scale * log.angle_step
+    return replace(log, theta=theta, name=file.name, remarks=said, angle_step=step)
 
 
 def _read_columns(file: Path, renamed: dict[str, str]) -> tuple[dict[str, Array], Rows, list[str]]:
-    """Return columns by their usual names, the lines of their rows, and the names of missing voltages."""
+    """Return columns by their usual names, the lines of their rows, and remarks."""
     if unknown := renamed.keys() - set(COLUMNS):
         raise ParameterError(
             f"columns: {', '.join(sorted(unknown))} must be of {', '.join(COLUMNS)}"
         )
-    needed = [renamed.get(name, name) for name in COLUMNS if name in renamed or name not in VOLTS]
-    table = read_table(file, needed, optional=VOLTS, blanks=True, max_size=MAX_FILE)
-    lines, in_file = (
-        np.array(table.lines, np.int64),
-        {name: renamed.get(name, name) for name in COLUMNS},
-    )
+    in_file = {name: renamed.get(name, name) for name in COLUMNS}
+    if len(set(in_file.values())) < len(in_file):
+        raise ParameterError("columns must name another column of the file for each of theirs")
+    needed = [in_file[name] for name in COLUMNS if name in renamed or name not in VOLTS]
+    optional = [in_file[name] for name in VOLTS if name not in renamed]
+    units = {in_file[name]: unit for name, unit in UNITS.items()}
+    table = read_table(file, needed, optional=optional, unit=units, blanks=True, max_size=MAX_FILE)
+    lines = np.array(table.lines, np.int64)
     missing = [name for name in VOLTS if in_file[name] not in table.columns]
     if len(missing) == len(VOLTS):
         raise ParameterError(f"{file} must have a column V1, V2, V3 or V4; columns may name others")
     if len(lines) < 3:
         raise ParameterError(f"{file} must have at least 3 rows, got {len(lines)}")
     found = {name: table.columns.get(in_file[name], np.zeros(len(lines))) for name in COLUMNS}
-    for name, (low, high) in RANGES.items():
+    for name, unit in list(UNITS.items())[1:]:
+        low, high = RANGES[unit]
         wrong = (found[name] < low) | (found[name] > high)
         _refuse_rows(file, lines, wrong, f"{name} must be in [{low:g}, {high:g}]")
     _refuse_rows(file, lines, np.isnan(found[TIME]), f"{TIME} must be a number")
     _refuse_rows(file, lines[1:], np.diff(found[TIME]) < 0.0, f"{TIME} must not decrease")
-    for name in VOLTS:
-        last = np.maximum.accumulate(np.where(np.isnan(found[name]), 0, np.arange(len(lines))))
-        found[name] = np.nan_to_num(found[name][last])
-    return found, lines, missing
+    remarks = [f"there is no column {name}: its voltage is taken as 0 V." for name in missing]
+    below = [name for name in VOLTS if (found[name] < 0.0).any()]
+    remarks += [f"{name} is below 0 V in places: it is taken as 0 V there." for name in below]
+    return found, lines, remarks
 
 
 def _refuse_rows(file: Path, lines: Rows, wrong: Flags, wanted: str) -> None:
@@ -220,19 +249,32 @@ def _refuse_rows(file: Path, lines: Rows, wrong: Flags, wanted: str) -> None:
         raise ParameterError(f"{file}, line {lines[wrong.argmax()]}: {wanted}")
 
 
-def _check_density(file: Path, times: Array, sensors: Mapping[tuple[str, str], Array]) -> None:
-    """Raise a ParameterError unless rows [s] span a log, and each sensor is given often enough."""
-    if not MIN_DURATION <= times[-1] <= MAX_DURATION:
-        wanted = f"{TIME} must span {MIN_DURATION:g} to {MAX_DURATION:g} s"
-        raise ParameterError(f"{file}: {wanted}, got {times[-1]:g}: are these seconds?")
-    for names, values in sensors.items():
-        known = times[np.isfinite(values).all(axis=1)]
-        usual = float(np.median(np.diff(known))) if len(known) > 1 else np.inf
-        if usual > MAX_INTERVAL * (1.0 + 1e-3):
-            wanted = (
-                f"{' and '.join(names)} must be given at least each {MAX_INTERVAL:g} s of {TIME}"
-            )
-            raise ParameterError(f"{file}: {wanted}, got {usual:g}: are these seconds?")
+def in_seconds(stamps: Array) -> tuple[Array, str]:
+    """Return times from the first stamp on [s], and the unit of stamps, by their mean interval."""
+    passed = stamps - stamps[0]
+    mean = float(passed[-1]) / (len(passed) - 1)
+    for unit, size in CLOCKS.items():
+        if size * mean <= SLOWEST:
+            return size * passed, unit
+    return passed, "seconds"
+
+
+def _spread(times: Array) -> tuple[Array, int]:
+    """Return times of rows of which some were stamped together, spread evenly, and how many were.
+
+    Under a coarse clock, or where rows come in bursts, rows are counted, if they are even.
+    """
+    step = np.diff(times)
+    together = step < BURST * float(np.mean(step)) if len(step) else np.zeros(0, np.bool_)
+    count, number = int(together.sum()), np.arange(len(times), dtype=np.float64)
+    if not count:
+        return times, 0
+    even: Any = np.polyval(np.polyfit(number, times, 1), number)
+    if count > COARSE * len(times) and np.abs(even - times).max() <= step.max():
+        return even - even[0], count
+    first = np.flatnonzero(np.concatenate([[True], ~together]))
+    end = times[first[-1]] + float(np.mean(step)) * (len(times) - first[-1])
+    return np.interp(number, np.append(first, len(times)), np.append(times[first], end)), count
 
 
 def write_log(log: Log, path: FilePath) -> None:
@@ -295,11 +337,11 @@ def _resampled(log: Log, interval: float) -> Log:
     return replace(
         log,
         interval=interval,
-        volts=_mean_volts(times, log.times, log.volts),
+        volts=np.column_stack([_mean_volts(times, log.times, volts) for volts in log.volts.T]),
         theta=interpolated(times, log.times, log.theta),
         force=interpolated(times, log.times, log.force),
         unmeasured=np.unique(gaps[:, None] + [0, 1]).clip(max=len(times) - 1),
-        angle_step=log.angle_step or angle_step(log.theta),
+        angle_step=log.angle_step or angle_step(*log.theta.T),
     )
 
 
@@ -309,77 +351,85 @@ def interpolated(when: Array, times: Array, columns: Array) -> Array:
     return np.column_stack(parts)
 
 
-def angle_step(theta: Array) -> float:
-    """Return the smallest change of angles between two rows [rad], which is an encoder's resolution; 0 for none."""
-    steps = np.abs(np.diff(theta, axis=0))
+def angle_step(*angles: Array) -> float:
+    """Return the smallest change between two rows [rad]: an encoder's resolution; 0 for none."""
+    steps = np.abs(np.concatenate([np.diff(each) for each in angles]))
     return float(steps[steps > ROUNDING].min(initial=1.0)) if (steps > ROUNDING).any() else 0.0
 
 
 def _mean_volts(when: Array, times: Array, volts: Array) -> Array:
-    """Return the mean voltages from each of even times to the next, with the integral of those held from row to row."""
-    charge = np.concatenate(
-        [np.zeros((1, 4)), np.cumsum(np.diff(times)[:, None] * volts[:-1], axis=0)]
-    )
-    means = np.diff(interpolated(when, times, charge), axis=0) / (when[1] - when[0])
-    return np.round(np.concatenate([means, volts[-1:]]), 6)
+    """Return the mean voltage from each of even times to the next."""
+    charge = np.concatenate([[0.0], np.cumsum(np.diff(times) * volts[:-1])])
+    passed = np.interp(when, times, charge)
+    passed += np.maximum(when - times[-1], 0.0) * volts[-1]
+    means: Array = np.diff(passed) / (when[1] - when[0])
+    held: Array = np.append(means, volts[-1]).round(6)
+    return held
 
 
 def _on_raster(
-    times: Array, volts: Array, theta: Array, force: Array, name: str, remarks: list[str]
+    times: Array, found: Mapping[str, Array], clocks: Mapping[str, Array], remarks: list[str]
 ) -> Log:
-    """Return the log of rows at uneven times from 0 on [s], of which some may be NaN."""
-    step, even = np.diff(times), float(times[-1]) / (len(times) - 1)
-    complete = np.isfinite(theta).all() and np.isfinite(force).all()
-    if complete and np.abs(times - even * np.arange(len(times))).max() <= EVEN * even:
-        return Log(
-            interval=even, volts=volts, theta=theta, force=force, name=name, remarks=tuple(remarks)
-        )
-    on_time = step <= LATE * np.median(step) * (1.0 + 1e-6)
-    interval = float(np.mean(step[on_time]))
+    """Return the log of columns at uneven times from 0 on [s], each known at times of its own."""
+    known = {name: np.isfinite(values) for name, values in found.items()}
+    volts = {name: np.maximum(found[name][known[name]], 0.0) for name in VOLTS}
+    even = float(times[-1]) / (len(times) - 1)
+    if (
+        all(each.all() for each in known.values())
+        and np.abs(times - even * np.arange(len(times))).max() <= EVEN * even
+    ):
+        theta, force = (np.column_stack([found[n] for n in names]) for names in (ANGLES, FORCES))
+        held = np.column_stack(list(volts.values()))
+        return Log(interval=even, volts=held, theta=theta, force=force, remarks=tuple(remarks))
+    step = np.diff(clocks[ANGLES[0]])
+    step = step[step <= LATE * np.median(step) * (1.0 + 1e-6)]
+    interval = float(np.mean(step))
     raster = interval * np.arange(int(times[-1] / interval + 1e-6) + 1, dtype=np.float64)
-    switched = (step > LATE * interval) & (np.diff(volts, axis=0) != 0.0).any(axis=1)
-    gaps = [(times[k], times[k + 1] + SETTLING) for k in np.flatnonzero(switched)]
-    parts: list[Array] = []
-    for values in (theta, force):
-        known = np.isfinite(values).all(axis=1)
-        measured = times[known]
-        parts.append(
-            _INTERPOLATE.PchipInterpolator(measured, values[known])(
-                raster.clip(measured[0], measured[-1])
-            )
-        )
-        longest = max(MAX_INTERVAL, LATE * float(np.median(np.diff(measured))))
-        ends = np.concatenate(
-            [[-interval], measured, [times[-1] + interval]]
-        )  # its first and last rows may be empty
-        gaps += [
-            (ends[k], ends[k + 1]) for k in np.flatnonzero(np.diff(ends) > longest * (1.0 + 1e-6))
-        ]
+    gaps: list[tuple[float, float]] = []
+    columns: dict[str, Array] = {}
+    for name, values in volts.items():
+        if not len(values):
+            columns[name] = np.zeros_like(raster)
+            continue
+        when = times[known[name]]
+        columns[name] = _mean_volts(raster, np.append(0.0, when), np.append(values[0], values))
+    # voltages that have a row where one changes are known at their own times, others in between
+    commanded: Flags = np.any([known[name] for name in VOLTS], axis=0)
+    when, apart = times[commanded], np.diff(times[commanded])
+    held = np.stack([np.interp(when, times[known[n]], volts[n]) for n in VOLTS if len(volts[n])])
+    changed = np.any(np.diff(held, axis=1) != 0.0, axis=0)
+    if len(changed) and changed.mean() < 0.5:
+        late = changed & (apart > LATE * np.median(apart) * (1.0 + 1e-6))
+        gaps += [(when[k], when[k + 1] + SETTLING) for k in np.flatnonzero(late)]
+    for name, when in clocks.items():
+        curve = _INTERPOLATE.PchipInterpolator(when, found[name][known[name]])
+        columns[name] = curve(raster.clip(when[0], when[-1]))
+        longest = max(MAX_INTERVAL, LATE * float(np.median(np.diff(when))))
+        ends = np.concatenate([[-interval], when, [times[-1] + interval]])
+        late = np.diff(ends) > longest * (1.0 + 1e-6)
+        gaps += [(ends[k], ends[k + 1]) for k in np.flatnonzero(late)]
     unmeasured = np.zeros(len(raster), np.bool_)
     for begin, end in gaps:
         unmeasured |= (raster > begin) & (raster < end)
-    periods = [np.mean(each) for each in np.array_split(step[on_time], max(1, int(times[-1])))]
+    periods = [np.mean(part) for part in np.array_split(step, max(1, int(times[-1])))]
     drift = float(np.ptp(periods) / interval)
     remarks.append(
-        f"{name}: rows were interpolated to {1e3 * interval:.6g} ms; the clock's period varies by {100 * drift:.2g} %."
+        f"rows were interpolated to {1e3 * interval:.6g} ms; "
+        f"the clock's period varies by {100 * drift:.2g} %."
     )
     if gaps:
-        places = sorted(
-            {f"{max(begin, 0.0):.2f}": begin for begin, _ in gaps}.items(), key=lambda each: each[1]
-        )
-        more = f" and {len(places) - NAMED} more" if len(places) > NAMED else ""
-        at = ", ".join(place for place, _ in places[:NAMED])
-        remarks.append(
-            f"{name}: rows are missing at {at} s{more}; windows with these are left out."
-        )
+        places = [f"{place:.2f}" for place in sorted({max(begin, 0.0) for begin, _ in gaps})]
+        places = list(dict.fromkeys(places))
+        more = f" and {len(places) - MAX_LISTED} more" if len(places) > MAX_LISTED else ""
+        listed = ", ".join(places[:MAX_LISTED])
+        remarks.append(f"rows are missing at {listed} s{more}; windows with these are left out.")
     return Log(
         interval=interval,
-        volts=_mean_volts(raster, times, volts),
-        theta=parts[0],
-        force=parts[1],
-        name=name,
+        volts=np.column_stack([columns[name] for name in VOLTS]),
+        theta=np.column_stack([columns[name] for name in ANGLES]),
+        force=np.column_stack([columns[name] for name in FORCES]),
         unmeasured=np.flatnonzero(unmeasured),
-        angle_step=angle_step(theta),
+        angle_step=angle_step(*(found[name][known[name]] for name in ANGLES)),
         drift=drift,
         remarks=tuple(remarks),
     )

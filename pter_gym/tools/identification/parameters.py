@@ -1,4 +1,4 @@
-"""What is identified: a machine as coordinates that an optimiser sees, and the numbers that a user reads."""
+"""A machine as coordinates for an optimiser, and the numbers that a user reads."""
 
 import math
 from dataclasses import dataclass, replace
@@ -40,57 +40,35 @@ class Coordinate(NamedTuple):
 _FRICTION = "the log hardly shows the friction of this axis"
 _NO_STEP = "no voltage was stepped while a clutch slipped, or the rows are too coarse"
 
+_OFFSET = "the log hardly shows a constant torque on this axis"
+_ANY = math.inf
+
 COORDINATES = (
     Coordinate("inertia_a", 0.01, 0.25, -6.0, 5.0, "the log hardly shows the inertia of link A"),
     Coordinate("inertia_b", 0.01, 0.25, -6.0, 5.0, "the log hardly shows the inertia of link B"),
-    Coordinate(
-        "coupling", 0.01, 0.25, -0.95, 0.95, "the log hardly shows the coupling of the axes"
-    ),
+    Coordinate("coupling", 0.01, 0.25, -0.95, 0.95, "the log hardly shows the axes' coupling"),
     *(
         Coordinate(f"scale_{x}", 0.01, 0.25, -6.0, 6.0, f"the log hardly shows clutch {x} slipping")
         for x in range(1, 5)
     ),
-    Coordinate(
-        "curvature", 0.1, math.inf, -20.0, 1e3, "the torque is straight where clutches slipped"
-    ),
-    Coordinate(
-        "knee",
-        0.1,
-        2.0,
-        0.0,
-        1e3,
-        "clutches slipped at one voltage above the knee only: several knees fit",
-    ),
-    Coordinate(
-        "breakaway_ratio",
-        0.01,
-        0.15,
-        0.6,
-        4.0,
-        "clutches hardly broke away with a jump that the log shows",
-    ),
+    Coordinate("curvature", 0.1, _ANY, -20.0, 1e3, "torque is straight where clutches slipped"),
+    Coordinate("knee", 0.1, 2.0, 0.0, 1e3, "clutches slipped at one voltage above the knee only"),
+    Coordinate("breakaway_ratio", 0.01, 0.15, 0.6, 4.0, "the log hardly shows breakaways"),
     Coordinate("time_constant", 0.02, 0.25, math.log(3e-3), math.log(2.0), _NO_STEP),
     Coordinate("delay", 0.5e-3, 5e-3, -0.01, 0.1, _NO_STEP),
-    Coordinate("dry_a", 0.05, 2.0, 0.0, 100.0, _FRICTION),
-    Coordinate("dry_b", 0.05, 2.0, 0.0, 100.0, _FRICTION),
-    Coordinate("viscous_a", 0.02, 1.0, 0.0, 100.0, _FRICTION),
-    Coordinate("viscous_b", 0.02, 1.0, 0.0, 100.0, _FRICTION),
+    *(Coordinate(name, 0.05, 2.0, 0.0, 100.0, _FRICTION) for name in ("dry_a", "dry_b")),
+    *(Coordinate(name, 0.02, 1.0, 0.0, 100.0, _FRICTION) for name in ("viscous_a", "viscous_b")),
     Coordinate("off_state", 0.02, 1.0, 0.0, 100.0, "the log hardly shows torque without voltage"),
-    Coordinate(
-        "stribeck",
-        0.02,
-        0.3,
-        0.0,
-        3.0,
-        "the log hardly shows how torque depends on the speed of the slip",
-    ),
+    Coordinate("stribeck", 0.02, 0.3, 0.0, 3.0, "the log hardly shows how torque varies with slip"),
     Coordinate("fall_ratio", 0.02, 0.25, math.log(0.1), math.log(10.0), _NO_STEP),
+    *(Coordinate(name, 0.05, 2.0, -100.0, 100.0, _OFFSET) for name in ("offset_a", "offset_b")),
 )
 """Logarithms of inertias, of slopes of the four torque curves and of the time constant; the
 coupling over √(M11·M22); the quadratic segment's share [V] of the torque over the slope at the
 highest voltage; its knee [V]; T_s/T_k; the delay [s]; the friction of each axis over its inertia,
 dry [rad/s²] and viscous [1/s]; the off-state torque [N·m]; the Stribeck velocity [rad/s]; the
-logarithm of the time constant of a falling torque over that of a rising one."""
+logarithm of the time constant of a falling torque over that of a rising one; a constant torque on
+each axis over its inertia [rad/s²]."""
 
 COUNT = len(COORDINATES)
 INERTIA_A, INERTIA_B, COUPLING = 0, 1, 2
@@ -98,11 +76,14 @@ SLOPES = (3, 4, 5, 6)
 EXTRA, KNEE, RATIO, TIME_CONSTANT, DELAY = 7, 8, 9, 10, 11
 DRY, VISCOUS = (12, 13), (14, 15)
 OFF_STATE, STRIBECK, FALL_RATIO = 16, 17, 18
+OFFSET = (19, 20)
 
-TERMS = {OFF_STATE: "N·m", STRIBECK: "rad/s", FALL_RATIO: "1"}
-"""Coordinates that are 0 for the paper's clutches, and units of their numbers: searched only if a log asks for them."""
+CLUTCH_TERMS = (OFF_STATE, STRIBECK, FALL_RATIO)
+TERMS = (*CLUTCH_TERMS, *OFFSET)
+"""Coordinates that the paper's machine does not have: searched only if a log asks for them."""
 
 STEPS = np.array([each.step for each in COORDINATES])
+MAX_ERRORS = np.array([each.max_error for each in COORDINATES])
 LOWEST = np.array([each.low for each in COORDINATES])
 
 CONTROL_PERIOD = 0.01
@@ -182,8 +163,12 @@ class Shape:
         )
         return replace(self.start, arm=arm, clutch=clutch, clutch_scale=tuple(scale))
 
+    def offsets(self, p: Array) -> tuple[float, float]:
+        """Return the constant torques on the axes at coordinates [N·m]."""
+        return float(p[OFFSET[0]] * np.exp(p[0])), float(p[OFFSET[1]] * np.exp(p[1]))
+
     def coordinates(self, machine: Machine, delay: float = 0.0) -> Array:
-        """Return the coordinates of a machine; a knee beyond the log is put into it, without a quadratic segment."""
+        """Return the coordinates of a machine; a knee beyond the log is moved into it."""
         arm, curve = machine.arm, machine.clutch.dynamic
         inside = curve.knee <= self.top - ROOM
         knee = curve.knee if inside else max(0.5 * self.top, 0.0)
@@ -208,6 +193,7 @@ class Shape:
                 curve.off_state,
                 machine.clutch.stribeck,
                 math.log(machine.clutch.fall_ratio),
+                *(0.0, 0.0),
             ]
         ).clip(LOWEST, self.highest)
 
@@ -220,11 +206,11 @@ class Shape:
 
     def quantities(self, p: Array) -> "list[Quantity]":
         """Return the reported numbers at coordinates."""
-        return quantities(self.machine(p), float(p[DELAY]), self.top)
+        return quantities(self.machine(p), float(p[DELAY]), self.top, self.offsets(p))
 
 
 class Quantity(NamedTuple):
-    """One reported number: its value, by what size an error is judged, and its section and field, if any."""
+    """One reported number: its value, the scale of its errors, and its field, if any."""
 
     name: str
     unit: str
@@ -233,9 +219,10 @@ class Quantity(NamedTuple):
     place: str = ""
 
 
-def quantities(machine: Machine, delay: float, top: float) -> list[Quantity]:
-    """Return the numbers of a machine and a delay [s] that are reported, always the same ones in
-    the same order.
+def quantities(
+    machine: Machine, delay: float, top: float, offsets: tuple[float, float] = (0.0, 0.0)
+) -> list[Quantity]:
+    """Return the reported numbers of a machine, a delay [s] and constant torques on the axes [N·m].
 
     ``torque_25`` to ``torque_100`` are the mean dynamic torque at shares of ``top``, the highest
     voltage at which a clutch slipped [V]. What may be zero is judged by something else of its unit:
@@ -279,4 +266,6 @@ def quantities(machine: Machine, delay: float, top: float) -> list[Quantity]:
         max(clutch.stribeck, USUAL_STRIBECK),
     )
     add("fall_ratio", "1", clutch.fall_ratio, "clutch.fall_ratio")
+    for name, value in zip(("offset_a", "offset_b"), offsets, strict=True):
+        add(name, "N·m", value, "", max(abs(value), low))
     return found

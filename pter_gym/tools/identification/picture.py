@@ -1,4 +1,4 @@
-"""The picture of an identification: torque curves with their intervals, and what the model does not predict."""
+"""The picture of an identification: torque curves with intervals, and residuals."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -17,7 +17,7 @@ from pter_gym.tools.identification.identifying import Identification
 
 @styled
 def picture(found: Identification) -> Figure:
-    """Draw the torque of each clutch over its voltage, and the residuals of the angles over time."""
+    """Draw the torque of each clutch over voltage, and the residuals of the angles over time."""
     figure = Figure(figsize=(WIDTH, 5.6))
     curves, residuals = figure.subplots(2, 1, height_ratios=(3, 2))
     clutch, before, top = found.machine.clutch, found.start.clutch, found.fit.shape.top

@@ -1,8 +1,7 @@
 """The compiled simulator as the model of a log: many short windows, each begun where the log is.
 
-The log is cut into windows of equal length. Within each the simulator gets the recorded voltages
-and forces and predicts the angles. The clutches' lag runs on through the whole log, as it depends
-on no motion; the motion begins again in each window.
+Within each window the simulator gets the recorded voltages and forces and predicts the angles. The
+clutches' lag runs on through the whole log, as it depends on no motion.
 """
 
 from dataclasses import dataclass, replace
@@ -14,12 +13,11 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import compile_kernel, device
 from pter_gym._compiled.records import store
-from pter_gym._physics.arm import Load, Motion
+from pter_gym._physics.arm import Motion
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of, initial_state, scratch
 from pter_gym._physics.step import arrangement_from
 from pter_gym._physics.step import paper_clutches as no_arrangement
 from pter_gym.gradients._tangent import substep_tangents
-from pter_gym.params import Machine
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.log import interpolated
 from pter_gym.tools.identification.parameters import Shape
@@ -30,33 +28,24 @@ MAX_SUBSTEP = 0.5e-3
 """Longest substep of the simulator in a window [s]."""
 
 ORDER = (
-    *at.SLOPES,
-    at.EXTRA,
-    at.KNEE,
-    at.RATIO,
-    at.TIME_CONSTANT,
-    at.DELAY,
-    at.OFF_STATE,
-    at.STRIBECK,
-    at.FALL_RATIO,
-    *range(at.SLOPES[0]),
-    *at.DRY,
-    *at.VISCOUS,
+    *(*at.SLOPES, at.EXTRA, at.KNEE, at.RATIO, at.TIME_CONSTANT, at.DELAY),
+    *(at.OFF_STATE, at.STRIBECK, at.FALL_RATIO),
+    *(*range(at.SLOPES[0]), *at.DRY, *at.VISCOUS, *at.OFFSET),
 )
-"""Coordinates in the order of the kernel's lanes; those of the clutches come first, those of a window's start last."""
+"""Coordinates in the order of the kernel's lanes: those of the clutches come first."""
 
 DELAY_LANE = ORDER.index(at.DELAY)
-START_LANE = len(ORDER)
-LANES = START_LANE + 4
 TORQUE_LANES = 12
 """Lanes in which clutches have tangents: those of the clutches' coordinates, in whole vectors."""
 
+LANES = len(ORDER) + 4
+"""All lanes: the last four are the derivatives by a window's start."""
+
 SMALL = 1e-4
-"""Steps of differences where formulas are smooth, over the usual ones: they are right to about 10⁻⁹."""
+"""Steps of differences of smooth formulas, over the usual ones: right to about 10⁻⁹."""
 
 advance: Any = None
-lanes = 0
-"""What the kernel below calls, and how many tangents it has; ``compile_kernel`` binds these names."""
+"""What the kernel below calls; ``compile_kernel`` binds this name."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +70,7 @@ class LogInputs:
     force: Array
 
     def volts(self, delay: float) -> tuple[Array, Array]:
-        """Return the mean voltage of each substep [V], delayed by a time [s], and its derivative by
-        the delay.
+        """Return the delayed mean voltage of each substep [V], and its derivative by the delay.
 
         Both have the shape (substeps, 4).
         """
@@ -90,164 +78,112 @@ class LogInputs:
         held = np.diff(self.charge, axis=0) / interval
         ends = self.step * np.arange(len(self.force) + 1, dtype=np.float64) - delay
         row = np.floor(ends / interval).astype(int).clip(0, len(held) - 1)
-        rate = held[row]
-        passed = self.charge[row] + rate * (ends - interval * row)[:, None]
-        return np.maximum(np.diff(passed, axis=0) / self.step, 0.0), -np.diff(
-            rate, axis=0
-        ) / self.step
+        passed = self.charge[row] + held[row] * (ends - interval * row)[:, None]
+        volts = np.maximum(np.diff(passed, axis=0) / self.step, 0.0)
+        return volts, -np.diff(held[row], axis=0) / self.step
 
 
 def make_inputs(
     interval: float, volts: Array, force: Array, longest: float = MAX_SUBSTEP
 ) -> LogInputs:
-    """Return the model's inputs from rows of voltages [V], each held until the next, and of forces [N]."""
+    """Return the model's inputs from rows of voltages [V], which are held, and forces [N]."""
     substeps = int(np.ceil(interval / longest - 1e-9))
     step = interval / substeps
     charge = np.concatenate([np.zeros((1, 4)), np.cumsum(interval * volts[:-1], axis=0)])
     times = interval * np.arange(len(force), dtype=np.float64)
     middles = step * (np.arange(substeps * (len(force) - 1), dtype=np.float64) + 0.5)
-    return LogInputs(
-        step=step,
-        substeps=substeps,
-        charge=charge,
-        force=interpolated(middles, times, force),
-    )
+    return LogInputs(step, substeps, charge, interpolated(middles, times, force))
 
 
-def predict(machine: Machine, inputs: LogInputs, delay: float, starts: Array, length: int) -> Array:
+def predict(shape: Shape, p: Array, inputs: LogInputs, starts: Array, length: int) -> Array:
     """Return the angles [rad] that the simulator predicts, shape (windows, length, 2).
 
     Parameters
     ----------
-    machine
-        Whose model is run; its hand has to be none.
+    shape, p
+        Coordinates and what they mean, shape (21,).
     inputs
         Voltages and forces.
-    delay
-        Time from a recorded voltage to the motion that it makes [s].
     starts
         Angles [rad] and angular velocities [rad/s] with which each window begins, shape (windows,
         4).
     length
         Rows of a window after the one with which it begins.
     """
-    volts, by_delay = inputs.volts(delay)
-    body = _body(machine, inputs, volts[0])
-    return _run(machine, inputs, body, np.empty((BODY_WIDTH, 0)), volts, by_delay, starts, length)[
-        0
-    ]
+    return _run(shape, p, np.empty((BODY_WIDTH, 0)), inputs, starts, length)[0]
 
 
 def differentiate(
     shape: Shape, p: Array, inputs: LogInputs, starts: Array, length: int
 ) -> tuple[Array, Array, Array]:
-    """Return what ``predict`` does at coordinates, and its exact derivatives by them and by the
-    starts.
+    """Return what ``predict`` does, and its exact derivatives by the coordinates and the starts.
 
-    Parameters
-    ----------
-    shape, p
-        Coordinates and what they mean, shape (19,).
-    inputs, starts, length
-        As ``predict`` takes them.
-
-    Returns
-    -------
-    angles, by_coordinates, by_start
-        Shapes (windows, length, 2), (windows, length, 2, 19) and (windows, length, 2, 4).
+    Shapes (windows, length, 2), (windows, length, 2, 21) and (windows, length, 2, 4).
     """
-    machine = shape.machine(p)
-    volts, by_delay = inputs.volts(float(p[at.DELAY]))
-    tangents, highest = np.zeros((BODY_WIDTH, LANES)), shape.highest
+    tangents, volts = np.zeros((BODY_WIDTH, LANES)), inputs.volts(float(p[at.DELAY]))[0][0]
     for lane, i in enumerate(ORDER):
-        ends: list[Array] = []
-        for sign in (1.0, -1.0):
-            near = p.copy()
-            near[i] = np.clip(p[i] + sign * SMALL * at.STEPS[i], at.LOWEST[i], highest[i])
-            ends.append(near)
-        bodies = [_body(shape.machine(near), inputs, volts[0])[:, 0] for near in ends]
-        tangents[:, lane] = (bodies[0] - bodies[1]) / (ends[0][i] - ends[1][i])
-    body = _body(machine, inputs, volts[0])
-    angles, by = _run(machine, inputs, body, tangents, volts, by_delay, starts, length)
-    return angles, by[..., np.argsort(ORDER)], by[..., START_LANE:]
+        change = SMALL * at.STEPS[i] * np.eye(at.COUNT)[i]
+        high, low = ((p + e * change).clip(at.LOWEST, shape.highest) for e in (1.0, -1.0))
+        bodies = [_body(shape, near, inputs, volts)[:, 0] for near in (high, low)]
+        tangents[:, lane] = (bodies[0] - bodies[1]) / (high[i] - low[i])
+    angles, by = _run(shape, p, tangents, inputs, starts, length)
+    return angles, by[..., np.argsort(ORDER)], by[..., len(ORDER) :]
 
 
-def _body(machine: Machine, inputs: LogInputs, volts: Array) -> Array:
+def _body(shape: Shape, p: Array, inputs: LogInputs, volts: Array) -> Array:
     """Return a machine whose clutches have settled at voltages, as kernels take it."""
-    settled = initial_state(
-        machine, (0.0, 0.0), volts=np.minimum(volts, machine.clutch.voltage_max)
-    )
-    return body_of(replace(machine, substep=inputs.step), settled)
+    machine = shape.machine(p)
+    volts = np.minimum(volts, machine.clutch.voltage_max)
+    settled = initial_state(machine, (0.0, 0.0), volts=volts)
+    body = body_of(replace(machine, substep=inputs.step), settled)
+    at_load: Any = [BODY.load.torque_a, BODY.load.torque_b]
+    body[at_load, 0] = shape.offsets(p)
+    return body
 
 
 def _run(
-    machine: Machine,
-    inputs: LogInputs,
-    body: Array,
-    tangents: Array,
-    volts: Array,
-    by_delay: Array,
-    starts: Array,
-    length: int,
+    shape: Shape, p: Array, tangents: Array, inputs: LogInputs, starts: Array, length: int
 ) -> tuple[Array, Array]:
+    volts, by_delay = inputs.volts(float(p[at.DELAY]))
     record = np.empty((len(starts), length, 2))
     by = np.empty((*record.shape, tangents.shape[1]))
-    kernel = _kernel(paper_clutches=machine.has_paper_clutches, lanes=tangents.shape[1])
-    kernel(
-        body,
-        tangents,
-        volts,
-        by_delay,
-        inputs.force,
-        starts,
-        inputs.step,
-        inputs.substeps,
-        record,
-        by,
+    _kernel(paper_clutches=shape.start.has_paper_clutches)(
+        *(_body(shape, p, inputs, volts[0]), tangents, volts, by_delay, inputs.force, starts),
+        *(inputs.step, inputs.substeps, record, by),
     )
     return record, by
 
 
 @device
-def _begin(
-    body: Any, dot: Any, lanes: int, a: float, b: float, omega_a: float, omega_b: float
-) -> None:
-    """Begin a window with the angles a and b [rad]; the last four lanes are the derivatives by its start."""
+def _begin(body: Any, dot: Any, a: float, b: float, omega_a: float, omega_b: float) -> None:
+    """Begin a window with the angles a and b [rad]."""
     motion = Motion(a, b, omega_a, omega_b, np.cos(a), np.sin(a), np.cos(b), np.sin(b))
     store(body, BODY.motion, 0, motion)
+    lanes = dot.shape[1]
     for j in range(lanes):
         store(dot, BODY.motion, j, Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     if lanes > 0:
-        store(
-            dot,
-            BODY.motion,
-            lanes - 4,
-            Motion(1.0, 0.0, 0.0, 0.0, -motion.sin_a, motion.cos_a, 0.0, 0.0),
-        )
-        store(
-            dot,
-            BODY.motion,
-            lanes - 3,
-            Motion(0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -motion.sin_b, motion.cos_b),
-        )
+        dot[BODY.motion.theta_a, lanes - 4] = dot[BODY.motion.theta_b, lanes - 3] = 1.0
+        dot[BODY.motion.cos_a, lanes - 4], dot[BODY.motion.sin_a, lanes - 4] = -np.sin(a), np.cos(a)
+        dot[BODY.motion.cos_b, lanes - 3], dot[BODY.motion.sin_b, lanes - 3] = -np.sin(b), np.cos(b)
         dot[BODY.motion.omega_a, lanes - 2] = dot[BODY.motion.omega_b, lanes - 1] = 1.0
 
 
 @device
-def _command(body: Any, dot: Any, lanes: int, volts: Any, by_delay: Any, k: int) -> bool:
+def _command(body: Any, dot: Any, volts: Any, by_delay: Any, k: int) -> bool:
     """Give a substep its voltages; return whether they, or their derivatives, have changed."""
     changed = k == 0
     for x in range(4):
         changed |= (volts[k, x] != volts[k - 1, x]) | (by_delay[k, x] != by_delay[k - 1, x])
         body[BODY.command.x1 + x, 0] = volts[k, x]
-        if lanes > 0:
+        if dot.shape[1] > 0:
             dot[BODY.command.x1 + x, DELAY_LANE] = by_delay[k, x]
     return changed
 
 
 def _build(digest: str) -> Any:
     def kernel(
-        given: Any,
+        machine: Any,
         tangents: Any,
         volts: Any,
         by_delay: Any,
@@ -258,38 +194,34 @@ def _build(digest: str) -> Any:
         record: Any,
         by: Any,
     ) -> None:
-        """Fill the angles of each row of each window, and their tangents."""
+        """Fill the angles of each row of each window and as many of their tangents as there are."""
         _ = digest
-        body = scratch(given)
-        dot: Any = np.empty((BODY_WIDTH, lanes))
+        body = scratch(machine)
+        # rows of a width that the compiler knows: lanes of two rows are known to be apart
+        dot: Any = np.empty((BODY_WIDTH, LANES))[:, : tangents.shape[1]]
         dot[:] = tangents
         k = 0
         for window in range(record.shape[0]):
-            _begin(
-                body,
-                dot,
-                lanes,
-                starts[window, 0],
-                starts[window, 1],
-                starts[window, 2],
-                starts[window, 3],
-            )
+            start = starts[window]
+            _begin(body, dot, start[0], start[1], start[2], start[3])
             for row in range(record.shape[1]):
                 for _substep in range(substeps):
-                    changed = _command(body, dot, lanes, volts, by_delay, k)
-                    store(body, BODY.load, 0, Load(force[k, 0], force[k, 1], 0.0, 0.0, 0.0, 0.0))
+                    changed = _command(body, dot, volts, by_delay, k)
+                    body[BODY.load.force_x, 0], body[BODY.load.force_y, 0] = (
+                        force[k, 0],
+                        force[k, 1],
+                    )
                     advance(body, dot, h, changed)
                     k += 1
                 for link in range(2):
                     record[window, row, link] = body[BODY.motion.theta_a + link, 0]
-                    for j in range(lanes):
+                    for j in range(tangents.shape[1]):
                         by[window, row, link, j] = dot[BODY.motion.theta_a + link, j]
 
     return kernel
 
 
 @cache
-def _kernel(*, paper_clutches: bool, lanes: int) -> Any:
+def _kernel(*, paper_clutches: bool) -> Any:
     arrangement_at = no_arrangement if paper_clutches else arrangement_from(BODY)
-    substep = substep_tangents(arrangement_at, lanes, min(lanes, TORQUE_LANES))
-    return compile_kernel(_build, advance=substep, lanes=lanes)
+    return compile_kernel(_build, advance=substep_tangents(arrangement_at, TORQUE_LANES))

@@ -1,59 +1,63 @@
-"""Whether the model explains a log, where it does not, and what may be wrong with the log."""
+"""How well the model describes a log: ρ, the grade, and what may be wrong with the log."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from pter_gym.tools.identification.balance import COARSE, balance
 from pter_gym.tools.identification.fit import BLOCK, Fit
 from pter_gym.tools.identification.log import Log
-from pter_gym.tools.identification.parameters import INERTIA_A, INERTIA_B, RATIO, SLOPES, Shape
-from pter_gym.tools.identification.shooting import LogInputs
-from pter_gym.tools.identification.windows import Smoothed, lagged, smooth
+from pter_gym.tools.identification.parameters import INERTIA_A, INERTIA_B, SLOPES, Shape
+from pter_gym.tools.identification.windows import GAIN, smooth
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
-_STATS: Any = stats
+EXACT, SIMULATION, NEITHER = "exact", "good for simulation", "neither"
+"""Grades: noise explains the residuals; the model leaves little of the force; neither is so."""
 
 FAR = 2.0
-"""Root mean square of a window's residuals over what the log's noise makes, from which the model
-does not explain it.
+"""Root mean square of a window's residuals over what noise makes, from which noise does not explain
+it.
 
 Noise of the forces is smooth after two integrals, so a window has as few as three independent
 residuals, and then 0.7 % of the windows are this far off by chance: P(χ² > 3·2²) with three degrees
-of freedom. """
+of freedom.
+"""
 
-MAX_UNEXPLAINED = 0.1
-"""Largest share of such windows in a log that the model explains: some breakaways are always a matter of chance."""
+NEGLIGIBLE = 0.005
+"""Share of the force's effect that an exact model may leave in a window: no sensor is better."""
+
+SMOOTH = 0.02
+"""Time over which residuals are averaged for ρ [s]: errors of forces are smoother."""
+
+MAX_FAR = 0.1
+"""Largest share of such windows under an exact model: some breakaways are chance."""
 
 MAX_DIFFERING = 0.25
-"""Largest share of numbers that differ between parts of such a log: what is not in the model touches a few at most."""
+"""Largest share of numbers that differ between parts of the log."""
 
-SHOWS_BREAKAWAY = 0.02
-"""Relative change of the breakaway torque that moves an angle by its noise in windows that show a breakaway."""
+MAX_EXACT_RHO = 0.01
+"""Largest share of the force that an exact model leaves, whatever the encoder."""
 
-CHANCE = 0.01
-"""Probability of so many unexplained breakaways of one clutch, below which the model does not explain them."""
+MAX_RHO = 0.03
+"""Largest share of the force that a model which is good for simulation leaves."""
 
 LEFT = 0.02
-"""Share of the load left by the balance of torques, from which other readings of a log are tried."""
+"""Share of the load left by the balance of torques, from which other readings are tried."""
 
 BETTER = 0.2
 """What another reading may leave of that, to be reported."""
 
 UNRELATED = 0.5
-"""Share of the load left by all readings, from which forces and motion have nothing to do with each other."""
+"""Share of the load left by all readings, from which forces and motion are unrelated."""
 
 OTHER_SIZE = 2.0
-"""Factor between all inertias and torques and those of the start, from which the unit of the forces is questioned."""
+"""Factor from the start to all inertias and torques that questions the unit of forces."""
 
-NAMED = 3
+MAX_LISTED = 3
 """Differences between parts of a log that are named."""
 
 SHIFTS = (-0.1, -0.05, -0.02, 0.02, 0.05, 0.1)
@@ -62,138 +66,123 @@ SHIFTS = (-0.1, -0.05, -0.02, 0.02, 0.05, 0.1)
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether the model explains a log.
+    """How well the model describes a log.
 
     Attributes
     ----------
-    windows
-        How many windows are used.
-    share
-        Share of them whose residuals are more than ``FAR`` times what the log's noise makes.
+    windows, gaps
+        How many windows are used, and how many hold a gap of the log.
+    far
+        Share of them whose residuals noise does not explain.
+    rho
+        Share of what the force does to the angles that the model leaves.
     enough
         Whether there are more independent stretches than numbers to identify.
     differing
         Share of the searched numbers that differ between parts of the log.
-    breakaways
-        Windows that show a breakaway of any clutch and of each: how many are not explained, and of
-        how many.
-    gaps
-        Windows that are left out since they hold a gap of the log.
-    where
-        At which speed, voltage or position most windows are not explained, if that makes a
-        difference.
+    differences
+        Between which parts each of them does.
     hints
         Sentences on what may be wrong with the log.
     """
 
     windows: int
-    share: float
+    gaps: int
+    far: float
+    rho: float
     enough: bool
     differing: float
-    breakaways: tuple[tuple[int, int], ...]
-    gaps: int
-    where: str
-    hints: tuple[str, ...]
+    differences: Mapping[str, str]
+    hints: tuple[str, ...] = ()
 
     @property
-    def explained(self) -> bool:
-        """Whether numbers may count as identified."""
-        return self.enough and self.share <= MAX_UNEXPLAINED and self.differing <= MAX_DIFFERING
-
-    @property
-    def breakaways_explained(self) -> bool:
-        """Whether the ratio of breakaway to dynamic torque may count as identified."""
-        (far, windows), *each = self.breakaways
-        by_chance = [_STATS.binom.sf(k - 1, n, MAX_UNEXPLAINED) for k, n in each]
-        return self.explained and far <= MAX_UNEXPLAINED * windows and min(by_chance) >= CHANCE
+    def grade(self) -> str:
+        """One of ``EXACT``, ``SIMULATION`` and ``NEITHER``."""
+        if not self.enough or self.differing > MAX_DIFFERING:
+            return NEITHER
+        if self.far <= MAX_FAR and self.rho <= MAX_EXACT_RHO:
+            return EXACT
+        return SIMULATION if self.rho <= MAX_RHO else NEITHER
 
     @property
     def sentence(self) -> str:
         """The verdict in words."""
         if not self.enough:
-            return f"Nothing is identified: {self.windows} usable windows are too few for so many numbers."
-        off = f"in {100 * self.share:.0f} % of {self.windows} windows, angles are further off than {FAR:g} × noise"
-        off += f" ({self.gaps} windows with gaps are left out)" if self.gaps else ""
-        if self.explained and not self.breakaways_explained:
-            (far, windows), *each = self.breakaways
-            clutches = ", ".join(f"clutch {x}: {k} of {n}" for x, (k, n) in enumerate(each, 1) if k)
-            off += f". It does not explain breakaways: {far} of {windows} windows with one are further off"
-            off += f" ({clutches})" if clutches else ""
-        if self.explained:
-            return f"The model explains the log: {off}."
-        if self.differing > MAX_DIFFERING:
-            off += (
-                f", and {100 * self.differing:.0f} % of the numbers differ between parts of the log"
-            )
-        return f"The model does not explain the log, so nothing is identified: {off}, {self.where}."
+            return f"Nothing is identified: {self.windows} usable windows are too few."
+        left = f"it leaves {100 * self.rho:.2g} % of the hand's force unexplained"
+        left += f" ({self.gaps} windows with gaps are left out)" if self.gaps else ""
+        if self.grade == EXACT:
+            far = f"in {100 * self.far:.0f} % of {self.windows} windows, residuals exceed noise"
+            return f"The model is exact: {far}; {left}."
+        if self.grade == SIMULATION:
+            return f"The model is good for simulation: {left}, in {self.windows} windows."
+        differing = (
+            f", and {100 * self.differing:.0f} % of the numbers differ between parts of the log"
+        )
+        return (
+            f"The model does not describe the log, so nothing is identified: {left}"
+            f"{differing if self.differing > MAX_DIFFERING else ''}."
+        )
 
 
-def judge(
-    fit: Fit, finer: LogInputs, differences: tuple[str, ...], log: Log, motion: Smoothed
-) -> Verdict:
-    """Return the verdict on a fit, given inputs with a shorter substep and what differs between parts of the log."""
+def judge(fit: Fit, differences: Mapping[str, str], log: Log) -> Verdict:
+    """Return the verdict on a fit, given which numbers differ between which parts of the log."""
     windows, used = fit.windows, fit.windows.used
-    unavoidable = (
-        fit.moved(finer) + fit.shaken()
-    )  # by the model's step and noise of the forces [rad²]
-    far = fit.sizes() > FAR * np.sqrt(windows.noise**2 + unavoidable)
-    share = float(far[used].mean()) if used.any() else 1.0
-    enough = int(used.sum()) // BLOCK > len(fit.free)
-    differing = len(differences) / max(len(fit.free), 1)
-    explained = enough and share <= MAX_UNEXPLAINED and differing <= MAX_DIFFERING
-    where = "" if explained or not used.any() else _where(fit, log, motion, far)
-    hints = (
-        *_oddities(fit, log, differences),
-        *(() if explained else other_readings(log, fit.shape)),
+    driven = fit.change(fit.p, windows.harder) / GAIN
+    made = [fit.change(fit.p, inputs) for inputs in (windows.finer, *windows.shaken)]
+
+    def squares(rows: int) -> tuple[Array, Array, Array]:
+        """Return mean squares of means over rows: of residuals, of noise, of the force's effect."""
+        left, effect, step, *shaken = (
+            _mean_squares(angles, rows, windows.length) for angles in (fit.residual, driven, *made)
+        )
+        return left, windows.noise**2 / rows + step + np.mean(shaken, axis=0), effect
+
+    left, noise, effect = squares(1)
+    far = left > FAR**2 * (noise + NEGLIGIBLE**2 * effect)
+    left, noise, effect = (
+        float(each[used].sum()) for each in squares(max(1, round(SMOOTH / log.interval)))
     )
-    by_ratio = np.abs(fit.jacobian[:, :, RATIO]).max(axis=1) * SHOWS_BREAKAWAY > windows.noise
-    shown = used & by_ratio & (RATIO in fit.free)
-    parts = [shown, *(shown & each for each in windows.broke_away.T)]
-    breakaways = tuple((int(far[part].sum()), int(part.sum())) for part in parts)
-    return Verdict(
-        int(used.sum()), share, enough, differing, breakaways, windows.gaps, where, hints
+    verdict = Verdict(
+        windows=int(used.sum()),
+        gaps=windows.gaps,
+        far=float(far[used].mean()) if used.any() else 1.0,
+        rho=float(np.sqrt(max(left - noise, 0.0) / max(effect, 1e-300))),
+        enough=int(used.sum()) // BLOCK > len(fit.free),
+        differing=len(differences) / max(len(fit.free), 1),
+        differences=differences,
     )
+    readings = other_readings(log, fit.shape) if verdict.grade == NEITHER else ()
+    return replace(verdict, hints=(*_oddities(fit, log, differences), *readings))
 
 
-def _where(fit: Fit, log: Log, motion: Smoothed, far: Flags) -> str:
-    """Return in words in which third of the windows most are not explained, by what tells most."""
-    rows = fit.windows.first[:, None] + np.arange(fit.windows.length + 1)
-    volts = lagged(log, log.volts, fit.shape.machine(fit.p).clutch.time_constant)
-    values = {
-        ("the speed of the faster link", "rad/s"): np.abs(motion.omega[rows]).max(axis=(1, 2)),
-        ("the highest lagged voltage", "V"): volts[rows].max(axis=(1, 2)),
-        ("theta_A", "rad"): log.theta[rows, 0].mean(axis=1),
-        ("theta_B", "rad"): log.theta[rows, 1].mean(axis=1),
-    }
-    used, telling, said = fit.windows.used, MAX_UNEXPLAINED, "everywhere"
-    for (name, unit), each in values.items():
-        thirds = np.array_split(np.argsort(np.where(used, each, np.inf))[: used.sum()], 3)
-        shares = [float(far[third].mean()) if len(third) else 0.0 for third in thirds]
-        if max(shares) - min(shares) > telling:
-            telling, worst = max(shares) - min(shares), each[thirds[int(np.argmax(shares))]]
-            said = f"{100 * max(shares):.0f} % where {name} is {worst.min():.2g} to {worst.max():.2g} {unit}"
-    return said
+def _mean_squares(angles: Array, rows: int, length: int) -> Array:
+    """Return each window's mean square of angles (windows, 2·length), averaged over rows first."""
+    count = length // rows
+    parts = angles.reshape(len(angles), length, 2)[:, : count * rows]
+    return np.mean(parts.reshape(len(angles), count, rows, 2).mean(axis=2) ** 2, axis=(1, 2))
 
 
-def _oddities(fit: Fit, log: Log, differences: tuple[str, ...]) -> Iterator[str]:
-    """Yield what is odd about a log, whatever the model says."""
+def _oddities(fit: Fit, log: Log, differences: Mapping[str, str]) -> Iterator[str]:
+    """Yield what is odd about a log, whatever the grade."""
     if differences:
-        more = f", and {len(differences) - NAMED} more" if len(differences) > NAMED else ""
-        said = "; ".join(differences[:NAMED])
-        yield f"Numbers differ between parts of the log, which makes their intervals wider: {said}{more}."
+        more = len(differences) - MAX_LISTED
+        listed = [f"{name} differs {where}" for name, where in differences.items()][:MAX_LISTED]
+        said = "; ".join(listed) + (f", and {more} more" if more > 0 else "")
+        yield f"Numbers differ between parts of the log, which makes their intervals wider: {said}."
     if 0.0 < log.volts.max() <= 1.0:
-        yield f"No voltage is above {log.volts.max():.3g} V: are V1 to V4 volts, or shares of the largest voltage?"
+        yield f"No voltage is above {log.volts.max():.3g} V: are V1 to V4 volts, or shares?"
     sizes = [i for i in (INERTIA_A, INERTIA_B, *SLOPES) if i in fit.free]
     ratios = np.exp((fit.p - fit.shape.coordinates(fit.shape.start))[sizes])
     if sizes and (ratios.min() > OTHER_SIZE or ratios.max() < 1.0 / OTHER_SIZE):
         yield (
-            f"All inertias and torques are about {np.exp(np.log(ratios).mean()):.2g} times those of the start: "
+            f"Inertias and torques are {np.exp(np.mean(np.log(ratios))):.2g} times the start's: "
             "are F_x and F_y in newtons (1 lbf is 4.448 N), and the lengths in metres?"
         )
 
 
 def other_readings(log: Log, shape: Shape) -> Iterator[str]:
-    """Yield the other reading of a log under which the balance of torques leaves much less, if there is one."""
+    """Yield the reading of a log under which the balance of torques leaves much less, if any."""
     usual = balance(log, smooth(log), shape, COARSE)
     if usual is None or usual.left < LEFT:
         return
@@ -203,36 +192,29 @@ def other_readings(log: Log, shape: Shape) -> Iterator[str]:
         if tried is not None and tried.left < least:
             least, said = tried.left, sentence
     if least < BETTER * usual.left:
-        yield f"{said}: then {100 * least:.1f} % of the torques stay unexplained, instead of {100 * usual.left:.0f} %."
+        left = f"{100 * least:.1f} % of the torques stay unexplained"
+        yield f"{said}: then {left}, instead of {100 * usual.left:.0f} %."
     elif least > UNRELATED:
-        yield f"{100 * least:.0f} % of the torques stay unexplained: do forces and angles belong to the same motion?"
+        left = f"{100 * least:.0f} % of the torques stay unexplained"
+        yield f"{left}: do forces and angles belong to the same motion?"
 
 
 def _readings(log: Log) -> Iterator[tuple[str, Log]]:
     """Yield other ways to read a log, each with what it would mean."""
     theta, force = log.theta, log.force
     yield "theta_A and theta_B seem to be swapped", replace(log, theta=theta[:, ::-1])
-    relative = np.column_stack([theta[:, 0], theta.sum(axis=1)])
     yield (
         "theta_B seems to be measured from link A, not from the x axis (--relative-b)",
-        replace(log, theta=relative),
+        replace(log, theta=np.column_stack([theta[:, 0], theta.sum(axis=1)])),
     )
-    yield (
-        "theta_A and theta_B seem to be in degrees (--degrees)",
-        replace(log, theta=np.radians(theta)),
-    )
+    degrees = np.radians(theta)
+    yield "theta_A and theta_B seem to be in degrees (--degrees)", replace(log, theta=degrees)
     for x, y in combinations(range(4), 2):
-        order = [y if k == x else x if k == y else k for k in range(4)]
+        order = np.arange(4)
+        order[[x, y]] = y, x
         yield f"V{x + 1} and V{y + 1} seem to be swapped", replace(log, volts=log.volts[:, order])
-    yield (
-        "F_x and F_y seem to have the wrong sign: they are those of the hand on the tip",
-        replace(log, force=-force),
-    )
-    yield "F_x seems to have the wrong sign", replace(log, force=force * [-1.0, 1.0])
-    yield (
-        "F_y seems to have the wrong sign, or both angles",
-        replace(log, force=force * [1.0, -1.0]),
-    )
+    for name, signs in (("F_x and F_y seem", -1.0), ("F_x seems", [-1, 1]), ("F_y seems", [1, -1])):
+        yield f"{name} to have the wrong sign", replace(log, force=force * signs)
     yield "F_x and F_y seem to be swapped", replace(log, force=force[:, ::-1])
     for shift in SHIFTS:
         when = f"{1e3 * abs(shift):.0f} ms {'late' if shift > 0.0 else 'early'}"

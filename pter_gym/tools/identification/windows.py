@@ -1,4 +1,4 @@
-"""A log cut into windows: what each begins with, which clutches hold then, and what the angles were."""
+"""A log cut into windows: where each begins, which clutches hold then, and the angles."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ _NDIMAGE: Any = ndimage
 _SIGNAL: Any = signal
 
 DURATION = 0.2
-"""Length of a window [s]: angles tell accelerations well within it, and little of a wrong start is left."""
+"""Length of a window [s]: angles tell accelerations well within it."""
 
 CUTOFF = 200.0
 """Cutoff frequency of the forces [Hz]: a log of up to 500 rows a second is not filtered. A filter
@@ -27,7 +27,10 @@ cuts off the hand's peaks, so that clutches break away too late; 120 Hz makes th
 0.1 % too small."""
 
 SMOOTHING = 0.024
-"""Half the length of the smoothing of the angles [s], which gives the velocities at the starts of windows."""
+"""Half the length of the angles' smoothing [s], which gives velocities at starts of windows."""
+
+GAIN = 1e-3
+"""Relative change of the forces that shows what they do to the angles."""
 
 INDEPENDENT = 0.006
 """Time between interpolated rows whose noise is compared [s], if they are closer."""
@@ -46,30 +49,6 @@ SUBSTEP = 1.02 * MAX_SUBSTEP
 
 MIN_SEEN = 0.1
 """How long clutches have to slip at a voltage for the log to show it [s]."""
-
-
-@dataclass(frozen=True)
-class Cutting:
-    """Choices that a result should not depend on.
-
-    Attributes
-    ----------
-    stretch
-        Length of the windows over the usual one.
-    cutoff
-        Cutoff frequency of the forces [Hz].
-    substep
-        Longest substep of the model [s].
-    """
-
-    stretch: float = 1.0
-    cutoff: float = CUTOFF
-    substep: float = SUBSTEP
-
-
-USUAL = Cutting()
-OTHERS = (Cutting(0.55, 2.0 * CUTOFF, 0.5 * SUBSTEP), Cutting(1.4, 0.5 * CUTOFF, SUBSTEP))
-"""Others as good: what they change in a result is part of its error."""
 
 
 @dataclass(frozen=True)
@@ -107,16 +86,15 @@ class Windows:
     used
         Whether a window is used: it is not where it holds a gap of the log, or where nobody can
         tell from the angles whether a clutch holds as it begins.
-    broke_away
-        Whether each clutch, engaged, is slow at some row and slips at another of each window, shape
-        (windows, 4).
     gaps
         How many windows hold a gap.
-    inputs, noise
-        Of the model; standard deviation of the angles [rad].
+    inputs, finer, harder
+        Of the model: as recorded, with half the substep, and with forces larger by ``GAIN``.
     shaken
         Inputs with more noise of the forces, as much as they have: what they change, no fit can
         tell.
+    noise
+        Standard deviation of the angles [rad].
     """
 
     length: int
@@ -125,11 +103,12 @@ class Windows:
     starts: Array
     uncertain: Array
     used: Flags
-    broke_away: Flags
     gaps: int
     inputs: LogInputs
-    noise: float
+    finer: LogInputs
+    harder: LogInputs
     shaken: tuple[LogInputs, ...]
+    noise: float
 
 
 def smooth(log: Log) -> Smoothed:
@@ -143,24 +122,24 @@ def smooth(log: Log) -> Smoothed:
 
 
 def _noise(log: Log, smoothed: Array) -> float:
-    """Return the standard deviation of the angles' noise [rad]: without motion's, and at least an encoder's."""
+    """Return the standard deviation of the angles' noise [rad], at least an encoder's."""
     rough = np.diff(log.theta[:: _independent(log)], 3, axis=0) / np.sqrt(20.0)
     spread = min(
         float(np.median(np.abs(values))) / 0.6745 for values in (log.theta - smoothed, rough)
     )
-    return max(spread, (log.angle_step or angle_step(log.theta)) / np.sqrt(12.0), 1e-7)
+    return max(spread, (log.angle_step or angle_step(*log.theta.T)) / np.sqrt(12.0), 1e-7)
 
 
 def _independent(log: Log) -> int:
-    """Return how many rows apart noise is independent: interpolated rows share that of their neighbours."""
+    """Return how many rows apart noise is independent: interpolated rows share it."""
     return max(1, round(INDEPENDENT / log.interval)) if log.angle_step else 1
 
 
-def smooth_force(log: Log, cutoff: float = CUTOFF) -> Array:
+def smooth_force(log: Log) -> Array:
     """Return the forces [N] without what is faster than a hand."""
-    if cutoff * log.interval >= 0.4:
+    if CUTOFF * log.interval >= 0.4:
         return log.force
-    low = _SIGNAL.butter(2, 2.0 * cutoff * log.interval)
+    low = _SIGNAL.butter(2, 2.0 * CUTOFF * log.interval)
     return _SIGNAL.filtfilt(low[0], low[1], log.force, axis=0)
 
 
@@ -197,26 +176,22 @@ def experience(log: Log, motion: Smoothed, start: Machine) -> tuple[Array, float
     return log.interval * slips.sum(axis=0), float(nearest.min()) if len(nearest) else top, levels
 
 
-def cut(
-    log: Log, motion: Smoothed, start: Machine, time_constant: float, cutting: Cutting = USUAL
-) -> Windows:
+def cut(log: Log, motion: Smoothed, start: Machine, time_constant: float) -> Windows:
     """Return the windows of a log; the time constant [s] needn't be exact."""
-    length = max(4, round(cutting.stretch * DURATION / log.interval))
+    length = max(4, round(DURATION / log.interval))
     first = np.arange((len(log.theta) - 1) // length) * length
     rows = first[:, None] + np.arange(length + 1)
     gap = ~log.is_clear(motion.half)[rows].all(axis=1)
     holds, ambiguous = _holding(log, motion, start, time_constant)
-    held = holds[first]
-    slip = np.abs(motion.omega @ slip_rows(start).T)[rows]
-    engaged = (lagged(log, log.volts, time_constant)[rows] > ENGAGED).any(axis=1)
-    omega, free = _admitted(motion.omega[first], held, slip_rows(start))
+    omega, free = _admitted(motion.omega[first], holds[first], slip_rows(start))
     uncertain = np.zeros((len(first), 4, 4))
     uncertain[:, 0, 0] = uncertain[:, 1, 1] = 1.0
     uncertain[:, 2:, 2:] = free
-    inputs, *shaken = (
-        make_inputs(log.interval, log.volts, smooth_force(each, cutting.cutoff), cutting.substep)
-        for each in (log, *_shaken_logs(log))
-    )
+    force, shaken = smooth_force(log), [smooth_force(each) for each in _shaken_logs(log)]
+
+    def inputs(force: Array, substep: float = SUBSTEP) -> LogInputs:
+        return make_inputs(log.interval, log.volts, force, substep)
+
     return Windows(
         length=length,
         first=first,
@@ -224,11 +199,12 @@ def cut(
         starts=np.concatenate([motion.theta[first], omega], axis=1),
         uncertain=uncertain,
         used=~ambiguous[first] & ~gap,
-        broke_away=engaged & (slip.min(axis=1) < 0.5 * SLIPPING) & (slip.max(axis=1) > SLIPPING),
         gaps=int(gap.sum()),
-        inputs=inputs,
+        inputs=inputs(force),
+        finer=inputs(force, 0.5 * SUBSTEP),
+        harder=inputs((1.0 + GAIN) * force),
+        shaken=tuple(inputs(each) for each in shaken),
         noise=motion.noise,
-        shaken=tuple(shaken),
     )
 
 
@@ -246,7 +222,7 @@ def _shaken_logs(log: Log) -> Iterator[Log]:
 def _holding(
     log: Log, motion: Smoothed, start: Machine, time_constant: float
 ) -> tuple[Flags, Flags]:
-    """Return which clutches hold at rows of a log, shape (rows, 4), and where that cannot be told, shape (rows,)."""
+    """Return which clutches hold at rows, (rows, 4), and where that is uncertain, (rows,)."""
     engaged = lagged(log, log.volts, time_constant) > ENGAGED
     slip = np.abs(motion.omega @ slip_rows(start).T)
     width = 2 * motion.half + 1
@@ -258,7 +234,7 @@ def _holding(
 
 
 def _admitted(omega: Array, held: Flags, w: Array) -> tuple[Array, Array]:
-    """Return velocities that held clutches admit, shape (N, 2), and the directions left, as columns, (N, 2, 2)."""
+    """Return velocities that held clutches admit, (N, 2), and the directions left, (N, 2, 2)."""
     same = (
         (w[:, None] == w).all(axis=2).argmax(axis=1)
     )  # clutches of equal rows leave the same line

@@ -1,1 +1,1 @@
-"""The paper of 1999: its experiments, its figures, and its claims beside our measurements."""
+"""The paper of 1999: its experiments, figures and claims, compared with our measurements."""

@@ -118,7 +118,7 @@ def single_dof_torques(result: Sequence[SingleDofTest]) -> Figure:
 
 @styled
 def clutch_step(result: StepResponse) -> Figure:
-    """Return the step response of the four clutches beside a first-order response."""
+    """Return the step response of the four clutches and a first-order response."""
     figure = Figure(figsize=(style.WIDTH, 3.1))
     axes = figure.add_subplot()
     time, tau, every = result.time, result.time_constant, max(len(result.time) // 18, 1)

@@ -153,7 +153,7 @@ def table1(experiments: Experiments) -> dict[str, dict[str, float]]:
 
 
 def table1_columns(experiments: Experiments) -> Columns:
-    """Table I beside the paper's."""
+    """Table I next to the paper's."""
     columns: dict[str, ArrayLike] = {"model": list(experiments.table1)}
     ours, published = (
         np.array(list(experiments.table1.values())),

@@ -444,5 +444,5 @@ def clutch_states(row: Any, machine: Machine) -> list[str]:
 
 
 def _signed(value: float) -> str:
-    """Return a number with one digit and its sign, or 0.0 without one."""
+    """Return a number with one decimal and its sign; 0.0 has none."""
     return f"{value:+.1f}".replace("-", "−") if round(value, 1) else "0.0"

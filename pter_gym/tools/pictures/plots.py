@@ -225,5 +225,5 @@ def label_ends(
 
 
 def board_note(figure: Figure, board: Leaderboard, note: str) -> None:
-    """Write below the panels what was run, and a note."""
+    """Caption the panels with what was run, and a note."""
     figure.supxlabel(f"{board.title}; {note}", fontsize=8.5)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, cast
 
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
-from pter_gym._internal.locks import locked
+from pter_gym._internal.locks import lock_beside, locked
 from pter_gym.benchmark.tuned import Table, read_table
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.scenarios import SCENARIOS, find_pace, find_scenario
@@ -40,7 +40,7 @@ def add_gains(found: TunedGains, path: FilePath) -> None:
         "gains": found.gains,
         "defaults": {name: value for name, value in defaults.items() if name not in found.gains},
     }
-    with locked(path.with_name(f".{path.name}.lock")):
+    with locked(lock_beside(path)):
         table: dict[str, Any] = dict(read_table(path))
         name = find_scenario(found.scenario, path=found.path).name
         table.setdefault(name, {}).setdefault(found.controller, {})[found.pace] = entry

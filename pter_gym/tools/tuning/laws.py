@@ -69,7 +69,7 @@ class TunableLaw:
 
     @property
     def key(self) -> str:
-        """What tells it from other laws: its name, and a digest of its source if it is a user's."""
+        """What identifies the law: its name, and a digest of its source if it is a user's."""
         if not is_code(self.name):
             return self.name
         source = inspect.getsourcefile(self.law.__class__) or self.name

@@ -1,4 +1,4 @@
-"""What a page knows of the kernels and its choices, as JSON from the package's declarations.
+"""Layout of the kernels' arrays and choices of the page, as JSON from the package's declarations.
 
 A page finds numbers in the module's memory by places: ``places(ROW)`` is the record of a world with
 row numbers in place of values. Its choices (machines, hands, paths, laws, networks) are values in
@@ -130,7 +130,7 @@ def part(record: str, machine: Machine = BASELINE, hand: Operator = POINTER) -> 
 
 
 def path_table(path: Path) -> dict[str, Any]:
-    """Return the arcs of a path, and how wide the workspace about it is [m]."""
+    """Return the arcs of a path, and the half-width of the workspace about it [m]."""
     task = PathFollowing(path=path)
     if path.max_curvature > 0.0:
         task = replace(task, error_max=min(WIDTH, largest_error_max(path)))

@@ -18,12 +18,12 @@ from pter_gym._physics.model import model_of
 from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.errors import ParameterError
 from pter_gym.params import SLOTS, Hand, Machine, require_number
-from pter_gym.tools.identification.log import Log
+from pter_gym.tools.identification import Log
 
 Array = NDArray[np.float64]
 
 TRUE_SUBSTEP = 0.25e-3
-"""Substep of the simulated machine [s]: finer than that of the model, as a real machine has none at all."""
+"""Substep of the simulated machine [s], finer than the model's."""
 
 MIDDLE = (0.5 * math.pi - 0.85, 0.5 * math.pi + 0.6)
 """Angles of the links in the middle of the motion [rad]."""
@@ -71,7 +71,7 @@ class Experiment:
         return self.free + clutches * len(self.levels) * (self.on + self.off)
 
     def voltages(self, times: Array, clutches: int) -> Array:
-        """Return voltages [V] at times [s], shape (T, 4): the clutches in turn at the first level, then at the next."""
+        """Return voltages [V] at times [s], shape (T, 4): the clutches in turn, level by level."""
         place = np.floor((times - self.free) / (self.on + self.off)).astype(int)
         within = (times - self.free) - place * (self.on + self.off)
         applied = np.zeros((len(times), SLOTS))
@@ -130,9 +130,7 @@ def record_log(
     rng = np.random.default_rng([seed, 0x4964])
     ratio = round(experiment.interval / TRUE_SUBSTEP)
     if abs(ratio * TRUE_SUBSTEP - experiment.interval) > 1e-9:
-        raise ParameterError(
-            f"Experiment.interval must be a multiple of {TRUE_SUBSTEP:g} s, got {experiment.interval!r}"
-        )
+        raise ParameterError(f"Experiment.interval must be a multiple of {TRUE_SUBSTEP:g} s")
     rows = round(experiment.duration(len(machine.clutches)) / experiment.interval)
     halves: Array = 0.5 * TRUE_SUBSTEP * np.arange(2 * rows * ratio, dtype=np.float64)
     middles = experiment.interval * (np.arange(rows, dtype=np.float64) + 0.5)
@@ -176,7 +174,7 @@ def _motion(
 
 
 def _hand_path(experiment: Experiment, times: Array, rng: np.random.Generator) -> Array:
-    """Return where the hand wants to be, from the middle [m], shape (T, 2): it starts there at rest."""
+    """The hand's target, relative to the centre [m], shape (T, 2)."""
     phases = rng.uniform(0.0, 2.0 * math.pi, 2)
     swing = np.sin(times[:, None] * (2.0 * math.pi * np.array(experiment.frequencies)) + phases)
     return experiment.amplitude * swing * np.minimum(times, 1.0)[:, None]
