@@ -21,7 +21,7 @@ from numba.core.caching import FunctionCache
 
 from pter_gym._compiled import pipeline
 
-_normalize: Any = sigutils.normalize_signature
+_sigutils: Any = sigutils
 _VERSIONS = f"{numba.__version__} {llvmlite.__version__}"
 _ABANDONED = 3600.0
 """Seconds after which a file that is still being written belongs to a process that is gone."""
@@ -71,7 +71,7 @@ class StoredKernel(FunctionCache):
         self._remove_outdated()
 
     def _key(self, sig: Any, codegen: Any) -> Any:
-        arguments = str(_normalize(sig)[0])  # it may or may not name what is returned
+        arguments = str(_sigutils.normalize_signature(sig)[0])  # it may or may not name what is returned
         return arguments, self._machine_and_code(sig, codegen)[1:], self._stamp
 
     def _path(self, key: Any) -> Path:
