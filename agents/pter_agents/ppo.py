@@ -365,16 +365,16 @@ class PPO:
             If it is the state of another training.
         """
         leaves, tree = jax.tree_util.tree_flatten_with_path(self._learned)
-        found: list[Any] = []
+        restored: list[Any] = []
         for path, leaf in leaves:
-            given = state[jax.tree_util.keystr(path)]
-            if given.shape != leaf.shape or given.dtype != leaf.dtype:
+            value = state[jax.tree_util.keystr(path)]
+            if value.shape != leaf.shape or value.dtype != leaf.dtype:
                 raise ValueError(
                     f"{jax.tree_util.keystr(path)} must be {leaf.dtype} {leaf.shape}, "
-                    f"got {given.shape}"
+                    f"got {value.shape}"
                 )
-            found.append(jax.device_put(given, leaf.sharding))
-        self._learned = jax.tree.unflatten(tree, found)
+            restored.append(jax.device_put(value, leaf.sharding))
+        self._learned = jax.tree.unflatten(tree, restored)
         self.steps = steps
 
     def _draw(self) -> tuple[Any, Any]:

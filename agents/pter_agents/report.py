@@ -81,9 +81,9 @@ def learning_curve(history: Mapping[int, Scores], laws: Mapping[str, Scores]) ->
                 ha="left",
                 color=MUTED,
             )
-        found = [scores[pace] for scores in history.values()]
-        errors = [each["path_error_m"] / MILLIMETRE for each in found]
-        faces = [look.colour if progress_of(each)["ranked"] else "white" for each in found]
+        at_pace = [scores[pace] for scores in history.values()]
+        errors = [each["path_error_m"] / MILLIMETRE for each in at_pace]
+        faces = [look.colour if progress_of(each)["ranked"] else "white" for each in at_pace]
         above.plot(million, errors, color=look.colour)
         above.scatter(million, errors, 14.0, faces, edgecolor=look.colour, zorder=3)
         _write(
@@ -95,7 +95,7 @@ def learning_curve(history: Mapping[int, Scores], laws: Mapping[str, Scores]) ->
             color=look.colour,
         )
         below.plot(
-            million, [100.0 * each["completed"] for each in found], color=look.colour, marker="."
+            million, [100.0 * each["completed"] for each in at_pace], color=look.colour, marker="."
         )
         above.set(
             title=f"{pace}, {PACES[pace]:g} m/s", yscale="log", xlim=(0.0, 1.04 * million[-1])

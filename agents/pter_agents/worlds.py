@@ -202,11 +202,11 @@ def _sample(
     residual = base is not None
     obs: Any = env.reset(seed=seed)[0]
     memory: Any = base.start(len(obs)) if residual else None
-    seen: list[NDArray[Any]] = []
+    inputs_seen: list[NDArray[Any]] = []
     true: list[NDArray[Any]] = []
     for _ in range(SAMPLE_STEPS):
         volts = base.act(obs, memory) if residual else middle_volts(len(obs), interface)
-        seen.append(quantities(obs * layout.scales, volts, layout, residual=residual))
+        inputs_seen.append(quantities(obs * layout.scales, volts, layout, residual=residual))
         true.append(env.batch.truth())
         outputs = DEVIATION * rng.standard_normal((len(obs), len(interface.clutches)))
         obs, _, terminated, truncated, _ = env.step(
@@ -216,7 +216,7 @@ def _sample(
             over = terminated | truncated
             memory[over] = base.start(len(obs))[over]
     env.close()
-    center, scale, varies = _moments(seen)
+    center, scale, varies = _moments(inputs_seen)
     names = available(layout, residual=residual)
     inputs = (
         Input(name, 0.0, FIXED[name])

@@ -66,16 +66,16 @@ def benchmark(
     from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
     from pter_gym.benchmark.boards import EPISODE_SET, boards_text, in_order
 
-    drawn = find_scenario(scenario, path=path)
+    chosen = find_scenario(scenario, path=path)
     results = ResultsFolder(out)
     results.make()
     named = {
-        name: find_policy(name, drawn.whose_gains) for each in policies for name in split(each)
+        name: find_policy(name, chosen.whose_gains) for each in policies for name in split(each)
     }
     with progress_bar() as progress:
-        task = progress.add_task(drawn.name, total=len(named) * len(paces))
+        task = progress.add_task(chosen.name, total=len(named) * len(paces))
         runs = run_scenario(
-            drawn,
+            chosen,
             named,
             paces,
             episodes=episodes,
@@ -97,7 +97,7 @@ def benchmark(
             places = list(in_order([board for board in boards if board.pace == pace]))
             filmed = sorted(list(named)[:MAX_FILMED], key=places.index)
             ranked = {name: named[name] for name in filmed}
-            written.append(film_policies(ranked, drawn, pace, results.path, progress))
+            written.append(film_policies(ranked, chosen, pace, results.path, progress))
     for file in written:
         say(f"wrote {file}")
 

@@ -168,20 +168,20 @@ class Storage:
     ) -> NDArray[np.uint64]:
         """Return seed and episode count of each world after a reset of the chosen ones, (N, 2)."""
         words = self._words.copy()
-        given = np.zeros(self.num_worlds, np.bool_)
+        seeded_now = np.zeros(self.num_worlds, np.bool_)
         if seeds is not None:
             if len(seeds) != self.num_worlds:
                 raise ParameterError(f"seeds must hold {self.num_worlds} entries, got {len(seeds)}")
             for seed in seeds:
                 if seed is not None and not 0 <= seed < 2**64:
                     raise ParameterError(f"seeds must lie within [0, 2⁶⁴), got {seed!r}")
-            given = chosen & np.array([seed is not None for seed in seeds])
-            words[given, 0] = np.array([0 if seed is None else seed for seed in seeds], np.uint64)[
-                given
-            ]
-            words[given, 1] = 0
-        words[chosen & ~given & self._seeded, 1] += np.uint64(1)
-        fresh = chosen & ~given & ~self._seeded
+            seeded_now = chosen & np.array([seed is not None for seed in seeds])
+            words[seeded_now, 0] = np.array(
+                [0 if seed is None else seed for seed in seeds], np.uint64
+            )[seeded_now]
+            words[seeded_now, 1] = 0
+        words[chosen & ~seeded_now & self._seeded, 1] += np.uint64(1)
+        fresh = chosen & ~seeded_now & ~self._seeded
         words[fresh, 0] = np.frombuffer(os.urandom(8 * int(fresh.sum())), np.uint64)
         return words
 

@@ -43,12 +43,12 @@ class Threads:
         """
         left = iter(shares)
         done: list[Share] = []
-        found: list[int] = []
+        results: list[int] = []
 
         def work() -> None:
             for share in left:
                 try:
-                    found.append(call(*share))
+                    results.append(call(*share))
                 finally:
                     done.append(share)
 
@@ -63,7 +63,7 @@ class Threads:
             while len(done) < len(shares):
                 time.sleep(1e-4)
             raise
-        return found
+        return results
 
     def close(self) -> None:
         """Stop the threads, if there are any."""

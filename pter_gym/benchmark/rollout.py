@@ -75,18 +75,18 @@ def _recorded(
     obs, telemetry = batch.reset(episodes.seeds)
     memory = acting.start(len(episodes), [seed % NUMBERS for seed in episodes.seeds])
     volts = np.empty(0)
-    rows, seen = [telemetry[:, columns]], [obs]
+    rows, observations = [telemetry[:, columns]], [obs]
     limits = np.array(episodes.limits)
     running = limits > 0
     while running.any():
-        steps = len(seen) - 1
+        steps = len(observations) - 1
         if steps % acting.frame_skip == 0:
             volts = acting.act(np.ascontiguousarray(obs[:, : len(acting.layout)]), memory)
         obs, _, _, (terminated, truncated, _), (telemetry,) = batch.step(volts, SKIP)
         rows.append(telemetry[:, columns])
-        seen.append(obs)
+        observations.append(obs)
         running &= ~(terminated | truncated) & (steps + 1 < limits)
-    return Rollout(np.stack(rows), np.stack(seen))
+    return Rollout(np.stack(rows), np.stack(observations))
 
 
 def bind_to(policy: AnyPolicy, episodes: Episodes) -> Policy:

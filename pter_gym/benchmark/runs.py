@@ -1,7 +1,7 @@
 """Run policies on the evaluation episodes of a scenario, or assess them on training draws."""
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -67,8 +67,8 @@ def run_scenario(
     drawn = find_scenario(scenario)
     if paces is None:
         paces = scenario.pace if isinstance(scenario, PathFollowing) else tuple(PACES)
-    single = builtin(paces)
-    listed = names_in("paces", [single] if isinstance(single, int | float) else paces)
+    several: Any = builtin(paces)
+    listed = names_in("paces", [several] if isinstance(several, int | float) else several)
     seed = 0 if seed is None and drawn.digest else seed
     sets = {
         pace: find_episodes(drawn, pace, seed)

@@ -88,13 +88,13 @@ def read_tuned(path: FilePath, scenario: str | None = None) -> PaceSchedule:
         raise ParameterError(f"policies must name a file that exists, there is no {str(path)!r}")
     table = read_table(path)
     places = [scenario] if scenario is not None and scenario in table else list(table)
-    found = [(name, place) for place in places for name in table[place]]
-    if len(found) != 1:
-        names = ", ".join(f"{name} for {place}" for name, place in found) or "none"
+    entries = [(name, place) for place in places for name in table[place]]
+    if len(entries) != 1:
+        names = ", ".join(f"{name} for {place}" for name, place in entries) or "none"
         raise ParameterError(
             f"policies must name a file with gains of one controller, {str(path)!r} has {names}"
         )
-    ((name, place),) = found
+    ((name, place),) = entries
     return _schedule(
         (pace, controller_of(name, entry, path)) for pace, entry in table[place][name].items()
     )

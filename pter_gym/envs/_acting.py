@@ -131,9 +131,9 @@ class ActingPolicy:
         ):  # ragged, as what reset returns, or a tensor on another device
             rows = np.empty(0, np.float32)
         if rows.shape != self._shape:
-            found = rows.shape if rows.size else f"a {type(observation).__name__}"
+            got = rows.shape if rows.size else f"a {type(observation).__name__}"
             raise ParameterError(
-                f"observation must be an array of the shape {self._shape}, got {found}"
+                f"observation must be an array of the shape {self._shape}, got {got}"
             )
         volts = np.array(self._policy.act(rows.reshape(self._worlds, -1), self._memory), np.float32)
         most, shape = self._voltage_max, self._volts_shape

@@ -261,7 +261,7 @@ def _has_file(value: Any) -> bool:
 
 def _read(value: Any, find: Callable[[Any], Any]) -> Any:
     """Return a path or a machine, or several, by name or file."""
-    return [*map(find, cast("Any", value))] if _several(value) else find(value)
+    return [*map(find, value)] if _several(value) else find(value)
 
 
 def _to_plain(value: Any) -> Any:

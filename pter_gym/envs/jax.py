@@ -18,6 +18,7 @@ from pter_gym.errors import ActionError, ParameterError, needs_extra
 try:
     import jax
     from jax import numpy as jnp
+    from jax.core import Tracer
     from jax.custom_batching import custom_vmap
 
     from pter_gym._engine.xla import DECLARED_STEP, RESET, STEP, register_calls, words_of
@@ -264,8 +265,8 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
 
 def seed_words(seed: Any) -> jax.Array:
     """Return a seed as words, uint32 () or (2,), or raise a ParameterError."""
-    traced = isinstance(seed, jax.core.Tracer)
-    words = seed if traced else np.asarray(seed)
+    traced = isinstance(seed, Tracer)
+    words = cast(Any, seed if traced else np.asarray(seed))
     whole = jnp.issubdtype(words.dtype, jnp.integer) and words.shape in ((), (2,))
     if not whole or not (traced or ((words >= 0) & (words < 2**32)).all()):
         raise ParameterError(

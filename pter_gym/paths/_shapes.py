@@ -185,7 +185,7 @@ def smoothed(knots: Sequence[float], points: Any, distance: float) -> Any:
 
     def moves(log_weight: float) -> Any:
         weight = math.exp(log_weight)
-        second = linalg.solveh_banded(spline + weight * squares, weight * bends)
+        second = cast(Any, linalg.solveh_banded(spline + weight * squares, weight * bends))
         moved = np.zeros_like(points)
         for k, factor in enumerate((left, middle, right)):
             moved[k : k + len(second)] += factor * second
@@ -198,7 +198,7 @@ def smoothed(knots: Sequence[float], points: Any, distance: float) -> Any:
         return points
     if excess(WEIGHTS[1]) <= 0.0:
         return points - moves(WEIGHTS[1])
-    return points - moves(float(optimize.brentq(excess, *WEIGHTS, xtol=1e-9)))
+    return points - moves(cast(Any, optimize.brentq(excess, *WEIGHTS, xtol=1e-9)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -268,8 +268,8 @@ def _fitted(path: Path, curve: Curve, knots: Sequence[float]) -> Arcs:
 
 def check_points(path: "Spline | Polyline") -> None:
     """Turn points into tuples; raise a ParameterError unless they can be waypoints of a path."""
-    points: Any = _plain(path.points)
-    points = points if isinstance(points, tuple) else ()
+    plain = cast(object, _plain(path.points))
+    points = cast("tuple[Any, ...]", plain if isinstance(plain, tuple) else ())
     object.__setattr__(path, "points", points)
     accepted = (
         f"2 to {MAX_POINTS} points (x, y) of finite numbers up to {MAX_COORDINATE:g} m, "

@@ -95,26 +95,26 @@ def read_policy(name: FilePath) -> "TrainedPolicy":
 
 def find_file(name: FilePath) -> Path:
     """Return the file of a policy; see ``read_policy``."""
-    given = find_path("policies", name)
+    path = find_path("policies", name)
     if not isinstance(name, os.PathLike) and not is_path(name):
         if name in shipped_policies():
             return SHIPPED / f"{name}{ENDING}"
         if not is_here(name):
             check_name(name)
             raise unknown_name("policies", name, shipped_policies())
-    named = given.parent / f"{given.name.removesuffix(ENDING)}{ENDING}"
+    named = path.parent / f"{path.name.removesuffix(ENDING)}{ENDING}"
     if named.is_file():
         return named
-    inside = policies_in(given)
-    if (given / RUN).is_file():
-        why = f"it is the folder of a training, of which `pter export {given}` makes a policy"
+    inside = policies_in(path)
+    if (path / RUN).is_file():
+        why = f"it is the folder of a training, of which `pter export {path}` makes a policy"
     elif len(inside) == 1:
-        return given / f"{inside[0]}{ENDING}"
+        return path / f"{inside[0]}{ENDING}"
     elif inside:
-        why = f"the folder holds several, {', '.join(str(given / each) for each in inside)}"
+        why = f"the folder holds several, {', '.join(str(path / each) for each in inside)}"
     else:
-        known = [str(named.parent / each) for each in policies_in(named.parent)]
-        why = f"no {named}{nearest(named.with_suffix(''), known)}"
+        names = [str(named.parent / each) for each in policies_in(named.parent)]
+        why = f"no {named}{nearest(named.with_suffix(''), names)}"
     raise ParameterError(f"policies: there is no trained policy {os.fspath(name)!r}: {why}")
 
 
@@ -176,10 +176,10 @@ def _parse(data: bytes, name: str) -> "TrainedPolicy":
     from pter_gym.policies._interface import Interface
     from pter_gym.policies._trained import TrainedPolicy
 
-    told = read_header(data)
-    if told.get("format") != FORMAT:
-        raise ValueError(f"format must be {FORMAT!r}, got {told.get('format')!r:.40}")
-    card = parse_json(told["card"].encode(), MAX_HEADER)
+    header = read_header(data)
+    if header.get("format") != FORMAT:
+        raise ValueError(f"format must be {FORMAT!r}, got {header.get('format')!r:.40}")
+    card = parse_json(header["card"].encode(), MAX_HEADER)
     interface = interface_codec().from_plain(card["interface"])
     if not isinstance(interface, Interface):
         raise ValueError("interface must be an Interface")
@@ -188,8 +188,8 @@ def _parse(data: bytes, name: str) -> "TrainedPolicy":
     except SafetensorError as error:
         raise ValueError(str(error)) from None
     count = len(tensors) // 2
-    known = {f"layer_{k}.{part}" for k in range(count) for part in ("weight", "bias")}
-    if set(tensors) != known:
+    expected = {f"layer_{k}.{part}" for k in range(count) for part in ("weight", "bias")}
+    if set(tensors) != expected:
         raise ValueError(
             "it must hold weight and bias of each layer, "
             f"it holds {', '.join(sorted(tensors)):.200}"

@@ -48,7 +48,7 @@ def test_each_command_has_a_page() -> None:
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_scenario_says_what_it_draws(name: str) -> None:
     rows = [line for line in made.scenario(name).splitlines() if line.startswith("| ")]
-    for each in (SCENARIOS[name].machine, SCENARIOS[name].task):
+    for each in (SCENARIOS[name].draws.machine, SCENARIOS[name].draws.task):
         assert all(
             any(f": {field}" in row for row in rows) for field in getattr(each, "fields", {})
         )

@@ -53,7 +53,7 @@ print(abs(change - (by * step).sum()) / np.abs(by * step).sum())
 
 body, dot = body_of(BASELINE, start), np.zeros((BODY_WIDTH, 1))
 dot[BODY.motion.omega_b] = 1.0
-advance = substep_tangents(paper_clutches, 1, 1)
+advance = substep_tangents(paper_clutches, 1)
 for k in range(4):
     store(body, BODY.command, 0, PerClutch(*volts[k]))
     store(body, BODY.load, 0, Load(*force[k, 0], 0.0, 0.0, 0.0, 0.0))

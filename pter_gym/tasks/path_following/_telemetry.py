@@ -94,10 +94,10 @@ def reason_of(
     ParameterError
         If the row has another shape, or there is no such machine.
     """
-    given = np.asarray(telemetry, np.float64)
-    if given.shape != (COLUMNS,):
-        raise ParameterError(f"telemetry must have the shape ({COLUMNS},), got {given.shape}")
-    row: Any = given
+    array = np.asarray(telemetry, np.float64)
+    if array.shape != (COLUMNS,):
+        raise ParameterError(f"telemetry must have the shape ({COLUMNS},), got {array.shape}")
+    row: Any = array
     limits = context_of(task, find_machine(machine), (0, 0), (0, 0)).task
     if row[COLUMN.terminated] == 0.0:
         return None

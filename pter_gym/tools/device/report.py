@@ -10,8 +10,8 @@ from typing import Any, cast
 
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
-from pter_gym._internal.plugins import PICTURES, registered
 from pter_gym._internal.locks import LOCK, locked
+from pter_gym._internal.plugins import PICTURES, registered
 from pter_gym._internal.terminal import make_folder
 from pter_gym._version import __version__
 from pter_gym.benchmark import find_policy
@@ -182,16 +182,16 @@ def _draw(
     report: DeviceReport, own: Machine, tuned: dict[str, AnyPolicy], folder: Path
 ) -> dict[str, str]:
     """Draw what the installed tools can draw into a folder; return captions by file name."""
-    known, captions = registered(PICTURES), dict[str, str]()
-    if "region" in known:
-        known["region"].load()(own, folder / "forces.png")
+    pictures, captions = registered(PICTURES), dict[str, str]()
+    if "region" in pictures:
+        pictures["region"].load()(own, folder / "forces.png")
         captions["forces.png"] = "Forces that the device can display; its smallest steering force."
-    if "film" in known:
+    if "film" in pictures:
         for scenario, law in tuned.items():
             ((machine, task),) = find_scenario(scenario, own).draws.pairs(1, 0, report.pace)
             rows = record_episode(law, machine, task, 0, nominal=own).telemetry
             label = f"{SCENARIOS[scenario]}-tuned"
-            known["film"].load().write_film(
+            pictures["film"].load().write_film(
                 machine, task, {label: rows}, folder / f"{scenario}.webp"
             )
             captions[f"{scenario}.webp"] = f"The tuned law on a training draw of {scenario}."

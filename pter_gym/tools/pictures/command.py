@@ -59,12 +59,12 @@ def watch(
     names = split(policies)
     check_arguments(names, out, csv, size, speed)
     seed = whole_number("seed", seed, at_least=0)
-    drawn = find_scenario(scenario, machine, path)
-    held, task = drawn.draws.pairs(1, seed, pace)[0]
-    found = {name: find_policy(name, drawn.whose_gains) for name in names}
+    chosen = find_scenario(scenario, machine, path)
+    held, task = chosen.draws.pairs(1, seed, pace)[0]
+    by_name = {name: find_policy(name, chosen.whose_gains) for name in names}
     telemetry: dict[str, Any] = {}
-    for name, policy in found.items():
-        episode = record_episode(policy, held, task, seed, nominal=drawn.nominal)
+    for name, policy in by_name.items():
+        episode = record_episode(policy, held, task, seed, nominal=chosen.nominal)
         telemetry[name] = episode.telemetry
         say(f"{name}: {summary(telemetry[name])}")
     if csv:
@@ -82,7 +82,7 @@ def watch(
     elif not csv:
         film.show_film(
             film.Film(held, task, telemetry, film.WINDOW_RATE, speed, size),
-            f"PTER: {', '.join(found)}",
+            f"PTER: {', '.join(by_name)}",
         )
 
 

@@ -64,12 +64,12 @@ def tune(
         def show(finished: int, best: float) -> None:
             progress.update(task, completed=finished, description=f"{title}: {1000 * best:.1f} mm")
 
-        given: Any = {"trials": trials, "episodes": episodes, "storage": storage, "seed": seed}
-        given |= {"machine": machine, "path": path}
-        found = search(controller, scenario, pace, **given, on_trial=show)
-    for name, gain in found.gains.items():
+        options: Any = {"trials": trials, "episodes": episodes, "storage": storage, "seed": seed}
+        options |= {"machine": machine, "path": path}
+        tuned = search(controller, scenario, pace, **options, on_trial=show)
+    for name, gain in tuned.gains.items():
         say(f"{name} = {gain!r}")
-    say(f"on other draws: {found.assessment}")
+    say(f"on other draws: {tuned.assessment}")
     if out is not None:
-        add_gains(found, out)
+        add_gains(tuned, out)
         say(f"wrote {out}")
