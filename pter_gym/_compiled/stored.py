@@ -71,7 +71,8 @@ class StoredKernel(FunctionCache):
         self._remove_outdated()
 
     def _key(self, sig: Any, codegen: Any) -> Any:
-        arguments = str(_sigutils.normalize_signature(sig)[0])  # it may or may not name what is returned
+        # a signature may or may not name what is returned
+        arguments = str(_sigutils.normalize_signature(sig)[0])
         return arguments, self._machine_and_code(sig, codegen)[1:], self._stamp
 
     def _path(self, key: Any) -> Path:
