@@ -122,7 +122,7 @@ def _shared_kernel() -> Any:
 
 
 def resolve_arranged(mass: Array, p: Array, c: Array, w: Array) -> Array:
-    """Return velocities (n, 2) for n masses (3), momenta (2), capacities (4) and rows of W (4, 2)."""
+    """Return velocities (n, 2) for n masses (3), momenta (2), capacities (4), rows of W (4, 2)."""
     omega = np.empty_like(p)
     _arranged_kernel()(mass, p, c, w, omega)
     return omega

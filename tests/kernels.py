@@ -1,9 +1,8 @@
-"""Compile the simulator's kernels into numba's cache: once for all processes of a test run, in two at the same time."""
+"""Compile the kernels for all processes of a test run: each once, in two processes."""
 
 import subprocess
 import sys
 from importlib.util import find_spec
-from pathlib import Path
 
 import numpy as np
 
@@ -12,11 +11,12 @@ from pter_gym._engine.batch import Batch
 from pter_gym._engine.kernels import alone_kernel
 from pter_gym._physics import open_loop
 from pter_gym.controllers import Free
-from pter_gym.params import BASELINE
+from pter_gym.gradients import rollout
+from pter_gym.params import BASELINE, MACHINES, Machine
 from pter_gym.tasks.path_following import PathFollowing
 from rollouts import simulate
 
-ROOT = Path(__file__).parents[1]
+PARTS = ("steps", "rest")
 
 
 def main(part: str) -> None:
@@ -32,11 +32,12 @@ def main(part: str) -> None:
             from pter_gym._engine.xla import register_calls
 
             register_calls()
+        move(BASELINE)
     else:
-        policy(np.zeros((1, len(batch.layout)), np.float32))
         alone_kernel(True)
-        start = open_loop.initial_state(BASELINE, (0.5, 2.0))
-        open_loop.simulate(BASELINE, start, np.zeros(4), np.zeros(2), duration=BASELINE.substep)
+        move(MACHINES["two-brakes"])
+        state = open_loop.initial_state(BASELINE, (0.5, 2.0))
+        rollout(BASELINE, state, np.zeros((1, 4)), np.zeros(2)).gradient(theta=np.zeros((2, 2)))
         if find_spec("pter_gym.tools.identification"):
             from pter_gym.tools.identification.parameters import Shape
             from pter_gym.tools.identification.shooting import make_inputs, predict
@@ -47,12 +48,20 @@ def main(part: str) -> None:
             predict(shape, p, inputs, np.array([[0.5, 2.0, 0.0, 0.0]]), 2)
 
 
+def move(machine: Machine) -> None:
+    """Compile the open loop for the clutches of a machine."""
+    state = open_loop.initial_state(machine, (0.5, 2.0))
+    open_loop.simulate(machine, state, np.zeros(4), np.zeros(2), duration=machine.substep)
+
+
 def compile_all() -> None:
-    """Compile both parts; what goes wrong here goes wrong in a test too, where it is told."""
+    """Compile both parts at the same time."""
     command = [sys.executable, __file__]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    for process in [subprocess.Popen([*command, part], **quiet) for part in ("steps", "rest")]:
-        process.wait()
+    parts = [subprocess.Popen([*command, part], stderr=subprocess.PIPE) for part in PARTS]
+    for process in parts:
+        errors = process.communicate()[1].decode()
+        if process.returncode:  # the first test that needs the kernel tells more
+            sys.stderr.write(f"kernels are not compiled beforehand:\n{errors}")
 
 
 if __name__ == "__main__":

@@ -135,5 +135,5 @@ def test_a_file_of_the_form_before_is_read_with_a_warning(tmp_path: Path) -> Non
     )
     for old, new in (("1.12", '"x"'), ("[1.0, 0.5]", "[1.0]"), ("slope", "slop"), ("0.5,", "0.0,")):
         (tmp_path / "old.toml").write_text(OLD.replace(old, new), "utf-8")
-        with pytest.warns(DeprecationWarning), pytest.raises(DataError):
+        with pytest.warns(DeprecationWarning, match="save_machine"), pytest.raises(DataError):
             find_machine(str(tmp_path / "old.toml"))

@@ -6,7 +6,6 @@ vectorised loop has the bits of a world alone.
 """
 
 import inspect
-import sys
 from collections.abc import Callable
 from contextlib import suppress
 from types import FunctionType
@@ -14,12 +13,12 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config
-from numba.core.caching import IndexDataCacheFile
 from numba.core.compiler import Compiler
 
 from pter_gym._compiled import pipeline
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.pipeline import INLINED, WITHOUT_ARRAYS
+from pter_gym._compiled.stored import StoredKernel
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -83,8 +82,10 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
             inspect.getmodule(value) for value in inlined.values() if callable(value)
         ):
             with suppress(RuntimeError):  # there is no folder to write to
-                kernel.enable_caching()
-                _index_by(digest_of(plain), kernel)
+                if pipeline.Kernel is Compiler:
+                    kernel.enable_caching()
+                else:
+                    kernel._cache = StoredKernel(function, digest_of(plain) or "")
         if pipeline.Kernel is not Compiler:
             pipeline.announce(kernel)
     return cast(Function, kernel)
@@ -93,17 +94,6 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
 def entry_of(kernel: Any, signature: Any) -> Any:
     """Return the machine code of a kernel for a signature, which looks at no argument's type."""
     return kernel.compile(tuple(signature.args)) if COMPILES else kernel
-
-
-def _index_by(stamp: str | None, kernel: Any) -> None:
-    """Let a stamp say whether the kernels of a factory that are in the cache are still good.
-
-    Numba takes the time at which the factory's file was written, and the number of its line.
-    """
-    cache, function = kernel._cache, kernel.py_func
-    qualname = function.__qualname__.replace("<locals>", "locals")
-    name = f"{function.__module__}.{qualname}.{sys.implementation.cache_tag}"
-    cache._cache_file = IndexDataCacheFile(cache._cache_path, name, stamp)
 
 
 def _bind(function: FunctionType, names: dict[str, object]) -> FunctionType:

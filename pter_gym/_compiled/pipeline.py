@@ -4,7 +4,9 @@ These are the steps of ``shortcuts.py``, which rely on numba's internals; or num
 warning, where a numba newer than those tested does not compile a small kernel right by them.
 
 ``announce`` takes ``_compiler.compile`` and ``stats.cache_path`` of a kernel; ``compiler.py`` takes
-``Dispatcher.add_overload``, ``_cache``, ``_cache_path`` and ``_cache_file``.
+``Dispatcher.add_overload`` and ``_cache``; ``stored.py`` takes of ``FunctionCache`` ``_cache_path``,
+``_index_key``, ``_impl`` (``check_cachable``, ``reduce``, ``rebuild``, ``locator``) and, of its
+``_cache_file``, ``_dump`` and ``_open_for_write``.
 """
 
 import functools
@@ -26,6 +28,7 @@ PATIENCE = 1.0
 
 CACHED = "compiling, once: about 20 s"
 NOT_CACHED = "compiling for this process alone, as it cannot be stored: about 20 s"
+NOT_STORED = "compiled code cannot be stored: other processes will compile again"
 
 INLINED: Any = {"forceinline": True, "error_model": "numpy"}
 

@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 
 from pter_gym._compiled.compiler import compile_kernel, device, outlined
 from pter_gym._compiled.records import load, store, width
@@ -241,6 +242,13 @@ def _backward_on(stages: Kick) -> Any:
 
     return backward
 
+
+_ROWS, _LAYERS = types.float64[:, ::1], types.float64[:, :, ::1]
+_INPUTS: Any = _ROWS, _ROWS, _LAYERS, _LAYERS, types.float64
+
+FORWARD_TYPES: Any = types.none(*_INPUTS, _ROWS)
+BACKWARD_TYPES: Any = types.none(*_INPUTS, _ROWS, _ROWS, _ROWS, _LAYERS, _LAYERS, _ROWS)
+"""Types of the arguments of the kernels."""
 
 forward_step: Any = None
 backward_step: Any = None

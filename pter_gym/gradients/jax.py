@@ -21,11 +21,12 @@ try:
 except ImportError as error:
     raise ImportError(str(needs_extra("pter_gym.gradients.jax", "jax"))) from error
 
+from pter_gym._compiled.addresses import caller, export
 from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import flat
 from pter_gym._physics.model import arrangement_of, model_of
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, State
-from pter_gym.gradients._adjoint import FIRST, LAST, kernels
+from pter_gym.gradients._adjoint import BACKWARD_TYPES, FIRST, FORWARD_TYPES, LAST, kernels
 from pter_gym.gradients._branchless import branchless
 from pter_gym.gradients._machine import copied, divided, numbers_of
 from pter_gym.gradients._rollout import STATE, tip_motion
@@ -270,9 +271,12 @@ def _registered(name: str, has_paper_clutches: bool) -> str:
     """Register the call ``forward`` or ``backward``, once; return its name in XLA."""
     forward, backward = kernels(has_paper_clutches=has_paper_clutches)
     called = f"pter_rollout_{name}_{'paper' if has_paper_clutches else 'declared'}"
-    _XLA.register(
-        called, _forward_handler(forward) if name == "forward" else _backward_handler(backward)
-    )
+    kernel, signature, handler = {
+        "forward": (forward, FORWARD_TYPES, _forward_handler),
+        "backward": (backward, BACKWARD_TYPES, _backward_handler),
+    }[name]
+    export(kernel, signature, symbol := f"{called}_kernel")
+    _XLA.register(called, handler(caller(signature, symbol)))
     return called
 
 
@@ -308,7 +312,7 @@ def _forward_handler(forward: Any) -> Any:
     def handler(arguments: int, results: int) -> None:
         h = _double_rows(arguments, 0)[0, 0]
         for i in range(len(_double_rows(arguments, 1))):
-            forward(*_rollout(arguments, 1, i), h, _states(results, 0, i))
+            forward((*_rollout(arguments, 1, i), h, _states(results, 0, i)))
 
     return handler
 
@@ -326,15 +330,7 @@ def _backward_handler(backward: Any) -> Any:
         for i in range(len(_double_rows(arguments, 1))):
             by_body, by_volts, by_force, by_target = _rollout(results, 0, i)
             states, by_states = _states(arguments, 5, i), _states(arguments, 6, i)
-            backward(
-                *_rollout(arguments, 1, i),
-                h,
-                states,
-                by_states,
-                by_volts,
-                by_force,
-                by_target,
-                by_body,
-            )
+            outputs = by_volts, by_force, by_target, by_body
+            backward((*_rollout(arguments, 1, i), h, states, by_states, *outputs))
 
     return handler

@@ -1,4 +1,4 @@
-"""Learning libraries: each script runs, and learns within a minute; tensors of torch share the arrays' memory."""
+"""Learning libraries: each script learns within a minute; torch's tensors share arrays' memory."""
 
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ NEEDS = {
     "rsl_rl_ppo": "rsl_rl",
     "skrl_ppo": "skrl",
     "torchrl_ppo": "torchrl",
-    "zoo": "huggingface_sb3",  # which comes with the zoo; to import that would change Gymnasium's TimeLimit
+    "zoo": "huggingface_sb3",  # comes with the zoo, whose import changes Gymnasium's TimeLimit
 }
 TINY: dict[str, dict[str, Any]] = {
     name: {"steps": 512, "worlds": 8, "horizon": 32} for name in NEEDS

@@ -1,4 +1,4 @@
-"""Offline learning: the scripts read what `pter record` wrote, train and score, and know nothing of the trainer."""
+"""Offline learning: the scripts read what `pter record` wrote, train and score."""
 
 import sys
 from pathlib import Path

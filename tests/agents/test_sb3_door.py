@@ -1,4 +1,4 @@
-"""Stable-Baselines3's ``VecEnv`` over the batch: its contract, its wrappers and algorithms, and the same episodes."""
+"""Stable-Baselines3's ``VecEnv`` over the batch: contract, wrappers, algorithms, same episodes."""
 
 import subprocess
 import sys
@@ -39,7 +39,7 @@ def make(count: int = COUNT, **options: Any) -> Any:
 
 
 def actions(steps: int = 250, count: int = COUNT) -> np.ndarray:
-    """Random normalised actions, half of them for clutches without voltage, so episodes end in both ways."""
+    """Random normalised actions, half of them without voltage, so episodes end in both ways."""
     rng = np.random.default_rng(11)
     drawn = 2.0 * np.sqrt(rng.uniform(0.0, 1.0, (steps, count, 4))) - 1.0
     return np.where(rng.random((steps, count, 1)) < 0.5, -1.0, drawn).astype(np.float32)

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
@@ -24,15 +23,6 @@ SEED = 77
 Array = NDArray[np.float64]
 Observations = NDArray[np.float32]
 Factor = Callable[[Array], Array | float]
-
-COURSES = [
-    pytest.param(
-        scenario, pace, marks=() if (scenario, pace) == ("standard", "brisk") else pytest.mark.long
-    )
-    for scenario in ("standard", "paths")
-    for pace in PACES
-]
-"""Scenarios and paces on which policies are attacked; the long run has all of them."""
 
 
 class Changed:
@@ -114,17 +104,6 @@ def beyond(progress: float) -> When:
 def beside(error: float, until: float = 2.0) -> Attack:
     """Ride so many metres beside the path, to a part of it."""
     return tells(error=lambda self, obs: np.where(beyond(until)(self, obs), 0.0, error))
-
-
-def inside(share: float, most: float) -> Attack:
-    """Ride nearer to the centre of each bend, by a share of its radius."""
-
-    def error(self: Changed, obs: Observations) -> Array:
-        bend = self.observe(obs, "curvature")
-        aside = np.divide(share, bend, where=np.abs(bend) > 0.01, out=np.zeros_like(bend))
-        return -np.clip(aside, -most, most)
-
-    return tells(error=error)
 
 
 def lingers(factor: float) -> Attack:

@@ -1,4 +1,4 @@
-"""The evaluation episodes, stored and fresh, and what happens when somebody changes the stored ones."""
+"""The evaluation episodes, stored and fresh, and what happens when stored ones are changed."""
 
 import gzip
 import json
@@ -30,7 +30,7 @@ from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from rollouts import simulate
 
 PINNED_SEEDS, PINNED_PHASE = (4215971544462223395, 7145062265811555858), 1.929293725323279
-"""Of the first fresh episodes of one seed: results that name a seed mean the same episodes for ever."""
+"""Of the first fresh episodes of one seed: a seed in results means the same episodes for ever."""
 
 SOME = [
     "standard",
@@ -92,7 +92,7 @@ def test_a_new_scenario_is_drawn_by_its_name_and_version() -> None:
 
 @pytest.mark.parametrize("name", SOME)
 def test_no_episode_is_drawn_twice_and_all_sets_have_the_same_strata(name: str) -> None:
-    """Stored ones, fresh ones of all paces and several seeds, and training draws have no episode in common."""
+    """Stored episodes, fresh ones of all paces and several seeds, and training draws all differ."""
     fresh = [("medium", None), ("medium", 2**64 - 1), *((pace, 0) for pace in PACES)]
     sets = [find_episodes(name, pace, seed) for pace, seed in fresh]
     for each, (pace, _) in zip(sets, fresh, strict=True):
@@ -142,7 +142,7 @@ def test_bad_names_and_damaged_files_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("scenario", SOME)
 @pytest.mark.parametrize("pace", PACES)
 def test_every_hand_can_go_faster_than_the_pace(scenario: str, pace: str) -> None:
-    """Braking is all that a clutch can do: without it, the tip gets past 1.15 times the commanded pace."""
+    """Clutches can only brake: without them, the tip gets past 1.15 times the commanded pace."""
     episodes = load_episodes(scenario, pace)
     batch = Batch(episodes.machines, episodes.tasks)
     policy = Free().bind(BASELINE, batch.layout)

@@ -80,7 +80,7 @@ def test_two_lines_score_a_model() -> None:
 
 
 class Remembering:
-    """Acts as a recurrent model does: its state counts the decisions of each world since the start of an episode."""
+    """Acts as a recurrent model: its state counts a world's decisions in the episode."""
 
     def __init__(self, sensors: Sensors = "encoders") -> None:
         self.observation_space = spaces.Box(
@@ -122,7 +122,7 @@ def test_states_belong_to_worlds_and_begin_again_at_a_reset() -> None:
 
 @pytest.mark.parametrize("low", [-1.0, 0.0])
 def test_actions_beyond_the_bounds_are_clipped_to_them(low: float) -> None:
-    """A square folds what lies beyond: −1.8 is to be 0 V, and not the 3.84 V of its mirror image."""
+    """A square folds what lies beyond: −1.8 is to be 0 V, not the 3.84 V of its mirror image."""
     inside = np.full((2, 4), (low + 1.0) / 2.0)
     given = {"below": low - 0.8, "low": low, "above": 1.7, "high": 1.0}
     found: dict[str, Any] = {}

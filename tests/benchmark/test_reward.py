@@ -20,7 +20,6 @@ from benchmark.attacks import (
     sets,
     tells,
 )
-from benchmark.test_attacks import DISCOUNTS, discounted
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
 from pter_gym.benchmark.measures import column
@@ -34,6 +33,7 @@ from pter_gym.tasks.path_following import COLUMN
 from pter_gym.tasks.path_following._rules import PERFECT
 from rollouts import run
 
+DISCOUNTS = (1.0, 0.998, 0.995, 0.99)
 DRAWS = 50
 SEED = 991
 """Of training draws."""
@@ -63,6 +63,7 @@ GAMES: dict[str, Attack] = {
     "crawls": rides(lambda _: 0.4),
     "rides beside": beside(-0.15),
     "stops and goes": locks(partial(every, steps=30, of=60)),
+    "weaves": tells(error=lambda self, _: 0.02 * np.sin(0.3 * self.steps)),
 }
 """What is made of honest policies, and has no rank or a large error."""
 
@@ -82,6 +83,11 @@ STOPS: dict[str, Attack] = {
     },
 }
 """Ways to end a good ride before the end of the path."""
+
+
+def discounted(rewards: Any, discount: float) -> float:
+    """Return the mean return of episodes from the rewards of their control steps, (T, N)."""
+    return float((discount ** np.arange(len(rewards)) @ rewards).mean())
 
 
 class Judged(NamedTuple):

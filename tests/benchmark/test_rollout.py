@@ -84,7 +84,7 @@ def test_nothing_is_scored_beyond_an_episodes_own_limit() -> None:
 
 
 def test_validation_keeps_each_episodes_own_limit() -> None:
-    """With the longest limit of the batch, torque feedback arrived in more episodes at a brisk pace."""
+    """With the longest limit of the batch, torque feedback arrives in more brisk episodes."""
     drawn = training_episodes("everything", "brisk", 64, seed=0)
     assert len(set(drawn.limits)) > 1
     law = find_policy("torque-feedback", "everything")

@@ -5,8 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmark.attacks import Course
-from benchmark.test_attacks import discounted, returns
-from benchmark.test_reward import CLEARLY, judge, policies, sight
+from benchmark.test_reward import CLEARLY, discounted, judge, policies, sight
 from pter_gym.benchmark import PACES
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.episodes import Episodes
@@ -95,7 +94,8 @@ def test_a_search_for_reward_returns_less_than_clearly_better_tracking(
     discounts = (1.0, sight(course))
     honest = {name: judge(policy, course) for name, policy in policies(course).items()}
     rows = course.telemetry(Networks(searched(course, discounts[1], seed=5)[None], JUDGED))
-    found = [returns(rows, discount) for discount in discounts]
+    rewards = np.nan_to_num(rows[1:, :, COLUMN.reward])
+    found = [discounted(rewards, discount) for discount in discounts]
     assert found[0] > honest["locked"].returned(1.0), "the search found nothing"
     ranked = {name: each for name, each in honest.items() if each.ranks}
     ranked = ranked or {

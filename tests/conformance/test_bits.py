@@ -23,6 +23,7 @@ from hypothesis import strategies as st
 import pter_gym
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import LANES, SKIP
+from pter_gym._engine.world import SAME_STEP as SAME
 from pter_gym.benchmark import from_actions
 from pter_gym.controllers import Impedance, Random, TorqueFeedback, bind
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
@@ -213,6 +214,24 @@ def test_blocks_of_one_machine_each_have_the_bits_of_batches_of_it() -> None:
     for row in actions(LANES)[:8]:
         expected = np.concatenate([batch.step(row).obs for batch in alone])
         assert both.step(np.tile(row, (len(kinds), 1))).obs.tobytes() == expected.tobytes()
+
+
+def test_worlds_that_draw_other_constants_leave_the_next_block_its_own() -> None:
+    kinds, tasks = [BASELINE, DELRIN_EXPERIMENTAL], [PathFollowing()] * 2
+
+    def begun(seeds: Sequence[int]) -> Batch:
+        batch = Batch(kinds, tasks, len(seeds), draws=True, max_steps=1)
+        batch.reset(seeds)
+        return batch
+
+    seeds = [seed for seed, kind in enumerate(begun(range(6 * LANES)).context) if kind == 0]
+    seeds = seeds[: 2 * LANES]
+    both, second = begun(seeds), begun(seeds[LANES:])
+    row = actions(LANES)[0]
+    expected = second.step(row, int(SAME)).final_obs
+    found = both.step(np.tile(row, (2, 1)), int(SAME))
+    assert set(both.context[:LANES]) == {0, 1}
+    assert found.final_obs[LANES:].tobytes() == expected.tobytes()
 
 
 @each_mode

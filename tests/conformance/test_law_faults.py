@@ -31,7 +31,7 @@ KEPT = rows(Kept)
 
 @device
 def fails_later(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-    """Hold clutch 4, and from a step on return a value as the voltage of clutch 2, in the worlds from one on."""
+    """Hold clutch 4; from a step on, in worlds from one on, return a value for clutch 2."""
     memory[KEPT.steps] += 1.0
     fails = memory[KEPT.steps] > gains[STEP] and memory[KEPT.episode] >= gains[EPISODE]
     return PerClutch(0.0, gains[VALUE] if fails else 1.0, 0.0, 24.0)
@@ -150,7 +150,7 @@ def test_a_law_that_cannot_be_compiled_is_an_error_of_one_line(kind: str) -> Non
 
 @device
 def counts(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-    """Read beyond the gains once enough steps have passed: what no trial before the run would see."""
+    """Read beyond the gains after many steps, which no trial before the run would see."""
     volts = gains[counted(memory) // 100]
     return PerClutch(volts, volts, volts, volts)
 

@@ -1,4 +1,4 @@
-"""Policies in environments: reset by their user, actions in the environment's unit, typed errors."""
+"""Policies in environments: reset by their user, actions in the environment's unit, errors."""
 
 from collections.abc import Callable
 from functools import partial
@@ -24,7 +24,7 @@ from pter_gym.tasks.path_following._actions import action_of, volts_of
 ID = "PTER/PathFollowing-v0"
 LAYOUT = observation_layout(BASELINE, "torque")
 ENDS_SOON = PathFollowing(truncation_error=0.02, starts=STARTS["path"])
-"""The tip begins anywhere and is off the path after a number of control steps that depends on the seed."""
+"""The tip begins anywhere and is off the path after a number of steps that the seed decides."""
 
 
 def count(observations: np.ndarray, memory: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from pter_gym._engine.world import ROW, ROWS, Target
 from pter_gym._physics.arm import (
     Linkage,
     Motion,
+    PerLink,
     UnitVector,
     Vector,
     motion_at,
@@ -39,7 +40,7 @@ from pter_gym.hands._model import (
     sum_of_sines,
 )
 from pter_gym.params import BASELINE, Clutch, Hand, TorqueCurve
-from pter_gym.paths import Arc, Line
+from pter_gym.paths import Arc, Line, Polyline
 from pter_gym.paths._projection import Foot
 from pter_gym.tasks.path_following import (
     TELEMETRY,
@@ -53,7 +54,12 @@ from pter_gym.tasks.path_following import (
     reason_of,
 )
 from pter_gym.tasks.path_following._context import context_of
-from pter_gym.tasks.path_following._observation import Measurement, observation
+from pter_gym.tasks.path_following._observation import (
+    Measurement,
+    Reading,
+    measurement_of,
+    observation,
+)
 from pter_gym.tasks.path_following._rules import (
     ALLOWANCE,
     Band,
@@ -417,6 +423,22 @@ def test_an_observation_has_the_declared_entries():
     }
     assert {name: getattr(seen(0.004), name) for name in expected} == expected
     assert [seen(offset).near_error for offset in (0.5, -0.5)] == [0.01, -0.01]
+
+
+def test_a_reading_is_projected_from_the_arc_that_the_tip_is_on():
+    """Of two legs side by side, the tip is nearer to the first, and on its way along the other."""
+    path = Polyline(points=((-0.2, 0.5), (0.2, 0.5), (0.2, 0.6), (-0.2, 0.6)), radius=0.04)
+    arm, table = model_of(BASELINE).arm, path.arcs.table
+    at = motion_at(arm, 0.0, 0.54)
+    still = PerLink(0.0, 0.0)
+    reading = Reading(PerLink(*at[:2]), still, PerClutch(0.0, 0.0, 0.0, 0.0), PathVector(0.0, 0.0))
+    feet = [
+        measurement_of(reading, arm, np.append(np.zeros(3), table), 3, len(table), segment).foot
+        for segment in (0, len(table) - 1)
+    ]
+    assert [foot.segment for foot in feet] == [0, len(table) - 1]
+    assert [foot.arc_length for foot in feet] == pytest.approx([0.2, path.length - 0.2])
+    assert [foot.normal_error for foot in feet] == pytest.approx([0.04, 0.06])
 
 
 def test_observed_context_of_machine_and_task():

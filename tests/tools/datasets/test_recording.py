@@ -1,4 +1,4 @@
-"""Episodes for offline learning: whole, from training draws, the environment's own bits, and by their level."""
+"""Episodes for offline learning: whole, from training draws, with the environment's bits."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -27,7 +27,7 @@ STEPS = 400
 
 @pytest.fixture(scope="module", autouse=True)
 def few_worlds() -> Iterator[None]:
-    """Record with eight worlds at once, not 128: an episode does not depend on how many there are."""
+    """Record with eight worlds at once, not 128: episodes do not depend on their number."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(recording, "WORLDS", 8)
         yield
@@ -88,7 +88,7 @@ def test_levels_have_the_same_episodes_and_seeds_have_others() -> None:
 
 
 def test_policies_begin_anew_with_each_episode() -> None:
-    """The 12 episodes of eight worlds have the actions of the policy alone, which remembers observations."""
+    """The 12 episodes of eight worlds have the actions of the policy, which remembers, alone."""
     name, arguments = environment_of("hands", 3)
     env = gymnasium.make(name, **arguments)
     episodes = record_episodes("hands", "expert", 4000, seed=3)

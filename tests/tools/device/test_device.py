@@ -1,4 +1,4 @@
-"""`pter device`: what is measured without learning, in closed form, and the folder that an examination writes."""
+"""`pter device`: what is measured without learning, in closed form, and what it writes."""
 
 import json
 import math
@@ -18,7 +18,7 @@ THETA = np.array([0.4, 0.4 + math.pi / 2])
 
 
 def test_a_free_arm_has_the_impedance_of_its_mass():
-    """At a right angle, with link B along y as link A moves across it, each link carries inertia/length²."""
+    """At a right angle, with link B along y and link A across, each carries inertia/length²."""
     arm = Arm(length_a=0.5, length_b=0.5, inertia_a=0.8, inertia_b=0.8, coupling=0.0)
     machine = replace(BASELINE, arm=arm, clutch_scale=(0.0,) * 4, substep=1e-3)
     mass = 0.8 / 0.5**2

@@ -201,7 +201,8 @@ def test_gains_are_written_beside_others_and_found(tmp_path: Path) -> None:
     table = read_table(path)
     assert list(table) == ["standard", "everything"]
     assert table["standard"]["impedance"]["slow"] == {
-        "command": "pter tune impedance --scenario standard --pace slow --trials 7 --episodes 8 --seed 9",
+        "command": "pter tune impedance --scenario standard --pace slow"
+        " --trials 7 --episodes 8 --seed 9",
         "trials": 7,
         "episodes": 8,
         "path_error_m": 0.0123,
