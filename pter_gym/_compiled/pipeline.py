@@ -3,8 +3,8 @@
 These are the steps of ``shortcuts.py``, which rely on numba's internals; or numba's own, with a
 warning, where a numba newer than those tested does not compile a small kernel right by them.
 
-``announce`` takes ``_compiler.compile`` and ``stats.cache_path`` of a kernel; ``compiler.py`` takes
-``Dispatcher.add_overload`` and ``_cache``; ``stored.py`` takes of ``FunctionCache`` ``_cache_path``,
+``announce`` takes ``_compiler.compile`` and ``stats.cache_path`` of a kernel, ``compiler.py``
+``Dispatcher.add_overload`` and ``_cache``, ``stored.py`` of ``FunctionCache`` ``_cache_path``,
 ``_index_key``, ``_impl`` (``check_cachable``, ``reduce``, ``rebuild``, ``locator``) and, of its
 ``_cache_file``, ``_dump`` and ``_open_for_write``.
 """

@@ -297,7 +297,7 @@ def test_states_and_params_of_other_environments_are_refused() -> None:
 
 
 def test_damaged_worlds_return_nan_and_change_no_other() -> None:
-    env, params = make("PTER/Standard-v0")
+    env, _ = make("PTER/Standard-v0")
     _, state = env.reset(jax.random.key(0))
     rng, n = np.random.default_rng(0), 70
     worlds = np.repeat(np.asarray(state.world)[None], n, 0)
