@@ -232,7 +232,7 @@ class JaxEnv:
     def _check_state(self, state: EnvState) -> None:
         """Raise a ParameterError unless a state is as large as this environment's."""
         expected = ((self._empty.shape, jnp.uint32), ((4,), jnp.uint32))
-        if [(jnp.shape(part), jnp.result_type(part)) for part in state] != [*expected]:
+        if [(jnp.shape(part), jnp.result_type(part)) for part in state[:2]] != [*expected]:
             raise ParameterError(
                 "state must be an EnvState of this environment, of uint32 "
                 f"{self._empty.shape} and (4,), got {shapes_of(state)}"

@@ -311,8 +311,8 @@ def test_a_waypoint_is_of_numbers_that_a_path_can_have(point: Any) -> None:
     ("text", "message"),
     [
         ("", "column x"),
-        ("x\n1\n2\n", "column y"),
-        ("x_mm,y_mm\n1,2\n2,3\n", "column x"),
+        ("x\n1\n2\n", "column"),
+        ("x_inch,y_inch\n1,2\n2,3\n", "column x"),
         ("1,2,3,4\n2,3,4,5\n", "column x"),
         ("x,y\n0.1,0.5\n\n2000,0.5\n", "line 4"),
         ("x,y\n0.1,0.5\n", "points"),

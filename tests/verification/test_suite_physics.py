@@ -11,6 +11,7 @@ import pytest
 
 from pter_gym import initial_state, simulate
 from pter_gym._engine.batch import Batch
+from pter_gym._engine.world import ROW
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HUMAN_ARMS, HumanArm, MultiSineHand, RecordedForces, read_forces
 from pter_gym.hands._kinds import MAX_INSTANTS
@@ -195,9 +196,9 @@ def test_torque_errors_and_drift_scale_the_clutches() -> None:
     batch.reset([0])
     for step in range(50):
         batch.step(np.full((1, 4), 10.0))
-        limit = batch.get_state()["worlds"][0, 8, 0]
+        breakaway = batch.get_state()["worlds"][0, ROW.torques.breakaway.x1, 0]
         expected = fast.clutch.breakaway.torque(10.0) * (1.0 + rate * PERIOD * step)
-        assert limit == pytest.approx(expected, rel=1e-12)
+        assert breakaway == pytest.approx(expected, rel=1e-12)
 
 
 def test_quantised_angles_are_multiples_and_everything_else_follows_them() -> None:

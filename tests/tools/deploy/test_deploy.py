@@ -546,5 +546,10 @@ def test_a_refused_command_writes_nothing(
 def test_the_command_writes_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     assert main(["export", "impedance", "--c", "out", "--numbers", "float"]) == 0
-    assert {path.name for path in Path("out").iterdir()} == {"main.c", "pter.c", "pter.h"}
+    assert {path.name for path in Path("out").iterdir()} == {
+        "main.c",
+        "pter.c",
+        "pter.h",
+        ".lock",
+    }
     assert "typedef float pter_real;" in Path("out/pter.h").read_text("utf-8")
