@@ -78,7 +78,7 @@ def read_table(
             header, first = (header, None) if first is None else (first[1], next(rows, None))
         elif unit and len(first[1]) <= len(names) + 1 and not _have(names, header, units):
             header = [*names, ""][: len(first[1])]
-        if first and {text.strip("[]()") for text in first[1]} <= _UNIT_TEXTS:
+        if first and _are_units(first[1]):
             texts = [*(text.strip("[]()") for text in first[1]), *[""] * len(header)]
             header = [f"{name} [{text}]" if text else name for name, text in zip(header, texts)]  # noqa: B905
             first = next(rows, None)
@@ -107,6 +107,12 @@ def read_table(
         for name, values, (_, text) in zip(names, columns, places, strict=True)
     }
     return Table(found, lines)
+
+
+def _are_units(entries: Sequence[str]) -> bool:
+    """Return whether a line below the names states units; 1 alone is a number."""
+    known = {text.strip("[]()") for text in entries} <= _UNIT_TEXTS
+    return known and not all(map(_is_number, entries))
 
 
 def _rows(path: Path, max_size: int, comments: list[str]) -> Iterator[tuple[int, list[str]]]:

@@ -307,11 +307,17 @@ def test_a_waypoint_is_of_numbers_that_a_path_can_have(point: Any) -> None:
         Spline(points=(point, (0.5, 0.5)))
 
 
+def test_a_row_of_ones_states_no_units(tmp_path: File) -> None:
+    file = tmp_path / "path.csv"
+    file.write_text("x,y\n1,1\n0.5,0.6\n")
+    assert read_path(file) == Spline(points=((1.0, 1.0), (0.5, 0.6)))
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "column x"),
-        ("x\n1\n2\n", "column"),
+        ("x\n1\n2\n", "column y"),
         ("x_inch,y_inch\n1,2\n2,3\n", "column x"),
         ("1,2,3,4\n2,3,4,5\n", "column x"),
         ("x,y\n0.1,0.5\n\n2000,0.5\n", "line 4"),
