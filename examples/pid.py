@@ -8,33 +8,22 @@ from pter_gym.tasks.path_following import OBS
 
 
 @device
-def brake(torque, slip):
-    return (
-        min(0.5 * abs(torque), 24.0) if torque * slip < 0.0 else 0.0
-    )  # V: a clutch only opposes its slip
+def brake(torque, slip):  # V: a clutch only opposes its slip
+    return min(0.5 * abs(torque), 24.0) if torque * slip < 0.0 else 0.0
 
 
 @device
 def pid(obs, scales, gains, memory):
     kp, ki, kd, damping, length_a, length_b = gains
-    error, speed = (
-        obs[OBS.normal_error] * scales[OBS.normal_error],
-        obs[OBS.speed.across] * scales[OBS.speed.across],
-    )
+    error = obs[OBS.normal_error] * scales[OBS.normal_error]
+    speed = obs[OBS.speed.across] * scales[OBS.speed.across]
     memory[0] += 0.01 * error  # the integral, 0 when an episode begins
-    across, along = (
-        -kp * error - ki * memory[0] - kd * speed,
-        -damping * max(obs[OBS.pace_error], 0.0),
-    )  # N
+    across = -kp * error - ki * memory[0] - kd * speed  # N
+    along = -damping * max(obs[OBS.pace_error], 0.0)
     force = complex(along, across) * complex(obs[OBS.heading.cos], obs[OBS.heading.sin])
-    a, w_a = (
-        length_a * (force.imag * obs[OBS.cos_a] - force.real * obs[OBS.sin_a]),
-        obs[OBS.omega_a],
-    )  # N·m: Jᵀ·force
-    b, w_b = (
-        length_b * (force.imag * obs[OBS.cos_b] - force.real * obs[OBS.sin_b]),
-        obs[OBS.omega_b],
-    )
+    a = length_a * (force.imag * obs[OBS.cos_a] - force.real * obs[OBS.sin_a])  # N·m: Jᵀ·force
+    b = length_b * (force.imag * obs[OBS.cos_b] - force.real * obs[OBS.sin_b])
+    w_a, w_b = obs[OBS.omega_a], obs[OBS.omega_b]
     return PerClutch(brake(a, w_a), brake(b, w_b), brake(a - b, w_a - w_b), brake(a + b, w_a + w_b))
 
 
@@ -44,12 +33,7 @@ class Pid:
     ki: float = 500.0  # N/(m·s)
     kd: float = 500.0  # N·s/m
     damping: float = 90.0  # N at twice the pace
-    search = {
-        "kp": (100.0, 2e4),
-        "ki": (1.0, 1e4),
-        "kd": (1.0, 2e3),
-        "damping": (10.0, 1e3),
-    }  # for `pter tune`
+    search = {"kp": (100.0, 2e4), "ki": (1.0, 1e4), "kd": (1.0, 2e3), "damping": (10.0, 1e3)}
 
     def bind(self, machine, layout):
         gains = [*astuple(self), machine.arm.length_a, machine.arm.length_b]
@@ -57,6 +41,5 @@ class Pid:
 
 
 if __name__ == "__main__":
-    print_boards(
-        run_scenario("standard", {"pid": Pid(), "paper": "torque-feedback"}, "medium", episodes=20)
-    )
+    policies = {"pid": Pid(), "paper": "torque-feedback"}
+    print_boards(run_scenario("standard", policies, "medium", episodes=20))

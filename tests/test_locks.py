@@ -31,7 +31,7 @@ def write_gains(folder: Path) -> None:
 
 
 WRITERS: dict[str, tuple[Callable[[Path], object], Callable[[Path], Path]]] = {
-    "several files": (lambda folder: write_files_atomic(folder, FILES), lambda f: f / LOCK),
+    "several files": (lambda folder: write_files_atomic(folder, FILES), lock_beside),
     "results": (write_results, lambda folder: folder / LOCK),
     "gains": (write_gains, lambda folder: lock_beside(folder / "gains.toml")),
 }

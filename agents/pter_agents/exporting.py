@@ -13,7 +13,6 @@ from pter_agents.runs import RunFolder, policy_of
 from pter_agents.settings import NO_BASE, TrainingArguments, load_settings
 from pter_gym import __version__
 from pter_gym._internal.files import FilePath, find_path, write_files_atomic
-from pter_gym._internal.locks import LOCK
 from pter_gym._internal.terminal import make_folder
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.policies import TrainedPolicy, read_policy
@@ -59,7 +58,7 @@ def export(source: FilePath, out: FilePath | None = None, *, name: str | None = 
     out = Path(name) if out is None else find_path("out", out)
     make_folder(out)
     file = f"{name}{ENDING}"
-    own = (README, file, LOCK)
+    own = (README, file)
     if others := sorted(path.name for path in out.iterdir() if path.name not in own):
         raise ParameterError(
             f"out must be a folder for this policy alone, {str(out)!r} holds "

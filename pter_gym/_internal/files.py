@@ -96,9 +96,9 @@ def write_files_atomic(folder: FilePath, files: Mapping[str, bytes]) -> None:
 
 
 def _lock_of(folder: FilePath) -> AbstractContextManager[None]:
-    from pter_gym._internal.locks import LOCK, locked  # loads filelock, which single files spare
+    from pter_gym._internal.locks import lock_beside, locked  # loads filelock
 
-    return locked(find_path("folder", folder) / LOCK)
+    return locked(lock_beside(find_path("folder", folder)))
 
 
 def remove_leftovers(folder: Path) -> None:

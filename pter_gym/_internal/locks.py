@@ -14,6 +14,7 @@ LOCK = ".lock"
 
 def lock_beside(path: Path) -> Path:
     """Return the lock of a file, or of a folder that is replaced whole, which stays beside it."""
+    path = path.resolve()
     return path.with_name(f".{path.name}{LOCK}")
 
 

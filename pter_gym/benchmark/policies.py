@@ -18,8 +18,8 @@ from numba.core.dispatcher import Dispatcher
 
 from pter_gym._internal.checks import names_in
 from pter_gym._internal.files import FilePath, find_path
-from pter_gym.benchmark.tuned import TUNED, find_paced, find_tuned, read_tuned
-from pter_gym.controllers import AnyPolicy, Controller, Policy
+from pter_gym.benchmark.tuned import find_paced, find_tuned, read_tuned
+from pter_gym.controllers import CONTROLLERS, AnyPolicy, Controller, Policy
 from pter_gym.envs._acting import ActingPolicy, attributes
 from pter_gym.errors import ParameterError, nearest
 from pter_gym.policies import read_policy
@@ -59,6 +59,8 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
         If a file of an exported policy is damaged.
     """
     name = _text_of(name)
+    if name in CONTROLLERS:
+        return find_paced(name, scenario)
     check_policy(name)
     if is_code(name):
         return _import(name)
@@ -66,7 +68,7 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
         return read_tuned(name, scenario)
     if is_exported(name):
         return read_policy(name)
-    return find_tuned(name, scenario) if name in TUNED else find_paced(name, scenario)
+    return find_tuned(name, scenario)
 
 
 def load_policy(policy: "FilePath | AnyPolicy", env: Any) -> ActingPolicy:
