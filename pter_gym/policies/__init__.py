@@ -13,13 +13,12 @@ if TYPE_CHECKING:
         write_policy,
     )
     from pter_gym.policies._interface import Input, Interface
-    from pter_gym.policies._trained import Policy, TrainedPolicy
+    from pter_gym.policies._trained import TrainedPolicy
 
 __all__ = [
     "SHIPPED",
     "Input",
     "Interface",
-    "Policy",
     "TrainedPolicy",
     "policies_in",
     "read_policy",
@@ -33,6 +32,6 @@ __getattr__, __dir__, _ = lazy.attach(
     submod_attrs={
         "_files": ["SHIPPED", "policies_in", "read_policy", "shipped_policies", "write_policy"],
         "_interface": ["Input", "Interface"],
-        "_trained": ["Policy", "TrainedPolicy"],
+        "_trained": ["TrainedPolicy"],
     },
 )
