@@ -110,6 +110,8 @@ def test_joined_logs_are_one(tmp_path: Path):
     assert np.allclose(log.theta[: len(coarse.theta)], coarse.theta, atol=1e-6)
     assert np.allclose(log.volts[: len(coarse.theta)], volts(TIMES[::4]))
     assert log.unmeasured.tolist() == list(range(len(coarse.theta), begin))
+    gappy = join_logs([fine, replace(coarse, unmeasured=np.array([3, 4]))])
+    assert gappy.unmeasured.tolist() == [*log.unmeasured.tolist(), begin + 3, begin + 4]
     with pytest.raises(ParameterError, match="log"):
         join_logs([])
 
