@@ -241,7 +241,7 @@ def _following(config: Config, frame_skip: int) -> Any:
         )
         volts, push = jnp.stack(load(w, ROW.command, 0)), jnp.stack(force)
         states = roll(column, volts[None], push[None], jnp.zeros_like(push)[None])
-        state: Any = jnp.unstack(states[1])
+        state = cast("list[Any]", jnp.unstack(states[1]))
         after = Column(dict(enumerate(state, int(BODY.motion.theta_a))))
         for name in ("motion", "torques", "lagged_volts"):
             store(w, getattr(ROW, name), 0, load(after, getattr(BODY, name), 0))
