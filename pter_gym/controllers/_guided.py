@@ -76,9 +76,6 @@ class Guided:
     kind: ClassVar[float]
     """Number of the law, from ``pter_gym.controllers._gains``."""
 
-    label: ClassVar[str]
-    """Name of the law for people."""
-
     search: ClassVar[Search] = {
         "braking": (10.0, 300.0),
         "pace_fraction": (0.0, 0.95),
@@ -137,7 +134,6 @@ class Impedance(Guided):
     """Spring and damper normal to the path, damper along it; allocation; torque table."""
 
     kind = IMPEDANCE
-    label = "Impedance"
     search = Guided.search | {
         "stiffness": (50.0, 20_000.0),
         "damping_normal": (5.0, 3000.0),
@@ -155,7 +151,6 @@ class Impedance(Guided):
 class TorqueFeedback(Impedance):
     """The impedance controller with a proportional torque loop around each clutch (Fig. 6)."""
 
-    label = "Torque feedback"
     search = Impedance.search | LOOP
 
     feedback: float = quantity(
@@ -218,7 +213,6 @@ class SingleDof(Steering):
     """
 
     kind = SINGLE_DOF
-    label = "Single-DOF"
     search = Steering.search | {"slow": (0.01, 1.0), "reluctance": (0.0, 0.5)}
 
     slow: float = quantity(
@@ -238,7 +232,6 @@ class VelocityRatio(Steering):
     """
 
     kind = VELOCITY_RATIO
-    label = "Velocity ratio"
     search = Steering.search | {"slow": (0.02, 2.0), "tip_space": (False, True)}
 
     slow: float = quantity(

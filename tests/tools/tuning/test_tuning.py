@@ -338,8 +338,6 @@ def test_gains_for_a_path_of_ones_own_are_stored_and_found(tmp_path: Path) -> No
 class Toy(Impedance):
     """A law that is not in any table."""
 
-    label = "Toy"
-
 
 def test_a_new_law_is_run_and_tuned_before_any_gains_are_stored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
