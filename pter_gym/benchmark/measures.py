@@ -8,6 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pter_gym.controllers import Policy
+from pter_gym.controllers._law_kernel import demanded_forces
+from pter_gym.controllers._laws import built_in, built_in_declared
 from pter_gym.haptics import (
     force_error,
     force_per_torque,
@@ -414,3 +417,24 @@ def pace_factor(ratios: Array) -> Array:
     ``PRICE``·(1 − r) if too fast.
     """
     return np.where(ratios > 1.0, ratios**PRICE, 1.0 + PRICE * (1.0 - ratios))
+
+
+def wanted_forces(policy: Policy, telemetry: Array, tasks: Sequence[PathFollowing]) -> Array | None:
+    """Return the force of the device on the hand that a policy wants, (R, N, 2) [N].
+
+    It is that at each control instant, without the noise and delay that sensors add. None for a
+    policy that wants no force: all but the impedance laws.
+
+    Parameters
+    ----------
+    policy, telemetry, tasks
+        A policy, its episodes from the reset on, (R, N, len(TELEMETRY)), and their tasks, N.
+    """
+    law = policy.law
+    if law is None or law.function not in (built_in, built_in_declared):
+        return None
+    heading = headings(telemetry, tasks)
+    velocity = np.moveaxis(vector(telemetry, "tip_velocity"), -1, 0)
+    error = column(telemetry, "normal_error")
+    tips = np.stack([*velocity, np.cos(heading), np.sin(heading), error], -1)
+    return demanded_forces(law.gains, np.array([task.pace for task in tasks]), tips)

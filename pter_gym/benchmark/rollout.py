@@ -1,5 +1,6 @@
 """The one loop of a policy over episodes, and the scores of what it has recorded."""
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -8,10 +9,9 @@ from numpy.typing import NDArray
 
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
-from pter_gym.benchmark._desired_forces import wanted_forces
 from pter_gym.benchmark.episodes import Episodes
-from pter_gym.benchmark.measures import RANKED, Travel
-from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
+from pter_gym.benchmark.measures import RANKED, Travel, wanted_forces
+from pter_gym.benchmark.scores import SCORES, Assessment, Scores, score_episodes
 from pter_gym.controllers import AnyPolicy, Policy, bind
 from pter_gym.controllers._policy import sensors_of
 from pter_gym.params import BASELINE, Machine
@@ -139,6 +139,13 @@ def evaluate(
             parts = list(pool.map(evaluate_part, episodes.chunks))
     names = (name for name in SCORES if all(name in part for part in parts))
     return {name: np.concatenate([part[name] for part in parts]) for name in names}
+
+
+def assess(policies: Sequence[AnyPolicy], episodes: Episodes) -> Assessment:
+    """Return the means of the scores that decide ranks, over episodes and training seeds."""
+    scores = [evaluate(policy, episodes, 1, ranking=True) for policy in policies]
+    means = {name: float(np.mean([each[name] for each in scores])) for name in Assessment._fields}
+    return Assessment(**means)
 
 
 def check_acting(policy: AnyPolicy, episodes: Episodes) -> None:
