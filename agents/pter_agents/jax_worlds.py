@@ -155,11 +155,11 @@ class JaxWorlds:
     ) -> tuple[WorldsState, Step]:
         """Advance all worlds by one decision, the network's outputs (N, clutches)."""
         step = jax.vmap(self._env.step, (None, 0, 0, None))
-        given = to_volts(outputs, state.base, self._interface)
-        obs, env, rewards, terminated, truncated, told = step(None, state.env, given, shared.params)
+        volts = to_volts(outputs, state.base[:, : outputs.shape[1]], self._interface)
+        obs, env, rewards, terminated, truncated, info = step(None, state.env, volts, shared.params)
         state = state._replace(env=env, known=self._truth(shared, env.world))
         after = self._see(shared, state, obs, terminated | truncated)
-        last_obs = told["final_observation"]
+        last_obs = info["final_observation"]
         paces = last_obs[:, self._pace] * shared.obs_scales[self._pace]
         return after, Step(rewards, paces, terminated, truncated, last_obs)
 

@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 from pter_gym._compiled.addresses import caller, double, export, flag, single, unsigned, whole
 from pter_gym._compiled.compiler import compile_kernel, inlined
 from pter_gym._compiled.digests import digest_of
-from pter_gym._compiled.records import write
+from pter_gym._compiled.records import rows, write
 from pter_gym._engine.kernels import RESET_TYPES, advance_caller, reset_kernel
-from pter_gym._engine.law import CLUTCHES
 from pter_gym._engine.world import FLAG, FLAGS, LANES, ROW, SAME_STEP
+from pter_gym._physics.clutch import PerClutch
 from pter_gym.errors import ParameterError
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
 
@@ -37,6 +37,9 @@ TERMINATED, TRUNCATED = int(FLAG.terminated), int(FLAG.truncated)
 CONTEXT_AT, DRAWS_FROM, DRAWS = int(ROW.context_at), int(ROW.draws_from), int(ROW.draws)
 ALIVE, STEPS, SEGMENT_NUMBER = int(ROW.alive), int(ROW.step), int(ROW.foot.segment)
 ARCS_AT, ARCS = int(CONTEXT.task.path.first), int(CONTEXT.task.path.arcs)
+
+CLUTCHES = rows(PerClutch)
+"""Places of the voltages in an array (4,)."""
 
 MAX_STEPS = 2.0**31
 """Steps that no world can reach."""

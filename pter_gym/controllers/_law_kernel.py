@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from pter_gym._compiled.compiler import compile_kernel, device
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.pipeline import Device
-from pter_gym._compiled.records import entrywise, read, width, write
-from pter_gym._engine.law import CLUTCHES, Memory
+from pter_gym._compiled.records import entrywise, read, rows, width, write
 from pter_gym._physics.arm import Motion, UnitVector, Vector
+from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.scalars import clamp
 from pter_gym.controllers._gains import IMPEDANCE, NOMINAL, read_gains
 from pter_gym.controllers._laws import built_in, demanded_force
+from pter_gym.controllers._memory import Memory
 from pter_gym.controllers._steering import Tip
 from pter_gym.errors import LawIndexError, ParameterError, PterError
 
@@ -30,7 +31,7 @@ Law = Callable[..., Any]
 law: Any = built_in
 """The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
 
-MEMORY_WIDTH = width(Memory)
+CLUTCHES, MEMORY_WIDTH = rows(PerClutch), width(Memory)
 
 LARGEST = float(np.finfo(np.float32).max)
 

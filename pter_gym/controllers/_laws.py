@@ -12,7 +12,6 @@ import numpy as np
 from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.philox import uniform4
 from pter_gym._compiled.records import entrywise, read
-from pter_gym._engine.law import MEMORY
 from pter_gym._physics.arm import (
     Motion,
     UnitVector,
@@ -39,6 +38,7 @@ from pter_gym.controllers._gains import (
     clutch_voltage,
     read_gains,
 )
+from pter_gym.controllers._memory import MEMORY
 from pter_gym.controllers._network import HEADER, HEADER_WIDTH, decide
 from pter_gym.controllers._steering import Tip, speed_along, steered, turning_torques
 from pter_gym.tasks.path_following._observation import OBS

@@ -12,19 +12,18 @@ from numpy.typing import NDArray
 
 from pter_gym import __version__
 from pter_gym._internal.files import FilePath, check_target, find_path, write_bytes_atomic
+from pter_gym._physics.arm import UnitVector, Vector, components
 from pter_gym.controllers import AnyPolicy
 from pter_gym.controllers._network import BASE_INPUTS, DERIVED, INPUT_LIMIT
 from pter_gym.controllers._policy import sensors_of
 from pter_gym.errors import ParameterError, needs_extra
 from pter_gym.params import Machine, find_machine
 from pter_gym.policies import TrainedPolicy
+from pter_gym.policies._interface import middle_volts, to_volts
 from pter_gym.tasks.path_following import observation_layout
 
 OPSET = 18
 """Version of ONNX's operators."""
-
-OF_HEADING = ("heading_cos", "heading_sin", "cos_a", "sin_a", "cos_b", "sin_b")
-"""Entries of the observation from which the angles between links and path are derived."""
 
 
 def write_onnx(
@@ -118,9 +117,44 @@ class Graph:
             self.inputs[name] = self.cast(name, "DOUBLE")
         return self.inputs[name]
 
-    def limited(self, x: str, low: float, high: float) -> str:
-        """Return numbers limited to [low, high]."""
-        return self.node("Clip", x, self.constant(low), self.constant(high))
+
+class Tensor:
+    """A tensor of a graph, of which the package's own equations make nodes."""
+
+    __array_ufunc__ = None
+
+    def __init__(self, graph: Graph, name: str) -> None:
+        self.graph, self.name = graph, name
+
+    def __array_namespace__(self) -> "type[Tensor]":
+        """Return what computes with tensors, of which ``to_volts`` needs ``clip`` alone."""
+        return Tensor
+
+    def clip(self, low: float, high: float) -> "Tensor":
+        """Return the numbers limited to [low, high]."""
+        return self._node("Clip", low, high)
+
+    def __add__(self, other: Any) -> "Tensor":
+        """Add numbers."""
+        return self._node("Add", other)
+
+    def __sub__(self, other: Any) -> "Tensor":
+        """Subtract numbers."""
+        return self._node("Sub", other)
+
+    def __mul__(self, other: Any) -> "Tensor":
+        """Multiply by numbers."""
+        return self._node("Mul", other)
+
+    def __truediv__(self, other: Any) -> "Tensor":
+        """Divide by numbers."""
+        return self._node("Div", other)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def _node(self, operator: str, *others: Any) -> "Tensor":
+        names = (x.name if isinstance(x, Tensor) else self.graph.constant(x) for x in others)
+        return Tensor(self.graph, self.graph.node(operator, self.name, *names))
 
 
 def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
@@ -131,11 +165,11 @@ def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
     policy.bind(machine, layout)
     graph, count = Graph(), len(interface.inputs)
     scales = dict(zip(layout.names, layout.scales, strict=True))
-    columns = [input_of(graph, each.name, scales) for each in interface.inputs]
-    x = graph.node("Concat", *columns, axis=1)
-    x = graph.node("Sub", x, graph.constant([each.center for each in interface.inputs]))
-    x = graph.node("Div", x, graph.constant([each.scale for each in interface.inputs]))
-    x = graph.limited(x, -INPUT_LIMIT, INPUT_LIMIT)
+    columns = [input_of(graph, each.name, scales).name for each in interface.inputs]
+    values = Tensor(graph, graph.node("Concat", *columns, axis=1))
+    values = values - [each.center for each in interface.inputs]
+    values = values / [each.scale for each in interface.inputs]
+    x = values.clip(-INPUT_LIMIT, INPUT_LIMIT).name
     earlier = interface.size - count
     if earlier:
         graph.cast(x, "FLOAT", out="inputs")
@@ -144,9 +178,14 @@ def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
         weights = graph.weights(weight, f"layer_{layer}.weight")
         x = graph.node("Gemm", x, weights, graph.weights(bias, f"layer_{layer}.bias"), transB=1)
         x = graph.node("Tanh", x) if layer < len(policy.layers) - 1 else x
-    graph.cast(voltages(graph, graph.limited(x, -1.0, 1.0), policy), "FLOAT", out="volts")
+    clutches = len(interface.clutches)
+    base: Any = middle_volts(1, interface)[:, :clutches]
+    if interface.base:
+        entries = map(graph.entry, BASE_INPUTS[:clutches])
+        base = Tensor(graph, graph.node("Concat", *entries, axis=1))
+    graph.cast(to_volts(Tensor(graph, x), base, interface).name, "FLOAT", out="volts")
     sizes = {each: earlier if each == "earlier" else 1 for each in graph.inputs}
-    outputs = {"volts": len(interface.clutches)} | ({"inputs": count} if earlier else {})
+    outputs = {"volts": clutches} | ({"inputs": count} if earlier else {})
     ends, starts = (
         [
             helper.make_tensor_value_info(tensor, TensorProto.FLOAT, ["N", size])
@@ -164,38 +203,15 @@ def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
     )
 
 
-def input_of(graph: Graph, name: str, scales: dict[str, float]) -> str:
+def input_of(graph: Graph, name: str, scales: dict[str, float]) -> Tensor:
     """Return the tensor of an input of the network, in its unit."""
     if name in BASE_INPUTS:
-        return graph.entry(name)
+        return Tensor(graph, graph.entry(name))
     if name not in DERIVED:
-        entry, scale = graph.entry(name), scales[name]
-        return entry if scale == 1.0 else graph.node("Mul", entry, graph.constant(scale))
-    cos, sin, cos_a, sin_a, cos_b, sin_b = map(graph.entry, OF_HEADING)
-    of_a = name.startswith("heading_a")
-    cos_link, sin_link = (cos_a, sin_a) if of_a else (cos_b, sin_b)
-    pairs, sign = (
-        (((cos, cos_link), (sin, sin_link)), "Add")
-        if name.endswith("cos")
-        else (((sin, cos_link), (cos, sin_link)), "Sub")
-    )
-    return graph.node(sign, *(graph.node("Mul", *pair) for pair in pairs))
-
-
-def voltages(graph: Graph, output: str, policy: TrainedPolicy) -> str:
-    """Return the voltages [V] of limited outputs; see ``pter_gym.policies.Interface``."""
-    interface = policy.interface
-    top = interface.voltage_max
-    if interface.normalised:
-        linear = graph.node(
-            "Mul", graph.node("Add", output, graph.constant(1.0)), graph.constant(top / 2.0)
-        )
-        return graph.node("Mul", linear, graph.node("Div", linear, graph.constant(top)))
-    if interface.base is None:
-        base = graph.constant(top / 2.0)
-    else:
-        base = graph.node(
-            "Concat", *map(graph.entry, BASE_INPUTS[: len(interface.clutches)]), axis=1
-        )
-    corrected = graph.node("Add", base, graph.node("Mul", output, graph.constant(interface.reach)))
-    return graph.limited(corrected, 0.0, top)
+        entry, scale = Tensor(graph, graph.entry(name)), scales[name]
+        return entry if scale == 1.0 else entry * scale
+    _, link, part = name.split("_")
+    entries = ("heading_cos", "heading_sin", f"cos_{link}", f"sin_{link}")
+    numbers: Any = [Tensor(graph, graph.entry(entry)) for entry in entries]
+    along_and_across: Any = components(Vector(*numbers[:2]), UnitVector(*numbers[2:]))
+    return along_and_across[0 if part == "cos" else 1]

@@ -1,4 +1,4 @@
-"""What a compiled control law remembers of each world, and the order of its voltages.
+"""What a compiled control law remembers of each world.
 
 A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation,
 ``obs·scales`` is in physical units, ``gains`` belongs to the law and ``memory`` to one world. What
@@ -9,7 +9,6 @@ the memory holds is a record: ``Memory`` for the built-in laws, any other for a 
 from typing import Annotated, NamedTuple
 
 from pter_gym._compiled.records import Entry, rows
-from pter_gym._physics.clutch import PerClutch
 
 
 class Memory(NamedTuple):
@@ -22,5 +21,3 @@ class Memory(NamedTuple):
 
 
 MEMORY = rows(Memory)
-CLUTCHES = rows(PerClutch)
-"""Places of the voltages in an array (4,)."""
