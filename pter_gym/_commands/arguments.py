@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
@@ -9,20 +10,26 @@ import tyro
 from pter_gym._internal.files import check_target
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError
-from pter_gym.params import find_machine
-from pter_gym.policies._files import ENDING
-from pter_gym.policies._names import check_policy
+from pter_gym.params import ACTUATORS, MACHINES, find_machine
+from pter_gym.policies._files import ENDING, shipped_policies
+from pter_gym.policies._names import BUILT_IN, check_policy, tuned_policies
 from pter_gym.scenarios import PACES, SCENARIOS, find_pace
 
 if TYPE_CHECKING:
-    ScenarioName = str
-    PaceName = str
+    ScenarioName = AnyScenario = str
+    PaceName = EachPace = str
 else:
     ScenarioName = Literal[tuple(SCENARIOS)]
     """Name of a scenario; the help lists all."""
 
+    AnyScenario = Literal[("all", *SCENARIOS)]
+    """Name of a scenario, or all of them."""
+
     PaceName = Literal[tuple(PACES)]
     """Name of a commanded pace; the help lists all."""
+
+    EachPace = Literal[("all", *PACES)]
+    """Name of a commanded pace, or all of them."""
 
 _PACE = f"{'|'.join(PACES)}|M/S"
 
@@ -75,6 +82,30 @@ def look_at(
     find_machine(machine)
     if path is not None and path.endswith(".csv"):
         read_table(path, ("x", "y"), unit="m")
+
+
+def names_for(field: str) -> tuple[str, ...]:
+    """Return the names that an argument accepts besides files, none if it has no names."""
+    tuned = tuned_policies()
+    policies = (*BUILT_IN, *tuned, *shipped_policies())
+    laws = tuple(name for name in BUILT_IN if f"{name}-tuned" in tuned)
+    names = dict.fromkeys(("policies", "policy", "run"), policies)
+    return (names | {"law": laws, "machine": (*MACHINES, *ACTUATORS)}).get(field, ())
+
+
+def options(
+    *,
+    scenario: str = "standard",
+    pace: str = "medium",
+    path: str | None = None,
+    machine: str | None = None,
+) -> str:
+    """Return those of these options that are not usual, as a command line has them."""
+    given = {"scenario": scenario, "pace": pace, "path": path, "machine": machine}
+    usual = ("standard", "medium", None)
+    return "".join(
+        f" --{name} {quote(value)}" for name, value in given.items() if value not in usual
+    )
 
 
 def numbers(field: str, text: str) -> list[float]:

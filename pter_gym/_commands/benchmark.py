@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from pter_gym._commands.arguments import AnyPaces, PathName, ScenarioName, look_at, split
+from pter_gym._commands.arguments import AnyPaces, PathName, ScenarioName, look_at, options, split
 from pter_gym._internal.plugins import PICTURES, load_artist, registered
-from pter_gym._internal.terminal import progress_bar, say
+from pter_gym._internal.terminal import conclude, progress_bar, say
 from pter_gym.scenarios import PACES, find_scenario
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def benchmark(
         episodes: How many of the scenario's episodes to run; all by default.
         seed: Seed of fresh episodes, as many as the stored ones; by default the stored episodes are
             run, or with --path, where there are none, those of seed 0.
-        details: Print the worst twentieth, rms, pace and peak acceleration too.
+        details: Also print the worst twentieth, rms, pace and peak acceleration.
         film: Whether to film the policies on a training draw of the scenario.
         out: Folder for the results, created if necessary.
     """
@@ -99,8 +100,9 @@ def benchmark(
             filmed = sorted(list(named)[:MAX_FILMED], key=places.index)
             ranked = {name: named[name] for name in filmed}
             written.append(film_policies(ranked, chosen, pace, results.path, progress))
-    for file in written:
-        say(f"wrote {file}")
+    best, *others = in_order(boards)
+    ends = quote(",".join([best, *others[-1:]]))
+    conclude(written, f"pter watch {ends}{options(scenario=scenario, path=path)} --out two.webp")
 
 
 def film_policies(

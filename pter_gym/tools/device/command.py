@@ -1,13 +1,14 @@
 """``pter device``: what a device can render, and how well laws tuned for it do."""
 
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Any
 
 import tyro
 
 from pter_gym._commands.arguments import PaceName, look_at
 from pter_gym._internal.plugins import COMMANDS, registered
-from pter_gym._internal.terminal import say, terminal
+from pter_gym._internal.terminal import conclude, say, waiting
 
 
 def device(
@@ -39,7 +40,8 @@ def device(
     from pter_gym.tools.device.report import examine_device
 
     policies = {"ppo": _trained(machine, pace, out)} if train else {}
-    with terminal(errors=True).status("starting") as status:
+    with waiting("starting") as progress:
+        (task,) = progress.task_ids
         report = examine_device(
             machine,
             out,
@@ -48,13 +50,14 @@ def device(
             trials=trials,
             episodes=episodes,
             policies=policies,
-            on_progress=status.update,
+            on_progress=lambda text: progress.update(task, description=text),
         )
     say(f"{report.device}: {report.verdict}")
     for board in report.boards:
         best = board.standings[0]
         say(f"{board.scenario}: {best.policy} {1e3 * best.error.value:.1f} mm")
-    say(f"wrote {out / 'index.html'}")
+    watched = f"pter watch single-dof-tuned,residual --machine {quote(machine)} --out two.webp"
+    conclude([out / "index.html"], watched)
 
 
 def _trained(machine: str, pace: str, out: Path) -> Any:

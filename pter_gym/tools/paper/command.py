@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from pter_gym._internal.terminal import make_folder, progress_bar, say, terminal
+from pter_gym._internal.terminal import conclude, make_folder, progress_bar, terminal
 
 
 def reproduce(
@@ -55,7 +55,7 @@ def reproduce(
             claim.kind, f"{s.claim} ({s.section})", s.with_unit(f"{claim.value:.4g}"), s.condition
         )
     terminal().print(table)
-    say(f"wrote {len(files)} files to {out}")
+    conclude([f"{len(files)} files to {out}"], "pter benchmark")
 
 
 def names() -> dict[str, list[str]]:

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Any
 
 import tyro
@@ -12,11 +13,12 @@ from pter_gym._commands.arguments import (
     PathName,
     ScenarioName,
     look_at,
+    options,
     split,
 )
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
-from pter_gym._internal.terminal import progress_bar, say
+from pter_gym._internal.terminal import conclude, progress_bar, say, waiting
 from pter_gym.errors import ParameterError
 from pter_gym.scenarios import find_scenario
 from pter_gym.tools.pictures.size import check_size
@@ -72,27 +74,29 @@ def watch(
     held, task = chosen.draws.pairs(1, seed, pace)[0]
     by_name = {name: find_policy(name, chosen.whose_gains) for name in names}
     telemetry: dict[str, Any] = {}
-    for name, policy in by_name.items():
-        episode = record_episode(policy, held, task, seed, nominal=chosen.nominal)
-        telemetry[name] = episode.telemetry
-        say(f"{name}: {summary(telemetry[name])}")
+    with waiting("simulating"):
+        for name, policy in by_name.items():
+            episode = record_episode(policy, held, task, seed, nominal=chosen.nominal)
+            telemetry[name] = episode.telemetry
+            say(f"{name}: {summary(telemetry[name])}")
+    same = options(scenario=scenario, pace=pace, path=path)
+    following = f"pter benchmark --policies {quote(','.join(names))}{same}"
     if csv:
         write_trajectories(telemetry, csv)
-        say(f"wrote {csv}")
     if out:
         with progress_bar() as progress:
-            bar = progress.add_task("draw", total=1.0)
+            bar = progress.add_task("drawing", total=1.0)
 
             def show(share: float) -> None:
                 progress.update(bar, completed=share)
 
             film.write_film(held, task, telemetry, out, speed=speed, size=size, on_progress=show)
-        say(f"wrote {out}, {out.stat().st_size / 1e6:.2f} MB")
     elif not csv:
         film.show_film(
             film.Film(held, task, telemetry, film.WINDOW_RATE, speed, size),
             f"PTER: {', '.join(by_name)}",
         )
+    conclude([file for file in (csv, out) if file], following)
 
 
 def check_arguments(

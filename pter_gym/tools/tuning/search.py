@@ -183,7 +183,7 @@ def _open_study(path: Path, name: str, seed: int) -> Any:
         import cmaes  # noqa: F401  # pyright: ignore[reportUnusedImport]
         import optuna
     except ImportError:
-        raise needs_extra("pter tune", "tune") from None
+        raise needs_extra("a search for gains", "tune") from None
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=1, reduction_factor=REDUCTION)
     try:
