@@ -7,10 +7,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from pter_gym._commands.arguments import AnyPaces, PathName, ScenarioName, look_at, options, split
+from pter_gym._commands.arguments import (
+    AnyPaces,
+    PathName,
+    ScenarioName,
+    Smoothness,
+    look_at,
+    options,
+    scenario_on,
+    split,
+)
 from pter_gym._internal.plugins import PICTURES, load_artist, registered
 from pter_gym._internal.terminal import conclude, progress_bar, say
-from pter_gym.scenarios import PACES, find_scenario
+from pter_gym.scenarios import PACES
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -35,6 +44,7 @@ def benchmark(
     scenario: ScenarioName = "standard",
     paces: AnyPaces = tuple(PACES),
     path: PathName = None,
+    smooth: Smoothness = 0.0,
     episodes: Annotated[int | None, tyro.conf.arg(metavar="COUNT")] = None,
     seed: Annotated[int | None, tyro.conf.arg(metavar="NUMBER")] = None,
     details: bool = False,
@@ -57,6 +67,7 @@ def benchmark(
         paces: Commanded paces: slow, medium, brisk, or speeds in m/s.
         path: Path of all episodes instead of the scenario's: a CSV file of waypoints x, y in
             metres, or a path's name.
+        smooth: Noise of a recorded path that is smoothed away, root mean square, in mm.
         episodes: How many of the scenario's episodes to run; all by default.
         seed: Seed of fresh episodes, as many as the stored ones; by default the stored episodes are
             run, or with --path, where there are none, those of seed 0.
@@ -70,7 +81,7 @@ def benchmark(
     from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
     from pter_gym.benchmark.boards import EPISODE_SET, boards_text, in_order
 
-    chosen = find_scenario(scenario, path=path)
+    chosen = scenario_on(scenario, None, path, smooth)
     results = ResultsFolder(out)
     results.make()
     named = {name: find_policy(name, chosen.whose_gains) for name in names}
@@ -101,8 +112,9 @@ def benchmark(
             ranked = {name: named[name] for name in filmed}
             written.append(film_policies(ranked, chosen, pace, results.path, progress))
     best, *others = in_order(boards)
+    same = options(scenario=scenario, path=path, smooth=smooth)
     ends = quote(",".join([best, *others[-1:]]))
-    conclude(written, f"pter watch {ends}{options(scenario=scenario, path=path)} --out two.webp")
+    conclude(written, f"pter watch {ends}{same} --out two.webp")
 
 
 def film_policies(

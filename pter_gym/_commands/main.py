@@ -12,7 +12,7 @@ from contextlib import redirect_stderr, suppress
 from importlib.metadata import EntryPoint
 from importlib.util import find_spec
 from inspect import Parameter, Signature, signature
-from itertools import takewhile
+from itertools import dropwhile, takewhile
 from pathlib import Path
 from traceback import extract_tb
 from types import NoneType, UnionType
@@ -103,13 +103,17 @@ def _parameters(command: Command) -> Iterator[Parameter]:
     hints = get_type_hints(command, include_extras=True)
     for each in signature(command).parameters.values():
         hint: Any = hints[each.name]
-        if each.default is None or each.default == ():
+        if each.default in (None, (), Parameter.empty):
             shown: dict[str, Any] = {"help_behavior_hint": ""}
             kinds = [kind for kind in get_args(hint) if kind is not NoneType]
             if get_origin(hint) is UnionType and len(kinds) == 1:
                 shown["metavar"] = kinds[0].__name__.upper()
             hint = Annotated[hint, tyro.conf.arg(**shown)]
         yield each.replace(annotation=hint, kind=Parameter.KEYWORD_ONLY)
+
+
+def _is_ruler(line: str) -> bool:
+    return not line.strip("─-")
 
 
 def _metavar(hint: Any) -> str:
@@ -124,8 +128,9 @@ def _metavar(hint: Any) -> str:
 
 def reason_of_parser(printed: str, arguments: list[str], metavars: Mapping[str, str]) -> str:
     """Return in one line why tyro refuses arguments, from the box that it prints."""
-    lines = [line.strip("│ ") for line in printed.splitlines()[1:-1]]
-    first = " ".join(takewhile(lambda line: not line.startswith("──"), lines))
+    lines = [line.strip("│ ") for line in printed.splitlines()[1:]]  # without the box's title
+    words = dropwhile(_is_ruler, lines)  # there is one here where boxes are not drawn
+    first = " ".join(takewhile(lambda line: not _is_ruler(line), words))
     if found := re.match(r"Missing from .*?: (\S+(?: …)?)", first):
         field = next((each for each, name in metavars.items() if name == found[1]), "")
         names = names_for(field) or found[1].strip("{}").split(",")

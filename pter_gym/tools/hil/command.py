@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from pter_gym._commands.arguments import AnyPace, ScenarioName, look_at
+from pter_gym._commands.arguments import AnyPace, ScenarioName, look_at, options
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
 from pter_gym._internal.terminal import conclude, say
@@ -93,9 +93,8 @@ def hil(
         other.line.close()
         report(records, replace(chosen, tasks=paced, limits=()), controller, csv)
         say(timing(other))
-        conclude(
-            [], f"pter benchmark --policies {quote(policy)} --scenario {scenario} --pace {pace}"
-        )
+        same = options(scenario=scenario, pace=pace)
+        conclude([], f"pter benchmark --policies {quote(policy)}{same}")
 
 
 def report(records: "list[list[Array]]", episodes: Any, controller: Any, csv: Path | None) -> None:

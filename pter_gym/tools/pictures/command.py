@@ -12,15 +12,16 @@ from pter_gym._commands.arguments import (
     MachineName,
     PathName,
     ScenarioName,
+    Smoothness,
     look_at,
     options,
+    scenario_on,
     split,
 )
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
 from pter_gym._internal.terminal import conclude, progress_bar, say, waiting
 from pter_gym.errors import ParameterError
-from pter_gym.scenarios import find_scenario
 from pter_gym.tools.pictures.size import check_size
 
 MAX_POLICIES = 16
@@ -31,6 +32,7 @@ def watch(
     scenario: ScenarioName = "standard",
     pace: AnyPace = "medium",
     path: PathName = None,
+    smooth: Smoothness = 0.0,
     seed: int = 0,
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.webp|mp4|png")] = None,
     csv: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv")] = None,
@@ -51,6 +53,7 @@ def watch(
         pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
         path: Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's
             name.
+        smooth: Noise of a recorded path that is smoothed away, root mean square, in mm.
         seed: Seed of the episode, and of random policies, at least 0.
         out: Film to write, or with .png the final picture, with the tip's trail; its folder must
             exist.
@@ -70,7 +73,7 @@ def watch(
 
     check_arguments(names, out, csv, size, speed)
     seed = whole_number("seed", seed, at_least=0)
-    chosen = find_scenario(scenario, machine, path)
+    chosen = scenario_on(scenario, machine, path, smooth)
     held, task = chosen.draws.pairs(1, seed, pace)[0]
     by_name = {name: find_policy(name, chosen.whose_gains) for name in names}
     telemetry: dict[str, Any] = {}
@@ -79,7 +82,7 @@ def watch(
             episode = record_episode(policy, held, task, seed, nominal=chosen.nominal)
             telemetry[name] = episode.telemetry
             say(f"{name}: {summary(telemetry[name])}")
-    same = options(scenario=scenario, pace=pace, path=path)
+    same = options(scenario=scenario, pace=pace, path=path, smooth=smooth)
     following = f"pter benchmark --policies {quote(','.join(names))}{same}"
     if csv:
         write_trajectories(telemetry, csv)

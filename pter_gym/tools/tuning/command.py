@@ -11,10 +11,12 @@ from pter_gym._commands.arguments import (
     MachineName,
     PathName,
     ScenarioName,
+    Smoothness,
     check_file,
     look_at,
     names_for,
     options,
+    scenario_on,
 )
 from pter_gym._internal.terminal import conclude, progress_bar, say
 from pter_gym.errors import ParameterError, unknown_name
@@ -26,6 +28,7 @@ def tune(
     scenario: ScenarioName = "standard",
     pace: AnyPace = "medium",
     path: PathName = None,
+    smooth: Smoothness = 0.0,
     trials: int = 3000,
     episodes: int = 200,
     storage: Path = Path("pter-tune.journal"),
@@ -49,6 +52,7 @@ def tune(
         pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
         path: Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's
             name.
+        smooth: Noise of a recorded path that is smoothed away, root mean square, in mm.
         trials: Gains to try, at least 1.
         episodes: Training draws for each trial, at least 1.
         storage: Journal file of the trials; its folder must exist.
@@ -73,6 +77,7 @@ def tune(
     from pter_gym.tools.tuning.gains_file import add_gains
     from pter_gym.tools.tuning.search import tune as search
 
+    scenario_on(scenario, machine, path, smooth)
     title = f"{law}, {scenario}, {pace}"
     with progress_bar() as progress:
         task = progress.add_task(title, total=trials)
@@ -81,7 +86,7 @@ def tune(
             progress.update(task, completed=finished, description=f"{title}: {1000 * best:.1f} mm")
 
         settings: Any = {"trials": trials, "episodes": episodes, "storage": storage, "seed": seed}
-        settings |= {"machine": machine, "path": path}
+        settings |= {"machine": machine, "path": path, "smooth": 1e-3 * smooth}
         tuned = search(law, scenario, pace, **settings, on_trial=show)
     gains = ", ".join(f"{name}={gain!r}" for name, gain in tuned.gains.items())
     called = law.rpartition(":")[2]
@@ -90,7 +95,7 @@ def tune(
         say(f"from pter_gym.controllers import {called}\n")
     say(f"{called}({gains})\n")
     say(f"on other draws: {tuned.assessment}")
-    same = options(scenario=scenario, pace=pace, path=path)
+    same = options(scenario=scenario, pace=pace, path=path, smooth=smooth)
     mine = law if out is None else str(out)
     if out is not None:
         add_gains(tuned, out)
