@@ -14,7 +14,7 @@ from pter_gym._engine.world import ROW
 from pter_gym._engine.xla import call_law, register_law, rounded, words_of
 from pter_gym.controllers._network import INPUT_LIMIT
 from pter_gym.envs.jax import EnvParams, EnvState, JaxEnv
-from pter_gym.policies._interface import available, quantities, to_volts
+from pter_gym.policies._interface import available, input_values, to_volts
 from pter_gym.tasks.path_following._context import CONTEXT
 
 CONTEXT_AT, ENERGY_MAX = int(ROW.context_at), int(CONTEXT.task.energy_max)
@@ -184,16 +184,16 @@ class JaxWorlds:
             base, memory = call_law(
                 self._law, obs, *shared.law, jnp.where(here, shared.blank, memory)
             )
-        seen = quantities(
+        values = input_values(
             obs * shared.obs_scales, base, self._layout, residual=self._law is not None
         )
-        present = _scale(seen[:, shared.present.entries], shared.present)[:, None]
+        present = _scale(values[:, shared.present.entries], shared.present)[:, None]
         rows = jnp.concatenate([present, state.rows[:, :-1]], axis=1)
         means = state.means + shared.shares[:, None] * (present - state.means)
-        each = here[..., None]
+        begins = here[..., None]
         return state._replace(
-            rows=jnp.where(each, present, rows),
-            means=jnp.where(each, present, means),
+            rows=jnp.where(begins, present, rows),
+            means=jnp.where(begins, present, means),
             memory=memory,
             base=base,
         )

@@ -286,12 +286,12 @@ class PaceSchedule:
         ParameterError
             If there is no knot at that pace; the message lists the paces that have one.
         """
-        found = dict(self.knots)
-        if pace not in found:
+        laws = dict(self.knots)
+        if pace not in laws:
             raise ParameterError(
-                f"pace must be one of {', '.join(f'{knot:g}' for knot in found)} m/s, got {pace!r}"
+                f"pace must be one of {', '.join(f'{knot:g}' for knot in laws)} m/s, got {pace!r}"
             )
-        return found[pace]
+        return laws[pace]
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy for a nominal machine; raises like the controllers' own ``bind``."""

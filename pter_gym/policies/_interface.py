@@ -1,6 +1,6 @@
 """How an observation becomes a network's inputs, and how its outputs become voltages.
 
-The inputs are quantities in the observation or derived from it, each shifted and scaled. The
+The inputs are entries of the observation or derived from it, each shifted and scaled. The
 outputs, one for each clutch and within [−1, 1], are voltages relative to the middle of the range or
 to a base controller's voltages (a residual policy), or they are the environments' normalised
 actions.
@@ -143,12 +143,12 @@ class Interface:
 
 
 def available(layout: Layout, *, residual: bool) -> list[str]:
-    """Return the names of all quantities that a network can see, in the order of ``quantities``."""
+    """Return the names of the values that a network can see, in the order of ``input_values``."""
     return [*layout.names, *DERIVED, *(BASE_INPUTS if residual else ())]
 
 
-def quantities(physical: Any, base: Any, layout: Layout, *, residual: bool) -> Any:
-    """Return all quantities that a network can see, in their units, (N, names).
+def input_values(physical: Any, base: Any, layout: Layout, *, residual: bool) -> Any:
+    """Return all values that a network can see, in their units, (N, names).
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def quantities(physical: Any, base: Any, layout: Layout, *, residual: bool) -> A
     layout
         Of the observations.
     residual
-        Whether the base's voltages are among the quantities.
+        Whether the base's voltages are among them.
     """
     known = dict(zip(layout.names, physical.T, strict=True))
     heading = Vector(known["heading_cos"], known["heading_sin"])
