@@ -12,7 +12,7 @@ from scipy import signal
 from oracle.experiment import Experiment, record_log
 from oracle.recorded import RecordedMachine, record
 from pter_gym.params import BASELINE, Machine, TorqueCurve
-from pter_gym.tools.identification import Log, input_values
+from pter_gym.tools.identification import Log, quantities
 
 HEAT = 60.0
 """What a clutch takes up in such a log, at most [J]."""
@@ -73,7 +73,7 @@ class Mismatch:
         arm, clutch = like.arm, like.clutch
         drag = 3.0 * clutch.viscous  # Σ v·W_x² of the paper's four
         arm = replace(arm, viscous_a=arm.viscous_a + drag, viscous_b=arm.viscous_b + drag)
-        told = input_values(replace(like, arm=arm), 0.0, top)
+        told = quantities(replace(like, arm=arm), 0.0, top)
         told = [each for each in told if not (self.biased and each.name.startswith("offset"))]
         forces = {"kg·m²", "N·m", "N·m/V", "N·m/V²", "N·m·s"}
         return {
