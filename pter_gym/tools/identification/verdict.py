@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 from pter_gym.tools.identification.balance import COARSE, balance
 from pter_gym.tools.identification.fit import BLOCK, Fit
 from pter_gym.tools.identification.log import Log
-from pter_gym.tools.identification.parameters import INERTIA_A, INERTIA_B, SLOPES, Shape
+from pter_gym.tools.identification.parameters import (
+    INERTIA_A,
+    INERTIA_B,
+    RATIO,
+    SLOPES,
+    Shape,
+)
 from pter_gym.tools.identification.windows import GAIN, smooth
 
 Array = NDArray[np.float64]
@@ -38,6 +44,9 @@ MAX_FAR = 0.1
 
 MAX_DIFFERING = 0.25
 """Largest share of numbers that differ between parts of the log."""
+
+SHOWS_BREAKAWAY = 0.02
+"""Change of the breakaway ratio that moves an angle by its noise in windows with a breakaway."""
 
 MAX_EXACT_RHO = 0.01
 """Largest share of the force that an exact model leaves, whatever the encoder."""
@@ -74,6 +83,9 @@ class Verdict:
         How many windows are used, and how many hold a gap of the log.
     far
         Share of them whose residuals noise does not explain.
+    far_breakaways
+        Share of the windows with a breakaway in which noise alone does not explain them: a wrong
+        law near the breakaway goes into the ratio and leaves little.
     rho
         Share of what the force does to the angles that the model leaves.
     enough
@@ -82,6 +94,8 @@ class Verdict:
         Share of the searched numbers that differ between parts of the log.
     differences
         Between which parts each of them does.
+    left
+        Root mean square of the angles that the model leaves in each window [rad].
     hints
         Sentences on what may be wrong with the log.
     """
@@ -89,10 +103,12 @@ class Verdict:
     windows: int
     gaps: int
     far: float
+    far_breakaways: float
     rho: float
     enough: bool
     differing: float
     differences: Mapping[str, str]
+    left: Array
     hints: tuple[str, ...] = ()
 
     @property
@@ -140,17 +156,23 @@ def judge(fit: Fit, differences: Mapping[str, str], log: Log) -> Verdict:
 
     left, noise, effect = squares(1)
     far = left > FAR**2 * (noise + NEGLIGIBLE**2 * effect)
-    left, noise, effect = (
-        float(each[used].sum()) for each in squares(max(1, round(SMOOTH / log.interval)))
+    moved = SHOWS_BREAKAWAY * np.abs(fit.jacobian[:, :, RATIO]).max(axis=1)
+    breakaways = used & (moved > windows.noise) & (RATIO in fit.free)
+    unexplained = left > FAR**2 * noise
+    left, noise, effect = squares(max(1, round(SMOOTH / log.interval)))
+    all_left, all_noise, all_effect = (
+        float((fit.trust * each)[used].sum()) for each in (left, noise, effect)
     )
     verdict = Verdict(
         windows=int(used.sum()),
         gaps=windows.gaps,
         far=float(far[used].mean()) if used.any() else 1.0,
-        rho=float(np.sqrt(max(left - noise, 0.0) / max(effect, 1e-300))),
+        far_breakaways=float(unexplained[breakaways].mean()) if breakaways.any() else 0.0,
+        rho=float(np.sqrt(max(all_left - all_noise, 0.0) / max(all_effect, 1e-300))),
         enough=int(used.sum()) // BLOCK > len(fit.free),
         differing=len(differences) / max(len(fit.free), 1),
         differences=differences,
+        left=np.sqrt(np.maximum(left - noise, 0.0)),
     )
     readings = other_readings(log, fit.shape) if verdict.grade == NEITHER else ()
     return replace(verdict, hints=(*_oddities(fit, log, differences), *readings))
