@@ -51,8 +51,8 @@ def train(
     with terminal(errors=True).status("loading"):
         from pter_agents.runs import RunFolder
         from pter_agents.settings import ALL, SMOKE, TrainingArguments, load_settings
-        from pter_gym.benchmark.tuned import FALLBACK
         from pter_gym.params import find_machine
+        from pter_gym.policies.tuned import FALLBACK
         from pter_gym.tools.figures import save
 
         settings = load_settings(algo, config, **(SMOKE if smoke else {}))

@@ -10,7 +10,6 @@ from pter_gym._internal.codec import Codec, dataclasses_in, tuple_of
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym._internal.reading import read_toml
 from pter_gym.benchmark import PACES
-from pter_gym.benchmark.tuned import TUNED
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import (
     BASELINE,
@@ -22,6 +21,7 @@ from pter_gym.params import (
     require_whole,
 )
 from pter_gym.policies._trained import MAX_LAYERS, are_hidden
+from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import STARTS, RewardWeights
 

@@ -11,9 +11,9 @@ import pytest
 
 from pter_gym._commands.arguments import split
 from pter_gym._commands.main import commands, load_command, main, parse
-from pter_gym.benchmark.tuned import read_table, tuned_names
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.policies._names import BUILT_IN, tuned_policies
+from pter_gym.policies.tuned import read_table, tuned_names
 
 EXAMPLE = re.compile(r"Example: `?pter ([^\n`]+)")
 

@@ -9,7 +9,7 @@ from scipy.integrate import quad
 
 from benchmark.handmade import TASK, episode
 from pter_gym._compiled.records import read
-from pter_gym.benchmark._desired_forces import wanted_forces
+from pter_gym.benchmark.rollout import wanted_forces
 from pter_gym.benchmark.scores import score, score_episodes
 from pter_gym.controllers import Free, Impedance, bind
 from pter_gym.controllers._gains import NOMINAL, read_gains

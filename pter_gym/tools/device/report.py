@@ -19,10 +19,10 @@ from pter_gym.benchmark.boards import Leaderboard, leaderboards
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.benchmark.scores import ScenarioRun
-from pter_gym.benchmark.tuned import with_gains
 from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import unknown_name
 from pter_gym.params import Machine, find_machine
+from pter_gym.policies.tuned import with_gains
 from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.tools.device.measures import FREQUENCY, Rendering, measure_rendering
 from pter_gym.tools.tuning.search import tune

@@ -7,8 +7,8 @@ from typing import Any, cast
 
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.locks import lock_beside, locked
-from pter_gym.benchmark.tuned import Table, read_table
 from pter_gym.controllers import CONTROLLERS
+from pter_gym.policies.tuned import Table, read_table
 from pter_gym.scenarios import SCENARIOS, find_pace, find_scenario
 from pter_gym.tools.tuning.search import TunedGains
 

@@ -22,7 +22,6 @@ from pter_gym._engine.world import SKIP
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.rollout import evaluate, record_episode
-from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import PerClutch, Policy, bind, device
 from pter_gym.controllers._laws import built_in
 from pter_gym.errors import ParameterError, StorageError
@@ -30,6 +29,7 @@ from pter_gym.params import BASELINE, MACHINES, find_machine
 from pter_gym.paths import find_path
 from pter_gym.policies import Input
 from pter_gym.policies._interface import clutch_rows
+from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, OBS, PathFollowing, observation_layout
 from pter_gym.tools.deploy import Source, source_of, write_onnx
