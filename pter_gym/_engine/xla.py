@@ -27,8 +27,8 @@ from pter_gym._compiled.compiler import compile_kernel, inlined
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.records import write
 from pter_gym._engine.kernels import RESET_TYPES, advance_caller, reset_kernel
-from pter_gym._engine.law import CLUTCHES
 from pter_gym._engine.world import FLAG, FLAGS, LANES, ROW, SAME_STEP
+from pter_gym._physics.clutch import CLUTCHES
 from pter_gym.errors import ParameterError
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
 

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import compile_kernel
 from pter_gym._compiled.records import read, width
-from pter_gym._engine.law import Memory
 from pter_gym._physics.arm import Motion, UnitVector, Vector
-from pter_gym.controllers._gains import IMPEDANCE, NOMINAL, read_gains
+from pter_gym.controllers._gains import IMPEDANCE, NOMINAL, Memory, read_gains
 from pter_gym.controllers._laws import built_in, built_in_declared, demanded_force
 from pter_gym.controllers._policy import CompiledLaw
 from pter_gym.controllers._steering import Tip

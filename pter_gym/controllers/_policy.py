@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import rows, width
-from pter_gym._engine.law import Memory
 from pter_gym._internal.checks import whole_number
+from pter_gym.controllers._gains import Memory
 from pter_gym.controllers._law_kernel import FAULTS, kernel_of, law_error
 from pter_gym.errors import ParameterError, PterError
 from pter_gym.params import SLOTS, Machine, find_machine

@@ -37,7 +37,6 @@ CORE = (
 LEVEL = {room: level for level, rooms in enumerate(CORE) for room in rooms}
 
 LAWS_MAY_IMPORT = {
-    "pter_gym._engine.law",
     "pter_gym.tasks.path_following._actions",
     "pter_gym.tasks.path_following._observation",
 }
