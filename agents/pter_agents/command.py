@@ -88,8 +88,8 @@ def train(
         if not smoke:
             written.append(report.film(exporting.read_run(out), arguments, out / "film.webp"))
     say(report.table({str(out): history[max(history)], **laws}))
-    for each in written:
-        say(f"wrote {each}")
+    for file in written:
+        say(f"wrote {file}")
     on = (
         "" if scenario == "standard" else f" --scenario {FALLBACK if scenario == ALL else scenario}"
     )

@@ -159,8 +159,8 @@ def estimate(
     kept = jnp.where(ends, 0.0, discount * trace)
 
     def back(following: jax.Array, row: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
-        found = row[0] + row[1] * following
-        return found, found
+        advantage = row[0] + row[1] * following
+        return advantage, advantage
 
     return lax.scan(back, jnp.zeros_like(missed[0]), (missed, kept), reverse=True)[1]
 

@@ -34,8 +34,8 @@ def listed(
 ) -> tuple[list[Machine], list[PathFollowing]]:
     """Return machines and tasks as lists of one length, or raise a ParameterError."""
     for field, items, kind in (("machines", machines, Machine), ("tasks", tasks, PathFollowing)):
-        given = cast("Sequence[object]", items if isinstance(items, Sequence) else (items,))
-        if not all(isinstance(item, kind) for item in given):
+        several = cast("Sequence[object]", items if isinstance(items, Sequence) else (items,))
+        if not all(isinstance(item, kind) for item in several):
             raise ParameterError(
                 f"{field} must be a {kind.__name__} or a sequence of them, got {items!r:.200}"
             )

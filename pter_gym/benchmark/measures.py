@@ -371,13 +371,13 @@ class Recorded(Travel):
         heading = np.stack([np.cos(self.heading), np.sin(self.heading)], axis=-1)
         errors: list[tuple[float, float]] = []
         for world, (machine, alive) in enumerate(zip(self.machines, self.alive.T, strict=True)):
-            torque, wanted, along = (
+            torque, demanded, along = (
                 values[alive, world] for values in (torques, self.wanted[1:], heading)
             )
             rendered = (torque[..., None] * force_per_torque(machine, angles[alive, world])).sum(
                 axis=-2
             )
-            errors.append(force_error(rendered, wanted, along))
+            errors.append(force_error(rendered, demanded, along))
         return np.transpose(errors)
 
     def wall_stiffness(self) -> Array | None:

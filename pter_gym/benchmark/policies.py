@@ -193,12 +193,12 @@ def _import(name: str) -> Any:
         )
     try:
         is_file = place.endswith(".py")
-        found = _attribute_of(Path(place), attribute) if is_file else _load(entry)
-        if isinstance(found, Dispatcher):
+        value = _attribute_of(Path(place), attribute) if is_file else _load(entry)
+        if isinstance(value, Dispatcher):
             raise ParameterError(
                 f"policies must name a class whose bind returns the law, {name!r} is the law itself"
             )
-        return found() if isinstance(found, type) else found
+        return value() if isinstance(value, type) else value
     except (ImportError, AttributeError) as error:
         raise ParameterError(
             f"policies must name code that can be imported, got {name!r}: {error}"
@@ -226,19 +226,19 @@ def _attribute_of(file: Path, name: str) -> Any:
 
 def _load(entry: EntryPoint) -> Any:
     """Return an attribute of a module, which is imported again when its file has changed."""
-    seen = _CONTENTS.get(entry.module)
+    content = _CONTENTS.get(entry.module)
     module = sys.modules.get(entry.module)
     with _without_bytecode():
         try:
-            if module is not None and seen is not None and seen != _contents([entry.module]):
+            if module is not None and content is not None and content != _contents([entry.module]):
                 reload(module)
-            found = entry.load()
+            attribute = entry.load()
         except (ImportError, AttributeError):
             raise
         except Exception as error:
             raise _does_not_run(error, Path.cwd()) from error
     _CONTENTS[entry.module] = _contents([entry.module])
-    return found
+    return attribute
 
 
 def _run_file(path: Path) -> ModuleType:
@@ -247,11 +247,11 @@ def _run_file(path: Path) -> ModuleType:
     A file is run again when its content has changed, or that of a file beside it that it imports.
     """
     name = f"file:{path}"  # that no other module has
-    beside = [each for each in _BESIDE if _folder_of(each) == path.parent]
+    beside = [other for other in _BESIDE if _folder_of(other) == path.parent]
     if name in sys.modules and _CONTENTS.get(name) == _contents([name, *beside]):
         return sys.modules[name]
-    for each in beside:
-        sys.modules.pop(each, None)
+    for other in beside:
+        sys.modules.pop(other, None)
     spec: Any = spec_from_file_location(name, path)
     module = sys.modules[name] = module_from_spec(spec)
     if str(path.parent) not in sys.path:
@@ -264,8 +264,8 @@ def _run_file(path: Path) -> ModuleType:
         sys.modules.pop(name)
         raise _does_not_run(error, path.parent) from error
     linecache.checkcache()
-    _BESIDE.update(each for each in set(sys.modules) - before if _folder_of(each) == path.parent)
-    beside = [each for each in _BESIDE if _folder_of(each) == path.parent]
+    _BESIDE.update(other for other in set(sys.modules) - before if _folder_of(other) == path.parent)
+    beside = [other for other in _BESIDE if _folder_of(other) == path.parent]
     _CONTENTS[name] = _contents([name, *beside])
     return module
 

@@ -205,10 +205,10 @@ def score_episodes(
             f"telemetry must have the shape (T + 1, {len(tasks)}, {len(TELEMETRY)}) with at least "
             f"one step, got {shape}"
         )
-    begun = np.isfinite(column(telemetry[1], "time"))
-    if not begun.all():
+    runs = np.isfinite(column(telemetry[1], "time"))
+    if not runs.all():
         raise ParameterError(
-            f"telemetry must hold a step of each episode at least, got none of {begun.argmin()}"
+            f"telemetry must hold a step of each episode at least, got none of {runs.argmin()}"
         )
     if wanted is not None and (np.shape(wanted), len(machines)) != ((*shape[:2], 2), len(tasks)):
         raise ParameterError(

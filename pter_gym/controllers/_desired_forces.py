@@ -41,14 +41,14 @@ def desired_forces(
         return None
     if law.gains[0] != IMPEDANCE:
         return None
-    seen = np.stack([*np.moveaxis(velocity, -1, 0), np.cos(heading), np.sin(heading), error], -1)
+    tips = np.stack([*np.moveaxis(velocity, -1, 0), np.cos(heading), np.sin(heading), error], -1)
     forces = np.empty((*error.shape, 2))
-    _kernel()(law.gains, paces, seen, forces)
+    _kernel()(law.gains, paces, tips, forces)
     return forces
 
 
 def _build(digest: str) -> Any:
-    def want(gains: Any, paces: Any, seen: Any, forces: Any) -> None:
+    def want(gains: Any, paces: Any, tips: Any, forces: Any) -> None:
         _ = digest
         arm = read(gains, NOMINAL, 0).arm
         memory = np.zeros(MEMORY_WIDTH)
@@ -56,8 +56,8 @@ def _build(digest: str) -> Any:
         for world in range(len(paces)):
             g = read_gains(gains, paces[world])
             memory[:] = 0.0
-            for step in range(len(seen)):
-                row = seen[step, world]
+            for step in range(len(tips)):
+                row = tips[step, world]
                 x, y, cos, sin, error = row[0], row[1], row[2], row[3], row[4]
                 tip = Tip(arm, still, Vector(x, y), UnitVector(cos, sin), error, 0.0)
                 _, along_x, along_y = demanded_force(g, tip, paces[world], float(step), memory)

@@ -168,9 +168,9 @@ def check_wrappers(env: Any, known: Any = None) -> None:
     ):
         _refuse(type(env).__name__)
     wrapped = (getattr(env, "venv", None), getattr(env, "env", None), *getattr(env, "envs", ()))
-    inner = [each for each in wrapped if each is not None]
-    for each in inner:
-        check_wrappers(each, known)
+    inner = [wrapper for wrapper in wrapped if wrapper is not None]
+    for wrapper in inner:
+        check_wrappers(wrapper, known)
     ask: Any = getattr(env, "call", getattr(env, "env_method", None))
     for method in (
         ("observation", "action") if ask and not inner else ()

@@ -126,7 +126,7 @@ def task_model(
         Kinetic energy that the arm may have [J].
     """
     weights: Any = vars(task.reward)
-    made: dict[str, Any] = {
+    numbers: dict[str, Any] = {
         "path": PathModel(*arcs, task.path.length),
         "free": Band(right=task.free_right, left=task.free_left),
         "pace_decay": -math.expm1(-task.control_period / PACE_WINDOW),
@@ -136,5 +136,8 @@ def task_model(
         "sensing": SensingModel(**vars(sensing), is_ideal=float(sensing == IDEAL_SENSING)),
     }
     return TaskModel(
-        **{name: made[name] if name in made else getattr(task, name) for name in TaskModel._fields}
+        **{
+            name: numbers[name] if name in numbers else getattr(task, name)
+            for name in TaskModel._fields
+        }
     )

@@ -152,10 +152,10 @@ def _episodes(scenario: str, actor: str, seed: int) -> Iterator[RecordedEpisode]
                 seeds[world], observed, *columns, arrived=arrived, distance=distance
             )
             seeds[world], rows[world] = max(seeds) + 1, []
-        begun = [
+        new_seeds = [
             new if is_over else None for new, is_over in zip(seeds, over.tolist(), strict=True)
         ]
-        obs = envs.reset(seed=begun, options={"reset_mask": over})[0]
+        obs = envs.reset(seed=new_seeds, options={"reset_mask": over})[0]
         begin(over)
         while following in ended:
             yield ended.pop(following)

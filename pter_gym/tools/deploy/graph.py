@@ -195,15 +195,15 @@ def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
     layout, interface = observation_layout(machine, sensors_of(policy)), policy.interface
     policy.bind(machine, layout)
     graph, count, clutches = Graph(), len(interface.inputs), len(interface.clutches)
-    residual, given = interface.base is not None, (*layout.names, *BASE_INPUTS)
-    entries = {entry: graph.cast(entry, "DOUBLE") for entry in given}
+    residual, names = interface.base is not None, (*layout.names, *BASE_INPUTS)
+    entries = {entry: graph.cast(entry, "DOUBLE") for entry in names}
     scaled = [
         entries[entry] if scale == 1.0 else graph.node("Mul", entries[entry], graph.constant(scale))
         for entry, scale in zip(layout.names, layout.scales.tolist(), strict=True)
     ]
     base = Columns(graph, [entries[each] for each in BASE_INPUTS])
-    seen = quantities(Columns(graph, scaled), base, layout, residual=residual)
-    columns = dict(zip(available(layout, residual=residual), seen.names, strict=True))
+    values = quantities(Columns(graph, scaled), base, layout, residual=residual)
+    columns = dict(zip(available(layout, residual=residual), values.names, strict=True))
     x = Columns(graph, [columns[each.name] for each in interface.inputs]).joined()
     x = graph.node("Sub", x, graph.constant([each.center for each in interface.inputs]))
     x = graph.node("Div", x, graph.constant([each.scale for each in interface.inputs]))
@@ -221,16 +221,16 @@ def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
     middle = graph.constant([[0.5 * interface.voltage_max]])
     volts = to_volts(outputs, base if residual else Columns(graph, [middle] * clutches), interface)
     graph.cast(volts.joined(), "FLOAT", out="volts")
-    made = {"volts": clutches} | ({"inputs": count} if earlier else {})
-    needed = graph.prune(list(made))
-    sizes = dict.fromkeys(given, 1) | {"earlier": earlier}
+    widths = {"volts": clutches} | ({"inputs": count} if earlier else {})
+    needed = graph.prune(list(widths))
+    sizes = dict.fromkeys(names, 1) | {"earlier": earlier}
     ends, starts = (
         [
             helper.make_tensor_value_info(tensor, TensorProto.FLOAT, ["N", size])
             for tensor, size in side.items()
             if tensor in needed
         ]
-        for side in (made, sizes)
+        for side in (widths, sizes)
     )
     whole = helper.make_graph(graph.nodes, name, starts, ends, graph.constants)
     model = helper.make_model(

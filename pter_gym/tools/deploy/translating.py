@@ -381,9 +381,9 @@ class _Body:
             case ast.Expr(value=ast.Constant()):
                 return False
             case ast.Expr(value=value):
-                found = self._value(value)
-                if isinstance(found, Expression):
-                    self._emit(f"{found.text};")
+                result = self._value(value)
+                if isinstance(result, Expression):
+                    self._emit(f"{result.text};")
             case ast.Return(value=value):
                 self._give_back(None if value is None else self._value(value))
                 return True
@@ -745,22 +745,22 @@ class _Body:
             cast = PLAIN[function] or "(real)"
             return first if as_it_is else Expression(kind, f"{cast}{bound(first, UNARY)}", UNARY)
         result = self.program.text(first, "real")
-        for each in others:
-            result = f"{PLAIN[function]}({result}, {self.program.text(each, 'real')})"
+        for operand in others:
+            result = f"{PLAIN[function]}({result}, {self.program.text(operand, 'real')})"
         return Expression("real", result if others else f"{PLAIN[function]}({result})")
 
     def _record(self, kind: Any, arguments: Sequence[Any], named: Mapping[str, Any]) -> Any:
-        made = kind(*arguments, **named)
-        if is_known(made):
-            return made
+        record = kind(*arguments, **named)
+        if is_known(record):
+            return record
         usual = [each for _, each in fields_of(kind)]
         kinds = (
             each if each == "single" or isinstance(each, Observed) else None
-            for each in map(kind_of, made)
+            for each in map(kind_of, record)
         )
         types = tuple(each or use for each, use in zip(kinds, usual, strict=True))
         kind = kind if types == tuple(usual) else Observed(kind, types)
-        return Expression(kind, self.program.literal(tuple(made), kind))
+        return Expression(kind, self.program.literal(tuple(record), kind))
 
     def _read(self, array: Any, at: Any, first: Any) -> Any:
         """Return a record from an array; see ``pter_gym._compiled.records``."""

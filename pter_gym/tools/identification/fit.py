@@ -186,7 +186,7 @@ class Fit:
             by = weights[:, :, None] * self._at(self._with(x)).jacobian[:, :, self.free]
             return np.concatenate([by.reshape(-1, len(x)), prior])
 
-        found = _OPTIMIZE.least_squares(
+        solution = _OPTIMIZE.least_squares(
             residual,
             self.p[self.free].clip(low, high),
             jacobian,
@@ -196,7 +196,7 @@ class Fit:
             ftol=TOLERANCE,
             max_nfev=MAX_EVALUATIONS,
         )
-        self.p = self._with(found.x)
+        self.p = self._with(solution.x)
 
     def _with(self, x: Array) -> Array:
         p = self.p.copy()
@@ -249,10 +249,10 @@ class Fit:
             angles, by, by_start = differentiate(self.shape, p, w.inputs, self.starts, w.length)
             off = _finite(angles.reshape(-1, rows)) - w.measured.reshape(-1, rows)
             by_start = np.nan_to_num(by_start.reshape(-1, rows, 4)) @ w.uncertain
-            told = np.concatenate(
+            columns = np.concatenate(
                 [off[:, :, None], np.nan_to_num(by.reshape(-1, rows, at.COUNT))], axis=2
             )
-            left, along = self._projected(by_start, told)
+            left, along = self._projected(by_start, columns)
             if len(self._known) > 3:
                 self._known.clear()
             self._known[key] = Point(left[:, :, 0], left[:, :, 1:], by_start, along[:, :, 0])

@@ -145,12 +145,13 @@ def judge(fit: Fit, differences: Mapping[str, str], log: Log) -> Verdict:
     """Return the verdict on a fit, given which numbers differ between which parts of the log."""
     windows, used = fit.windows, fit.windows.used
     driven = fit.change(fit.p, windows.harder) / GAIN
-    made = [fit.change(fit.p, inputs) for inputs in (windows.finer, *windows.shaken)]
+    errors = [fit.change(fit.p, inputs) for inputs in (windows.finer, *windows.shaken)]
 
     def squares(rows: int) -> tuple[Array, Array, Array]:
         """Return mean squares of means over rows: of residuals, of noise, of the force's effect."""
         left, effect, step, *shaken = (
-            _mean_squares(angles, rows, windows.length) for angles in (fit.residual, driven, *made)
+            _mean_squares(angles, rows, windows.length)
+            for angles in (fit.residual, driven, *errors)
         )
         return left, windows.noise**2 / rows + step + np.mean(shaken, axis=0), effect
 
@@ -190,8 +191,8 @@ def _oddities(fit: Fit, log: Log, differences: Mapping[str, str]) -> Iterator[st
     if differences:
         more = len(differences) - MAX_LISTED
         listed = [f"{name} differs {where}" for name, where in differences.items()][:MAX_LISTED]
-        said = "; ".join(listed) + (f", and {more} more" if more > 0 else "")
-        yield f"Numbers differ between parts of the log, which makes their intervals wider: {said}."
+        where = "; ".join(listed) + (f", and {more} more" if more > 0 else "")
+        yield f"Numbers differ between parts of the log, so their intervals are wider: {where}."
     if 0.0 < log.volts.max() <= 1.0:
         yield f"No voltage is above {log.volts.max():.3g} V: are V1 to V4 volts, or shares?"
     sizes = [i for i in (INERTIA_A, INERTIA_B, *SLOPES) if i in fit.free]
@@ -208,14 +209,14 @@ def other_readings(log: Log, shape: Shape) -> Iterator[str]:
     usual = balance(log, smooth(log), shape, COARSE)
     if usual is None or usual.left < LEFT:
         return
-    least, said = usual.left, ""
+    least, reading = usual.left, ""
     for sentence, other in _readings(log):
-        tried = balance(other, smooth(other), shape, COARSE)
-        if tried is not None and tried.left < least:
-            least, said = tried.left, sentence
+        other_balance = balance(other, smooth(other), shape, COARSE)
+        if other_balance is not None and other_balance.left < least:
+            least, reading = other_balance.left, sentence
     if least < BETTER * usual.left:
         left = f"{100 * least:.1f} % of the torques stay unexplained"
-        yield f"{said}: then {left}, instead of {100 * usual.left:.0f} %."
+        yield f"{reading}: then {left}, instead of {100 * usual.left:.0f} %."
     elif least > UNRELATED:
         left = f"{100 * least:.0f} % of the torques stay unexplained"
         yield f"{left}: do forces and angles belong to the same motion?"
