@@ -1,7 +1,8 @@
 """What single and vector environments share: constructor, spaces, and what a policy needs."""
 
+import json
 from collections.abc import Callable, Sequence
-from dataclasses import is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypedDict, cast
 
 import numpy as np
@@ -59,6 +60,29 @@ class Arguments(TypedDict, total=False):
     action_unit: ActionUnit | None
     observe_context: bool
     frame_skip: int | None
+
+
+class WorldsSpec(EnvSpec):
+    """An EnvSpec that says which argument JSON cannot hold."""
+
+    def to_json(self) -> str:
+        """Return the spec as JSON.
+
+        Raises
+        ------
+        ParameterError
+            If an argument holds something that is neither plain data nor stored by this package,
+            such as ``Draws`` or a path of one's own.
+        """
+        for name, value in self.kwargs.items():
+            try:
+                json.dumps(value)
+            except TypeError:
+                raise ParameterError(
+                    f"{name} must be plain data, or of the classes of pter_gym.params, hands, paths "
+                    f"and tasks, to be stored as JSON, got {value!r:.200}"
+                ) from None
+        return super().to_json()
 
 
 class WorldsMixin:
@@ -124,7 +148,7 @@ class WorldsMixin:
     def spec(self, spec: EnvSpec | None) -> None:
         given = {} if spec is None else {**spec.kwargs, **self._read}
         kwargs = {name: _to_plain(value) for name, value in given.items()}
-        self._spec = spec and replace(spec, kwargs=kwargs)
+        self._spec = spec and replace(_storable(spec), kwargs=kwargs)
 
     @property
     def frame_skip(self) -> int:
@@ -262,6 +286,11 @@ def _has_file(value: Any) -> bool:
 def _read(value: Any, find: Callable[[Any], Any]) -> Any:
     """Return a path or a machine, or several, by name or file."""
     return [*map(find, value)] if _several(value) else find(value)
+
+
+def _storable(spec: EnvSpec) -> EnvSpec:
+    """Return a spec as a ``WorldsSpec``."""
+    return WorldsSpec(**{item.name: getattr(spec, item.name) for item in fields(spec) if item.init})
 
 
 def _to_plain(value: Any) -> Any:

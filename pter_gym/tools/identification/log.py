@@ -13,7 +13,6 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import interpolate, ndimage
 
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.tables import read_table
@@ -22,9 +21,6 @@ from pter_gym.errors import ParameterError
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 Flags = NDArray[np.bool_]
-
-_INTERPOLATE: Any = interpolate
-_NDIMAGE: Any = ndimage
 
 TIME = "t_s"
 VOLTS = ("V1", "V2", "V3", "V4")
@@ -141,9 +137,12 @@ class Log:
 
     def is_clear(self, margin: int) -> Flags:
         """Return which rows are more than ``margin`` rows away from any gap, shape (rows,)."""
+        from scipy import ndimage
+
+        morphology: Any = ndimage
         gaps = np.zeros(len(self.theta), np.bool_)
         gaps[self.unmeasured] = True
-        return ~_NDIMAGE.binary_dilation(gaps, iterations=margin) if margin else ~gaps
+        return ~morphology.binary_dilation(gaps, iterations=margin) if margin else ~gaps
 
 
 def read_log(
@@ -401,8 +400,11 @@ def _on_raster(
     if len(changed) and changed.mean() < 0.5:
         late = changed & (apart > LATE * np.median(apart) * (1.0 + 1e-6))
         gaps += [(when[k], when[k + 1] + SETTLING) for k in np.flatnonzero(late)]
+    from scipy import interpolate
+
+    splines: Any = interpolate
     for name, when in clocks.items():
-        curve = _INTERPOLATE.PchipInterpolator(when, found[name][known[name]])
+        curve = splines.PchipInterpolator(when, found[name][known[name]])
         columns[name] = curve(raster.clip(when[0], when[-1]))
         longest = max(MAX_INTERVAL, LATE * float(np.median(np.diff(when))))
         ends = np.concatenate([[-interval], when, [times[-1] + interval]])
