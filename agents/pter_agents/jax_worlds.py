@@ -14,7 +14,7 @@ from pter_gym._engine.world import ROW
 from pter_gym._engine.xla import call_law, register_law, rounded, words_of
 from pter_gym.controllers._network import INPUT_LIMIT
 from pter_gym.envs.jax import EnvParams, EnvState, JaxEnv
-from pter_gym.policies._interface import available, input_values, to_volts
+from pter_gym.policies._interface import available, quantities, to_volts
 from pter_gym.tasks.path_following._context import CONTEXT
 
 CONTEXT_AT, ENERGY_MAX = int(ROW.context_at), int(CONTEXT.task.energy_max)
@@ -155,7 +155,7 @@ class JaxWorlds:
     ) -> tuple[WorldsState, Step]:
         """Advance all worlds by one decision, the network's outputs (N, clutches)."""
         step = jax.vmap(self._env.step, (None, 0, 0, None))
-        volts = to_volts(outputs, state.base[:, : outputs.shape[1]], self._interface)
+        volts = to_volts(outputs, state.base, self._interface)
         obs, env, rewards, terminated, truncated, info = step(None, state.env, volts, shared.params)
         state = state._replace(env=env, known=self._truth(shared, env.world))
         after = self._see(shared, state, obs, terminated | truncated)
@@ -184,16 +184,16 @@ class JaxWorlds:
             base, memory = call_law(
                 self._law, obs, *shared.law, jnp.where(here, shared.blank, memory)
             )
-        values = input_values(
+        values = quantities(
             obs * shared.obs_scales, base, self._layout, residual=self._law is not None
         )
         present = _scale(values[:, shared.present.entries], shared.present)[:, None]
         rows = jnp.concatenate([present, state.rows[:, :-1]], axis=1)
         means = state.means + shared.shares[:, None] * (present - state.means)
-        begins = here[..., None]
+        column = here[..., None]
         return state._replace(
-            rows=jnp.where(begins, present, rows),
-            means=jnp.where(begins, present, means),
+            rows=jnp.where(column, present, rows),
+            means=jnp.where(column, present, means),
             memory=memory,
             base=base,
         )

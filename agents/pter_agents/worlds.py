@@ -15,13 +15,7 @@ from pter_gym.errors import unknown_name
 from pter_gym.params import Machine
 from pter_gym.paths import Arc, Circle
 from pter_gym.policies import Input, Interface
-from pter_gym.policies._interface import (
-    available,
-    clutch_rows,
-    input_values,
-    middle_volts,
-    to_volts,
-)
+from pter_gym.policies._interface import available, clutch_rows, middle_volts, quantities, to_volts
 from pter_gym.scenarios import find_scenario
 from pter_gym.scenarios.distributions import Draws, OneOf, Vary
 from pter_gym.tasks.path_following import STARTS
@@ -212,12 +206,12 @@ def _sample(
     true: list[NDArray[Any]] = []
     for _ in range(SAMPLE_STEPS):
         volts = base.act(obs, memory) if residual else middle_volts(len(obs), interface)
-        inputs_seen.append(input_values(obs * layout.scales, volts, layout, residual=residual))
+        inputs_seen.append(quantities(obs * layout.scales, volts, layout, residual=residual))
         true.append(env.batch.truth())
-        clutches = len(interface.clutches)
-        outputs = DEVIATION * rng.standard_normal((len(obs), clutches))
-        actions = to_volts(outputs, volts[:, :clutches], interface).astype(np.float32)
-        obs, _, terminated, truncated, _ = env.step(actions)
+        outputs = DEVIATION * rng.standard_normal((len(obs), len(interface.clutches)))
+        obs, _, terminated, truncated, _ = env.step(
+            to_volts(outputs, volts, interface).astype(np.float32)
+        )
         if residual:
             over = terminated | truncated
             memory[over] = base.start(len(obs))[over]

@@ -41,16 +41,16 @@ class Threads:
 
         It is called in all threads at once. An interrupt (Ctrl-C) waits for all.
         """
-        queue = iter(shares)
-        finished_shares: list[Share] = []
+        left = iter(shares)
+        done: list[Share] = []
         results: list[int] = []
 
         def work() -> None:
-            for share in queue:
+            for share in left:
                 try:
                     results.append(call(*share))
                 finally:
-                    finished_shares.append(share)
+                    done.append(share)
 
         pool = self._present_pool()
         try:
@@ -60,7 +60,7 @@ class Threads:
                 job.result()
         except BaseException:
             work()
-            while len(finished_shares) < len(shares):
+            while len(done) < len(shares):
                 time.sleep(1e-4)
             raise
         return results

@@ -266,8 +266,8 @@ class PaceSchedule:
         """Check that the knots rise in pace and match in kind."""
         accepted = "pairs of a pace > 0 and a guiding controller, by rising pace"
         knots = self.knots
-        given: Any = knots
-        are_knots = isinstance(given, tuple) and len(knots) > 0 and all(map(_is_knot, knots))
+        pairs: Any = knots
+        are_knots = isinstance(pairs, tuple) and len(knots) > 0 and all(map(_is_knot, knots))
         require(are_knots, self, "knots", accepted)
         require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", accepted)
         alike = {(type(controller), controller.table_volts) for _, controller in knots}

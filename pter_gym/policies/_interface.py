@@ -1,6 +1,6 @@
 """How an observation becomes a network's inputs, and how its outputs become voltages.
 
-The inputs are entries of the observation or derived from it, each shifted and scaled. The
+The inputs are quantities in the observation or derived from it, each shifted and scaled. The
 outputs, one for each clutch and within [−1, 1], are voltages relative to the middle of the range or
 to a base controller's voltages (a residual policy), or they are the environments' normalised
 actions.
@@ -143,12 +143,12 @@ class Interface:
 
 
 def available(layout: Layout, *, residual: bool) -> list[str]:
-    """Return the names of the values that a network can see, in the order of ``input_values``."""
+    """Return the names of all quantities that a network can see, in the order of ``quantities``."""
     return [*layout.names, *DERIVED, *(BASE_INPUTS if residual else ())]
 
 
-def input_values(physical: Any, base: Any, layout: Layout, *, residual: bool) -> Any:
-    """Return all values that a network can see, in their units, (N, names).
+def quantities(physical: Any, base: Any, layout: Layout, *, residual: bool) -> Any:
+    """Return all quantities that a network can see, in their units, (N, names).
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def input_values(physical: Any, base: Any, layout: Layout, *, residual: bool) ->
     layout
         Of the observations.
     residual
-        Whether the base's voltages are among them.
+        Whether the base's voltages are among the quantities.
     """
     known = dict(zip(layout.names, physical.T, strict=True))
     heading = Vector(known["heading_cos"], known["heading_sin"])
@@ -173,15 +173,12 @@ def input_values(physical: Any, base: Any, layout: Layout, *, residual: bool) ->
 
 
 def to_volts(outputs: Any, base: Any, interface: Interface) -> Any:
-    """Return voltages [V] for a network's outputs, which are clipped to [−1, 1].
-
-    All are (N, clutches), as are the voltages of the base controller.
-    """
+    """Return voltages [V] for a network's outputs, both (N, clutches), clipped to [−1, 1]."""
     library, top = outputs.__array_namespace__(), interface.voltage_max
     limited = library.clip(outputs, -1.0, 1.0)
     if interface.normalised:
         return volts_of(limited, -1.0, 1.0, top)
-    return library.clip(base + interface.reach * limited, 0.0, top)
+    return library.clip(base[:, : len(interface.clutches)] + interface.reach * limited, 0.0, top)
 
 
 def middle_volts(worlds: int, interface: Interface) -> Any:

@@ -14,7 +14,7 @@ from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.policies import SHIPPED, read_policy, shipped_policies, write_policy
 from pter_gym.policies._files import read_header
-from pter_gym.policies._interface import available, input_values
+from pter_gym.policies._interface import available, quantities
 from pter_gym.tasks.path_following import PathFollowing
 from rollouts import Acting
 
@@ -41,9 +41,7 @@ def test_a_compiled_network_is_that_of_numpy(name: str) -> None:
     means = None
     for _ in range(30):
         volts = np.full((3, 4), 12.0) if base is None else base(obs)
-        seen = input_values(obs * layout.scales, volts, layout, residual=base is not None)[
-            :, columns
-        ]
+        seen = quantities(obs * layout.scales, volts, layout, residual=base is not None)[:, columns]
         present = np.clip((seen - center) / scale, -10.0, 10.0)
         past = [present, *(past or [present] * 64)]
         shares = 1.0 / np.array(interface.averages)[:, None, None]

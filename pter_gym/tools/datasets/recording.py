@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from pter_gym._internal.checks import whole_number
-from pter_gym.benchmark.policies import load_policy
+from pter_gym._load_policy import load_policy
 from pter_gym.errors import unknown_name
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN
@@ -112,12 +112,12 @@ def record_episodes(
     """
     left, seed = whole_number("steps", steps), whole_number("seed", seed, at_least=0)
     episodes = _episodes(scenario, name_of_actor(scenario, level), seed)
-    episodes_so_far: list[RecordedEpisode] = []
+    recorded: list[RecordedEpisode] = []
     while left > 0:
-        episodes_so_far.append(next(episodes))
-        left -= len(episodes_so_far[-1].rewards)
-        on_steps(len(episodes_so_far[-1].rewards))
-    return episodes_so_far
+        recorded.append(next(episodes))
+        left -= len(recorded[-1].rewards)
+        on_steps(len(recorded[-1].rewards))
+    return recorded
 
 
 def _episodes(scenario: str, actor: str, seed: int) -> Iterator[RecordedEpisode]:
@@ -131,7 +131,7 @@ def _episodes(scenario: str, actor: str, seed: int) -> Iterator[RecordedEpisode]
     following = seed * EPISODES_OF_A_SEED
     seeds: list[int] = list(range(following, following + WORLDS))
     rows: list[list[Any]] = [[] for _ in seeds]
-    waiting: dict[int, RecordedEpisode] = {}
+    ended: dict[int, RecordedEpisode] = {}
     obs = envs.reset(seed=seeds)[0]
     while True:
         actions = act(obs)
@@ -148,7 +148,7 @@ def _episodes(scenario: str, actor: str, seed: int) -> Iterator[RecordedEpisode]
             )
             observed = np.concatenate([observed, after[world : world + 1]])
             arrived, distance = bool(infos["is_success"][world]), float(distances.mean())
-            waiting[seeds[world]] = RecordedEpisode(
+            ended[seeds[world]] = RecordedEpisode(
                 seeds[world], observed, *columns, arrived=arrived, distance=distance
             )
             seeds[world], rows[world] = max(seeds) + 1, []
@@ -157,8 +157,8 @@ def _episodes(scenario: str, actor: str, seed: int) -> Iterator[RecordedEpisode]
         ]
         obs = envs.reset(seed=new_seeds, options={"reset_mask": over})[0]
         begin(over)
-        while following in waiting:
-            yield waiting.pop(following)
+        while following in ended:
+            yield ended.pop(following)
             following += 1
 
 

@@ -50,9 +50,9 @@ def add_gains(found: TunedGains, path: FilePath) -> None:
 def format_table(table: Table) -> str:
     """Return tuned gains as TOML, in the order of scenarios, controllers and paces."""
     blocks = [HEADING]
-    names = list(SCENARIOS)
+    known = list(SCENARIOS)
     for scenario in sorted(
-        table, key=lambda name: names.index(name) if name in names else len(names)
+        table, key=lambda name: known.index(name) if name in known else len(known)
     ):
         for controller, paces in table[scenario].items():
             for pace in sorted(paces, key=find_pace):
