@@ -92,15 +92,15 @@ def train(
         progress.remove_task(task)
         progress.add_task("drawing", total=None)
         history, laws = RunFolder(out).scores(), report.law_scores(arguments)
-        written = [path, save(report.learning_curve(history, laws), out / "curve.png")]
+        files = [path, save(report.learning_curve(history, laws), out / "curve.png")]
         if not smoke:
-            written.append(report.film(exporting.read_run(out), arguments, out / "film.webp"))
+            files.append(report.film(exporting.read_run(out), arguments, out / "film.webp"))
     say(report.table({str(out): history[max(history)], **laws}))
     on = (
         "" if scenario == "standard" else f" --scenario {FALLBACK if scenario == ALL else scenario}"
     )
     conclude(
-        written,
+        files,
         f"tensorboard --logdir {quote(str(out))}",
         f"pter export {quote(str(out))} --name mine && "
         f"pter benchmark{on} --policies mine {report.LAWS[0]}",

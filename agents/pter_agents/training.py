@@ -16,7 +16,7 @@ from pter_agents.validation import Validation
 from pter_agents.worlds import make_training
 from pter_gym._internal.files import FilePath, remove_leftovers
 from pter_gym._internal.terminal import make_folder
-from pter_gym.benchmark.scores import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.errors import ParameterError, PterError, StorageError
 from pter_gym.policies._files import encode_policy
 

@@ -208,10 +208,10 @@ def _sample(
         volts = base.act(obs, memory) if residual else middle_volts(len(obs), interface)
         inputs_seen.append(quantities(obs * layout.scales, volts, layout, residual=residual))
         true.append(env.batch.truth())
-        clutches = len(interface.clutches)
-        outputs = DEVIATION * rng.standard_normal((len(obs), clutches))
-        actions = to_volts(outputs, volts[:, :clutches], interface).astype(np.float32)
-        obs, _, terminated, truncated, _ = env.step(actions)
+        outputs = DEVIATION * rng.standard_normal((len(obs), len(interface.clutches)))
+        obs, _, terminated, truncated, _ = env.step(
+            to_volts(outputs, volts, interface).astype(np.float32)
+        )
         if residual:
             over = terminated | truncated
             memory[over] = base.start(len(obs))[over]

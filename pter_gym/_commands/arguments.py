@@ -10,7 +10,7 @@ import tyro
 from pter_gym._internal.files import check_target
 from pter_gym._internal.tables import read_table
 from pter_gym._internal.terminal import say
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import ACTUATORS, MACHINES, find_machine
 from pter_gym.policies._files import ENDING, shipped_policies
 from pter_gym.policies._names import BUILT_IN, check_policy, tuned_policies
@@ -33,6 +33,8 @@ else:
 
     EachPace = Literal[("all", *PACES)]
     """Name of a commanded pace, or all of them."""
+PATH_NAMES = ("line", "arc", "circle", "sine")
+"""Names of paths, in their order in ``PATHS``, known without loading anything that compiles."""
 
 _PACE = f"{'|'.join(PACES)}|M/S"
 
@@ -91,6 +93,8 @@ def look_at(
     find_machine(machine)
     if path is not None and path.endswith(".csv"):
         read_table(path, ("x", "y"), unit="m")
+    elif path is not None and path not in PATH_NAMES:
+        raise unknown_name("path", path, (*PATH_NAMES, "FILE.csv"))
 
 
 def scenario_on(scenario: str, machine: str | None, path: str | None, smooth: float) -> "Scenario":

@@ -1,8 +1,8 @@
 """Run policies on the evaluation episodes of the scenarios, score and rank them.
 
-``policies``, ``episodes`` → ``rollout`` → ``measures`` → ``scores`` → ``intervals`` → ``boards`` →
-``results``: policies act in episodes, each run is scored, scores become intervals and leaderboards,
-and a folder stores them.
+``policies``, ``episodes`` → ``rollout`` → ``measures``, ``scores`` → ``intervals`` → ``boards``:
+policies act in episodes, what they did is scored, and scores become intervals and leaderboards.
+``results`` runs a scenario and stores runs in a folder.
 
 The names are imported when they are first used, so a policy can act without loading the code for
 scores.
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from pter_gym.benchmark.boards import Leaderboard, leaderboards, print_boards
     from pter_gym.benchmark.episodes import Episodes, training_episodes
     from pter_gym.benchmark.policies import find_policy, from_actions, from_sb3
-    from pter_gym.benchmark.results import ResultsFolder, examine, run_scenario
-    from pter_gym.benchmark.rollout import assess, evaluate
-    from pter_gym.benchmark.scores import Assessment, ScenarioRun, Score, score, score_episodes
+    from pter_gym.benchmark.results import ResultsFolder, run_scenario
+    from pter_gym.benchmark.rollout import Assessment, assess, evaluate, examine
+    from pter_gym.benchmark.scores import ScenarioRun, Score, score, score_episodes
 
 __all__ = [
     "PACES",
@@ -48,10 +48,10 @@ __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVa
     __name__,
     submod_attrs={
         "boards": ["Leaderboard", "leaderboards", "print_boards"],
-        "results": ["ResultsFolder", "examine", "run_scenario"],
+        "results": ["ResultsFolder", "run_scenario"],
         "episodes": ["Episodes", "training_episodes"],
         "policies": ["find_policy", "from_actions", "from_sb3"],
-        "rollout": ["assess", "evaluate"],
-        "scores": ["Assessment", "ScenarioRun", "Score", "score", "score_episodes"],
+        "rollout": ["Assessment", "assess", "evaluate", "examine"],
+        "scores": ["ScenarioRun", "Score", "score", "score_episodes"],
     },
 )

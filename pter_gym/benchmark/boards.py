@@ -15,8 +15,14 @@ from rich.cells import cell_len, set_cell_size
 from pter_gym._internal.terminal import WIDTH, say, shorten
 from pter_gym._version import __version__
 from pter_gym.benchmark.intervals import Interval, mean_interval
-from pter_gym.benchmark.scores import COMPLETION, PACE_ERROR, SCORES, ScenarioRun
+from pter_gym.benchmark.scores import SCORES, ScenarioRun
 from pter_gym.scenarios import find_pace, title_of_pace
+
+COMPLETION = 0.99
+"""Smallest share of completed episodes of a ranked policy."""
+
+PACE_ERROR = 0.15
+"""Largest mean of each of the two pace errors of a ranked policy."""
 
 UNRANKED = "†"
 """Mark of a policy that is not ranked."""

@@ -8,15 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.controllers import Policy
-from pter_gym.controllers._law_kernel import demanded_forces
-from pter_gym.controllers._laws import built_in, built_in_declared
 from pter_gym.haptics import (
+    apparent_stiffness,
     force_error,
     force_per_torque,
     mean_resisting_force,
-    spectral_arc_length,
-    wall_stiffness,
 )
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
@@ -374,17 +370,17 @@ class Recorded(Travel):
         heading = np.stack([np.cos(self.heading), np.sin(self.heading)], axis=-1)
         errors: list[tuple[float, float]] = []
         for world, (machine, alive) in enumerate(zip(self.machines, self.alive.T, strict=True)):
-            torque, wanted, along = (
+            torque, demanded, along = (
                 values[alive, world] for values in (torques, self.wanted[1:], heading)
             )
             rendered = (torque[..., None] * force_per_torque(machine, angles[alive, world])).sum(
                 axis=-2
             )
-            errors.append(force_error(rendered, wanted, along))
+            errors.append(force_error(rendered, demanded, along))
         return np.transpose(errors)
 
-    def wall_stiffness(self) -> Array | None:
-        """Return the stiffness of the fixtures' edges [N/m], 0 if untouched; None without any."""
+    def apparent_stiffness(self) -> Array | None:
+        """Return the apparent stiffness of fixtures [N/m], 0 if untouched; None without any."""
         if not all(task.free_left or task.free_right for task in self.tasks):
             return None
         force, error = vector(self.steps, "force"), column(self.steps, "normal_error")
@@ -393,17 +389,12 @@ class Recorded(Travel):
         )
         depth = np.where(np.abs(error) > TOUCH, np.abs(error), 0.0)
         return np.nan_to_num(
-            [wall_stiffness(*pair) for pair in zip(np.nan_to_num(into).T, depth.T, strict=True)]
+            [apparent_stiffness(*pair) for pair in zip(np.nan_to_num(into).T, depth.T, strict=True)]
         )
 
     def resisting_force(self) -> Array:
         """Return the mean force of the clutches against the tip's motion [N]."""
         return mean_resisting_force(per_clutch(self.steps, "power").sum(axis=-1), self.speed)
-
-    def spectral_arc_length(self) -> Array:
-        """Return SPARC of the tip's speed, each episode's from its first step on."""
-        pairs = zip(self.speed.T, self.alive.T, strict=True)
-        return np.array([spectral_arc_length(speed[alive], self.period) for speed, alive in pairs])
 
     def smoothness(self) -> Array:
         """Return −ln of the dimensionless jerk."""
@@ -417,24 +408,3 @@ def pace_factor(ratios: Array) -> Array:
     ``PRICE``·(1 − r) if too fast.
     """
     return np.where(ratios > 1.0, ratios**PRICE, 1.0 + PRICE * (1.0 - ratios))
-
-
-def wanted_forces(policy: Policy, telemetry: Array, tasks: Sequence[PathFollowing]) -> Array | None:
-    """Return the force of the device on the hand that a policy wants, (R, N, 2) [N].
-
-    It is that at each control instant, without the noise and delay that sensors add. None for a
-    policy that wants no force: all but the impedance laws.
-
-    Parameters
-    ----------
-    policy, telemetry, tasks
-        A policy, its episodes from the reset on, (R, N, len(TELEMETRY)), and their tasks, N.
-    """
-    law = policy.law
-    if law is None or law.function not in (built_in, built_in_declared):
-        return None
-    heading = headings(telemetry, tasks)
-    velocity = np.moveaxis(vector(telemetry, "tip_velocity"), -1, 0)
-    error = column(telemetry, "normal_error")
-    tips = np.stack([*velocity, np.cos(heading), np.sin(heading), error], -1)
-    return demanded_forces(law.gains, np.array([task.pace for task in tasks]), tips)

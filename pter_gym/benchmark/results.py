@@ -1,7 +1,6 @@
-"""Run policies on a scenario, and store the results in a folder: a JSON file for each run.
+"""Scenarios are run, and runs stored: a JSON file for each, and ``benchmark.json``, their boards.
 
-``benchmark.json`` holds the leaderboards of all runs in the folder. Episodes themselves can be
-written as a table in a CSV file.
+Episodes themselves can be written as a table in a CSV file.
 """
 
 import csv
@@ -22,12 +21,11 @@ from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
 from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark.boards import Leaderboard, leaderboards
-from pter_gym.benchmark.episodes import find_episodes, training_episodes
+from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.policies import Policies, find_policies
-from pter_gym.benchmark.rollout import assess, check_acting, evaluate
-from pter_gym.benchmark.scores import OPTIONAL, SCORES, Assessment, ScenarioRun
+from pter_gym.benchmark.rollout import check_acting, evaluate
+from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.params import Machine
 from pter_gym.scenarios import PACES, Scenario, find_scenario, name_of_pace
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
@@ -199,17 +197,17 @@ def run_scenario(
         If the stored episodes are damaged.
     """
     num_threads = whole_number("num_threads", num_threads)
-    drawn = find_scenario(scenario)
+    distribution = find_scenario(scenario)
     if paces is None:
         paces = scenario.pace if isinstance(scenario, PathFollowing) else tuple(PACES)
     several: Any = builtin(paces)
-    listed = names_in("paces", [several] if isinstance(several, int | float) else several)
-    seed = 0 if seed is None and drawn.digest else seed
+    pace_names = names_in("paces", [several] if isinstance(several, int | float) else several)
+    seed = 0 if seed is None and distribution.digest else seed
     sets = {
-        pace: find_episodes(drawn, pace, seed)
-        for pace in (name_of_pace(name, "paces") for name in listed)
+        pace: find_episodes(distribution, pace, seed)
+        for pace in (name_of_pace(name, "paces") for name in pace_names)
     }
-    named = find_policies(policies, drawn.whose_gains)
+    by_name = find_policies(policies, distribution.whose_gains)
     if episodes is not None:
         sets = {pace: full.first(episodes) for pace, full in sets.items()}
     folder = (
@@ -217,61 +215,27 @@ def run_scenario(
     )
     if folder:
         folder.make()
-    for policy in (each for versions in named.values() for each in versions):
+    for policy in (each for versions in by_name.values() for each in versions):
         check_acting(policy, next(iter(sets.values())))
     runs: list[ScenarioRun] = []
-    for pace, chosen in sets.items():
-        for name, versions in named.items():
-            scored = [evaluate(policy, chosen, num_threads) for policy in versions]
+    for pace, episode_set in sets.items():
+        for name, versions in by_name.items():
+            scores_by_seed = [evaluate(policy, episode_set, num_threads) for policy in versions]
             trained = [
                 ScenarioRun(
-                    drawn.name, pace, name, number, seed, chosen.strata, scores, digest=drawn.digest
+                    distribution.name,
+                    pace,
+                    name,
+                    number,
+                    seed,
+                    episode_set.strata,
+                    scores,
+                    digest=distribution.digest,
                 )
-                for number, scores in enumerate(scored)
+                for number, scores in enumerate(scores_by_seed)
             ]
             if folder:
                 folder.add(trained)
             runs += trained
             on_progress(f"{name}, {pace}")
     return tuple(runs)
-
-
-BASELINES = ("free", "locked", "random")
-"""Policies that know nothing; any that has learned something is better than each of them."""
-
-UNSEEN = 10_000
-"""Seed of draws that no training has by default."""
-
-
-def examine(
-    policies: Policies | Iterable[FilePath] | FilePath = (),
-    scenario: str | Scenario | PathFollowing = "standard",
-    pace: str = "medium",
-    *,
-    episodes: int = 64,
-    seed: int = UNSEEN,
-    machine: Machine | str | None = None,
-) -> dict[str, Assessment]:
-    """Assess policies on training draws and compare them with trivial ones; the best comes first.
-
-    Evaluation episodes are not read, so the results may guide further training. ``free``,
-    ``locked`` and ``random`` are assessed, too.
-
-    Parameters
-    ----------
-    policies
-        As in ``run_scenario``; training seeds of one policy are averaged.
-    scenario, pace
-        As in ``run_scenario``.
-    episodes, seed
-        Number of draws, and their seed, ≥ 0; training uses ``context_seed``, 0 by default.
-    machine
-        One machine in place of those that the scenario draws, as in ``find_scenario``; policies
-        know about it.
-    """
-    drawn = find_scenario(scenario, machine)
-    draws = training_episodes(drawn, pace, episodes, seed)
-    named = find_policies(BASELINES, drawn.whose_gains)
-    named |= find_policies(policies, drawn.whose_gains) if policies else {}
-    assessed = {name: assess(versions, draws) for name, versions in named.items()}
-    return dict(sorted(assessed.items(), key=lambda item: item[1].value))

@@ -87,9 +87,6 @@ class Score:
     smoothness: float = _score(
         "1", "−ln of the dimensionless jerk; larger is smoother", Recorded.smoothness
     )
-    spectral_arc_length: float = _score(
-        "1", "SPARC of the tip's speed; nearer to 0 is smoother", Recorded.spectral_arc_length
-    )
     mean_force_n: float = _score(
         "N", "time average of the size of the hand's force", lambda e: e.mean(e.force)
     )
@@ -122,11 +119,11 @@ class Score:
         "fraction of the time at zero degrees of freedom",
         lambda e: e.mean(column(e.steps, "mode") == ClutchMode.ZERO_DOF),
     )
-    wall_stiffness_n_m: float | None = _score(
+    apparent_stiffness_n_m: float | None = _score(
         "N/m",
         "of a fixture's edge: least-squares slope of the hand's force into it over a penetration "
-        f"of more than {1e3 * TOUCH:g} mm; 0 if there was none",
-        Recorded.wall_stiffness,
+        f"of more than {1e3 * TOUCH:g} mm, damping and friction included; 0 if there was none",
+        Recorded.apparent_stiffness,
         default=None,
     )
     force_error_along_n: float | None = _score(
@@ -205,10 +202,10 @@ def score_episodes(
             f"telemetry must have the shape (T + 1, {len(tasks)}, {len(TELEMETRY)}) with at least "
             f"one step, got {shape}"
         )
-    begun = np.isfinite(column(telemetry[1], "time"))
-    if not begun.all():
+    runs = np.isfinite(column(telemetry[1], "time"))
+    if not runs.all():
         raise ParameterError(
-            f"telemetry must hold a step of each episode at least, got none of {begun.argmin()}"
+            f"telemetry must hold a step of each episode at least, got none of {runs.argmin()}"
         )
     if wanted is not None and (np.shape(wanted), len(machines)) != ((*shape[:2], 2), len(tasks)):
         raise ParameterError(
@@ -251,50 +248,3 @@ class ScenarioRun:
     def episodes(self) -> int:
         """How many of the scenario's episodes were run, starting with the first."""
         return len(self.strata)
-
-
-COMPLETION = 0.99
-"""Smallest share of completed episodes of a ranked policy."""
-
-PACE_ERROR = 0.15
-"""Largest mean of each of the two pace errors of a ranked policy."""
-
-RESERVE, MISSING = 0.97, 0.75
-"""Parts of the leaderboard's limits on pace errors and on missing completions that the search keeps
-to.
-
-Gains that just keep a limit on its draws may miss it on others: the mean pace error over 400 draws
-of `everything` has a standard error of 3 % of the limit, and among completions a single draw weighs
-much.
-"""
-
-PENALTY = 1.0
-"""Path error [m] that counts for each unit over a limit."""
-
-
-class Assessment(NamedTuple):
-    """How good a policy is on training draws: the means of the scores that decide ranks."""
-
-    path_error_m: float
-    completed: float
-    mean_pace_error: float
-    segment_pace_error: float
-
-    @property
-    def value(self) -> float:
-        """One finite number that orders all policies, the smallest first.
-
-        It is the path error [m] plus a penalty for each limit that is not kept.
-        """
-        over = max(0.0, (1.0 - self.completed) - MISSING * (1.0 - COMPLETION))
-        over += max(0.0, self.mean_pace_error - RESERVE * PACE_ERROR)
-        over += max(0.0, self.segment_pace_error - RESERVE * PACE_ERROR)
-        return self.path_error_m + PENALTY * over
-
-    def __str__(self) -> str:
-        """Return the scores as text."""
-        arrives, mean, segments = (f"{100 * share:.0f} %" for share in self[1:])
-        return (
-            f"{1000 * self.path_error_m:.1f} mm, arrives in {arrives}, pace error {mean} "
-            f"(segments {segments})"
-        )

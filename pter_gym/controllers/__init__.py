@@ -3,6 +3,7 @@
 from pter_gym._compiled.compiler import inlined as device
 from pter_gym._compiled.records import rows
 from pter_gym._physics.clutch import PerClutch
+from pter_gym.controllers._gains import MEMORY, Memory
 from pter_gym.controllers._guided import (
     Guided,
     Impedance,
@@ -11,7 +12,6 @@ from pter_gym.controllers._guided import (
     TorqueFeedback,
     VelocityRatio,
 )
-from pter_gym.controllers._memory import MEMORY, Memory
 from pter_gym.controllers._policy import AnyPolicy, Controller, Policy, bind
 from pter_gym.controllers._simple import Free, Locked, Random
 

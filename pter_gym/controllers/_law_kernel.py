@@ -1,4 +1,4 @@
-"""Kernels that run control laws in many worlds; users' laws have their bounds checked."""
+"""The kernel that runs a control law in many worlds; users' laws have their bounds checked."""
 
 import math
 from collections.abc import Callable
@@ -11,27 +11,20 @@ import numpy as np
 from numba.core import config
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
-from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import compile_kernel, device
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.pipeline import Device
-from pter_gym._compiled.records import entrywise, read, rows, width, write
-from pter_gym._physics.arm import Motion, UnitVector, Vector
-from pter_gym._physics.clutch import PerClutch
+from pter_gym._compiled.records import entrywise, write
+from pter_gym._physics.clutch import CLUTCHES
 from pter_gym._physics.scalars import clamp
-from pter_gym.controllers._gains import IMPEDANCE, NOMINAL, read_gains
-from pter_gym.controllers._laws import built_in, demanded_force
-from pter_gym.controllers._memory import Memory
-from pter_gym.controllers._steering import Tip
+from pter_gym.controllers._laws import built_in
 from pter_gym.errors import LawIndexError, ParameterError, PterError
 
 Law = Callable[..., Any]
 
 law: Any = built_in
 """The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
-
-CLUTCHES, MEMORY_WIDTH = rows(PerClutch), width(Memory)
 
 LARGEST = float(np.finfo(np.float32).max)
 
@@ -130,50 +123,3 @@ def _checked(function: Any, done: dict[Any, Any]) -> Any:
             cell.cell_contents = replaced(original.cell_contents)
         names |= {name: replaced(value) for name, value in names.items()}
     return done[plain]
-
-
-def demanded_forces(
-    gains: NDArray[np.float64], paces: NDArray[np.float64], tips: NDArray[np.float64]
-) -> NDArray[np.float64] | None:
-    """Return the force of the device on the hand that a built-in law demands, (R, N, 2) [N].
-
-    None for a law that demands no force: all but the impedance laws.
-
-    Parameters
-    ----------
-    gains, paces
-        Gains of the law, and the commanded pace of each of N worlds [m/s].
-    tips
-        The tip's velocity x, y [m/s], cosine and sine of the path's heading, and the signed
-        distance from the path [m], (R, N, 5), at each control instant.
-    """
-    if gains[0] != IMPEDANCE:
-        return None
-    forces = np.empty((*tips.shape[:2], 2))
-    _force_kernel()(gains, paces, tips, forces)
-    return forces
-
-
-def _build_forces(digest: str) -> Any:
-    def force(gains: Any, paces: Any, tips: Any, forces: Any) -> None:
-        _ = digest
-        arm = read(gains, NOMINAL, 0).arm
-        memory = np.zeros(MEMORY_WIDTH)
-        still = Motion(0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0)
-        for world in range(len(paces)):
-            g = read_gains(gains, paces[world])
-            memory[:] = 0.0
-            for step in range(len(tips)):
-                row = tips[step, world]
-                x, y, cos, sin, error = row[0], row[1], row[2], row[3], row[4]
-                tip = Tip(arm, still, Vector(x, y), UnitVector(cos, sin), error, 0.0)
-                _, along_x, along_y = demanded_force(g, tip, paces[world], float(step), memory)
-                forces[step, world, 0] = along_x
-                forces[step, world, 1] = along_y
-
-    return force
-
-
-@cache
-def _force_kernel() -> Any:
-    return compile_kernel(_build_forces)

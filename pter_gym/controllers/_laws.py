@@ -28,6 +28,7 @@ from pter_gym.controllers._allocation import allocate, largest_torque, least_tor
 from pter_gym.controllers._gains import (
     ARRANGEMENT,
     IMPEDANCE,
+    MEMORY,
     NETWORK,
     NOMINAL,
     RANDOM,
@@ -38,7 +39,6 @@ from pter_gym.controllers._gains import (
     clutch_voltage,
     read_gains,
 )
-from pter_gym.controllers._memory import MEMORY
 from pter_gym.controllers._network import HEADER, HEADER_WIDTH, decide
 from pter_gym.controllers._steering import Tip, speed_along, steered, turning_torques
 from pter_gym.tasks.path_following._observation import OBS

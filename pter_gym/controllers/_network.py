@@ -16,7 +16,7 @@ from pter_gym._compiled.records import Entry, entrywise, read, rows, width
 from pter_gym._physics.arm import UnitVector, Vector, components
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.scalars import clamp
-from pter_gym.controllers._memory import Memory
+from pter_gym.controllers._gains import Memory
 from pter_gym.tasks.path_following._actions import volts_of
 from pter_gym.tasks.path_following._observation import OBS
 

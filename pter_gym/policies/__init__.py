@@ -1,4 +1,4 @@
-"""Trained policies: safetensors files, whose networks run as compiled laws; and tuned gains."""
+"""Trained policies: safetensors files, whose networks run as compiled laws."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -173,15 +173,12 @@ def quantities(physical: Any, base: Any, layout: Layout, *, residual: bool) -> A
 
 
 def to_volts(outputs: Any, base: Any, interface: Interface) -> Any:
-    """Return voltages [V] for a network's outputs, which are clipped to [−1, 1].
-
-    All are (N, clutches), as are the voltages of the base controller.
-    """
+    """Return voltages [V] for a network's outputs, both (N, clutches), clipped to [−1, 1]."""
     library, top = outputs.__array_namespace__(), interface.voltage_max
     limited = library.clip(outputs, -1.0, 1.0)
     if interface.normalised:
         return volts_of(limited, -1.0, 1.0, top)
-    return library.clip(base + interface.reach * limited, 0.0, top)
+    return library.clip(base[:, : len(interface.clutches)] + interface.reach * limited, 0.0, top)
 
 
 def middle_volts(worlds: int, interface: Interface) -> Any:

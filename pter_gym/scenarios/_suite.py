@@ -132,19 +132,19 @@ def find_scenario(
     DataError
         If the machine's file is malformed.
     """
-    chosen = _find(scenario)
+    distribution = _find(scenario)
     if path is not None:
-        chosen = _on_path(chosen, path, smooth)
+        distribution = _on_path(distribution, path, smooth)
     if machine is not None:
         from pter_gym.params import find_machine
         from pter_gym.tasks.path_following._specification import sensing_of
 
         own = find_machine(machine)
-        sensing_of(chosen.draws.varied_task.base, own)  # raises where the delay is too long
-        chosen = replace(
-            chosen, own=chosen.draws.map_parts(lambda part: replace(part, instead=own))
+        sensing_of(distribution.draws.varied_task.base, own)  # raises where the delay is too long
+        distribution = replace(
+            distribution, own=distribution.draws.map_parts(lambda part: replace(part, instead=own))
         )
-    return chosen
+    return distribution
 
 
 def gains_for(tasks: "Iterable[PathFollowing]") -> str:

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from benchmark.handmade import METRE, padded, travel
 from pter_gym._internal.terminal import WIDTH, shorten
-from pter_gym.benchmark import run_scenario
 from pter_gym.benchmark.boards import (
+    COMPLETION,
+    PACE_ERROR,
     Reason,
     boards_text,
     in_order,
@@ -23,15 +24,8 @@ from pter_gym.benchmark.boards import (
     reason_unranked,
 )
 from pter_gym.benchmark.intervals import mean_interval
-from pter_gym.benchmark.scores import (
-    COMPLETION,
-    OPTIONAL,
-    PACE_ERROR,
-    SCORES,
-    ScenarioRun,
-    Scores,
-    score_episodes,
-)
+from pter_gym.benchmark.results import run_scenario
+from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun, Scores, score_episodes
 from pter_gym.controllers import Impedance
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES

@@ -40,12 +40,12 @@ def record(
         make_folder(out)
     load_minari()
     with progress_bar() as progress:
-        for each, which in product(scenario, level):
-            task = progress.add_task(f"{each}, {which}", total=steps)
+        for name, which in product(scenario, level):
+            task = progress.add_task(f"{name}, {which}", total=steps)
             episodes = record_episodes(
-                each, which, steps, seed=seed, on_steps=partial(progress.advance, task)
+                name, which, steps, seed=seed, on_steps=partial(progress.advance, task)
             )
-            command = f"pter record --scenario {each} --level {which} --steps {steps} --seed {seed}"
-            say(f"wrote {write_dataset(each, which, episodes, out, seed=seed, command=command)}")
+            command = f"pter record --scenario {name} --level {which} --steps {steps} --seed {seed}"
+            say(f"wrote {write_dataset(name, which, episodes, out, seed=seed, command=command)}")
     folder = f"MINARI_DATASETS_PATH={quote(str(out))} " if out else ""
     conclude([], f"{folder}minari show pter/{scenario[0]}/{level[0]}-v0")

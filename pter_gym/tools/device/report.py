@@ -213,7 +213,7 @@ ROWS = {
     "least_resisting_n": ("Force against the motion, worst direction", "N"),
     "largest_resisting_n": ("Force against the motion, best direction", "N"),
     "free_impedance": (f"Impedance without voltage, {FREQUENCY:g} Hz", "N·s/m"),
-    "wall_stiffness": ("Stiffness of a rendered wall", "N/m"),
+    "apparent_stiffness": ("Apparent stiffness of a wall", "N/m"),
     "z_width_db": (f"Z-width, {FREQUENCY:g} Hz", "dB"),
 }
 """What the page says of each number of ``Rendering``."""

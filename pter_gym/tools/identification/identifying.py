@@ -16,7 +16,7 @@ from pter_gym.tools.identification.evidence import admit_terms, find_differences
 from pter_gym.tools.identification.fit import Fit
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import COORDINATES, Quantity, Shape, quantities
-from pter_gym.tools.identification.verdict import NEGLIGIBLE, NEITHER, Verdict, judge
+from pter_gym.tools.identification.verdict import MAX_FAR, NEGLIGIBLE, NEITHER, Verdict, judge
 from pter_gym.tools.identification.windows import (
     SLIPPING,
     Smoothed,
@@ -222,9 +222,9 @@ def origins_of(found: Identification) -> dict[str, str]:
         ("arm.length_a", "arm.length_b", "clutch.voltage_max"), ASSUMED
     )
     for place in {finding.quantity.place for finding in found.findings} - {""}:
-        told = [finding for finding in found.findings if finding.quantity.place == place]
-        kind = "chosen" if all(finding.status == "kept" for finding in told) else "identified"
-        origin = f"{kind}: from {name}, {'; '.join(_plain(finding.origin) for finding in told)}"
+        here = [finding for finding in found.findings if finding.quantity.place == place]
+        kind = "chosen" if all(finding.status == "kept" for finding in here) else "identified"
+        origin = f"{kind}: from {name}, {'; '.join(_plain(finding.origin) for finding in here)}"
         origins |= dict.fromkeys(FIELDS.get(place, (place,)), origin)
     return origins
 
@@ -313,8 +313,8 @@ def _left_open(fit: Fit, worst: int) -> set[str]:
         a.name: abs(a.value - b.value) / max(a.scale, 1e-300)
         for a, b in zip(high, low, strict=True)
     }
-    found = {name for name, size in changes.items() if size > TIED * max(changes.values())}
-    return found - {
+    names = {name for name, size in changes.items() if size > TIED * max(changes.values())}
+    return names - {
         COORDINATES[worst].quantity,
         "torque_25",
         "torque_50",
@@ -339,16 +339,20 @@ def _findings(fit: Fit, kept: dict[int, str], tied: set[str], verdict: Verdict) 
     )
     reasons = {COORDINATES[i].quantity: reason for i, reason in kept.items()}
     share = max(2.0 * verdict.rho, NEGLIGIBLE)  # of its scale, for errors of the model
-    found: list[Finding] = []
-    for q, first, error, by_free in zip(here, start, errors, slopes, strict=True):
-        half = float(np.hypot(error, share * q.scale))
+    biases = fit.bias(slopes, verdict.left)
+    findings: list[Finding] = []
+    for q, first, error, bias, by_free in zip(here, start, errors, biases, slopes, strict=True):
+        half = float(np.hypot(error, max(share * q.scale, bias)))
         unmoved = "" if by_free.any() else "the log shows none of the numbers from which it follows"
         reason = reasons.get(q.name, "") or unmoved
         described = verdict.grade != NEITHER
         sure = described and q.name not in tied | verdict.differences.keys()
         sure &= half <= MAX_REL_HALF_WIDTH * q.scale
+        sure &= q.name != "breakaway_ratio" or verdict.far_breakaways <= MAX_FAR
         half = 0.0 if reason else half if described else math.inf
         status = "kept" if reason else "identified" if sure else "uncertain"
         ends = {"low": q.value - half, "high": q.value + half}
-        found.append(Finding(quantity=q, before=first.value, status=status, reason=reason, **ends))
-    return found
+        findings.append(
+            Finding(quantity=q, before=first.value, status=status, reason=reason, **ends)
+        )
+    return findings

@@ -73,13 +73,15 @@ def watch(
 
     check_arguments(names, out, csv, size, speed)
     seed = whole_number("seed", seed, at_least=0)
-    chosen = scenario_on(scenario, machine, path, smooth)
-    held, task = chosen.draws.pairs(1, seed, pace)[0]
-    by_name = {name: find_policy(name, chosen.whose_gains) for name in names}
+    distribution = scenario_on(scenario, machine, path, smooth)
+    machine_of_episode, task = distribution.draws.pairs(1, seed, pace)[0]
+    by_name = {name: find_policy(name, distribution.whose_gains) for name in names}
     telemetry: dict[str, Any] = {}
     with waiting("simulating"):
         for name, policy in by_name.items():
-            episode = record_episode(policy, held, task, seed, nominal=chosen.nominal)
+            episode = record_episode(
+                policy, machine_of_episode, task, seed, nominal=distribution.nominal
+            )
             telemetry[name] = episode.telemetry
             say(f"{name}: {summary(telemetry[name])}")
     same = options(scenario=scenario, pace=pace, path=path, smooth=smooth)
@@ -93,10 +95,12 @@ def watch(
             def show(share: float) -> None:
                 progress.update(bar, completed=share)
 
-            film.write_film(held, task, telemetry, out, speed=speed, size=size, on_progress=show)
+            film.write_film(
+                machine_of_episode, task, telemetry, out, speed=speed, size=size, on_progress=show
+            )
     elif not csv:
         film.show_film(
-            film.Film(held, task, telemetry, film.WINDOW_RATE, speed, size),
+            film.Film(machine_of_episode, task, telemetry, film.WINDOW_RATE, speed, size),
             f"PTER: {', '.join(by_name)}",
         )
     conclude([file for file in (csv, out) if file], following)

@@ -11,8 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
 from pter_gym._internal.terminal import shorten
-from pter_gym.benchmark.boards import UNRANKED, Leaderboard, Standing
-from pter_gym.benchmark.scores import PACE_ERROR
+from pter_gym.benchmark.boards import PACE_ERROR, UNRANKED, Leaderboard, Standing
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import PACES, find_pace, title_of_pace

@@ -21,7 +21,7 @@ from pter_gym._physics.friction import ClutchMode
 from pter_gym.benchmark.measures import PRICE, SEGMENTS
 from pter_gym.benchmark.policies import find_policy
 from pter_gym.controllers import CONTROLLERS
-from pter_gym.controllers._memory import Memory
+from pter_gym.controllers._gains import Memory
 from pter_gym.hands import MultiSineHand, Operator, RecordedForces
 from pter_gym.haptics import torque_limits
 from pter_gym.params import BASELINE, MACHINES, Machine

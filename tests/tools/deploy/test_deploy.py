@@ -488,6 +488,11 @@ def test_onnx_gives_the_policys_actions(name: Any, machine: str, recorded: Any, 
         (volts,) = session.run(["volts"], {each: given[each] for each in names})
         assert volts.shape == (WORLDS, len(interface.clutches))
         assert np.abs(volts - bound(obs)).max() < 1e-6 * TOP
+    told = session.get_modelmeta().custom_metadata_map
+    assert told["history"].split() == [str(each) for each in interface.history]
+    nothing = {each.name: np.full((1, each.shape[1]), np.nan) for each in session.get_inputs()}
+    (volts,) = session.run(["volts"], {each: x.astype(np.float32) for each, x in nothing.items()})
+    assert np.isfinite(volts).all()
 
 
 def unsupported() -> Any:

@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from pter_gym.benchmark import Assessment, Episodes, assess, run_scenario, training_episodes
+from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.policies import find_policy
-from pter_gym.benchmark.scores import COMPLETION, MISSING, PACE_ERROR, RESERVE
+from pter_gym.benchmark.rollout import MISSING, RESERVE
 from pter_gym.controllers import CONTROLLERS, AnyPolicy, Impedance, PaceSchedule
 from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
 from pter_gym.params import DELRIN_EXPERIMENTAL
