@@ -79,8 +79,8 @@ class WorldsSpec(EnvSpec):
                 json.dumps(value)
             except TypeError:
                 raise ParameterError(
-                    f"{name} must be plain data, or of the classes of pter_gym.params, hands, paths "
-                    f"and tasks, to be stored as JSON, got {value!r:.200}"
+                    f"{name} must be plain data, or of the classes of pter_gym.params, hands, "
+                    f"paths and tasks, to be stored as JSON, got {value!r:.200}"
                 ) from None
         return super().to_json()
 
