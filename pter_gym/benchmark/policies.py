@@ -19,7 +19,6 @@ from numba.core.dispatcher import Dispatcher
 from pter_gym._internal.checks import names_in
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym.controllers import CONTROLLERS, AnyPolicy, Controller, Policy
-from pter_gym.envs._acting import ActingPolicy, attributes
 from pter_gym.envs._models import from_actions, from_sb3
 from pter_gym.errors import ParameterError, nearest
 from pter_gym.policies import read_policy
@@ -27,7 +26,7 @@ from pter_gym.policies._files import is_path
 from pter_gym.policies._names import check_policy, is_code, is_exported
 from pter_gym.policies.tuned import find_paced, find_tuned, read_tuned
 
-__all__ = ["find_policies", "find_policy", "from_actions", "from_sb3", "load_policy"]
+__all__ = ["find_policies", "find_policy", "from_actions", "from_sb3"]
 
 MAX_NAME = 180
 """Most characters of a policy's name, which is part of a file name."""
@@ -72,37 +71,6 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
     if is_exported(name):
         return read_policy(name)
     return find_tuned(name, scenario)
-
-
-def load_policy(policy: "FilePath | AnyPolicy", env: Any) -> ActingPolicy:
-    """Return a policy that is ready to act in an environment: ``action = policy(observation)``.
-
-    It returns actions in the environment's unit. Call its ``reset()`` after ``env.reset()``, and
-    ``reset(worlds)`` with a mask where worlds of a vector environment begin new episodes.
-
-    Parameters
-    ----------
-    policy
-        What ``pter benchmark --policies`` takes: the name of a trained policy or of a controller,
-        the path of an exported policy (a string or a ``pathlib.Path``), or
-        ``package.module:attribute``. Or a policy itself: a controller, what ``from_sb3`` returns,
-        or a function from observations, float32 (N, entries), to volts, (N, 4).
-    env
-        Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or
-        ``make_sb3_vec_env``, with its wrappers. Control laws have the gains of its scenario; on a
-        path of your own, those of ``paths``.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such policy, or it cannot act in this environment; the message says why.
-    DataError
-        If a file of the policy is damaged.
-    """
-    if isinstance(policy, str | os.PathLike):
-        (gains,) = attributes(env, "gains")
-        policy = find_policy(cast("FilePath", policy), gains)
-    return ActingPolicy(policy, env)
 
 
 Policies = Mapping[str, "AnyPolicy | FilePath | Sequence[AnyPolicy | FilePath]"]

@@ -30,6 +30,7 @@ CORE = (
     ("envs",),
     ("gradients",),
     ("benchmark",),
+    ("_load_policy",),
     ("_commands",),
 )
 """Rooms of the core from the ground up: a room imports those of earlier rows, and no neighbour."""
