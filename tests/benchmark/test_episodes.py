@@ -120,6 +120,11 @@ def test_fresh_episodes_follow_from_the_seed() -> None:
     assert hand.phases[0] == PINNED_PHASE
 
 
+def test_laws_know_the_machine_that_is_named_in_stored_episodes_too() -> None:
+    for machine in (BASELINE, DELRIN_EXPERIMENTAL):
+        assert find_episodes("standard", "slow", machine=machine).nominal == machine
+
+
 def test_training_draws_of_different_seeds_share_no_episode() -> None:
     sets = [set(training_episodes("standard", "slow", 4, seed).seeds) for seed in range(3)]
     assert len(set.union(*sets)) == 12
