@@ -84,11 +84,11 @@ def train(
         progress.remove_task(task)
         progress.add_task("drawing", total=None)
         history, laws = RunFolder(out).scores(), report.law_scores(arguments)
-        written = [path, save(report.learning_curve(history, laws), out / "curve.png")]
+        files = [path, save(report.learning_curve(history, laws), out / "curve.png")]
         if not smoke:
-            written.append(report.film(exporting.read_run(out), arguments, out / "film.webp"))
+            files.append(report.film(exporting.read_run(out), arguments, out / "film.webp"))
     say(report.table({str(out): history[max(history)], **laws}))
-    for file in written:
+    for file in files:
         say(f"wrote {file}")
     on = (
         "" if scenario == "standard" else f" --scenario {FALLBACK if scenario == ALL else scenario}"

@@ -132,9 +132,9 @@ class Settings(RewardWeights):
 
     def __post_init__(self) -> None:
         """Check each field by itself."""
-        for name, known in (("base", BASES), ("starts", STARTS)):
-            if getattr(self, name) not in known:
-                raise unknown_name(name, getattr(self, name), known)
+        for name, choices in (("base", BASES), ("starts", STARTS)):
+            if getattr(self, name) not in choices:
+                raise unknown_name(name, getattr(self, name), choices)
         for name in ("worlds", "steps", "episode", "contexts", "frame_skip", "minibatch", "epochs"):
             require_whole(self, name)
         above_zero = (
@@ -261,13 +261,13 @@ class TrainingArguments:
 
     def __post_init__(self) -> None:
         """Check names and numbers."""
-        for name, known in (
+        for name, choices in (
             ("algorithm", ALGORITHMS),
             ("scenario", (ALL, *SCENARIOS)),
             ("pace", (ALL, *PACES)),
         ):
-            if getattr(self, name) not in known:
-                raise unknown_name(name, getattr(self, name), known)
+            if getattr(self, name) not in choices:
+                raise unknown_name(name, getattr(self, name), choices)
         for name in ("steps", "checkpoint_every", "validate_every", "validation_episodes"):
             require_whole(self, name)
         require_whole(self, "seed", at_least=0, below=2**31)

@@ -83,8 +83,8 @@ def study(
             print(
                 f"{algorithm} with {settings}: {1e3 * error:.1f} mm on training draws", flush=True
             )
-        chosen = min(trials, key=lambda each: each[0])[1]
-        models = [train(algorithm, chosen, seed, seconds) for seed in range(1, 1 + seeds)]
+        best = min(trials, key=lambda each: each[0])[1]
+        models = [train(algorithm, best, seed, seconds) for seed in range(1, 1 + seeds)]
         print(f"{algorithm}: {[model.num_timesteps for model in models]} decisions", flush=True)
         policies = {algorithm: [from_sb3(model) for model in models]}
         runs = run_scenario(

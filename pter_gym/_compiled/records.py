@@ -98,17 +98,17 @@ def leaves(kind: type[Any]) -> list[Leaf]:
 
     The entries of a record whose field has an ``Entry`` are called after that field: ``volts_1``.
     """
-    found: list[Leaf] = []
+    numbers: list[Leaf] = []
     for name, entry, inner in parts(kind):
         called, entries = ((entry.name or name), (entry,)) if entry else (name, ())
         if not _is_record(inner):
-            found.append(Leaf(called, entries))
+            numbers.append(Leaf(called, entries))
         else:
             before = f"{called}_" if entry else ""
-            found.extend(
+            numbers.extend(
                 Leaf(before + leaf.name, (*entries, *leaf.entries)) for leaf in leaves(inner)
             )
-    return found
+    return numbers
 
 
 def layout_of(kind: type[Any], machine: Any = None) -> Layout:

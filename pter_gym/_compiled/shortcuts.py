@@ -85,9 +85,9 @@ def _is_record(value: Any) -> bool:
 def _drop_unused(blocks: Any, records: set[str]) -> None:
     """Remove the assignments of records that nothing reads any more."""
     statements = [each for block in blocks.values() for each in block.body]
-    named = Counter(variable.name for each in statements for variable in each.list_vars())
+    uses = Counter(variable.name for each in statements for variable in each.list_vars())
     set_here = Counter(each.target.name for each in _assignments(blocks))
-    unused = {name for name in records if named[name] == set_here[name]}
+    unused = {name for name in records if uses[name] == set_here[name]}
     for block in blocks.values():
         block.body = [
             each

@@ -397,10 +397,10 @@ def on_cpu(arrays: Any) -> Any:
     """
     if jax.default_backend() == "cpu":
         return arrays
-    device, traced = cpu_device(), cast("type", Tracer)
+    cpu, tracer = cpu_device(), cast("type", Tracer)
 
     def placed(array: Any) -> Any:
-        return array if isinstance(array, traced) else jax.device_put(array, device)
+        return array if isinstance(array, tracer) else jax.device_put(array, cpu)
 
     return jax.tree.map(placed, arrays)
 

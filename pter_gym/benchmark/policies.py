@@ -91,15 +91,15 @@ def find_policies(
         raise ParameterError(
             f"policies must have names, as in {{'mine': policy}}, got {policies!r:.200}"
         )
-    named: Mapping[str, Any] = (
+    by_text: Mapping[str, Any] = (
         cast("Mapping[str, Any]", policies)
         if isinstance(policies, Mapping)
         else {_text_of(name): name for name in names_in("policies", cast("Any", policies))}
     )
-    if not named:
+    if not by_text:
         raise ParameterError("policies must hold at least one name")
     by_name: dict[str, tuple[AnyPolicy, ...]] = {}
-    for name, policy in named.items():
+    for name, policy in by_text.items():
         _check_name(name)
         several = isinstance(policy, Sequence) and not isinstance(policy, str)
         seeds = cast("Sequence[Any]", policy if several else (policy,))
@@ -180,16 +180,16 @@ def _import(name: str) -> Any:
 
 def _attribute_of(file: Path, name: str) -> Any:
     """Return an attribute of a file of Python."""
-    known = {
+    attributes = {
         each: value
         for each, value in vars(_run_file(file.resolve())).items()
         if not each.startswith("_")
     }
-    if name not in known:
+    if name not in attributes:
         raise ParameterError(
-            f"policies must name what is in {file}, there is no {name!r}{nearest(name, known)}"
+            f"policies must name what is in {file}, there is no {name!r}{nearest(name, attributes)}"
         )
-    return known[name]
+    return attributes[name]
 
 
 def _load(entry: EntryPoint) -> Any:

@@ -197,17 +197,17 @@ def run_scenario(
         If the stored episodes are damaged.
     """
     num_threads = whole_number("num_threads", num_threads)
-    drawn = find_scenario(scenario)
+    distribution = find_scenario(scenario)
     if paces is None:
         paces = scenario.pace if isinstance(scenario, PathFollowing) else tuple(PACES)
     several: Any = builtin(paces)
-    listed = names_in("paces", [several] if isinstance(several, int | float) else several)
-    seed = 0 if seed is None and drawn.digest else seed
+    pace_names = names_in("paces", [several] if isinstance(several, int | float) else several)
+    seed = 0 if seed is None and distribution.digest else seed
     sets = {
-        pace: find_episodes(drawn, pace, seed)
-        for pace in (name_of_pace(name, "paces") for name in listed)
+        pace: find_episodes(distribution, pace, seed)
+        for pace in (name_of_pace(name, "paces") for name in pace_names)
     }
-    named = find_policies(policies, drawn.whose_gains)
+    by_name = find_policies(policies, distribution.whose_gains)
     if episodes is not None:
         sets = {pace: full.first(episodes) for pace, full in sets.items()}
     folder = (
@@ -215,17 +215,24 @@ def run_scenario(
     )
     if folder:
         folder.make()
-    for policy in (each for versions in named.values() for each in versions):
+    for policy in (each for versions in by_name.values() for each in versions):
         check_acting(policy, next(iter(sets.values())))
     runs: list[ScenarioRun] = []
-    for pace, chosen in sets.items():
-        for name, versions in named.items():
-            scored = [evaluate(policy, chosen, num_threads) for policy in versions]
+    for pace, episode_set in sets.items():
+        for name, versions in by_name.items():
+            scores_by_seed = [evaluate(policy, episode_set, num_threads) for policy in versions]
             trained = [
                 ScenarioRun(
-                    drawn.name, pace, name, number, seed, chosen.strata, scores, digest=drawn.digest
+                    distribution.name,
+                    pace,
+                    name,
+                    number,
+                    seed,
+                    episode_set.strata,
+                    scores,
+                    digest=distribution.digest,
                 )
-                for number, scores in enumerate(scored)
+                for number, scores in enumerate(scores_by_seed)
             ]
             if folder:
                 folder.add(trained)

@@ -66,11 +66,11 @@ def rollout(
     """
     acting = bind_to(policy, episodes)
     with episodes.worlds(sensors or sensors_of(policy)) as batch:
-        recorded, observed = _recorded(acting, episodes, batch, columns)
+        telemetry, obs = _recorded(acting, episodes, batch, columns)
     for world, limit in enumerate(episodes.limits):
-        recorded[limit + 1 :, world] = np.nan
-        observed[limit + 1 :, world] = 0.0
-    return Rollout(recorded, observed)
+        telemetry[limit + 1 :, world] = np.nan
+        obs[limit + 1 :, world] = 0.0
+    return Rollout(telemetry, obs)
 
 
 def _recorded(
@@ -198,10 +198,10 @@ def record_episode(
 ) -> Episode:
     """Return an episode in a world of its own, with the benchmark's time limit."""
     episode = Episodes("", (machine,), (task,), (seed,), ("",), nominal)
-    recorded = rollout(policy, episode, sensors="force")
-    telemetry = recorded.telemetry[:, 0]
+    run = rollout(policy, episode, sensors="force")
+    telemetry = run.telemetry[:, 0]
     volts = telemetry[1:, np.array(COLUMN.volts, int)]
-    return Episode(telemetry, recorded.obs[:, 0], volts.astype(np.float32))
+    return Episode(telemetry, run.obs[:, 0], volts.astype(np.float32))
 
 
 RESERVE, MISSING = 0.97, 0.75

@@ -213,8 +213,12 @@ def _make_batch(
     """Return the worlds, and the name of the scenario whose gains suit them."""
     numbers = {"reward": reward, "error_max": error_max, "truncation_error": truncation_error}
     fields: dict[str, Any] = {name: value for name, value in numbers.items() if value is not None}
-    named = (("path", path, find_path), ("pace", pace, find_pace), ("starts", starts, find_starts))
-    fields |= {name: find(cast(Any, value)) for name, value, find in named if value is not None}
+    finders = (
+        ("path", path, find_path),
+        ("pace", pace, find_pace),
+        ("starts", starts, find_starts),
+    )
+    fields |= {name: find(cast(Any, value)) for name, value, find in finders if value is not None}
     if task is not None and (fields or scenario is not None):
         names = ", ".join(fields or ("scenario",))
         raise ParameterError(f"{names} must not be given with a task, which has its own")
@@ -225,19 +229,19 @@ def _make_batch(
         task = _task_with(fields) if task is None else task
         gains = gains_for(_checked_tasks(task))
     else:
-        chosen = find_scenario(scenario, machine, fields.pop("path", None))
+        distribution = find_scenario(scenario, machine, fields.pop("path", None))
         if isinstance(scenario, str | Scenario):
             fields.setdefault("starts", STARTS["path"])
         count = whole_number("contexts", 512 if contexts is None else contexts)
         seed = whole_number("context_seed", context_seed or 0, at_least=0)
-        draws = chosen.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
+        draws = distribution.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
         machine, task = zip(*draws.pairs(count, seed), strict=True)
-        gains = chosen.whose_gains
+        gains = distribution.whose_gains
         frame_skip = FRAME_SKIP if frame_skip is None else frame_skip
-    held = 1 if frame_skip is None else whole_number("frame_skip", frame_skip)
+    frames = 1 if frame_skip is None else whole_number("frame_skip", frame_skip)
     limit = engine.pop("max_episode_steps", None)
     if limit is not None:
-        limit = held * whole_number("max_episode_steps", limit)
+        limit = frames * whole_number("max_episode_steps", limit)
     batch = Batch(
         machine,
         task,
@@ -246,7 +250,7 @@ def _make_batch(
         sensors=sensors,
         action_unit=action_unit,
         observe_context=observe_context,
-        frame_skip=held,
+        frame_skip=frames,
         max_steps=limit,
         **engine,
     )

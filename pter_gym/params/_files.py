@@ -51,21 +51,21 @@ def find_machine(machine: Machine | FilePath | None) -> Machine:
     DataError
         If a file is damaged, incomplete or out of range.
     """
-    chosen: object = builtin(machine)
-    if chosen is None:
+    machine_named: object = builtin(machine)
+    if machine_named is None:
         return BASELINE
-    if isinstance(chosen, Machine):
-        return chosen
-    if isinstance(chosen, str) and chosen in MACHINES:
-        return MACHINES[chosen]
-    if isinstance(chosen, str) and chosen in ACTUATORS:
-        return replace(BASELINE, clutch=ACTUATORS[chosen].clutch)
-    if is_machine_file(chosen):
-        return load_machine(cast("str", chosen))
+    if isinstance(machine_named, Machine):
+        return machine_named
+    if isinstance(machine_named, str) and machine_named in MACHINES:
+        return MACHINES[machine_named]
+    if isinstance(machine_named, str) and machine_named in ACTUATORS:
+        return replace(BASELINE, clutch=ACTUATORS[machine_named].clutch)
+    if is_machine_file(machine_named):
+        return load_machine(cast("str", machine_named))
     names = (*MACHINES, *ACTUATORS)
     raise ParameterError(
         f"machine must be a Machine, one of {', '.join(names)} or the path of a file (.toml), "
-        f"got {chosen!r:.200}{nearest(chosen, names)}"
+        f"got {machine_named!r:.200}{nearest(machine_named, names)}"
     )
 
 

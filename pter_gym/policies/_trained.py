@@ -117,8 +117,8 @@ class TrainedPolicy:
         for entry in interface.inputs:
             if entry.name not in names:
                 raise unknown_name("inputs", entry.name, names)
-        bound = interface.base and interface.base.bind(machine, layout).law
-        gains, network = self._gains(bound.gains if bound else np.zeros(0), layout)
+        base = interface.base and interface.base.bind(machine, layout).law
+        gains, network = self._gains(base.gains if base else np.zeros(0), layout)
         return Policy.of_law(
             built_in if machine.has_paper_clutches else built_in_declared,
             gains,

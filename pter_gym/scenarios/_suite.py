@@ -131,20 +131,18 @@ def find_scenario(
     DataError
         If the machine's file is malformed.
     """
-    chosen = _find(scenario)
+    base = _find(scenario)
     if path is not None:
-        chosen = _on_path(chosen, path)
+        base = _on_path(base, path)
     if machine is not None:
         from pter_gym.params import MachineSpread, find_machine
         from pter_gym.tasks.path_following._specification import sensing_of
 
         own = machine if isinstance(machine, MachineSpread) else find_machine(machine)
         middle = own.machine if isinstance(own, MachineSpread) else own
-        sensing_of(chosen.draws.varied_task.base, middle)  # raises where the delay is too long
-        chosen = replace(
-            chosen, own=chosen.draws.map_parts(lambda part: replace(part, instead=own))
-        )
-    return chosen
+        sensing_of(base.draws.varied_task.base, middle)  # raises where the delay is too long
+        base = replace(base, own=base.draws.map_parts(lambda part: replace(part, instead=own)))
+    return base
 
 
 def gains_for(tasks: "Iterable[PathFollowing]") -> str:

@@ -181,9 +181,9 @@ class Vary(Generic[Drawn]):
     def extremes(self) -> Sequence[Drawn]:
         """Return draws with one field at an end, and with all at their first and last ends."""
         ends = {name: extremes(field) for name, field in self.fields.items()}
-        changes = [{name: end} for name, values in ends.items() for end in values]
-        changes += [{name: values[place] for name, values in ends.items()} for place in (0, -1)]
-        return [cast(Drawn, replace(cast(Any, self.base), **change)) for change in changes]
+        variants = [{name: end} for name, values in ends.items() for end in values]
+        variants += [{name: values[place] for name, values in ends.items()} for place in (0, -1)]
+        return [cast(Drawn, replace(cast(Any, self.base), **change)) for change in variants]
 
     def __eq__(self, other: object) -> bool:
         """Return whether both draw the same fields of the same dataclass from the same values."""

@@ -85,10 +85,12 @@ def context_of(
         Start and number of the path's arcs and of the hand's recorded instants in the array of
         constants.
     """
-    held = held_machine(task, machine)
-    hand = task.hand.model(task.pace, held.substep, recording)
-    model = model_of(held)
-    fastest = largest_energy(model.arm, held.substep, task.control_period, strongest(task, machine))
+    machine_in_hand = held_machine(task, machine)
+    hand = task.hand.model(task.pace, machine_in_hand.substep, recording)
+    model = model_of(machine_in_hand)
+    fastest = largest_energy(
+        model.arm, machine_in_hand.substep, task.control_period, strongest(task, machine)
+    )
     clutch, top = machine.clutch, machine.clutch.voltage_max
     scale = math.fsum(machine.slot_scale) / len(machine.clutches)
     return Context(
@@ -102,12 +104,12 @@ def context_of(
             / BASELINE.clutch.breakaway.torque(top),
             dynamic_factor=scale * clutch.dynamic.torque(top) / BASELINE.clutch.dynamic.torque(top),
             friction_drift=task.friction_drift,
-            hand_mass=held.hand.mass,
-            hand_damping=held.hand.damping,
-            hand_stiffness=held.hand.stiffness,
+            hand_mass=machine_in_hand.hand.mass,
+            hand_damping=machine_in_hand.hand.damping,
+            hand_stiffness=machine_in_hand.hand.stiffness,
             hand_push=hand.push,
         ),
-        arrangement=arrangement_of(held),
+        arrangement=arrangement_of(machine_in_hand),
     )
 
 

@@ -50,9 +50,9 @@ def add_gains(found: TunedGains, path: FilePath) -> None:
 def format_table(table: Table) -> str:
     """Return tuned gains as TOML, in the order of scenarios, controllers and paces."""
     blocks = [HEADING]
-    known = list(SCENARIOS)
+    names = list(SCENARIOS)
     for scenario in sorted(
-        table, key=lambda name: known.index(name) if name in known else len(known)
+        table, key=lambda name: names.index(name) if name in names else len(names)
     ):
         for controller, paces in table[scenario].items():
             for pace in sorted(paces, key=find_pace):
