@@ -40,7 +40,7 @@ from pter_gym.params._named import (
     paper_machines,
     with_friction,
 )
-from pter_gym.params._spread import MachineSpread
+from pter_gym.params._spread import MachineSpread, middle_of
 
 __all__ = [
     "ACTUATORS",
@@ -66,6 +66,7 @@ __all__ = [
     "find_machines",
     "is_machine_file",
     "load_machine",
+    "middle_of",
     "paper_machines",
     "quantity",
     "require",

@@ -85,6 +85,11 @@ class MachineSpread(Checked):
         return [self.machine]
 
 
+def middle_of(machine: Machine | MachineSpread) -> Machine:
+    """Return a machine, or the one in the middle of several."""
+    return machine.machine if isinstance(machine, MachineSpread) else machine
+
+
 def numbers_of(owner: Any, place: str = "") -> dict[str, tuple[float, float]]:
     """Return the numbers of a dataclass by their places, each with the least that is accepted."""
     return dict(_numbers(owner, place))

@@ -77,11 +77,10 @@ class Scenario:
     @property
     def nominal(self) -> "Machine":
         """The machine that controllers are bound to: the one of all episodes, or the paper's."""
-        from pter_gym.params import BASELINE, Machine, MachineSpread
+        from pter_gym.params import BASELINE, Machine, MachineSpread, middle_of
 
         machine = self.draws.instead or self.draws.machine
-        middle = machine.machine if isinstance(machine, MachineSpread) else machine
-        return middle if isinstance(middle, Machine) else BASELINE
+        return middle_of(machine) if isinstance(machine, Machine | MachineSpread) else BASELINE
 
     @property
     def digest(self) -> str:
@@ -135,12 +134,13 @@ def find_scenario(
     if path is not None:
         base = _on_path(base, path)
     if machine is not None:
-        from pter_gym.params import MachineSpread, find_machine
+        from pter_gym.params import MachineSpread, find_machine, middle_of
         from pter_gym.tasks.path_following._specification import sensing_of
 
         own = machine if isinstance(machine, MachineSpread) else find_machine(machine)
-        middle = own.machine if isinstance(own, MachineSpread) else own
-        sensing_of(base.draws.varied_task.base, middle)  # raises where the delay is too long
+        sensing_of(
+            base.draws.varied_task.base, middle_of(own)
+        )  # raises where the delay is too long
         base = replace(base, own=base.draws.map_parts(lambda part: replace(part, instead=own)))
     return base
 
