@@ -16,9 +16,9 @@ from pter_gym.params._fields import (
 from pter_gym.params._files import find_machine, is_machine_file, load_machine, save_machine
 from pter_gym.params._machine import (
     Arm,
+    Band,
     Clutch,
     Hand,
-    Band,
     Lag,
     Machine,
     TorqueCurve,
@@ -48,11 +48,11 @@ __all__ = [
     "PAPER_CLUTCHES",
     "SLOTS",
     "Arm",
+    "Band",
     "Checked",
     "Clutch",
     "Connection",
     "Hand",
-    "Band",
     "Lag",
     "Machine",
     "TorqueCurve",

@@ -47,12 +47,16 @@ def reproduce(
         f"{count} {kind}" for kind, count in Counter(claim.kind for claim in claims).items()
     )
     table = Table(
-        "", "the paper says", "measured", "needed", box=None, pad_edge=False, caption=counts
+        "", "the paper says", "read as", "measured", "needed", box=None, pad_edge=False, caption=counts
     )
     for claim in claims:
         s = claim.statement
         table.add_row(
-            claim.kind, f"{s.claim} ({s.section})", s.with_unit(f"{claim.value:.4g}"), s.condition
+            claim.kind,
+            f"“{s.paper}” ({s.section})",
+            s.claim,
+            s.with_unit(f"{claim.value:.4g}"),
+            s.condition,
         )
     terminal().print(table)
     say(f"wrote {len(files)} files to {out}")
