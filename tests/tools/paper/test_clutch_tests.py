@@ -47,9 +47,13 @@ def test_single_dof_tests_give_way_at_the_papers_breakaway_torque(name):
         slipping = slip >= 2.0 * machine.slip_threshold  # not at the edge of the band
         assert test.torque[1:][slipping] == pytest.approx(machine.clutch.dynamic.torque(volts))
         assert (test.trajectory.mode[: test.breakaway] == ClutchMode.ZERO_DOF).all()
-        moves = test.trajectory.omega.any(axis=1)
-        assert (test.trajectory.mode[moves] == test.locked).all()
-        assert test.deviation.max() < 1e-12
+        locked = np.abs(test.trajectory.slip_velocity[:, test.locked - 1])
+        if name == "delrin_theoretical":  # the locked clutch may creep, too
+            assert locked.max() < 1.02 * machine.slip_threshold
+            assert test.deviation.max() < 2.0 * machine.slip_threshold * test.trajectory.time[-1]
+        else:
+            assert (test.trajectory.mode[test.breakaway :] == test.locked).all()
+            assert test.deviation.max() < 1e-12
 
 
 def test_the_locked_clutch_carries_what_equation_4_asks_for(experiments):
