@@ -163,9 +163,12 @@ def long(session: nox.Session) -> None:
     site(session, "site-long", "-m", "long or not long")
 
 
-@nox.session(python=["3.11", "3.12", "3.13"], tags=["long"])
+@nox.session(python=["3.11", "3.12", "3.13", "3.14"], tags=["long"])
 def versions(session: nox.Session) -> None:
-    """The core's tests with the lowest dependencies and on the newest Python; the wheel between."""
+    """The core's tests with the lowest dependencies and on the two newest Pythons; else the wheel.
+
+    A Python that this machine lacks is skipped.
+    """
     if session.python == "3.11":
         pytest_in_copy(session, "-m", CORE, *OLD_GYMNASIUM, pins=("-c", lowest_pins(session)))
     elif session.python == "3.12":

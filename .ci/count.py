@@ -1,4 +1,4 @@
-"""Print a table of nox's report and pytest's reports in a folder, then `N passed, N failed`."""
+"""Print a table of pytest's reports in a folder and of nox's reports, then `N passed, N failed`."""
 
 import json
 import sys
@@ -6,13 +6,15 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from pathlib import Path
 
-report, folder = map(Path, sys.argv[1:])
-sessions = json.loads(report.read_text("utf-8"))["sessions"] if report.exists() else []
-totals: Counter[str] = Counter(failed=int(not sessions))
+folder, *reports = map(Path, sys.argv[1:])
+whole = [report for report in reports if report.exists()]
+sessions = [each for report in whole for each in json.loads(report.read_text("utf-8"))["sessions"]]
+totals: Counter[str] = Counter(failed=len(reports) - len(whole))
 print("\n| Session | Outcome | Tests | Seconds |\n|---|---|---|---:|")
 for session in sessions:
     tests: Counter[str] = Counter()
-    for file in (folder / session["name"]).glob("*.xml"):
+    name = (session["signatures"] or [session["name"]])[0]
+    for file in (folder / name).glob("*.xml"):
         for case in ET.parse(file).iter("testcase"):
             kinds = {"failure": "failed", "error": "failed", "skipped": "skipped"}
             tests[next((kinds[each.tag] for each in case if each.tag in kinds), "passed")] += 1
@@ -23,9 +25,7 @@ for session in sessions:
         if tests
         else ""
     )
-    print(
-        f"| {session['name']} | {session['result']} | {told} | {session.get('duration', 0):.0f} |"
-    )
+    print(f"| {name} | {session['result']} | {told} | {session.get('duration', 0):.0f} |")
     totals["passed"] += tests["passed"] or int(session["result"] == "success")
     totals["failed"] += tests["failed"] or int(session["result"] in ("failed", "aborted"))
 print(f"\n{totals['passed']} passed, {totals['failed']} failed")

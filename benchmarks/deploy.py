@@ -3,7 +3,7 @@ episodes in which the compiled program drives the arm.
 
     python benchmarks/deploy.py [--quick]
 
-takes about ten minutes. It needs Debian's ``gcc-arm-none-eabi`` and ``qemu-system-arm``, and a C
+takes one or two minutes. It needs Debian's ``gcc-arm-none-eabi`` and ``qemu-system-arm``, and a C
 compiler or PyPI's ``ziglang``. The tables are in docs/deploy.md.
 
 The microcontroller is QEMU's Cortex-M4F, which counts instructions, not cycles. In the episodes a

@@ -26,8 +26,8 @@ from pter_gym._version import __version__
 from pter_gym.scenarios._suite import SCENARIOS
 
 if TYPE_CHECKING:
+    from pter_gym._load_policy import load_policy
     from pter_gym._physics.open_loop import State, Trajectory, initial_state, simulate
-    from pter_gym.benchmark._load_policy import load_policy
     from pter_gym.params import (
         BASELINE,
         DELRIN_EXPERIMENTAL,
@@ -85,7 +85,7 @@ __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVa
             "Machine",
             "TorqueCurve",
         ],
-        "benchmark._load_policy": ["load_policy"],
+        "_load_policy": ["load_policy"],
         "tasks.path_following": ["PathFollowing"],
     },
 )

@@ -23,7 +23,7 @@ def write_results(folder: Path) -> None:
 def write_gains(folder: Path) -> None:
     gains_file = pytest.importorskip("pter_gym.tools.tuning.gains_file")
     search = pytest.importorskip("pter_gym.tools.tuning.search")
-    from pter_gym.benchmark.runs import Assessment
+    from pter_gym.benchmark.rollout import Assessment
 
     scores = Assessment(0.0, 1.0, 0.0, 0.0)
     found = search.TunedGains("impedance", "standard", "slow", {}, scores, 1, 1, 0)

@@ -44,9 +44,9 @@ def train(seed: int = 0, steps: int = 1_500_000, worlds: int = 256, horizon: int
             advantage(data)
         rows = data.reshape(-1)
         for part in (part for _ in range(5) for part in torch.randperm(len(rows)).chunk(8)):
-            found = loss(rows[part])
+            losses = loss(rows[part])
             adam.zero_grad()
-            sum(found[name] for name in ("loss_objective", "loss_critic")).backward()
+            sum(losses[name] for name in ("loss_objective", "loss_critic")).backward()
             nn.utils.clip_grad_norm_(loss.parameters(), 0.5)
             adam.step()
     return from_actions(lambda obs: body(torch.as_tensor(obs))[0].tanh(), envs)

@@ -46,13 +46,13 @@ def train(
         config: TOML file with hyper-parameters that replace the default ones.
         smoke: Train for a few seconds to check that everything works.
         machine: Clutch material, or the file of a machine of your own, instead of those that the
-            scenario draws.
+            scenario draws; of a file of `pter identify`, all machines that fit the log.
     """
     with terminal(errors=True).status("loading"):
         from pter_agents.runs import RunFolder
         from pter_agents.settings import ALL, SMOKE, TrainingArguments, load_settings
-        from pter_gym.benchmark.tuned import FALLBACK
-        from pter_gym.params import find_machine
+        from pter_gym.params import find_machines
+        from pter_gym.policies.tuned import FALLBACK
         from pter_gym.tools.figures import save
 
         settings = load_settings(algo, config, **(SMOKE if smoke else {}))
@@ -65,7 +65,7 @@ def train(
             seed=seed,
             settings=settings,
             validation_episodes=episodes,
-            machine=None if machine is None else find_machine(machine),
+            machine=None if machine is None else find_machines(machine),
         )
         try:
             from pter_agents import exporting, report, training
@@ -84,12 +84,12 @@ def train(
         progress.remove_task(task)
         progress.add_task("drawing", total=None)
         history, laws = RunFolder(out).scores(), report.law_scores(arguments)
-        written = [path, save(report.learning_curve(history, laws), out / "curve.png")]
+        files = [path, save(report.learning_curve(history, laws), out / "curve.png")]
         if not smoke:
-            written.append(report.film(exporting.read_run(out), arguments, out / "film.webp"))
+            files.append(report.film(exporting.read_run(out), arguments, out / "film.webp"))
     say(report.table({str(out): history[max(history)], **laws}))
-    for each in written:
-        say(f"wrote {each}")
+    for file in files:
+        say(f"wrote {file}")
     on = (
         "" if scenario == "standard" else f" --scenario {FALLBACK if scenario == ALL else scenario}"
     )

@@ -155,11 +155,11 @@ class JaxWorlds:
     ) -> tuple[WorldsState, Step]:
         """Advance all worlds by one decision, the network's outputs (N, clutches)."""
         step = jax.vmap(self._env.step, (None, 0, 0, None))
-        given = to_volts(outputs, state.base, self._interface)
-        obs, env, rewards, terminated, truncated, told = step(None, state.env, given, shared.params)
+        volts = to_volts(outputs, state.base, self._interface)
+        obs, env, rewards, terminated, truncated, info = step(None, state.env, volts, shared.params)
         state = state._replace(env=env, known=self._truth(shared, env.world))
         after = self._see(shared, state, obs, terminated | truncated)
-        last_obs = told["final_observation"]
+        last_obs = info["final_observation"]
         paces = last_obs[:, self._pace] * shared.obs_scales[self._pace]
         return after, Step(rewards, paces, terminated, truncated, last_obs)
 
@@ -184,16 +184,16 @@ class JaxWorlds:
             base, memory = call_law(
                 self._law, obs, *shared.law, jnp.where(here, shared.blank, memory)
             )
-        seen = quantities(
+        values = quantities(
             obs * shared.obs_scales, base, self._layout, residual=self._law is not None
         )
-        present = _scale(seen[:, shared.present.entries], shared.present)[:, None]
+        present = _scale(values[:, shared.present.entries], shared.present)[:, None]
         rows = jnp.concatenate([present, state.rows[:, :-1]], axis=1)
         means = state.means + shared.shares[:, None] * (present - state.means)
-        each = here[..., None]
+        column = here[..., None]
         return state._replace(
-            rows=jnp.where(each, present, rows),
-            means=jnp.where(each, present, means),
+            rows=jnp.where(column, present, rows),
+            means=jnp.where(column, present, means),
             memory=memory,
             base=base,
         )

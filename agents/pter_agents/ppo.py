@@ -156,13 +156,13 @@ def estimate(
     """
     after = jnp.where(ends, finals, values[1:])
     missed = rewards + discount * after - values[:-1]
-    kept = jnp.where(ends, 0.0, discount * trace)
+    discounts = jnp.where(ends, 0.0, discount * trace)
 
     def back(following: jax.Array, row: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
-        found = row[0] + row[1] * following
-        return found, found
+        advantage = row[0] + row[1] * following
+        return advantage, advantage
 
-    return lax.scan(back, jnp.zeros_like(missed[0]), (missed, kept), reverse=True)[1]
+    return lax.scan(back, jnp.zeros_like(missed[0]), (missed, discounts), reverse=True)[1]
 
 
 def loss_of(
@@ -382,13 +382,13 @@ class PPO:
         s = self._settings
         mine = s.worlds // PARTS
         rngs = [np.random.default_rng((self._seed, self.steps, part)) for part in range(PARTS)]
-        drawn = [rng.standard_normal((s.steps, mine, self._actions), np.float32) for rng in rngs]
+        noise = [rng.standard_normal((s.steps, mine, self._actions), np.float32) for rng in rngs]
         orders = [
             [rng.permutation(s.steps * mine).astype(np.int32) for _ in range(s.epochs)]
             for rng in rngs
         ]
         shares = np.array(orders).reshape(PARTS, -1, s.minibatch // PARTS)
-        return jax.device_put((np.array(drawn), shares), self._split)
+        return jax.device_put((np.array(noise), shares), self._split)
 
     def _reset(self, shared: SharedConstants, seeds: jax.Array) -> Carry:
         worlds = self._worlds.reset(shared, seeds)

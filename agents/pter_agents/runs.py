@@ -112,10 +112,10 @@ class RunFolder:
         DataError
             If there is no checkpoint, or it cannot be read.
         """
-        found = self.checkpoints()
-        if not found:
+        checkpoints = self.checkpoints()
+        if not checkpoints:
             raise DataError(f"there is no checkpoint in {self.path}")
-        steps, path = found[-1]
+        steps, path = checkpoints[-1]
         with reading(f"checkpoint {path} cannot be read"):
             try:
                 return steps, load_tensors(read_bytes(path, MAX_CHECKPOINT))

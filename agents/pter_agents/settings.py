@@ -10,11 +10,12 @@ from pter_gym._internal.codec import Codec, dataclasses_in, tuple_of
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym._internal.reading import read_toml
 from pter_gym.benchmark import PACES
-from pter_gym.benchmark.tuned import TUNED
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import (
     BASELINE,
     Machine,
+    MachineSpread,
+    middle_of,
     require,
     require_flag,
     require_kind,
@@ -22,6 +23,7 @@ from pter_gym.params import (
     require_whole,
 )
 from pter_gym.policies._trained import MAX_LAYERS, are_hidden
+from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import STARTS, RewardWeights
 
@@ -132,9 +134,9 @@ class Settings(RewardWeights):
 
     def __post_init__(self) -> None:
         """Check each field by itself."""
-        for name, known in (("base", BASES), ("starts", STARTS)):
-            if getattr(self, name) not in known:
-                raise unknown_name(name, getattr(self, name), known)
+        for name, choices in (("base", BASES), ("starts", STARTS)):
+            if getattr(self, name) not in choices:
+                raise unknown_name(name, getattr(self, name), choices)
         for name in ("worlds", "steps", "episode", "contexts", "frame_skip", "minibatch", "epochs"):
             require_whole(self, name)
         above_zero = (
@@ -245,7 +247,7 @@ class TrainingArguments:
     validation_episodes
         Episodes of a validation at each pace.
     machine
-        A machine in place of those that the scenario draws; None draws them.
+        A machine, or machines about one, in place of drawn ones; None for those of the scenario.
     """
 
     algorithm: str
@@ -257,26 +259,26 @@ class TrainingArguments:
     checkpoint_every: int = 10
     validate_every: int = 40
     validation_episodes: int = 64
-    machine: Machine | None = None
+    machine: Machine | MachineSpread | None = None
 
     def __post_init__(self) -> None:
         """Check names and numbers."""
-        for name, known in (
+        for name, choices in (
             ("algorithm", ALGORITHMS),
             ("scenario", (ALL, *SCENARIOS)),
             ("pace", (ALL, *PACES)),
         ):
-            if getattr(self, name) not in known:
-                raise unknown_name(name, getattr(self, name), known)
+            if getattr(self, name) not in choices:
+                raise unknown_name(name, getattr(self, name), choices)
         for name in ("steps", "checkpoint_every", "validate_every", "validation_episodes"):
             require_whole(self, name)
         require_whole(self, "seed", at_least=0, below=2**31)
-        require_kind(self, "machine", Machine, type(None))
+        require_kind(self, "machine", Machine, MachineSpread, type(None))
 
     @property
     def nominal(self) -> Machine:
         """The machine that a base controller is bound to."""
-        return BASELINE if self.machine is None else self.machine
+        return BASELINE if self.machine is None else middle_of(self.machine)
 
     @property
     def paces(self) -> tuple[str, ...]:

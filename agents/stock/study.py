@@ -75,16 +75,16 @@ def study(
         return float(np.exp(np.log(errors).mean()))
 
     for algorithm in algorithms:
-        tried = [
+        trials = [
             (merit(train(algorithm, each, TUNING_SEED, seconds)), each)
             for each in CANDIDATES[algorithm][2]
         ]
-        for error, settings in tried:
+        for error, settings in trials:
             print(
                 f"{algorithm} with {settings}: {1e3 * error:.1f} mm on training draws", flush=True
             )
-        chosen = min(tried, key=lambda each: each[0])[1]
-        models = [train(algorithm, chosen, seed, seconds) for seed in range(1, 1 + seeds)]
+        best = min(trials, key=lambda each: each[0])[1]
+        models = [train(algorithm, best, seed, seconds) for seed in range(1, 1 + seeds)]
         print(f"{algorithm}: {[model.num_timesteps for model in models]} decisions", flush=True)
         policies = {algorithm: [from_sb3(model) for model in models]}
         runs = run_scenario(

@@ -64,8 +64,8 @@ def write(block: Block, content: str) -> None:
 def score(results: Path) -> None:
     """Run all policies on fresh episodes of all scenarios."""
     from pter_gym._commands.main import main as pter
-    from pter_gym.benchmark.tuned import TUNED
     from pter_gym.policies import shipped_policies
+    from pter_gym.policies.tuned import TUNED
     from pter_gym.scenarios import SCENARIOS
 
     policies = ",".join(

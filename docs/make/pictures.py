@@ -28,10 +28,10 @@ from pter_gym._internal.files import write_bytes_atomic
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.boards import UNRANKED, in_order
 from pter_gym.benchmark.rollout import record_episode
-from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS, TorqueFeedback
 from pter_gym.params import Machine
 from pter_gym.policies import shipped_policies
+from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.tools.figures import WIDTH, label, png, styled

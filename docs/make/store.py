@@ -8,12 +8,12 @@ import tyro
 
 from pter_gym._internal.files import write_text_atomic
 from pter_gym.benchmark import episodes as stored
-from pter_gym.benchmark import tuned
 from pter_gym.benchmark.episodes import Episodes
 from pter_gym.benchmark.measures import Recorded
 from pter_gym.benchmark.rollout import rollout
 from pter_gym.controllers import Impedance, TorqueFeedback
 from pter_gym.params import BASELINE
+from pter_gym.policies import tuned
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws
 

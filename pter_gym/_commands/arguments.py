@@ -8,7 +8,7 @@ import tyro
 
 from pter_gym._internal.files import check_target
 from pter_gym._internal.tables import read_table
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import find_machine
 from pter_gym.policies._files import ENDING
 from pter_gym.policies._names import check_policy
@@ -23,6 +23,9 @@ else:
 
     PaceName = Literal[tuple(PACES)]
     """Name of a commanded pace; the help lists all."""
+
+PATH_NAMES = ("line", "arc", "circle", "sine")
+"""Names of paths, in their order in ``PATHS``, known without loading anything that compiles."""
 
 _PACE = f"{'|'.join(PACES)}|M/S"
 
@@ -75,6 +78,8 @@ def look_at(
     find_machine(machine)
     if path is not None and path.endswith(".csv"):
         read_table(path, ("x", "y"), unit="m")
+    elif path is not None and path not in PATH_NAMES:
+        raise unknown_name("path", path, (*PATH_NAMES, "FILE.csv"))
 
 
 def numbers(field: str, text: str) -> list[float]:

@@ -69,15 +69,15 @@ def benchmark(
     from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
     from pter_gym.benchmark.boards import EPISODE_SET, boards_text, in_order
 
-    chosen = find_scenario(scenario, path=path)
+    distribution = find_scenario(scenario, path=path)
     results = ResultsFolder(out)
     results.make()
-    named = {name: find_policy(name, chosen.whose_gains) for name in names}
+    policies_by_name = {name: find_policy(name, distribution.whose_gains) for name in names}
     with progress_bar() as progress:
-        task = progress.add_task(chosen.name, total=len(named) * len(paces))
+        task = progress.add_task(distribution.name, total=len(policies_by_name) * len(paces))
         runs = run_scenario(
-            chosen,
-            named,
+            distribution,
+            policies_by_name,
             paces,
             episodes=episodes,
             seed=seed,
@@ -90,16 +90,16 @@ def benchmark(
         ]
         say(boards_text(boards, details=details))
         progress.add_task("drawing", total=None)
-        written = [results.summary]
+        files = [results.summary]
         if artist := registered(PICTURES).get("scenario"):
-            written += artist.load()(boards, results.path)
+            files += artist.load()(boards, results.path)
         if film and "film" in registered(PICTURES):
             pace = FILM_PACE if FILM_PACE in (run.pace for run in runs) else runs[0].pace
             places = list(in_order([board for board in boards if board.pace == pace]))
-            filmed = sorted(list(named)[:MAX_FILMED], key=places.index)
-            ranked = {name: named[name] for name in filmed}
-            written.append(film_policies(ranked, chosen, pace, results.path, progress))
-    for file in written:
+            filmed = sorted(list(policies_by_name)[:MAX_FILMED], key=places.index)
+            ranked = {name: policies_by_name[name] for name in filmed}
+            files.append(film_policies(ranked, distribution, pace, results.path, progress))
+    for file in files:
         say(f"wrote {file}")
 
 

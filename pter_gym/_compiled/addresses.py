@@ -62,9 +62,9 @@ def caller(signature: Any, symbol: str) -> Any:
             convention = context.call_conv
             kind = convention.get_function_type(signature.return_type, signature.args)
             function = _cgutils.get_or_insert_function(builder.module, kind, symbol)
-            given = _cgutils.unpack_tuple(builder, values[0])
+            pointers = _cgutils.unpack_tuple(builder, values[0])
             status, value = convention.call_function(
-                builder, function, signature.return_type, signature.args, given
+                builder, function, signature.return_type, signature.args, pointers
             )
             with _cgutils.if_unlikely(builder, status.is_error):
                 convention.return_status_propagate(builder, status)

@@ -160,14 +160,14 @@ def _reads(function: FunctionType) -> Iterator[tuple[str, Any]]:
 
 def _globals(code: CodeType) -> Iterator[str]:
     """Yield the global names that code and the functions within it read."""
-    for each in _instructions(code):
-        if each.opname in (
+    for instruction in _instructions(code):
+        if instruction.opname in (
             "IMPORT_NAME",
             "LOAD_BUILD_CLASS",
         ):  # after which it is unknown what it reads
             raise _UnknownError
-        if each.opname == "LOAD_GLOBAL":
-            yield each.argval
+        if instruction.opname == "LOAD_GLOBAL":
+            yield instruction.argval
     for inner in code.co_consts:
         if isinstance(inner, CodeType):
             yield from _globals(inner)

@@ -119,8 +119,8 @@ def _works(kernel_steps: Any, part_steps: Any) -> bool:
             x[i] = scaled(x, i)
         return chosen(flag)
 
-    given = np.array([0.3, -1e-300, np.inf, 7.0])
-    expected, computed = given.copy(), given.copy()
+    numbers = np.array([0.3, -1e-300, np.inf, 7.0])
+    expected, computed = numbers.copy(), numbers.copy()
     value = kernel(expected, True)
     scaled = for_compiled_callers(scaled, part_steps, WITHOUT_ARRAYS)
     chosen = for_compiled_callers(chosen, part_steps, WITHOUT_ARRAYS | {"forceinline": False})

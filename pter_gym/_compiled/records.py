@@ -98,17 +98,17 @@ def leaves(kind: type[Any]) -> list[Leaf]:
 
     The entries of a record whose field has an ``Entry`` are called after that field: ``volts_1``.
     """
-    found: list[Leaf] = []
+    numbers: list[Leaf] = []
     for name, entry, inner in parts(kind):
         called, entries = ((entry.name or name), (entry,)) if entry else (name, ())
         if not _is_record(inner):
-            found.append(Leaf(called, entries))
+            numbers.append(Leaf(called, entries))
         else:
             before = f"{called}_" if entry else ""
-            found.extend(
+            numbers.extend(
                 Leaf(before + leaf.name, (*entries, *leaf.entries)) for leaf in leaves(inner)
             )
-    return found
+    return numbers
 
 
 def layout_of(kind: type[Any], machine: Any = None) -> Layout:
@@ -241,32 +241,32 @@ def entrywise(function: Callable[..., float]) -> Any:
         each.annotation is float for each in inspect.signature(function).parameters.values()
     )
 
-    def each(*given: Any) -> Any:
+    def each(*arguments: Any) -> Any:
         columns = [
             varying and isinstance(value, tuple)
-            for value, varying in zip(given, varies, strict=True)
+            for value, varying in zip(arguments, varies, strict=True)
         ]
         if not any(columns):
-            return scalar(*given)
-        record = given[columns.index(True)]
+            return scalar(*arguments)
+        record = arguments[columns.index(True)]
         rows = (
             value if is_column else (value,) * len(record)
-            for value, is_column in zip(given, columns, strict=True)
+            for value, is_column in zip(arguments, columns, strict=True)
         )
         return type(record)(*(each(*row) for row in zip(*rows, strict=True)))
 
     def source(**kinds: Any) -> Any:
-        given = zip(names, varies, strict=True)
+        parameters = zip(names, varies, strict=True)
         records = [
             name
-            for name, varying in given
+            for name, varying in parameters
             if varying and isinstance(kinds[name], types.BaseNamedTuple)
         ]
         entry = f"scalar({', '.join(f'{name}AT' if name in records else name for name in names)})"
         space: dict[str, Any] = {"scalar": scalar}
-        made = _made(kinds[records[0]], entry, space)
+        expression = _made(kinds[records[0]], entry, space)
         return compile_source(
-            f"def written({', '.join(names)}):\n    return {made}", "written", space
+            f"def written({', '.join(names)}):\n    return {expression}", "written", space
         )
 
     _overload(each, ", ".join(names), source)

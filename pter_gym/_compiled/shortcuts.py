@@ -51,12 +51,12 @@ def _assignments(blocks: Any) -> Iterator[Any]:
 
 def _fold(blocks: Any) -> set[str]:
     """Read the entries of constant records; return the names that hold records."""
-    times = Counter(each.target.name for each in _assignments(blocks))
+    times = Counter(assignment.target.name for assignment in _assignments(blocks))
     records: dict[str, Any] = {}
-    for each in _assignments(blocks):
-        value: Any = each.value
+    for assignment in _assignments(blocks):
+        value: Any = assignment.value
         if isinstance(value, ir.Global | ir.FreeVar):
-            found = cast(Any, value).value
+            constant = cast(Any, value).value
         elif (
             isinstance(value, ir.Expr)
             and value.op == "getattr"
@@ -66,15 +66,15 @@ def _fold(blocks: Any) -> set[str]:
             record = records[expression.value.name]
             if expression.attr not in record._fields:
                 continue
-            found = getattr(record, expression.attr)
-            if type(found) in (int, float):
-                each.value = ir.Const(found, each.loc)
-            elif _is_record(found):
-                each.value = ir.Global(expression.attr, found, each.loc)
+            constant = getattr(record, expression.attr)
+            if type(constant) in (int, float):
+                assignment.value = ir.Const(constant, assignment.loc)
+            elif _is_record(constant):
+                assignment.value = ir.Global(expression.attr, constant, assignment.loc)
         else:
             continue
-        if _is_record(found) and times[each.target.name] == 1:
-            records[each.target.name] = found
+        if _is_record(constant) and times[assignment.target.name] == 1:
+            records[assignment.target.name] = constant
     return set(records)
 
 
@@ -85,9 +85,9 @@ def _is_record(value: Any) -> bool:
 def _drop_unused(blocks: Any, records: set[str]) -> None:
     """Remove the assignments of records that nothing reads any more."""
     statements = [each for block in blocks.values() for each in block.body]
-    named = Counter(variable.name for each in statements for variable in each.list_vars())
+    uses = Counter(variable.name for each in statements for variable in each.list_vars())
     set_here = Counter(each.target.name for each in _assignments(blocks))
-    unused = {name for name in records if named[name] == set_here[name]}
+    unused = {name for name in records if uses[name] == set_here[name]}
     for block in blocks.values():
         block.body = [
             each

@@ -34,8 +34,8 @@ def listed(
 ) -> tuple[list[Machine], list[PathFollowing]]:
     """Return machines and tasks as lists of one length, or raise a ParameterError."""
     for field, items, kind in (("machines", machines, Machine), ("tasks", tasks, PathFollowing)):
-        given = cast("Sequence[object]", items if isinstance(items, Sequence) else (items,))
-        if not all(isinstance(item, kind) for item in given):
+        several = cast("Sequence[object]", items if isinstance(items, Sequence) else (items,))
+        if not all(isinstance(item, kind) for item in several):
             raise ParameterError(
                 f"{field} must be a {kind.__name__} or a sequence of them, got {items!r:.200}"
             )
@@ -226,9 +226,9 @@ class Storage:
 
     def _fits(self, worlds: Any) -> bool:
         """Return whether rows from elsewhere point at what exists here, in motion that is held."""
-        drawn = [int(ROW.draws_from), int(ROW.draws)]
+        of_draws = [int(ROW.draws_from), int(ROW.draws)]
         numbers = (worlds[:, ROW.context_at] - worlds[:, ROW.draws_from]) / CONTEXT_WIDTH
-        if not np.array_equal(worlds[:, drawn], self._worlds[:, drawn]) or not (
+        if not np.array_equal(worlds[:, of_draws], self._worlds[:, of_draws]) or not (
             np.isin(numbers, np.arange(int(worlds[:, ROW.draws].max()))).all()
             and ((worlds[:, ROW.step] >= 0.0) & (worlds[:, ROW.step] < 2.0**31)).all()
         ):
@@ -237,7 +237,7 @@ class Storage:
         arm: Any = read(self._constants, CONTEXT.machine.arm, places)
         motions: Any = [worlds[:, row] for row in ROW.motion]
         energy = kinetic_energy(arm, Motion(*motions))
-        held = (energy <= self._constants[places + CONTEXT.task.energy_max]) | (
+        slow = (energy <= self._constants[places + CONTEXT.task.energy_max]) | (
             worlds[:, ROW.alive] == 0.0
         )
         segments, arcs = (
@@ -245,7 +245,7 @@ class Storage:
             self._constants[places + CONTEXT.task.path.arcs],
         )
         return bool(
-            held.all()
+            slow.all()
             and ((segments >= 0.0) & (segments < arcs) & (segments == segments.round())).all()
         )
 

@@ -41,16 +41,16 @@ class Threads:
 
         It is called in all threads at once. An interrupt (Ctrl-C) waits for all.
         """
-        left = iter(shares)
-        done: list[Share] = []
+        queue = iter(shares)
+        finished_shares: list[Share] = []
         results: list[int] = []
 
         def work() -> None:
-            for share in left:
+            for share in queue:
                 try:
                     results.append(call(*share))
                 finally:
-                    done.append(share)
+                    finished_shares.append(share)
 
         pool = self._present_pool()
         try:
@@ -60,7 +60,7 @@ class Threads:
                 job.result()
         except BaseException:
             work()
-            while len(done) < len(shares):
+            while len(finished_shares) < len(shares):
                 time.sleep(1e-4)
             raise
         return results

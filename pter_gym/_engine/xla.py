@@ -27,8 +27,8 @@ from pter_gym._compiled.compiler import compile_kernel, inlined
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.records import write
 from pter_gym._engine.kernels import RESET_TYPES, advance_caller, reset_kernel
-from pter_gym._engine.law import CLUTCHES
 from pter_gym._engine.world import FLAG, FLAGS, LANES, ROW, SAME_STEP
+from pter_gym._physics.clutch import CLUTCHES
 from pter_gym.errors import ParameterError
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
 
@@ -236,9 +236,9 @@ def _step_handler(advance: Any) -> Any:
         rewards = _singles(results, 4, n, 1)
         flags = _flags(results, 5, n)
         block = np.zeros((1, rows, LANES))
-        words, given = np.empty((LANES, 2), np.uint64), np.empty((LANES, 4))
+        words, clipped = np.empty((LANES, 2), np.uint64), np.empty((LANES, 4))
         goes = np.ones(LANES, np.bool_)
-        earned, told, telemetry = (
+        earned, flags_here, telemetry = (
             np.empty(LANES),
             np.empty((FLAGS, LANES), np.bool_),
             np.empty((0, LANES, 1)),
@@ -246,27 +246,32 @@ def _step_handler(advance: Any) -> Any:
         ended, first_block, last_block = np.int64(SAME_STEP), np.int64(0), np.int64(1)
         for first in range(0, n, LANES):
             lanes = min(LANES, n - first)
-            mine, seen, last = (
+            mine, obs_here, last = (
                 words[:lanes],
                 obs[first : first + lanes],
                 last_obs[first : first + lanes],
             )
             _gather(block, mine, _data(arguments, 0), _data(arguments, 1), first)
-            given[:lanes] = actions[first : first + lanes]
+            clipped[:lanes] = actions[first : first + lanes]
             _replace_unsound(block, goes, lanes, constants)
-            outputs = seen, last, earned[:lanes], told, telemetry, config, constants
-            advance((block, mine, given[:lanes], *outputs, ended, first_block, last_block))
+            outputs = obs_here, last, earned[:lanes], flags_here, telemetry, config, constants
+            advance((block, mine, clipped[:lanes], *outputs, ended, first_block, last_block))
             for i in range(lanes):
                 if not goes[i]:
                     one = slice(i, i + 1)
                     world, word, place = block[:, :, one], mine[one], first + i
                     _gather(world, word, _data(arguments, 0), _data(arguments, 1), place)
-                    seen[i], last[i], earned[i], told[:, i] = np.nan, np.nan, np.nan, False
+                    obs_here[i], last[i], earned[i], flags_here[:, i] = (
+                        np.nan,
+                        np.nan,
+                        np.nan,
+                        False,
+                    )
             _scatter(block, mine, _data(results, 0), _data(results, 1), first)
             for i in range(lanes):
-                rewards[first + i, 0], flags[first + i] = earned[i], told[:, i]
-                if not (told[TERMINATED, i] or told[TRUNCATED, i]):
-                    last[i] = seen[i]
+                rewards[first + i, 0], flags[first + i] = earned[i], flags_here[:, i]
+                if not (flags_here[TERMINATED, i] or flags_here[TRUNCATED, i]):
+                    last[i] = obs_here[i]
 
     return step
 
@@ -290,15 +295,15 @@ def _reset_handler(start: Any) -> Any:
         for first in range(0, n, LANES):
             lanes = min(LANES, n - first)
             _gather(block, words[:lanes], _data(arguments, 0), _data(arguments, 1), first)
-            mine, seen = words[:lanes], obs[first : first + lanes]
+            mine, obs_here = words[:lanes], obs[first : first + lanes]
             for i in range(lanes):
                 chosen[i] = _has_contexts(block[0, :, i], constants)
                 if not chosen[i]:
                     _stand_in(block[0, :, i])
-            start((block, mine, chosen[:lanes], seen, telemetry, config, constants))
+            start((block, mine, chosen[:lanes], obs_here, telemetry, config, constants))
             for i in range(lanes):
                 if not chosen[i]:
-                    seen[i] = np.nan
+                    obs_here[i] = np.nan
             _scatter(block, words[:lanes], _data(results, 0), _data(results, 1), first)
 
     return reset
@@ -392,10 +397,10 @@ def on_cpu(arrays: Any) -> Any:
     """
     if jax.default_backend() == "cpu":
         return arrays
-    device, traced = cpu_device(), cast("type", Tracer)
+    cpu, tracer = cpu_device(), cast("type", Tracer)
 
     def placed(array: Any) -> Any:
-        return array if isinstance(array, traced) else jax.device_put(array, device)
+        return array if isinstance(array, tracer) else jax.device_put(array, cpu)
 
     return jax.tree.map(placed, arrays)
 

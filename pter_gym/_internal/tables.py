@@ -102,11 +102,11 @@ def read_table(
     except (OSError, ValueError, csv.Error) as error:
         raise ParameterError(f"{path} cannot be read as a table: {error}") from None
     columns = np.array(values, np.float64).reshape(-1, len(names)).T
-    found = {
+    by_name = {
         name: UNITS[units[name]][text] * values if text else values
         for name, values, (_, text) in zip(names, columns, places, strict=True)
     }
-    return Table(found, lines)
+    return Table(by_name, lines)
 
 
 def _are_units(entries: Sequence[str]) -> bool:

@@ -4,7 +4,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from pter_gym._compiled.compiler import device
-from pter_gym._compiled.records import Entry, entrywise
+from pter_gym._compiled.records import Entry, entrywise, rows
 
 
 class PerClutch(NamedTuple):
@@ -14,6 +14,10 @@ class PerClutch(NamedTuple):
     x2: Annotated[float, Entry("", "clutch 2's {}", name="2")]
     x3: Annotated[float, Entry("", "clutch 3's {}", name="3")]
     x4: Annotated[float, Entry("", "clutch 4's {}", name="4")]
+
+
+CLUTCHES = rows(PerClutch)
+"""Places of the clutches' numbers in an array (4,)."""
 
 
 class Torques(NamedTuple):

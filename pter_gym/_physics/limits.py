@@ -98,9 +98,9 @@ def largest_motion(arm: Linkage, h: float, period: float) -> float:
     """Return U² [J]: twice the kinetic energy below which an arm stays within a control step."""
     smallest, coupling = smallest_inertia(arm), abs(arm.coupling)
     turning = smallest * (MAX_TURN / h) ** 2
-    taken = h * _most_damping(arm) / smallest
-    left = 1.0 - 0.5 * (1.0 - arm.implicit) * taken
-    a = 8.6 * coupling**2 / (left * smallest) + 0.56 * coupling
+    damped = h * _most_damping(arm) / smallest
+    remainder = 1.0 - 0.5 * (1.0 - arm.implicit) * damped
+    a = 8.6 * coupling**2 / (remainder * smallest) + 0.56 * coupling
     explicit = (
         h * a * _lengthened(h, period) / _INTEGRATORS
     )  # as below, 0 for no coupling, or one whose square is 0

@@ -1,8 +1,8 @@
 """Run policies on the evaluation episodes of the scenarios, score and rank them.
 
-``policies``, ``episodes`` → ``rollout``, ``runs`` → ``scores`` → ``intervals`` → ``boards``:
-policies act in episodes, each run is scored, and scores become intervals and leaderboards.
-``results`` stores runs in a folder.
+``policies``, ``episodes`` → ``rollout`` → ``measures``, ``scores`` → ``intervals`` → ``boards``:
+policies act in episodes, what they did is scored, and scores become intervals and leaderboards.
+``results`` runs a scenario and stores runs in a folder.
 
 The names are imported when they are first used, so a policy can act without loading the code for
 scores.
@@ -15,13 +15,11 @@ import lazy_loader
 from pter_gym.scenarios import PACES
 
 if TYPE_CHECKING:
-    from pter_gym.benchmark._from_sb3 import from_actions, from_sb3
     from pter_gym.benchmark.boards import Leaderboard, leaderboards, print_boards
     from pter_gym.benchmark.episodes import Episodes, training_episodes
-    from pter_gym.benchmark.policies import find_policy
-    from pter_gym.benchmark.results import ResultsFolder
-    from pter_gym.benchmark.rollout import evaluate
-    from pter_gym.benchmark.runs import Assessment, assess, examine, run_scenario
+    from pter_gym.benchmark.policies import find_policy, from_actions, from_sb3
+    from pter_gym.benchmark.results import ResultsFolder, run_scenario
+    from pter_gym.benchmark.rollout import Assessment, assess, evaluate, examine
     from pter_gym.benchmark.scores import ScenarioRun, Score, score, score_episodes
 
 __all__ = [
@@ -49,13 +47,11 @@ __all__ = [
 __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
     __name__,
     submod_attrs={
-        "_from_sb3": ["from_actions", "from_sb3"],
         "boards": ["Leaderboard", "leaderboards", "print_boards"],
-        "results": ["ResultsFolder"],
+        "results": ["ResultsFolder", "run_scenario"],
         "episodes": ["Episodes", "training_episodes"],
-        "policies": ["find_policy"],
-        "rollout": ["evaluate"],
-        "runs": ["Assessment", "assess", "examine", "run_scenario"],
+        "policies": ["find_policy", "from_actions", "from_sb3"],
+        "rollout": ["Assessment", "assess", "evaluate", "examine"],
         "scores": ["ScenarioRun", "Score", "score", "score_episodes"],
     },
 )

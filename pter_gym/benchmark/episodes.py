@@ -149,11 +149,11 @@ def load_episodes(scenario: str, pace: str, *, folder: FilePath = FOLDER) -> Epi
         If the file is damaged.
     """
     speed, path = find_pace(pace), find_path("folder", folder) / f"{scenario}{ENDING}"
-    if scenario not in (known := scenarios(folder)):
-        raise unknown_name("scenario", scenario, known)
+    if scenario not in (names := scenarios(folder)):
+        raise unknown_name("scenario", scenario, names)
     with reading(f"evaluation data {path}"):
-        stored = _decode(read_bytes(path, MAX_JSON_SIZE))
-    return stored.at_pace(speed)
+        content = _decode(read_bytes(path, MAX_JSON_SIZE))
+    return content.at_pace(speed)
 
 
 def find_episodes(
@@ -168,13 +168,13 @@ def find_episodes(
     each pace has its own draws. A machine replaces those that fresh episodes would draw. Raises as
     ``load_episodes``, and a ParameterError if the seed is out of range.
     """
-    drawn = find_scenario(scenario, machine)
+    distribution = find_scenario(scenario, machine)
     if seed is None:
-        return replace(load_episodes(drawn.name, pace), nominal=drawn.nominal)
+        return replace(load_episodes(distribution.name, pace), nominal=distribution.nominal)
     speed = find_pace(pace)
     if whole_number("seed", seed, at_least=0) > MAX_SEED:
         raise ParameterError(f"seed must be a whole number within [0, 2⁶⁴), got {seed!r}")
-    return _draw(drawn, int(seed), pace).at_pace(speed)
+    return _draw(distribution, int(seed), pace).at_pace(speed)
 
 
 def training_episodes(
@@ -188,12 +188,14 @@ def training_episodes(
 
     ``seed`` is that of the draws, and a machine replaces those that they would hold.
     """
-    drawn = find_scenario(scenario, machine)
-    pairs = drawn.draws.pairs(episodes, seed, pace)
+    distribution = find_scenario(scenario, machine)
+    pairs = distribution.draws.pairs(episodes, seed, pace)
     # those of a chunk end at about one time
     machines, tasks = zip(*sorted(pairs, key=lambda pair: time_limit(pair[1])), strict=True)
     seeds = tuple(seed * episodes + k for k in range(episodes))
-    return Episodes(drawn.name, machines, tasks, seeds, ("",) * episodes, drawn.nominal)
+    return Episodes(
+        distribution.name, machines, tasks, seeds, ("",) * episodes, distribution.nominal
+    )
 
 
 def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDER) -> Path:

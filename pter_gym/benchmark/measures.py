@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pter_gym.haptics import (
+    apparent_stiffness,
     force_error,
     force_per_torque,
     mean_resisting_force,
-    spectral_arc_length,
-    wall_stiffness,
 )
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
@@ -371,17 +370,17 @@ class Recorded(Travel):
         heading = np.stack([np.cos(self.heading), np.sin(self.heading)], axis=-1)
         errors: list[tuple[float, float]] = []
         for world, (machine, alive) in enumerate(zip(self.machines, self.alive.T, strict=True)):
-            torque, wanted, along = (
+            torque, demanded, along = (
                 values[alive, world] for values in (torques, self.wanted[1:], heading)
             )
             rendered = (torque[..., None] * force_per_torque(machine, angles[alive, world])).sum(
                 axis=-2
             )
-            errors.append(force_error(rendered, wanted, along))
+            errors.append(force_error(rendered, demanded, along))
         return np.transpose(errors)
 
-    def wall_stiffness(self) -> Array | None:
-        """Return the stiffness of the fixtures' edges [N/m], 0 if untouched; None without any."""
+    def apparent_stiffness(self) -> Array | None:
+        """Return the apparent stiffness of fixtures [N/m], 0 if untouched; None without any."""
         if not all(task.free_left or task.free_right for task in self.tasks):
             return None
         force, error = vector(self.steps, "force"), column(self.steps, "normal_error")
@@ -390,17 +389,12 @@ class Recorded(Travel):
         )
         depth = np.where(np.abs(error) > TOUCH, np.abs(error), 0.0)
         return np.nan_to_num(
-            [wall_stiffness(*pair) for pair in zip(np.nan_to_num(into).T, depth.T, strict=True)]
+            [apparent_stiffness(*pair) for pair in zip(np.nan_to_num(into).T, depth.T, strict=True)]
         )
 
     def resisting_force(self) -> Array:
         """Return the mean force of the clutches against the tip's motion [N]."""
         return mean_resisting_force(per_clutch(self.steps, "power").sum(axis=-1), self.speed)
-
-    def spectral_arc_length(self) -> Array:
-        """Return SPARC of the tip's speed, each episode's from its first step on."""
-        pairs = zip(self.speed.T, self.alive.T, strict=True)
-        return np.array([spectral_arc_length(speed[alive], self.period) for speed, alive in pairs])
 
     def smoothness(self) -> Array:
         """Return −ln of the dimensionless jerk."""

@@ -18,12 +18,15 @@ from numba.core.dispatcher import Dispatcher
 
 from pter_gym._internal.checks import names_in
 from pter_gym._internal.files import FilePath, find_path
-from pter_gym.benchmark.tuned import find_paced, find_tuned, read_tuned
 from pter_gym.controllers import CONTROLLERS, AnyPolicy, Controller, Policy
+from pter_gym.envs._models import from_actions, from_sb3
 from pter_gym.errors import ParameterError, nearest
 from pter_gym.policies import read_policy
 from pter_gym.policies._files import is_path
 from pter_gym.policies._names import check_policy, is_code, is_exported
+from pter_gym.policies.tuned import find_paced, find_tuned, read_tuned
+
+__all__ = ["find_policies", "find_policy", "from_actions", "from_sb3"]
 
 MAX_NAME = 180
 """Most characters of a policy's name, which is part of a file name."""
@@ -88,15 +91,15 @@ def find_policies(
         raise ParameterError(
             f"policies must have names, as in {{'mine': policy}}, got {policies!r:.200}"
         )
-    named: Mapping[str, Any] = (
+    by_text: Mapping[str, Any] = (
         cast("Mapping[str, Any]", policies)
         if isinstance(policies, Mapping)
         else {_text_of(name): name for name in names_in("policies", cast("Any", policies))}
     )
-    if not named:
+    if not by_text:
         raise ParameterError("policies must hold at least one name")
     by_name: dict[str, tuple[AnyPolicy, ...]] = {}
-    for name, policy in named.items():
+    for name, policy in by_text.items():
         _check_name(name)
         several = isinstance(policy, Sequence) and not isinstance(policy, str)
         seeds = cast("Sequence[Any]", policy if several else (policy,))
@@ -158,12 +161,12 @@ def _import(name: str) -> Any:
         )
     try:
         is_file = place.endswith(".py")
-        found = _attribute_of(Path(place), attribute) if is_file else _load(entry)
-        if isinstance(found, Dispatcher):
+        value = _attribute_of(Path(place), attribute) if is_file else _load(entry)
+        if isinstance(value, Dispatcher):
             raise ParameterError(
                 f"policies must name a class whose bind returns the law, {name!r} is the law itself"
             )
-        return found() if isinstance(found, type) else found
+        return value() if isinstance(value, type) else value
     except (ImportError, AttributeError) as error:
         raise ParameterError(
             f"policies must name code that can be imported, got {name!r}: {error}"
@@ -177,33 +180,33 @@ def _import(name: str) -> Any:
 
 def _attribute_of(file: Path, name: str) -> Any:
     """Return an attribute of a file of Python."""
-    known = {
+    attributes = {
         each: value
         for each, value in vars(_run_file(file.resolve())).items()
         if not each.startswith("_")
     }
-    if name not in known:
+    if name not in attributes:
         raise ParameterError(
-            f"policies must name what is in {file}, there is no {name!r}{nearest(name, known)}"
+            f"policies must name what is in {file}, there is no {name!r}{nearest(name, attributes)}"
         )
-    return known[name]
+    return attributes[name]
 
 
 def _load(entry: EntryPoint) -> Any:
     """Return an attribute of a module, which is imported again when its file has changed."""
-    seen = _CONTENTS.get(entry.module)
+    content = _CONTENTS.get(entry.module)
     module = sys.modules.get(entry.module)
     with _without_bytecode():
         try:
-            if module is not None and seen is not None and seen != _contents([entry.module]):
+            if module is not None and content is not None and content != _contents([entry.module]):
                 reload(module)
-            found = entry.load()
+            attribute = entry.load()
         except (ImportError, AttributeError):
             raise
         except Exception as error:
             raise _does_not_run(error, Path.cwd()) from error
     _CONTENTS[entry.module] = _contents([entry.module])
-    return found
+    return attribute
 
 
 def _run_file(path: Path) -> ModuleType:
@@ -212,11 +215,11 @@ def _run_file(path: Path) -> ModuleType:
     A file is run again when its content has changed, or that of a file beside it that it imports.
     """
     name = f"file:{path}"  # that no other module has
-    beside = [each for each in _BESIDE if _folder_of(each) == path.parent]
+    beside = [other for other in _BESIDE if _folder_of(other) == path.parent]
     if name in sys.modules and _CONTENTS.get(name) == _contents([name, *beside]):
         return sys.modules[name]
-    for each in beside:
-        sys.modules.pop(each, None)
+    for other in beside:
+        sys.modules.pop(other, None)
     spec: Any = spec_from_file_location(name, path)
     module = sys.modules[name] = module_from_spec(spec)
     if str(path.parent) not in sys.path:
@@ -229,8 +232,8 @@ def _run_file(path: Path) -> ModuleType:
         sys.modules.pop(name)
         raise _does_not_run(error, path.parent) from error
     linecache.checkcache()
-    _BESIDE.update(each for each in set(sys.modules) - before if _folder_of(each) == path.parent)
-    beside = [each for each in _BESIDE if _folder_of(each) == path.parent]
+    _BESIDE.update(other for other in set(sys.modules) - before if _folder_of(other) == path.parent)
+    beside = [other for other in _BESIDE if _folder_of(other) == path.parent]
     _CONTENTS[name] = _contents([name, *beside])
     return module
 

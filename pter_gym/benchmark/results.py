@@ -1,4 +1,4 @@
-"""A folder of results: a JSON file for each run, and ``benchmark.json``, their leaderboards.
+"""Scenarios are run, and runs stored: a JSON file for each, and ``benchmark.json``, their boards.
 
 Episodes themselves can be written as a table in a CSV file.
 """
@@ -7,7 +7,7 @@ import csv
 import io
 import json
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -15,16 +15,19 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._internal.checks import whole_number
+from pter_gym._internal.checks import builtin, names_in, whole_number
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
 from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark.boards import Leaderboard, leaderboards
+from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.benchmark.policies import Policies, find_policies
+from pter_gym.benchmark.rollout import check_acting, evaluate
 from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.scenarios import name_of_pace
-from pter_gym.tasks.path_following import TELEMETRY
+from pter_gym.scenarios import PACES, Scenario, find_scenario, name_of_pace
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
 NAMES = ("version", "scenario", "digest", "pace", "policy", "training_seed", "seed")
 """What a file says about a run, beside its numbers."""
@@ -147,3 +150,92 @@ def check_table(path: Path) -> None:
     """Raise a ParameterError unless a table can be written to a file with this extension."""
     if path.suffix.lower() != ".csv":
         raise ParameterError(f"csv must end in .csv, got {str(path)!r}")
+
+
+def run_scenario(
+    scenario: str | Scenario | PathFollowing,
+    policies: Policies | Iterable[FilePath] | FilePath,
+    paces: Iterable[str | float] | float | None = None,
+    *,
+    episodes: int | None = None,
+    seed: int | None = None,
+    results: ResultsFolder | FilePath | None = None,
+    num_threads: int = 2,
+    on_progress: Callable[[str], None] = lambda _: None,
+) -> tuple[ScenarioRun, ...]:
+    """Run policies on the evaluation episodes of a scenario.
+
+    Parameters
+    ----------
+    scenario
+        Its name, or a scenario or a task of your own, as ``find_scenario`` takes them.
+    policies
+        By name: controllers, which are bound to the nominal machine, any ``policy(observations) ->
+        volts``, float32 (N, entries) to (N, 4), or what ``find_policy`` takes; a sequence of them
+        holds those of several training seeds. Or a list of names that ``find_policy`` takes.
+    paces
+        Names of commanded paces or speeds [m/s], or one of them; by default all that have names, or
+        a task's own.
+    episodes
+        How many episodes to run, starting with the first; all by default.
+    seed
+        Seed of fresh episodes, within [0, 2⁶⁴); by default, the stored ones, or 0 where there are
+        none.
+    results
+        A folder of results or its path, where each run is stored.
+    num_threads
+        Threads that share the episodes of a compiled law, ≥ 1; scores do not depend on their
+        number.
+    on_progress
+        Called with the name of each policy and pace when it is done.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such scenario, policy or pace, or there are fewer episodes than asked for.
+    DataError
+        If the stored episodes are damaged.
+    """
+    num_threads = whole_number("num_threads", num_threads)
+    distribution = find_scenario(scenario)
+    if paces is None:
+        paces = scenario.pace if isinstance(scenario, PathFollowing) else tuple(PACES)
+    several: Any = builtin(paces)
+    pace_names = names_in("paces", [several] if isinstance(several, int | float) else several)
+    seed = 0 if seed is None and distribution.digest else seed
+    sets = {
+        pace: find_episodes(distribution, pace, seed)
+        for pace in (name_of_pace(name, "paces") for name in pace_names)
+    }
+    by_name = find_policies(policies, distribution.whose_gains)
+    if episodes is not None:
+        sets = {pace: full.first(episodes) for pace, full in sets.items()}
+    folder = (
+        results if results is None or isinstance(results, ResultsFolder) else ResultsFolder(results)
+    )
+    if folder:
+        folder.make()
+    for policy in (each for versions in by_name.values() for each in versions):
+        check_acting(policy, next(iter(sets.values())))
+    runs: list[ScenarioRun] = []
+    for pace, episode_set in sets.items():
+        for name, versions in by_name.items():
+            scores_by_seed = [evaluate(policy, episode_set, num_threads) for policy in versions]
+            trained = [
+                ScenarioRun(
+                    distribution.name,
+                    pace,
+                    name,
+                    number,
+                    seed,
+                    episode_set.strata,
+                    scores,
+                    digest=distribution.digest,
+                )
+                for number, scores in enumerate(scores_by_seed)
+            ]
+            if folder:
+                folder.add(trained)
+            runs += trained
+            on_progress(f"{name}, {pace}")
+    return tuple(runs)

@@ -87,9 +87,6 @@ class Score:
     smoothness: float = _score(
         "1", "−ln of the dimensionless jerk; larger is smoother", Recorded.smoothness
     )
-    spectral_arc_length: float = _score(
-        "1", "SPARC of the tip's speed; nearer to 0 is smoother", Recorded.spectral_arc_length
-    )
     mean_force_n: float = _score(
         "N", "time average of the size of the hand's force", lambda e: e.mean(e.force)
     )
@@ -122,11 +119,11 @@ class Score:
         "fraction of the time at zero degrees of freedom",
         lambda e: e.mean(column(e.steps, "mode") == ClutchMode.ZERO_DOF),
     )
-    wall_stiffness_n_m: float | None = _score(
+    apparent_stiffness_n_m: float | None = _score(
         "N/m",
         "of a fixture's edge: least-squares slope of the hand's force into it over a penetration "
-        f"of more than {1e3 * TOUCH:g} mm; 0 if there was none",
-        Recorded.wall_stiffness,
+        f"of more than {1e3 * TOUCH:g} mm, damping and friction included; 0 if there was none",
+        Recorded.apparent_stiffness,
         default=None,
     )
     force_error_along_n: float | None = _score(
@@ -205,10 +202,10 @@ def score_episodes(
             f"telemetry must have the shape (T + 1, {len(tasks)}, {len(TELEMETRY)}) with at least "
             f"one step, got {shape}"
         )
-    begun = np.isfinite(column(telemetry[1], "time"))
-    if not begun.all():
+    runs = np.isfinite(column(telemetry[1], "time"))
+    if not runs.all():
         raise ParameterError(
-            f"telemetry must hold a step of each episode at least, got none of {begun.argmin()}"
+            f"telemetry must hold a step of each episode at least, got none of {runs.argmin()}"
         )
     if wanted is not None and (np.shape(wanted), len(machines)) != ((*shape[:2], 2), len(tasks)):
         raise ParameterError(

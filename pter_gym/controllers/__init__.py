@@ -2,8 +2,8 @@
 
 from pter_gym._compiled.compiler import inlined as device
 from pter_gym._compiled.records import rows
-from pter_gym._engine.law import MEMORY, Memory
 from pter_gym._physics.clutch import PerClutch
+from pter_gym.controllers._gains import MEMORY, Memory
 from pter_gym.controllers._guided import (
     Guided,
     Impedance,

@@ -1,8 +1,14 @@
-"""The array of gains that guiding laws read: nominal machine, torque table, gains by pace.
+"""What laws read and remember: the array of gains, and a world's memory.
 
-In this order: ``Nominal``; the voltages, then the torques of the table; the paces of the rows; the
-rows, each a ``Gains``. Between two paces the gains are interpolated; beyond them the nearest row
-applies. If the nominal machine has clutches other than the paper's, its ``Arrangement`` comes last.
+A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation,
+``obs·scales`` is in physical units, ``gains`` belongs to the law and ``memory`` to one world. What
+the memory holds is a record: ``Memory`` for the built-in laws, any other for a law that needs one
+(``Policy`` takes it).
+
+Gains of guiding laws are, in this order: ``Nominal``; the voltages, then the torques of the table;
+the paces of the rows; the rows, each a ``Gains``. Between two paces the gains are interpolated;
+beyond them the nearest row applies. If the nominal machine has clutches other than the paper's, its
+``Arrangement`` comes last.
 """
 
 from collections.abc import Sequence
@@ -22,6 +28,18 @@ from pter_gym.params import Machine
 
 CONSTANT, RANDOM, IMPEDANCE, SINGLE_DOF, VELOCITY_RATIO, NETWORK = map(float, range(1, 7))
 """Numbers of the laws that share one compiled function: the first entry of their gains."""
+
+
+class Memory(NamedTuple):
+    """What the built-in laws remember of one world."""
+
+    kept: Annotated[float, Entry("1", "the clutch engaged last, or a counter")]
+    brake: Annotated[float, Entry("N", "force along the path that the pace's integral has come to")]
+    steps: Annotated[float, Entry("1", "control steps of the episode that went before")]
+    episode: Annotated[float, Entry("1", "number of the episode")]
+
+
+MEMORY = rows(Memory)
 
 
 class Nominal(NamedTuple):

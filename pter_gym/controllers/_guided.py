@@ -266,8 +266,8 @@ class PaceSchedule:
         """Check that the knots rise in pace and match in kind."""
         accepted = "pairs of a pace > 0 and a guiding controller, by rising pace"
         knots = self.knots
-        given: Any = knots
-        are_knots = isinstance(given, tuple) and len(knots) > 0 and all(map(_is_knot, knots))
+        pairs: Any = knots
+        are_knots = isinstance(pairs, tuple) and len(knots) > 0 and all(map(_is_knot, knots))
         require(are_knots, self, "knots", accepted)
         require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", accepted)
         alike = {(type(controller), controller.table_volts) for _, controller in knots}
@@ -286,12 +286,12 @@ class PaceSchedule:
         ParameterError
             If there is no knot at that pace; the message lists the paces that have one.
         """
-        found = dict(self.knots)
-        if pace not in found:
+        laws = dict(self.knots)
+        if pace not in laws:
             raise ParameterError(
-                f"pace must be one of {', '.join(f'{knot:g}' for knot in found)} m/s, got {pace!r}"
+                f"pace must be one of {', '.join(f'{knot:g}' for knot in laws)} m/s, got {pace!r}"
             )
-        return found[pace]
+        return laws[pace]
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy for a nominal machine; raises like the controllers' own ``bind``."""

@@ -16,7 +16,7 @@ from pter_gym._compiled.compiler import compile_kernel, device
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.pipeline import Device
 from pter_gym._compiled.records import entrywise, write
-from pter_gym._engine.law import CLUTCHES
+from pter_gym._physics.clutch import CLUTCHES
 from pter_gym._physics.scalars import clamp
 from pter_gym.controllers._laws import built_in
 from pter_gym.errors import LawIndexError, ParameterError, PterError

@@ -12,7 +12,6 @@ import numpy as np
 from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.philox import uniform4
 from pter_gym._compiled.records import entrywise, read
-from pter_gym._engine.law import MEMORY
 from pter_gym._physics.arm import (
     Motion,
     UnitVector,
@@ -29,6 +28,7 @@ from pter_gym.controllers._allocation import allocate, largest_torque, least_tor
 from pter_gym.controllers._gains import (
     ARRANGEMENT,
     IMPEDANCE,
+    MEMORY,
     NETWORK,
     NOMINAL,
     RANDOM,

@@ -13,10 +13,10 @@ from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.records import Entry, entrywise, read, rows, width
-from pter_gym._engine.law import Memory
 from pter_gym._physics.arm import UnitVector, Vector, components
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.scalars import clamp
+from pter_gym.controllers._gains import Memory
 from pter_gym.tasks.path_following._actions import volts_of
 from pter_gym.tasks.path_following._observation import OBS
 

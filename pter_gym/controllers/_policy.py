@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import rows, width
-from pter_gym._engine.law import Memory
 from pter_gym._internal.checks import whole_number
+from pter_gym.controllers._gains import Memory
 from pter_gym.controllers._law_kernel import FAULTS, kernel_of, law_error
 from pter_gym.errors import ParameterError, PterError
 from pter_gym.params import SLOTS, Machine, find_machine
@@ -93,12 +93,14 @@ class Policy:
         worlds, clutches, top = len(observations), len(machine.clutches), machine.clutch.voltage_max
         try:
             volts = np.asarray(volts)
-            found = f"shape {volts.shape}" if volts.dtype.kind in "fiu" else f"dtype {volts.dtype}"
+            problem = (
+                f"shape {volts.shape}" if volts.dtype.kind in "fiu" else f"dtype {volts.dtype}"
+            )
         except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor elsewhere
-            volts, found = np.empty(0), f"no array ({error})"
+            volts, problem = np.empty(0), f"no array ({error})"
         if volts.shape != (worlds, clutches) or volts.dtype.kind not in "fiu":
             raise ParameterError(
-                f"{self.name} returned {found} for observations {observations.shape}: "
+                f"{self.name} returned {problem} for observations {observations.shape}: "
                 f"return one row of {clutches} volts per row"
             )
         slack = 4.0 * float(np.spacing(np.float32(top)))  # what float32 rounds
@@ -200,9 +202,9 @@ class Policy:
         """
 
         def act(observations: Observations, memory: Any) -> Volts:
-            given = observations.copy()  # which the function may keep or change
+            copied = observations.copy()  # which the function may keep or change
             try:
-                return function(given) if start is None else function(given, memory)
+                return function(copied) if start is None else function(copied, memory)
             except PterError:
                 raise
             except (ValueError, TypeError, LookupError) as error:

@@ -69,11 +69,11 @@ class ActingPolicy:
         self._bounds = bounds_of_actions(env, layout, machine)
         self._policy = bind(policy, machine, layout)
         self._shape = (len(layout),) if self._single else (self._worlds, len(layout))
-        held = self._policy.frame_skip
-        if held != skip and not self._policy.any_frame_skip:
+        frame_skip = self._policy.frame_skip
+        if frame_skip != skip and not self._policy.any_frame_skip:
             raise ParameterError(
-                f"env must have the frame_skip of the policy, {held}, got {skip}: make it with "
-                f"frame_skip={held}"
+                f"env must have the frame_skip of the policy, {frame_skip}, got {skip}: "
+                f"make it with frame_skip={frame_skip}"
             )
         self._episodes = np.arange(self._worlds)
         self._memory = self._policy.start(self._worlds)
@@ -130,9 +130,9 @@ class ActingPolicy:
         ):  # ragged, as what reset returns, or a tensor on another device
             rows = np.empty(0, np.float32)
         if rows.shape != self._shape:
-            got = rows.shape if rows.size else f"a {type(observation).__name__}"
+            what = rows.shape if rows.size else f"a {type(observation).__name__}"
             raise ParameterError(
-                f"observation must be an array of the shape {self._shape}, got {got}"
+                f"observation must be an array of the shape {self._shape}, got {what}"
             )
         volts = self._policy.volts(rows.reshape(self._worlds, -1), self._memory, self._machine)
         if not np.isfinite(volts).all():
@@ -168,9 +168,9 @@ def check_wrappers(env: Any, known: Any = None) -> None:
     ):
         _refuse(type(env).__name__)
     wrapped = (getattr(env, "venv", None), getattr(env, "env", None), *getattr(env, "envs", ()))
-    inner = [each for each in wrapped if each is not None]
-    for each in inner:
-        check_wrappers(each, known)
+    inner = [wrapper for wrapper in wrapped if wrapper is not None]
+    for wrapper in inner:
+        check_wrappers(wrapper, known)
     ask: Any = getattr(env, "call", getattr(env, "env_method", None))
     for method in (
         ("observation", "action") if ask and not inner else ()
@@ -201,13 +201,16 @@ def _refuse(wrapper: str) -> None:
 def bounds_of_actions(env: Any, layout: Layout, machine: Machine) -> tuple[float, float]:
     """Return the bounds of actions, or raise a ParameterError if the spaces are not the worlds'."""
     many = "single_" if hasattr(env, "single_action_space") else ""
-    observed, acted = (getattr(env, f"{many}{name}_space") for name in ("observation", "action"))
+    observations, actions = (
+        getattr(env, f"{many}{name}_space") for name in ("observation", "action")
+    )
     clutches = (len(machine.clutches),)
     for low, high in ((0.0, machine.clutch.voltage_max), (-1.0, 1.0)):
-        if observed.shape == (len(layout),) and acted == spaces.Box(
+        if observations.shape == (len(layout),) and actions == spaces.Box(
             low, high, clutches, np.float32
         ):
             return low, high
     raise ParameterError(
-        f"env must pass on observations and actions as they are: it has {observed} and {acted}"
+        "env must pass on observations and actions as they are: "
+        f"it has {observations} and {actions}"
     )

@@ -1,7 +1,8 @@
 """What single and vector environments share: constructor, spaces, and what a policy needs."""
 
+import json
 from collections.abc import Callable, Sequence
-from dataclasses import is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypedDict, cast
 
 import numpy as np
@@ -59,6 +60,29 @@ class Arguments(TypedDict, total=False):
     action_unit: ActionUnit | None
     observe_context: bool
     frame_skip: int | None
+
+
+class WorldsSpec(EnvSpec):
+    """An EnvSpec that says which argument JSON cannot hold."""
+
+    def to_json(self) -> str:
+        """Return the spec as JSON.
+
+        Raises
+        ------
+        ParameterError
+            If an argument holds something that is neither plain data nor stored by this package,
+            such as ``Draws`` or a path of one's own.
+        """
+        for name, value in self.kwargs.items():
+            try:
+                json.dumps(value)
+            except TypeError:
+                raise ParameterError(
+                    f"{name} must be plain data, or of the classes of pter_gym.params, hands, "
+                    f"paths and tasks, to be stored as JSON, got {value!r:.200}"
+                ) from None
+        return super().to_json()
 
 
 class WorldsMixin:
@@ -124,7 +148,7 @@ class WorldsMixin:
     def spec(self, spec: EnvSpec | None) -> None:
         given = {} if spec is None else {**spec.kwargs, **self._read}
         kwargs = {name: _to_plain(value) for name, value in given.items()}
-        self._spec = spec and replace(spec, kwargs=kwargs)
+        self._spec = spec and replace(_storable(spec), kwargs=kwargs)
 
     @property
     def frame_skip(self) -> int:
@@ -189,8 +213,12 @@ def _make_batch(
     """Return the worlds, and the name of the scenario whose gains suit them."""
     numbers = {"reward": reward, "error_max": error_max, "truncation_error": truncation_error}
     fields: dict[str, Any] = {name: value for name, value in numbers.items() if value is not None}
-    named = (("path", path, find_path), ("pace", pace, find_pace), ("starts", starts, find_starts))
-    fields |= {name: find(cast(Any, value)) for name, value, find in named if value is not None}
+    finders = (
+        ("path", path, find_path),
+        ("pace", pace, find_pace),
+        ("starts", starts, find_starts),
+    )
+    fields |= {name: find(cast(Any, value)) for name, value, find in finders if value is not None}
     if task is not None and (fields or scenario is not None):
         names = ", ".join(fields or ("scenario",))
         raise ParameterError(f"{names} must not be given with a task, which has its own")
@@ -201,19 +229,19 @@ def _make_batch(
         task = _task_with(fields) if task is None else task
         gains = gains_for(_checked_tasks(task))
     else:
-        chosen = find_scenario(scenario, machine, fields.pop("path", None))
+        distribution = find_scenario(scenario, machine, fields.pop("path", None))
         if isinstance(scenario, str | Scenario):
             fields.setdefault("starts", STARTS["path"])
         count = whole_number("contexts", 512 if contexts is None else contexts)
         seed = whole_number("context_seed", context_seed or 0, at_least=0)
-        draws = chosen.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
+        draws = distribution.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
         machine, task = zip(*draws.pairs(count, seed), strict=True)
-        gains = chosen.whose_gains
+        gains = distribution.whose_gains
         frame_skip = FRAME_SKIP if frame_skip is None else frame_skip
-    held = 1 if frame_skip is None else whole_number("frame_skip", frame_skip)
+    frames = 1 if frame_skip is None else whole_number("frame_skip", frame_skip)
     limit = engine.pop("max_episode_steps", None)
     if limit is not None:
-        limit = held * whole_number("max_episode_steps", limit)
+        limit = frames * whole_number("max_episode_steps", limit)
     batch = Batch(
         machine,
         task,
@@ -222,7 +250,7 @@ def _make_batch(
         sensors=sensors,
         action_unit=action_unit,
         observe_context=observe_context,
-        frame_skip=held,
+        frame_skip=frames,
         max_steps=limit,
         **engine,
     )
@@ -262,6 +290,11 @@ def _has_file(value: Any) -> bool:
 def _read(value: Any, find: Callable[[Any], Any]) -> Any:
     """Return a path or a machine, or several, by name or file."""
     return [*map(find, value)] if _several(value) else find(value)
+
+
+def _storable(spec: EnvSpec) -> EnvSpec:
+    """Return a spec as a ``WorldsSpec``."""
+    return WorldsSpec(**{item.name: getattr(spec, item.name) for item in fields(spec) if item.init})
 
 
 def _to_plain(value: Any) -> Any:

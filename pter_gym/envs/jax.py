@@ -201,17 +201,17 @@ class JaxEnv:
         self._check_state(state)
         state = on_cpu(state)
         known = jnp.isfinite(action).all()
-        given = jnp.where(known, jnp.clip(action, space.low, space.high), space.low)
-        state, obs, final, reward, flags = self._advance(state, given, self._shared(params))
+        clipped = jnp.where(known, jnp.clip(action, space.low, space.high), space.low)
+        state, obs, final, reward, flags = self._advance(state, clipped, self._shared(params))
         obs, final, reward = (jnp.where(known, each, jnp.nan) for each in (obs, final, reward))
         terminated, truncated, success = (flags[each] for each in FLAG)
-        told = {
+        info = {
             "terminated": terminated,
             "truncated": truncated,
             "is_success": success,
             "final_observation": final,
         }
-        return obs, state, reward, terminated, truncated, told
+        return obs, state, reward, terminated, truncated, info
 
     def action_space(self, params: EnvParams | None = None) -> spaces.Box:  # noqa: ARG002  (as gymnax has it)
         """Return the action space, one of Gymnasium's."""
@@ -269,8 +269,8 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
     ParameterError
         If an argument is out of range, or JAX has no CPU device.
     """
-    made = JaxEnv.from_id(env_id, keywords)
-    return made, made.default_params
+    env = JaxEnv.from_id(env_id, keywords)
+    return env, env.default_params
 
 
 def seed_words(seed: Any) -> jax.Array:
@@ -324,12 +324,14 @@ def _many(run: Any) -> Any:
             x if has_axis else jnp.broadcast_to(x, (size, *x.shape))
             for x, has_axis in zip(own, mapped[0], strict=True)
         ]
-        found = call(
+        results = call(
             tuple(x.reshape(-1, *x.shape[2:]) for x in spread), EnvParams(*(x[0] for x in repeated))
         )
         if any(mapped[1]):
-            found = [jnp.where(same, x, jnp.nan) if x.dtype == jnp.float32 else x for x in found]
-        return tuple(x.reshape(size, -1, *x.shape[1:]) for x in found), (True,) * len(found)
+            results = [
+                jnp.where(same, x, jnp.nan) if x.dtype == jnp.float32 else x for x in results
+            ]
+        return tuple(x.reshape(size, -1, *x.shape[1:]) for x in results), (True,) * len(results)
 
     return call
 

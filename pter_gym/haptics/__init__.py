@@ -17,12 +17,12 @@ from pter_gym.haptics._region import (
 )
 from pter_gym.haptics._scores import (
     ForceError,
+    apparent_stiffness,
     force_error,
     impedance,
     mean_resisting_force,
     peak_and_mean_force,
     spectral_arc_length,
-    wall_stiffness,
     z_width,
 )
 
@@ -30,6 +30,7 @@ __all__ = [
     "ForceError",
     "ForceExtremes",
     "ForceRange",
+    "apparent_stiffness",
     "force_error",
     "force_extremes",
     "force_per_torque",
@@ -41,6 +42,5 @@ __all__ = [
     "peak_and_mean_force",
     "spectral_arc_length",
     "torque_limits",
-    "wall_stiffness",
     "z_width",
 ]

@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pter_gym.errors import ParameterError
+
 Array = NDArray[np.float64]
 
 
@@ -65,8 +67,11 @@ def peak_and_mean_force(force: ArrayLike) -> tuple[float, float]:
     return float(size.max()), float(size.mean())
 
 
-def wall_stiffness(force: ArrayLike, penetration: ArrayLike) -> float:
-    """Return the stiffness [N/m] of a rendered wall: the least-squares slope through the surface.
+def apparent_stiffness(force: ArrayLike, penetration: ArrayLike) -> float:
+    """Return the stiffness [N/m] that a wall seems to have: force over depth, by least squares.
+
+    Its damping and friction count, so it is the wall's own stiffness only for slow pushes into a
+    wall without friction.
 
     Parameters
     ----------
@@ -104,7 +109,7 @@ def z_width(stiffness: float, free_impedance: float, frequency: float) -> float:
     Parameters
     ----------
     stiffness, free_impedance, frequency
-        As of ``wall_stiffness`` [N/m] and ``impedance`` [N·s/m], both > 0, and the frequency [Hz].
+        As of ``apparent_stiffness`` [N/m] and ``impedance`` [N·s/m], both > 0; frequency [Hz].
     """
     return 20.0 * math.log10(stiffness / (2.0 * math.pi * frequency) / free_impedance)
 
@@ -128,12 +133,21 @@ def spectral_arc_length(
     Parameters
     ----------
     speed, period
-        Speed of the handle, (T,) [m/s], and the sampling interval [s].
+        Speed of the handle, (T,) [m/s], T ≥ 1 finite numbers, and the sampling interval [s].
     cutoff, threshold, padding
         Highest frequency [Hz], smallest relative magnitude, and how often the length of the series
         is doubled by zeros after the next power of two. The defaults are the authors'.
+
+    Raises
+    ------
+    ParameterError
+        If there is no speed, or one that is not finite.
     """
     values = np.asarray(speed, np.float64)
+    if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
+        raise ParameterError(
+            f"speed must be a series of at least one finite number [m/s], got {values!r:.80}"
+        )
     length = 2 ** (math.ceil(math.log2(len(values))) + padding)
     spectrum = np.abs(np.fft.rfft(values, length))
     if spectrum[0] == 0.0:

@@ -344,11 +344,11 @@ def find_path(path: Path | FilePath) -> Path:
 
     If there is none, it raises a ParameterError that lists the names.
     """
-    chosen = builtin(path)
-    if isinstance(chosen, Path):
-        return chosen
-    if isinstance(chosen, str) and chosen.endswith(".csv"):
-        return read_path(chosen)
-    if not isinstance(chosen, str) or chosen not in PATHS:
-        raise unknown_name("path", chosen, (*PATHS, "FILE.csv"))
-    return PATHS[chosen]
+    shape = builtin(path)
+    if isinstance(shape, Path):
+        return shape
+    if isinstance(shape, str) and shape.endswith(".csv"):
+        return read_path(shape)
+    if not isinstance(shape, str) or shape not in PATHS:
+        raise unknown_name("path", shape, (*PATHS, "FILE.csv"))
+    return PATHS[shape]

@@ -102,9 +102,9 @@ def find_file(name: FilePath) -> Path:
         if not is_here(name):
             check_name(name)
             raise unknown_name("policies", name, shipped_policies())
-    named = path.parent / f"{path.name.removesuffix(ENDING)}{ENDING}"
-    if named.is_file():
-        return named
+    file = path.parent / f"{path.name.removesuffix(ENDING)}{ENDING}"
+    if file.is_file():
+        return file
     inside = policies_in(path)
     if (path / RUN).is_file():
         why = f"it is the folder of a training, of which `pter export {path}` makes a policy"
@@ -113,8 +113,8 @@ def find_file(name: FilePath) -> Path:
     elif inside:
         why = f"the folder holds several, {', '.join(str(path / each) for each in inside)}"
     else:
-        names = [str(named.parent / each) for each in policies_in(named.parent)]
-        why = f"no {named}{nearest(named.with_suffix(''), names)}"
+        names = [str(file.parent / each) for each in policies_in(file.parent)]
+        why = f"no {file}{nearest(file.with_suffix(''), names)}"
     raise ParameterError(f"policies: there is no trained policy {os.fspath(name)!r}: {why}")
 
 

@@ -114,11 +114,11 @@ class TrainedPolicy:
             got=rows,
         )
         names = available(layout, residual=interface.base is not None)
-        for each in interface.inputs:
-            if each.name not in names:
-                raise unknown_name("inputs", each.name, names)
-        bound = interface.base and interface.base.bind(machine, layout).law
-        gains, network = self._gains(bound.gains if bound else np.zeros(0), layout)
+        for entry in interface.inputs:
+            if entry.name not in names:
+                raise unknown_name("inputs", entry.name, names)
+        base = interface.base and interface.base.bind(machine, layout).law
+        gains, network = self._gains(base.gains if base else np.zeros(0), layout)
         return Policy.of_law(
             built_in if machine.has_paper_clutches else built_in_declared,
             gains,

@@ -42,21 +42,21 @@ def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -
         [STREAM, *_name(scenario)] if scenario.place is None else [STREAM, scenario.place]
     )
     pairs = [draws.draw(rng) for _ in range(scenario.episodes)]
-    stored = [_finished(scenario, pair, rng) for pair in pairs]
+    in_order = [_finished(scenario, pair, rng) for pair in pairs]
     if fresh is None:
-        return stored
+        return in_order
     free: dict[str, list[int]] = {}
     # in another order, so that a position does not reveal the stratum
-    order = _fresh_rng(FRESH_ORDER, scenario, fresh).permutation(len(stored))
+    order = _fresh_rng(FRESH_ORDER, scenario, fresh).permutation(len(in_order))
     for place, k in reversed(list(enumerate(order))):
-        free.setdefault(stored[int(k)][2], []).append(place)
+        free.setdefault(in_order[int(k)][2], []).append(place)
     rng = _fresh_rng(FRESH, scenario, fresh)
     episodes: dict[int, Episode] = {}
-    while len(episodes) < len(stored):
+    while len(episodes) < len(in_order):
         episode = _finished(scenario, draws.draw(rng), rng)
         if places := free.get(episode[2]):
             episodes[places.pop()] = episode
-    return [episodes[place] for place in range(len(stored))]
+    return [episodes[place] for place in range(len(in_order))]
 
 
 def fresh_reset_seeds(scenario: Scenario, fresh: tuple[int, str]) -> list[int]:

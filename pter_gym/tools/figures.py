@@ -159,7 +159,7 @@ def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
     frame, gap = axes.get_window_extent(), 0.055 * figure.dpi
     low, high = np.array(frame.min) + gap, np.array(frame.max) - gap
     lines: dict[Any, Array] = {line: points for line in axes.lines if len(points := _drawn(line))}
-    taken = [_spread(text.get_window_extent()) for text in axes.texts]
+    occupied = [_spread(text.get_window_extent()) for text in axes.texts]
     labels: list[Any] = []
     handles: Any = axes.get_legend_handles_labels()
     for line, name in zip(*handles, strict=True):
@@ -173,7 +173,7 @@ def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
         others = [points for other, points in lines.items() if other is not line]
         places = (lines[line][::-1, None] + SIDES * (half + 1.5 * gap)).reshape(-1, 2)
         inside = np.all((places - half > low) & (places + half < high), axis=1)
-        own, rest = _room(places, half, lines[line]), _room(places, half, *others, *taken)
+        own, rest = _room(places, half, lines[line]), _room(places, half, *others, *occupied)
         room = np.where(inside & (own > gap), rest - own, 0.0).clip(max=6.0 * gap)
         best = int(room.argmax())
         if room[best] < 0.3 * gap:
@@ -181,7 +181,7 @@ def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
                 text.remove()
             return legend_of(figure, axes, note)
         text.set_position(axes.transData.inverted().transform(places[best]))
-        taken.append(_spread(box) - box.min + places[best] - half)
+        occupied.append(_spread(box) - box.min + places[best] - half)
     figure.supxlabel(note or "", fontsize=SMALL)
     return None
 

@@ -14,9 +14,9 @@ import pytest
 import pter_gym
 from pter_gym._commands.main import main
 from pter_gym.benchmark import ResultsFolder, examine, find_policy, run_scenario
-from pter_gym.benchmark.tuned import damping_table
 from pter_gym.controllers import CONTROLLERS, Free, Impedance, Locked, PaceSchedule
 from pter_gym.errors import ParameterError
+from pter_gym.policies.tuned import damping_table
 from pter_gym.scenarios import PACES, SCENARIOS
 
 
@@ -246,7 +246,7 @@ print(*sorted(set(sys.modules) - before))
         for name in found
         if name.startswith("pter_gym.benchmark.")
     }
-    assert ours == {"_load_policy", "policies", "tuned"}
+    assert ours == {"policies"}
     assert not {"scipy", "rich"} & set(found)
 
 

@@ -24,7 +24,7 @@ from pter_gym.benchmark.boards import (
     reason_unranked,
 )
 from pter_gym.benchmark.intervals import mean_interval
-from pter_gym.benchmark.runs import run_scenario
+from pter_gym.benchmark.results import run_scenario
 from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun, Scores, score_episodes
 from pter_gym.controllers import Impedance
 from pter_gym.params import BASELINE

@@ -50,13 +50,22 @@ def test_scores_that_are_not_defined_or_that_an_older_file_lacks_are_left_out(
     assert len(ResultsFolder(tmp_path).summarise()) == 2
 
 
-@pytest.mark.parametrize("damage", ["", "[]", '{"version": "0"}', "pace", "seed", "policy"])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "",
+        "[]",
+        '{"version": "0"}',
+        *({name: "unknown"} for name in ("pace", "seed", "policy")),
+        {"pace": "1e-06"},  # whose episodes would not end
+    ],
+)
 def test_a_damaged_file_is_named_and_left_out(
-    damage: str, run: ScenarioRun, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    damage: str | dict[str, str], run: ScenarioRun, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = run_path(tmp_path, run)
     content = json.loads(path.read_text())
-    path.write_text(json.dumps({**content, damage: "unknown"}) if damage in content else damage)
+    path.write_text(damage if isinstance(damage, str) else json.dumps(content | damage))
     with pytest.raises(DataError, match=path.name):
         read_run(path)
     with caplog.at_level(logging.WARNING, "pter_gym"):

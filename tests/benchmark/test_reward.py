@@ -46,16 +46,19 @@ AGREEING = 0.96
 they score: on ``paths``, ``single-dof-tuned`` less than ``torque-feedback-tuned``, which rides
 smoothly 11 mm beside the path."""
 
-LINGERING = "lingers"
-"""Who waits at the start of the path, and then rides well."""
+LATE = ("lingers", "velocity-ratio-tuned")
+"""Who waits at the start of the path, or leaves it at first, and then rides well."""
+
+LARGE = 0.01
+"""Path error [m] of a game; a ranked policy that weaves within a corridor plays none."""
 
 
 def is_short_sighted(pace: str, discount: float, better: str) -> bool:
     """Return whether an agent does not see a game whole, or not what makes up for having waited.
 
     Within a second, a tenth of a slow path, who is going to ride beside it is not beside yet, and a
-    free arm is still where its hand holds it. Within two, who lingered has not caught up."""
-    return pace == "slow" and discount <= (0.995 if better.endswith(LINGERING) else 0.99)
+    free arm is still where its hand holds it. Within two, who began late has not caught up."""
+    return pace == "slow" and discount <= (0.995 if better.endswith(LATE) else 0.99)
 
 
 GAMES: dict[str, Attack] = {
@@ -113,7 +116,7 @@ def policies(course: Course) -> dict[str, Any]:
     for honest in ("residual", "single-dof-tuned"):
         found |= {
             f"{honest} {game}": play(found[honest])
-            for game, play in (*GAMES.items(), (LINGERING, LINGERS))
+            for game, play in (*GAMES.items(), (LATE[0], LINGERS))
         }
     return found
 
@@ -138,20 +141,21 @@ def sight(course: Course) -> float:
     ],
 )
 def test_clearly_better_scores_return_more(scenario: str, paces: tuple[str, ...]) -> None:
-    pairs, wrong = 0, list[tuple[str, float, str, str]]()
+    pairs, wrong, played = 0, list[tuple[str, float, str, str]](), list[Any]()
     for pace in paces:
         course = Course(scenario, pace, DRAWS, SEED)
         found = {name: judge(policy, course) for name, policy in policies(course).items()}
         for (name, better), (other, worse) in permutations(found.items(), 2):
             if better.ranks and better.error * CLEARLY < worse.error:
                 pairs += len(DISCOUNTS)
-                wrong += [
+                disagreeing = [
                     (pace, discount, name, other)
                     for discount in DISCOUNTS
                     if better.returned(discount) <= worse.returned(discount)
                 ]
-    games = (*IDLE, *GAMES)
-    played = [each for each in wrong if each[3].endswith(games) and not is_short_sighted(*each[:3])]
+                wrong += disagreeing
+                if other.endswith((*IDLE, *GAMES)) and not (worse.ranks and worse.error < LARGE):
+                    played += [pair for pair in disagreeing if not is_short_sighted(*pair[:3])]
     told = f"{len(wrong)} of {pairs}:\n" + "\n".join(map(str, wrong))
     assert played == [], told
     assert pairs > 100
@@ -175,7 +179,7 @@ def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: s
     judged = {
         name: judge(policy, course)
         for name, policy in found.items()
-        if not name.endswith((*GAMES, LINGERING))
+        if not name.endswith((*GAMES, LATE[0]))
     }
     ranked = {name: each for name, each in judged.items() if each.ranks}
     stopped, more = 0, list[tuple[float, str, str]]()

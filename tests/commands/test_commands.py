@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from pter_gym._commands.arguments import split
+from pter_gym._commands.arguments import PATH_NAMES, split
 from pter_gym._commands.main import commands, load_command, main, parse
-from pter_gym.benchmark.tuned import read_table, tuned_names
 from pter_gym.controllers import CONTROLLERS
+from pter_gym.paths import PATHS
 from pter_gym.policies._names import BUILT_IN, tuned_policies
+from pter_gym.policies.tuned import read_table, tuned_names
 
 EXAMPLE = re.compile(r"Example: `?pter ([^\n`]+)")
 
@@ -63,7 +64,9 @@ MISTYPED = [
     ),
     *("benchmark --path columns.csv", "tune impedence", "tune impedance --machine my.toml"),
     *("watch impedence --out a.webp", "watch free --pace slw --out a.webp", "device my.toml"),
-    *("hil impedence ./loop", "export impedence --c folder"),
+    *("hil impedence ./loop", "export impedence --c folder", "benchmark --path nopath"),
+    *("tune impedance --path nopath", "watch free --path nopath --out a.webp"),
+    *("identify nofile", "identify columns.csv", "identify nofile --machine basline"),
 ]
 
 
@@ -87,6 +90,7 @@ def test_what_is_mistyped_is_told_before_anything_heavy_is_imported(tmp_path: Pa
 
 def test_names_that_are_known_without_the_controllers_are_theirs() -> None:
     assert tuple(CONTROLLERS) == BUILT_IN
+    assert tuple(PATHS) == PATH_NAMES
     assert tuned_policies() == tuned_names(read_table())
 
 

@@ -17,6 +17,7 @@ from pter_gym.hands import MultiSineHand, RecordedForces
 from pter_gym.params import BASELINE, find_machine, save_machine
 from pter_gym.paths import Polyline, Spline, find_path
 from pter_gym.scenarios import find_pace, find_scenario
+from pter_gym.scenarios.distributions import Draws, Uniform, Vary
 from pter_gym.tasks.path_following import PathFollowing, Sensing
 from pter_gym.tasks.path_following._specification import Starts
 
@@ -165,6 +166,15 @@ def test_a_spec_carries_what_files_held_when_they_were_read(
 def test_names_stay_names_in_a_spec() -> None:
     spec: Any = gymnasium.make(ID, path="circle", machine="delrin_theoretical").spec
     assert (spec.kwargs["path"], spec.kwargs["machine"]) == ("circle", "delrin_theoretical")
+
+
+@pytest.mark.parametrize("door", ["make", "make_vec"])
+def test_draws_of_ones_own_are_no_json(door: str) -> None:
+    for task in (PathFollowing(), Vary(PathFollowing(), pace=Uniform(0.05, 0.1))):
+        env: Any = DOORS[door]("PTER/PathFollowing-v0", scenario=Draws(task=task), contexts=3)
+        with pytest.raises(ParameterError, match="scenario must be plain data"):
+            env.spec.to_json()
+        assert gymnasium.make(env.spec) if door == "make" else gymnasium.make_vec(env.spec)
 
 
 def test_each_world_may_have_its_own_file_of_a_machine(toml: Path) -> None:

@@ -23,8 +23,8 @@ from documents import (
 )
 from pter_gym import params
 from pter_gym._commands.main import main
-from pter_gym.benchmark.tuned import read_table
 from pter_gym.params import BASELINE, save_machine
+from pter_gym.policies.tuned import read_table
 from pter_gym.tools.tuning.gains_file import format_table
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *DOCS.glob("**/*.md")])

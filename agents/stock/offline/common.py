@@ -23,13 +23,14 @@ def transitions(dataset_id: str) -> TensorDict:
         parts["reward"].append(episode.rewards.astype(np.float32)[:, None])
         parts["terminated"].append(episode.terminations[:, None])
         parts["done"].append((episode.terminations | episode.truncations)[:, None])
-    found = {key: torch.from_numpy(np.concatenate(arrays)) for key, arrays in parts.items()}
+    tensors = {key: torch.from_numpy(np.concatenate(arrays)) for key, arrays in parts.items()}
     later = {
-        "observation": found["next"],
-        **{key: found[key] for key in ("reward", "terminated", "done")},
+        "observation": tensors["next"],
+        **{key: tensors[key] for key in ("reward", "terminated", "done")},
     }
     return TensorDict(
-        {"observation": found["obs"], "action": found["action"], "next": later}, len(found["obs"])
+        {"observation": tensors["obs"], "action": tensors["action"], "next": later},
+        len(tensors["obs"]),
     )
 
 

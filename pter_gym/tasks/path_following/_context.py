@@ -85,10 +85,12 @@ def context_of(
         Start and number of the path's arcs and of the hand's recorded instants in the array of
         constants.
     """
-    held = held_machine(task, machine)
-    hand = task.hand.model(task.pace, held.substep, recording)
-    model = model_of(held)
-    fastest = largest_energy(model.arm, held.substep, task.control_period, strongest(task, machine))
+    machine_in_hand = held_machine(task, machine)
+    hand = task.hand.model(task.pace, machine_in_hand.substep, recording)
+    model = model_of(machine_in_hand)
+    fastest = largest_energy(
+        model.arm, machine_in_hand.substep, task.control_period, strongest(task, machine)
+    )
     clutch, top = machine.clutch, machine.clutch.voltage_max
     scale = math.fsum(machine.slot_scale) / len(machine.clutches)
     return Context(
@@ -102,12 +104,12 @@ def context_of(
             / BASELINE.clutch.breakaway.torque(top),
             dynamic_factor=scale * clutch.dynamic.torque(top) / BASELINE.clutch.dynamic.torque(top),
             friction_drift=task.friction_drift,
-            hand_mass=held.hand.mass,
-            hand_damping=held.hand.damping,
-            hand_stiffness=held.hand.stiffness,
+            hand_mass=machine_in_hand.hand.mass,
+            hand_damping=machine_in_hand.hand.damping,
+            hand_stiffness=machine_in_hand.hand.stiffness,
             hand_push=hand.push,
         ),
-        arrangement=arrangement_of(held),
+        arrangement=arrangement_of(machine_in_hand),
     )
 
 
@@ -126,7 +128,7 @@ def task_model(
         Kinetic energy that the arm may have [J].
     """
     weights: Any = vars(task.reward)
-    made: dict[str, Any] = {
+    numbers: dict[str, Any] = {
         "path": PathModel(*arcs, task.path.length),
         "free": Band(right=task.free_right, left=task.free_left),
         "pace_decay": -math.expm1(-task.control_period / PACE_WINDOW),
@@ -136,5 +138,8 @@ def task_model(
         "sensing": SensingModel(**vars(sensing), is_ideal=float(sensing == IDEAL_SENSING)),
     }
     return TaskModel(
-        **{name: made[name] if name in made else getattr(task, name) for name in TaskModel._fields}
+        **{
+            name: numbers[name] if name in numbers else getattr(task, name)
+            for name in TaskModel._fields
+        }
     )

@@ -284,8 +284,8 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
     ParameterError
         If it cannot, or if ``held_machine`` raises one.
     """
-    held = held_machine(task, machine)
-    arm, h, period = model_of(held).arm, held.substep, task.control_period
+    machine_in_hand = held_machine(task, machine)
+    arm, h, period = model_of(machine_in_hand).arm, machine_in_hand.substep, task.control_period
     require(
         condition(arm, h) <= MAX_CONDITION,
         machine,
@@ -332,19 +332,22 @@ def strongest(task: PathFollowing, machine: Machine) -> float:
 
 def _force_within(length: float, task: PathFollowing, machine: Machine) -> float:
     """Return that bound with the tip within a length [m] of the hand's target at first."""
-    held = held_machine(task, machine)
-    hand = task.hand.model(task.pace, held.substep, (0, 0))
-    recorded = np.abs(task.hand.sampled(task.control_period)).max(axis=0, initial=0.0)
+    machine_in_hand = held_machine(task, machine)
+    hand = task.hand.model(task.pace, machine_in_hand.substep, (0, 0))
+    largest_sample = np.abs(task.hand.sampled(task.control_period)).max(axis=0, initial=0.0)
     stretch = (
         length
         + hand.intent_lead
-        + 0.5 * largest_travel(model_of(held).arm, held.substep, task.control_period)
+        + 0.5
+        * largest_travel(
+            model_of(machine_in_hand).arm, machine_in_hand.substep, task.control_period
+        )
     )
     impedance = task.hand.impedance
     stiffness = impedance.stiffness * (1.0 + math.hypot(*impedance.stiffness_anisotropy))
     pull = stiffness * stretch + max_damping(impedance) * hand.intent_speed
     return pull + math.hypot(
-        abs(hand.push) + recorded[0], math.fsum(map(abs, hand.amplitude)) + recorded[1]
+        abs(hand.push) + largest_sample[0], math.fsum(map(abs, hand.amplitude)) + largest_sample[1]
     )
 
 

@@ -39,10 +39,10 @@ def record(
     if out is not None:
         make_folder(out)
     with progress_bar() as progress:
-        for each, which in product(scenario, level):
-            task = progress.add_task(f"{each}, {which}", total=steps)
+        for name, which in product(scenario, level):
+            task = progress.add_task(f"{name}, {which}", total=steps)
             episodes = record_episodes(
-                each, which, steps, seed=seed, on_steps=partial(progress.advance, task)
+                name, which, steps, seed=seed, on_steps=partial(progress.advance, task)
             )
-            command = f"pter record --scenario {each} --level {which} --steps {steps} --seed {seed}"
-            say(f"wrote {write_dataset(each, which, episodes, out, seed=seed, command=command)}")
+            command = f"pter record --scenario {name} --level {which} --steps {steps} --seed {seed}"
+            say(f"wrote {write_dataset(name, which, episodes, out, seed=seed, command=command)}")

@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from pter_gym._internal.checks import whole_number
-from pter_gym.benchmark._load_policy import load_policy
+from pter_gym._load_policy import load_policy
 from pter_gym.errors import unknown_name
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN
@@ -112,12 +112,12 @@ def record_episodes(
     """
     left, seed = whole_number("steps", steps), whole_number("seed", seed, at_least=0)
     episodes = _episodes(scenario, name_of_actor(scenario, level), seed)
-    recorded: list[RecordedEpisode] = []
+    episodes_so_far: list[RecordedEpisode] = []
     while left > 0:
-        recorded.append(next(episodes))
-        left -= len(recorded[-1].rewards)
-        on_steps(len(recorded[-1].rewards))
-    return recorded
+        episodes_so_far.append(next(episodes))
+        left -= len(episodes_so_far[-1].rewards)
+        on_steps(len(episodes_so_far[-1].rewards))
+    return episodes_so_far
 
 
 def _episodes(scenario: str, actor: str, seed: int) -> Iterator[RecordedEpisode]:
@@ -131,7 +131,7 @@ def _episodes(scenario: str, actor: str, seed: int) -> Iterator[RecordedEpisode]
     following = seed * EPISODES_OF_A_SEED
     seeds: list[int] = list(range(following, following + WORLDS))
     rows: list[list[Any]] = [[] for _ in seeds]
-    ended: dict[int, RecordedEpisode] = {}
+    waiting: dict[int, RecordedEpisode] = {}
     obs = envs.reset(seed=seeds)[0]
     while True:
         actions = act(obs)
@@ -148,17 +148,17 @@ def _episodes(scenario: str, actor: str, seed: int) -> Iterator[RecordedEpisode]
             )
             observed = np.concatenate([observed, after[world : world + 1]])
             arrived, distance = bool(infos["is_success"][world]), float(distances.mean())
-            ended[seeds[world]] = RecordedEpisode(
+            waiting[seeds[world]] = RecordedEpisode(
                 seeds[world], observed, *columns, arrived=arrived, distance=distance
             )
             seeds[world], rows[world] = max(seeds) + 1, []
-        begun = [
+        new_seeds = [
             new if is_over else None for new, is_over in zip(seeds, over.tolist(), strict=True)
         ]
-        obs = envs.reset(seed=begun, options={"reset_mask": over})[0]
+        obs = envs.reset(seed=new_seeds, options={"reset_mask": over})[0]
         begin(over)
-        while following in ended:
-            yield ended.pop(following)
+        while following in waiting:
+            yield waiting.pop(following)
             following += 1
 
 

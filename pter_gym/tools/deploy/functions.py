@@ -91,10 +91,10 @@ def arctangent(y: float, x: float) -> float:
     t = y / reach if reach > 0.0 else 0.0
     t = t / (1.0 + math.sqrt(1.0 + t * t))
     t = t / (1.0 + math.sqrt(1.0 + t * t))
-    found = 0.0
+    angle = 0.0
     for k in range(21, 0, -2):
-        found = 1.0 / k - t * t * found
-    return turned + 8.0 * t * found
+        angle = 1.0 / k - t * t * angle
+    return turned + 8.0 * t * angle
 
 
 @entrywise
@@ -124,8 +124,8 @@ def observe(
     measured = measurement_of(reading, arm, arcs, 0, count, segment)
     last = (count - 1) * SEGMENT_WIDTH
     length = arcs[last + SEGMENT.start] + arcs[last + SEGMENT.length]
-    seen = observation(measured, arm, NO_BAND, length, pace, volts)
-    write(out, OBS, scaled(seen, inverse_scale))
+    observed = observation(measured, arm, NO_BAND, length, pace, volts)
+    write(out, OBS, scaled(observed, inverse_scale))
     return int(measured.foot.segment)
 
 

@@ -4,6 +4,7 @@ The graph computes in float64, as the policy's own law does: float32 would diffe
 than a millionth of the largest voltage.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +14,16 @@ from numpy.typing import NDArray
 from pter_gym import __version__
 from pter_gym._internal.files import FilePath, check_target, find_path, write_bytes_atomic
 from pter_gym.controllers import AnyPolicy
-from pter_gym.controllers._network import BASE_INPUTS, DERIVED, INPUT_LIMIT
+from pter_gym.controllers._network import BASE_INPUTS, INPUT_LIMIT
 from pter_gym.controllers._policy import sensors_of
 from pter_gym.errors import ParameterError, needs_extra
 from pter_gym.params import Machine, find_machine
 from pter_gym.policies import TrainedPolicy
+from pter_gym.policies._interface import available, quantities, to_volts
 from pter_gym.tasks.path_following import observation_layout
 
 OPSET = 18
 """Version of ONNX's operators."""
-
-OF_HEADING = ("heading_cos", "heading_sin", "cos_a", "sin_a", "cos_b", "sin_b")
-"""Entries of the observation from which the angles between links and path are derived."""
 
 
 def write_onnx(
@@ -36,7 +35,8 @@ def write_onnx(
     names, as they are in the observation, and ``base_1`` to ``base_4``, the voltages of the
     controller that it corrects [V]. A network that sees earlier inputs or averages also has the
     input ``earlier``, float32 (N, inputs · (delays + averages)): what the output ``inputs`` was so
-    many decisions ago, then its averages. The output ``volts`` is float32 (N, clutches) [V].
+    many decisions ago, then its averages; the model's metadata has both lists. The output ``volts``
+    is float32 (N, clutches) [V].
 
     Parameters
     ----------
@@ -81,7 +81,6 @@ class Graph:
     def __init__(self) -> None:
         self.nodes: list[Any] = []
         self.constants: list[Any] = []
-        self.inputs: dict[str, str] = {}
 
     def node(self, operator: str, *inputs: str, out: str = "", **attributes: Any) -> str:
         """Return the output of a node."""
@@ -91,12 +90,12 @@ class Graph:
         self.nodes.append(helper.make_node(operator, inputs, [name], **attributes))
         return name
 
-    def constant(self, values: Any) -> str:
-        """Return float64 numbers."""
+    def constant(self, values: Any, kind: Any = np.float64) -> str:
+        """Return numbers."""
         from onnx import numpy_helper
 
         name = f"constant_{len(self.constants)}"
-        self.constants.append(numpy_helper.from_array(np.asarray(values, np.float64), name))
+        self.constants.append(numpy_helper.from_array(np.asarray(values, kind), name))
         return name
 
     def weights(self, values: NDArray[np.float32], name: str) -> str:
@@ -112,15 +111,81 @@ class Graph:
 
         return self.node("Cast", name, out=out, to=getattr(TensorProto, kind))
 
-    def entry(self, name: str) -> str:
-        """Return an input of the model as float64."""
-        if name not in self.inputs:
-            self.inputs[name] = self.cast(name, "DOUBLE")
-        return self.inputs[name]
-
     def limited(self, x: str, low: float, high: float) -> str:
+        """Return numbers limited to [low, high] as ``clamp`` does, which makes ``low`` of NaN."""
+        least, most = self.constant(low), self.constant(high)
+        x = self.node("Where", self.node("Greater", x, least), x, least)
+        return self.node("Where", self.node("Less", x, most), x, most)
+
+    def prune(self, outputs: Sequence[str]) -> set[str]:
+        """Drop the nodes and constants that no output needs; return the tensors that are needed."""
+        needed, nodes = set(outputs), list[Any]()
+        for node in reversed(self.nodes):
+            if needed & {*node.output}:
+                nodes.append(node)
+                needed |= {*node.input}
+        self.nodes = nodes[::-1]
+        self.constants = [each for each in self.constants if each.name in needed]
+        return needed
+
+
+class Columns:
+    """Tensors (N, 1) of a graph that functions on arrays, (N, columns), take for one."""
+
+    def __init__(self, graph: Graph, names: Sequence[str]) -> None:
+        self.graph, self.names = graph, list(names)
+
+    def _each(self, operator: str, left: Any, right: Any) -> "Columns":
+        sides = [
+            each.names
+            if isinstance(each, Columns)
+            else [self.graph.constant(each)] * len(self.names)
+            for each in (left, right)
+        ]
+        pairs = zip(*sides, strict=True)
+        return Columns(self.graph, [self.graph.node(operator, *pair) for pair in pairs])
+
+    def __add__(self, other: Any) -> "Columns":
+        return self._each("Add", self, other)
+
+    def __sub__(self, other: Any) -> "Columns":
+        return self._each("Sub", self, other)
+
+    def __mul__(self, other: Any) -> "Columns":
+        return self._each("Mul", self, other)
+
+    def __rmul__(self, other: Any) -> "Columns":
+        return self._each("Mul", other, self)
+
+    def __truediv__(self, other: Any) -> "Columns":
+        return self._each("Div", self, other)
+
+    def __getitem__(self, place: tuple[slice, slice]) -> "Columns":
+        return Columns(self.graph, self.names[place[1]])
+
+    @property
+    def T(self) -> "list[Columns]":
+        """Its columns."""
+        return [Columns(self.graph, [name]) for name in self.names]
+
+    def __array_namespace__(self) -> "type[Columns]":
+        return Columns
+
+    @staticmethod
+    def clip(x: "Columns", low: float, high: float) -> "Columns":
         """Return numbers limited to [low, high]."""
-        return self.node("Clip", x, self.constant(low), self.constant(high))
+        return Columns(x.graph, [x.graph.limited(name, low, high) for name in x.names])
+
+    @staticmethod
+    def concat(arrays: "Sequence[Columns]", **_: int) -> "Columns":
+        """Return columns beside each other."""
+        return Columns(arrays[0].graph, [name for each in arrays for name in each.names])
+
+    stack = concat
+
+    def joined(self) -> str:
+        """Return the columns as one tensor."""
+        return self.graph.node("Concat", *self.names, axis=1)
 
 
 def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
@@ -129,73 +194,52 @@ def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
 
     layout, interface = observation_layout(machine, sensors_of(policy)), policy.interface
     policy.bind(machine, layout)
-    graph, count = Graph(), len(interface.inputs)
-    scales = dict(zip(layout.names, layout.scales, strict=True))
-    columns = [input_of(graph, each.name, scales) for each in interface.inputs]
-    x = graph.node("Concat", *columns, axis=1)
+    graph, count, clutches = Graph(), len(interface.inputs), len(interface.clutches)
+    residual, names = interface.base is not None, (*layout.names, *BASE_INPUTS)
+    entries = {entry: graph.cast(entry, "DOUBLE") for entry in names}
+    scaled = [
+        entries[entry] if scale == 1.0 else graph.node("Mul", entries[entry], graph.constant(scale))
+        for entry, scale in zip(layout.names, layout.scales.tolist(), strict=True)
+    ]
+    base = Columns(graph, [entries[each] for each in BASE_INPUTS])
+    values = quantities(Columns(graph, scaled), base, layout, residual=residual)
+    columns = dict(zip(available(layout, residual=residual), values.names, strict=True))
+    x = Columns(graph, [columns[each.name] for each in interface.inputs]).joined()
     x = graph.node("Sub", x, graph.constant([each.center for each in interface.inputs]))
     x = graph.node("Div", x, graph.constant([each.scale for each in interface.inputs]))
     x = graph.limited(x, -INPUT_LIMIT, INPUT_LIMIT)
     earlier = interface.size - count
     if earlier:
         graph.cast(x, "FLOAT", out="inputs")
-        x = graph.node("Concat", x, graph.entry("earlier"), axis=1)
+        x = graph.node("Concat", x, graph.cast("earlier", "DOUBLE"), axis=1)
     for layer, (weight, bias) in enumerate(policy.layers):
         weights = graph.weights(weight, f"layer_{layer}.weight")
         x = graph.node("Gemm", x, weights, graph.weights(bias, f"layer_{layer}.bias"), transB=1)
         x = graph.node("Tanh", x) if layer < len(policy.layers) - 1 else x
-    graph.cast(voltages(graph, graph.limited(x, -1.0, 1.0), policy), "FLOAT", out="volts")
-    sizes = {each: earlier if each == "earlier" else 1 for each in graph.inputs}
-    outputs = {"volts": len(interface.clutches)} | ({"inputs": count} if earlier else {})
+    places = (graph.constant([k], np.int64) for k in range(clutches))
+    outputs = Columns(graph, [graph.node("Gather", x, place, axis=1) for place in places])
+    middle = graph.constant([[0.5 * interface.voltage_max]])
+    volts = to_volts(outputs, base if residual else Columns(graph, [middle] * clutches), interface)
+    graph.cast(volts.joined(), "FLOAT", out="volts")
+    widths = {"volts": clutches} | ({"inputs": count} if earlier else {})
+    needed = graph.prune(list(widths))
+    sizes = dict.fromkeys(names, 1) | {"earlier": earlier}
     ends, starts = (
         [
             helper.make_tensor_value_info(tensor, TensorProto.FLOAT, ["N", size])
             for tensor, size in side.items()
+            if tensor in needed
         ]
-        for side in (outputs, sizes)
+        for side in (widths, sizes)
     )
     whole = helper.make_graph(graph.nodes, name, starts, ends, graph.constants)
-    return helper.make_model(
+    model = helper.make_model(
         whole,
         opset_imports=[helper.make_opsetid("", OPSET)],
         ir_version=9,
         producer_name="pter_gym",
         producer_version=__version__,
     )
-
-
-def input_of(graph: Graph, name: str, scales: dict[str, float]) -> str:
-    """Return the tensor of an input of the network, in its unit."""
-    if name in BASE_INPUTS:
-        return graph.entry(name)
-    if name not in DERIVED:
-        entry, scale = graph.entry(name), scales[name]
-        return entry if scale == 1.0 else graph.node("Mul", entry, graph.constant(scale))
-    cos, sin, cos_a, sin_a, cos_b, sin_b = map(graph.entry, OF_HEADING)
-    of_a = name.startswith("heading_a")
-    cos_link, sin_link = (cos_a, sin_a) if of_a else (cos_b, sin_b)
-    pairs, sign = (
-        (((cos, cos_link), (sin, sin_link)), "Add")
-        if name.endswith("cos")
-        else (((sin, cos_link), (cos, sin_link)), "Sub")
-    )
-    return graph.node(sign, *(graph.node("Mul", *pair) for pair in pairs))
-
-
-def voltages(graph: Graph, output: str, policy: TrainedPolicy) -> str:
-    """Return the voltages [V] of limited outputs; see ``pter_gym.policies.Interface``."""
-    interface = policy.interface
-    top = interface.voltage_max
-    if interface.normalised:
-        linear = graph.node(
-            "Mul", graph.node("Add", output, graph.constant(1.0)), graph.constant(top / 2.0)
-        )
-        return graph.node("Mul", linear, graph.node("Div", linear, graph.constant(top)))
-    if interface.base is None:
-        base = graph.constant(top / 2.0)
-    else:
-        base = graph.node(
-            "Concat", *map(graph.entry, BASE_INPUTS[: len(interface.clutches)]), axis=1
-        )
-    corrected = graph.node("Add", base, graph.node("Mul", output, graph.constant(interface.reach)))
-    return graph.limited(corrected, 0.0, top)
+    steps = {"history": interface.history, "averages": interface.averages}
+    helper.set_model_props(model, {key: " ".join(map(str, each)) for key, each in steps.items()})
+    return model

@@ -151,7 +151,7 @@ def source_of(
     )
     program.call(command, law.function, obs, scales, gains, memory, top, whole=True)
     prepare(program, machine)
-    named: dict[str, Any] = {
+    functions_by_name: dict[str, Any] = {
         "title": f"The policy {name} for the passive arm PTER.",
         "real": numbers,
         "period": repr(PathFollowing.control_period),
@@ -166,11 +166,11 @@ def source_of(
         "path": path_table(curve, program),
         **BITS[numbers],
     }
-    named["path"] = renamed(named["path"], prefix)
+    functions_by_name["path"] = renamed(functions_by_name["path"], prefix)
     texts = {file: renamed((STATIC / file).read_text("utf-8"), prefix) for file in FILES}
     return Source(
         {
-            file.replace("pter", prefix): Template(text).substitute(named)
+            file.replace("pter", prefix): Template(text).substitute(functions_by_name)
             for file, text in texts.items()
         },
         bound,
@@ -218,8 +218,8 @@ def regions(gains: Any, steps: tuple[float, ...]) -> Iterator[Region]:
     for layer in range(layers):
         biases, end = at + int(sizes[layer + 1]), at + int(sizes[layer + 1] * (1 + sizes[layer]))
         yield Region(f"biases_{layer}", at, biases, "float")
-        stored = ("signed char", steps[layer]) if steps else ("float", None)
-        yield Region(f"weights_{layer}", biases, end, *stored)
+        kind = ("signed char", steps[layer]) if steps else ("float", None)
+        yield Region(f"weights_{layer}", biases, end, *kind)
         at = end
 
 

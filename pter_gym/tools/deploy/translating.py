@@ -161,20 +161,22 @@ class Program:
         )
         if key not in self.functions:
             names = [each.name for each in self.functions.values()]
-            made = Translated(next(each for each in numbered(python.__name__) if each not in names))
-            self.functions[key] = made
-            _Body(self, made, python, known, passed).translate(whole=whole)
+            translation = Translated(
+                next(each for each in numbered(python.__name__) if each not in names)
+            )
+            self.functions[key] = translation
+            _Body(self, translation, python, known, passed).translate(whole=whole)
             self.functions[key] = self.functions.pop(key)  # after those that it calls
-        made = self.functions[key]
+        translation = self.functions[key]
         texts = (
             self.pointer(each) if isinstance(each, Array) else self.text(each)
-            for each in map(passed.get, made.reads)
+            for each in map(passed.get, translation.reads)
         )
-        counts = (self.text(passed[name].count, "int") for name in made.counted)
-        call = f"{made.name}({', '.join((*texts, *counts))})"
-        if made.returns is not None:
-            return Expression(made.returns, call), "", made.writes
-        return made.value, f"{call};" if made.writes else "", made.writes
+        counts = (self.text(passed[name].count, "int") for name in translation.counted)
+        call = f"{translation.name}({', '.join((*texts, *counts))})"
+        if translation.returns is not None:
+            return Expression(translation.returns, call), "", translation.writes
+        return translation.value, f"{call};" if translation.writes else "", translation.writes
 
     def _signature(self, value: Any) -> Any:
         return (
@@ -381,9 +383,9 @@ class _Body:
             case ast.Expr(value=ast.Constant()):
                 return False
             case ast.Expr(value=value):
-                found = self._value(value)
-                if isinstance(found, Expression):
-                    self._emit(f"{found.text};")
+                result = self._value(value)
+                if isinstance(result, Expression):
+                    self._emit(f"{result.text};")
             case ast.Return(value=value):
                 self._give_back(None if value is None else self._value(value))
                 return True
@@ -523,12 +525,12 @@ class _Body:
             return self._block(node.body if condition else node.orelse)
         self._unknown([*node.body, *node.orelse])
         self._emit(f"if ({condition.text}) {{")
-        ended = self._inside(node.body)
+        returns = self._inside(node.body)
         if node.orelse:
             self._emit("} else {")
-            ended &= self._inside(node.orelse)
+            returns &= self._inside(node.orelse)
         self._emit("}")
-        return ended and bool(node.orelse)
+        return returns and bool(node.orelse)
 
     def _loop(self, name: str, arguments: list[Any], node: ast.For) -> None:
         start, stop, step = (0, *arguments, 1) if len(arguments) == 1 else (*arguments, 1)[:3]
@@ -640,9 +642,9 @@ class _Body:
             return self._logic(sign, level, left, right)
         kind = next(each for each in ("real", "single", "int", "bool") if each in kinds)
         if kind == "int" and level == SUM and (sign == "+" or is_known(right)):
-            known, other = (right, left) if is_known(right) else (left, right)
-            if is_known(known):
-                return replace(other, shift=other.shift + (known if sign == "+" else -known))
+            constant, other = (right, left) if is_known(right) else (left, right)
+            if is_known(constant):
+                return replace(other, shift=other.shift + (constant if sign == "+" else -constant))
         cast, kind = ("(real)", "real") if isinstance(op, ast.Div) and kind == "int" else ("", kind)
         sides = [
             self.program.text(value, kind, at)
@@ -745,22 +747,22 @@ class _Body:
             cast = PLAIN[function] or "(real)"
             return first if as_it_is else Expression(kind, f"{cast}{bound(first, UNARY)}", UNARY)
         result = self.program.text(first, "real")
-        for each in others:
-            result = f"{PLAIN[function]}({result}, {self.program.text(each, 'real')})"
+        for operand in others:
+            result = f"{PLAIN[function]}({result}, {self.program.text(operand, 'real')})"
         return Expression("real", result if others else f"{PLAIN[function]}({result})")
 
     def _record(self, kind: Any, arguments: Sequence[Any], named: Mapping[str, Any]) -> Any:
-        made = kind(*arguments, **named)
-        if is_known(made):
-            return made
+        record = kind(*arguments, **named)
+        if is_known(record):
+            return record
         usual = [each for _, each in fields_of(kind)]
         kinds = (
             each if each == "single" or isinstance(each, Observed) else None
-            for each in map(kind_of, made)
+            for each in map(kind_of, record)
         )
         types = tuple(each or use for each, use in zip(kinds, usual, strict=True))
         kind = kind if types == tuple(usual) else Observed(kind, types)
-        return Expression(kind, self.program.literal(tuple(made), kind))
+        return Expression(kind, self.program.literal(tuple(record), kind))
 
     def _read(self, array: Any, at: Any, first: Any) -> Any:
         """Return a record from an array; see ``pter_gym._compiled.records``."""

@@ -9,7 +9,7 @@ import numpy as np
 from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.benchmark.rollout import record_episode
 from pter_gym.controllers import AnyPolicy
-from pter_gym.haptics import force_extremes, impedance, link_angles, wall_stiffness, z_width
+from pter_gym.haptics import apparent_stiffness, force_extremes, impedance, link_angles, z_width
 from pter_gym.params import Machine
 from pter_gym.paths import Line
 from pter_gym.scenarios import find_scenario
@@ -39,7 +39,7 @@ class Rendering:
     free_impedance
         ``|F/V|`` across the line at ``FREQUENCY`` without voltage [N·s/m]; infinite where 10 N do
         not move the arm.
-    wall_stiffness
+    apparent_stiffness
         Stiffness [N/m] of the wall of the scenario ``wall`` with the law that was given; NaN if
         nothing touched it.
     z_width_db
@@ -52,7 +52,7 @@ class Rendering:
     least_resisting_n: float
     largest_resisting_n: float
     free_impedance: float
-    wall_stiffness: float
+    apparent_stiffness: float
     z_width_db: float
 
 
@@ -69,7 +69,7 @@ def measure_rendering(own: Machine, law: AnyPolicy, pace: str) -> Rendering:
         least_resisting_n=float(forces.least_resisting),
         largest_resisting_n=float(forces.largest_resisting),
         free_impedance=free,
-        wall_stiffness=stiff,
+        apparent_stiffness=stiff,
         z_width_db=z_width(stiff, free, FREQUENCY) if wide else math.nan,
     )
 
@@ -96,4 +96,4 @@ def _stiffness_of_wall(own: Machine, law: AnyPolicy, pace: str) -> float:
         into = np.array([[math.sin(task.path.heading(0.0))], [-math.cos(task.path.heading(0.0))]])
         forces.append((rows[:, [*COLUMN.force]] @ into)[:, 0])
         depths.append(-rows[:, COLUMN.normal_error])
-    return wall_stiffness(np.concatenate(forces), np.concatenate(depths))
+    return apparent_stiffness(np.concatenate(forces), np.concatenate(depths))

@@ -19,10 +19,10 @@ from pter_gym.benchmark.boards import Leaderboard, leaderboards
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.benchmark.scores import ScenarioRun
-from pter_gym.benchmark.tuned import with_gains
 from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import unknown_name
 from pter_gym.params import Machine, find_machine
+from pter_gym.policies.tuned import with_gains
 from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.tools.device.measures import FREQUENCY, Rendering, measure_rendering
 from pter_gym.tools.tuning.search import tune
@@ -213,7 +213,7 @@ ROWS = {
     "least_resisting_n": ("Force against the motion, worst direction", "N"),
     "largest_resisting_n": ("Force against the motion, best direction", "N"),
     "free_impedance": (f"Impedance without voltage, {FREQUENCY:g} Hz", "N·s/m"),
-    "wall_stiffness": ("Stiffness of a rendered wall", "N/m"),
+    "apparent_stiffness": ("Apparent stiffness of a wall", "N/m"),
     "z_width_db": (f"Z-width, {FREQUENCY:g} Hz", "dB"),
 }
 """What the page says of each number of ``Rendering``."""

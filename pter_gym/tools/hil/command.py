@@ -75,22 +75,22 @@ def hil(
     if csv:
         check_target("csv", csv)
         check_table(csv)
-    drawn = find_scenario(scenario)
-    controller = find_policy(policy, drawn.whose_gains)
-    chosen = find_episodes(drawn, pace).first(episodes)
-    paced = tuple(replace(task, control_period=1.0 / rate) for task in chosen.tasks)
+    distribution = find_scenario(scenario)
+    controller = find_policy(policy, distribution.whose_gains)
+    episode_set = find_episodes(distribution, pace).first(episodes)
+    paced = tuple(replace(task, control_period=1.0 / rate) for task in episode_set.tasks)
     if any((task.free_left, task.free_right) != (0.0, 0.0) for task in paced):
         raise ParameterError("scenario must have paths without a free band, which C does not know")
     other = Partner(Line(partner, baud), deadline, real_time=real_time)
     records: list[list[Array]] = [[] for _ in paced]
     try:
         for record, machine, task, seed in zip(
-            records, chosen.machines, paced, chosen.seeds, strict=True
+            records, episode_set.machines, paced, episode_set.seeds, strict=True
         ):
             other.drive(machine, task, seed, record)
     finally:
         other.line.close()
-        report(records, replace(chosen, tasks=paced, limits=()), controller, csv)
+        report(records, replace(episode_set, tasks=paced, limits=()), controller, csv)
         say(timing(other))
 
 
@@ -102,18 +102,18 @@ def report(records: "list[list[Array]]", episodes: Any, controller: Any, csv: Pa
     from pter_gym.benchmark.rollout import evaluate
     from pter_gym.benchmark.scores import score_episodes
 
-    done = [np.array(record) for record in records if len(record) > 1]
-    if not done:
+    steps = [np.array(record) for record in records if len(record) > 1]
+    if not steps:
         return
-    first = episodes.first(len(done))
-    telemetry = np.full((max(map(len, done)), len(done), done[0].shape[1]), np.nan)
-    for k, rows in enumerate(done):
+    first = episodes.first(len(steps))
+    telemetry = np.full((max(map(len, steps)), len(steps), steps[0].shape[1]), np.nan)
+    for k, rows in enumerate(steps):
         telemetry[: len(rows), k] = rows
     top = first.machines[0].clutch.voltage_max
     own = score_episodes(telemetry, first.tasks, voltage_max=top)
     python = evaluate(controller, first, 1)
     same = np.all([own[name] == python[name] for name in own], axis=0)
-    for k in range(len(done)):
+    for k in range(len(steps)):
         ours, theirs = (1e3 * each["path_error_m"][k] for each in (own, python))
         say(
             f"episode {k + 1}: path error {ours:.4f} mm, {theirs:.4f} mm in Python, "
@@ -121,7 +121,7 @@ def report(records: "list[list[Array]]", episodes: Any, controller: Any, csv: Pa
             f"{'arrived' if own['completed'][k] else 'ended'} after {own['duration_s'][k]:.2f} s"
         )
     if csv:
-        write_trajectories({f"episode {k}": rows for k, rows in enumerate(done, 1)}, csv)
+        write_trajectories({f"episode {k}": rows for k, rows in enumerate(steps, 1)}, csv)
         say(f"wrote {csv}")
 
 

@@ -93,7 +93,7 @@ class Line:
 
         Raises a PolicyError if the line is cut.
         """
-        while (left := until - time.monotonic()) > 0.0:
+        while (remaining := until - time.monotonic()) > 0.0:
             frame, zero, rest = self._bytes.partition(b"\0")
             if zero or len(frame) > LARGEST:
                 self._bytes = rest
@@ -102,15 +102,15 @@ class Line:
                     return payload
                 self.broken += bool(frame)
                 continue
-            if not select.select([self._end], [], [], left)[0]:
+            if not select.select([self._end], [], [], remaining)[0]:
                 return None
             try:
-                read = os.read(self._end, LARGEST)
+                data = os.read(self._end, LARGEST)
             except OSError as error:
                 raise self._cut(error) from None
-            if not read:
+            if not data:
                 raise self._cut("nobody is at its other end")
-            self._bytes += read
+            self._bytes += data
         return None
 
     def _cut(self, why: object) -> PolicyError:

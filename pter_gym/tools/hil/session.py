@@ -97,8 +97,8 @@ class Partner:
     def begin(self, task: PathFollowing) -> None:
         """Tell the partner pace and path until it answers."""
         arcs = np.ascontiguousarray(task.path.arcs.table, "<f8")
-        begun = time.monotonic()
-        while (now := time.monotonic()) - begun < PATIENCE:
+        started = time.monotonic()
+        while (now := time.monotonic()) - started < PATIENCE:
             self.line.send(struct.pack("<Id", 0, task.pace) + arcs.tobytes())
             while (number := self.hear(now + HELLO)) is not None:
                 if number == 0:
@@ -112,13 +112,13 @@ class Partner:
     def decide(self, reading: Array) -> NDArray[np.float32]:
         """Return the voltages for a reading: those of the newest answer that has come."""
         time.sleep(max(0.0, self.due - time.monotonic()))
-        begun = time.monotonic()
-        self.due = max(self.due, begun) + self.period if self.period else begun
+        started = time.monotonic()
+        self.due = max(self.due, started) + self.period if self.period else started
         self.number += 1
         self.line.send(struct.pack("<I", self.number) + reading.astype("<f8").tobytes())
-        while (number := self.hear(begun + self.deadline)) is not None:
+        while (number := self.hear(started + self.deadline)) is not None:
             if number == self.number:
-                self.latencies.append(self.heard - begun)
+                self.latencies.append(self.heard - started)
                 return self.volts
         self.missed += 1
         silence = max(SILENCE, 3.0 * self.deadline)

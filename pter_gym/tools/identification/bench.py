@@ -115,10 +115,10 @@ def identify_clutch(bench: Bench, start: Clutch) -> BenchResult:
     curve = start.dynamic
     first = np.array([curve.slope, 0.01, 1.1, 0.1, 0.001, start.time_constant, 1.0])
     first[0] = max(float(bench.torque.max()) / float(bench.volts.max()), 2.0 * LOW[0])
-    found = _OPTIMIZE.least_squares(
+    solution = _OPTIMIZE.least_squares(
         residual, first, bounds=(LOW, HIGH), x_scale=np.maximum(first, 0.01), loss="soft_l1"
     )
-    jacobian, left = found.jac, residual(found.x)
+    jacobian, left = solution.jac, residual(solution.x)
     parts = np.array_split(np.arange(len(left)), BLOCKS)
     normal = jacobian.T @ jacobian
     size = np.sqrt(np.diag(normal)) + 1e-12
@@ -130,7 +130,7 @@ def identify_clutch(bench: Bench, start: Clutch) -> BenchResult:
     errors = float(_STATS.t.ppf(0.975, BLOCKS - len(LOW))) * np.linalg.norm(np.stack(moved), axis=0)
     share = float(np.sqrt(np.mean(left**2)))
     findings: list[Finding] = []
-    for (name, unit), value, error, jump in zip(NAMES, found.x, errors, first, strict=True):
+    for (name, unit), value, error, jump in zip(NAMES, solution.x, errors, first, strict=True):
         judged = {
             "off_state": 0.1 * scale,
             "viscous": 0.1 * scale / float(np.median(speed[turning])),

@@ -93,19 +93,19 @@ def show_machine(log: "Log", start: "Machine", out: Path) -> None:
     make_folder(out)
     with progress_bar() as progress:
         task = progress.add_task("identify", total=100)
-        found = search(
+        result = search(
             log, start, lambda share: progress.update(task, completed=round(100 * share))
         )
-    title = "\n".join(["Written by pter identify. Assumed:", *found.assumptions])
-    text = format_machine(found.machine, ASSUMED, origins_of(found), title)
-    write_files_atomic(out, {"machine.toml": text.encode(), "identified.png": png(picture(found))})
-    for sentence in (found.verdict.sentence, *found.verdict.hints):
+    title = "\n".join(["Written by pter identify. Assumed:", *result.assumptions])
+    text = format_machine(result.machines, ASSUMED, origins_of(result), title)
+    write_files_atomic(out, {"machine.toml": text.encode(), "identified.png": png(picture(result))})
+    for sentence in (result.verdict.sentence, *result.verdict.hints):
         say(sentence)
-    terminal().print(findings_table(found.findings))
-    for finding in found.findings:
+    terminal().print(findings_table(result.findings))
+    for finding in result.findings:
         if finding.reason:
             say(f"{finding.quantity.name} is kept: {finding.reason}")
-    for assumption in found.assumptions:
+    for assumption in result.assumptions:
         say(f"assumed: {assumption}")
     say(f"wrote {out / 'machine.toml'} and {out / 'identified.png'}")
 

@@ -100,9 +100,9 @@ def admit_terms(fit: Fit, kept: dict[int, str]) -> None:
     while waiting:
         evidence = Evidence(fit)
         tests = {(i, size): evidence.term(i, size) for i in waiting for size in SIZES[i]}
-        asked = {test: _asked(test[0], amount) for test, amount in tests.items()}
-        i, size = max(asked, key=lambda test: asked[test])
-        if asked[i, size] < SIGNIFICANT:
+        significance = {test: _asked(test[0], amount) for test, amount in tests.items()}
+        i, size = max(significance, key=lambda test: significance[test])
+        if significance[i, size] < SIGNIFICANT:
             kept |= {i: _unseen(fit, i, {n: tests[i, n] for n in SIZES[i]}) for i in waiting}
             return
         fit.p[i] += size * (1.0 if i == at.STRIBECK else tests[i, size].value)
@@ -138,7 +138,7 @@ def find_differences(fit: Fit, log: Log, motion: Smoothed) -> dict[str, str]:
     Adds to the fit's spread how far coordinates would go if the number had a value of its own in
     the part that tells less of it.
     """
-    said: list[tuple[float, str, str]] = []
+    differences: list[tuple[float, str, str]] = []
     parts = list(_parts(fit, log, motion))
     if not (fit.free and parts):
         return {}
@@ -147,14 +147,14 @@ def find_differences(fit: Fit, log: Log, motion: Smoothed) -> dict[str, str]:
         tests = [(name, evidence.part(column, part)) for name, part in parts]
         name, amount = max(tests, key=lambda test: abs(test[1].significance))
         if abs(amount.significance) >= SIGNIFICANT:
-            said.append((abs(amount.significance), COORDINATES[i].quantity, name))
+            differences.append((abs(amount.significance), COORDINATES[i].quantity, name))
             own = np.eye(len(fit.free))[column] - amount.along
             change = np.zeros(at.COUNT)
             change[fit.free] = amount.value * min(
                 own, amount.along, key=lambda way: abs(float(way[column]))
             )
             fit.spread = fit.spread + np.outer(change, change)
-    return {quantity: name for _, quantity, name in sorted(said, reverse=True)}
+    return {quantity: name for _, quantity, name in sorted(differences, reverse=True)}
 
 
 def _parts(fit: Fit, log: Log, motion: Smoothed) -> Iterator[tuple[str, Flags]]:

@@ -186,7 +186,7 @@ class Fit:
             by = weights[:, :, None] * self._at(self._with(x)).jacobian[:, :, self.free]
             return np.concatenate([by.reshape(-1, len(x)), prior])
 
-        found = _OPTIMIZE.least_squares(
+        solution = _OPTIMIZE.least_squares(
             residual,
             self.p[self.free].clip(low, high),
             jacobian,
@@ -196,7 +196,7 @@ class Fit:
             ftol=TOLERANCE,
             max_nfev=MAX_EVALUATIONS,
         )
-        self.p = self._with(found.x)
+        self.p = self._with(solution.x)
 
     def _with(self, x: Array) -> Array:
         p = self.p.copy()
@@ -218,10 +218,14 @@ class Fit:
         )
         return np.stack([told * squares, told**2, np.zeros_like(told)])
 
+    @property
+    def trust(self) -> Array:
+        """Share in which each window counts, shape (windows,): less if it is far off the others."""
+        return self._told(np.mean(self.residual**2, axis=1))
+
     def factors(self) -> Array:
         """Return the factors of the residuals of each window [1/rad], shape (windows,)."""
-        told = self._told(np.mean(self._at(self.p).residual ** 2, axis=1))
-        return np.sqrt(self.weights) * told / self.error
+        return np.sqrt(self.weights) * self.trust / self.error
 
     def weighed(self) -> tuple[Array, Array]:
         """Return residuals and their derivatives by the free coordinates, times ``factors``."""
@@ -245,10 +249,10 @@ class Fit:
             angles, by, by_start = differentiate(self.shape, p, w.inputs, self.starts, w.length)
             off = _finite(angles.reshape(-1, rows)) - w.measured.reshape(-1, rows)
             by_start = np.nan_to_num(by_start.reshape(-1, rows, 4)) @ w.uncertain
-            told = np.concatenate(
+            columns = np.concatenate(
                 [off[:, :, None], np.nan_to_num(by.reshape(-1, rows, at.COUNT))], axis=2
             )
-            left, along = self._projected(by_start, told)
+            left, along = self._projected(by_start, columns)
             if len(self._known) > 3:
                 self._known.clear()
             self._known[key] = Point(left[:, :, 0], left[:, :, 1:], by_start, along[:, :, 0])
@@ -287,6 +291,26 @@ class Fit:
         covariance[unseen, unseen] = UNSEEN
         return covariance, float(_STATS.t.ppf(0.975, max(len(changes) - len(self.free), 1)))
 
+    def bias(self, slopes: Array, left: Array) -> Array:
+        """Return how far errors of the model can have moved numbers, if all windows agree.
+
+        Parameters
+        ----------
+        slopes
+            Derivatives of the numbers by the free coordinates, shape (numbers, free).
+        left
+            Root mean square of the angles that the model leaves in each window [rad]: what it left
+            and what went into the numbers are taken to be of one size.
+        """
+        _, jacobian = self.weighed()
+        information = np.einsum("wij,wik->jk", jacobian, jacobian, optimize=True)
+        size = np.sqrt(np.maximum(np.diag(information), 1e-30))
+        normal = information / np.outer(size, size) + SINGULAR * np.eye(len(size))
+        shares = _LINEAR.solve(normal, (slopes / size).T).T / size
+        by_window = np.linalg.norm(np.einsum("qk,wik->wqi", shares, jacobian), axis=2)
+        moved = self.factors() * left * np.sqrt(jacobian.shape[1])
+        return np.asarray(moved @ by_window)
+
     def weakest(self) -> Array:
         """Return the change of coordinates of which the log tells least, shape (21,).
 
@@ -302,6 +326,11 @@ class Fit:
     def residual(self) -> Array:
         """Predicted less measured angles [rad] but for wrong starts, shape (windows, 2·length)."""
         return self._at(self.p).residual
+
+    @property
+    def jacobian(self) -> Array:
+        """Derivatives of the residuals by all coordinates, shape (windows, 2·length, 21)."""
+        return self._at(self.p).jacobian
 
     def sizes(self) -> Array:
         """Return the root mean square of each window's residuals [rad], shape (windows,)."""

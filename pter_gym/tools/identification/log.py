@@ -13,7 +13,6 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import interpolate, ndimage
 
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.tables import read_table
@@ -22,9 +21,6 @@ from pter_gym.errors import ParameterError
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 Flags = NDArray[np.bool_]
-
-_INTERPOLATE: Any = interpolate
-_NDIMAGE: Any = ndimage
 
 TIME = "t_s"
 VOLTS = ("V1", "V2", "V3", "V4")
@@ -141,9 +137,12 @@ class Log:
 
     def is_clear(self, margin: int) -> Flags:
         """Return which rows are more than ``margin`` rows away from any gap, shape (rows,)."""
+        from scipy import ndimage
+
+        morphology: Any = ndimage
         gaps = np.zeros(len(self.theta), np.bool_)
         gaps[self.unmeasured] = True
-        return ~_NDIMAGE.binary_dilation(gaps, iterations=margin) if margin else ~gaps
+        return ~morphology.binary_dilation(gaps, iterations=margin) if margin else ~gaps
 
 
 def read_log(
@@ -177,14 +176,14 @@ def read_log(
         column and line.
     """
     file = find_path("log", path)
-    found, lines, remarks = _read_columns(file, dict(columns or {}))
-    times, unit = in_seconds(found.pop(TIME))
+    columns_of_file, lines, remarks = _read_columns(file, dict(columns or {}))
+    times, unit = in_seconds(columns_of_file.pop(TIME))
     if unit != "seconds":
         remarks.append(f"{TIME} is taken as {unit}, by the mean time between rows.")
     if not MIN_DURATION <= times[-1] <= MAX_DURATION:
-        wanted = f"{TIME} must span {MIN_DURATION:g} to {MAX_DURATION:g} s"
-        raise ParameterError(f"{file}: {wanted}, got {times[-1]:g}")
-    known = {name: np.isfinite(values) for name, values in found.items()}
+        accepted = f"{TIME} must span {MIN_DURATION:g} to {MAX_DURATION:g} s"
+        raise ParameterError(f"{file}: {accepted}, got {times[-1]:g}")
+    known = {name: np.isfinite(values) for name, values in columns_of_file.items()}
     if np.mean([known[name] for name in (*ANGLES, *FORCES)]) > COMPLETE:
         times, shared = _spread(times)
         if shared:
@@ -194,21 +193,21 @@ def read_log(
         clocks[name], _ = _spread(times[known[name]])
         usual = float(np.median(np.diff(clocks[name]))) if known[name].sum() > 2 else np.inf
         if usual > MAX_INTERVAL * (1.0 + 1e-3):
-            wanted = f"{name} must be given at least each {MAX_INTERVAL:g} s of {TIME}"
-            raise ParameterError(f"{file}: {wanted}, got {usual:g}")
+            accepted = f"{name} must be given at least each {MAX_INTERVAL:g} s of {TIME}"
+            raise ParameterError(f"{file}: {accepted}, got {usual:g}")
     scale = np.radians(1.0) if degrees else 1.0
     for name in ANGLES:
-        at, angles = known[name], scale * found[name][known[name]]
+        at, angles = known[name], scale * columns_of_file[name][known[name]]
         fast = np.abs(np.diff(angles)) > MAX_SPEED * np.maximum(np.diff(clocks[name]), MIN_TURN)
-        wanted = f"{name} must turn by at most {MAX_SPEED:g} rad/s: radians, without wrapping"
-        _refuse_rows(file, lines[at][1:], fast, wanted)
-    log = _on_raster(times, found, clocks, remarks)
+        accepted = f"{name} must turn by at most {MAX_SPEED:g} rad/s: radians, without wrapping"
+        _refuse_rows(file, lines[at][1:], fast, accepted)
+    log = _on_raster(times, columns_of_file, clocks, remarks)
     theta = scale * log.theta
     if relative_b:
         theta[:, 1] += theta[:, 0]
-    said = tuple(f"{file.name}: {remark}" for remark in log.remarks)
+    remarks_of_file = tuple(f"{file.name}: {remark}" for remark in log.remarks)
     step = scale * log.angle_step
-    return replace(log, theta=theta, name=file.name, remarks=said, angle_step=step)
+    return replace(log, theta=theta, name=file.name, remarks=remarks_of_file, angle_step=step)
 
 
 def _read_columns(file: Path, renamed: dict[str, str]) -> tuple[dict[str, Array], Rows, list[str]]:
@@ -230,17 +229,17 @@ def _read_columns(file: Path, renamed: dict[str, str]) -> tuple[dict[str, Array]
         raise ParameterError(f"{file} must have a column V1, V2, V3 or V4; columns may name others")
     if len(lines) < 3:
         raise ParameterError(f"{file} must have at least 3 rows, got {len(lines)}")
-    found = {name: table.columns.get(in_file[name], np.zeros(len(lines))) for name in COLUMNS}
+    values = {name: table.columns.get(in_file[name], np.zeros(len(lines))) for name in COLUMNS}
     for name, unit in list(UNITS.items())[1:]:
         low, high = RANGES[unit]
-        wrong = (found[name] < low) | (found[name] > high)
+        wrong = (values[name] < low) | (values[name] > high)
         _refuse_rows(file, lines, wrong, f"{name} must be in [{low:g}, {high:g}]")
-    _refuse_rows(file, lines, np.isnan(found[TIME]), f"{TIME} must be a number")
-    _refuse_rows(file, lines[1:], np.diff(found[TIME]) < 0.0, f"{TIME} must not decrease")
+    _refuse_rows(file, lines, np.isnan(values[TIME]), f"{TIME} must be a number")
+    _refuse_rows(file, lines[1:], np.diff(values[TIME]) < 0.0, f"{TIME} must not decrease")
     remarks = [f"there is no column {name}: its voltage is taken as 0 V." for name in missing]
-    below = [name for name in VOLTS if (found[name] < 0.0).any()]
+    below = [name for name in VOLTS if (values[name] < 0.0).any()]
     remarks += [f"{name} is below 0 V in places: it is taken as 0 V there." for name in below]
-    return found, lines, remarks
+    return values, lines, remarks
 
 
 def _refuse_rows(file: Path, lines: Rows, wrong: Flags, wanted: str) -> None:
@@ -401,8 +400,11 @@ def _on_raster(
     if len(changed) and changed.mean() < 0.5:
         late = changed & (apart > LATE * np.median(apart) * (1.0 + 1e-6))
         gaps += [(when[k], when[k + 1] + SETTLING) for k in np.flatnonzero(late)]
+    from scipy import interpolate
+
+    splines: Any = interpolate
     for name, when in clocks.items():
-        curve = _INTERPOLATE.PchipInterpolator(when, found[name][known[name]])
+        curve = splines.PchipInterpolator(when, found[name][known[name]])
         columns[name] = curve(raster.clip(when[0], when[-1]))
         longest = max(MAX_INTERVAL, LATE * float(np.median(np.diff(when))))
         ends = np.concatenate([[-interval], when, [times[-1] + interval]])

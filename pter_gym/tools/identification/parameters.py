@@ -231,10 +231,10 @@ def quantities(
     """
     arm, clutch, curve = machine.arm, machine.clutch, machine.clutch.dynamic
     low = curve.torque(0.25 * top)
-    found: list[Quantity] = []
+    numbers: list[Quantity] = []
 
     def add(name: str, unit: str, value: float, place: str = "", scale: float = 0.0) -> None:
-        found.append(Quantity(name, unit, value, scale or abs(value), place))
+        numbers.append(Quantity(name, unit, value, scale or abs(value), place))
 
     add("inertia_a", "kg·m²", arm.inertia_a, "arm.inertia_a")
     add("inertia_b", "kg·m²", arm.inertia_b, "arm.inertia_b")
@@ -268,4 +268,4 @@ def quantities(
     add("fall_ratio", "1", clutch.fall_ratio, "clutch.fall_ratio")
     for name, value in zip(("offset_a", "offset_b"), offsets, strict=True):
         add(name, "N·m", value, "", max(abs(value), low))
-    return found
+    return numbers

@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 from pter_gym.tools.identification.balance import COARSE, balance
 from pter_gym.tools.identification.fit import BLOCK, Fit
 from pter_gym.tools.identification.log import Log
-from pter_gym.tools.identification.parameters import INERTIA_A, INERTIA_B, SLOPES, Shape
+from pter_gym.tools.identification.parameters import (
+    INERTIA_A,
+    INERTIA_B,
+    RATIO,
+    SLOPES,
+    Shape,
+)
 from pter_gym.tools.identification.windows import GAIN, smooth
 
 Array = NDArray[np.float64]
@@ -38,6 +44,9 @@ MAX_FAR = 0.1
 
 MAX_DIFFERING = 0.25
 """Largest share of numbers that differ between parts of the log."""
+
+SHOWS_BREAKAWAY = 0.02
+"""Change of the breakaway ratio that moves an angle by its noise in windows with a breakaway."""
 
 MAX_EXACT_RHO = 0.01
 """Largest share of the force that an exact model leaves, whatever the encoder."""
@@ -74,6 +83,9 @@ class Verdict:
         How many windows are used, and how many hold a gap of the log.
     far
         Share of them whose residuals noise does not explain.
+    far_breakaways
+        Share of the windows with a breakaway in which noise alone does not explain them: a wrong
+        law near the breakaway goes into the ratio and leaves little.
     rho
         Share of what the force does to the angles that the model leaves.
     enough
@@ -82,6 +94,8 @@ class Verdict:
         Share of the searched numbers that differ between parts of the log.
     differences
         Between which parts each of them does.
+    left
+        Root mean square of the angles that the model leaves in each window [rad].
     hints
         Sentences on what may be wrong with the log.
     """
@@ -89,10 +103,12 @@ class Verdict:
     windows: int
     gaps: int
     far: float
+    far_breakaways: float
     rho: float
     enough: bool
     differing: float
     differences: Mapping[str, str]
+    left: Array
     hints: tuple[str, ...] = ()
 
     @property
@@ -129,28 +145,35 @@ def judge(fit: Fit, differences: Mapping[str, str], log: Log) -> Verdict:
     """Return the verdict on a fit, given which numbers differ between which parts of the log."""
     windows, used = fit.windows, fit.windows.used
     driven = fit.change(fit.p, windows.harder) / GAIN
-    made = [fit.change(fit.p, inputs) for inputs in (windows.finer, *windows.shaken)]
+    errors = [fit.change(fit.p, inputs) for inputs in (windows.finer, *windows.shaken)]
 
     def squares(rows: int) -> tuple[Array, Array, Array]:
         """Return mean squares of means over rows: of residuals, of noise, of the force's effect."""
         left, effect, step, *shaken = (
-            _mean_squares(angles, rows, windows.length) for angles in (fit.residual, driven, *made)
+            _mean_squares(angles, rows, windows.length)
+            for angles in (fit.residual, driven, *errors)
         )
         return left, windows.noise**2 / rows + step + np.mean(shaken, axis=0), effect
 
     left, noise, effect = squares(1)
     far = left > FAR**2 * (noise + NEGLIGIBLE**2 * effect)
-    left, noise, effect = (
-        float(each[used].sum()) for each in squares(max(1, round(SMOOTH / log.interval)))
+    moved = SHOWS_BREAKAWAY * np.abs(fit.jacobian[:, :, RATIO]).max(axis=1)
+    breakaways = used & (moved > windows.noise) & (RATIO in fit.free)
+    unexplained = left > FAR**2 * noise
+    left, noise, effect = squares(max(1, round(SMOOTH / log.interval)))
+    all_left, all_noise, all_effect = (
+        float((fit.trust * each)[used].sum()) for each in (left, noise, effect)
     )
     verdict = Verdict(
         windows=int(used.sum()),
         gaps=windows.gaps,
         far=float(far[used].mean()) if used.any() else 1.0,
-        rho=float(np.sqrt(max(left - noise, 0.0) / max(effect, 1e-300))),
+        far_breakaways=float(unexplained[breakaways].mean()) if breakaways.any() else 0.0,
+        rho=float(np.sqrt(max(all_left - all_noise, 0.0) / max(all_effect, 1e-300))),
         enough=int(used.sum()) // BLOCK > len(fit.free),
         differing=len(differences) / max(len(fit.free), 1),
         differences=differences,
+        left=np.sqrt(np.maximum(left - noise, 0.0)),
     )
     readings = other_readings(log, fit.shape) if verdict.grade == NEITHER else ()
     return replace(verdict, hints=(*_oddities(fit, log, differences), *readings))
@@ -168,8 +191,8 @@ def _oddities(fit: Fit, log: Log, differences: Mapping[str, str]) -> Iterator[st
     if differences:
         more = len(differences) - MAX_LISTED
         listed = [f"{name} differs {where}" for name, where in differences.items()][:MAX_LISTED]
-        said = "; ".join(listed) + (f", and {more} more" if more > 0 else "")
-        yield f"Numbers differ between parts of the log, which makes their intervals wider: {said}."
+        where = "; ".join(listed) + (f", and {more} more" if more > 0 else "")
+        yield f"Numbers differ between parts of the log, so their intervals are wider: {where}."
     if 0.0 < log.volts.max() <= 1.0:
         yield f"No voltage is above {log.volts.max():.3g} V: are V1 to V4 volts, or shares?"
     sizes = [i for i in (INERTIA_A, INERTIA_B, *SLOPES) if i in fit.free]
@@ -186,14 +209,14 @@ def other_readings(log: Log, shape: Shape) -> Iterator[str]:
     usual = balance(log, smooth(log), shape, COARSE)
     if usual is None or usual.left < LEFT:
         return
-    least, said = usual.left, ""
+    least, reading = usual.left, ""
     for sentence, other in _readings(log):
-        tried = balance(other, smooth(other), shape, COARSE)
-        if tried is not None and tried.left < least:
-            least, said = tried.left, sentence
+        other_balance = balance(other, smooth(other), shape, COARSE)
+        if other_balance is not None and other_balance.left < least:
+            least, reading = other_balance.left, sentence
     if least < BETTER * usual.left:
         left = f"{100 * least:.1f} % of the torques stay unexplained"
-        yield f"{said}: then {left}, instead of {100 * usual.left:.0f} %."
+        yield f"{reading}: then {left}, instead of {100 * usual.left:.0f} %."
     elif least > UNRELATED:
         left = f"{100 * least:.0f} % of the torques stay unexplained"
         yield f"{left}: do forces and angles belong to the same motion?"

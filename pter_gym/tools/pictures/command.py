@@ -68,12 +68,14 @@ def watch(
 
     check_arguments(names, out, csv, size, speed)
     seed = whole_number("seed", seed, at_least=0)
-    chosen = find_scenario(scenario, machine, path)
-    held, task = chosen.draws.pairs(1, seed, pace)[0]
-    by_name = {name: find_policy(name, chosen.whose_gains) for name in names}
+    distribution = find_scenario(scenario, machine, path)
+    machine_of_episode, task = distribution.draws.pairs(1, seed, pace)[0]
+    by_name = {name: find_policy(name, distribution.whose_gains) for name in names}
     telemetry: dict[str, Any] = {}
     for name, policy in by_name.items():
-        episode = record_episode(policy, held, task, seed, nominal=chosen.nominal)
+        episode = record_episode(
+            policy, machine_of_episode, task, seed, nominal=distribution.nominal
+        )
         telemetry[name] = episode.telemetry
         say(f"{name}: {summary(telemetry[name])}")
     if csv:
@@ -86,11 +88,13 @@ def watch(
             def show(share: float) -> None:
                 progress.update(bar, completed=share)
 
-            film.write_film(held, task, telemetry, out, speed=speed, size=size, on_progress=show)
+            film.write_film(
+                machine_of_episode, task, telemetry, out, speed=speed, size=size, on_progress=show
+            )
         say(f"wrote {out}, {out.stat().st_size / 1e6:.2f} MB")
     elif not csv:
         film.show_film(
-            film.Film(held, task, telemetry, film.WINDOW_RATE, speed, size),
+            film.Film(machine_of_episode, task, telemetry, film.WINDOW_RATE, speed, size),
             f"PTER: {', '.join(by_name)}",
         )
 

@@ -12,8 +12,8 @@ from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
 from pter_gym._internal.terminal import shorten
 from pter_gym.benchmark.boards import PACE_ERROR, UNRANKED, Leaderboard, Standing
-from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS
+from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import PACES, find_pace, title_of_pace
 from pter_gym.tools.figures import (
     MILLIMETRE,

@@ -225,11 +225,11 @@ def open_display() -> Any:
     except ImportError as error:
         raise needs_extra("a window", "render") from error
     reason = "this computer has none"
-    chosen = "SDL_VIDEODRIVER" in os.environ
-    if chosen or sys.platform != "linux" or {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
+    driver_set = "SDL_VIDEODRIVER" in os.environ
+    if driver_set or sys.platform != "linux" or {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
         try:
             pygame.display.init()
-            if chosen or pygame.display.get_driver() not in INVISIBLE:
+            if driver_set or pygame.display.get_driver() not in INVISIBLE:
                 return pygame
             pygame.display.quit()
         except pygame.error as error:

@@ -7,8 +7,8 @@ from typing import Any, cast
 
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.locks import lock_beside, locked
-from pter_gym.benchmark.tuned import Table, read_table
 from pter_gym.controllers import CONTROLLERS
+from pter_gym.policies.tuned import Table, read_table
 from pter_gym.scenarios import SCENARIOS, find_pace, find_scenario
 from pter_gym.tools.tuning.search import TunedGains
 
@@ -50,9 +50,9 @@ def add_gains(found: TunedGains, path: FilePath) -> None:
 def format_table(table: Table) -> str:
     """Return tuned gains as TOML, in the order of scenarios, controllers and paces."""
     blocks = [HEADING]
-    known = list(SCENARIOS)
+    names = list(SCENARIOS)
     for scenario in sorted(
-        table, key=lambda name: known.index(name) if name in known else len(known)
+        table, key=lambda name: names.index(name) if name in names else len(names)
     ):
         for controller, paces in table[scenario].items():
             for pace in sorted(paces, key=find_pace):

@@ -10,9 +10,9 @@ from typing import Any, cast
 
 from pter_gym._internal.checks import is_finite
 from pter_gym.benchmark.policies import find_policy, is_code
-from pter_gym.benchmark.tuned import SUFFIX, TUNED
 from pter_gym.controllers import CONTROLLERS, AnyPolicy, Guided, PaceSchedule
 from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.policies.tuned import SUFFIX, TUNED
 
 Gains = dict[str, float | bool]
 

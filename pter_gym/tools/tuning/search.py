@@ -121,17 +121,17 @@ def tune(
         holds.
     """
     journal = find_path("storage", storage)
-    chosen, pace = find_scenario(scenario, machine, path), name_of_pace(pace)
-    law = find_law(controller, find_pace(pace), chosen.whose_gains)
+    distribution, pace = find_scenario(scenario, machine, path), name_of_pace(pace)
+    law = find_law(controller, find_pace(pace), distribution.whose_gains)
     trials, episodes = whole_number("trials", trials), whole_number("episodes", episodes)
     seed = whole_number("seed", seed, at_least=0)
     check_target("storage", journal)
     rungs = [
-        training_episodes(chosen, pace, -(-episodes // REDUCTION**k), 2 * seed)
+        training_episodes(distribution, pace, -(-episodes // REDUCTION**k), 2 * seed)
         for k in reversed(range(RUNGS))
     ]
-    set_of_draws = f"{pace} {episodes} {seed} {chosen.digest}".rstrip()
-    name = f"{chosen.name}-v{chosen.version} {law.key} {set_of_draws}"
+    set_of_draws = f"{pace} {episodes} {seed} {distribution.digest}".rstrip()
+    name = f"{distribution.name}-v{distribution.version} {law.key} {set_of_draws}"
     study = _open_study(journal, name, seed)
     for start in law.starts():
         study.enqueue_trial(start, skip_if_exists=True)
@@ -150,7 +150,7 @@ def tune(
         raise StorageError(
             f"storage {str(journal)!r} cannot be written: {error.strerror or error}"
         ) from error
-    final = training_episodes(chosen, pace, episodes, 2 * seed + 1)
+    final = training_episodes(distribution, pace, episodes, 2 * seed + 1)
     finalists = [law.gains(trial.params) for trial in _scored(study, "COMPLETE")[:FINALISTS]]
     judged = [(assess([law.with_gains(gains)], final), gains) for gains in finalists]
     assessment, gains = min(judged, key=lambda pair: pair[0].value)

@@ -14,20 +14,20 @@ import numpy as np
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import width
 from pter_gym._engine.batch import Batch
-from pter_gym._engine.law import Memory
 from pter_gym._engine.step import INSTANT
 from pter_gym._engine.world import CONFIG, ROW, ROWS
 from pter_gym._internal.palette import clutch_name
 from pter_gym._physics.friction import ClutchMode
 from pter_gym.benchmark.measures import PRICE, SEGMENTS
 from pter_gym.benchmark.policies import find_policy
-from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS
+from pter_gym.controllers._gains import Memory
 from pter_gym.hands import MultiSineHand, Operator, RecordedForces
 from pter_gym.haptics import torque_limits
 from pter_gym.params import BASELINE, MACHINES, Machine
 from pter_gym.paths import PATHS, Path
 from pter_gym.policies import read_policy, shipped_policies
+from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import PACES
 from pter_gym.scenarios._variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing

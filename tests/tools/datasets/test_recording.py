@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pter_gym  # noqa: F401  (registers the environments)
-from pter_gym.benchmark._load_policy import load_policy
+from pter_gym._load_policy import load_policy
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import observation_layout

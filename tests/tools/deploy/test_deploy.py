@@ -22,7 +22,6 @@ from pter_gym._engine.world import SKIP
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.rollout import evaluate, record_episode
-from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import PerClutch, Policy, bind, device
 from pter_gym.controllers._laws import built_in
 from pter_gym.errors import ParameterError, StorageError
@@ -30,6 +29,7 @@ from pter_gym.params import BASELINE, MACHINES, find_machine
 from pter_gym.paths import find_path
 from pter_gym.policies import Input
 from pter_gym.policies._interface import clutch_rows
+from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, OBS, PathFollowing, observation_layout
 from pter_gym.tools.deploy import Source, source_of, write_onnx
@@ -488,6 +488,11 @@ def test_onnx_gives_the_policys_actions(name: Any, machine: str, recorded: Any, 
         (volts,) = session.run(["volts"], {each: given[each] for each in names})
         assert volts.shape == (WORLDS, len(interface.clutches))
         assert np.abs(volts - bound(obs)).max() < 1e-6 * TOP
+    told = session.get_modelmeta().custom_metadata_map
+    assert told["history"].split() == [str(each) for each in interface.history]
+    nothing = {each.name: np.full((1, each.shape[1]), np.nan) for each in session.get_inputs()}
+    (volts,) = session.run(["volts"], {each: x.astype(np.float32) for each, x in nothing.items()})
+    assert np.isfinite(volts).all()
 
 
 def unsupported() -> Any:

@@ -10,8 +10,12 @@ import pytest
 from pter_gym.benchmark import Assessment, Episodes, assess, run_scenario, training_episodes
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.policies import find_policy
-from pter_gym.benchmark.runs import MISSING, RESERVE
-from pter_gym.benchmark.tuned import (
+from pter_gym.benchmark.rollout import MISSING, RESERVE
+from pter_gym.controllers import CONTROLLERS, AnyPolicy, Impedance, PaceSchedule
+from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
+from pter_gym.params import DELRIN_EXPERIMENTAL
+from pter_gym.paths import Circle
+from pter_gym.policies.tuned import (
     TABLE,
     TUNED,
     controller_of,
@@ -20,10 +24,6 @@ from pter_gym.benchmark.tuned import (
     read_table,
     with_gains,
 )
-from pter_gym.controllers import CONTROLLERS, AnyPolicy, Impedance, PaceSchedule
-from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
-from pter_gym.params import DELRIN_EXPERIMENTAL
-from pter_gym.paths import Circle
 from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.tools.tuning import search
 from pter_gym.tools.tuning.gains_file import add_gains

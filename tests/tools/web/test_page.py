@@ -20,12 +20,12 @@ from pter_gym._engine.batch import Batch
 from pter_gym.benchmark.policies import find_policy
 from pter_gym.benchmark.rollout import record_episode
 from pter_gym.benchmark.scores import score
-from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.hands import read_forces
 from pter_gym.params import BASELINE, MACHINES
 from pter_gym.policies import shipped_policies
 from pter_gym.policies._files import SHIPPED
+from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import PACES
 from pter_gym.scenarios._variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing

@@ -1,6 +1,5 @@
-"""The tip force that an impedance law wants, for whole episodes."""
+"""The tip force that an impedance law demands, for whole episodes."""
 
-from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -9,47 +8,47 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import compile_kernel
 from pter_gym._compiled.records import read, width
-from pter_gym._engine.law import Memory
 from pter_gym._physics.arm import Motion, UnitVector, Vector
-from pter_gym.benchmark.measures import column, headings, vector
-from pter_gym.controllers import Policy
-from pter_gym.controllers._gains import IMPEDANCE, NOMINAL, read_gains
+from pter_gym.controllers._gains import IMPEDANCE, NOMINAL, Memory, read_gains
 from pter_gym.controllers._laws import built_in, built_in_declared, demanded_force
+from pter_gym.controllers._policy import CompiledLaw
 from pter_gym.controllers._steering import Tip
-from pter_gym.tasks.path_following import PathFollowing
 
 Array = NDArray[np.float64]
 
 MEMORY_WIDTH = width(Memory)
 
 
-def wanted_forces(policy: Policy, telemetry: Array, tasks: Sequence[PathFollowing]) -> Array | None:
-    """Return the force of the device on the hand that a policy wants, (R, N, 2) [N].
+def desired_forces(
+    law: CompiledLaw | None, paces: Array, velocity: Array, heading: Array, error: Array
+) -> Array | None:
+    """Return the force of the device on the hand that a law demands, (R, N, 2) [N].
 
-    It is that at each control instant, without the noise and delay that sensors add. None for a
-    policy that wants no force: all but the impedance laws.
+    It is that at each control instant, without the noise and delay that sensors add. None for a law
+    that demands no force: all but the impedance laws.
 
     Parameters
     ----------
-    policy, telemetry, tasks
-        A policy, its episodes from the reset on, (R, N, len(TELEMETRY)), and their tasks, N.
+    law
+        The law, or None for a policy that is none.
+    paces
+        Commanded speeds [m/s], (N,).
+    velocity, heading, error
+        Of the tip from the reset on: velocity [m/s], (R, N, 2), the path's heading [rad] and the
+        distance from the path [m], (R, N).
     """
-    law = policy.law
     if law is None or law.function not in (built_in, built_in_declared):
         return None
     if law.gains[0] != IMPEDANCE:
         return None
-    heading = headings(telemetry, tasks)
-    velocity = vector(telemetry, "tip_velocity")
-    error = column(telemetry, "normal_error")
-    seen = np.stack([*np.moveaxis(velocity, -1, 0), np.cos(heading), np.sin(heading), error], -1)
+    tips = np.stack([*np.moveaxis(velocity, -1, 0), np.cos(heading), np.sin(heading), error], -1)
     forces = np.empty((*error.shape, 2))
-    _kernel()(law.gains, np.array([task.pace for task in tasks]), seen, forces)
+    _kernel()(law.gains, paces, tips, forces)
     return forces
 
 
 def _build(digest: str) -> Any:
-    def want(gains: Any, paces: Any, seen: Any, forces: Any) -> None:
+    def want(gains: Any, paces: Any, tips: Any, forces: Any) -> None:
         _ = digest
         arm = read(gains, NOMINAL, 0).arm
         memory = np.zeros(MEMORY_WIDTH)
@@ -57,8 +56,8 @@ def _build(digest: str) -> Any:
         for world in range(len(paces)):
             g = read_gains(gains, paces[world])
             memory[:] = 0.0
-            for step in range(len(seen)):
-                row = seen[step, world]
+            for step in range(len(tips)):
+                row = tips[step, world]
                 x, y, cos, sin, error = row[0], row[1], row[2], row[3], row[4]
                 tip = Tip(arm, still, Vector(x, y), UnitVector(cos, sin), error, 0.0)
                 _, along_x, along_y = demanded_force(g, tip, paces[world], float(step), memory)

@@ -216,5 +216,7 @@ def _normalising(wrapper: Any) -> Normalise:
         )
     if hasattr(wrapper, "normalize_obs"):
         return wrapper.normalize_obs
-    seen = wrapper.obs_rms
-    return lambda obs: ((obs - seen.mean) / np.sqrt(seen.var + wrapper.epsilon)).astype(np.float32)
+    statistics = wrapper.obs_rms
+    return lambda obs: ((obs - statistics.mean) / np.sqrt(statistics.var + wrapper.epsilon)).astype(
+        np.float32
+    )

@@ -58,8 +58,8 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
     """
     controller, path = name.removesuffix(SUFFIX), find_path("path", path)
     table = read_table(path)
-    if name not in (known := tuned_names(table)):
-        raise unknown_name("policies", name, known)
+    if name not in (names := tuned_names(table)):
+        raise unknown_name("policies", name, names)
     for place in places_of(scenario):
         if entries := table.get(place, {}).get(controller):
             return _schedule(
@@ -167,11 +167,11 @@ def with_gains(name: str, gains: Mapping[str, Any]) -> Guided:
     laws = guided()
     if name not in laws:
         raise unknown_name("controller", name, laws)
-    known = [item.name for item in fields(laws[name])]
+    names = [item.name for item in fields(laws[name])]
     for gain in gains:
-        if gain not in known:
+        if gain not in names:
             raise ParameterError(
-                f"{name} has no gain {gain!r}: {unknown_name('gains', gain, known)}"
+                f"{name} has no gain {gain!r}: {unknown_name('gains', gain, names)}"
             )
     return laws[name](**{gain: tuple_of(value) for gain, value in gains.items()})
 
