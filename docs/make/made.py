@@ -334,7 +334,8 @@ def claim_table() -> str:
         ]
         for each in json.loads((IMAGES / "paper" / "claims.json").read_text("utf-8"))
     ]
-    return table(["Verdict", "The paper says, in section", "Read as", "We measure", "Holds if"], rows)
+    head = ["Verdict", "The paper says, in section", "Read as", "We measure", "Holds if"]
+    return table(head, rows)
 
 
 # --- policies and commands ---

@@ -45,7 +45,7 @@ def tip_force(machine: Machine, theta: ArrayLike, joint_torque: ArrayLike) -> Ar
 
 
 def holding_torque(machine: Machine, volts: float | None = None) -> float:
-    """Return a clutch's largest torque, stuck or slipping [N·m], by default at the top voltage [V]."""
+    """Return a clutch's largest torque [N·m], stuck or not, by default at the top voltage [V]."""
     volts = machine.clutch.voltage_max if volts is None else volts
     return max(machine.clutch.breakaway.torque(volts), machine.clutch.dynamic.torque(volts))
 

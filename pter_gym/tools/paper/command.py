@@ -46,9 +46,8 @@ def reproduce(
     counts = ", ".join(
         f"{count} {kind}" for kind, count in Counter(claim.kind for claim in claims).items()
     )
-    table = Table(
-        "", "the paper says", "read as", "measured", "needed", box=None, pad_edge=False, caption=counts
-    )
+    columns = ("", "the paper says", "read as", "measured", "needed")
+    table = Table(*columns, box=None, pad_edge=False, caption=counts)
     for claim in claims:
         s = claim.statement
         table.add_row(
