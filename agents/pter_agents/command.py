@@ -53,13 +53,13 @@ def train(
         config: TOML file with hyper-parameters that replace the default ones.
         smoke: Train for a few seconds to check that everything works.
         machine: Clutch material, or the file of a machine of your own, instead of those that the
-            scenario draws.
+            scenario draws; of a file of `pter identify`, all machines that fit the log.
     """
     look_at(machine=machine)
     with waiting("loading"):
         from pter_agents.runs import RunFolder
         from pter_agents.settings import ALL, SMOKE, TrainingArguments, load_settings
-        from pter_gym.params import find_machine
+        from pter_gym.params import find_machines
         from pter_gym.policies.tuned import FALLBACK
         from pter_gym.tools.figures import save
 
@@ -73,7 +73,7 @@ def train(
             seed=seed,
             settings=settings,
             validation_episodes=episodes,
-            machine=None if machine is None else find_machine(machine),
+            machine=None if machine is None else find_machines(machine),
         )
         try:
             from pter_agents import exporting, report, training

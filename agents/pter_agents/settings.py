@@ -14,6 +14,8 @@ from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import (
     BASELINE,
     Machine,
+    MachineSpread,
+    middle_of,
     require,
     require_flag,
     require_kind,
@@ -245,7 +247,7 @@ class TrainingArguments:
     validation_episodes
         Episodes of a validation at each pace.
     machine
-        A machine in place of those that the scenario draws; None draws them.
+        A machine, or machines about one, in place of drawn ones; None for those of the scenario.
     """
 
     algorithm: str
@@ -257,7 +259,7 @@ class TrainingArguments:
     checkpoint_every: int = 10
     validate_every: int = 40
     validation_episodes: int = 64
-    machine: Machine | None = None
+    machine: Machine | MachineSpread | None = None
 
     def __post_init__(self) -> None:
         """Check names and numbers."""
@@ -271,12 +273,12 @@ class TrainingArguments:
         for name in ("steps", "checkpoint_every", "validate_every", "validation_episodes"):
             require_whole(self, name)
         require_whole(self, "seed", at_least=0, below=2**31)
-        require_kind(self, "machine", Machine, type(None))
+        require_kind(self, "machine", Machine, MachineSpread, type(None))
 
     @property
     def nominal(self) -> Machine:
         """The machine that a base controller is bound to."""
-        return BASELINE if self.machine is None else self.machine
+        return BASELINE if self.machine is None else middle_of(self.machine)
 
     @property
     def paces(self) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pter_agents.worlds import draws_for
 from pter_gym.benchmark import Episodes, evaluate
 from pter_gym.controllers import AnyPolicy
-from pter_gym.params import BASELINE, Machine
+from pter_gym.params import BASELINE, Machine, MachineSpread, middle_of
 
 SEED = 2**31 + 1
 """Seed of the draws, larger than any seed of a run."""
@@ -38,7 +38,7 @@ class Validation:
     episodes
         Number at each pace; with all scenarios, rounded up to equal shares.
     machine
-        A machine in place of those that the scenario draws.
+        A machine, or machines about one, in place of those that the scenario draws.
     """
 
     def __init__(
@@ -46,9 +46,9 @@ class Validation:
         scenario: str,
         paces: Sequence[str],
         episodes: int,
-        machine: Machine | None = None,
+        machine: Machine | MachineSpread | None = None,
     ) -> None:
-        nominal = BASELINE if machine is None else machine
+        nominal = BASELINE if machine is None else middle_of(machine)
         self._episodes: dict[str, Episodes] = {}
         for pace in paces:
             pairs = draws_for(scenario, pace, machine).pairs(episodes, SEED)

@@ -12,7 +12,7 @@ from pter_gym.benchmark import PACES, find_policy
 from pter_gym.controllers import PaceSchedule
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import unknown_name
-from pter_gym.params import Machine
+from pter_gym.params import Machine, MachineSpread
 from pter_gym.paths import Arc, Circle
 from pter_gym.policies import Input, Interface
 from pter_gym.policies._interface import available, clutch_rows, middle_volts, quantities, to_volts
@@ -44,7 +44,7 @@ DEVIATION = 0.4
 def draws_for(
     scenario: str,
     pace: str,
-    machine: Machine | None = None,
+    machine: Machine | MachineSpread | None = None,
     **fields: Any,
 ) -> Draws:
     """Return the draws of a scenario at a pace.
@@ -56,7 +56,7 @@ def draws_for(
     pace
         Name of a commanded pace, or ``"all"``.
     machine
-        A machine in place of those that the scenarios draw.
+        A machine, or machines about one, in place of those that the scenarios draw.
     **fields
         Fields of the task that all episodes share, such as ``reward``, ``starts`` and
         ``truncation_error``.

@@ -103,7 +103,7 @@ def _parameters(command: Command) -> Iterator[Parameter]:
     hints = get_type_hints(command, include_extras=True)
     for each in signature(command).parameters.values():
         hint: Any = hints[each.name]
-        if each.default in (None, (), Parameter.empty):
+        if each.default in (None, (), "", Parameter.empty):
             shown: dict[str, Any] = {"help_behavior_hint": ""}
             kinds = [kind for kind in get_args(hint) if kind is not NoneType]
             if get_origin(hint) is UnionType and len(kinds) == 1:

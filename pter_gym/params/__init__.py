@@ -13,9 +13,16 @@ from pter_gym.params._fields import (
     require_numbers,
     require_whole,
 )
-from pter_gym.params._files import find_machine, is_machine_file, load_machine, save_machine
+from pter_gym.params._files import (
+    find_machine,
+    find_machines,
+    is_machine_file,
+    load_machine,
+    save_machine,
+)
 from pter_gym.params._machine import (
     Arm,
+    Band,
     Clutch,
     Hand,
     Lag,
@@ -34,6 +41,7 @@ from pter_gym.params._named import (
     paper_machines,
     with_friction,
 )
+from pter_gym.params._spread import MachineSpread, middle_of
 
 __all__ = [
     "ACTUATORS",
@@ -47,16 +55,20 @@ __all__ = [
     "PAPER_CLUTCHES",
     "SLOTS",
     "Arm",
+    "Band",
     "Checked",
     "Clutch",
     "Connection",
     "Hand",
     "Lag",
     "Machine",
+    "MachineSpread",
     "TorqueCurve",
     "find_machine",
+    "find_machines",
     "is_machine_file",
     "load_machine",
+    "middle_of",
     "paper_machines",
     "quantity",
     "require",

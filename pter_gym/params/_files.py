@@ -1,6 +1,7 @@
 """Machines as TOML files: the plain data of their dataclasses, with units and sources as comments.
 
-``save_machine`` and ``pter identify`` write them; ``find_machine`` and ``--machine`` read them.
+``save_machine`` and ``pter identify`` write them; ``find_machine`` and ``--machine`` read them. A
+file may also say how uncertain its numbers are: ``find_machines`` reads that too.
 """
 
 import json
@@ -17,9 +18,13 @@ from pter_gym.errors import ParameterError, nearest
 from pter_gym.params._connection import PAPER_CLUTCHES, SLOTS, Connection
 from pter_gym.params._machine import Arm, Clutch, Hand, Machine, TorqueCurve
 from pter_gym.params._named import ACTUATORS, BASELINE, MACHINES
+from pter_gym.params._spread import MachineSpread
 
 if TYPE_CHECKING:
     from pter_gym._internal.codec import Codec
+
+UNCERTAINTY = "uncertainty"
+"""Table of the places and the covariance of a ``MachineSpread``."""
 
 ORIGINS = ("published", "derived", "fitted", "identified", "chosen")
 """First words of a provenance."""
@@ -64,6 +69,22 @@ def find_machine(machine: Machine | FilePath | None) -> Machine:
     )
 
 
+def find_machines(machine: Machine | FilePath) -> Machine | MachineSpread:
+    """Return the machines that a file describes, or the machine if it says nothing of others.
+
+    Takes and raises what ``find_machine`` does.
+    """
+    middle = find_machine(machine)
+    if not is_machine_file(source := builtin(machine)):
+        return middle
+    table = read_toml(find_path("machine", source), "machine").get(UNCERTAINTY)
+    if table is None:
+        return middle
+    with reading(f"machine {source}"):
+        rows = tuple(tuple(map(float, row)) for row in table["covariance"])
+        return MachineSpread(machine=middle, places=tuple(table["places"]), covariance=rows)
+
+
 def is_machine_file(machine: object) -> bool:
     """Return whether a machine is given by the path of a file."""
     return isinstance(machine, str) and machine.endswith(".toml")
@@ -91,14 +112,16 @@ def machine_from(content: Mapping[str, Any]) -> Machine:
     """Return a machine from plain data, or raise a ParameterError that names the field."""
     if "type" not in content and "arm" in content:
         return _from_old_form(content)
-    machine = _codec().from_plain(dict(content))
+    machine = _codec().from_plain(
+        {name: value for name, value in content.items() if name != UNCERTAINTY}
+    )
     if not isinstance(machine, Machine):
         raise ParameterError(f"type must be 'Machine', got {content.get('type')!r:.60}")
     return machine
 
 
 def save_machine(
-    machine: Machine,
+    machine: Machine | MachineSpread,
     path: FilePath,
     *,
     origin: str,
@@ -110,7 +133,7 @@ def save_machine(
     Parameters
     ----------
     machine
-        What to write.
+        What to write; of machines about one, the one and how far others are from it.
     path
         The file, whose name ends in ``.toml``.
     origin
@@ -133,9 +156,16 @@ def save_machine(
 
 
 def format_machine(
-    machine: Machine, origin: str, origins: Mapping[str, str], title: str = ""
+    machine: Machine | MachineSpread, origin: str, origins: Mapping[str, str], title: str = ""
 ) -> str:
     """Return a machine's file as text; see ``save_machine``."""
+    if isinstance(machine, MachineSpread):
+        table = [
+            f"\n[{UNCERTAINTY}]  # of normally distributed numbers, in products of their units",
+            f"places = {json.dumps(machine.places)}",
+            f"covariance = {json.dumps(machine.covariance)}\n",
+        ]
+        return format_machine(machine.machine, origin, origins, title) + "\n".join(table)
     if not isinstance(cast("object", machine), Machine):
         raise ParameterError(f"machine must be a Machine, got {machine!r:.200}")
     for text in (origin, *origins.values()):

@@ -20,7 +20,7 @@ from pter_gym.errors import ParameterError, unknown_name
 
 if TYPE_CHECKING:
     from pter_gym._internal.files import FilePath
-    from pter_gym.params import Machine
+    from pter_gym.params import Machine, MachineSpread
     from pter_gym.paths import Path
     from pter_gym.scenarios.distributions import Draws
     from pter_gym.tasks.path_following import PathFollowing
@@ -77,10 +77,10 @@ class Scenario:
     @property
     def nominal(self) -> "Machine":
         """The machine that controllers are bound to: the one of all episodes, or the paper's."""
-        from pter_gym.params import BASELINE, Machine
+        from pter_gym.params import BASELINE, Machine, MachineSpread, middle_of
 
         machine = self.draws.instead or self.draws.machine
-        return machine if isinstance(machine, Machine) else BASELINE
+        return middle_of(machine) if isinstance(machine, Machine | MachineSpread) else BASELINE
 
     @property
     def digest(self) -> str:
@@ -104,7 +104,7 @@ class Scenario:
 
 def find_scenario(
     scenario: "str | Scenario | Draws | PathFollowing",
-    machine: "Machine | FilePath | None" = None,
+    machine: "Machine | MachineSpread | FilePath | None" = None,
     path: "Path | FilePath | None" = None,
     smooth: float = 0.0,
 ) -> Scenario:
@@ -117,7 +117,8 @@ def find_scenario(
         sines: scenarios of 200 episodes.
     machine
         A machine for all its episodes, in place of those that it draws: the machine, its name in
-        ``pter_gym.params.MACHINES``, or its file. Paths and hands are drawn as usual.
+        ``pter_gym.params.MACHINES``, or its file. Or machines about one, as ``find_machines``
+        returns them. Paths and hands are drawn as usual.
     path
         A path for all its episodes: the path, its name in ``pter_gym.paths.PATHS``, or a CSV file
         of waypoints. The workspace about it is at most as wide as its bends allow.
@@ -132,19 +133,19 @@ def find_scenario(
     DataError
         If the machine's file is malformed.
     """
-    distribution = _find(scenario)
+    base = _find(scenario)
     if path is not None:
-        distribution = _on_path(distribution, path, smooth)
+        base = _on_path(base, path, smooth)
     if machine is not None:
-        from pter_gym.params import find_machine
+        from pter_gym.params import MachineSpread, find_machine, middle_of
         from pter_gym.tasks.path_following._specification import sensing_of
 
-        own = find_machine(machine)
-        sensing_of(distribution.draws.varied_task.base, own)  # raises where the delay is too long
-        distribution = replace(
-            distribution, own=distribution.draws.map_parts(lambda part: replace(part, instead=own))
-        )
-    return distribution
+        own = machine if isinstance(machine, MachineSpread) else find_machine(machine)
+        sensing_of(
+            base.draws.varied_task.base, middle_of(own)
+        )  # raises where the delay is too long
+        base = replace(base, own=base.draws.map_parts(lambda part: replace(part, instead=own)))
+    return base
 
 
 def gains_for(tasks: "Iterable[PathFollowing]") -> str:

@@ -16,7 +16,15 @@ import numpy as np
 
 from pter_gym._internal.checks import whole_number
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, Checked, Machine, quantity, require, require_number
+from pter_gym.params import (
+    BASELINE,
+    Checked,
+    Machine,
+    MachineSpread,
+    quantity,
+    require,
+    require_number,
+)
 from pter_gym.scenarios._paces import find_pace
 from pter_gym.tasks.path_following import PathFollowing, check_machine
 
@@ -203,16 +211,16 @@ class Draws(Checked):
     machine, task
         Distributions or fixed values.
     instead
-        A machine in place of drawn ones; everything else is drawn as before.
+        A machine in place of drawn ones, or machines about one; everything else is drawn as before.
     also
         Further draws to mix in.
     weight
         Number of pairs relative to that of the others in such a mixture.
     """
 
-    machine: Machine | Vary[Machine] = BASELINE
+    machine: Machine | MachineSpread | Vary[Machine] = BASELINE
     task: PathFollowing | Vary[PathFollowing]
-    instead: Machine | None = None
+    instead: Machine | MachineSpread | None = None
     also: "tuple[Draws, ...]" = ()
     weight: int = quantity("1", "chosen", at_least=1, default=1)
 
@@ -223,8 +231,8 @@ class Draws(Checked):
         parts = cast("tuple[object, ...]", also) if isinstance(also, tuple) else (also,)
         mixed = all(isinstance(part, Draws) for part in parts)
         require(mixed, self, "also", "a tuple of Draws")
-        fixed = instead is None or isinstance(instead, Machine)
-        require(fixed, self, "instead", "a Machine or None")
+        fixed = instead is None or isinstance(instead, Machine | MachineSpread)
+        require(fixed, self, "instead", "a Machine, a MachineSpread or None")
 
     @property
     def varied_task(self) -> Vary[PathFollowing]:
@@ -305,7 +313,7 @@ class Draws(Checked):
             return replace(parts[int(rng.integers(len(parts)))], also=()).draw(rng)
         for attempt in range(TRIES):
             machine, task = drawn(self.machine, rng), drawn(self.task, rng)
-            machine = machine if self.instead is None else self.instead
+            machine = machine if self.instead is None else drawn(self.instead, rng)
             for name, value, kind in (("machine", machine, Machine), ("task", task, PathFollowing)):
                 accepted = f"a {kind.__name__}, or draw one"
                 require(isinstance(value, kind), self, name, accepted)

@@ -18,6 +18,7 @@ from pter_gym.benchmark.episodes import (
     load_episodes,
     scenarios,
     store_episodes,
+    training_episodes,
 )
 from pter_gym.controllers import Free
 from pter_gym.errors import DataError, ParameterError
@@ -117,6 +118,16 @@ def test_fresh_episodes_follow_from_the_seed() -> None:
     hand = pinned.tasks[0].hand
     assert isinstance(hand, MultiSineHand)
     assert hand.phases[0] == PINNED_PHASE
+
+
+def test_laws_know_the_machine_that_is_named_in_stored_episodes_too() -> None:
+    for machine in (BASELINE, DELRIN_EXPERIMENTAL):
+        assert find_episodes("standard", "slow", machine=machine).nominal == machine
+
+
+def test_training_draws_of_different_seeds_share_no_episode() -> None:
+    sets = [set(training_episodes("standard", "slow", 4, seed).seeds) for seed in range(3)]
+    assert len(set.union(*sets)) == 12
 
 
 def test_bad_names_and_damaged_files_are_refused(tmp_path: Path) -> None:

@@ -301,6 +301,12 @@ def test_kernels_of_the_package_have_a_digest(build: Any) -> None:
     assert digest_of(build("")) == digest_of(build("")) is not None
 
 
+def test_the_code_that_compiles_is_in_each_digest(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = digest_of(one)
+    monkeypatch.setattr("pter_gym._compiled.digests._compiler_text", lambda: "another compiler")
+    assert digest_of(one) not in (None, before)
+
+
 def test_a_constant_that_a_function_within_a_kernel_reads_is_in_its_digest(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -369,15 +369,6 @@ def test_returns_of_one_world_keep_their_values() -> None:
     assert all(bits(returned) == before for returned, before in kept)
 
 
-@pytest.mark.parametrize("mode", [NEXT_STEP, SAME_STEP], ids=lambda mode: mode.name)
-def test_a_world_depends_on_its_own_seed_and_actions_alone(mode: AutoresetMode) -> None:
-    mixed = np.where(FIRST[:, None], actions(), actions(1))
-    one, other = play(make(mode), actions(), [5, 6, 7, 8]), play(make(mode), mixed, [5, 90, 91, 92])
-    assert [world(each, 0) for each in one] == [world(each, 0) for each in other]
-    seeded, listed = play(make(mode), actions(), 5), play(make(mode), actions(), [5, 6, 7, 8])
-    assert [bits(each) for each in seeded] == [bits(each) for each in listed]
-
-
 @pytest.mark.smoke
 @each_mode
 def test_a_partial_reset_restarts_the_chosen_worlds_alone(mode: AutoresetMode) -> None:

@@ -2,17 +2,26 @@
 
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from pter_gym._commands.arguments import PaceName, look_at
+from pter_gym._commands.arguments import PaceName
 from pter_gym._internal.plugins import COMMANDS, registered
-from pter_gym._internal.terminal import conclude, say, waiting
+from pter_gym._internal.terminal import conclude, make_folder, say, waiting
+from pter_gym.errors import ParameterError
+from pter_gym.params import ACTUATORS, MACHINES
+
+if TYPE_CHECKING:
+    from pter_gym.params import Machine, MachineSpread
 
 
 def device(
-    machine: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME|FILE.toml")],
+    machine: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME|FILE.toml")] = "",
+    torque: float | None = None,
+    at: float | None = None,
+    off: float | None = None,
+    lag: float | None = None,
     pace: PaceName = "medium",
     trials: int = 200,
     episodes: int = 100,
@@ -21,13 +30,21 @@ def device(
 ) -> None:
     """Examine a device: its forces, its walls, and how well laws tuned for it guide a hand.
 
+    The device is a machine, or PTER with four clutches of a data sheet. Of a machine that `pter
+    identify` has found in a log, it says what may be promised of all machines that fit the log.
+
     Tunes a law on each of the scenarios standard, corridor and wall, and scores it on fresh
     episodes. Writes index.html, device.json and pictures. Needs the extras tune and render.
 
     Example: pter device particle-brake --out particle-brake
 
     Args:
-        machine: A machine or an actuator by its name, or the file of your own.
+        machine: A machine or an actuator by its name, or the file of your own; a file may hold a
+            table [clutch] with the four numbers below alone.
+        torque: Torque of a clutch [N·m] at the voltage --at, in place of PTER's.
+        at: Its largest voltage [V].
+        off: Its torque without voltage [N·m].
+        lag: Time constant of its torque [s].
         pace: Commanded pace.
         trials: Gains to try for each law.
         episodes: Fresh episodes of each scenario, at most as many as it has stored ones.
@@ -35,17 +52,26 @@ def device(
             extra agents.
         out: Folder for the results, created if necessary.
     """
-    look_at(machine=machine)
+    sheet = {"torque": torque, "at": at, "off": off, "lag": lag}
+    is_sheet = any(number is not None for number in sheet.values())
+    if is_sheet == bool(machine):
+        raise ParameterError(
+            "machine must be a name or a file, or left out with --torque, --at, --off or --lag; "
+            f"names are {', '.join((*MACHINES, *ACTUATORS))}"
+        )
+    from pter_gym.tools.device.sheet import find_device, machine_of_sheet
+
+    own = machine_of_sheet(**sheet) if is_sheet else find_device(machine)
 
     from pter_gym.tools.device.report import examine_device
 
-    policies = {"ppo": _trained(machine, pace, out)} if train else {}
+    policies = {"ppo": _trained(own, pace, out)} if train else {}
     with waiting("starting") as progress:
         (task,) = progress.task_ids
         report = examine_device(
-            machine,
+            own,
             out,
-            name=Path(machine).stem,
+            name=Path(machine).stem or "data sheet",
             pace=pace,
             trials=trials,
             episodes=episodes,
@@ -53,19 +79,25 @@ def device(
             on_progress=lambda text: progress.update(task, description=text),
         )
     say(f"{report.device}: {report.verdict}")
+    for promise in report.promises:
+        say(promise.sentence)
     for board in report.boards:
         best = board.standings[0]
         say(f"{board.scenario}: {best.policy} {1e3 * best.error.value:.1f} mm")
-    watched = f"pter watch single-dof-tuned,residual --machine {quote(machine)} --out two.webp"
-    conclude([out / "index.html"], watched)
+    watch = "pter watch single-dof-tuned,residual --out two.webp"
+    own_option = f" --machine {quote(machine)}" if machine else ""
+    conclude([out / "index.html"], f"{watch}{own_option}")
 
 
-def _trained(machine: str, pace: str, out: Path) -> Any:
+def _trained(own: "Machine | MachineSpread", pace: str, out: Path) -> Any:
     """Train a policy for a machine in a folder, and return it."""
     from pter_gym.benchmark import find_policy
+    from pter_gym.params import save_machine
 
     commands = registered(COMMANDS)
-    run, policy = out / "training", out / "ppo"
-    commands["train"].load()("ppo", pace=pace, machine=machine, out=run)
+    run, policy, file = out / "training", out / "ppo", out / "machine.toml"
+    make_folder(out)
+    save_machine(own, file, origin="chosen: given to pter device")
+    commands["train"].load()("ppo", pace=pace, machine=str(file), out=run)
     commands["export"].load()(str(run), out=policy, name="ppo")
     return find_policy(policy)

@@ -100,7 +100,7 @@ def show_machine(log: "Log", start: "Machine", out: Path) -> None:
             log, start, lambda share: progress.update(task, completed=round(100 * share))
         )
     title = "\n".join(["Written by pter identify. Assumed:", *result.assumptions])
-    text = format_machine(result.machine, ASSUMED, origins_of(result), title)
+    text = format_machine(result.machines, ASSUMED, origins_of(result), title)
     write_files_atomic(out, {"machine.toml": text.encode(), "identified.png": png(picture(result))})
     for sentence in (result.verdict.sentence, *result.verdict.hints):
         say(sentence)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.errors import ParameterError
-from pter_gym.params import Machine, find_machine
+from pter_gym.params import Machine, MachineSpread, find_machine
+from pter_gym.params._spread import numbers_of
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.balance import first_estimate
 from pter_gym.tools.identification.evidence import admit_terms, find_differences
@@ -35,6 +36,9 @@ MIN_SLIPPING = 0.3
 
 MIN_LEVELS = 3
 """Fewest voltages that tell a straight segment from a quadratic one."""
+
+NORMAL = 1.96
+"""Half of the 95 % interval of a normal distribution, in standard deviations."""
 
 EXPECTED_STEPS = 60
 """About how many steps of progress an identification takes."""
@@ -107,6 +111,9 @@ class Identification:
         The windows and how well they are predicted.
     verdict
         How well the model describes the log.
+    machines
+        The machine and those that fit the log as well; the machine alone if the model does not
+        describe the log.
     """
 
     log: Log
@@ -117,6 +124,7 @@ class Identification:
     findings: list[Finding]
     fit: Fit
     verdict: Verdict
+    machines: Machine | MachineSpread
 
     @property
     def assumptions(self) -> tuple[str, ...]:
@@ -199,10 +207,12 @@ def identify(
     differences = find_differences(fit, log, motion)
     verdict = judge(fit, differences, log)
     on_progress(1.0)
+    machine = _machine_at(fit, fit.p)
     return Identification(
         log=log,
         start=start,
-        machine=replace(fit.shape.machine(fit.p), delay=max(float(fit.p[at.DELAY]), 0.0)),
+        machine=machine,
+        machines=machine if verdict.grade == NEITHER else _spread(fit, verdict),
         delay=float(fit.p[at.DELAY]),
         offsets=fit.shape.offsets(fit.p),
         findings=_findings(fit, kept, tied, verdict),
@@ -323,17 +333,62 @@ def _left_open(fit: Fit, worst: int) -> set[str]:
     }
 
 
+def _machine_at(fit: Fit, p: Array) -> Machine:
+    """Return the machine at coordinates."""
+    return replace(fit.shape.machine(p), delay=max(float(p[at.DELAY]), 0.0))
+
+
+def _slopes(fit: Fit, numbers: Callable[[Array], Array]) -> Array:
+    """Return the derivatives of numbers by the free coordinates, shape (numbers, free)."""
+    columns: list[Array] = []
+    for i in fit.free:
+        change = 1e-3 * at.STEPS[i] * np.eye(at.COUNT)[i]
+        high, low = ((fit.p + e * change).clip(at.LOWEST, fit.shape.highest) for e in (1.0, -1.0))
+        columns.append((numbers(high) - numbers(low)) / (high[i] - low[i]))
+    return np.stack(columns, axis=1)
+
+
+def _spread(fit: Fit, verdict: Verdict) -> Machine | MachineSpread:
+    """Return the machines that fit the log: normally distributed, with the intervals' widths.
+
+    Errors of the model widen each coordinate by itself, by what they do to its number.
+    """
+    machine = _machine_at(fit, fit.p)
+    if not fit.free:
+        return machine
+
+    def values(p: Array) -> Array:
+        return np.array([value for value, _ in numbers_of(_machine_at(fit, p)).values()])
+
+    here = {q.name: q for q in fit.shape.quantities(fit.p)}
+    own = [COORDINATES[i].quantity for i in fit.free]
+    names = list(here)
+    slopes = _slopes(fit, lambda p: np.array([q.value for q in fit.shape.quantities(p)]))
+    biases = dict(zip(names, fit.bias(slopes, verdict.left), strict=True))
+    rates = [abs(slopes[names.index(name), k]) for k, name in enumerate(own)]
+    share = max(2.0 * verdict.rho, NEGLIGIBLE)
+    wide = [max(share * here[name].scale, biases[name]) for name in own]
+    model = [width / rate if rate else 0.0 for width, rate in zip(wide, rates, strict=True)]
+    covariance, quantile = fit.covariance()
+    whole = (quantile**2 * covariance + np.diag(np.square(model))) / NORMAL**2
+    by = _slopes(fit, values)
+    moves = by.any(axis=1)
+    places = np.array(list(numbers_of(machine)))[moves].tolist()
+    among = by[moves] @ whole @ by[moves].T
+    rows: list[list[float]] = (0.5 * (among + among.T)).tolist()
+    return MachineSpread(
+        machine=machine, places=tuple(places), covariance=tuple(tuple(row) for row in rows)
+    )
+
+
 def _findings(fit: Fit, kept: dict[int, str], tied: set[str], verdict: Verdict) -> list[Finding]:
     """Return the numbers with their intervals."""
     here = fit.shape.quantities(fit.p)
     start = quantities(fit.shape.start, 0.0, fit.shape.top)
     covariance, quantile = fit.covariance() if fit.free else (np.empty((0, 0)), 2.0)
-    slopes = np.zeros((len(here), len(fit.free)))
-    for column, i in zip(slopes.T, fit.free, strict=True):
-        change = 1e-3 * at.STEPS[i] * np.eye(at.COUNT)[i]
-        ends = [(fit.p + e * change).clip(at.LOWEST, fit.shape.highest) for e in (1.0, -1.0)]
-        values = [np.array([q.value for q in fit.shape.quantities(p)]) for p in ends]
-        column[:] = (values[0] - values[1]) / (ends[0][i] - ends[1][i])
+    slopes = np.zeros((len(here), 0))
+    if fit.free:
+        slopes = _slopes(fit, lambda p: np.array([q.value for q in fit.shape.quantities(p)]))
     errors = quantile * np.sqrt(
         np.maximum(np.einsum("qi,ij,qj->q", slopes, covariance, slopes), 0.0)
     )
