@@ -10,9 +10,10 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
     "Start": ("push-it-yourself", "watching", "tutorials", "commands"),
     "Train": ("your-algorithm", "agents", "stock-algorithms", "data", "gradients"),
     "The environment": ("environment", "reward", "scenarios/index", "scoring"),
-    "Control": ("controllers", "which-clutches", "extending", "deploy"),
-    "The robot": ("model", "hands", "devices", "identify", "reproduction", "calibration"),
-    "Reference": ("api",),
+    "Control": ("extending", "controllers"),
+    "Hardware": ("devices", "identify", "deploy", "which-clutches"),
+    "The robot": ("model", "hands", "reproduction", "calibration"),
+    "Reference": ("api", "development/index"),
 }
 """What the side bar shows."""
 

@@ -1,18 +1,16 @@
 """``pter device``: what a device can render, and how well laws tuned for it do."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from shlex import quote
+from typing import Annotated, Any
 
 import tyro
 
 from pter_gym._commands.arguments import PaceName
 from pter_gym._internal.plugins import COMMANDS, registered
-from pter_gym._internal.terminal import make_folder, say, terminal
+from pter_gym._internal.terminal import conclude, make_folder, say, waiting
 from pter_gym.errors import ParameterError
 from pter_gym.params import ACTUATORS, MACHINES
-
-if TYPE_CHECKING:
-    from pter_gym.params import Machine, MachineSpread
 
 
 def device(
@@ -62,10 +60,15 @@ def device(
 
     own = machine_of_sheet(**sheet) if is_sheet else find_device(machine)
 
+    from pter_gym.params import save_machine
     from pter_gym.tools.device.report import examine_device
 
-    policies = {"ppo": _trained(own, pace, out)} if train else {}
-    with terminal(errors=True).status("starting") as status:
+    make_folder(out)
+    file = out / "machine.toml"
+    save_machine(own, file, origin="chosen: given to pter device")
+    policies = {"ppo": _trained(file, pace, out)} if train else {}
+    with waiting("starting") as progress:
+        (task,) = progress.task_ids
         report = examine_device(
             own,
             out,
@@ -74,7 +77,7 @@ def device(
             trials=trials,
             episodes=episodes,
             policies=policies,
-            on_progress=status.update,
+            on_progress=lambda text: progress.update(task, description=text),
         )
     say(f"{report.device}: {report.verdict}")
     for promise in report.promises:
@@ -82,18 +85,16 @@ def device(
     for board in report.boards:
         best = board.standings[0]
         say(f"{board.scenario}: {best.policy} {1e3 * best.error.value:.1f} mm")
-    say(f"wrote {out / 'index.html'}")
+    watched = f"pter watch single-dof-tuned,residual --machine {quote(str(file))} --out two.webp"
+    conclude([out / "index.html", file], watched)
 
 
-def _trained(own: "Machine | MachineSpread", pace: str, out: Path) -> Any:
-    """Train a policy for a machine in a folder, and return it."""
+def _trained(file: Path, pace: str, out: Path) -> Any:
+    """Train a policy for the machine of a file in a folder, and return it."""
     from pter_gym.benchmark import find_policy
-    from pter_gym.params import save_machine
 
     commands = registered(COMMANDS)
-    run, policy, file = out / "training", out / "ppo", out / "machine.toml"
-    make_folder(out)
-    save_machine(own, file, origin="chosen: given to pter device")
+    run, policy = out / "training", out / "ppo"
     commands["train"].load()("ppo", pace=pace, machine=str(file), out=run)
     commands["export"].load()(str(run), out=policy, name="ppo")
     return find_policy(policy)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from pter_gym._internal.terminal import make_folder, progress_bar, say, terminal
+from pter_gym._internal.terminal import conclude, make_folder, progress_bar, terminal
 
 
 def reproduce(
@@ -58,7 +58,7 @@ def reproduce(
             s.condition,
         )
     terminal().print(table)
-    say(f"wrote {len(files)} files to {out}")
+    conclude([f"{len(files)} files to {out}"], "pter benchmark")
 
 
 def names() -> dict[str, list[str]]:
