@@ -2,7 +2,7 @@
 
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import tyro
 
@@ -11,9 +11,6 @@ from pter_gym._internal.plugins import COMMANDS, registered
 from pter_gym._internal.terminal import conclude, make_folder, say, waiting
 from pter_gym.errors import ParameterError
 from pter_gym.params import ACTUATORS, MACHINES
-
-if TYPE_CHECKING:
-    from pter_gym.params import Machine, MachineSpread
 
 
 def device(
@@ -63,9 +60,13 @@ def device(
 
     own = machine_of_sheet(**sheet) if is_sheet else find_device(machine)
 
+    from pter_gym.params import save_machine
     from pter_gym.tools.device.report import examine_device
 
-    policies = {"ppo": _trained(own, pace, out)} if train else {}
+    make_folder(out)
+    file = out / "machine.toml"
+    save_machine(own, file, origin="chosen: given to pter device")
+    policies = {"ppo": _trained(file, pace, out)} if train else {}
     with waiting("starting") as progress:
         (task,) = progress.task_ids
         report = examine_device(
@@ -84,20 +85,16 @@ def device(
     for board in report.boards:
         best = board.standings[0]
         say(f"{board.scenario}: {best.policy} {1e3 * best.error.value:.1f} mm")
-    watch = "pter watch single-dof-tuned,residual --out two.webp"
-    own_option = f" --machine {quote(machine)}" if machine else ""
-    conclude([out / "index.html"], f"{watch}{own_option}")
+    watched = f"pter watch single-dof-tuned,residual --machine {quote(str(file))} --out two.webp"
+    conclude([out / "index.html", file], watched)
 
 
-def _trained(own: "Machine | MachineSpread", pace: str, out: Path) -> Any:
-    """Train a policy for a machine in a folder, and return it."""
+def _trained(file: Path, pace: str, out: Path) -> Any:
+    """Train a policy for the machine of a file in a folder, and return it."""
     from pter_gym.benchmark import find_policy
-    from pter_gym.params import save_machine
 
     commands = registered(COMMANDS)
-    run, policy, file = out / "training", out / "ppo", out / "machine.toml"
-    make_folder(out)
-    save_machine(own, file, origin="chosen: given to pter device")
+    run, policy = out / "training", out / "ppo"
     commands["train"].load()("ppo", pace=pace, machine=str(file), out=run)
     commands["export"].load()(str(run), out=policy, name="ppo")
     return find_policy(policy)
