@@ -138,6 +138,7 @@ class Batch(Storage):
             (0.0, voltage_max) if action_unit == "volt" else (-1.0, 1.0)
         )
         self.frame_skip = whole_number("frame_skip", frame_skip)
+        self._entries = len(self.layout)
         self._config = np.array([*flat(self._shared(observe_context, limit)), *self.layout.scales])
         super().__init__(all_machines, all_tasks, drawing)
         self.num_actions = len(self.machine.clutches)
@@ -146,9 +147,9 @@ class Batch(Storage):
         )  # an empty slot has no voltage
         self._declared = not self.machine.has_paper_clutches
         self._records = int(telemetry)
-        self._final_obs = np.empty((0, len(self.layout)), np.float32)
+        self._final_obs = np.empty((0, self._entries), np.float32)
         self._outputs: Outputs = (
-            np.empty((1, len(self.layout)), np.float32),
+            np.empty((1, self._entries), np.float32),
             np.empty((1, 1, COLUMNS)),
             np.empty(1),
             np.empty((FLAGS, 1), np.bool_),
@@ -193,7 +194,7 @@ class Batch(Storage):
         """
         chosen = np.ones(self.num_worlds, np.bool_) if chosen is None else chosen
         words = self.next_words(seeds, chosen)
-        obs = np.empty((self.num_worlds, len(self.layout)), np.float32)
+        obs = np.empty((self.num_worlds, self._entries), np.float32)
         telemetry = np.empty((self._records, self.num_worlds, COLUMNS))
         kernel = reset_kernel()
         self._words[:], self._seeded[:] = words, self._seeded | chosen
@@ -224,7 +225,7 @@ class Batch(Storage):
         """
         n = self.num_worlds
         self._slots[:, : self.num_actions] = checked_actions(actions, (n, self.num_actions))
-        obs = np.empty((n, len(self.layout)), np.float32)
+        obs = np.empty((n, self._entries), np.float32)
         rewards = np.empty(n)
         flags = np.empty((FLAGS, n), np.bool_)
         telemetry = np.empty((self._records * (2 if ended == SAME_STEP else 1), n, COLUMNS))

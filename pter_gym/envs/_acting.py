@@ -55,7 +55,8 @@ class ActingPolicy:
     ------
     ParameterError
         If the environment is not one of this package, a wrapper changes observations or actions, or
-        the policy needs something that the observations lack, or another ``frame_skip``.
+        the policy needs something that the observations lack, or another ``frame_skip``, or the
+        environment has a base.
     """
 
     def __init__(self, policy: AnyPolicy, env: Any) -> None:
@@ -63,6 +64,11 @@ class ActingPolicy:
         machine = nominal_machine(attributes(env, "nominal_machine"))
         (layout,) = attributes(env, "observation_layout")
         (skip,) = attributes(env, "frame_skip")
+        if attributes(env, "base") != {None}:
+            raise ParameterError(
+                "env must have no base for a policy, whose voltages are no corrections: "
+                "make it without base"
+            )
         self._single = isinstance(env, gymnasium.Env)
         self._worlds: int = 1 if self._single else env.num_envs
         self._machine = machine

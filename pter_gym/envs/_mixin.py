@@ -32,6 +32,7 @@ from pter_gym.tasks.path_following._observation import BOUND
 from pter_gym.tasks.path_following._specification import largest_error_max
 
 if TYPE_CHECKING:
+    from pter_gym.controllers import Controller
     from pter_gym.scenarios.distributions import Draws
 
 FRAME_SKIP = 3
@@ -60,6 +61,7 @@ class Arguments(TypedDict, total=False):
     action_unit: ActionUnit | None
     observe_context: bool
     frame_skip: int | None
+    base: "str | Controller | None"
 
 
 class WorldsSpec(EnvSpec):
@@ -94,10 +96,13 @@ class WorldsMixin:
         The worlds.
     gains
         Name of the scenario whose gains control laws have here; ``paths`` on a path of one's own.
+    base
+        The control law that actions correct, with its gains, or None.
     """
 
     batch: Batch
     gains: str
+    base: "Controller | None"
     metadata: dict[str, Any]
     _spec: EnvSpec | None = None
     _read: dict[str, Any]
@@ -126,7 +131,7 @@ class WorldsMixin:
             for name, find in (("path", find_path), ("machine", find_machine))
             if _has_file(plain.get(name))
         }
-        self.batch, self.gains = _make_batch(num_envs, engine, **{**plain, **self._read})
+        self.batch, self.gains, self.base = _make_batch(num_envs, engine, **{**plain, **self._read})
         rate = 1.0 / (self.batch.frame_skip * self.batch.task.control_period)
         self.metadata = {**self.metadata, "render_fps": max(1, round(rate))}
         return (
@@ -209,8 +214,9 @@ def _make_batch(
     action_unit: ActionUnit = "normalised",
     observe_context: bool = False,
     frame_skip: int | None = None,
-) -> tuple[Batch, str]:
-    """Return the worlds, and the name of the scenario whose gains suit them."""
+    base: Any = None,
+) -> tuple[Batch, str, "Controller | None"]:
+    """Return the worlds, the name of the scenario whose gains suit them, and the base."""
     numbers = {"reward": reward, "error_max": error_max, "truncation_error": truncation_error}
     fields: dict[str, Any] = {name: value for name, value in numbers.items() if value is not None}
     finders = (
@@ -237,24 +243,33 @@ def _make_batch(
         draws = distribution.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
         machine, task = zip(*draws.pairs(count, seed), strict=True)
         gains = distribution.whose_gains
-        frame_skip = FRAME_SKIP if frame_skip is None else frame_skip
+        if frame_skip is None and base is None:
+            frame_skip = FRAME_SKIP
     frames = 1 if frame_skip is None else whole_number("frame_skip", frame_skip)
     limit = engine.pop("max_episode_steps", None)
     if limit is not None:
         limit = frames * whole_number("max_episode_steps", limit)
-    batch = Batch(
-        machine,
-        task,
-        num_envs,
-        draws=scenario is not None,
-        sensors=sensors,
-        action_unit=action_unit,
-        observe_context=observe_context,
-        frame_skip=frames,
-        max_steps=limit,
+    shared: dict[str, Any] = {
+        "draws": scenario is not None,
+        "sensors": sensors,
+        "observe_context": observe_context,
+        "frame_skip": frames,
+        "max_steps": limit,
         **engine,
-    )
-    return batch, gains
+    }
+    if base is None:
+        return Batch(machine, task, num_envs, action_unit=action_unit, **shared), gains, None
+    if action_unit != "normalised":
+        raise ParameterError(
+            "action_unit must be 'normalised' with a base, whose voltages an action corrects, "
+            f"got {action_unit!r}"
+        )
+    from pter_gym.envs._base import CorrectedBatch, find_base
+
+    base = find_base(base, gains)
+    machines = set(machine) if _several(machine) else {machine}
+    nominal = nominal_machine(machines)
+    return CorrectedBatch(base, machine, task, num_envs, nominal=nominal, **shared), gains, base
 
 
 def _task_with(fields: dict[str, Any]) -> PathFollowing:

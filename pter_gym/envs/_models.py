@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._internal.checks import whole_number
-from pter_gym.controllers import Policy
+from pter_gym.controllers import Controller, Policy
 from pter_gym.envs._acting import check_wrappers
+from pter_gym.envs._base import Base, bind_base, seen_with
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, SLOTS, Machine, require
 from pter_gym.tasks.path_following import Sensors, observation_layout
@@ -46,6 +47,8 @@ def from_sb3(
         to the model, otherwise that of ``vec_normalize``. A model that was loaded without either
         needs this or ``frame_skip``.
 
+    A model that was trained with ``base`` corrects that law here too: the environment says which.
+
     Raises
     ------
     ParameterError
@@ -62,7 +65,13 @@ def from_sb3(
     normalise = _normalising(own if vec_normalize is None else vec_normalize)
     if frame_skip is None:
         frame_skip = _frame_skip_of(env)
-    return Model(model, normalise, whole_number("frame_skip", frame_skip))
+    skip = whole_number("frame_skip", frame_skip)
+    base = _attribute_of(env, "base")
+    return (
+        Model(model, normalise, skip)
+        if base is None
+        else CorrectingModel(model, normalise, skip, base)
+    )
 
 
 def from_actions(
@@ -111,8 +120,10 @@ class Model:
         Control steps for which its actions are held.
     """
 
-    def __init__(self, model: Any, normalise: Normalise, frame_skip: int) -> None:
-        self.sensors, self._entries = _observed_by(model)
+    def __init__(
+        self, model: Any, normalise: Normalise, frame_skip: int, *, extra: int = 0
+    ) -> None:
+        self.sensors, self._entries = _observed_by(model, extra)
         space = getattr(model, "action_space", None)
         shapes = [(clutches,) for clutches in range(1, SLOTS + 1)]
         if not isinstance(space, spaces.Box) or space.shape not in shapes or not space.is_bounded():
@@ -136,20 +147,17 @@ class Model:
                 f"observations must have the {self._entries} entries of the model, "
                 f"got {len(layout)}"
             )
-        clutches, top = [clutch.row for clutch in machine.clutches], machine.clutch.voltage_max
+        clutches = [clutch.row for clutch in machine.clutches]
         accepted = f"{len(self._bounds)}, as the model's actions"
         require(len(clutches) == len(self._bounds), machine, "clutches", accepted, got=clutches)
+        return self._policy(machine, layout)
+
+    def _policy(self, machine: Machine, layout: Layout) -> Policy:
+        """Return the policy whose actions stand for voltages."""
+        top = machine.clutch.voltage_max
 
         def act(observations: Observations, memory: Any) -> Any:
-            before, begins = [kept for kept in memory if kept], memory == 0
-            actions, after = self._model.predict(
-                self._normalise(observations),
-                state=before[0].state if before else None,
-                episode_start=begins,
-                deterministic=True,
-            )
-            for world in range(len(memory)):
-                memory[world] = _Kept(after)
+            actions = self._actions(observations, memory)
             columns = zip(np.asarray(actions, np.float64).T, self._bounds, strict=True)
             volts = [volts_of(np.clip(column, *ends), *ends, top) for column, ends in columns]
             return np.stack(volts, axis=1)
@@ -159,6 +167,57 @@ class Model:
 
         return Policy.of_function(act, layout, start=start, frame_skip=self.frame_skip)
 
+    def _actions(self, observations: Observations, memory: Any) -> Any:
+        """Return the model's actions, and keep its state in the memory, objects (N,)."""
+        before, begins = [kept for kept in memory if kept], memory == 0
+        actions, after = self._model.predict(
+            self._normalise(observations),
+            state=before[0].state if before else None,
+            episode_start=begins,
+            deterministic=True,
+        )
+        for world in range(len(memory)):
+            memory[world] = _Kept(after)
+        return actions
+
+
+class CorrectingModel(Model):
+    """A model whose actions correct a base: the law acts at every control step."""
+
+    def __init__(self, model: Any, normalise: Normalise, frame_skip: int, base: Controller) -> None:
+        super().__init__(model, normalise, frame_skip, extra=SLOTS)
+        self._base, self._entries = base, self._entries - SLOTS
+        self._hold, self.frame_skip = frame_skip, 1
+
+    def _policy(self, machine: Machine, layout: Layout) -> Policy:
+        base = Base(bind_base(self._base, machine, layout), machine)
+        laws, actions = len(base.start(1)[0]), len(self._bounds)
+
+        def act(observations: Observations, memory: Any) -> Any:
+            state, held, age = memory["state"], memory["action"], memory["age"]
+            volts = base.volts(observations, memory["law"])
+            if (age % self._hold == 0).any():
+                now = self._actions(seen_with(observations, volts, layout), state)
+                decides = age % self._hold == 0
+                held[decides] = np.asarray(now, np.float32)[decides]
+            age += 1
+            return base.corrected(held, volts)
+
+        def start(worlds: int) -> Any:
+            kept = np.zeros(
+                worlds,
+                [
+                    ("state", object),
+                    ("law", np.float64, (laws,)),
+                    ("action", np.float32, (actions,)),
+                    ("age", np.int64),
+                ],
+            )
+            kept["law"] = base.start(worlds)
+            return kept
+
+        return Policy.of_function(act, layout, start=start, frame_skip=None)
+
 
 class _Kept(NamedTuple):
     """The model's state of all worlds, kept by each world whose episode goes on."""
@@ -166,11 +225,11 @@ class _Kept(NamedTuple):
     state: Any
 
 
-def _observed_by(model: Any) -> tuple[Sensors, int]:
-    """Return the sensors whose observations have as many entries as a model's, and how many."""
+def _observed_by(model: Any, extra: int) -> tuple[Sensors, int]:
+    """Return the sensors of a model's observations, and how many entries with ``extra`` more."""
     space = getattr(model, "observation_space", None)
     lengths: dict[Sensors, int] = {
-        sensors: len(observation_layout(BASELINE, sensors)) for sensors in get_args(Sensors)
+        sensors: len(observation_layout(BASELINE, sensors)) + extra for sensors in get_args(Sensors)
     }
     for sensors, entries in lengths.items():
         if isinstance(space, spaces.Box) and space.shape == (entries,):
@@ -193,17 +252,24 @@ def _has_statistics(wrapper: Any) -> bool:
     )
 
 
-def _frame_skip_of(env: Any) -> int:
-    """Return the ``frame_skip`` of an environment, or raise a ParameterError."""
+def _attribute_of(env: Any, name: str) -> Any:
+    """Return an attribute of an environment, or None if there is none."""
     inner = getattr(env, "unwrapped", env)
     try:
-        return inner.get_attr("frame_skip")[0] if hasattr(inner, "get_attr") else inner.frame_skip
+        return inner.get_attr(name)[0] if hasattr(inner, "get_attr") else getattr(inner, name)
     except AttributeError:
+        return None
+
+
+def _frame_skip_of(env: Any) -> int:
+    """Return the ``frame_skip`` of an environment, or raise a ParameterError."""
+    if (skip := _attribute_of(env, "frame_skip")) is None:
         raise ParameterError(
             "frame_skip must be given, or env, the environment of the training, which has it: "
             "from_sb3(model, "
             f"frame_skip=3) or from_sb3(model, env=env); got env = {env!r:.100}"
-        ) from None
+        )
+    return skip
 
 
 def _normalising(wrapper: Any) -> Normalise:

@@ -178,7 +178,13 @@ def to_volts(outputs: Any, base: Any, interface: Interface) -> Any:
     limited = library.clip(outputs, -1.0, 1.0)
     if interface.normalised:
         return volts_of(limited, -1.0, 1.0, top)
-    return library.clip(base[:, : len(interface.clutches)] + interface.reach * limited, 0.0, top)
+    return corrected(outputs, base[:, : len(interface.clutches)], interface.reach, top)
+
+
+def corrected(outputs: Any, base: Any, reach: float, voltage_max: float) -> Any:
+    """Return voltages [V] within the range, corrected by up to ``reach``; all (N, clutches)."""
+    library = outputs.__array_namespace__()
+    return library.clip(base + reach * library.clip(outputs, -1.0, 1.0), 0.0, voltage_max)
 
 
 def middle_volts(worlds: int, interface: Interface) -> Any:

@@ -1,0 +1,124 @@
+"""A base under the action: bits, contracts, storage and errors at all doors."""
+
+import warnings
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
+
+import pter_gym
+from pter_gym.envs import PathFollowingEnv, PathFollowingVectorEnv
+from pter_gym.errors import ActionError, ParameterError, ResetNeededError
+
+ID, BASE, WORLDS = "PTER/Standard-v0", "single-dof-tuned", 5
+SHORT: dict[str, Any] = {"scenario": "standard", "contexts": 8, "max_episode_steps": 30}
+
+
+def actions(steps: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-1.0, 1.0, (steps, WORLDS, 4)).astype(np.float32)
+
+
+@pytest.mark.parametrize("skip", [1, 3])
+@pytest.mark.parametrize("mode", ["SAME_STEP", "NEXT_STEP"])
+def test_a_row_of_a_batch_is_a_single_environment(mode: str, skip: int) -> None:
+    batch = PathFollowingVectorEnv(
+        WORLDS, autoreset_mode=mode, frame_skip=skip, base=BASE, num_threads=2, **SHORT
+    )
+    single = gymnasium.make(ID, contexts=8, max_episode_steps=30, frame_skip=skip, base=BASE)
+    rows, _ = batch.reset(seed=3)
+    obs, _ = single.reset(seed=3 + WORLDS - 1)
+    ended = False
+    for given in actions(70):
+        np.testing.assert_array_equal(rows[-1], obs)
+        rows, rewards, terminated, truncated, infos = batch.step(given)
+        if ended and mode == "NEXT_STEP":
+            obs, _ = single.reset()
+            ended = False
+            continue
+        obs, reward, over, late, info = single.step(given[-1])
+        assert (rewards[-1], terminated[-1], truncated[-1]) == (reward, over, late)
+        ended = over or late
+        if ended and mode == "SAME_STEP":
+            np.testing.assert_array_equal(infos["final_obs"][-1], obs)
+            np.testing.assert_array_equal(
+                infos["final_info"]["telemetry"][-1], info["telemetry"]
+            )
+            obs, _ = single.reset()
+
+
+@pytest.mark.parametrize("skip", [1, 3])
+def test_no_correction_leaves_the_law(skip: int) -> None:
+    corrected = PathFollowingEnv(scenario="standard", frame_skip=skip, base=BASE)
+    plain = PathFollowingEnv(scenario="standard", frame_skip=1, action_unit="volt")
+    law = pter_gym.load_policy(BASE, plain)
+    seen, _ = corrected.reset(seed=5)
+    obs, _ = plain.reset(seed=5)
+    law.reset()
+    over = False
+    while not over:
+        assert seen[:-4].tobytes() == obs.tobytes()
+        seen, reward, terminated, truncated, _ = corrected.step(np.zeros(4, np.float32))
+        earned = 0.0
+        for _ in range(skip):
+            if not over:
+                obs, part, done, late, _ = plain.step(law(obs))
+                earned, over = earned + part, done or late
+        assert (reward, terminated or truncated) == (earned, over)
+
+
+def test_a_copy_of_the_state_goes_on_alike() -> None:
+    env = PathFollowingVectorEnv(WORLDS, base=BASE, **SHORT)
+    env.reset(seed=0)
+    for given in actions(10):
+        env.step(given)
+    state, later = env.get_state(), actions(40, 1)
+    first = [env.step(given)[0] for given in later]
+    env.set_state(state)
+    np.testing.assert_array_equal(first, [env.step(given)[0] for given in later])
+
+
+def test_checkers_are_silent() -> None:
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gymnasium.make(ID, contexts=8, base=BASE).unwrapped, skip_render_check=True)
+        checker.check_env(gymnasium.make(ID, contexts=8, base=BASE))
+
+
+def test_a_spec_recovers_the_environment() -> None:
+    env = gymnasium.make(ID, contexts=8, base=BASE)
+    assert env.spec is not None
+    again = gymnasium.make(EnvSpec.from_json(env.spec.to_json()))
+    np.testing.assert_array_equal(env.reset(seed=1)[0], again.reset(seed=1)[0])
+    assert again.unwrapped.observation_layout.names[-4:] == ("base_1", "base_2", "base_3", "base_4")
+
+
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        ({"base": "single-dof-tund"}, "policies"),
+        ({"base": lambda obs: obs}, "base must be the name"),
+        ({"base": BASE, "action_unit": "volt"}, "action_unit must be 'normalised'"),
+    ],
+)
+def test_what_is_no_base_is_refused(keywords: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        PathFollowingEnv(scenario="standard", contexts=8, **keywords)
+
+
+def test_wrong_steps_move_nothing() -> None:
+    env = PathFollowingEnv(scenario="standard", contexts=8, base=BASE)
+    with pytest.raises(ResetNeededError):
+        env.step(np.zeros(4))
+    env.reset(seed=0)
+    before = env.batch.get_state()
+    for wrong in (np.full(4, 1.1), np.full(4, np.nan), np.zeros(3)):
+        with pytest.raises(ActionError):
+            env.step(wrong)
+    for name, part in env.batch.get_state().items():
+        np.testing.assert_array_equal(part, before[name])
+    with pytest.raises(ParameterError, match="env must have no base"):
+        pter_gym.load_policy(BASE, env)
