@@ -145,7 +145,9 @@ def scenario(name: str) -> str:
 *`{pictures.FIXTURES.get(name, pictures.SHOWN)}` on one drawn episode of `{name}`, in real time.*
 
 ```python
-env = gymnasium.make("{found.id}")
+import gymnasium
+
+env = gymnasium.make("pter_gym:{found.id}")
 ```
 
 {found.asks} Each training episode draws:

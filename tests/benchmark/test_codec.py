@@ -23,6 +23,7 @@ from pter_gym.params import (
     Connection,
     Hand,
     Machine,
+    MachineSpread,
     TorqueCurve,
 )
 from pter_gym.tasks._codec import codec
@@ -43,7 +44,15 @@ def test_round_trip(value: object) -> None:
 
 
 def test_dataclasses_are_those_that_a_module_or_package_defines() -> None:
-    assert set(dataclasses_in(params)) == {Arm, Clutch, Connection, Hand, Machine, TorqueCurve}
+    assert set(dataclasses_in(params)) == {
+        Arm,
+        Clutch,
+        Connection,
+        Hand,
+        Machine,
+        MachineSpread,
+        TorqueCurve,
+    }
     assert Machine not in dataclasses_in(specification), "it is only named there"
 
 

@@ -30,7 +30,7 @@ DOCUMENTS = sorted([*ROOT.glob("*.md"), *DOCS.glob("**/*.md")])
 PARAMETER_CLASSES = [
     item
     for _, item in inspect.getmembers(params, dataclasses.is_dataclass)
-    if inspect.isclass(item)
+    if inspect.isclass(item) and item is not params.MachineSpread
 ]
 PUSH = "time,along,across\n0,40,0\n0.1,40,2\n0.2,40,0\n"
 """A push as the page in the browser writes it."""
