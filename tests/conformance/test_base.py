@@ -43,9 +43,7 @@ def test_a_row_of_a_batch_is_a_single_environment(mode: str, skip: int) -> None:
         ended = over or late
         if ended and mode == "SAME_STEP":
             np.testing.assert_array_equal(infos["final_obs"][-1], obs)
-            np.testing.assert_array_equal(
-                infos["final_info"]["telemetry"][-1], info["telemetry"]
-            )
+            np.testing.assert_array_equal(infos["final_info"]["telemetry"][-1], info["telemetry"])
             obs, _ = single.reset()
 
 
