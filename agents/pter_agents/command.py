@@ -1,12 +1,19 @@
 """``pter train`` and ``pter export``."""
 
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Literal
 
 import tyro
 
-from pter_gym._commands.arguments import MachineName, ScenarioName, look_at
-from pter_gym._internal.terminal import progress_bar, say, terminal
+from pter_gym._commands.arguments import (
+    AnyScenario,
+    EachPace,
+    MachineName,
+    ScenarioName,
+    look_at,
+)
+from pter_gym._internal.terminal import conclude, progress_bar, say, waiting
 from pter_gym.errors import needs_extra
 from pter_gym.policies._files import RUN
 
@@ -16,15 +23,15 @@ SMOKE_EPISODES = 8
 
 def train(
     algo: Annotated[Literal["ppo", "residual"], tyro.conf.Positional],
-    scenario: str = "standard",
-    pace: str = "all",
+    scenario: AnyScenario = "standard",
+    pace: EachPace = "all",
     steps: int = 20_000_000,
     seed: int = 0,
     out: Path = Path("pter-run"),
     resume: bool = False,
     config: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     smoke: bool = False,
-    machine: str | None = None,
+    machine: MachineName = None,
 ) -> None:
     """Train a policy on a scenario's training draws by PPO.
 
@@ -36,10 +43,10 @@ def train(
     Example: pter train residual --smoke --out residual-run
 
     Args:
-        algo: What to train: the clutch voltages (ppo), or corrections to a controller (residual).
+        algo: What to train: the clutch voltages (ppo), or corrections to a law (residual).
         scenario: Scenario whose draws are trained on, or all.
         pace: Commanded pace, or all of them.
-        steps: Total decisions in all worlds, each held for frame_skip control steps.
+        steps: Steps of the environment in all worlds, each of frame_skip control steps.
         seed: Seed of weights, worlds, draws and actions, at least 0.
         out: Folder of the run, created if necessary; it must not hold another run.
         resume: Continue from the newest checkpoint in the folder; only the steps may have changed.
@@ -48,7 +55,8 @@ def train(
         machine: Clutch material, or the file of a machine of your own, instead of those that the
             scenario draws; of a file of `pter identify`, all machines that fit the log.
     """
-    with terminal(errors=True).status("loading"):
+    look_at(machine=machine)
+    with waiting("loading"):
         from pter_agents.runs import RunFolder
         from pter_agents.settings import ALL, SMOKE, TrainingArguments, load_settings
         from pter_gym.params import find_machines
@@ -88,15 +96,14 @@ def train(
         if not smoke:
             files.append(report.film(exporting.read_run(out), arguments, out / "film.webp"))
     say(report.table({str(out): history[max(history)], **laws}))
-    for file in files:
-        say(f"wrote {file}")
     on = (
         "" if scenario == "standard" else f" --scenario {FALLBACK if scenario == ALL else scenario}"
     )
-    say(f"next: tensorboard --logdir {out}")
-    say(
-        f"      pter export {out} --name mine && "
-        f"pter benchmark{on} --policies mine {report.LAWS[0]}"
+    conclude(
+        files,
+        f"tensorboard --logdir {quote(str(out))}",
+        f"pter export {quote(str(out))} --name mine && "
+        f"pter benchmark{on} --policies mine {report.LAWS[0]}",
     )
 
 
@@ -122,7 +129,7 @@ def export(
     Example: pter export residual --c residual-c
 
     Args:
-        run: Folder of a run, or a policy by its name or path; for C also the name of a controller.
+        run: Folder of a run, or a policy by its name or path; for C also the name of a law.
         name: Name of the policy; by default the algorithm's or its own.
         out: Folder for the policy, created if necessary; by default NAME.
         c: Folder for pter.h, pter.c and main.c, in C99 without libraries, created if necessary.
@@ -131,14 +138,16 @@ def export(
         weights: Weights in the C code; int8 needs a quarter of the memory and costs some score.
         prefix: Begins all names in the C code and of its files; two policies in one program have
             different ones.
-        scenario: Scenario whose gains a controller has.
+        scenario: Scenario whose gains a law has.
         path: Path that the C code holds.
         machine: Nominal machine of a policy for C or ONNX, by its name or its file.
     """
     if c is None and onnx is None:
         from pter_agents import exporting
 
-        say(f"wrote {exporting.export(run, out, name=name)}")
+        written = exporting.export(run, out, name=name)
+        compared = f"{quote(str(written.with_suffix('')))} single-dof-tuned"
+        conclude([written], f"pter benchmark --policies {compared}")
         return
     trained = (Path(run) / RUN).is_file()
     look_at(policies=() if trained else (run,), machine=machine)
@@ -168,4 +177,6 @@ def export(
     if onnx is not None:
         say(f"wrote {write_onnx(policy, onnx, name=called, machine=machine)}")
     if source is not None and c is not None:
-        say(f"wrote {source.write(c)}")
+        program = quote(str(c / prefix))
+        compiled = f"cc -std=c99 -O2 {program}.c {quote(str(c / 'main.c'))} -o {program}"
+        conclude([source.write(c)], compiled)

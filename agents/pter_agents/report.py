@@ -54,12 +54,12 @@ def in_words(scores: Scores) -> str:
 
 @styled
 def learning_curve(history: Mapping[int, Scores], laws: Mapping[str, Scores]) -> Figure:
-    """Return path errors and arrivals over decisions, a column for each pace.
+    """Return path errors and arrivals over steps, a column for each pace.
 
     Parameters
     ----------
     history
-        Validation scores by the decisions before each; at least one.
+        Validation scores by the steps before each; at least one.
     laws
         Scores of laws on the same episodes.
     """
@@ -105,7 +105,7 @@ def learning_curve(history: Mapping[int, Scores], laws: Mapping[str, Scores]) ->
     panels[0, 0].set_ylabel("path error [mm]")
     panels[1, 0].set_ylabel("arrive [%]")
     figure.supxlabel(
-        "decisions [million]; hollow: not ranked; dashed: tuned laws on the same episodes",
+        "steps [million]; hollow: not ranked; dashed: tuned laws on the same episodes",
         fontsize=SMALL,
     )
     return figure

@@ -7,18 +7,8 @@ from sphinx.application import Sphinx
 from pter_gym.scenarios import SCENARIOS
 
 CHAPTERS: dict[str, tuple[str, ...]] = {
-    "Start": ("push-it-yourself", "watching", "tutorials", "commands"),
-    "Train": ("your-algorithm", "agents", "stock-algorithms", "data", "gradients"),
-    "The environment": ("environment", "reward", "scenarios/index", "scoring"),
-    "Control": ("controllers", "which-clutches", "extending", "deploy"),
-    "The robot": ("model", "hands", "devices", "identify", "reproduction", "calibration"),
-    "Reference": ("api",),
-}
-"""What the side bar shows."""
-
-BELOW = {
-    "push-it-yourself": ("browser",),
-    "tutorials": (
+    "Start": ("push-it-yourself", "watching"),
+    "Notebooks": (
         "notebooks/01_the_paper",
         "notebooks/02_your_own_clutch",
         "notebooks/03_your_own_controller",
@@ -26,6 +16,16 @@ BELOW = {
         "notebooks/05_read_the_benchmark",
         "notebooks/06_which_machine_to_build",
     ),
+    "Train": ("your-algorithm", "agents", "stock-algorithms", "data", "gradients"),
+    "The environment": ("environment", "reward", "scenarios/index", "scoring"),
+    "Control": ("extending", "controllers"),
+    "Hardware": ("devices", "identify", "deploy", "which-clutches"),
+    "The robot": ("model", "hands", "reproduction", "calibration"),
+    "Reference": ("api", "development/index"),
+}
+"""What the side bar shows."""
+
+BELOW = {
     "scenarios/index": tuple(f"scenarios/{name}" for name in SCENARIOS),
     "development/index": tuple(
         f"development/{name}"
@@ -50,7 +50,7 @@ def add_contents(app: Sphinx, page: str, source: list[str]) -> None:
     source[0] = source[0].replace("](../docs/", "](/")
     if page == "index":
         source[0] += "".join(toctree(pages, caption) for caption, pages in CHAPTERS.items())
-    elif page == "commands":
+    elif page == "api":
         names = (name for name in app.env.found_docs if name.startswith("commands/"))
         source[0] += toctree(sorted(names))
     elif page in BELOW:

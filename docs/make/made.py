@@ -326,14 +326,16 @@ def claim_table() -> str:
     rows = [
         [
             verdicts[each["kind"]],
-            f"{each['claim']} {each['section']}",
+            f"“{each['paper']}” {each['section']}",
+            each["claim"],
             " ".join([number(each["measured"]), each["unit"].removeprefix("1")]).strip()
             + f": {each['what']}",
             each["condition"],
         ]
         for each in json.loads((IMAGES / "paper" / "claims.json").read_text("utf-8"))
     ]
-    return table(["Verdict", "The paper says, in section", "We measure", "Holds if"], rows)
+    head = ["Verdict", "The paper says, in section", "Read as", "We measure", "Holds if"]
+    return table(head, rows)
 
 
 # --- policies and commands ---

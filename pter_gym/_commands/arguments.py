@@ -2,28 +2,37 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from pter_gym._internal.files import check_target
 from pter_gym._internal.tables import read_table
+from pter_gym._internal.terminal import say
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.params import find_machine
-from pter_gym.policies._files import ENDING
-from pter_gym.policies._names import check_policy
-from pter_gym.scenarios import PACES, SCENARIOS, find_pace
+from pter_gym.params import ACTUATORS, MACHINES, find_machine
+from pter_gym.policies._files import ENDING, shipped_policies
+from pter_gym.policies._names import BUILT_IN, check_policy, tuned_policies
+from pter_gym.scenarios import PACES, SCENARIOS, find_pace, find_scenario
 
 if TYPE_CHECKING:
-    ScenarioName = str
-    PaceName = str
+    from pter_gym.scenarios import Scenario
+
+    ScenarioName = AnyScenario = str
+    PaceName = EachPace = str
 else:
     ScenarioName = Literal[tuple(SCENARIOS)]
     """Name of a scenario; the help lists all."""
 
+    AnyScenario = Literal[("all", *SCENARIOS)]
+    """Name of a scenario, or all of them."""
+
     PaceName = Literal[tuple(PACES)]
     """Name of a commanded pace; the help lists all."""
 
+    EachPace = Literal[("all", *PACES)]
+    """Name of a commanded pace, or all of them."""
 PATH_NAMES = ("line", "arc", "circle", "sine")
 """Names of paths, in their order in ``PATHS``, known without loading anything that compiles."""
 
@@ -34,6 +43,12 @@ AnyPace = Annotated[str, tyro.conf.arg(metavar=_PACE)]
 
 AnyPaces = Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{_PACE} …", aliases=("--pace",))]
 """Commanded paces, each as ``AnyPace``."""
+
+Smoothness = Annotated[float, tyro.conf.arg(metavar="MM")]
+"""How far a path from a file may pass by its waypoints [mm]."""
+
+NARROW = 0.02
+"""Half-width of a workspace [m] below which a path of waypoints is probably noisy."""
 
 PathName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.csv")]
 """A path by its name, or a file of waypoints; None for what is usual."""
@@ -80,6 +95,45 @@ def look_at(
         read_table(path, ("x", "y"), unit="m")
     elif path is not None and path not in PATH_NAMES:
         raise unknown_name("path", path, (*PATH_NAMES, "FILE.csv"))
+
+
+def scenario_on(scenario: str, machine: str | None, path: str | None, smooth: float) -> "Scenario":
+    """Return a scenario on a user's path, and say so if its bends leave little workspace."""
+    if smooth < 0.0 or (smooth and not (path or "").endswith(".csv")):
+        raise ParameterError(f"smooth must be ≥ 0 mm, for a path from a file, got {smooth:g}")
+    chosen = find_scenario(scenario, machine, path, 1e-3 * smooth)
+    width = chosen.draws.varied_task.base.error_max
+    if path and width < NARROW:
+        say(
+            f"{path} bends so sharply that the workspace ends {1e3 * width:.2g} mm beside it; "
+            f"of a recorded path, --smooth 2 takes 2 mm of noise"
+        )
+    return chosen
+
+
+def names_for(field: str) -> tuple[str, ...]:
+    """Return the names that an argument accepts besides files, none if it has no names."""
+    tuned = tuned_policies()
+    policies = (*BUILT_IN, *tuned, *shipped_policies())
+    laws = tuple(name for name in BUILT_IN if f"{name}-tuned" in tuned)
+    names = dict.fromkeys(("policies", "policy", "run"), policies)
+    return (names | {"law": laws, "machine": (*MACHINES, *ACTUATORS)}).get(field, ())
+
+
+def options(
+    *,
+    scenario: str = "standard",
+    pace: str = "medium",
+    path: str | None = None,
+    machine: str | None = None,
+    smooth: float = 0.0,
+) -> str:
+    """Return those of these options that are not usual, as a command line has them."""
+    given = {"scenario": scenario, "pace": pace, "path": path, "machine": machine}
+    usual = ("standard", "medium", None)
+    shown = {name: value for name, value in given.items() if value not in usual}
+    shown |= {"smooth": f"{smooth:g}"} if smooth else {}
+    return "".join(f" --{name} {quote(value)}" for name, value in shown.items() if value)
 
 
 def numbers(field: str, text: str) -> list[float]:

@@ -2,14 +2,24 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from pter_gym._commands.arguments import AnyPaces, PathName, ScenarioName, look_at, split
+from pter_gym._commands.arguments import (
+    AnyPaces,
+    PathName,
+    ScenarioName,
+    Smoothness,
+    look_at,
+    options,
+    scenario_on,
+    split,
+)
 from pter_gym._internal.plugins import PICTURES, load_artist, registered
-from pter_gym._internal.terminal import progress_bar, say
-from pter_gym.scenarios import PACES, find_scenario
+from pter_gym._internal.terminal import conclude, progress_bar, say
+from pter_gym.scenarios import PACES
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -34,6 +44,7 @@ def benchmark(
     scenario: ScenarioName = "standard",
     paces: AnyPaces = tuple(PACES),
     path: PathName = None,
+    smooth: Smoothness = 0.0,
     episodes: Annotated[int | None, tyro.conf.arg(metavar="COUNT")] = None,
     seed: Annotated[int | None, tyro.conf.arg(metavar="NUMBER")] = None,
     details: bool = False,
@@ -56,10 +67,11 @@ def benchmark(
         paces: Commanded paces: slow, medium, brisk, or speeds in m/s.
         path: Path of all episodes instead of the scenario's: a CSV file of waypoints x, y in
             metres, or a path's name.
+        smooth: Noise of a recorded path that is smoothed away, root mean square, in mm.
         episodes: How many of the scenario's episodes to run; all by default.
         seed: Seed of fresh episodes, as many as the stored ones; by default the stored episodes are
             run, or with --path, where there are none, those of seed 0.
-        details: Print the worst twentieth, rms, pace and peak acceleration too.
+        details: Also print the worst twentieth, rms, pace and peak acceleration.
         film: Whether to film the policies on a training draw of the scenario.
         out: Folder for the results, created if necessary.
     """
@@ -69,7 +81,7 @@ def benchmark(
     from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
     from pter_gym.benchmark.boards import EPISODE_SET, boards_text, in_order
 
-    distribution = find_scenario(scenario, path=path)
+    distribution = scenario_on(scenario, None, path, smooth)
     results = ResultsFolder(out)
     results.make()
     policies_by_name = {name: find_policy(name, distribution.whose_gains) for name in names}
@@ -99,8 +111,10 @@ def benchmark(
             filmed = sorted(list(policies_by_name)[:MAX_FILMED], key=places.index)
             ranked = {name: policies_by_name[name] for name in filmed}
             files.append(film_policies(ranked, distribution, pace, results.path, progress))
-    for file in files:
-        say(f"wrote {file}")
+    best, *others = in_order(boards)
+    same = options(scenario=scenario, path=path, smooth=smooth)
+    ends = quote(",".join([best, *others[-1:]]))
+    conclude(files, f"pter watch {ends}{same} --out two.webp")
 
 
 def film_policies(

@@ -1,22 +1,28 @@
 """``pter``: the commands. Other packages add theirs by the entry-point group ``pter.commands``."""
 
 import ast
-import functools
+import inspect
+import io
 import os
+import re
 import signal
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import redirect_stderr, suppress
 from importlib.metadata import EntryPoint
 from importlib.util import find_spec
+from inspect import Parameter, Signature, signature
+from itertools import dropwhile, takewhile
 from pathlib import Path
 from traceback import extract_tb
-from typing import Any
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import tyro
 from rich import console
 from rich.table import Table
 
+from pter_gym._commands.arguments import names_for
 from pter_gym._internal.plugins import COMMANDS, registered
 from pter_gym._internal.terminal import (
     accept_all_characters,
@@ -27,7 +33,7 @@ from pter_gym._internal.terminal import (
     terminal,
 )
 from pter_gym._version import __version__
-from pter_gym.errors import DependencyError, PterError, unknown_name
+from pter_gym.errors import DependencyError, ParameterError, PterError, unknown_name
 
 Command = Callable[..., int | None]
 
@@ -62,13 +68,85 @@ def load_command(name: str) -> Command:
 
 
 def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
-    """Return the arguments of a command, or print its help or an error and exit, as tyro does."""
+    """Return the arguments of a command, or print its help and exit.
 
-    @functools.wraps(command)
+    Raises
+    ------
+    ParameterError
+        In one line, if an argument is missing, unknown or of another kind.
+    """
+
     def keep(**arguments: Any) -> dict[str, Any]:
         return arguments
 
-    return tyro.cli(keep, prog=f"pter {name}", args=arguments)
+    parameters = {each.name: each for each in _parameters(command)}
+    keep.__signature__ = Signature(list(parameters.values()))  # type: ignore[attr-defined]
+    keep.__annotations__ = {each.name: each.annotation for each in parameters.values()}
+    keep.__doc__ = re.sub(r"\n {8}(?=\S)", " ", inspect.getdoc(command) or "")
+    printed = io.StringIO()
+    try:
+        with redirect_stderr(printed):
+            return tyro.cli(keep, prog=f"pter {name}", args=arguments)
+    except SystemExit as end:
+        if not end.code:
+            raise
+        metavars = {field: _metavar(each.annotation) for field, each in parameters.items()}
+        reason = reason_of_parser(printed.getvalue(), arguments, metavars)
+    raise ParameterError(f"{reason} (`pter {name} --help` explains)")
+
+
+def _parameters(command: Command) -> Iterator[Parameter]:
+    """Yield the parameters of a command as its help shows them.
+
+    What is None or empty by default has no default there, and nothing is called ``{None}|…``.
+    """
+    hints = get_type_hints(command, include_extras=True)
+    for each in signature(command).parameters.values():
+        hint: Any = hints[each.name]
+        if each.default in (None, (), "", Parameter.empty):
+            shown: dict[str, Any] = {"help_behavior_hint": ""}
+            kinds = [kind for kind in get_args(hint) if kind is not NoneType]
+            if get_origin(hint) is UnionType and len(kinds) == 1:
+                shown["metavar"] = kinds[0].__name__.upper()
+            hint = Annotated[hint, tyro.conf.arg(**shown)]
+        yield each.replace(annotation=hint, kind=Parameter.KEYWORD_ONLY)
+
+
+def _is_ruler(line: str) -> bool:
+    return not line.strip("─-")
+
+
+def _metavar(hint: Any) -> str:
+    """Return what the help shows for a value."""
+    for each in getattr(hint, "__metadata__", ()):
+        if metavar := getattr(each, "metavar", None):
+            return metavar
+    kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+    choices = get_args(kind) if get_origin(kind) is Literal else ()
+    return f"{{{','.join(choices)}}}" if choices else getattr(kind, "__name__", "").upper()
+
+
+def reason_of_parser(printed: str, arguments: list[str], metavars: Mapping[str, str]) -> str:
+    """Return in one line why tyro refuses arguments, from the box that it prints."""
+    lines = [line.strip("│ ") for line in printed.splitlines()[1:]]  # without the box's title
+    words = dropwhile(_is_ruler, lines)  # there is one here where boxes are not drawn
+    first = " ".join(takewhile(lambda line: not _is_ruler(line), words))
+    if found := re.match(r"Missing from .*?: (\S+(?: …)?)", first):
+        field = next((each for each, name in metavars.items() if name == found[1]), "")
+        names = names_for(field) or found[1].strip("{}").split(",")
+        return f"{field} must be given: {', '.join(names)}"
+    if found := re.match(r"Unrecognized options: ([^, ]+)", first):
+        near = re.findall(r"^(--[\w-]+)", "\n".join(lines[1:]), re.MULTILINE)
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        return f"there is no {found[1]}{hint}"
+    if found := re.match(r"invalid choice '(.*)' for argument '(?:--)?(.*)'\. .*\((.*)\)", first):
+        return str(unknown_name(found[2], found[1], re.findall(r"'(.*?)'", found[3])))
+    if found := re.match(r"(?:Error parsing|Missing value for argument) '?(?:--)?([\w-]+)", first):
+        field = found[1].replace("-", "_")
+        place = arguments.index(f"--{found[1]}") + 1 if f"--{found[1]}" in arguments else 0
+        given = " ".join(takewhile(lambda each: not each.startswith("--"), arguments[place:]))
+        return f"{field} must be {metavars.get(field, 'given')}, got {given!r:.200}"
+    return first
 
 
 def main(arguments: list[str] | None = None) -> int:

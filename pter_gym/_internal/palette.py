@@ -26,6 +26,9 @@ LINES = (
 )
 """Colours of lines of data, in this order."""
 
+BESIDE_ARM = (BLACK, BRICK, CORNFLOWER, SAGE, PLUM, SLATE, NAVY, MAROON, ULTRAMARINE)
+"""Colours of lines of data below an arm's picture, none of which is that of a link or a force."""
+
 
 def clutch_name(row: tuple[float, float]) -> str:
     """Return the CSS name of a clutch's colour: of the link that it brakes, or of its coupling.

@@ -6,9 +6,11 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
+from itertools import chain, repeat
 from pathlib import Path
-from threading import Thread
+from threading import Event, Thread
 from typing import Any
 
 from rich.cells import cell_len, chop_cells
@@ -17,6 +19,7 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    SpinnerColumn,
     Task,
     TextColumn,
     TimeElapsedColumn,
@@ -29,6 +32,9 @@ from pter_gym.errors import ParameterError, printable
 
 WIDTH = 80
 """Characters in a line of a table."""
+
+INTERVAL = 10.0
+"""Seconds between two lines of progress where there is no terminal."""
 
 GRACE = 0.3
 """Seconds in which Python may end by itself after Ctrl-C."""
@@ -97,18 +103,49 @@ class ShortColumn(TextColumn):
         return Text(shorten(super().render(task).plain, WIDTH // 2))
 
 
+class Lines(Progress):
+    """A progress bar where no cursor can move: a line for each task every ``INTERVAL``."""
+
+    def start(self) -> None:
+        """Begin to print."""
+        self._ended = Event()
+        Thread(target=self._tell, daemon=True).start()
+
+    def stop(self) -> None:
+        """End."""
+        self._ended.set()
+
+    def _tell(self) -> None:
+        while not self._ended.wait(INTERVAL):
+            for task in self.tasks:
+                share = f" {task.percentage:.0f} %," if task.total else ""
+                self.console.out(f"{task.description}:{share} {task.elapsed or 0:.0f} s")
+
+
 def progress_bar(console: Console | None = None) -> Progress:
-    """Return the progress bar that all commands share; without a terminal nothing is shown."""
+    """Return the progress bar that all commands share; without a terminal, one of lines."""
     console = console or terminal(errors=True)
+    if not console.is_terminal:
+        return Lines(console=console, disable=True)
     text = ShortColumn("{task.description}", markup=False)
-    columns = (text, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(
-        *columns,
-        console=console,
-        transient=True,
-        redirect_stdout=False,
-        disable=not console.is_terminal,
-    )
+    columns = (SpinnerColumn("line"), text, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=console, transient=True, redirect_stdout=False)
+
+
+@contextmanager
+def waiting(what: str) -> Generator[Progress]:
+    """Show that something goes on whose end is not known."""
+    with progress_bar() as progress:
+        progress.add_task(what, total=None)
+        yield progress
+
+
+def conclude(written: Iterable[FilePath], *commands: str) -> None:
+    """Print what was written, and the commands that go on from there."""
+    for each in written:
+        say(f"wrote {each}")
+    for start, command in zip(chain(["next:"], repeat("     ")), commands, strict=False):
+        say(f"{start} {command}")
 
 
 def open_streams() -> None:

@@ -41,6 +41,7 @@ class Sliding(NamedTuple):
 
     stribeck: Annotated[float, Entry("rad²/s²", "square of the Stribeck velocity, 0 for none")]
     viscous: Annotated[PerClutch, Entry("N·m·s", "viscous friction", name="viscous")]
+    held: Annotated[float, Entry("1", "part of T_k that holds in the stick band even above T_s")]
 
 
 class Decay(NamedTuple):
@@ -156,12 +157,14 @@ def faded(heat: float, fade: float, strength: float) -> float:
 
 
 @device
-def holding(breakaway: float, dynamic: float) -> float:
+def holding(breakaway: float, dynamic: float, held: float) -> float:
     """Return the torque [N·m] that a clutch inside the stick band can hold.
 
-    For T_k > T_s this is T_k: the δω → 0 limit, in which motion persists only above T_k.
+    It is T_s. For T_k > T_s and ``held`` = 1 it is T_k: the δω → 0 limit, in which motion persists
+    only above T_k. With 0 it remains T_s, as Eq. 2 is printed.
     """
-    return breakaway if breakaway > dynamic else dynamic
+    least = held * dynamic
+    return breakaway if breakaway > least else least
 
 
 @device
@@ -172,11 +175,17 @@ def sliding(slip: float, breakaway: float, dynamic: float, part: float, viscous:
 
 @device
 def capacity(
-    slip: float, threshold: float, breakaway: float, dynamic: float, part: float, viscous: float
+    slip: float,
+    threshold: float,
+    breakaway: float,
+    dynamic: float,
+    part: float,
+    viscous: float,
+    held: float,
 ) -> float:
     """Return the torque limit [N·m] for the next kick by Karnopp's rule (paper Eq. 2)."""
-    held = holding(breakaway, dynamic)
-    return held if abs(slip) < threshold else sliding(slip, breakaway, dynamic, part, viscous)
+    inside = holding(breakaway, dynamic, held)
+    return inside if abs(slip) < threshold else sliding(slip, breakaway, dynamic, part, viscous)
 
 
 @device
@@ -208,32 +217,34 @@ def capacities(slip: PerClutch, threshold: float, torques: Torques, by: Sliding)
     ts, tk = torques.breakaway, torques.dynamic
     part = falling(slip, threshold, by.stribeck)
     return PerClutch(
-        capacity(slip.x1, threshold, ts.x1, tk.x1, part.x1, by.viscous.x1),
-        capacity(slip.x2, threshold, ts.x2, tk.x2, part.x2, by.viscous.x2),
-        capacity(slip.x3, threshold, ts.x3, tk.x3, part.x3, by.viscous.x3),
-        capacity(slip.x4, threshold, ts.x4, tk.x4, part.x4, by.viscous.x4),
+        capacity(slip.x1, threshold, ts.x1, tk.x1, part.x1, by.viscous.x1, by.held),
+        capacity(slip.x2, threshold, ts.x2, tk.x2, part.x2, by.viscous.x2, by.held),
+        capacity(slip.x3, threshold, ts.x3, tk.x3, part.x3, by.viscous.x3, by.held),
+        capacity(slip.x4, threshold, ts.x4, tk.x4, part.x4, by.viscous.x4, by.held),
     )
 
 
 @device
 def switches(
-    before: float, after: float, threshold: float, breakaway: float, dynamic: float
+    before: float, after: float, threshold: float, breakaway: float, dynamic: float, held: float
 ) -> bool:
-    """Return whether a clutch begins to stick, or breaks away from a larger torque, in a kick."""
-    leaves = (abs(after) >= threshold) & (breakaway > dynamic)
+    """Return whether a clutch begins to stick, or leaves a band that holds another torque."""
+    leaves = (abs(after) >= threshold) & (holding(breakaway, dynamic, held) != dynamic)
     return leaves if abs(before) < threshold else before * after <= 0.0
 
 
 @device
-def any_switches(before: PerClutch, after: PerClutch, threshold: float, torques: Torques) -> bool:
+def any_switches(
+    before: PerClutch, after: PerClutch, threshold: float, torques: Torques, held: float
+) -> bool:
     """Return whether any clutch changes between sticking and slipping."""
     ts = torques.breakaway
     tk = torques.dynamic
     return (
-        switches(before.x1, after.x1, threshold, ts.x1, tk.x1)
-        | switches(before.x2, after.x2, threshold, ts.x2, tk.x2)
-        | switches(before.x3, after.x3, threshold, ts.x3, tk.x3)
-        | switches(before.x4, after.x4, threshold, ts.x4, tk.x4)
+        switches(before.x1, after.x1, threshold, ts.x1, tk.x1, held)
+        | switches(before.x2, after.x2, threshold, ts.x2, tk.x2, held)
+        | switches(before.x3, after.x3, threshold, ts.x3, tk.x3, held)
+        | switches(before.x4, after.x4, threshold, ts.x4, tk.x4, held)
     )
 
 

@@ -257,6 +257,7 @@ def share_before_switch(
     torques: Torques,
     capacity: PerClutch,
     threshold: float,
+    held: float,
     h: float,
     arrangement: OptionalArrangement = None,
 ) -> float:
@@ -267,22 +268,22 @@ def share_before_switch(
     ts, tk = torques.breakaway, torques.dynamic
     s1 = (
         share_before(w.x1, slid.x1, threshold)
-        if switches(w.x1, v.x1, threshold, ts.x1, tk.x1)
+        if switches(w.x1, v.x1, threshold, ts.x1, tk.x1, held)
         else 1.0
     )
     s2 = (
         share_before(w.x2, slid.x2, threshold)
-        if switches(w.x2, v.x2, threshold, ts.x2, tk.x2)
+        if switches(w.x2, v.x2, threshold, ts.x2, tk.x2, held)
         else 1.0
     )
     s3 = (
         share_before(w.x3, slid.x3, threshold)
-        if switches(w.x3, v.x3, threshold, ts.x3, tk.x3)
+        if switches(w.x3, v.x3, threshold, ts.x3, tk.x3, held)
         else 1.0
     )
     s4 = (
         share_before(w.x4, slid.x4, threshold)
-        if switches(w.x4, v.x4, threshold, ts.x4, tk.x4)
+        if switches(w.x4, v.x4, threshold, ts.x4, tk.x4, held)
         else 1.0
     )
     return min(s1, s2, s3, s4)
@@ -509,7 +510,8 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
         impact = free_motion(q, arm, load_on(w, i), h)
         arrangement = arrangement_at(w, i)
         before = slip_velocities(q.omega_a, q.omega_b, arrangement)
-        capacity = capacities(before, threshold, torques, load(w, at.machine.sliding, i))
+        sliding = load(w, at.machine.sliding, i)
+        capacity = capacities(before, threshold, torques, sliding)
         capacity = with_dry(capacity, arm.dry_a, arm.dry_b, arrangement)
         most = impulses(capacity, h)
         omega_a, omega_b = resolve(
@@ -520,7 +522,8 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
         store(w, at.omega, i, PerLink(omega_a, omega_b))
         store(w, at.capacity, i, capacity)
         w[at.span, i] = h
-        w[at.switches, i] = 1.0 if any_switches(before, after, threshold, torques) else 0.0
+        switch = any_switches(before, after, threshold, torques, sliding.held)
+        w[at.switches, i] = 1.0 if switch else 0.0
 
     @device
     def take(w: Any, i: int) -> None:
@@ -549,6 +552,7 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
                 load(w, at.torques, i),
                 load(w, at.capacity, i),
                 w[at.machine.slip_threshold, i],
+                w[at.machine.sliding.held, i],
                 span,
                 arrangement_at(w, i),
             )

@@ -21,7 +21,7 @@ from pter_gym._physics.arm import (
 )
 from pter_gym._physics.clutch import PerClutch, falling, holding, sliding
 from pter_gym._physics.friction import slip_velocities
-from pter_gym._physics.model import model_of, optional_arrangement
+from pter_gym._physics.model import held_dynamic, model_of, optional_arrangement
 from pter_gym.params import SLOTS, Arm, Machine
 
 Array = NDArray[np.float64]
@@ -83,7 +83,8 @@ def torque_limits(machine: Machine, slip: ArrayLike) -> tuple[Array, Array]:
     part = _falling(machine, speed)
     least = sliding(speed, *weakest, part, clutch.viscous)
     most = sliding(speed, *strongest, part, clutch.viscous)
-    hold, sticks = holding(*strongest), speed < machine.slip_threshold
+    hold = holding(*strongest, held_dynamic(machine))
+    sticks = speed < machine.slip_threshold
     return np.where(sticks, -hold, least) * scale, np.where(sticks, hold, most) * scale
 
 

@@ -22,6 +22,7 @@ from pter_gym.params._files import (
 )
 from pter_gym.params._machine import (
     Arm,
+    Band,
     Clutch,
     Hand,
     Lag,
@@ -54,6 +55,7 @@ __all__ = [
     "PAPER_CLUTCHES",
     "SLOTS",
     "Arm",
+    "Band",
     "Checked",
     "Clutch",
     "Connection",

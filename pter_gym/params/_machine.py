@@ -20,6 +20,7 @@ from pter_gym.params._fields import (
 )
 
 Lag = Literal["normal_force", "voltage"]
+Band = Literal["limit", "printed"]
 
 _CONSTANT = "chosen: T_k is the same at all speeds"
 _NO_HAND = "published: the paper's hand is a force alone"
@@ -106,6 +107,10 @@ class Clutch(Checked):
     that is T_k at any speed. A torque that falls does so with ``fall_ratio`` times the time
     constant of one that rises. A clutch that has taken up the heat H keeps 1/(1 + fade·H) of its
     torque, and H decays with the time constant ``cooling``.
+
+    Within the stick band it holds up to T_s. Where T_k exceeds T_s, Eq. 2 as printed lets it creep
+    at the edge of the band, δω, under a load between the two (``band`` "printed"); as the band
+    vanishes, that load holds it ("limit").
     """
 
     breakaway: TorqueCurve = quantity(
@@ -129,6 +134,9 @@ class Clutch(Checked):
     fade: float = quantity("1/J", "chosen: no fade", at_least=0.0, default=0.0, later=True)
     cooling: float = quantity(
         "s", "chosen: of no effect without fade", above=0.0, default=60.0, later=True
+    )
+    band: Band = quantity(
+        "1", "chosen: of no effect unless T_k exceeds T_s", default="limit", later=True
     )
 
     def __post_init__(self) -> None:

@@ -106,6 +106,7 @@ def find_scenario(
     scenario: "str | Scenario | Draws | PathFollowing",
     machine: "Machine | MachineSpread | FilePath | None" = None,
     path: "Path | FilePath | None" = None,
+    smooth: float = 0.0,
 ) -> Scenario:
     """Return a scenario by its name.
 
@@ -121,6 +122,8 @@ def find_scenario(
     path
         A path for all its episodes: the path, its name in ``pter_gym.paths.PATHS``, or a CSV file
         of waypoints. The workspace about it is at most as wide as its bends allow.
+    smooth
+        How far a path from a file may pass by its waypoints [m], see ``pter_gym.paths.Spline``.
 
     Raises
     ------
@@ -132,7 +135,7 @@ def find_scenario(
     """
     base = _find(scenario)
     if path is not None:
-        base = _on_path(base, path)
+        base = _on_path(base, path, smooth)
     if machine is not None:
         from pter_gym.params import MachineSpread, find_machine, middle_of
         from pter_gym.tasks.path_following._specification import sensing_of
@@ -181,15 +184,16 @@ def _find(scenario: Any) -> Scenario:
     return Scenario(name, 0, "A task of your own.", episodes=200, own=draws, gains=gains)
 
 
-def _on_path(scenario: Scenario, source: "Path | FilePath") -> Scenario:
+def _on_path(scenario: Scenario, source: "Path | FilePath", smooth: float) -> Scenario:
     """Return a scenario with one path for all episodes."""
-    from pter_gym.paths import find_path
+    from pter_gym.paths import find_path, read_path
     from pter_gym.scenarios.distributions import Vary
     from pter_gym.tasks.path_following._specification import check_machine, largest_error_max
 
-    path = find_path(source)
     is_name = isinstance(source, str | os.PathLike)
+    path = read_path(source, smooth=smooth) if smooth and is_name else find_path(source)
     title = PurePath(source).stem if is_name else type(path).__name__.lower()
+    title += f"-smooth-{1e3 * smooth:g}-mm" if smooth else ""
 
     def changed(draws: "Draws") -> "Draws":
         base, fields = draws.varied_task.base, dict(draws.varied_task.fields)

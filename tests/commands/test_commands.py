@@ -7,6 +7,7 @@ import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pter_gym._commands.arguments import PATH_NAMES, split
@@ -128,11 +129,53 @@ def test_a_folder_may_have_commas(tmp_path: Path) -> None:
 def test_an_unknown_choice_is_refused_with_the_choices(
     line: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(SystemExit) as end:
-        main(line.split())
-    assert end.value.code == 2
+    assert main(line.split()) == 2
     meant = {"standad": "standard", "free": "--policies"}
     assert meant[line.rsplit(maxsplit=1)[-1]] in capsys.readouterr().err
+
+
+MISSING = {"watch": "residual", "tune": "impedance", "device": "particle-brake", "train": "ppo"}
+
+
+@pytest.mark.parametrize("name", [name for name in MISSING if name in commands()])
+def test_a_missing_argument_lists_the_names_that_fit(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([name]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert MISSING[name] in line
+
+
+@pytest.mark.parametrize("name", commands())
+def test_a_help_shows_no_default_that_is_none(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main([name, "--help"])
+    assert not re.search(r"None|\(default:\s*\)", capsys.readouterr().out)
+
+
+def recorded(file: Path, unit: float = 1.0) -> str:
+    """Write a path as a recorder has it, with 2 mm of noise."""
+    along, noise = np.linspace(-0.3, 0.3, 200), np.random.default_rng(1).normal(0, 2e-3, (2, 200))
+    points = np.array([along, 0.65 + 0.05 * np.sin(7.0 * along)]) + noise
+    np.savetxt(file, points.T / unit, delimiter=",", header="x,y", comments="")
+    return str(file)
+
+
+def test_a_noisy_path_is_told_and_smoothed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["watch", "residual", "--csv", str(tmp_path / "a.csv"), "--path"]
+    path = recorded(tmp_path / "noisy.csv")
+    assert main([*line, path]) == 0
+    assert "--smooth" in capsys.readouterr().out
+    assert main([*line, path, "--smooth", "3"]) == 0
+    printed = capsys.readouterr().out
+    assert "arrived" in printed
+    assert "bends" not in printed
+    assert main([*line, recorded(tmp_path / "mm.csv", unit=1e-3)]) == 2
+    assert "0.16 to 1 m" in capsys.readouterr().err
 
 
 @pytest.mark.smoke

@@ -6,6 +6,7 @@ import os
 import shlex
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -148,6 +149,18 @@ def test_a_long_name_leaves_room_for_numbers(name: str) -> None:
         progress.add_task(name, total=12)
         progress.refresh()
     assert "0/12" in stream.getvalue()
+
+
+def test_progress_that_is_piped_is_a_line_every_interval(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("pter_gym._internal.terminal.INTERVAL", 0.05)
+    with progress_bar() as progress:
+        progress.add_task("half", total=4, completed=2)
+        time.sleep(0.5)
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) >= 2
+    assert set(lines) == {"half: 50 %, 0 s"}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs pipes")

@@ -89,7 +89,7 @@ def test_the_notebook_runs_and_shows_pictures(path, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("lengths", "reason"),
     [
-        ((0.3, 0.3), r"line: .* within reach .* \(-0\.45, 0\.65\) m is not"),
+        ((0.3, 0.3), r"line: .* within reach.* \(-0\.45, 0\.65\) m is not"),
         ((0.8, 0.3), "circle: .* within reach"),
     ],
 )

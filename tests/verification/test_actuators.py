@@ -160,13 +160,35 @@ def test_an_anisotropic_hand_moves_the_arm_as_its_matrices_say():
         lambda: replace(BASELINE.clutch, stribeck=-1.0),
         lambda: replace(BASELINE.clutch, fall_ratio=0.0),
         lambda: replace(BASELINE.clutch, fade=math.nan),
+        lambda: replace(BASELINE.clutch, band="both"),
         lambda: Hand(damping=1.0, damping_anisotropy=(0.8, 0.8)),
         lambda: Hand(stiffness=1.0, stiffness_anisotropy=(0.1,)),
     ],
 )
 def test_invalid_actuators_and_hands_are_refused(make: object):
-    with pytest.raises(ParameterError, match=r"off_state|stribeck|fall_ratio|fade|_anisotropy"):
+    with pytest.raises(
+        ParameterError, match=r"off_state|stribeck|fall_ratio|fade|band|_anisotropy"
+    ):
         make()  # type: ignore[operator]
+
+
+def test_eq2_as_printed_lets_a_clutch_creep_at_the_edge_of_its_band():
+    """Under a load between T_s and T_k, where in the limit of a vanishing band it holds."""
+    curve, volts, band = BASELINE.clutch.dynamic, (8.0, 24.0, 0.0, 0.0), 0.01
+    turned = {}
+    for load in (0.9, 1.5):
+        for reading in ("printed", "limit"):
+            clutch = replace(
+                BASELINE.clutch, breakaway=curve, dynamic=curve.scaled(2.0), band=reading
+            )
+            machine = replace(BASELINE, clutch=clutch, slip_threshold=band, substep=1e-3)
+            start = initial_state(machine, (0.5, 2.0), volts=volts)
+            torque = (load * curve.torque(8.0), 0.0)
+            run = simulate(machine, start, volts, (0.0, 0.0), torque, duration=0.2)
+            turned[load, reading] = run.theta[-1, 0] - 0.5
+    creep = turned.pop((1.5, "printed"))
+    assert {*turned.values()} == {0.0}
+    assert 0.25 * band < creep / 0.2 < band  # it comes back to rest after each time at the edge
 
 
 NEUTRAL = {"stribeck": 0.0, "viscous": 0.0, "fall_ratio": 1.0, "fade": 0.0}

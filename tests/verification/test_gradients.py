@@ -502,3 +502,38 @@ def test_a_diverging_motion_raises():
     fast = replace(given["state"], omega=np.array([1e200, 1e200]))
     with pytest.raises(DivergenceError):
         gradients.rollout(**{**given, "state": fast})
+
+
+def test_where_the_torques_are_settled_the_derivative_is_that_of_rising_ones():
+    """At a constant voltage the lag has a kink where a fall takes longer than a rise.
+
+    The gradient is the limit at voltages that slowly rise, so that of a shift of all steps is the
+    forward difference, and that of one step, after which the torque falls, is on neither side.
+    """
+    machine = replace(BASELINE, clutch=replace(BASELINE.clutch, fall_ratio=2.0))
+    volts, push = np.tile((6.0, 0.0, 3.0, 0.0), (40, 1)), np.array((40.0, 0.0))
+    state = initial_state(machine, (1.9, 0.6), (0.8, -0.3), volts[0])
+
+    def gradient(volts):
+        run = gradients.rollout(machine, state, volts, push)
+        last = np.zeros_like(run.tip_position)
+        last[-1, 0] = 1.0
+        return run.gradient(tip_position=last).volts
+
+    def slope(direction, step):
+        moved = (volts + step * direction, volts)
+        after, before = (
+            gradients.rollout(machine, state, each, push).tip_position[-1, 0] for each in moved
+        )
+        return (after - before) / step
+
+    settled = gradient(volts)
+    rising = volts + 1e-9 * np.arange(1.0, 41.0)[:, None]
+    np.testing.assert_allclose(settled, gradient(rising), rtol=1e-5, atol=1e-9)
+    every, one = np.zeros((2, 40, 4))
+    every[:, 0], one[10, 0] = 1.0, 1.0
+    forward, backward = slope(every, 1e-6), slope(every, -1e-6)
+    assert (settled * every).sum() == pytest.approx(forward, rel=1e-4)
+    assert backward != pytest.approx(forward, rel=0.02)
+    sides = sorted((slope(one, 1e-6), slope(one, -1e-6)))
+    assert sides[0] < (settled * one).sum() < sides[1]

@@ -44,7 +44,7 @@ ARM = Linkage(
 RUBBING = ARM._replace(viscous_a=0.9, viscous_b=1.7)
 NONE = PerClutch(0.0, 0.0, 0.0, 0.0)
 FREE = Torques(NONE, NONE)
-NO_SLIDING = Sliding(stribeck=0.0, viscous=NONE)
+NO_SLIDING = Sliding(stribeck=0.0, viscous=NONE, held=1.0)
 H = 2.5e-3
 UNIT = 2.0**-53
 W = np.array(COUPLING)
@@ -81,6 +81,7 @@ def body_with(
         store(body, row, 0, value)
     store(body, BODY.load, 0, on)
     body[BODY.machine.slip_threshold] = threshold
+    body[BODY.machine.sliding.held] = 1.0
     return body
 
 
@@ -246,7 +247,7 @@ def test_torque_of_a_slipping_clutch_over_its_speed():
     assert part == pytest.approx((0.5, 0.25 / 0.26, 0.25 / 0.26, 0.25e-12))
     assert clutch.falling(PerClutch(0.5, -0.05, 0.0, 1e6), 0.1, 0.0) == (0.0, 0.0, 0.0, 0.0)
     torques = Torques(PerClutch(3.0, 3.0, 3.0, 3.0), PerClutch(2.0, 2.0, 2.0, 2.0))
-    by = clutch.Sliding(0.25, PerClutch(0.0, 0.4, 0.0, 4.0))
+    by = clutch.Sliding(0.25, PerClutch(0.0, 0.4, 0.0, 4.0), 1.0)
     found = clutch.capacities(PerClutch(0.5, -0.5, 0.05, 0.5), 0.1, torques, by)
     assert found == pytest.approx((2.5, 2.7, 3.0, 4.5))
 
@@ -262,10 +263,11 @@ def test_heat_of_a_clutch_at_constant_power_settles_and_takes_torque():
 
 
 def test_karnopps_rule_at_the_border_of_its_band():
-    capacity = partial(clutch.capacity, part=0.0, viscous=0.0)
+    capacity = partial(clutch.capacity, part=0.0, viscous=0.0, held=1.0)
     assert capacity(0.09, 0.1, 2.0, 1.0) == capacity(-0.09, 0.1, 2.0, 1.0) == 2.0
     assert capacity(0.1, 0.1, 2.0, 1.0) == capacity(-0.1, 0.1, 2.0, 1.0) == 1.0
     assert capacity(0.0, 0.1, 1.0, 2.0) == 2.0  # T_k above T_s
+    assert capacity(0.0, 0.1, 1.0, 2.0, held=0.0) == 1.0  # as Eq. 2 is printed
     torques = Torques(PerClutch(10.0, 20.0, 30.0, 40.0), PerClutch(1.0, 2.0, 3.0, 4.0))
     assert clutch.capacities(PerClutch(0.0, 1.0, -1.0, 0.0), 0.1, torques, NO_SLIDING) == (
         10.0,
@@ -278,8 +280,8 @@ def test_karnopps_rule_at_the_border_of_its_band():
 def test_changing_clutches_are_found():
     """From outside of the band at zero, from inside at its edge if more can be held there."""
     for before, after in [(0.1, -0.001), (-0.2, 5.0), (0.2, 0.0), (-0.1, 0.0)]:
-        assert clutch.switches(before, after, 0.1, 2.0, 1.0)
-        assert clutch.switches(before, after, 0.1, 1.0, 2.0)
+        assert clutch.switches(before, after, 0.1, 2.0, 1.0, 1.0)
+        assert clutch.switches(before, after, 0.1, 1.0, 2.0, 1.0)
     for before, after in [
         (0.2, 0.1),
         (-0.2, -0.1),
@@ -288,24 +290,25 @@ def test_changing_clutches_are_found():
         (0.0, 0.09),
         (0.0, 0.0),
     ]:
-        assert not clutch.switches(before, after, 0.1, 2.0, 1.0)
+        assert not clutch.switches(before, after, 0.1, 2.0, 1.0, 1.0)
     for before, after in [(0.0, 0.1), (0.0, -0.1), (0.09, -3.0), (-0.05, -0.2)]:
-        assert clutch.switches(before, after, 0.1, 2.0, 1.0)
-        assert not clutch.switches(before, after, 0.1, 1.0, 1.0)
-        assert not clutch.switches(before, after, 0.1, 1.0, 2.0)
+        assert clutch.switches(before, after, 0.1, 2.0, 1.0, 1.0)
+        assert not clutch.switches(before, after, 0.1, 1.0, 1.0, 1.0)
+        assert not clutch.switches(before, after, 0.1, 1.0, 2.0, 1.0)
+        assert clutch.switches(before, after, 0.1, 1.0, 2.0, 0.0)
 
 
 def test_one_changing_clutch_counts_as_a_change():
     torques = Torques(PerClutch(2.0, 2.0, 2.0, 2.0), PerClutch(1.0, 1.0, 1.0, 1.0))
     stays = PerClutch(1.0, 1.0, 1.0, 1.0)
-    assert not clutch.any_switches(stays, stays, 0.1, torques)
+    assert not clutch.any_switches(stays, stays, 0.1, torques, 1.0)
     still = PerClutch(0.0, 0.0, 0.0, 0.0)
     for name in PerClutch._fields:
-        assert clutch.any_switches(stays, stays._replace(**{name: -1.0}), 0.1, torques)
+        assert clutch.any_switches(stays, stays._replace(**{name: -1.0}), 0.1, torques, 1.0)
         leaves = still._replace(**{name: 0.2})
-        assert clutch.any_switches(still, leaves, 0.1, torques)
+        assert clutch.any_switches(still, leaves, 0.1, torques, 1.0)
         equal = torques._replace(breakaway=torques.breakaway._replace(**{name: 1.0}))
-        assert not clutch.any_switches(still, leaves, 0.1, equal)
+        assert not clutch.any_switches(still, leaves, 0.1, equal, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -712,11 +715,12 @@ def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts:
                 torques,
                 last.limit,
                 threshold,
+                1.0,
                 last.span,
             )
             slips = [slip_velocities(*omega) for omega in (last.before[2:4], last.omega)]
             assert (
-                not clutch.any_switches(*slips, threshold, torques)
+                not clutch.any_switches(*slips, threshold, torques, 1.0)
                 or step.share_before_switch(*changes) > 0.99999
             )
     assert np.bincount(counts, minlength=step.MAX_PARTS + 1)[1:].min() >= 10, (

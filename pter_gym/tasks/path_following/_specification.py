@@ -371,9 +371,12 @@ def _check_path(
     outside = sin_elbow(length_a, length_b, points) <= margin
     if outside.any():
         x, y = points[outside.argmax()]
+        both, part = length_a**2 + length_b**2, 2.0 * length_a * length_b * math.sqrt(1 - margin**2)
+        nearest, farthest = math.sqrt(both - part), math.sqrt(both + part)
+        unit = "; are these millimetres?" if math.hypot(x, y) > 10.0 * farthest else ""
         raise ParameterError(
-            f"PathFollowing.path must be within reach with |sin(θA − θB)| > {margin:g}, but "
-            f"({x:.4g}, {y:.4g}) m is not: {path!r:.400}"
+            f"PathFollowing.path must be within reach, {nearest:.2g} to {farthest:.2g} m from the "
+            f"base at (0, 0), but ({x:.4g}, {y:.4g}) m is not{unit}"
         )
 
 

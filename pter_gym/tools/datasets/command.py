@@ -3,10 +3,11 @@
 from functools import partial
 from itertools import product
 from pathlib import Path
+from shlex import quote
 from typing import Literal
 
 from pter_gym._commands.arguments import ScenarioName
-from pter_gym._internal.terminal import progress_bar, say
+from pter_gym._internal.terminal import conclude, progress_bar, say
 
 
 def record(
@@ -35,9 +36,9 @@ def record(
     from pter_gym.tools.datasets.recording import record_episodes
     from pter_gym.tools.datasets.writing import load_minari, write_dataset
 
-    load_minari()
     if out is not None:
         make_folder(out)
+    load_minari()
     with progress_bar() as progress:
         for name, which in product(scenario, level):
             task = progress.add_task(f"{name}, {which}", total=steps)
@@ -46,3 +47,5 @@ def record(
             )
             command = f"pter record --scenario {name} --level {which} --steps {steps} --seed {seed}"
             say(f"wrote {write_dataset(name, which, episodes, out, seed=seed, command=command)}")
+    folder = f"MINARI_DATASETS_PATH={quote(str(out))} " if out else ""
+    conclude([], f"{folder}minari show pter/{scenario[0]}/{level[0]}-v0")

@@ -1,17 +1,24 @@
 """``pter device``: what a device can render, and how well laws tuned for it do."""
 
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Any
 
 import tyro
 
-from pter_gym._commands.arguments import PaceName, look_at
+from pter_gym._commands.arguments import PaceName
 from pter_gym._internal.plugins import COMMANDS, registered
-from pter_gym._internal.terminal import say, terminal
+from pter_gym._internal.terminal import conclude, make_folder, say, waiting
+from pter_gym.errors import ParameterError
+from pter_gym.params import ACTUATORS, MACHINES
 
 
 def device(
-    machine: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME|FILE.toml")],
+    machine: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME|FILE.toml")] = "",
+    torque: float | None = None,
+    at: float | None = None,
+    off: float | None = None,
+    lag: float | None = None,
     pace: PaceName = "medium",
     trials: int = 200,
     episodes: int = 100,
@@ -20,13 +27,21 @@ def device(
 ) -> None:
     """Examine a device: its forces, its walls, and how well laws tuned for it guide a hand.
 
+    The device is a machine, or PTER with four clutches of a data sheet. Of a machine that `pter
+    identify` has found in a log, it says what may be promised of all machines that fit the log.
+
     Tunes a law on each of the scenarios standard, corridor and wall, and scores it on fresh
     episodes. Writes index.html, device.json and pictures. Needs the extras tune and render.
 
     Example: pter device particle-brake --out particle-brake
 
     Args:
-        machine: A machine or an actuator by its name, or the file of your own.
+        machine: A machine or an actuator by its name, or the file of your own; a file may hold a
+            table [clutch] with the four numbers below alone.
+        torque: Torque of a clutch [N·m] at the voltage --at, in place of PTER's.
+        at: Its largest voltage [V].
+        off: Its torque without voltage [N·m].
+        lag: Time constant of its torque [s].
         pace: Commanded pace.
         trials: Gains to try for each law.
         episodes: Fresh episodes of each scenario, at most as many as it has stored ones.
@@ -34,35 +49,52 @@ def device(
             extra agents.
         out: Folder for the results, created if necessary.
     """
-    look_at(machine=machine)
+    sheet = {"torque": torque, "at": at, "off": off, "lag": lag}
+    is_sheet = any(number is not None for number in sheet.values())
+    if is_sheet == bool(machine):
+        raise ParameterError(
+            "machine must be a name or a file, or left out with --torque, --at, --off or --lag; "
+            f"names are {', '.join((*MACHINES, *ACTUATORS))}"
+        )
+    from pter_gym.tools.device.sheet import find_device, machine_of_sheet
 
+    own = machine_of_sheet(**sheet) if is_sheet else find_device(machine)
+
+    from pter_gym.params import save_machine
     from pter_gym.tools.device.report import examine_device
 
-    policies = {"ppo": _trained(machine, pace, out)} if train else {}
-    with terminal(errors=True).status("starting") as status:
+    make_folder(out)
+    file = out / "machine.toml"
+    save_machine(own, file, origin="chosen: given to pter device")
+    policies = {"ppo": _trained(file, pace, out)} if train else {}
+    with waiting("starting") as progress:
+        (task,) = progress.task_ids
         report = examine_device(
-            machine,
+            own,
             out,
-            name=Path(machine).stem,
+            name=Path(machine).stem or "data sheet",
             pace=pace,
             trials=trials,
             episodes=episodes,
             policies=policies,
-            on_progress=status.update,
+            on_progress=lambda text: progress.update(task, description=text),
         )
     say(f"{report.device}: {report.verdict}")
+    for promise in report.promises:
+        say(promise.sentence)
     for board in report.boards:
         best = board.standings[0]
         say(f"{board.scenario}: {best.policy} {1e3 * best.error.value:.1f} mm")
-    say(f"wrote {out / 'index.html'}")
+    watched = f"pter watch single-dof-tuned,residual --machine {quote(str(file))} --out two.webp"
+    conclude([out / "index.html", file], watched)
 
 
-def _trained(machine: str, pace: str, out: Path) -> Any:
-    """Train a policy for a machine in a folder, and return it."""
+def _trained(file: Path, pace: str, out: Path) -> Any:
+    """Train a policy for the machine of a file in a folder, and return it."""
     from pter_gym.benchmark import find_policy
 
     commands = registered(COMMANDS)
     run, policy = out / "training", out / "ppo"
-    commands["train"].load()("ppo", pace=pace, machine=machine, out=run)
+    commands["train"].load()("ppo", pace=pace, machine=str(file), out=run)
     commands["export"].load()(str(run), out=policy, name="ppo")
     return find_policy(policy)

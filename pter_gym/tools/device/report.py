@@ -21,10 +21,12 @@ from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.benchmark.scores import ScenarioRun
 from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import unknown_name
-from pter_gym.params import Machine, find_machine
+from pter_gym.params import BASELINE, Machine, MachineSpread, middle_of
 from pter_gym.policies.tuned import with_gains
 from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.tools.device.measures import FREQUENCY, Rendering, measure_rendering
+from pter_gym.tools.device.promise import Promise, make_promise
+from pter_gym.tools.device.sheet import find_device
 from pter_gym.tools.tuning.search import tune
 
 SCENARIOS = {"standard": "single-dof", "corridor": "impedance", "wall": "impedance"}
@@ -32,6 +34,9 @@ SCENARIOS = {"standard": "single-dof", "corridor": "impedance", "wall": "impedan
 
 FREE = "free"
 """The policy without voltage: what the device does by itself."""
+
+GUIDED = "standard"
+"""The scenario that decides whether a device guides a hand."""
 
 SEED = 1
 """Seed of the fresh episodes; the search has other draws."""
@@ -45,20 +50,25 @@ class DeviceReport:
     ----------
     device, pace
         Name of the device and of the commanded pace.
-    rendering
-        What it can render.
+    rendering, usual
+        What it can render, and what PTER can.
     gains
         Tuned gains by scenario.
     boards
         A leaderboard for each scenario: the tuned law, the policy without voltage, and a trained
         policy if there is one.
+    promises
+        Of the machines that fit a log, if the device is known from one: for each policy, what may
+        be promised on ``standard``.
     """
 
     device: str
     pace: str
     rendering: Rendering
+    usual: Rendering
     gains: dict[str, dict[str, float | bool]]
     boards: tuple[Leaderboard, ...]
+    promises: tuple[Promise, ...] = ()
 
     @property
     def verdict(self) -> str:
@@ -68,13 +78,18 @@ class DeviceReport:
             for board in self.boards
             if any(standing.rank for standing in board.standings)
         ]
-        steer = self.rendering.least_steering_n
-        can = (
-            f"keeps the pace and arrives on {', '.join(ranked)}"
-            if ranked
-            else "keeps the pace on no scenario"
+        own, usual = self.rendering.least_steering_n, self.usual.least_steering_n
+        pushes = self.boards[0].standings[0].scores["mean_force_n"]
+        forces = (
+            f"it steers with {own:.3g} N in the worst direction, PTER's clutches with "
+            f"{usual:.3g} N; the hand pushes with {pushes:.0f} N"
         )
-        return f"With tuned laws it {can}; in the worst direction it steers with {steer:.0f} N."
+        if GUIDED in ranked:
+            return f"Yes: with tuned laws it keeps the pace on {', '.join(ranked)}; {forces}."
+        if own <= 0.0:
+            return f"No: {forces}."
+        more = f" From about {usual / own:.2g} times the torque on it would." if own < usual else ""
+        return f"No: {forces}.{more}"
 
     def as_json(self) -> dict[str, Any]:
         """Return the report as plain data, None for a number that is not finite."""
@@ -84,6 +99,8 @@ class DeviceReport:
             "pace": self.pace,
             "verdict": self.verdict,
             "rendering": asdict(self.rendering),
+            "pter": asdict(self.usual),
+            "promises": [asdict(promise) for promise in self.promises],
             "gains": self.gains,
             "boards": [board.as_json() for board in self.boards],
         }
@@ -91,7 +108,7 @@ class DeviceReport:
 
 
 def examine_device(
-    machine: Machine | str,
+    machine: Machine | MachineSpread | str,
     out: FilePath,
     *,
     name: str = "device",
@@ -106,7 +123,7 @@ def examine_device(
     Parameters
     ----------
     machine
-        The machine, its name, or its file.
+        The machine, its name, or its file; or machines about one, of which something is promised.
     out
         The folder, created if necessary.
     name
@@ -129,7 +146,8 @@ def examine_device(
     DependencyError
         If Optuna, which searches for gains, is not installed.
     """
-    own = find_machine(machine)
+    device = find_device(machine) if isinstance(machine, str) else machine
+    own = middle_of(device)
     if pace not in PACES:
         raise unknown_name("pace", pace, PACES)
     trials, count = whole_number("trials", trials), whole_number("episodes", episodes)
@@ -149,7 +167,15 @@ def examine_device(
         runs += _runs(named, scenario, pace, own, count)
     on_progress("measuring forces")
     rendering = measure_rendering(own, tuned["wall"], pace)
-    report = DeviceReport(name, pace, rendering, gains, leaderboards(runs))
+    usual = measure_rendering(BASELINE, find_policy("impedance-tuned", "wall"), pace)
+    promises: list[Promise] = []
+    if isinstance(device, MachineSpread):
+        on_progress("drawing machines that fit the log")
+        guiding = {f"{SCENARIOS[GUIDED]}-tuned": tuned[GUIDED], **(policies or {})}
+        promises = [
+            make_promise(policy, title, device, GUIDED, pace) for title, policy in guiding.items()
+        ]
+    report = DeviceReport(name, pace, rendering, usual, gains, leaderboards(runs), tuple(promises))
     on_progress("drawing")
     content = json.dumps(report.as_json(), indent=2, allow_nan=False) + "\n"
     with locked(folder / LOCK):
@@ -228,10 +254,15 @@ STYLE = (
 
 def page(report: DeviceReport, pictures: dict[str, str]) -> str:
     """Return the page of a report, with pictures by file name and caption."""
-    numbers = asdict(report.rendering)
+    numbers, usual = asdict(report.rendering), asdict(report.usual)
     rendering = _table(
-        ("", ""), [(text, _number(numbers[key], unit)) for key, (text, unit) in ROWS.items()]
+        ("", report.device, "PTER"),
+        [
+            (text, _number(numbers[key], unit), _number(usual[key], unit))
+            for key, (text, unit) in ROWS.items()
+        ],
     )
+    promises = "".join(f"<p>{html.escape(promise.sentence)}</p>" for promise in report.promises)
     boards = "".join(_board(board) for board in report.boards)
     figures = "".join(
         f'<figure><img src="{html.escape(name)}" alt="">'
@@ -242,7 +273,7 @@ def page(report: DeviceReport, pictures: dict[str, str]) -> str:
         '<!doctype html><html lang="en"><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width">'
         f"<title>{html.escape(report.device)}</title><style>{STYLE}</style>"
-        f"<h1>{html.escape(report.device)}</h1><p>{html.escape(report.verdict)}</p>"
+        f"<h1>{html.escape(report.device)}</h1><p>{html.escape(report.verdict)}</p>{promises}"
         f"<h2>What it can render</h2>{rendering}"
         f"<h2>Tuned laws, pace {html.escape(report.pace)}</h2>{boards}"
         f"<h2>Pictures</h2>{figures}<p>pter_gym {__version__}; the numbers are in "

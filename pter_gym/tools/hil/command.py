@@ -1,14 +1,15 @@
 """``pter hil``: a controller on its own hardware drives the simulated arm."""
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from pter_gym._commands.arguments import AnyPace, ScenarioName, look_at
+from pter_gym._commands.arguments import AnyPace, ScenarioName, look_at, options
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
-from pter_gym._internal.terminal import say
+from pter_gym._internal.terminal import conclude, say
 from pter_gym.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -92,6 +93,8 @@ def hil(
         other.line.close()
         report(records, replace(episode_set, tasks=paced, limits=()), controller, csv)
         say(timing(other))
+        same = options(scenario=scenario, pace=pace)
+        conclude([], f"pter benchmark --policies {quote(policy)}{same}")
 
 
 def report(records: "list[list[Array]]", episodes: Any, controller: Any, csv: Path | None) -> None:

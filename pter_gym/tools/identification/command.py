@@ -2,13 +2,14 @@
 
 import math
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 from rich.table import Table
 
 from pter_gym._commands.arguments import numbers
-from pter_gym._internal.terminal import make_folder, progress_bar, say, terminal
+from pter_gym._internal.terminal import conclude, make_folder, progress_bar, say, terminal
 from pter_gym.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -56,6 +57,8 @@ def identify(
     """
     from pter_gym.tools.identification import join_logs, read_log
 
+    if not logs:
+        raise ParameterError("logs must be given: LOG.csv … (`pter identify --help` explains)")
     start, names = read_start(machine, lengths, voltage_max), read_names(columns)
     if clutch:
         show_bench(logs, names, start)
@@ -107,7 +110,8 @@ def show_machine(log: "Log", start: "Machine", out: Path) -> None:
             say(f"{finding.quantity.name} is kept: {finding.reason}")
     for assumption in result.assumptions:
         say(f"assumed: {assumption}")
-    say(f"wrote {out / 'machine.toml'} and {out / 'identified.png'}")
+    machine = out / "machine.toml"
+    conclude([machine, out / "identified.png"], f"pter device {quote(str(machine))}")
 
 
 def read_start(machine: str, lengths: str | None, voltage_max: float | None) -> "Machine":

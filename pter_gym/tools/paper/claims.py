@@ -26,7 +26,7 @@ from pter_gym._physics.arm import motion_of, velocity_torque
 from pter_gym._physics.model import model_of
 from pter_gym.tools.paper.clutch_tests import holding_torque
 from pter_gym.tools.paper.experiments import Experiments
-from pter_gym.tools.paper.path_tests import BEST_GAIN, PLATEAU_FROM
+from pter_gym.tools.paper.path_tests import PLATEAU_FROM
 
 Kind = Literal["prediction", "calibration", "not met"]
 
@@ -38,7 +38,6 @@ FITTED = {
     *(
         "trend_over_gain",
         "plateau_width",
-        "saturated_at_best_gain",
         "best_gain",
         "line_following_ratio",
     ),
@@ -46,7 +45,7 @@ FITTED = {
 """Measures in the calibration's objective, and ``peak_ratio``, a range of its space."""
 
 MAX_SATURATED = 0.05
-"""Fraction of saturated clutch commands that is not yet significant."""
+"""Largest fraction of saturated clutch commands that is not yet significant, in our reading."""
 
 NAMES = {
     "baseline": "the present clutches",
@@ -69,8 +68,8 @@ class Statement:
     ----------
     id, section, figure
         Short name, section of the paper, and the figure of ``pter reproduce`` that shows it.
-    claim, measured
-        The claim in our own words, and what is measured.
+    paper, claim, measured
+        The paper's sentence, the claim in our own words, and what is measured.
     measure, of
         Name of the function in ``MEASURES``, from the experiments to the number, and its arguments.
     unit
@@ -84,6 +83,7 @@ class Statement:
     id: str
     section: str
     figure: str
+    paper: str
     claim: str
     measured: str
     measure: str
@@ -136,6 +136,7 @@ class Claim:
             "id": s.id,
             "section": s.section,
             "figure": s.figure,
+            "paper": s.paper,
             "claim": s.claim,
             "what": s.measured,
             "measured": self.value if math.isfinite(self.value) else None,
@@ -233,8 +234,10 @@ def _plateau_width(experiments: Experiments) -> float:
     return np.abs(error / error.mean() - 1.0).max()
 
 
-def _saturated_at_best_gain(experiments: Experiments) -> float:
-    return experiments.gain_sweep.saturated[experiments.gain_sweep.gain == BEST_GAIN][0]
+def _saturation_begins(experiments: Experiments) -> float:
+    sweep = experiments.gain_sweep
+    more = sweep.saturated > sweep.saturated[sweep.gain == 0.0]
+    return sweep.gain[more][0] if more.any() else math.nan
 
 
 def _best_gain(experiments: Experiments) -> float:
@@ -259,7 +262,7 @@ _FUNCTIONS: tuple[Callable[..., float], ...] = (
         _trend_over_time_constant,
     ),
     *(_table_entry, _table_ratio, _worst_error_ratio, _peak_share),
-    *(_trend_over_gain, _plateau_width, _saturated_at_best_gain, _best_gain, _line_following_ratio),
+    *(_trend_over_gain, _plateau_width, _saturation_begins, _best_gain, _line_following_ratio),
 )
 
 MEASURES = {function.__name__.removeprefix("_"): function for function in _FUNCTIONS}

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from pter_gym._internal.terminal import make_folder, progress_bar, say, terminal
+from pter_gym._internal.terminal import conclude, make_folder, progress_bar, terminal
 
 
 def reproduce(
@@ -46,16 +46,19 @@ def reproduce(
     counts = ", ".join(
         f"{count} {kind}" for kind, count in Counter(claim.kind for claim in claims).items()
     )
-    table = Table(
-        "", "the paper says", "measured", "needed", box=None, pad_edge=False, caption=counts
-    )
+    columns = ("", "the paper says", "read as", "measured", "needed")
+    table = Table(*columns, box=None, pad_edge=False, caption=counts)
     for claim in claims:
         s = claim.statement
         table.add_row(
-            claim.kind, f"{s.claim} ({s.section})", s.with_unit(f"{claim.value:.4g}"), s.condition
+            claim.kind,
+            f"“{s.paper}” ({s.section})",
+            s.claim,
+            s.with_unit(f"{claim.value:.4g}"),
+            s.condition,
         )
     terminal().print(table)
-    say(f"wrote {len(files)} files to {out}")
+    conclude([f"{len(files)} files to {out}"], "pter benchmark")
 
 
 def names() -> dict[str, list[str]]:

@@ -54,6 +54,8 @@ class Setup:
         Torques in that table over the real ones of the clutches that it describes: below 1 the
         controller thinks its clutches weaker than they are, and brakes too hard. The paper's table
         is "similar to" the real one.
+    delrin_table
+        Torques in the table of a Delrin machine's controller over those in the present clutches'.
     time_constants
         Of the test runs, which Figs. 7 and 8 show and Table I averages [s]: 20, evenly spaced up to
         the largest, as those of the paper are lost with its figures.
@@ -64,6 +66,7 @@ class Setup:
     controller: TorqueFeedback = TorqueFeedback(**_GAINS)
     own_table: bool = False
     table_error: float = STUDY["runs"]["table_error"]
+    delrin_table: float = STUDY["runs"]["delrin_table"]
     time_constants: tuple[float, ...] = tuple(
         round(STUDY["runs"]["time_constant_max"] * k / 20, 6) for k in range(1, 21)
     )
@@ -80,9 +83,8 @@ class Setup:
     def policy(self, machine: Machine, layout: Layout, feedback: float) -> Policy:
         """Return a machine's controller with a gain of its torque loops [V/(N·m)], 0 for none."""
         known = machine if self.own_table else self.baseline
-        assumed = replace(
-            known, clutch=with_friction(known.clutch, self.table_error, self.table_error)
-        )
+        factor = self.table_error * (1.0 if machine == self.baseline else self.delrin_table)
+        assumed = replace(known, clutch=with_friction(known.clutch, factor, factor))
         return replace(self.controller, feedback=feedback).bind(assumed, layout)
 
 

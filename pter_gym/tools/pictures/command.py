@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Any
 
 import tyro
@@ -11,14 +12,16 @@ from pter_gym._commands.arguments import (
     MachineName,
     PathName,
     ScenarioName,
+    Smoothness,
     look_at,
+    options,
+    scenario_on,
     split,
 )
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
-from pter_gym._internal.terminal import progress_bar, say
+from pter_gym._internal.terminal import conclude, progress_bar, say, waiting
 from pter_gym.errors import ParameterError
-from pter_gym.scenarios import find_scenario
 from pter_gym.tools.pictures.size import check_size
 
 MAX_POLICIES = 16
@@ -29,6 +32,7 @@ def watch(
     scenario: ScenarioName = "standard",
     pace: AnyPace = "medium",
     path: PathName = None,
+    smooth: Smoothness = 0.0,
     seed: int = 0,
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.webp|mp4|png")] = None,
     csv: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv")] = None,
@@ -49,6 +53,7 @@ def watch(
         pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
         path: Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's
             name.
+        smooth: Noise of a recorded path that is smoothed away, root mean square, in mm.
         seed: Seed of the episode, and of random policies, at least 0.
         out: Film to write, or with .png the final picture, with the tip's trail; its folder must
             exist.
@@ -68,22 +73,24 @@ def watch(
 
     check_arguments(names, out, csv, size, speed)
     seed = whole_number("seed", seed, at_least=0)
-    distribution = find_scenario(scenario, machine, path)
+    distribution = scenario_on(scenario, machine, path, smooth)
     machine_of_episode, task = distribution.draws.pairs(1, seed, pace)[0]
     by_name = {name: find_policy(name, distribution.whose_gains) for name in names}
     telemetry: dict[str, Any] = {}
-    for name, policy in by_name.items():
-        episode = record_episode(
-            policy, machine_of_episode, task, seed, nominal=distribution.nominal
-        )
-        telemetry[name] = episode.telemetry
-        say(f"{name}: {summary(telemetry[name])}")
+    with waiting("simulating"):
+        for name, policy in by_name.items():
+            episode = record_episode(
+                policy, machine_of_episode, task, seed, nominal=distribution.nominal
+            )
+            telemetry[name] = episode.telemetry
+            say(f"{name}: {summary(telemetry[name])}")
+    same = options(scenario=scenario, pace=pace, path=path, smooth=smooth)
+    following = f"pter benchmark --policies {quote(','.join(names))}{same}"
     if csv:
         write_trajectories(telemetry, csv)
-        say(f"wrote {csv}")
     if out:
         with progress_bar() as progress:
-            bar = progress.add_task("draw", total=1.0)
+            bar = progress.add_task("drawing", total=1.0)
 
             def show(share: float) -> None:
                 progress.update(bar, completed=share)
@@ -91,12 +98,12 @@ def watch(
             film.write_film(
                 machine_of_episode, task, telemetry, out, speed=speed, size=size, on_progress=show
             )
-        say(f"wrote {out}, {out.stat().st_size / 1e6:.2f} MB")
     elif not csv:
         film.show_film(
             film.Film(machine_of_episode, task, telemetry, film.WINDOW_RATE, speed, size),
             f"PTER: {', '.join(by_name)}",
         )
+    conclude([file for file in (csv, out) if file], following)
 
 
 def check_arguments(

@@ -59,8 +59,8 @@ METRES_PER_NEWTON, MIN_FORCE = 0.0016, 0.5
 HUB, SCALE_BAR = 0.08, 0.1
 """Half the width of the drive and its stand [m], and the length of the scale bar [m]."""
 
-MODE_NAMES = ("two DOF", *(f"one DOF ({x} stuck)" for x in range(1, 5)), "zero DOF")
-"""The paper's dynamic modes (section III-A) in the order of ``ClutchMode``."""
+MODE_NAMES = ("moves freely", *("moves along one line",) * 4, "held")
+"""What the paper's dynamic modes (section III-A) let the tip do, in the order of ``ClutchMode``."""
 
 
 # --- the mechanism and its workspace, in metres ---

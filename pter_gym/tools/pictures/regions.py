@@ -25,8 +25,8 @@ SPEED = 0.25
 TIPS = ((-0.55, 0.7), (0.0, 0.75), (0.52, 0.55), (-0.45, 0.1), (0.45, -0.1))
 """Positions of the tip for which polygons are drawn, over the sum of the links' lengths."""
 
-METRES_PER_NEWTON = 4e-4
-"""Size of the polygons."""
+SIZE = 0.25
+"""Length of the largest drawn force [m]."""
 
 MARGIN = 0.2
 """Smallest ``|sin(θA − θB)|`` that is drawn; the tasks have the same by default."""
@@ -50,20 +50,18 @@ def force_map(machine: Machine | str) -> Figure:
     machine = find_machine(machine)
     figure = Figure(figsize=(WIDTH, 3.6))
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
-    _draw_polygons(left, machine)
+    newtons = _draw_polygons(left, machine)
     _draw_steering(figure, right, machine)
     for axes in (left, right):
         axes.add_patch(Circle((0.0, 0.0), 0.02, color=MUTED))
         axes.set_aspect("equal")
         label(axes, "x [m]", "y [m]")
-    legend_of(
-        figure, left, f"links A (blue) and B (orange); 0.1 m is {0.1 / METRES_PER_NEWTON:g} N"
-    )
+    legend_of(figure, left, f"links A (blue) and B (orange); 0.1 m is {0.1 * newtons:.3g} N")
     return figure
 
 
-def _draw_polygons(axes: Axes, machine: Machine) -> None:
-    """Draw the displayable forces at several poses, at rest and in motion."""
+def _draw_polygons(axes: Axes, machine: Machine) -> float:
+    """Draw the displayable forces at several poses, at rest and in motion; return N per m."""
     arm = machine.arm
     theta = link_angles(arm, (arm.length_a + arm.length_b) * np.array(TIPS))
     theta = theta[np.sin(theta[:, 1] - theta[:, 0]) >= MARGIN]
@@ -71,16 +69,21 @@ def _draw_polygons(axes: Axes, machine: Machine) -> None:
         {"facecolor": "none", "edgecolor": MUTED, "linestyle": "--", "label": "at rest"},
         {"facecolor": palette.SKY_BLUE, "edgecolor": palette.BLUE, "label": "moving to the right"},
     ]
-    for angles in theta:
+    regions = [
+        [force_region(machine, angles, velocity) for velocity in ((0.0, 0.0), (SPEED, 0.0))]
+        for angles in theta
+    ]
+    newtons = max(float(np.abs(regions).max()), MIN_TOP) / SIZE
+    for angles, polygons in zip(theta, regions, strict=True):
         bar = five_bar(arm, *angles)
         for ends, colour in (((bar.base, bar.elbow_a), LINK_A), ((bar.elbow_a, bar.tip), LINK_B)):
             axes.plot(*np.transpose(ends), color=colour, linewidth=1.5, alpha=0.45, zorder=1.0)
         axes.plot(*bar.tip, "o", color=palette.BLACK, markersize=2.5)
-        for velocity, look in zip(((0.0, 0.0), (SPEED, 0.0)), looks, strict=True):
-            corners = bar.tip + METRES_PER_NEWTON * force_region(machine, angles, velocity)
-            axes.add_patch(Polygon(corners, **look))
+        for polygon, look in zip(polygons, looks, strict=True):
+            axes.add_patch(Polygon(bar.tip + polygon / newtons, **look))
             look["label"] = None  # once in the legend
     axes.set_title("displayable forces on the hand")
+    return newtons
 
 
 def _draw_steering(figure: Figure, axes: Axes, machine: Machine) -> None:

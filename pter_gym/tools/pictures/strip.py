@@ -65,7 +65,8 @@ class ErrorStrip:
         self._unit = unit = min(width / WIDTH, height / HEIGHT, 2.0)
         self._names = list(episodes)
         self._colours = [
-            palette.LINES[sorted(episodes).index(name) % len(palette.LINES)] for name in episodes
+            palette.BESIDE_ARM[sorted(episodes).index(name) % len(palette.BESIDE_ARM)]
+            for name in episodes
         ]
         self._times = [rows[:, COLUMN.time] for rows in episodes.values()]
         self.errors = {
@@ -120,7 +121,7 @@ class ErrorStrip:
             y = float(self._y(limit))
             canvas.box(plot.left, y - 0.5, plot.right, y + 0.5, INK)
             below = y + 0.5 * LINE * self._unit
-            canvas.text(f"edge of the workspace, {limit:g} mm", plot.left + 4, below, size, INK)
+            canvas.text(f"edge of the workspace, {limit:.3g} mm", plot.left + 4, below, size, INK)
         y = plot.high + 0.65 * LINE * self._unit
         canvas.text("0 s", plot.left, y, size, MUTED)
         canvas.text(f"{self._duration:.1f} s", plot.right, y, size, MUTED, "r")

@@ -1,6 +1,7 @@
-"""``pter tune``: the search for a controller's gains."""
+"""``pter tune``: the search for a law's gains."""
 
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Any
 
 import tyro
@@ -10,19 +11,24 @@ from pter_gym._commands.arguments import (
     MachineName,
     PathName,
     ScenarioName,
+    Smoothness,
     check_file,
     look_at,
+    names_for,
+    options,
+    scenario_on,
 )
-from pter_gym._internal.terminal import progress_bar, say
+from pter_gym._internal.terminal import conclude, progress_bar, say
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.policies._names import BUILT_IN, is_code
+from pter_gym.policies._names import is_code
 
 
 def tune(
-    controller: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE.py:LAW")],
+    law: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE.py:LAW")],
     scenario: ScenarioName = "standard",
     pace: AnyPace = "medium",
     path: PathName = None,
+    smooth: Smoothness = 0.0,
     trials: int = 3000,
     episodes: int = 200,
     storage: Path = Path("pter-tune.journal"),
@@ -30,7 +36,7 @@ def tune(
     out: Path | None = None,
     machine: MachineName = None,
 ) -> None:
-    """Search for a controller's gains.
+    """Search for a law's gains.
 
     Tries gains on training draws of a scenario, at a commanded pace, beginning with the shipped
     ones. The trials are kept in a journal file, so an interrupted search continues where it left
@@ -40,47 +46,60 @@ def tune(
     Example: pter tune impedance --scenario standard --pace medium --out gains.toml
 
     Args:
-        controller: Name of a controller, or FILE.py:Law for your own, whose `search` holds the
-            ranges of its gains.
+        law: Name of a control law, or FILE.py:Law for your own, whose `search` holds the ranges
+            of its gains.
         scenario: Scenario whose training draws are used; its evaluation episodes are never read.
         pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
         path: Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's
             name.
+        smooth: Noise of a recorded path that is smoothed away, root mean square, in mm.
         trials: Gains to try, at least 1.
         episodes: Training draws for each trial, at least 1.
         storage: Journal file of the trials; its folder must exist.
         seed: Seed of the draws and the search, at least 0.
-        out: TOML file for the best gains of a named controller, which `pter benchmark --policies`
+        out: TOML file for the best gains of a named law, which `pter benchmark --policies`
             and others accept; its other entries are kept. By default they are only printed.
         machine: Clutch material, or the file of a machine of your own, instead of those that the
             scenario draws.
     """
-    if not is_code(controller) and controller not in BUILT_IN:
-        raise unknown_name("controller", controller, (*BUILT_IN, "FILE.py:Law"))
-    look_at(policies=[controller], paces=[pace], path=path, machine=machine)
-
-    from pter_gym.tools.tuning.gains_file import add_gains
-    from pter_gym.tools.tuning.search import tune as search
-
+    known = names_for("law")
+    if not is_code(law) and law not in known:
+        raise unknown_name("law", law, (*known, "FILE.py:Law"))
+    look_at(policies=[law], paces=[pace], path=path, machine=machine)
     if out is not None:
         check_file(out, ".toml")
-        if is_code(controller):
+        if is_code(law):
             raise ParameterError(
                 "out must be left out for a law of your own: put the printed gains into its file"
             )
-    title = f"{controller}, {scenario}, {pace}"
+
+    from pter_gym.controllers import CONTROLLERS
+    from pter_gym.tools.tuning.gains_file import add_gains
+    from pter_gym.tools.tuning.search import tune as search
+
+    scenario_on(scenario, machine, path, smooth)
+    title = f"{law}, {scenario}, {pace}"
     with progress_bar() as progress:
         task = progress.add_task(title, total=trials)
 
         def show(finished: int, best: float) -> None:
             progress.update(task, completed=finished, description=f"{title}: {1000 * best:.1f} mm")
 
-        options: Any = {"trials": trials, "episodes": episodes, "storage": storage, "seed": seed}
-        options |= {"machine": machine, "path": path}
-        tuned = search(controller, scenario, pace, **options, on_trial=show)
-    for name, gain in tuned.gains.items():
-        say(f"{name} = {gain!r}")
+        settings: Any = {"trials": trials, "episodes": episodes, "storage": storage, "seed": seed}
+        settings |= {"machine": machine, "path": path, "smooth": 1e-3 * smooth}
+        tuned = search(law, scenario, pace, **settings, on_trial=show)
+    gains = ", ".join(f"{name}={gain!r}" for name, gain in tuned.gains.items())
+    called = law.rpartition(":")[2]
+    if not is_code(law):
+        called = type(CONTROLLERS[law]()).__name__
+        say(f"from pter_gym.controllers import {called}\n")
+    say(f"{called}({gains})\n")
     say(f"on other draws: {tuned.assessment}")
+    same = options(scenario=scenario, pace=pace, path=path, smooth=smooth)
+    mine = law if out is None else str(out)
     if out is not None:
         add_gains(tuned, out)
-        say(f"wrote {out}")
+    conclude(
+        [] if out is None else [out],
+        f"pter benchmark --policies {quote(mine)} single-dof-tuned{same}",
+    )

@@ -115,12 +115,12 @@ def find_law(name: str, pace: float, scenario: str) -> TunableLaw:
     """
     tunable = [law for law, kind in CONTROLLERS.items() if hasattr(kind, SEARCH)]
     if not is_code(name) and name not in tunable:
-        raise unknown_name("controller", name, (*tunable, "FILE.py:Law"))
+        raise unknown_name("law", name, (*tunable, "FILE.py:Law"))
     law: Any = find_policy(name) if is_code(name) else CONTROLLERS[name]()
     search = getattr(law, SEARCH, None)
     if not is_dataclass(law) or not isinstance(search, Mapping) or not search:
         raise ParameterError(
-            f"controller must be a dataclass with {SEARCH} = {{'gain': (low, high), …}}, "
+            f"law must be a dataclass with {SEARCH} = {{'gain': (low, high), …}}, "
             f"which {name!r}, a {type(law).__name__}, is not"
         )
     gains = [item.name for item in fields(law)]

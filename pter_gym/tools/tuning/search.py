@@ -49,6 +49,7 @@ class TunedGains:
     seed: int
     machine: Machine | str | None = None
     path: AnyPath | str | None = None
+    smooth: float = 0.0
 
     @property
     def command(self) -> str:
@@ -64,7 +65,7 @@ class TunedGains:
         ):
             if value is not None:
                 command += f" --{name} {quote(value) if isinstance(value, str) else kind}"
-        return command
+        return command + (f" --smooth {1e3 * self.smooth:g}" if self.smooth else "")
 
 
 def tune(
@@ -78,6 +79,7 @@ def tune(
     seed: int = 0,
     machine: Machine | str | None = None,
     path: AnyPath | str | None = None,
+    smooth: float = 0.0,
     on_trial: Callable[[int, float], None] = lambda _count, _best: None,
 ) -> TunedGains:
     """Search for a controller's gains on training draws of a scenario, with CMA-ES.
@@ -105,6 +107,8 @@ def tune(
         its file.
     path
         One path for all draws, as in ``find_scenario``.
+    smooth
+        Noise of a path from a file that is smoothed away [m], as in ``find_scenario``.
     on_trial
         Called after each trial with the number of finished trials and the smallest value so far
         [m].
@@ -121,7 +125,7 @@ def tune(
         holds.
     """
     journal = find_path("storage", storage)
-    distribution, pace = find_scenario(scenario, machine, path), name_of_pace(pace)
+    distribution, pace = find_scenario(scenario, machine, path, smooth), name_of_pace(pace)
     law = find_law(controller, find_pace(pace), distribution.whose_gains)
     trials, episodes = whole_number("trials", trials), whole_number("episodes", episodes)
     seed = whole_number("seed", seed, at_least=0)
@@ -155,7 +159,7 @@ def tune(
     judged = [(assess([law.with_gains(gains)], final), gains) for gains in finalists]
     assessment, gains = min(judged, key=lambda pair: pair[0].value)
     return TunedGains(
-        controller, scenario, pace, gains, assessment, trials, episodes, seed, machine, path
+        controller, scenario, pace, gains, assessment, trials, episodes, seed, machine, path, smooth
     )
 
 
@@ -183,7 +187,7 @@ def _open_study(path: Path, name: str, seed: int) -> Any:
         import cmaes  # noqa: F401  # pyright: ignore[reportUnusedImport]
         import optuna
     except ImportError:
-        raise needs_extra("pter tune", "tune") from None
+        raise needs_extra("a search for gains", "tune") from None
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=1, reduction_factor=REDUCTION)
     try:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import tyro
 
-from pter_gym._internal.terminal import say
+from pter_gym._internal.terminal import conclude, say
 from pter_gym.errors import ParameterError
 
 MAX_PORT = 65535
@@ -48,4 +48,4 @@ def play(
         try:
             server.serve_forever()
         except KeyboardInterrupt:
-            say("ended")
+            conclude([], "pter watch free,residual --out two.webp")

@@ -8,11 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pter_gym.benchmark import evaluate, find_policy
+from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.errors import ParameterError
-from pter_gym.params import ACTUATORS, BASELINE, Arm
+from pter_gym.params import ACTUATORS, BASELINE, Arm, MachineSpread
 from pter_gym.tools.device import examine_device
 from pter_gym.tools.device.measures import FREQUENCY, SHAKE, _free_impedance
+from pter_gym.tools.device.promise import SEED as PROMISE_SEED
+from pter_gym.tools.device.promise import make_promise, order_of
 from pter_gym.tools.device.report import SCENARIOS
+from pter_gym.tools.device.sheet import find_device, machine_of_sheet
 
 THETA = np.array([0.4, 0.4 + math.pi / 2])
 
@@ -57,6 +62,45 @@ def test_examine_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
         assert picture in page
         assert (tmp_path / picture).stat().st_size > 1000
     assert len(said) == len(SCENARIOS) + 2
+
+
+def test_a_data_sheet_is_a_straight_torque_curve_and_the_rest_is_pters(tmp_path: Path):
+    """On the sheet's line, and PTER itself for PTER's numbers."""
+    (tmp_path / "sheet.toml").write_text(
+        "[clutch]\ntorque = 5.4\nat = 12\noff = 0.4\nlag = 0.015\n"
+    )
+    machine = find_device(str(tmp_path / "sheet.toml"))
+    assert machine == machine_of_sheet(torque=5.4, at=12.0, off=0.4, lag=0.015)
+    clutch = machine.clutch
+    assert [clutch.dynamic.torque(v) for v in (0.0, 6.0, 12.0)] == pytest.approx([0.4, 2.9, 5.4])
+    assert (clutch.voltage_max, clutch.time_constant) == (12.0, 0.015)
+    assert machine.arm == BASELINE.arm
+    assert machine_of_sheet(lag=BASELINE.clutch.time_constant) == BASELINE
+
+
+@pytest.mark.parametrize(
+    "sheet",
+    [{"torque": 5.0}, {"torque": 1.0, "at": 12.0, "off": 1.0}, {"lag": -1.0}, {"mass": 1.0}],
+)
+def test_a_sheet_that_is_no_clutch_is_refused(sheet: dict):
+    with pytest.raises(ParameterError):
+        machine_of_sheet(**sheet)
+
+
+def test_a_promise_is_kept_by_new_machines_and_its_order_is_that_of_the_binomial():
+    """0.95⁵⁹ < 0.05 < 0.95⁵⁸, so of 59 draws the largest is the limit; new draws keep to it."""
+    assert [order_of(draws) for draws in (59, 93, 200)] == [59, 92, 196]
+    variance = (0.1 * BASELINE.arm.inertia_a) ** 2
+    machines = MachineSpread(machine=BASELINE, places=("arm.inertia_a",), covariance=((variance,),))
+    law = find_policy("single-dof-tuned")
+    promise = make_promise(law, "law", machines, "standard", "medium", draws=59, episodes=1)
+    some = find_episodes("standard", "medium", PROMISE_SEED).first(1)
+    rng = np.random.default_rng(7)
+    errors = [
+        evaluate(law, replace(some, machines=(machines.draw(rng),)))["path_error_m"][0]
+        for _ in range(20)
+    ]
+    assert sum(error <= promise.error_m for error in errors) >= 17
 
 
 @pytest.mark.parametrize(

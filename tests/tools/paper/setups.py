@@ -41,5 +41,6 @@ def other_setup(seed: int) -> Setup:
         ),
         controller=replace(SETUP.controller, stiffness=u(100.0, 3000.0)),
         table_error=u(0.7, 1.4),
+        delrin_table=u(0.5, 1.5),
         time_constants=(0.03, 0.06, 0.105, 0.2),
     )

@@ -26,9 +26,13 @@ ROOT = Path(__file__).parents[3]
 
 NOT_MET = {
     "weakest-slips",
-    "trend-position-error",
+    "trend-peak-acceleration",
+    "trend-path-length",
     "theoretical-better-than-experimental",
-    "peak-explains-theoretical-speed",
+    "delrins-tip-speed",
+    "delrins-tip-acceleration",
+    "peak-explains-experimental-acceleration",
+    "saturation-begins",
 }
 """Claims that do not hold with the present parameters.
 
@@ -68,7 +72,7 @@ def test_labels_follow_one_rule():
     """A claim that every machine meets would follow from the equations; one that was in the
     calibration's objective is a calibration, whatever its number."""
     left = {statement.id: statement for statement in STATEMENTS}
-    for setup in [without_coupling(), *map(other_setup, (0, 2, 4, 44, 50))]:
+    for setup in [without_coupling(), *map(other_setup, (0, 2, 4, 34, 44))]:
         left = {
             claim.statement.id: claim.statement
             for claim in check(Experiments(setup), left.values())
@@ -100,7 +104,7 @@ def test_the_pages_show_the_verdicts_of_today(claims):
 
 
 def test_the_verdict_follows_from_the_number(claims):
-    keys = {"id", "section", "claim", "measured", "unit", "condition", "holds", "kind"}
+    keys = {"id", "section", "paper", "claim", "measured", "unit", "condition", "holds", "kind"}
     for claim in claims.values():
         entry = claim.as_json()
         assert keys <= entry.keys()

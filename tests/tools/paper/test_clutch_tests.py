@@ -43,13 +43,17 @@ def test_single_dof_tests_give_way_at_the_papers_breakaway_torque(name):
         increment = test.share * float(np.diff(test.input_torque).max())
         assert test.volts[test.clutch - 1] == volts
         assert abs(float(test.torque.max()) - holding_torque(machine, volts)) <= increment
-        slipping = (
-            np.abs(test.trajectory.slip_velocity[:-1, test.clutch - 1]) >= machine.slip_threshold
-        )
+        slip = np.abs(test.trajectory.slip_velocity[:-1, test.clutch - 1])
+        slipping = slip >= 2.0 * machine.slip_threshold  # not at the edge of the band
         assert test.torque[1:][slipping] == pytest.approx(machine.clutch.dynamic.torque(volts))
         assert (test.trajectory.mode[: test.breakaway] == ClutchMode.ZERO_DOF).all()
-        assert (test.trajectory.mode[test.breakaway :] == test.locked).all()
-        assert test.deviation.max() < 1e-12
+        locked = np.abs(test.trajectory.slip_velocity[:, test.locked - 1])
+        if name == "delrin_theoretical":  # the locked clutch may creep, too
+            assert locked.max() < 1.02 * machine.slip_threshold
+            assert test.deviation.max() < 2.0 * machine.slip_threshold * test.trajectory.time[-1]
+        else:
+            assert (test.trajectory.mode[test.breakaway :] == test.locked).all()
+            assert test.deviation.max() < 1e-12
 
 
 def test_the_locked_clutch_carries_what_equation_4_asks_for(experiments):
@@ -125,9 +129,8 @@ def test_the_bench_test_finds_the_curves_again(experiments):
         measured = np.flatnonzero(np.isfinite(material.bench_dynamic))
         assert material.volts[measured] == pytest.approx(np.linspace(4.0, 24.0, 6))
         for k, volts in zip(measured, material.volts[measured], strict=True):
-            held = holding_torque(PAPER_MACHINES[name], float(volts))
-            increment = held * RESOLUTION / RAMP_TIME
-            assert abs(material.bench_breakaway[k] - held) <= increment
+            increment = holding_torque(PAPER_MACHINES[name], float(volts)) * RESOLUTION / RAMP_TIME
+            assert abs(material.bench_breakaway[k] - clutch.breakaway.torque(volts)) <= increment
             assert material.bench_dynamic[k] == pytest.approx(
                 clutch.dynamic.torque(float(volts)), rel=1e-9
             )

@@ -150,7 +150,7 @@ def test_a_full_disk_is_reported_and_the_search_continues(
 def test_bad_arguments_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given: dict[str, Any] = {"storage": tmp_path / "trials.journal"}
     for names, field in (
-        (("free", *CASE[1:]), "controller"),
+        (("free", *CASE[1:]), "law"),
         (("impedance", "standart", "brisk"), "scenario"),
     ):
         with pytest.raises(ParameterError, match=field):
@@ -320,7 +320,7 @@ def test_a_law_of_ones_own_is_searched_within_its_ranges(tmp_path: Path) -> None
     assert {"stiffness": 500.0, "tip_space": False} in [
         trial.params for trial in trials_in(given["storage"])
     ]
-    for name, match in {"Reversed": "search", "Unknown": "search", "Free": "controller"}.items():
+    for name, match in {"Reversed": "search", "Unknown": "search", "Free": "dataclass"}.items():
         with pytest.raises(ParameterError, match=match):
             tune(f"{file}:{name}", "standard", "slow", **given)
 

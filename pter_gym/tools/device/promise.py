@@ -1,0 +1,103 @@
+"""What may be promised of the machines that fit a log: a tolerance limit of a policy's error."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from pter_gym._internal.checks import whole_number
+from pter_gym.benchmark.boards import mean_scores, reason_unranked
+from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.benchmark.rollout import evaluate
+from pter_gym.controllers import AnyPolicy
+from pter_gym.errors import ParameterError
+from pter_gym.params import MachineSpread
+from pter_gym.scenarios import find_pace
+
+_STATS: Any = stats
+
+SHARE, CONFIDENCE = 0.95, 0.95
+"""Share of the machines for which a promise holds, and the confidence with which it does."""
+
+MIN_DRAWS = 59
+"""Fewest draws of which the largest is such a limit: 0.95⁵⁹ < 0.05."""
+
+SEED = 2
+"""Seed of the drawn machines, and of the episodes on which all of them are scored."""
+
+
+@dataclass(frozen=True)
+class Promise:
+    """A policy on the machines that fit a log.
+
+    Attributes
+    ----------
+    scenario, policy, draws
+        Names, and the number of machines.
+    error_m
+        Mean path error [m] that at most ``1 - SHARE`` of the machines exceed, with ``CONFIDENCE``.
+    ranked
+        Share of the drawn machines with which the policy is ranked.
+    """
+
+    scenario: str
+    policy: str
+    draws: int
+    error_m: float
+    ranked: float
+
+    @property
+    def sentence(self) -> str:
+        """The promise in words."""
+        return (
+            f"Of the machines that fit your log, {100 * SHARE:.0f} % give {self.policy} at most "
+            f"{1e3 * self.error_m:.1f} mm on {self.scenario} (with {100 * CONFIDENCE:.0f} % "
+            f"confidence, from {self.draws} draws); it ranks on {100 * self.ranked:.0f} %."
+        )
+
+
+def make_promise(
+    policy: AnyPolicy,
+    name: str,
+    machines: MachineSpread,
+    scenario: str,
+    pace: str,
+    *,
+    draws: int = 200,
+    episodes: int = 4,
+) -> Promise:
+    """Score a policy, which knows the estimate, on drawn machines, all on the same episodes.
+
+    Raises
+    ------
+    ParameterError
+        If there are fewer than ``MIN_DRAWS`` draws, or another number is out of range.
+    """
+    if whole_number("draws", draws) < MIN_DRAWS:
+        raise ParameterError(f"draws must be at least {MIN_DRAWS}, got {draws}")
+    some = find_episodes(scenario, pace, SEED, machines.machine).first(episodes)
+    rng = np.random.default_rng(SEED)
+    drawn = [machines.draw(rng) for _ in range(draws)]
+    every = replace(
+        some,
+        machines=tuple(machine for machine in drawn for _ in range(episodes)),
+        **{part: getattr(some, part) * draws for part in ("tasks", "seeds", "strata", "limits")},
+    )
+    scores = evaluate(policy, every)
+    errors = np.sort(scores["path_error_m"].reshape(draws, episodes).mean(axis=1))
+    parts = [slice(k * episodes, (k + 1) * episodes) for k in range(draws)]
+    means = [mean_scores({key: values[part] for key, values in scores.items()}) for part in parts]
+    ranked = [reason_unranked(each, find_pace(pace)) is None for each in means]
+    limit = errors[order_of(draws) - 1]
+    return Promise(scenario, name, draws, float(limit), float(np.mean(ranked)))
+
+
+def order_of(draws: int) -> int:
+    """Return the number k of the sorted errors that is the limit, from 1.
+
+    The k-th smallest of n draws is below the quantile of ``SHARE`` with P(B(n, SHARE) ≥ k), so k is
+    the least for which that is at most 1 - ``CONFIDENCE`` (Wilks, Annals of Mathematical Statistics
+    12, 1941).
+    """
+    return int(_STATS.binom.ppf(CONFIDENCE, draws, SHARE)) + 1
