@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pter_gym._compiled.layout import Field, Layout
 from pter_gym._engine.batch import Batch, Observations, Returns, checked_actions
-from pter_gym._engine.world import FLAG, FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP
+from pter_gym._engine.world import FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP
 from pter_gym.controllers import CONTROLLERS, Controller, Policy
 from pter_gym.controllers._network import BASE_INPUTS
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
@@ -132,7 +132,7 @@ class CorrectedBatch(Batch):
     def step(self, actions: ArrayLike, ended: int = REFUSE) -> Returns:
         """Advance all worlds by ``frame_skip`` control periods, as ``Batch`` does."""
         n = self.num_worlds
-        alive = self._worlds[:, ROW.alive].reshape(-1)[:n] != 0.0
+        alive: Mask = self._worlds[:, ROW.alive].reshape(-1)[:n] != 0.0
         if ended == NEXT_STEP and not self._seeded.all():
             raise ResetNeededError(
                 f"world {self._seeded.argmin()} needs a reset: it was never reset"
@@ -153,12 +153,14 @@ class CorrectedBatch(Batch):
             rewards += returns.rewards
             flags |= returns.flags
             self._follow(obs, running)
-            running &= ~(returns.flags[FLAG.terminated] | returns.flags[FLAG.truncated])
+            terminated, truncated, _ = returns.flags
+            running &= ~(terminated | truncated)
             if not running.any():
                 break
         seen = final = seen_with(obs, self._base, self._plain)
-        over = ~alive if ended == NEXT_STEP else flags[FLAG.terminated] | flags[FLAG.truncated]
-        begins = over & (ended in (NEXT_STEP, SAME_STEP))
+        terminated, truncated, _ = flags
+        over: Mask = ~alive if ended == NEXT_STEP else terminated | truncated
+        begins: Mask = over & (ended in (NEXT_STEP, SAME_STEP))
         last = telemetry
         if begins.any():
             first, rows = self.reset(None, begins)

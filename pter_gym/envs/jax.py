@@ -96,6 +96,8 @@ class JaxEnv:
     name = "PathFollowing"
 
     def __init__(self, env: PathFollowingVectorEnv) -> None:
+        if env.base is not None:
+            raise ParameterError("base must be None: worlds in JAX take voltages or their shares")
         cpu_device()
         step = STEP if env.batch.machine.has_paper_clutches else DECLARED_STEP
         register_calls(step)
