@@ -3,9 +3,9 @@
 import errno
 import io
 import os
+import re
 import shlex
 import subprocess
-import re
 import sys
 import time
 from pathlib import Path
