@@ -14,7 +14,7 @@ MARKS = {"make_and_step": pytest.mark.smoke} | dict.fromkeys(
 RUN = [
     pytest.param(path, id=path.stem, marks=MARKS.get(path.stem, ()))
     for path in EXAMPLES
-    if path.stem not in {"ray_rollouts", "sb3_base", "sb3_ppo"}
+    if path.stem not in {"ray_rollouts", "sb3_base", "sb3_plain", "sb3_ppo"}
 ]
 
 

@@ -69,20 +69,31 @@ def test_documented_imports_work(statement: str):
 
 
 def test_readme_trains_with_the_example():
-    _, _, code = (ROOT / "examples" / "sb3_ppo.py").read_text("utf-8").partition("\n\n")
+    _, _, code = (ROOT / "examples" / "sb3_plain.py").read_text("utf-8").partition("\n\n")
     assert readme("example") == code
 
 
 @pytest.mark.slow
 @pytest.mark.agents
 @pytest.mark.filterwarnings("ignore:rich is experimental")
-def test_readme_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    """As it is, but with fewer steps."""
+@pytest.mark.parametrize(
+    ("name", "shorter"),
+    [
+        ("sb3_plain", {"1_250_000": "8_192"}),
+        ("sb3_base", {"3_000_000": "8_192"}),
+        ("sb3_ppo", {"4_000_000, 400_000": "81_920, 8_192", "> 15": "> -1000"}),
+    ],
+)
+def test_an_example_trains(
+    name: str, shorter: dict[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As it is, but with fewer steps; the first is README's."""
     pytest.importorskip("stable_baselines3")
-    shorter = (
-        readme("example").replace("4_000_000, 400_000", "81_920, 8_192").replace("> 15", "> -1000")
-    )
-    run_program([shorter], str(README))
+    program = (ROOT / "examples" / f"{name}.py").read_text("utf-8")
+    for old, new in shorter.items():
+        assert old in program
+        program = program.replace(old, new)
+    run_program([program], name)
     assert "tuned law" in capsys.readouterr().out
 
 

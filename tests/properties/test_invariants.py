@@ -352,7 +352,13 @@ def test_the_mirror_image_of_a_motion_is_a_motion(world):
     m11, m22 = arm.inertia_a + mass * arm.length_a**2, arm.inertia_b + mass * arm.length_b**2
     m12 = arm.coupling + mass * arm.length_a * arm.length_b
     condition = (m11 + m22) ** 2 / (m11 * m22 - m12**2)
-    rounding = 1e-15 * condition * (m11 + m22) * np.abs(run.omega).max() / world.machine.substep
+    fastest = max(np.abs(world.start.omega).max(), np.abs(run.omega).max())
+    reach = arm.length_a + arm.length_b
+    hand = world.machine.hand
+    pulls = hand.stiffness * (reach + np.abs(world.target).max()) + hand.damping * reach * fastest
+    load = np.abs(world.torque).max() + reach * (np.abs(world.force).max() + pulls)
+    momentum = (m11 + m22) * fastest / world.machine.substep
+    rounding = 1e-15 * condition * (momentum + load)
     assert np.all(np.abs(image.torque + run.torque) <= 1e-12 * limit + rounding)
 
 
