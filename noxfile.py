@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from tempfile import gettempdir
 
 import nox
 
@@ -206,4 +207,6 @@ def packages(session: nox.Session) -> None:
     session.run("python", "-c", render, str(ROOT / "docs" / "conda" / "recipe.yaml"))
     place = copy(session, "ray")
     session.install("-q", *PINNED, "-e", str(place), "ray==2.60.0")
-    session.run("python", str(place / "examples" / "ray_rollouts.py"), "--worlds", "16")
+    program = str(place / "examples" / "ray_rollouts.py")
+    outside = {"TMPDIR": gettempdir()}  # Ray's workers refuse a folder within an environment
+    session.run("python", program, "--worlds", "16", env=outside)
