@@ -157,7 +157,7 @@ def long(session: nox.Session) -> None:
     """The tests marked `long`, and the site with what its notebooks print."""
     tools = workshop(session)
     options = ("-n", "auto", "-m", "long", "--ignore=tests/agents/test_libraries.py")
-    session.run(str(tools / "pytest"), *options, env=reported(session), external=True)
+    session.run(str(tools / "pytest"), *options, env=reported(session, "long"), external=True)
     shorter = {"TRAINING_STEPS": "81920", "NOTEBOOK_EPISODES": "24", "NOTEBOOK_TRIALS": "30"}
     settings = {f"PTER_{name}": value for name, value in shorter.items()}
     site(session, "site-long", PTER_DOCS_EXECUTE="1", **settings)
