@@ -176,3 +176,15 @@ def test_columns_are_found_by_their_names(tmp_path: Path) -> None:
     found = read_table(tmp_path / "table.csv", ("x", "y")).columns
     np.testing.assert_array_equal(found["x"], [2.0, 0.4])
     np.testing.assert_array_equal(found["y"], [1.0, 3.0])
+
+
+def test_reading_ends_at_the_first_line_that_is_wrong(tmp_path: Path) -> None:
+    """With all lines in memory, 4 MB of them would take ten times as much as a megabyte."""
+    path = tmp_path / "long.csv"
+    path.write_text("x,y\n1,2\n1,zwei\n" + "1,2\n" * 1_000_000)
+    tracemalloc.start()
+    with pytest.raises(ParameterError, match="line 3"):
+        read_table(path, ("x", "y"))
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 1_000_000

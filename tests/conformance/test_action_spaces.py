@@ -15,6 +15,12 @@ COUNTS = {"two-brakes": 2, "brakes-and-coupling": 3, "baseline": 4}
 ID = "PTER/PathFollowing-v0"
 
 
+@pytest.mark.parametrize("name", [ID, "PTER/Standard-v0", "PTER/Wall-v0"])
+def test_actions_are_normalised_by_default(name: str):
+    space: Any = gymnasium.make(name).action_space
+    assert (space.low.tolist(), space.high.tolist()) == ([-1.0] * 4, [1.0] * 4)
+
+
 @pytest.mark.parametrize("name", COUNTS)
 def test_single_and_vector_environments_have_an_entry_for_each_clutch(name: str):
     count = COUNTS[name]
