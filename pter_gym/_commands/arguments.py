@@ -33,6 +33,7 @@ else:
 
     EachPace = Literal[("all", *PACES)]
     """Name of a commanded pace, or all of them."""
+
 PATH_NAMES = ("line", "arc", "circle", "sine")
 """Names of paths, in their order in ``PATHS``, known without loading anything that compiles."""
 

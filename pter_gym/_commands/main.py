@@ -1,7 +1,6 @@
 """``pter``: the commands. Other packages add theirs by the entry-point group ``pter.commands``."""
 
 import ast
-import inspect
 import io
 import os
 import re
@@ -11,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import redirect_stderr, suppress
 from importlib.metadata import EntryPoint
 from importlib.util import find_spec
-from inspect import Parameter, Signature, signature
+from inspect import Parameter, Signature, getdoc, signature
 from itertools import dropwhile, takewhile
 from pathlib import Path
 from traceback import extract_tb
@@ -82,7 +81,7 @@ def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
     parameters = {each.name: each for each in _parameters(command)}
     keep.__signature__ = Signature(list(parameters.values()))  # type: ignore[attr-defined]
     keep.__annotations__ = {each.name: each.annotation for each in parameters.values()}
-    keep.__doc__ = re.sub(r"\n {8}(?=\S)", " ", inspect.getdoc(command) or "")
+    keep.__doc__ = re.sub(r"\n {8}(?=\S)", " ", getdoc(command) or "")
     printed = io.StringIO()
     try:
         with redirect_stderr(printed):

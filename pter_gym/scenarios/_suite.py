@@ -141,9 +141,8 @@ def find_scenario(
         from pter_gym.tasks.path_following._specification import sensing_of
 
         own = machine if isinstance(machine, MachineSpread) else find_machine(machine)
-        sensing_of(
-            base.draws.varied_task.base, middle_of(own)
-        )  # raises where the delay is too long
+        # raises where the delay is too long
+        sensing_of(base.draws.varied_task.base, middle_of(own))
         base = replace(base, own=base.draws.map_parts(lambda part: replace(part, instead=own)))
     return base
 
