@@ -48,7 +48,7 @@ class Foreseeing:
         return Policy.of_function(self.act, layout)
 
     def place(self, worlds: Any) -> None:
-        worlds[:, KEPT.first :] = self.twin.device_arrays()["worlds"][:1, KEPT.first :, :1]
+        worlds[:, KEPT.first :] = self.twin.kernel_arrays()["worlds"][:1, KEPT.first :, :1]
 
     def act(self, observations: Any) -> Any:
         del observations

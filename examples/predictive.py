@@ -30,7 +30,7 @@ def search(batch, place, mean, random, top):
         plans[0], plans[1:64] = mean, random.uniform(-0.1, 1.0, (63, 1, 4))
         plans, cost, alive = plans.clip(0.0, 1.0), np.zeros(SAMPLES), np.ones(SAMPLES, bool)
         batch.set_state(state)
-        place(batch.device_arrays()["worlds"])
+        place(batch.kernel_arrays()["worlds"])
         for k in range(HORIZON):
             obs, _, _, (ended, _, arrived), _ = batch.step(top * plans[:, k] ** 2, SKIP)
             now = np.abs(obs * batch.layout.scales)

@@ -125,7 +125,7 @@ class JaxWorlds:
         self.shared = SharedConstants(
             self._env.default_params,
             jnp.asarray(self._layout.scales, jnp.float32),
-            jnp.asarray(env.batch.device_arrays()["constants"], jnp.float32),
+            jnp.asarray(env.batch.kernel_arrays()["constants"], jnp.float32),
             _scaled(places, centers, scales),
             _scaled(truth.entries, truth.center, truth.scale),
             (

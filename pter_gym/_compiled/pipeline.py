@@ -44,7 +44,7 @@ _log = logging.getLogger(__name__.partition(".")[0])
 _numba: Any = numba
 
 
-class Device(CPUDispatcher):
+class KernelFunction(CPUDispatcher):
     """A function that is compiled for compiled callers; from Python, calls the original function.
 
     Without the wrappers by which Python calls compiled code, kernels compile in three quarters of
@@ -62,7 +62,7 @@ class Device(CPUDispatcher):
 
 def for_compiled_callers(function: Any, steps: Any, options: dict[str, Any]) -> Any:
     """Return a function that kernels call, compiled by numba's steps or those of ``shortcuts``."""
-    return Device(function, {}, {"nopython": True, "boundscheck": None, **options}, steps)
+    return KernelFunction(function, {}, {"nopython": True, "boundscheck": None, **options}, steps)
 
 
 def kernel_of(function: Any, steps: Any) -> Any:

@@ -20,7 +20,7 @@ from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, ge
 from numba import types
 from numba.extending import overload
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.layout import Field, Layout
 from pter_gym._compiled.pipeline import WITHOUT_ARRAYS, Part
 from pter_gym._compiled.source import compile_source
@@ -229,7 +229,7 @@ def entrywise(function: Callable[..., float]) -> Any:
     entry::
 
         @entrywise
-        @device
+        @inlined
         def limited(volts: float, most: float) -> float:
             return volts if volts < most else most
 
@@ -275,7 +275,7 @@ def entrywise(function: Callable[..., float]) -> Any:
 
 
 @entrywise
-@device
+@inlined
 def lerp(low: float, high: float, part: float) -> float:
     """Return the record that lies a part of the way from one record to another of its kind."""
     return low + part * (high - low)

@@ -268,7 +268,7 @@ class Batch(Storage):
         (terminated,), (truncated,), (success,) = flags.tolist()
         return obs[0].copy(), telemetry[0, 0].copy(), rewards.item(), terminated, truncated, success
 
-    def device_arrays(self) -> dict[str, NDArray[Any]]:
+    def kernel_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays by name that kernels get, and which worlds have begun; no copies."""
         return {**self._changing, "config": self._config, "constants": self._constants}
 

@@ -77,7 +77,7 @@ class DifferentiableEnv(jax_env.JaxEnv):
             raise ParameterError(
                 "machine must have the paper's clutches for a step to be differentiated"
             )
-        if env.batch.device_arrays()["worlds"].shape[1] != BASIC_ROWS:
+        if env.batch.kernel_arrays()["worlds"].shape[1] != BASIC_ROWS:
             raise ParameterError(
                 "hand must be a push and sines, and sensing ideal, for a step to be "
                 "differentiated: not a recorded hand, one with an intent, or noise and delay"
