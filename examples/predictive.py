@@ -14,7 +14,7 @@ from pter_gym.benchmark import print_boards, run_scenario
 from pter_gym.controllers import Policy
 from pter_gym.tasks.path_following import OBS
 
-HELD, HORIZON = 3, 12  # control steps of a decision; decisions that are planned, 0.36 s
+HELD, HORIZON = 3, 12  # control steps for which a voltage is held; steps planned, 0.36 s
 TASK = PathFollowing()
 CALM = replace(TASK, hand=replace(TASK.hand, amplitudes=(0.0,) * 5))
 SAMPLES, ROUNDS, TEMPERATURE = 256, 5, 0.01

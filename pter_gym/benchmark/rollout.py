@@ -224,7 +224,7 @@ UNSEEN = 10_000
 
 
 class Assessment(NamedTuple):
-    """How good a policy is on training draws: the means of the scores that decide ranks."""
+    """How good a policy is on training episodes: the means of the scores that decide ranks."""
 
     path_error_m: float
     completed: float
@@ -267,7 +267,7 @@ def examine(
     seed: int = UNSEEN,
     machine: Machine | str | None = None,
 ) -> dict[str, Assessment]:
-    """Assess policies on training draws and compare them with trivial ones; the best comes first.
+    """Assess policies on training episodes and compare with trivial ones; the best comes first.
 
     Evaluation episodes are not read, so the results may guide further training. ``free``,
     ``locked`` and ``random`` are assessed, too.

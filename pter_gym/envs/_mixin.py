@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 FRAME_SKIP = 3
 """Control steps for which environments with a scenario hold an action: noise that is new at each
-decision then gets through the clutches' lag, so that stock algorithms explore."""
+step then gets through the clutches' lag, so that stock algorithms explore."""
 
 
 class Arguments(TypedDict, total=False):

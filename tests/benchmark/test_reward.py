@@ -36,7 +36,7 @@ from rollouts import run
 DISCOUNTS = (1.0, 0.998, 0.995, 0.99)
 DRAWS = 50
 SEED = 991
-"""Of training draws."""
+"""Of training episodes."""
 
 CLEARLY = 2.0
 """Ratio of path errors beyond which scores differ clearly."""
