@@ -89,7 +89,7 @@ def training_draws(arguments: TrainingArguments) -> Draws:
         reward=s.reward(),
         starts=STARTS[s.starts],
         truncation_error=s.truncation,
-    ).map_parts(_with_repeats)
+    ).map_components(_with_repeats)
 
 
 def _with_repeats(draws: Draws) -> Draws:

@@ -34,7 +34,8 @@ COMPILES = not _NUMBA.DISABLE_JIT
 def _for_compiled_callers(function: Function, **options: Any) -> Function:
     if not COMPILES:
         return function
-    return cast(Function, pipeline.for_compiled_callers(function, pipeline.Part, options))
+    compiler = pipeline.FunctionCompiler
+    return cast(Function, pipeline.for_compiled_callers(function, compiler, options))
 
 
 def inlined(function: Function) -> Function:
@@ -75,16 +76,16 @@ def compile_kernel(build: Callable[[str], Function], **names: object) -> Functio
     plain = cast(FunctionType, build(""))
     digest = digest_of(_bind(plain, names))
     function = _bind(cast(FunctionType, build(digest or "")), names)
-    kernel: Any = pipeline.kernel_of(function, pipeline.Kernel)
+    kernel: Any = pipeline.kernel_of(function, pipeline.KernelCompiler)
     if COMPILES:
         # a cache could not load functions that are in no module, as after exec
         if digest and all(inspect.getmodule(value) for value in names.values() if callable(value)):
             with suppress(RuntimeError):  # there is no folder to write to
-                if pipeline.Kernel is Compiler:
+                if pipeline.KernelCompiler is Compiler:
                     kernel.enable_caching()
                 else:
                     kernel._cache = StoredKernel(function, digest_of(plain) or "")
-        if pipeline.Kernel is not Compiler:
+        if pipeline.KernelCompiler is not Compiler:
             pipeline.announce(kernel)
     return cast(Function, kernel)
 

@@ -237,9 +237,9 @@ def hand_force(w: Any, i: int) -> PathVector:
 
 @inlined
 def set_strengths(w: Any, i: int, period: float) -> None:
-    """Find what drift of the friction and heat have made of the clutches' torques by now."""
-    drift = clamp(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
-    store(w, ROW.strength, i, faded(load(w, ROW.heat, i), w[ROW.machine.fade, i], drift))
+    """Find what friction drift and heat have made of the clutches' torques by now."""
+    factor = clamp(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
+    store(w, ROW.strength, i, faded(load(w, ROW.heat, i), w[ROW.machine.fade, i], factor))
 
 
 @inlined
@@ -306,7 +306,7 @@ def tip_acceleration(w: Any, i: int, period: float) -> Vector:
 
 
 @inlined
-def judge_step(w: Any, i: int, period: float, limit: float) -> None:
+def judge_step(w: Any, i: int, period: float, max_steps: float) -> None:
     """Count the step, and find the reward and whether the episode ends.
 
     A world that had ended stays so.
@@ -337,7 +337,7 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
         failed=failed,
     )
     terms = reward_terms(task.weight, outcome, period)
-    truncated = is_astray(at, terminated, task) | (step >= limit)
+    truncated = is_astray(at, terminated, task) | (step >= max_steps)
     w[ROW.pace_ratio, i] = ratio
     store(w, ROW.terms, i, terms)
     w[ROW.reward, i] = total(terms)
@@ -582,7 +582,7 @@ def conclude_step(
     for i in range(width):
         locate(w, i, constants)
     for i in range(width):
-        judge_step(w, i, period, config[CONFIG.limit])
+        judge_step(w, i, period, config[CONFIG.max_steps])
     if with_extras:
         for i in range(lanes):
             if plans(w, i):

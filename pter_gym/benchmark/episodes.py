@@ -28,6 +28,9 @@ from pter_gym.tasks.path_following import PathFollowing, Sensors
 FOLDER = Path(__file__).parents[1] / "episodes"
 """Where the package keeps its test episodes."""
 
+ENTRIES = ("machines", "tasks", "seeds", "strata", "time_limits")
+"""Fields of ``Episodes`` that have an entry for each episode."""
+
 ENDING = ".json.gz"
 
 CHUNK = 64
@@ -54,7 +57,7 @@ class Episodes:
         Labels of the strata within which episodes are resampled.
     nominal
         The machine that policies know.
-    limits
+    time_limits
         Control steps after which an episode ends; by default ``time_limit`` of its task.
     """
 
@@ -64,12 +67,12 @@ class Episodes:
     seeds: tuple[int, ...]
     strata: tuple[str, ...]
     nominal: Machine = BASELINE
-    limits: tuple[int, ...] = ()
+    time_limits: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        """Set the limits that are not given."""
-        if not self.limits:
-            object.__setattr__(self, "limits", tuple(map(time_limit, self.tasks)))
+        """Set the time limits that are not given."""
+        if not self.time_limits:
+            object.__setattr__(self, "time_limits", tuple(map(time_limit, self.tasks)))
 
     def __len__(self) -> int:
         """Return the number of episodes."""
@@ -77,12 +80,11 @@ class Episodes:
 
     def __getitem__(self, part: slice) -> "Episodes":
         """Return some of the episodes."""
-        entries = ("machines", "tasks", "seeds", "strata", "limits")
-        return replace(self, **{name: getattr(self, name)[part] for name in entries})
+        return replace(self, **{name: getattr(self, name)[part] for name in ENTRIES})
 
     @cached_property
     def chunks(self) -> "tuple[Episodes, ...]":
-        """The episodes in parts that are simulated together."""
+        """The episodes in chunks, each simulated together."""
         return tuple(self[start : start + CHUNK] for start in range(0, len(self), CHUNK))
 
     @contextmanager
@@ -111,7 +113,7 @@ class Episodes:
     def at_pace(self, speed: float) -> "Episodes":
         """Return the episodes at a commanded pace [m/s]; tasks that are the same object stay so."""
         paced = {id(task): replace(task, pace=speed) for task in self.tasks}
-        return replace(self, tasks=tuple(paced[id(task)] for task in self.tasks), limits=())
+        return replace(self, tasks=tuple(paced[id(task)] for task in self.tasks), time_limits=())
 
 
 def time_limit(task: PathFollowing) -> int:

@@ -264,7 +264,7 @@ def _following(config: Config, frame_skip: int) -> Any:
             _set_strengths(w, 0, period)
             move(w)
             _locate(w, 0, constants)
-            _judge(w, 0, period, config.limit)
+            _judge(w, 0, period, config.max_steps)
             return jnp.stack(
                 [jnp.asarray(w[row, 0], numbers.dtype) for row in range(BASIC_ROWS)]
             ), w[ROW.reward, 0]

@@ -172,9 +172,9 @@ def chain(pieces: Sequence[Piece]) -> Arcs:
     start = 0.0
     for begin, direction, curvature, length in pieces:
         point, heading = begin, direction
-        parts = parts_of(curvature, length)
-        step = length / parts
-        for _ in range(parts):
+        count = arcs_needed(curvature, length)
+        step = length / count
+        for _ in range(count):
             rows.append(
                 ArcSegment(
                     point.real, point.imag, heading.real, heading.imag, curvature, start, step
@@ -186,7 +186,7 @@ def chain(pieces: Sequence[Piece]) -> Arcs:
 
 
 @inlined
-def parts_of(curvature: float, length: float) -> int:
+def arcs_needed(curvature: float, length: float) -> int:
     """Return the number of arcs into which one is cut."""
     return max(1, math.ceil(abs(curvature) * length / MAX_TURN))
 

@@ -143,7 +143,7 @@ def find_scenario(
         own = machine if isinstance(machine, MachineSpread) else find_machine(machine)
         # raises where the delay is too long
         sensing_of(base.draws.varied_task.base, middle_of(own))
-        base = replace(base, own=base.draws.map_parts(lambda part: replace(part, instead=own)))
+        base = replace(base, own=base.draws.map_components(lambda one: replace(one, instead=own)))
     return base
 
 
@@ -213,7 +213,7 @@ def _on_path(scenario: Scenario, source: "Path | FilePath", smooth: float) -> Sc
         scenario,
         name=f"{scenario.name}-on-{title}",
         place=None,
-        own=scenario.draws.map_parts(changed),
+        own=scenario.draws.map_components(changed),
         gains=gains,
     )
 
@@ -248,7 +248,7 @@ _SUITE = (
     Scenario(
         "materials",
         0,
-        "Other clutches on the paper's line: material, time constant, torque errors and drift.",
+        "Other clutches on the paper's line: material, time constant, torque, friction drift.",
         episodes=300,
         place=3,
         residual=55.1,

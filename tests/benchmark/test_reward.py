@@ -130,7 +130,7 @@ def judge(policy: Any, course: Course) -> Judged:
 
 def sight(course: Course) -> float:
     """Return the discount whose horizon, 1/(1 − γ) control steps, is that of an episode."""
-    return 1.0 - 1.0 / float(np.median(course.episodes.limits))
+    return 1.0 - 1.0 / float(np.median(course.episodes.time_limits))
 
 
 @pytest.mark.parametrize(

@@ -120,7 +120,7 @@ from compiled.test_compiler import build_steps, compile_kernel, pipeline
 
 w = np.random.default_rng(0).normal(size=(5, 7))
 compile_kernel(build_steps)(w, True)
-print(pipeline.Kernel.__name__, w.tobytes().hex())
+print(pipeline.KernelCompiler.__name__, w.tobytes().hex())
 """
 
 
@@ -143,7 +143,8 @@ def test_numba_of_other_internals_compiles_by_its_own_steps(change: str, tmp_pat
         check=True,
     )
     steps_of, bits = ran.stdout.split()
-    assert (steps_of, bits) == ("Compiler" if CHANGES[change] else "Kernel", given.tobytes().hex())
+    expected = "Compiler" if CHANGES[change] else "KernelCompiler"
+    assert (steps_of, bits) == (expected, given.tobytes().hex())
     assert ran.stderr.count("numba 1.0.0 has other internals") == bool(CHANGES[change])
 
 

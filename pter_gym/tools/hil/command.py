@@ -91,7 +91,7 @@ def hil(
             other.drive(machine, task, seed, record)
     finally:
         other.line.close()
-        report(records, replace(episode_set, tasks=paced, limits=()), controller, csv)
+        report(records, replace(episode_set, tasks=paced, time_limits=()), controller, csv)
         say(timing(other))
         same = options(scenario=scenario, pace=pace)
         conclude([], f"pter benchmark --policies {quote(policy)}{same}")
