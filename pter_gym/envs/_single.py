@@ -79,7 +79,7 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
 
     With `task.starts`, for training, a share of the episodes begins anywhere along the path, off it
     and moving, and another share at its start with clutches that have settled at drawn voltages;
-    see `pter_gym.tasks.path_following.Starts`. Evaluation episodes never do.
+    see `pter_gym.tasks.path_following.Starts`. Test episodes never do.
 
     ## Episode End
     ### Termination
