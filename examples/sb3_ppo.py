@@ -1,4 +1,4 @@
-"""Train Stable-Baselines3's PPO in two phases and rank it, in about three minutes (extra `agents`)."""
+"""Train Stable-Baselines3's PPO in two phases and rank it, in a few minutes (extra `agents`)."""
 
 import torch
 from stable_baselines3 import PPO
