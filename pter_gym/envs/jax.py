@@ -56,14 +56,32 @@ class EnvState(NamedTuple):
         Motion, clutches, hand and place on the path, uint32 (W,).
     episode
         Seed and episode count, uint32 (4,).
-    memory, base
-        With a base, the law's memory, uint32 (M,), and its voltages [V], float32 (4,).
     """
 
     world: jax.Array
     episode: jax.Array
-    memory: Any = ()
-    base: Any = ()
+
+
+class CorrectedState(NamedTuple):
+    """An ``EnvState`` with what changes in a law that actions correct.
+
+    Attributes
+    ----------
+    world, episode
+        Those of ``EnvState``.
+    memory
+        The law's memory, uint32 (M,).
+    base
+        Its voltages [V], float32 (4,).
+    """
+
+    world: jax.Array
+    episode: jax.Array
+    memory: jax.Array
+    base: jax.Array
+
+
+AnyState = EnvState | CorrectedState
 
 
 class EnvParams(NamedTuple):
@@ -125,7 +143,7 @@ class JaxEnv:
         self._batch = env.batch if isinstance(env.batch, CorrectedBatch) else None
         self._no_volts = env.batch.action_low
         if self._batch is not None:
-            law = self._batch.law.policy.law
+            law: Any = self._batch.law.policy.law
             self._law = _following(register_law(law.function))
             self._law_params = LawParams(words_of(self._batch.plain.scales), words_of(law.gains))
             self._blank = words_of(self._batch.law.start(1)[0])
@@ -147,7 +165,7 @@ class JaxEnv:
             raise ParameterError(f"env_id must be an id of PTER, got {env_id!r}")
         return cls(cast(Any, gymnasium.make_vec(env_id, **fixed, **keywords).unwrapped), **own)
 
-    def reset(self, key: jax.Array, params: EnvParams | None = None) -> tuple[jax.Array, EnvState]:
+    def reset(self, key: jax.Array, params: EnvParams | None = None) -> tuple[jax.Array, AnyState]:
         """Return a world's first observation, float32 (len(observation_layout),), and its state.
 
         Its seed follows from the key, and its later episodes from its seed.
@@ -156,7 +174,7 @@ class JaxEnv:
 
     def reset_to_seed(
         self, seed: int | jax.Array | NDArray[Any], params: EnvParams | None = None
-    ) -> tuple[jax.Array, EnvState]:
+    ) -> tuple[jax.Array, AnyState]:
         """Return what ``gymnasium.make_vec`` has of a world after a reset with a seed.
 
         Parameters
@@ -178,15 +196,15 @@ class JaxEnv:
         if self._batch is None:
             return obs, EnvState(world, episode)
         base, memory = self._follow(obs, self._blank)
-        return self._seen(obs, base), EnvState(world, episode, memory, base)
+        return self._seen(obs, base), CorrectedState(world, episode, memory, base)
 
     def step(
         self,
         key: jax.Array | None,
-        state: EnvState,
+        state: AnyState,
         action: jax.Array,
         params: EnvParams | None = None,
-    ) -> tuple[jax.Array, EnvState, jax.Array, jax.Array, jax.Array, Info]:
+    ) -> tuple[jax.Array, AnyState, jax.Array, jax.Array, jax.Array, Info]:
         """Advance a world by ``frame_skip`` control periods; a next episode follows one that ends.
 
         Parameters
@@ -247,7 +265,7 @@ class JaxEnv:
         """Return the observation space, one of Gymnasium's."""
         return cast(spaces.Box, self.env.single_observation_space)
 
-    def _advance(self, state: EnvState, given: jax.Array, shared: EnvParams) -> Any:
+    def _advance(self, state: AnyState, given: jax.Array, shared: EnvParams) -> Any:
         """Return state, observation, last observation, reward and flags after a step."""
         if self._batch is None:
             return self._control(state, given, shared)
@@ -256,12 +274,12 @@ class JaxEnv:
         def correct(before: Any, _: None) -> tuple[Any, None]:
             state = before[0]
             volts = law.corrected(given[None], state.base[None])[0]
-            moved, obs, last, reward, flags = self._control(state, volts, shared)
+            (world, episode), obs, last, reward, flags = self._control(state, volts, shared)
             base, memory = self._follow(last, state.memory)
             final, over = self._seen(last, base), _is_over(flags)
             first, fresh = self._follow(obs, self._blank)
             base, memory = jnp.where(over, first, base), jnp.where(over, fresh, memory)
-            state = moved._replace(memory=memory, base=base)
+            state = CorrectedState(world, episode, memory, base)
             after = state, self._seen(obs, base), final, before[3] + reward, flags
             return jax.tree.map(partial(jnp.where, _is_over(before[4])), before, after), None
 
@@ -269,7 +287,7 @@ class JaxEnv:
         start = state, unseen, unseen, jnp.zeros((), jnp.float32), jnp.zeros(FLAGS, bool)
         return lax.scan(correct, start, length=self.frame_skip)[0]
 
-    def _control(self, state: EnvState, given: jax.Array, shared: EnvParams) -> Any:
+    def _control(self, state: AnyState, given: jax.Array, shared: EnvParams) -> Any:
         """Return what ``_advance`` does, after a step of the kernel."""
         empty = jnp.full(SLOTS - self.num_actions, self._no_volts, given.dtype)
         own = *state[:2], jnp.concatenate([given, empty])
@@ -285,13 +303,16 @@ class JaxEnv:
         assert self._batch is not None
         return seen_with(obs[None], base[None], self._batch.plain)[0]
 
-    def _check_state(self, state: EnvState) -> None:
+    def _check_state(self, state: AnyState) -> None:
         """Raise a ParameterError unless a state is as large as this environment's."""
-        expected = ((self._empty.shape, jnp.uint32), ((4,), jnp.uint32))
-        if [(jnp.shape(part), jnp.result_type(part)) for part in state[:2]] != [*expected]:
+        expected: list[Any] = [(self._empty.shape, jnp.uint32), ((4,), jnp.uint32)]
+        if self._batch is not None:
+            expected += [(self._blank.shape, jnp.uint32), ((SLOTS,), jnp.float32)]
+        parts = state[: len(expected)]
+        if [(jnp.shape(part), jnp.result_type(part)) for part in parts] != expected:
             raise ParameterError(
-                "state must be an EnvState of this environment, of uint32 "
-                f"{self._empty.shape} and (4,), got {shapes_of(state)}"
+                "state must be one of this environment, of the shapes "
+                f"{[shape for shape, _ in expected]}, got {shapes_of(state)}"
             )
 
     def _shared(self, params: EnvParams | None) -> EnvParams:
