@@ -28,7 +28,7 @@ computing a corrected voltage have the same bits."""
 Mask = NDArray[np.bool_]
 
 
-def find_base(base: object, scenario: str) -> Controller:
+def find_base_law(base: object, scenario: str) -> Controller:
     """Return a base by its name, with the gains for a scenario, or as it is.
 
     Raises
@@ -46,7 +46,7 @@ def find_base(base: object, scenario: str) -> Controller:
     return base
 
 
-def bind_base(base: Controller, machine: Machine, layout: Layout) -> Policy:
+def bind_base_law(base: Controller, machine: Machine, layout: Layout) -> Policy:
     """Return a base bound to a nominal machine and a layout.
 
     Raises
@@ -76,7 +76,7 @@ def seen_with(obs: Any, base: Any, layout: Layout) -> Any:
     return library.concat([obs, base * inverse], axis=1)
 
 
-class Base:
+class BaseLaw:
     """A bound base in N worlds, without their memory."""
 
     def __init__(self, policy: Policy, machine: Machine) -> None:
@@ -110,7 +110,7 @@ class CorrectedBatch(Batch):
         self, base: Controller, *args: Any, nominal: Machine, frame_skip: int, **keywords: Any
     ) -> None:
         super().__init__(*args, action_unit="volt", **keywords)
-        self.law = Base(bind_base(base, nominal, self.layout), nominal)
+        self.law = BaseLaw(bind_base_law(base, nominal, self.layout), nominal)
         self._plain = self.layout
         self.layout, self.frame_skip = with_base(self.layout), frame_skip
         self.action_low, self.action_high = -1.0, 1.0
