@@ -42,7 +42,7 @@ except ImportError as error:
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._engine.world import CONFIG_WIDTH, FLAG, FLAGS
-from pter_gym.envs._base import CorrectedBatch, seen_with
+from pter_gym.envs._base_law import CorrectedBatch, seen_with
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.params import SLOTS
 

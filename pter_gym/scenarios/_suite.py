@@ -133,18 +133,19 @@ def find_scenario(
     DataError
         If the machine's file is malformed.
     """
-    base = _find(scenario)
+    scenario = _find(scenario)
     if path is not None:
-        base = _on_path(base, path, smooth)
+        scenario = _on_path(scenario, path, smooth)
     if machine is not None:
         from pter_gym.params import MachineSpread, find_machine, middle_of
         from pter_gym.tasks.path_following._specification import sensing_of
 
         own = machine if isinstance(machine, MachineSpread) else find_machine(machine)
         # raises where the delay is too long
-        sensing_of(base.draws.varied_task.base, middle_of(own))
-        base = replace(base, own=base.draws.map_components(lambda one: replace(one, instead=own)))
-    return base
+        sensing_of(scenario.draws.varied_task.template, middle_of(own))
+        draws = scenario.draws.map_components(lambda one: replace(one, instead=own))
+        scenario = replace(scenario, own=draws)
+    return scenario
 
 
 def gains_for(tasks: "Iterable[PathFollowing]") -> str:
@@ -195,16 +196,16 @@ def _on_path(scenario: Scenario, source: "Path | FilePath", smooth: float) -> Sc
     title += f"-smooth-{1e3 * smooth:g}-mm" if smooth else ""
 
     def changed(draws: "Draws") -> "Draws":
-        base, fields = draws.varied_task.base, dict(draws.varied_task.fields)
+        template, fields = draws.varied_task.template, dict(draws.varied_task.fields)
         fields.pop("path", None)
-        band = max(base.free_left, base.free_right)
+        band = max(template.free_left, template.free_right)
         widest = largest_error_max(path) - band
         if widest <= 0.0:
             raise ParameterError(
                 f"path must bend less for a free band of {band:g} m: {title} turns within that "
                 "radius"
             )
-        task = replace(base, path=path, error_max=min(base.error_max, widest))
+        task = replace(template, path=path, error_max=min(template.error_max, widest))
         check_machine(task, scenario.nominal)
         return replace(draws, task=Vary(task, **fields))
 

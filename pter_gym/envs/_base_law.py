@@ -31,7 +31,7 @@ PAY: Any = [*COLUMN.terms, COLUMN.reward]
 Mask = NDArray[np.bool_]
 
 
-def find_base(base: object, scenario: str) -> Controller:
+def find_base_law(base: object, scenario: str) -> Controller:
     """Return a base by its name, with the gains for a scenario, or as it is.
 
     Raises
@@ -49,7 +49,7 @@ def find_base(base: object, scenario: str) -> Controller:
     return base
 
 
-def bind_base(base: Controller, machine: Machine, layout: Layout) -> Policy:
+def bind_base_law(base: Controller, machine: Machine, layout: Layout) -> Policy:
     """Return a base bound to a nominal machine and a layout.
 
     Raises
@@ -79,7 +79,7 @@ def seen_with(obs: Any, base: Any, layout: Layout) -> Any:
     return library.concat([obs, base * inverse], axis=1)
 
 
-class Base:
+class BaseLaw:
     """A bound base in N worlds, without their memory."""
 
     def __init__(self, policy: Policy, machine: Machine) -> None:
@@ -113,7 +113,7 @@ class CorrectedBatch(Batch):
         self, base: Controller, *args: Any, nominal: Machine, frame_skip: int, **keywords: Any
     ) -> None:
         super().__init__(*args, action_unit="volt", **keywords)
-        self.law = Base(bind_base(base, nominal, self.layout), nominal)
+        self.law = BaseLaw(bind_base_law(base, nominal, self.layout), nominal)
         self.plain = self.layout
         self.layout, self.frame_skip = with_base(self.layout), frame_skip
         self.action_low, self.action_high = -1.0, 1.0
