@@ -81,14 +81,14 @@ def benchmark(
     from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
     from pter_gym.benchmark.boards import EPISODE_SET, boards_text, in_order
 
-    distribution = scenario_on(scenario, None, path, smooth)
+    definition = scenario_on(scenario, None, path, smooth)
     results = ResultsFolder(out)
     results.make()
-    policies_by_name = {name: find_policy(name, distribution.whose_gains) for name in names}
+    policies_by_name = {name: find_policy(name, definition.whose_gains) for name in names}
     with progress_bar() as progress:
-        task = progress.add_task(distribution.name, total=len(policies_by_name) * len(paces))
+        task = progress.add_task(definition.name, total=len(policies_by_name) * len(paces))
         runs = run_scenario(
-            distribution,
+            definition,
             policies_by_name,
             paces,
             episodes=episodes,
@@ -110,7 +110,7 @@ def benchmark(
             places = list(in_order([board for board in boards if board.pace == pace]))
             filmed = sorted(list(policies_by_name)[:MAX_FILMED], key=places.index)
             ranked = {name: policies_by_name[name] for name in filmed}
-            files.append(film_policies(ranked, distribution, pace, results.path, progress))
+            files.append(film_policies(ranked, definition, pace, results.path, progress))
     best, *others = in_order(boards)
     same = options(scenario=scenario, path=path, smooth=smooth)
     ends = quote(",".join([best, *others[-1:]]))

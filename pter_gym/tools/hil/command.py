@@ -76,9 +76,9 @@ def hil(
     if csv:
         check_target("csv", csv)
         check_table(csv)
-    distribution = find_scenario(scenario)
-    controller = find_policy(policy, distribution.whose_gains)
-    episode_set = find_episodes(distribution, pace).first(episodes)
+    definition = find_scenario(scenario)
+    controller = find_policy(policy, definition.whose_gains)
+    episode_set = find_episodes(definition, pace).first(episodes)
     paced = tuple(replace(task, control_period=1.0 / rate) for task in episode_set.tasks)
     if any((task.free_left, task.free_right) != (0.0, 0.0) for task in paced):
         raise ParameterError("scenario must have paths without a free band, which C does not know")
