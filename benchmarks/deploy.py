@@ -218,7 +218,7 @@ def closed_loop(episodes: Episodes) -> None:
     fine = replace(
         episodes,
         tasks=tuple(replace(task, control_period=1e-3) for task in episodes.tasks),
-        limits=(),
+        time_limits=(),
     )
     print("| policy | Python | C, double | C, float | C, float, int8 |\n|---|---|---|---|---|")
     timed: list[str] = []

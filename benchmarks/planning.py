@@ -1,4 +1,4 @@
-"""What planning reaches with and without the hand's sines: path errors on fresh episodes.
+"""What planning reaches with and without the hand's sines: path errors on test episodes.
 
     python benchmarks/planning.py [EPISODES]
 
@@ -28,7 +28,7 @@ from pter_gym.controllers import Policy
 from pter_gym.scenarios import PACES
 
 SEED = 2027
-"""Of the fresh episodes."""
+"""Of the test episodes."""
 
 
 class Foreseeing:
@@ -48,7 +48,7 @@ class Foreseeing:
         return Policy.of_function(self.act, layout)
 
     def place(self, worlds: Any) -> None:
-        worlds[:, KEPT.first :] = self.twin.device_arrays()["worlds"][:1, KEPT.first :, :1]
+        worlds[:, KEPT.first :] = self.twin.kernel_arrays()["worlds"][:1, KEPT.first :, :1]
 
     def act(self, observations: Any) -> Any:
         del observations

@@ -1,4 +1,4 @@
-"""Rank policies on fresh episodes, store the runs, and read the scores."""
+"""Rank policies on test episodes, store the runs, and read the scores."""
 
 from pathlib import Path
 from tempfile import mkdtemp

@@ -3,16 +3,16 @@
 from dataclasses import astuple, dataclass
 
 from pter_gym.benchmark import print_boards, run_scenario
-from pter_gym.controllers import PerClutch, Policy, device
+from pter_gym.controllers import PerClutch, Policy, compiled
 from pter_gym.tasks.path_following import OBS
 
 
-@device
+@compiled
 def brake(torque, slip):  # V: a clutch only opposes its slip
     return min(0.5 * abs(torque), 24.0) if torque * slip < 0.0 else 0.0
 
 
-@device
+@compiled
 def pid(obs, scales, gains, memory):
     kp, ki, kd, damping, length_a, length_b = gains
     error = obs[OBS.normal_error] * scales[OBS.normal_error]

@@ -14,7 +14,7 @@ from pter_gym.benchmark import print_boards, run_scenario
 from pter_gym.controllers import Policy
 from pter_gym.tasks.path_following import OBS
 
-HELD, HORIZON = 3, 12  # control steps of a decision; decisions that are planned, 0.36 s
+HELD, HORIZON = 3, 12  # control steps for which a voltage is held; steps planned, 0.36 s
 TASK = PathFollowing()
 CALM = replace(TASK, hand=replace(TASK.hand, amplitudes=(0.0,) * 5))
 SAMPLES, ROUNDS, TEMPERATURE = 256, 5, 0.01
@@ -30,7 +30,7 @@ def search(batch, place, mean, random, top):
         plans[0], plans[1:64] = mean, random.uniform(-0.1, 1.0, (63, 1, 4))
         plans, cost, alive = plans.clip(0.0, 1.0), np.zeros(SAMPLES), np.ones(SAMPLES, bool)
         batch.set_state(state)
-        place(batch.device_arrays()["worlds"])
+        place(batch.kernel_arrays()["worlds"])
         for k in range(HORIZON):
             obs, _, _, (ended, _, arrived), _ = batch.step(top * plans[:, k] ** 2, SKIP)
             now = np.abs(obs * batch.layout.scales)

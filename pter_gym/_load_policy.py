@@ -18,9 +18,9 @@ def load_policy(policy: "FilePath | AnyPolicy", env: Any) -> ActingPolicy:
     Parameters
     ----------
     policy
-        What ``pter benchmark --policies`` takes: the name of a trained policy or of a controller,
+        What ``pter benchmark --policies`` takes: the name of a trained policy or of a law,
         the path of an exported policy (a string or a ``pathlib.Path``), or
-        ``package.module:attribute``. Or a policy itself: a controller, what ``from_sb3`` returns,
+        ``package.module:attribute``. Or a policy itself: a law, what ``from_sb3`` returns,
         or a function from observations, float32 (N, entries), to volts, (N, 4).
     env
         Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._compiled.compiler import compile_kernel, inlined
+from pter_gym._compiled.compiler import compile_kernel, compiled
 from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import ClutchMode, mode_of, resolve, share
@@ -78,12 +78,12 @@ def share_torque(
     return PerClutch(*_share_kernel()(float(load_a), float(load_b), *map(float, (*low, *high))))
 
 
-@inlined
+@compiled
 def _four(numbers: Any) -> PerClutch:
     return PerClutch(numbers[0], numbers[1], numbers[2], numbers[3])
 
 
-@inlined
+@compiled
 def _own(w: Any) -> Arrangement:
     return Arrangement(_four(w[:, 0]), _four(w[:, 1]), PerClutch(0.0, 0.0, 0.0, 0.0), 4.0)
 

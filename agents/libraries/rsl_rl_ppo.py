@@ -1,4 +1,4 @@
-"""PPO of rsl-rl: `python agents/libraries/rsl_rl_ppo.py`, then its scores on training draws."""
+"""PPO of rsl-rl: `python agents/libraries/rsl_rl_ppo.py`, then scores on training episodes."""
 
 import gymnasium
 import torch

@@ -1,4 +1,4 @@
-"""PPO of skrl: `python agents/libraries/skrl_ppo.py`, then its scores on training draws."""
+"""PPO of skrl: `python agents/libraries/skrl_ppo.py`, then scores on training episodes."""
 
 import gymnasium
 import numpy as np

@@ -1,4 +1,4 @@
-"""PPO of torchrl: `python agents/libraries/torchrl_ppo.py`, then its scores on training draws."""
+"""PPO of torchrl: `python agents/libraries/torchrl_ppo.py`, then scores on training episodes."""
 
 import gymnasium
 import torch

@@ -33,27 +33,27 @@ def train(
     smoke: bool = False,
     machine: MachineName = None,
 ) -> None:
-    """Train a policy on a scenario's training draws by PPO.
+    """Train a policy on a scenario's training episodes by PPO.
 
-    From time to time the policy is scored on drawn episodes that are not used for training. The
-    run's folder holds these scores as progress.csv, validation.json and events for TensorBoard, the
-    two newest checkpoints and, after the training, curve.png and film.webp, which compare the
-    policy with tuned control laws.
+    From time to time the policy is scored on held-out training episodes. The run's folder holds
+    these scores as progress.csv, validation.json and events for TensorBoard, the two newest
+    checkpoints and, after the training, curve.png and film.webp, which compare the policy with
+    tuned control laws.
 
     Example: pter train residual --smoke --out residual-run
 
     Args:
         algo: What to train: the clutch voltages (ppo), or corrections to a law (residual).
-        scenario: Scenario whose draws are trained on, or all.
+        scenario: Scenario to train on, or all.
         pace: Commanded pace, or all of them.
         steps: Steps of the environment in all worlds, each of frame_skip control steps.
-        seed: Seed of weights, worlds, draws and actions, at least 0.
+        seed: Seed of weights, worlds, episodes and actions, at least 0.
         out: Folder of the run, created if necessary; it must not hold another run.
         resume: Continue from the newest checkpoint in the folder; only the steps may have changed.
         config: TOML file with hyper-parameters that replace the default ones.
         smoke: Train for a few seconds to check that everything works.
-        machine: Clutch material, or the file of a machine of your own, instead of those that the
-            scenario draws; of a file of `pter identify`, all machines that fit the log.
+        machine: Name or file of a machine, instead of those that the scenario draws; of a file of
+            `pter identify`, all machines that fit the log.
     """
     look_at(machine=machine)
     with waiting("loading"):

@@ -136,7 +136,7 @@ def model_card(name: str, policy: TrainedPolicy) -> str:
         f"A policy for the passive haptic arm PTER that {what}.",
         "",
         f"- Trained by {code(about.get('algorithm'))} on draws of {code(about.get('scenario'))}",
-        f"- Command: {code(about.get('command'))}, {code(about.get('steps'))} decisions",
+        f"- Command: {code(about.get('command'))}, {code(about.get('steps'))} steps",
         *(f"- In the file: {code(f'{key} = {json.dumps(value)}')}" for key, value in changed),
         f"- Versions: {versions}",
         f"- Network: {policy.sizes[0]} inputs, tanh layers of {layers}, {outputs} outputs",

@@ -125,7 +125,7 @@ class JaxWorlds:
         self.shared = SharedConstants(
             self._env.default_params,
             jnp.asarray(self._layout.scales, jnp.float32),
-            jnp.asarray(env.batch.device_arrays()["constants"], jnp.float32),
+            jnp.asarray(env.batch.kernel_arrays()["constants"], jnp.float32),
             _scaled(places, centers, scales),
             _scaled(truth.entries, truth.center, truth.scale),
             (
@@ -153,7 +153,7 @@ class JaxWorlds:
     def step(
         self, shared: SharedConstants, state: WorldsState, outputs: jax.Array
     ) -> tuple[WorldsState, Step]:
-        """Advance all worlds by one decision, the network's outputs (N, clutches)."""
+        """Advance all worlds by one step, the network's outputs (N, clutches)."""
         step = jax.vmap(self._env.step, (None, 0, 0, None))
         volts = to_volts(outputs, state.base, self._interface)
         obs, env, rewards, terminated, truncated, info = step(None, state.env, volts, shared.params)

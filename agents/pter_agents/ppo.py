@@ -261,16 +261,16 @@ class PPO:
     training
         Worlds to learn in.
     total
-        Decisions of the training.
+        Steps of the training.
     seed
         Seed of weights, worlds and noise.
 
     Attributes
     ----------
     steps
-        Decisions so far.
+        Steps so far.
     rollout
-        Decisions that ``advance`` adds.
+        Steps that ``advance`` adds.
 
     Raises
     ------
@@ -357,7 +357,7 @@ class PPO:
         return {jax.tree_util.keystr(path): np.array(leaf) for path, leaf in leaves}
 
     def set_state(self, state: dict[str, np.ndarray], steps: int) -> None:
-        """Restore the state from ``get_state`` after so many decisions.
+        """Restore the state from ``get_state`` after so many steps.
 
         Raises
         ------

@@ -86,7 +86,7 @@ class RunFolder:
             return arguments_from(content), interface
 
     def checkpoints(self) -> list[tuple[int, Path]]:
-        """Return the checkpoints and the decisions before each, the newest last."""
+        """Return the checkpoints and the steps before each, the newest last."""
         matches = (CHECKPOINT.fullmatch(path.name) for path in self.path.glob("*"))
         return sorted((int(match[1]), self.path / match[0]) for match in matches if match)
 
@@ -105,7 +105,7 @@ class RunFolder:
         return path
 
     def load(self) -> tuple[int, State]:
-        """Return the number of decisions before the newest checkpoint, and its state.
+        """Return the number of steps before the newest checkpoint, and its state.
 
         Raises
         ------
@@ -123,7 +123,7 @@ class RunFolder:
                 raise ValueError(str(error)) from None
 
     def scores(self) -> dict[int, dict[str, dict[str, float]]]:
-        """Return the validation scores by number of decisions and by pace, or raise a DataError."""
+        """Return the validation scores by number of steps and by pace, or raise a DataError."""
         file = self.path / SCORES
         if not file.exists():
             return {}
@@ -134,26 +134,26 @@ class RunFolder:
             }
 
     def add_scores(self, steps: int, scores: Mapping[str, Mapping[str, float]]) -> None:
-        """Add validation scores to the file; any of later decisions are dropped."""
+        """Add validation scores to the file; any of later steps are dropped."""
         kept = {before: row for before, row in self.scores().items() if before < steps}
         write_text_atomic(self.path / SCORES, json.dumps({**kept, steps: scores}, indent=1) + "\n")
 
     def add_progress(self, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Add rows of one validation to the table; any of later decisions are dropped."""
-        kept = self.progress(rows[0]["decisions"] - 1)
+        """Add rows of one validation to the table; any of later steps are dropped."""
+        kept = self.progress(rows[0]["steps"] - 1)
         table = io.StringIO()
         writer = csv.DictWriter(table, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows([*kept, *rows])
         write_text_atomic(self.path / PROGRESS, table.getvalue())
 
-    def progress(self, decisions: int) -> list[dict[str, str]]:
-        """Return the rows of the table up to a number of decisions."""
+    def progress(self, steps: int) -> list[dict[str, str]]:
+        """Return the rows of the table up to a number of steps."""
         file = self.path / PROGRESS
         if not file.exists():
             return []
         with file.open(encoding="utf-8", newline="") as text:
-            return [row for row in csv.DictReader(text) if int(row["decisions"]) <= decisions]
+            return [row for row in csv.DictReader(text) if int(row["steps"]) <= steps]
 
 
 def policy_of(

@@ -40,7 +40,7 @@ NO_BASE = "none"
 """Name of the base of a policy that corrects no controller."""
 
 BASES = (NO_BASE, "impedance", "torque-feedback", *TUNED)
-"""What a policy may correct: the paper's controllers, and those with tuned gains."""
+"""What a policy may correct: the paper's laws, and those with tuned gains."""
 
 PARTS = 2
 """Parts of the worlds, each on a core; results depend on their number, not on that of cores."""
@@ -66,14 +66,14 @@ class Settings(RewardWeights):
     normalised
         Whether its actions are the environments' normalised actions; ``reach`` is then not used.
     history, averages
-        Delays, in decisions, at which the networks also see their inputs, and time constants, in
-        decisions, of averages that they also see.
+        Delays, in steps, at which the networks also see their inputs, and time constants, in
+        steps, of averages that they also see.
     hidden, value_hidden
         Units of the hidden layers of policy and value. The value network also sees the true state
         of a world and the parameters of its machine and task.
     frame_skip
-        Control steps for which a decision is held. Steps, discounts and the exploration's
-        persistence count decisions.
+        Control steps for which an action is held. Steps, discounts and the exploration's
+        persistence count the environment's steps, not control steps.
     worlds, steps
         Worlds that are simulated at once, and steps of each between two updates.
     episode
@@ -237,9 +237,9 @@ class TrainingArguments:
     scenario, pace
         Names; both may be ``"all"``.
     steps
-        Total decisions in all worlds; rounded up to whole rollouts.
+        Total steps in all worlds; rounded up to whole rollouts.
     seed
-        Seed ≥ 0 of weights, worlds, training draws and actions.
+        Seed ≥ 0 of weights, worlds, training episodes and actions.
     settings
         Hyper-parameters.
     checkpoint_every, validate_every
@@ -277,7 +277,7 @@ class TrainingArguments:
 
     @property
     def nominal(self) -> Machine:
-        """The machine that a base controller is bound to."""
+        """The machine that a base law is bound to."""
         return BASELINE if self.machine is None else middle_of(self.machine)
 
     @property

@@ -49,9 +49,9 @@ def train(
     resume
         Whether to continue from the newest checkpoint in the folder.
     on_progress
-        Called with the decisions so far after each rollout.
+        Called with the steps so far after each rollout.
     on_scores
-        Called with the decisions so far and the scores after each validation.
+        Called with the steps so far and the scores after each validation.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def _learn(
     def validate() -> None:
         scores = validation.scores(model.policy())
         folder.add_scores(model.steps, scores)
-        spent = {"seconds": round(time.perf_counter() - begin, 1), "decisions": model.steps}
+        spent = {"seconds": round(time.perf_counter() - begin, 1), "steps": model.steps}
         folder.add_progress(
             [{**spent, "pace": pace, **progress_of(values)} for pace, values in scores.items()]
         )

@@ -1,6 +1,6 @@
 """Scores of a policy during training, on drawn episodes that it is not trained on.
 
-Their seed is never used for training draws; the stored evaluation episodes stay unseen.
+Their seed is never used for training episodes; the test episodes stay unseen.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""The worlds to train on: a scenario's training draws, and what the networks see of them."""
+"""The worlds to train on: a scenario's training episodes, and what the networks see of them."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -89,7 +89,7 @@ def training_draws(arguments: TrainingArguments) -> Draws:
         reward=s.reward(),
         starts=STARTS[s.starts],
         truncation_error=s.truncation,
-    ).map_parts(_with_repeats)
+    ).map_components(_with_repeats)
 
 
 def _with_repeats(draws: Draws) -> Draws:
@@ -130,7 +130,7 @@ class Training:
     truth
         Inputs of the value network alone.
     base
-        The bound policy of the base controller, if any.
+        The bound policy of the base law, if any.
     """
 
     env: PathFollowingVectorEnv
@@ -169,7 +169,7 @@ def make_training(arguments: TrainingArguments) -> Training:
 
 
 def find_base(name: str, scenario: str) -> PaceSchedule | None:
-    """Return the base controller with its gains over the commanded pace, or None."""
+    """Return the base law with its gains over the commanded pace, or None."""
     if name == NO_BASE:
         return None
     policy = find_policy(name, scenario=BASE_SCENARIO if scenario == ALL else scenario)

@@ -2,8 +2,8 @@
 agents/stock/study.py`.
 
 For each algorithm, three settings are tried with a seed of their own, and the one with the smallest
-path errors on held-out training draws is trained with further seeds. Ends with leaderboards on
-fresh episodes, with a row for all seeds and one for each."""
+path errors on held-out training episodes is trained with further seeds. Ends with leaderboards on
+test episodes, with a row for all seeds and one for each."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -81,11 +81,12 @@ def study(
         ]
         for error, settings in trials:
             print(
-                f"{algorithm} with {settings}: {1e3 * error:.1f} mm on training draws", flush=True
+                f"{algorithm} with {settings}: {1e3 * error:.1f} mm on training episodes",
+                flush=True,
             )
         best = min(trials, key=lambda each: each[0])[1]
         models = [train(algorithm, best, seed, seconds) for seed in range(1, 1 + seeds)]
-        print(f"{algorithm}: {[model.num_timesteps for model in models]} decisions", flush=True)
+        print(f"{algorithm}: {[model.num_timesteps for model in models]} steps", flush=True)
         policies = {algorithm: [from_sb3(model) for model in models]}
         runs = run_scenario(
             "standard", policies, seed=fresh, results=ResultsFolder(out / algorithm)

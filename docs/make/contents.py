@@ -33,6 +33,8 @@ BELOW = {
             "architecture",
             "verification",
             "robustness",
+            "bounds",
+            "seeds",
             "tables",
             "contributing",
             "listing",

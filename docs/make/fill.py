@@ -25,7 +25,7 @@ BLOCK = re.compile(
 )
 
 SEED = 2026
-"""Of the fresh episodes on which all boards are scored."""
+"""Of the test episodes on which all boards are scored."""
 
 
 class Block(NamedTuple):
@@ -62,7 +62,7 @@ def write(block: Block, content: str) -> None:
 
 
 def score(results: Path) -> None:
-    """Run all policies on fresh episodes of all scenarios."""
+    """Run all policies on test episodes of all scenarios."""
     from pter_gym._commands.main import main as pter
     from pter_gym.policies import shipped_policies
     from pter_gym.policies.tuned import TUNED

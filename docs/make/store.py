@@ -18,14 +18,14 @@ from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws
 
 DAMPERS_HEAD = """\
-# Dampers along the path [N·s/m] with which the paper's controllers keep the commanded paces on the
-# training draws of each scenario; their other gains are the paper's.
+# Dampers along the path [N·s/m] with which the paper's laws keep the commanded paces on the
+# training episodes of each scenario; their other gains are the paper's.
 # derived: made by `python docs/make/store.py dampers`.
 """
 
 
 DRAWS, SEED = 64, 5
-"""Number and seed of the training draws on which the damper is solved."""
+"""Number and seed of the training episodes on which the damper is solved."""
 
 MIN_DAMPER, MAX_DAMPER = 10.0, 3000.0
 """Range of the search [N·s/m]."""
@@ -34,7 +34,7 @@ MIN_DAMPER, MAX_DAMPER = 10.0, 3000.0
 def episodes(
     names: tyro.conf.Positional[tuple[str, ...]] = tuple(SCENARIOS), folder: Path = stored.FOLDER
 ) -> None:
-    """Store the evaluation episodes of scenarios, of all by default, in pter_gym/episodes.
+    """Store the test episodes of scenarios, of all by default, in pter_gym/episodes.
 
     They change every published score: raise the version of a scenario whose episodes change.
     """
@@ -77,7 +77,7 @@ def damping_for_pace(
     scenario
         Name of the scenario.
     draws
-        Number of the training draws over which the pace is averaged.
+        Number of the training episodes over which the pace is averaged.
     """
     pairs = find_scenario(scenario).draws.pairs(draws, SEED, pace)
     machines, tasks = zip(*pairs, strict=True)

@@ -60,19 +60,19 @@ def benchmark(
     Example: pter benchmark --policies residual impedance-tuned --episodes 20
 
     Args:
-        policies: Names of controllers and trained policies, paths of exported ones or of gains from
+        policies: Names of laws and trained policies, paths of exported ones or of gains from
             `pter tune`, or FILE.py:attribute or package.module:attribute for your own. Commas may
             separate them too.
-        scenario: Scenario whose evaluation episodes are run.
+        scenario: Scenario whose test episodes are run.
         paces: Commanded paces: slow, medium, brisk, or speeds in m/s.
         path: Path of all episodes instead of the scenario's: a CSV file of waypoints x, y in
             metres, or a path's name.
         smooth: Noise of a recorded path that is smoothed away, root mean square, in mm.
         episodes: How many of the scenario's episodes to run; all by default.
-        seed: Seed of fresh episodes, as many as the stored ones; by default the stored episodes are
-            run, or with --path, where there are none, those of seed 0.
+        seed: Seed to draw as many other test episodes; by default the stored ones are run, or with
+            --path, where there are none, those of seed 0.
         details: Also print the worst twentieth, rms, pace and peak acceleration.
-        film: Whether to film the policies on a training draw of the scenario.
+        film: Whether to film the policies on a training episode of the scenario.
         out: Folder for the results, created if necessary.
     """
     names = [name for each in policies for name in split(each)]
@@ -124,7 +124,7 @@ def film_policies(
     folder: Path,
     progress: "Progress",
 ) -> Path:
-    """Film policies, the best first, on a training draw into a folder; return the path."""
+    """Film policies, the best first, on a training episode into a folder; return the path."""
     from pter_gym.benchmark.rollout import record_episode
 
     artist = load_artist("film")

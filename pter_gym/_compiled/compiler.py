@@ -1,7 +1,7 @@
 """The one wrapper around numba.
 
-``device`` marks a scalar function on one world. ``compile_kernel`` turns a function that loops over
-worlds into machine code. Arithmetic is strict (no fast-math, no contraction), so a world in a
+``inlined`` marks a scalar function on one world. ``compile_kernel`` turns a function that loops
+over worlds into machine code. Arithmetic is strict (no fast-math, no contraction), so a world in a
 vectorised loop has the bits of a world alone.
 """
 
@@ -34,10 +34,11 @@ COMPILES = not _NUMBA.DISABLE_JIT
 def _for_compiled_callers(function: Function, **options: Any) -> Function:
     if not COMPILES:
         return function
-    return cast(Function, pipeline.for_compiled_callers(function, pipeline.Part, options))
+    compiler = pipeline.FunctionCompiler
+    return cast(Function, pipeline.for_compiled_callers(function, compiler, options))
 
 
-def device(function: Function) -> Function:
+def inlined(function: Function) -> Function:
     """Compile a scalar function so that it is always inlined into the kernel that calls it.
 
     It may read and write its array arguments but must not create arrays: numba then counts no
@@ -47,16 +48,16 @@ def device(function: Function) -> Function:
 
 
 def outlined(function: Function) -> Function:
-    """Compile a function like ``device``, but once for all its calls: what is long but rare."""
+    """Compile a function like ``inlined``, but once for all its calls: what is long but rare."""
     return _for_compiled_callers(function, **{**WITHOUT_ARRAYS, "forceinline": False})
 
 
-def inlined(function: Function) -> Function:
-    """Compile a user's scalar function as ``device`` does, but let it make arrays."""
+def compiled(function: Function) -> Function:
+    """Compile a user's scalar function as ``inlined`` does, but let it make arrays."""
     return cast(Function, numba.njit(**INLINED)(function))
 
 
-def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Function:
+def compile_kernel(build: Callable[[str], Function], **names: object) -> Function:
     """Compile a kernel with a cache that notices a change in any function that it inlines.
 
     Numba's cache looks at the file of the kernel alone (numba issue 1833). So ``build`` gets a
@@ -68,25 +69,23 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
     ----------
     build
         A factory: ``build(digest)`` returns a function whose body names ``digest``.
-    **inlined
+    **names
         Global names of the kernel to bind to other values: a control law, for example. In a
         closure, a compiled function would give the kernel another key in each process.
     """
     plain = cast(FunctionType, build(""))
-    digest = digest_of(_bind(plain, inlined))
-    function = _bind(cast(FunctionType, build(digest or "")), inlined)
-    kernel: Any = pipeline.kernel_of(function, pipeline.Kernel)
+    digest = digest_of(_bind(plain, names))
+    function = _bind(cast(FunctionType, build(digest or "")), names)
+    kernel: Any = pipeline.kernel_of(function, pipeline.KernelCompiler)
     if COMPILES:
         # a cache could not load functions that are in no module, as after exec
-        if digest and all(
-            inspect.getmodule(value) for value in inlined.values() if callable(value)
-        ):
+        if digest and all(inspect.getmodule(value) for value in names.values() if callable(value)):
             with suppress(RuntimeError):  # there is no folder to write to
-                if pipeline.Kernel is Compiler:
+                if pipeline.KernelCompiler is Compiler:
                     kernel.enable_caching()
                 else:
                     kernel._cache = StoredKernel(function, digest_of(plain) or "")
-        if pipeline.Kernel is not Compiler:
+        if pipeline.KernelCompiler is not Compiler:
             pipeline.announce(kernel)
     return cast(Function, kernel)
 

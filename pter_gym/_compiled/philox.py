@@ -6,7 +6,7 @@ seed alone.
 
 import numpy as np
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 
 _MULTIPLIER_0 = np.uint64(0xD2E7470EE14C6C93)
 _MULTIPLIER_1 = np.uint64(0xCA5A826395121157)
@@ -19,7 +19,7 @@ _ZERO = np.uint64(0)
 _UNIT = 2.0**-53
 
 
-@device
+@inlined
 def _multiply(a: np.uint64, b: np.uint64) -> tuple[np.uint64, np.uint64]:
     """Return the high and the low word of a 128-bit product."""
     a_low = a & _LOW
@@ -32,14 +32,14 @@ def _multiply(a: np.uint64, b: np.uint64) -> tuple[np.uint64, np.uint64]:
     return a_high * b_high + (middle >> _32) + (carry >> _32), (carry << _32) | (low & _LOW)
 
 
-@device
+@inlined
 def _add(a: np.uint64, b: np.uint64) -> np.uint64:
     """Return a sum modulo 2⁶⁴, by halves, since NumPy's scalars warn of overflows."""
     low = (a & _LOW) + (b & _LOW)
     return (((a >> _32) + (b >> _32) + (low >> _32)) << _32) | (low & _LOW)
 
 
-@device
+@inlined
 def philox(
     key_0: np.uint64, key_1: np.uint64, counter_0: np.uint64, counter_1: np.uint64
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
@@ -60,13 +60,13 @@ def philox(
     return x0, x1, x2, x3
 
 
-@device
+@inlined
 def to_unit(word: np.uint64) -> float:
     """Return a number in [0, 1) from the upper 53 bits of a word."""
     return (word >> _11) * _UNIT
 
 
-@device
+@inlined
 def uniform4(
     seed: np.uint64, stream: np.uint64, draw: np.uint64, episode: np.uint64
 ) -> tuple[float, float, float, float]:

@@ -1,4 +1,4 @@
-"""By which of numba's steps kernels and their parts are compiled, and what the user is told.
+"""By which of numba's steps kernels and their functions are compiled, and what the user is told.
 
 These are the steps of ``shortcuts.py``, which rely on numba's internals; or numba's own, with a
 warning, where a numba newer than those tested does not compile a small kernel right by them.
@@ -44,7 +44,7 @@ _log = logging.getLogger(__name__.partition(".")[0])
 _numba: Any = numba
 
 
-class Device(CPUDispatcher):
+class KernelFunction(CPUDispatcher):
     """A function that is compiled for compiled callers; from Python, calls the original function.
 
     Without the wrappers by which Python calls compiled code, kernels compile in three quarters of
@@ -62,7 +62,7 @@ class Device(CPUDispatcher):
 
 def for_compiled_callers(function: Any, steps: Any, options: dict[str, Any]) -> Any:
     """Return a function that kernels call, compiled by numba's steps or those of ``shortcuts``."""
-    return Device(function, {}, {"nopython": True, "boundscheck": None, **options}, steps)
+    return KernelFunction(function, {}, {"nopython": True, "boundscheck": None, **options}, steps)
 
 
 def kernel_of(function: Any, steps: Any) -> Any:
@@ -102,7 +102,7 @@ class _Pair(NamedTuple):
 _FACTORS = _Pair(_Pair(0.1, -0.0), _Pair(3, 1e300))
 
 
-def _works(kernel_steps: Any, part_steps: Any) -> bool:
+def _works(kernel_steps: Any, function_steps: Any) -> bool:
     """Return whether a small kernel compiled by these steps computes what Python does."""
 
     def scaled(x: Any, i: Any) -> Any:
@@ -122,8 +122,8 @@ def _works(kernel_steps: Any, part_steps: Any) -> bool:
     numbers = np.array([0.3, -1e-300, np.inf, 7.0])
     expected, computed = numbers.copy(), numbers.copy()
     value = kernel(expected, True)
-    scaled = for_compiled_callers(scaled, part_steps, WITHOUT_ARRAYS)
-    chosen = for_compiled_callers(chosen, part_steps, WITHOUT_ARRAYS | {"forceinline": False})
+    scaled = for_compiled_callers(scaled, function_steps, WITHOUT_ARRAYS)
+    chosen = for_compiled_callers(chosen, function_steps, WITHOUT_ARRAYS | {"forceinline": False})
     compiled = kernel_of(kernel, kernel_steps)
     same_value = compiled(computed, True) == value
     _ = compiled._compiler.compile, compiled.stats.cache_path  # what ``announce`` takes
@@ -131,13 +131,13 @@ def _works(kernel_steps: Any, part_steps: Any) -> bool:
 
 
 def _choose() -> tuple[Any, Any]:
-    """Return numba's steps for kernels and for their parts."""
+    """Return numba's steps for kernels and for their functions."""
     try:
-        from pter_gym._compiled.shortcuts import Kernel, Part
+        from pter_gym._compiled.shortcuts import FunctionCompiler, KernelCompiler
 
         version = tuple(map(int, _numba.__version__.split(".")[:2]))
-        if version <= TESTED or _works(Kernel, Part):
-            return Kernel, Part
+        if version <= TESTED or _works(KernelCompiler, FunctionCompiler):
+            return KernelCompiler, FunctionCompiler
     except Exception:  # noqa: BLE001  (whatever has changed in numba)
         pass
     warn(
@@ -147,4 +147,4 @@ def _choose() -> tuple[Any, Any]:
     return Compiler, Compiler
 
 
-Kernel, Part = _choose()
+KernelCompiler, FunctionCompiler = _choose()

@@ -20,9 +20,9 @@ from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, ge
 from numba import types
 from numba.extending import overload
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.layout import Field, Layout
-from pter_gym._compiled.pipeline import WITHOUT_ARRAYS, Part
+from pter_gym._compiled.pipeline import WITHOUT_ARRAYS, FunctionCompiler
 from pter_gym._compiled.source import compile_source
 
 R = TypeVar("R")
@@ -50,7 +50,7 @@ class Entry:
     name: str = ""
 
 
-def parts(kind: type[Any]) -> Iterator[tuple[str, Entry | None, type[Any]]]:
+def record_fields(kind: type[Any]) -> Iterator[tuple[str, Entry | None, type[Any]]]:
     """Yield name, entry and kind of each field of a record."""
     for name, hint in get_type_hints(kind, include_extras=True).items():
         inner, *told = get_args(hint) if get_origin(hint) is Annotated else (hint,)
@@ -70,7 +70,7 @@ def width(kind: type[Any]) -> int:
 def rows(kind: type[R], first: int = 0) -> R:
     """Return a record whose entries are their row numbers, counted from ``first`` on."""
     found: list[Any] = []
-    for _, _, inner in parts(kind):
+    for _, _, inner in record_fields(kind):
         found.append(rows(inner, first) if _is_record(inner) else first)
         first += width(inner) if _is_record(inner) else 1
     return kind(*found)
@@ -99,7 +99,7 @@ def leaves(kind: type[Any]) -> list[Leaf]:
     The entries of a record whose field has an ``Entry`` are called after that field: ``volts_1``.
     """
     numbers: list[Leaf] = []
-    for name, entry, inner in parts(kind):
+    for name, entry, inner in record_fields(kind):
         called, entries = ((entry.name or name), (entry,)) if entry else (name, ())
         if not _is_record(inner):
             numbers.append(Leaf(called, entries))
@@ -212,7 +212,7 @@ def _overload(function: Any, arguments: str, source: Callable[..., Any]) -> None
     build = compile_source(
         f"def build({arguments}):\n    return source({given})", "build", {"source": source}
     )
-    options: Any = {**WITHOUT_ARRAYS, "pipeline_class": Part}
+    options: Any = {**WITHOUT_ARRAYS, "pipeline_class": FunctionCompiler}
     overload(function, jit_options=options)(build)
 
 
@@ -229,7 +229,7 @@ def entrywise(function: Callable[..., float]) -> Any:
     entry::
 
         @entrywise
-        @device
+        @inlined
         def limited(volts: float, most: float) -> float:
             return volts if volts < most else most
 
@@ -275,7 +275,7 @@ def entrywise(function: Callable[..., float]) -> Any:
 
 
 @entrywise
-@device
+@inlined
 def lerp(low: float, high: float, part: float) -> float:
     """Return the record that lies a part of the way from one record to another of its kind."""
     return low + part * (high - low)

@@ -1,4 +1,4 @@
-"""How numba compiles kernels and their parts in little more than half of its usual time.
+"""How numba compiles kernels and their functions in little more than half of its usual time.
 
 Numba optimises each function and makes machine code of it, even where the function is copied into
 every kernel that calls it. Here only kernels get that far. Numba also rebuilds a constant record
@@ -96,7 +96,7 @@ def _drop_unused(blocks: Any, records: set[str]) -> None:
         ]
 
 
-class Kernel(CompilerBase):
+class KernelCompiler(CompilerBase):
     """Numba's steps for a kernel."""
 
     def define_pipelines(self) -> list[Any]:
@@ -107,15 +107,16 @@ class Kernel(CompilerBase):
         return [steps]
 
 
-class Part(Kernel):
+class FunctionCompiler(KernelCompiler):
     """Numba's steps for a function that only kernels call: they end before machine code."""
 
     def __init__(self, typing: Any, target: Any, library: Any, *args: Any) -> None:
         """Begin to compile a function."""
-        super().__init__(typing, target, library or _PartLibrary(target.codegen(), "part"), *args)
+        own = library or _FunctionLibrary(target.codegen(), "function")
+        super().__init__(typing, target, own, *args)
 
 
-class _PartLibrary(JITCodeLibrary):
+class _FunctionLibrary(JITCodeLibrary):
     """Code that is copied into kernels and optimised there; none of it runs by itself."""
 
     @property

@@ -126,7 +126,6 @@ class Batch(Storage):
                 f"action_unit must be one of {', '.join(get_args(ActionUnit))}, got {action_unit!r}"
             )
         self._threads = Threads(whole_number("num_threads", num_threads))
-        limit = NO_LIMIT if max_steps is None else whole_number("max_steps", max_steps)
         all_machines, all_tasks = listed(machines, tasks, None if draws else num_worlds)
         drawing = whole_number("num_worlds", num_worlds) if draws else None
         self.machine, self.task = all_machines[0], all_tasks[0]
@@ -139,7 +138,8 @@ class Batch(Storage):
         )
         self.frame_skip = whole_number("frame_skip", frame_skip)
         self._entries = len(self.layout)
-        self._config = np.array([*flat(self._shared(observe_context, limit)), *self.layout.scales])
+        shared = self._shared(observe_context, max_steps)
+        self._config = np.array([*flat(shared), *self.layout.scales])
         super().__init__(all_machines, all_tasks, drawing)
         self.num_actions = len(self.machine.clutches)
         self._slots = np.full(
@@ -156,7 +156,7 @@ class Batch(Storage):
         )
         self._alone: Any = None
 
-    def _shared(self, observe_context: bool, limit: float) -> Config:
+    def _shared(self, observe_context: bool, max_steps: int | None) -> Config:
         """Return what all worlds share."""
         entries = len(self.layout) - (len(OBSERVED_CONTEXT) if observe_context else 0)
         inverse = np.zeros(ENTRIES)
@@ -167,7 +167,7 @@ class Batch(Storage):
             slack=4.0 * float(np.spacing(np.float32(self.action_high))),
             substep=held_machine(self.task, self.machine).substep,
             substeps=substeps(self.task, self.machine),
-            limit=limit,
+            max_steps=NO_LIMIT if max_steps is None else whole_number("max_steps", max_steps),
             frame_skip=self.frame_skip,
             entries=entries,
             inverse_scale=read(inverse, OBS, 0),
@@ -268,7 +268,7 @@ class Batch(Storage):
         (terminated,), (truncated,), (success,) = flags.tolist()
         return obs[0].copy(), telemetry[0, 0].copy(), rewards.item(), terminated, truncated, success
 
-    def device_arrays(self) -> dict[str, NDArray[Any]]:
+    def kernel_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays by name that kernels get, and which worlds have begun; no copies."""
         return {**self._changing, "config": self._config, "constants": self._constants}
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from pter_gym._compiled.compiler import device, outlined
+from pter_gym._compiled.compiler import inlined, outlined
 from pter_gym._compiled.philox import uniform4
 from pter_gym._compiled.records import entrywise, load, read, store, write
 from pter_gym._engine.step import (
@@ -78,7 +78,7 @@ RELEASED = 0.2
 # --- from the blocks and back ---
 
 
-@device
+@inlined
 def fetch_world(w: Any, i: int, worlds: Any, world: int) -> None:
     """Read what changes of a world into column ``i``, zero for what its block does not store."""
     width = worlds.shape[2]
@@ -86,7 +86,7 @@ def fetch_world(w: Any, i: int, worlds: Any, world: int) -> None:
         w[row, i] = worlds[world // width, row, world % width] if row < worlds.shape[1] else 0.0
 
 
-@device
+@inlined
 def put_back(w: Any, i: int, worlds: Any, world: int) -> None:
     """Write column ``i`` to the block of a world."""
     width = worlds.shape[2]
@@ -153,20 +153,20 @@ def start_episode(
         take_first_readings(w, i, seed, episode, config[CONFIG.substep] * config[CONFIG.substeps])
 
 
-@device
+@inlined
 def clear(w: Any, i: int, span: Span) -> None:
     """Set the rows of a record to zero."""
     for row in range(span.first, span.end):
         w[row, i] = 0.0
 
 
-@device
+@inlined
 def spread(draw: float, half_range: float) -> float:
     """Return an even draw from ±half_range for one from [0, 1)."""
     return half_range * (2.0 * draw - 1.0)
 
 
-@device
+@inlined
 def place(w: Any, i: int, point: Vector, heading: UnitVector, offset: float) -> None:
     """Put the arm at rest with the tip ``offset`` [m] to the left of a point of the path."""
     x = point.x - offset * heading.sin
@@ -193,7 +193,7 @@ def explore(w: Any, i: int, seed: np.uint64, episode: np.uint64, constants: Any)
         grip(w, i, gripping(PerClutch(grips[0], grips[1], grips[2], grips[3])))
 
 
-@device
+@inlined
 def beside(w: Any, i: int, along: float, offset: float, constants: Any) -> Foot:
     """Put the tip at rest beside the path and return its projection.
 
@@ -217,7 +217,7 @@ def beside(w: Any, i: int, along: float, offset: float, constants: Any) -> Foot:
     return foot
 
 
-@device
+@inlined
 def set_going(w: Any, i: int, foot: Foot, speed: PathVector) -> None:
     """Give the tip a speed relative to the commanded pace."""
     pace = w[ROW.task.pace, i]
@@ -226,14 +226,14 @@ def set_going(w: Any, i: int, foot: Foot, speed: PathVector) -> None:
     w[ROW.pace_ratio, i] = speed.along
 
 
-@device
+@inlined
 def grip(w: Any, i: int, shares: PerClutch) -> None:
     """Set the clutches as if settled at fractions of the largest voltage."""
     most = w[ROW.machine.voltage_max, i]
     settle(w, i, clipped(product(shares, most), most))
 
 
-@device
+@inlined
 def settle(w: Any, i: int, volts: PerClutch) -> None:
     """Set the clutches as if settled at voltages [V]."""
     machine = load(w, ROW.machine, i)
@@ -248,7 +248,7 @@ def settle(w: Any, i: int, volts: PerClutch) -> None:
 
 
 @entrywise
-@device
+@inlined
 def gripping(draw: float) -> float:
     """Return a share of the largest voltage: 0 for a share ``RELEASED`` of draws, else even."""
     return (draw - RELEASED) / (1.0 - RELEASED) if draw > RELEASED else 0.0
@@ -265,7 +265,7 @@ def record_reset(w: Any, i: int, telemetry: Any, t: int, world: int, constants: 
     record_pose(w, i, telemetry[t, world], 0.0, constants)
 
 
-@device
+@inlined
 def record_pose(w: Any, i: int, row: Any, time: float, constants: Any) -> None:
     """Write what the telemetry of a world, (K,), says of the pose, of machine and task."""
     arm = load(w, ROW.machine.arm, i)
@@ -320,7 +320,7 @@ def record_step(
     row[COLUMN.terminated] = w[ROW.end.terminated, i]
 
 
-@device
+@inlined
 def total_force(w: Any, i: int) -> Vector:
     """Return the whole force of the hand on the tip at a control instant [N]."""
     arm = load(w, ROW.machine.arm, i)
@@ -336,7 +336,7 @@ def total_force(w: Any, i: int) -> Vector:
 # --- how a step ends ---
 
 
-@device
+@inlined
 def next_episode(w: Any, i: int, world: int, a: Arrays) -> None:
     """Start the next episode of a world's seed, and write its first observation and telemetry."""
     a.words[world, 1] += _ONE
@@ -347,7 +347,7 @@ def next_episode(w: Any, i: int, world: int, a: Arrays) -> None:
         record_reset(w, i, a.telemetry, 0, world, a.constants)
 
 
-@device
+@inlined
 def end_step(w: Any, i: int, world: int, a: Arrays, ended: int) -> None:
     """Write what a control step of one world returns, and begin its next episode as ``ended`` says.
 

@@ -14,7 +14,7 @@ from numba import types
 from numba.np import numpy_support
 
 from pter_gym._compiled.addresses import caller, double, export, flag, single, unsigned, whole
-from pter_gym._compiled.compiler import compile_kernel, device, entry_of, inlined
+from pter_gym._compiled.compiler import compile_kernel, compiled, entry_of, inlined
 from pter_gym._compiled.records import store
 from pter_gym._engine.episode import (
     end_step,
@@ -87,14 +87,14 @@ step: Any = None
 _carray: Any = numpy_support.carray
 
 
-@inlined
+@compiled
 def _scratch() -> Any:
     """Return room for a block whose rows begin at cache lines, so eight numbers never take two."""
     room = np.empty((ROWS, LANES + 8))
     return room[:, -room.ctypes.data % 64 // 8 :]
 
 
-@device
+@inlined
 def _first_refused(worlds: Any, actions: Any, low: float, high: float, ended: int) -> int:
     """Return the first world whose step is refused, or −1."""
     width = worlds.shape[2]
@@ -106,7 +106,7 @@ def _first_refused(worlds: Any, actions: Any, low: float, high: float, ended: in
     return -1
 
 
-@device
+@inlined
 def _gather(w: Any, worlds: Any, b: int) -> None:
     """Read the stored rows of all lanes of a block."""
     for row in range(worlds.shape[1]):
@@ -114,7 +114,7 @@ def _gather(w: Any, worlds: Any, b: int) -> None:
             w[row, i] = worlds[b, row, i]
 
 
-@device
+@inlined
 def _clear(w: Any, worlds: Any) -> None:
     """Set to zero what is not stored, and what commands set: lanes without a world have none."""
     for row in range(worlds.shape[1], STORED_ROWS):
@@ -126,7 +126,7 @@ def _clear(w: Any, worlds: Any) -> None:
         store(w, ROW.energy, i, Energy(0.0, 0.0, 0.0, 0.0))
 
 
-@device
+@inlined
 def _take_contexts(w: Any, width: int, constants: Any, present: float) -> float:
     """Read the constants of all lanes; those of ``present`` are there.
 
@@ -151,7 +151,7 @@ def _take_contexts(w: Any, width: int, constants: Any, present: float) -> float:
     return first
 
 
-@device
+@inlined
 def _scatter_alive(w: Any, lanes: int, worlds: Any, b: int) -> None:
     """Write the lanes that are alive back to their block."""
     if count_nonzero(w, ROW.alive, lanes) == lanes:
@@ -164,7 +164,7 @@ def _scatter_alive(w: Any, lanes: int, worlds: Any, b: int) -> None:
                 put_back(w, i, worlds, b * worlds.shape[2] + i)
 
 
-@device
+@inlined
 def _after_resets(w: Any, lanes: int, present: float) -> float:
     """Return ``present``, or −1 where a lane may have drawn other constants."""
     for i in range(lanes):
@@ -172,7 +172,7 @@ def _after_resets(w: Any, lanes: int, present: float) -> float:
     return present
 
 
-@device
+@inlined
 def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high: float) -> None:
     """Begin a control step with the actions of the worlds from ``begin`` on."""
     for i in range(lanes):
@@ -181,7 +181,7 @@ def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high:
         )
 
 
-@device
+@inlined
 def _close(
     w: Any, worlds: Any, b: int, lanes: int, a: Arrays, ended: int, k: int, held: int
 ) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pter_gym._compiled.compiler import device, outlined
+from pter_gym._compiled.compiler import inlined, outlined
 from pter_gym._compiled.philox import uniform4
 from pter_gym._compiled.records import entrywise, load, read, rows, store, width
 from pter_gym._engine.world import (
@@ -90,13 +90,13 @@ _FIRST_INVERSE_SCALE = CONFIG.inverse_scale.cos_a
 
 
 @entrywise
-@device
+@inlined
 def clipped(volts: float, voltage_max: float) -> float:
     """Return the voltage [V] that reaches the clutch: a float32 action within the bounds."""
     return clamp(float(np.float32(volts)), 0.0, voltage_max)
 
 
-@device
+@inlined
 def is_refused(alive: float, actions: Any, low: float, high: float, ended: int, world: int) -> bool:
     """Return whether a world has ended and must not, or its action is not within the bounds."""
     refused = False
@@ -105,14 +105,14 @@ def is_refused(alive: float, actions: Any, low: float, high: float, ended: int, 
     return ((ended == REFUSE) | (ended == SAME_STEP)) if alive == 0.0 else refused
 
 
-@device
+@inlined
 def given_volts(actions: Any, world: int, low: float, high: float, voltage_max: float) -> PerClutch:
     """Return the voltages [V] of an action."""
     given = PerClutch(actions[world, 0], actions[world, 1], actions[world, 2], actions[world, 3])
     return volts_of_each(given, low, high, voltage_max)
 
 
-@device
+@inlined
 def take_command(w: Any, i: int, volts: PerClutch) -> None:
     """Take the command of a control step, and keep from the one before what a reward needs."""
     store(w, ROW.last_command, i, load(w, ROW.command, i))
@@ -125,7 +125,7 @@ def take_command(w: Any, i: int, volts: PerClutch) -> None:
 # --- the hand ---
 
 
-@device
+@inlined
 def plans(w: Any, i: int) -> bool:
     """Return whether the hand of a world has a recording or an intent."""
     return (w[ROW.hand.record_count, i] > 0.0) | (w[ROW.hand.intent_speed, i] > 0.0)
@@ -140,7 +140,7 @@ def plan_hand(w: Any, i: int, constants: Any, period: float, count: float) -> No
         store(w, ROW.target, i, intended(w, i, constants, period))
 
 
-@device
+@inlined
 def recorded(w: Any, i: int, constants: Any, count: float) -> Drive:
     """Return the recorded forces of the next control step."""
     last = int(w[ROW.hand.record_count, i]) - 1
@@ -153,7 +153,7 @@ def recorded(w: Any, i: int, constants: Any, count: float) -> Drive:
     )
 
 
-@device
+@inlined
 def intended(w: Any, i: int, constants: Any, period: float) -> Target:
     """Move the intended point on by a control step; return where it was, and its velocity."""
     hand = load(w, ROW.hand, i)
@@ -171,7 +171,7 @@ def intended(w: Any, i: int, constants: Any, period: float) -> Target:
     return Target(Vector(x, y), Vector((to_x - x) / period, (to_y - y) / period))
 
 
-@device
+@inlined
 def move_hand(w: Any, i: int, h: float, whole: bool, guides: bool) -> None:
     """Advance what the hand does by itself by half a substep or a whole one."""
     half_turn = load(w, ROW.hand.half_turn, i)
@@ -187,7 +187,7 @@ def move_hand(w: Any, i: int, h: float, whole: bool, guides: bool) -> None:
         w[ROW.target.position.y, i] += part * h * target.velocity.y
 
 
-@device
+@inlined
 def active_force(w: Any, i: int, guides: bool) -> PathVector:
     """Return the hand's push, disturbance and recorded force [N], without spring and damper."""
     along = w[ROW.hand.push, i]
@@ -198,7 +198,7 @@ def active_force(w: Any, i: int, guides: bool) -> PathVector:
     return PathVector(along, across)
 
 
-@device
+@inlined
 def push_tip(w: Any, i: int, guides: bool) -> None:
     """Find the force on the tip [N] without the spring and without damping of the tip's velocity.
 
@@ -212,7 +212,7 @@ def push_tip(w: Any, i: int, guides: bool) -> None:
     store(w, ROW.force, i, force)
 
 
-@device
+@inlined
 def passive_force(arm: Linkage, q: Motion, target: Target) -> Vector:
     """Return the force of the hand's spring and damper on the tip [N]."""
     x, y = tip_position(arm, q)
@@ -222,7 +222,7 @@ def passive_force(arm: Linkage, q: Motion, target: Target) -> Vector:
     return Vector(spring.x + damper.x, spring.y + damper.y)
 
 
-@device
+@inlined
 def hand_force(w: Any, i: int) -> PathVector:
     """Return the hand's force on the tip along and across the path at a control instant [N]."""
     arm = load(w, ROW.machine.arm, i)
@@ -235,14 +235,14 @@ def hand_force(w: Any, i: int) -> PathVector:
 # --- the motion ---
 
 
-@device
+@inlined
 def set_strengths(w: Any, i: int, period: float) -> None:
-    """Find what drift of the friction and heat have made of the clutches' torques by now."""
-    drift = clamp(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
-    store(w, ROW.strength, i, faded(load(w, ROW.heat, i), w[ROW.machine.fade, i], drift))
+    """Find what friction drift and heat have made of the clutches' torques by now."""
+    factor = clamp(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
+    store(w, ROW.strength, i, faded(load(w, ROW.heat, i), w[ROW.machine.fade, i], factor))
 
 
-@device
+@inlined
 def load_on(w: Any, i: int) -> Load:
     """Return what the hand of a world does to the arm."""
     force = load(w, ROW.force, i)
@@ -250,7 +250,7 @@ def load_on(w: Any, i: int) -> Load:
     return Load(force.x, force.y, 0.0, 0.0, to.x, to.y)
 
 
-@device
+@inlined
 def move_hands(w: Any, lanes: int, h: float, whole: bool, guides: bool) -> None:
     """Advance the hands of the first ``lanes`` worlds, and find their forces for the next kick."""
     for i in range(lanes):
@@ -259,12 +259,12 @@ def move_hands(w: Any, lanes: int, h: float, whole: bool, guides: bool) -> None:
         push_tip(w, i, guides)
 
 
-@device
+@inlined
 def no_arrangements(w: Any, lanes: int, constants: Any) -> None:
     """Leave the paper's clutches as they are."""
 
 
-@device
+@inlined
 def take_arrangements(w: Any, lanes: int, constants: Any) -> None:
     """Read the arrangement of the first ``lanes`` worlds."""
     for i in range(lanes):
@@ -276,7 +276,7 @@ def take_arrangements(w: Any, lanes: int, constants: Any) -> None:
 # --- the judgement ---
 
 
-@device
+@inlined
 def locate(w: Any, i: int, constants: Any) -> None:
     """Project the tip onto the path."""
     x, y = tip_position(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
@@ -289,14 +289,14 @@ def locate(w: Any, i: int, constants: Any) -> None:
     w[ROW.reached, i] = foot.arc_length if advance > 0.0 else w[ROW.reached, i]
 
 
-@device
+@inlined
 def present_state(w: Any, i: int) -> PathState:
     """Return the state of a world's tip relative to its path."""
     v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
     return path_state(load(w, ROW.foot, i), v_x, v_y, load(w, ROW.task.free, i))
 
 
-@device
+@inlined
 def tip_acceleration(w: Any, i: int, period: float) -> Vector:
     """Return the mean acceleration of the tip over a control step [m/s²]."""
     v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
@@ -305,8 +305,8 @@ def tip_acceleration(w: Any, i: int, period: float) -> Vector:
     )
 
 
-@device
-def judge_step(w: Any, i: int, period: float, limit: float) -> None:
+@inlined
+def judge_step(w: Any, i: int, period: float, max_steps: float) -> None:
     """Count the step, and find the reward and whether the episode ends.
 
     A world that had ended stays so.
@@ -337,7 +337,7 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
         failed=failed,
     )
     terms = reward_terms(task.weight, outcome, period)
-    truncated = is_astray(at, terminated, task) | (step >= limit)
+    truncated = is_astray(at, terminated, task) | (step >= max_steps)
     w[ROW.pace_ratio, i] = ratio
     store(w, ROW.terms, i, terms)
     w[ROW.reward, i] = total(terms)
@@ -348,7 +348,7 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
     store(w, ROW.end, i, flags)
 
 
-@device
+@inlined
 def was_alive(w: Any, i: int) -> bool:
     """Return whether a world that ``judge_step`` has judged was alive before the step."""
     return w[ROW.began, i] != 0.0
@@ -357,7 +357,7 @@ def was_alive(w: Any, i: int) -> bool:
 # --- the sensors ---
 
 
-@device
+@inlined
 def gaussians(seed: np.uint64, episode: np.uint64, draw: int) -> tuple[float, float, float, float]:
     """Return four independent standard normal numbers (Box and Muller)."""
     u0, u1, u2, u3 = uniform4(seed, _NOISE_STREAM, np.uint64(draw), episode)
@@ -372,28 +372,28 @@ def gaussians(seed: np.uint64, episode: np.uint64, draw: int) -> tuple[float, fl
 
 
 @entrywise
-@device
+@inlined
 def quantised(value: float, resolution: float) -> float:
     """Return the nearest multiple of a resolution, or the value where there is none."""
     return resolution * math.floor(value / resolution + 0.5) if resolution > 0.0 else value
 
 
 @entrywise
-@device
+@inlined
 def noisy(value: float, deviation: float, draw: float) -> float:
     """Return a value with noise of a standard deviation, from a standard normal draw."""
     return value + deviation * draw
 
 
 @entrywise
-@device
+@inlined
 def coasted(theta: float, omega: float, time: float) -> float:
     """Return an angle a time ago at the present angular velocity."""
     return theta - omega * time
 
 
 @entrywise
-@device
+@inlined
 def measured_velocity(
     theta: float, before: float, omega: float, period: float, differs: bool
 ) -> float:
@@ -433,7 +433,7 @@ def take_reading(w: Any, i: int, seed: np.uint64, episode: np.uint64, period: fl
     store(w, ROW.readings.now, i, reading)
 
 
-@device
+@inlined
 def store_observation(w: Any, i: int, measured: Measurement) -> None:
     """Store the present observation that a measurement gives, in SI units."""
     seen = observation(
@@ -447,7 +447,7 @@ def store_observation(w: Any, i: int, measured: Measurement) -> None:
     store(w, ROW.seen, i, seen)
 
 
-@device
+@inlined
 def observe_world(w: Any, i: int) -> None:
     """Find the present observation as ideal sensors see it."""
     store_observation(
@@ -469,7 +469,7 @@ def observe_reading(w: Any, i: int, constants: Any) -> None:
     store_observation(w, i, measurement_of(reading, arm, constants, first, count, segment))
 
 
-@device
+@inlined
 def scale_entries(w: Any, first: int, last: int, config: Any) -> None:
     """Bring the observations in columns ``first`` … ``last`` − 1 to their scales, within ±BOUND."""
     for k in range(ENTRIES):
@@ -478,7 +478,7 @@ def scale_entries(w: Any, first: int, last: int, config: Any) -> None:
             w[_FIRST_SEEN + k, i] = clamp(w[_FIRST_SEEN + k, i] * inverse_scale, -BOUND, BOUND)
 
 
-@device
+@inlined
 def observe(w: Any, i: int, config: Any, constants: Any) -> None:
     """Find the present observation of a world with any sensors."""
     if w[ROW.task.sensing.is_ideal, i] != 0.0:
@@ -488,7 +488,7 @@ def observe(w: Any, i: int, config: Any, constants: Any) -> None:
     scale_entries(w, i, i + 1, config)
 
 
-@device
+@inlined
 def write_observation(w: Any, i: int, obs: Any, world: int, config: Any, constants: Any) -> None:
     """Write the observation, and the context if that is observed, to a row of ``obs``."""
     plain = int(config[CONFIG.entries])
@@ -507,14 +507,14 @@ def _mover(arrangement_at: Any) -> Any:
     """Return what moves worlds with the clutches of ``arrangement_at``; see ``substep_on``."""
     control_step = control_step_on(ROW, load_on, arrangement_at, move_hands)
 
-    @device
+    @inlined
     def heat_clutches(w: Any, i: int, period: float) -> None:
         """Add the heat of a control step, from torques and slip velocities at its end."""
         q, heat, cooling = load(w, ROW.motion, i), load(w, ROW.heat, i), w[ROW.machine.cooling, i]
         slip = slip_velocities(q.omega_a, q.omega_b, arrangement_at(w, i))
         store(w, ROW.heat, i, heated(heat, product(load(w, ROW.torque, i), slip), period, cooling))
 
-    @device
+    @inlined
     def sense_torques(w: Any, i: int) -> None:
         """Find the torques [N·m] that the clutches generate now."""
         q, machine, torques = (
@@ -526,7 +526,7 @@ def _mover(arrangement_at: Any) -> Any:
             w, ROW.torque, i, torques_at(q, machine, load_on(w, i), torques, arrangement_at(w, i))
         )
 
-    @device
+    @inlined
     def move(w: Any, lanes: int, config: Any, guides: bool) -> None:
         """Move the worlds in the first ``lanes`` columns through a control step.
 
@@ -555,7 +555,7 @@ move_worlds, move_declared = _mover(paper_clutches), _mover(arrangement_from(ROW
 """What moves worlds with the paper's clutches, and with others."""
 
 
-@device
+@inlined
 def conclude_step(
     w: Any,
     width: int,
@@ -582,7 +582,7 @@ def conclude_step(
     for i in range(width):
         locate(w, i, constants)
     for i in range(width):
-        judge_step(w, i, period, config[CONFIG.limit])
+        judge_step(w, i, period, config[CONFIG.max_steps])
     if with_extras:
         for i in range(lanes):
             if plans(w, i):

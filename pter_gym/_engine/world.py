@@ -172,7 +172,7 @@ class Config(NamedTuple):
     slack: Annotated[float, Entry("action", "how far beyond these an action is clipped")]
     substep: Annotated[float, Entry("s", "step of the integrator")]
     substeps: Annotated[float, Entry("1", "substeps in a control step")]
-    limit: Annotated[float, Entry("1", "control steps after which an episode is truncated")]
+    max_steps: Annotated[float, Entry("1", "control steps after which an episode is truncated")]
     frame_skip: Annotated[float, Entry("1", "control steps for which a given action is held")]
     entries: Annotated[float, Entry("1", "entries of an observation before those of the context")]
     inverse_scale: Annotated[Observation, Entry("", "inverse scale of an entry")]

@@ -23,7 +23,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from pter_gym._compiled.addresses import caller, double, export, flag, single, unsigned, whole
-from pter_gym._compiled.compiler import compile_kernel, inlined
+from pter_gym._compiled.compiler import compile_kernel, compiled
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.records import write
 from pter_gym._engine.kernels import RESET_TYPES, advance_caller, reset_kernel
@@ -201,8 +201,8 @@ def register(name: str, handler: Any) -> None:
     call = compile_kernel(_build_call, handle=handler, version=_installed_version())
     signature = (types.int64,)
     call.compile(signature)
-    compiled = call.overloads[signature]
-    address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
+    variant = call.overloads[signature]
+    address = variant.library.get_pointer_to_function(variant.fndesc.llvm_cfunc_wrapper_name)
     jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), platform="cpu")
     _KEPT.append(call)
 
@@ -226,7 +226,7 @@ def _step_handler(advance: Any) -> Any:
     was never reset, or is of other constants stays as it is; its numbers are NaN.
     """
 
-    @inlined
+    @compiled
     def step(arguments: int, results: int) -> None:
         config, constants = _doubles(arguments, 3), _doubles(arguments, 4)
         n, rows = _dimension(arguments, 0, 0), _dimension(arguments, 0, -1) // 2
@@ -284,7 +284,7 @@ def _reset_handler(start: Any) -> Any:
     other constants.
     """
 
-    @inlined
+    @compiled
     def reset(arguments: int, results: int) -> None:
         config, constants = _doubles(arguments, 2), _doubles(arguments, 3)
         n, rows = _dimension(arguments, 0, 0), _dimension(arguments, 0, -1) // 2
@@ -316,7 +316,7 @@ def _law_handler(law: Any) -> Any:
     results voltages [V], and what it keeps after that.
     """
 
-    @inlined
+    @compiled
     def follow(arguments: int, results: int) -> None:
         n = _dimension(arguments, 0, 0)
         obs, volts = (

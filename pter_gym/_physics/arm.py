@@ -11,7 +11,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import Entry
 
 
@@ -108,7 +108,7 @@ class Load(NamedTuple):
     target_y: float
 
 
-@device
+@inlined
 def components(vector: Vector, direction: UnitVector) -> tuple[float, float]:
     """Return the components of a vector along a direction and across it, positive to its left."""
     return (
@@ -125,13 +125,13 @@ def motion_of(theta: Any, omega: Any = (0.0, 0.0)) -> Any:
     return Motion(a, b, omega_a, omega_b, np.cos(a), np.sin(a), np.cos(b), np.sin(b))
 
 
-@device
+@inlined
 def elbow_cosine(length_a: float, length_b: float, x: float, y: float) -> float:
     """Return cos(θA − θB) with the tip at (x, y) [m]; beyond ±1 it is out of reach."""
     return (x * x + y * y - length_a * length_a - length_b * length_b) / (2.0 * length_a * length_b)
 
 
-@device
+@inlined
 def links_at(arm: Linkage, x: float, y: float) -> tuple[UnitVector, UnitVector]:
     """Return the directions of both links with the tip at (x, y) [m]; θB leads θA.
 
@@ -149,7 +149,7 @@ def links_at(arm: Linkage, x: float, y: float) -> tuple[UnitVector, UnitVector]:
     return UnitVector(cos_a, sin_a), UnitVector(cos_b, sin_b)
 
 
-@device
+@inlined
 def motion_at(arm: Linkage, x: float, y: float) -> Motion:
     """Return the arm at rest with the tip at (x, y) [m]; θB leads θA."""
     a, b = links_at(arm, x, y)
@@ -157,7 +157,7 @@ def motion_at(arm: Linkage, x: float, y: float) -> Motion:
     return Motion(theta_a, theta_b, 0.0, 0.0, a.cos, a.sin, b.cos, b.sin)
 
 
-@device
+@inlined
 def tip_position(arm: Linkage, q: Motion) -> tuple[float, float]:
     """Return the tip position (x, y) [m], from the axis of the drive."""
     return (
@@ -166,7 +166,7 @@ def tip_position(arm: Linkage, q: Motion) -> tuple[float, float]:
     )
 
 
-@device
+@inlined
 def tip_velocity(arm: Linkage, q: Motion) -> tuple[float, float]:
     """Return the tip velocity (x, y) [m/s]."""
     speed_a = arm.length_a * q.omega_a
@@ -174,7 +174,7 @@ def tip_velocity(arm: Linkage, q: Motion) -> tuple[float, float]:
     return -speed_a * q.sin_a - speed_b * q.sin_b, speed_a * q.cos_a + speed_b * q.cos_b
 
 
-@device
+@inlined
 def moving(arm: Linkage, q: Motion, velocity: Vector) -> Motion:
     """Return the arm in the pose of ``q``, not singular, with a velocity of the tip [m/s]."""
     scale = 1.0 / (q.cos_a * q.sin_b - q.sin_a * q.cos_b)
@@ -183,7 +183,7 @@ def moving(arm: Linkage, q: Motion, velocity: Vector) -> Motion:
     return Motion(q.theta_a, q.theta_b, omega_a, omega_b, q.cos_a, q.sin_a, q.cos_b, q.sin_b)
 
 
-@device
+@inlined
 def joint_torque(arm: Linkage, q: Motion, force_x: float, force_y: float) -> tuple[float, float]:
     """Return Jᵀ·F [N·m], the torque on each link of a force at the tip [N]."""
     return (
@@ -192,19 +192,19 @@ def joint_torque(arm: Linkage, q: Motion, force_x: float, force_y: float) -> tup
     )
 
 
-@device
+@inlined
 def directed(mean: float, by: Deviator, x: float, y: float) -> Vector:
     """Return a vector (x, y) times the symmetric matrix with a mean and a deviator."""
     return Vector((mean + by.stretch) * x + by.shear * y, by.shear * x + (mean - by.stretch) * y)
 
 
-@device
+@inlined
 def cos_difference(q: Motion) -> float:
     """Return cos(θA − θB)."""
     return q.cos_a * q.cos_b + q.sin_a * q.sin_b
 
 
-@device
+@inlined
 def damper_matrix(arm: Linkage, q: Motion) -> tuple[float, float, float]:
     """Return entries 11, 12 and 22 of JᵀBJ [N·m·s], the hand's damping B at the links."""
     b11 = arm.damping * arm.length_a * arm.length_a
@@ -221,27 +221,27 @@ def damper_matrix(arm: Linkage, q: Motion) -> tuple[float, float, float]:
     )
 
 
-@device
+@inlined
 def damper_torque(arm: Linkage, q: Motion) -> tuple[float, float]:
     """Return JᵀBJ·ω [N·m], the torque against each link of the hand's damper."""
     b11, b12, b22 = damper_matrix(arm, q)
     return b11 * q.omega_a + b12 * q.omega_b, b12 * q.omega_a + b22 * q.omega_b
 
 
-@device
+@inlined
 def sin_difference(q: Motion) -> float:
     """Return sin(θA − θB)."""
     return q.sin_a * q.cos_b - q.cos_a * q.sin_b
 
 
-@device
+@inlined
 def velocity_torque(arm: Linkage, q: Motion) -> tuple[float, float]:
     """Return V(θ, θ̇) [N·m] (paper Eqs. 3 and 4)."""
     c_sin = arm.coupling * sin_difference(q)
     return c_sin * q.omega_b * q.omega_b, -c_sin * q.omega_a * q.omega_a
 
 
-@device
+@inlined
 def kinetic_energy(arm: Linkage, q: Motion) -> float:
     """Return ½·θ̇ᵀMθ̇ [J]."""
     m12 = arm.coupling * cos_difference(q)
@@ -251,7 +251,7 @@ def kinetic_energy(arm: Linkage, q: Motion) -> float:
     )
 
 
-@device
+@inlined
 def rotated(cos: float, sin: float, angle: float) -> tuple[float, float]:
     """Turn a unit vector by a small angle [rad]: series to order 7, then one renormalisation."""
     square = angle * angle
@@ -265,7 +265,7 @@ def rotated(cos: float, sin: float, angle: float) -> tuple[float, float]:
     return x * scale, y * scale
 
 
-@device
+@inlined
 def advance_position(q: Motion, omega_a: float, omega_b: float, h: float) -> Motion:
     """Move the arm for a time h [s] at the new angular velocities [rad/s]."""
     turn_a = h * omega_a

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, NamedTuple
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import Entry
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.scalars import clamp, sign
@@ -45,14 +45,14 @@ class OnLine(NamedTuple):
     side: float
 
 
-@device
+@inlined
 def side(multiplier: float, capacity: float) -> float:
     """Return the side of a clutch's line on which the minimum lies, 0 if the clutch sticks."""
     over = 1.0 if multiplier > capacity else 0.0
     return -1.0 if multiplier < -capacity else over
 
 
-@device
+@inlined
 def combined(x: PerClutch, u: float, y: PerClutch, v: float) -> PerClutch:
     """Return u·x + v·y, for each clutch."""
     return PerClutch(
@@ -60,26 +60,26 @@ def combined(x: PerClutch, u: float, y: PerClutch, v: float) -> PerClutch:
     )
 
 
-@device
+@inlined
 def dot(x: PerClutch, y: PerClutch) -> float:
     """Return Σ x·y over the clutches."""
     return x.x1 * y.x1 + x.x2 * y.x2 + x.x3 * y.x3 + x.x4 * y.x4
 
 
-@device
+@inlined
 def within(x: PerClutch, low: PerClutch, high: PerClutch) -> PerClutch:
     """Return x limited to [low, high], for each clutch."""
     x1, x2 = clamp(x.x1, low.x1, high.x1), clamp(x.x2, low.x2, high.x2)
     return PerClutch(x1, x2, clamp(x.x3, low.x3, high.x3), clamp(x.x4, low.x4, high.x4))
 
 
-@device
+@inlined
 def cross(arrangement: Arrangement, x: int, y: int) -> float:
     """Return the slip of slot y at speed 1 on the line of slot x, exactly zero for equal rows."""
     return arrangement.a[x] * arrangement.b[y] - arrangement.b[x] * arrangement.a[y]
 
 
-@device
+@inlined
 def on_line(
     x: int,
     m11: float,
@@ -109,7 +109,7 @@ def on_line(
     return OnLine(abs(q) > reach, turn, speed, side(multiplier / (a * a + b * b), capacity))
 
 
-@device
+@inlined
 def resolve_any(
     m11: float,
     m12: float,
@@ -151,7 +151,7 @@ def resolve_any(
     return omega_a, omega_b
 
 
-@device
+@inlined
 def least_torques(
     load_a: float, load_b: float, fixed: int, torque: float, arrangement: Arrangement
 ) -> PerClutch:
@@ -177,14 +177,14 @@ def least_torques(
     return replaced(combined(arrangement.a, u, arrangement.b, v), fixed, torque)
 
 
-@device
+@inlined
 def replaced(x: PerClutch, slot: int, value: float) -> PerClutch:
     """Return x with another value for one slot; −1 for none."""
     x1, x2 = value if slot == 0 else x.x1, value if slot == 1 else x.x2
     return PerClutch(x1, x2, value if slot == 2 else x.x3, value if slot == 3 else x.x4)
 
 
-@device
+@inlined
 def opposed(fixed: int, arrangement: Arrangement) -> PerClutch:
     """Return torques of all slots but one that together load no link."""
     i, j, k = (1 if fixed == 0 else 0), (1 if fixed > 1 else 2), (2 if fixed == 3 else 3)
@@ -192,7 +192,7 @@ def opposed(fixed: int, arrangement: Arrangement) -> PerClutch:
     return replaced(PerClutch(n_i, n_i if i == 1 else n_j, n_j if j == 2 else n_k, n_k), fixed, 0.0)
 
 
-@device
+@inlined
 def share_any(
     load_a: float,
     load_b: float,

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, NamedTuple
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import Entry, entrywise, rows
 
 
@@ -57,7 +57,7 @@ class Decay(NamedTuple):
     ]
 
 
-@device
+@inlined
 def curve_torque(curve: Curve, volts: float) -> float:
     """Return the steady torque [N·m] at a voltage [V]: linear, quadratic from the knee on, C1."""
     beyond = volts - curve.knee
@@ -65,7 +65,7 @@ def curve_torque(curve: Curve, volts: float) -> float:
     return curve.slope * volts + curve.curvature * beyond * beyond + curve.off_state
 
 
-@device
+@inlined
 def curve_torques(curve: Curve, volts: PerClutch) -> PerClutch:
     """Return the steady torques [N·m] of the four clutches."""
     return PerClutch(
@@ -76,13 +76,13 @@ def curve_torques(curve: Curve, volts: PerClutch) -> PerClutch:
     )
 
 
-@device
+@inlined
 def steady_torques(breakaway: Curve, dynamic: Curve, volts: PerClutch) -> Torques:
     """Return the torque limits [N·m] that the clutches settle to at constant voltages (Fig. 5)."""
     return Torques(curve_torques(breakaway, volts), curve_torques(dynamic, volts))
 
 
-@device
+@inlined
 def scaled(torques: Torques, scale: PerClutch, strength: PerClutch) -> Torques:
     """Return torque limits [N·m] times two factors for each clutch."""
     s1 = scale.x1 * strength.x1
@@ -97,26 +97,26 @@ def scaled(torques: Torques, scale: PerClutch, strength: PerClutch) -> Torques:
     )
 
 
-@device
+@inlined
 def lag_left(time: float, time_constant: float) -> float:
     """Return the remaining fraction of a first-order lag after a time [s]."""
     return math.exp(-time / time_constant)
 
 
-@device
+@inlined
 def whole_decay(half: Decay) -> Decay:
     """Return what a whole substep leaves of a lag."""
     return Decay(half.rise * half.rise, half.fall * half.fall)
 
 
-@device
+@inlined
 def relax_one(value: float, target: float, decay: Decay) -> float:
     """Advance a first-order lag exactly, by a time that leaves ``decay`` of it."""
     ahead = value - target
     return target + ahead * (decay.fall if ahead > 0.0 else decay.rise)
 
 
-@device
+@inlined
 def relax(value: PerClutch, target: PerClutch, decay: Decay) -> PerClutch:
     """Advance the first-order lags of the four clutches exactly, as ``relax_one``."""
     return PerClutch(
@@ -127,7 +127,7 @@ def relax(value: PerClutch, target: PerClutch, decay: Decay) -> PerClutch:
     )
 
 
-@device
+@inlined
 def relax_torques(value: Torques, target: Torques, decay: Decay) -> Torques:
     """Advance the lag of the normal force, to which both torques are proportional."""
     return Torques(
@@ -136,27 +136,27 @@ def relax_torques(value: Torques, target: Torques, decay: Decay) -> Torques:
 
 
 @entrywise
-@device
+@inlined
 def product(x: float, y: float) -> float:
     """Return x·y."""
     return x * y
 
 
 @entrywise
-@device
+@inlined
 def heated(heat: float, power: float, time: float, cooling: float) -> float:
     """Return a clutch's heat [J] after it has dissipated a power [W] for a time [s] and cooled."""
     return (heat + abs(power) * time) * math.exp(-time / cooling)
 
 
 @entrywise
-@device
+@inlined
 def faded(heat: float, fade: float, strength: float) -> float:
     """Return a clutch's torque at a heat [J] and a fade [1/J], relative to a cold one's."""
     return strength / (1.0 + fade * heat)
 
 
-@device
+@inlined
 def holding(breakaway: float, dynamic: float, held: float) -> float:
     """Return the torque [N·m] that a clutch inside the stick band can hold.
 
@@ -167,13 +167,13 @@ def holding(breakaway: float, dynamic: float, held: float) -> float:
     return breakaway if breakaway > least else least
 
 
-@device
+@inlined
 def sliding(slip: float, breakaway: float, dynamic: float, part: float, viscous: float) -> float:
     """Return the torque [N·m] of a slipping clutch; ``part`` of T_s − T_k is left at its speed."""
     return dynamic + (breakaway - dynamic) * part + viscous * abs(slip)
 
 
-@device
+@inlined
 def capacity(
     slip: float,
     threshold: float,
@@ -188,14 +188,14 @@ def capacity(
     return inside if abs(slip) < threshold else sliding(slip, breakaway, dynamic, part, viscous)
 
 
-@device
+@inlined
 def squared_slip(slip: float, threshold: float) -> float:
     """Return the square of a slip velocity, at least that of the edge of the stick band."""
     square, edge = slip * slip, threshold * threshold
     return square if square > edge else edge
 
 
-@device
+@inlined
 def falling(slip: PerClutch, threshold: float, stribeck: float) -> PerClutch:
     """Return ω_s²/(ω_s² + ω²) of each clutch, from ω_s²; within the stick band, as at its edge.
 
@@ -211,7 +211,7 @@ def falling(slip: PerClutch, threshold: float, stribeck: float) -> PerClutch:
     return PerClutch(ratio12 * d2, ratio12 * d1, ratio34 * d4, ratio34 * d3)
 
 
-@device
+@inlined
 def capacities(slip: PerClutch, threshold: float, torques: Torques, by: Sliding) -> PerClutch:
     """Return the torque limits [N·m] of the four clutches for the next kick (paper Eq. 2)."""
     ts, tk = torques.breakaway, torques.dynamic
@@ -224,7 +224,7 @@ def capacities(slip: PerClutch, threshold: float, torques: Torques, by: Sliding)
     )
 
 
-@device
+@inlined
 def switches(
     before: float, after: float, threshold: float, breakaway: float, dynamic: float, held: float
 ) -> bool:
@@ -233,7 +233,7 @@ def switches(
     return leaves if abs(before) < threshold else before * after <= 0.0
 
 
-@device
+@inlined
 def any_switches(
     before: PerClutch, after: PerClutch, threshold: float, torques: Torques, held: float
 ) -> bool:
@@ -248,7 +248,7 @@ def any_switches(
     )
 
 
-@device
+@inlined
 def share_before(before: float, slid: float, threshold: float) -> float:
     """Return the share of a kick after which a clutch switches, 1 if another one does first.
 

@@ -13,7 +13,7 @@ see ``LINES``.
 
 from enum import IntEnum
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._physics.arrangement import (
     FAR,
     OptionalArrangement,
@@ -46,7 +46,7 @@ class ClutchMode(IntEnum):
     ZERO_DOF = 5
 
 
-@device
+@inlined
 def slip_velocities(
     omega_a: float, omega_b: float, arrangement: OptionalArrangement = None
 ) -> PerClutch:
@@ -56,7 +56,7 @@ def slip_velocities(
     return PerClutch(omega_a, omega_b, omega_a - omega_b, omega_a + omega_b)
 
 
-@device
+@inlined
 def torques_on_links(
     torque: PerClutch, arrangement: OptionalArrangement = None
 ) -> tuple[float, float]:
@@ -66,7 +66,7 @@ def torques_on_links(
     return torque.x1 + torque.x3 + torque.x4, torque.x2 - torque.x3 + torque.x4
 
 
-@device
+@inlined
 def with_dry(
     capacity: PerClutch, dry_a: float, dry_b: float, arrangement: OptionalArrangement = None
 ) -> PerClutch:
@@ -76,7 +76,7 @@ def with_dry(
     return PerClutch(capacity.x1 + dry_a, capacity.x2 + dry_b, capacity.x3, capacity.x4)
 
 
-@device
+@inlined
 def without_dry(
     torque: PerClutch, dry_a: float, dry_b: float, arrangement: OptionalArrangement = None
 ) -> PerClutch:
@@ -96,7 +96,7 @@ def without_dry(
     )
 
 
-@device
+@inlined
 def mode_of(omega_a: float, omega_b: float, arrangement: OptionalArrangement = None) -> int:
     """Return the ClutchMode; ties go to the fewest degrees of freedom and the first clutch."""
     mode = 0
@@ -112,7 +112,7 @@ def mode_of(omega_a: float, omega_b: float, arrangement: OptionalArrangement = N
     return 5 if (omega_a == 0.0) & (omega_b == 0.0) else mode
 
 
-@device
+@inlined
 def rest_sides(
     g1: float, g2: float, g3: float, g4: float, moves1: bool, moves2: bool, moves3: bool
 ) -> tuple[float, float, float, float]:
@@ -125,7 +125,7 @@ def rest_sides(
     )
 
 
-@device
+@inlined
 def resolve(
     m11: float,
     m12: float,
@@ -200,21 +200,21 @@ def resolve(
     return (omega_a if moves else 0.0), (omega_b if moves else 0.0)
 
 
-@device
+@inlined
 def largest(x: float, y: float, z: float) -> float:
     """Return the largest of three numbers."""
     x = x if x > y else y
     return x if x > z else z
 
 
-@device
+@inlined
 def smallest(x: float, y: float, z: float) -> float:
     """Return the smallest of three numbers."""
     x = x if x < y else y
     return x if x < z else z
 
 
-@device
+@inlined
 def along_edge(
     beyond: float, across: float, low: float, high: float, slack: float
 ) -> tuple[float, float]:
@@ -232,7 +232,7 @@ def along_edge(
     return nearest, (distance if counts else FAR)
 
 
-@device
+@inlined
 def nearer(
     u: float, v: float, distance: float, other_u: float, other_v: float, other_distance: float
 ) -> tuple[float, float, float]:
@@ -245,7 +245,7 @@ def nearer(
     )
 
 
-@device
+@inlined
 def share(
     load_a: float,
     load_b: float,
@@ -322,19 +322,19 @@ def share(
     )
 
 
-@device
+@inlined
 def lower_bound(slip: float, capacity: float) -> float:
     """Return the smallest torque on the arm that a clutch can generate at a slip velocity."""
     return capacity if slip < 0.0 else -capacity
 
 
-@device
+@inlined
 def upper_bound(slip: float, capacity: float) -> float:
     """Return the largest torque on the arm that a clutch can generate at a slip velocity."""
     return -capacity if slip > 0.0 else capacity
 
 
-@device
+@inlined
 def generated_torques(
     omega_a: float,
     omega_b: float,

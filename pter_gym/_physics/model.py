@@ -76,7 +76,7 @@ def model_of(machine: Machine) -> Model:
 
 def held_dynamic(machine: Machine) -> float:
     """Return the part of T_k that a clutch holds in the stick band even if it exceeds T_s."""
-    return 1.0 if machine.clutch.band == "limit" else 0.0
+    return 1.0 if machine.clutch.band == "vanishing" else 0.0
 
 
 def deviator_of(mean: float, anisotropy: tuple[float, ...]) -> Deviator:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym._compiled.compiler import compile_kernel, device, inlined, outlined
+from pter_gym._compiled.compiler import compile_kernel, compiled, inlined, outlined
 from pter_gym._compiled.records import load, rows, store, width, write
 from pter_gym._physics.arm import (
     Load,
@@ -258,7 +258,7 @@ def body_of(machine: Machine, state: State) -> Array:
     return body
 
 
-@inlined
+@compiled
 def scratch(body: Any) -> Any:
     """Return a copy of a ``body_of`` with a constant shape, so its entries stay in registers."""
     copy = np.empty((BODY_WIDTH, 1))
@@ -266,7 +266,7 @@ def scratch(body: Any) -> Any:
     return copy
 
 
-@device
+@inlined
 def _load_on(body: Any, i: int) -> Load:
     return load(body, BODY.load, i)
 
@@ -275,7 +275,7 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
     """Return ``advance`` and ``row_of``; see ``substep_on`` for ``arrangement_at``."""
     control_step = control_step_on(BODY, _load_on, arrangement_at)
 
-    @device
+    @inlined
     def advance(body: Any, command: PerClutch, on: Load, h: float) -> None:
         """Advance a ``body_of`` by a substep of h [s] at a command [V] under a load."""
         store(body, BODY.command, 0, command)
@@ -305,7 +305,7 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
         store(body, BODY.heat, 0, heat)
         store(body, BODY.strength, 0, faded(heat, body[BODY.machine.fade, 0], 1.0))
 
-    @device
+    @inlined
     def row_of(body: Any) -> Row:
         """Return what to record of a machine after a substep."""
         arm = load(body, BODY.machine.arm, 0)

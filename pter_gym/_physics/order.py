@@ -1,6 +1,6 @@
 """The order of a substep's stages: the one list that simulation and derivatives follow."""
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 
 DRIFT, KICK = "drift", "kick"
 HALF, WHOLE = 0.5, 1.0
@@ -26,19 +26,19 @@ DRIFTS_WHOLE = (DRIFT, WHOLE) in ORDER
 """Whether a substep by itself has whole drifts."""
 
 
-@device
+@inlined
 def stage_count(substeps: int) -> int:
     """Return how many stages a control step has."""
     return substeps * CYCLE + _JOINS
 
 
-@device
+@inlined
 def is_kick(stage: int) -> bool:
     """Return whether a stage of a control step, by its number, is a kick and not a drift."""
     return stage % CYCLE == _KICK_AT
 
 
-@device
+@inlined
 def is_whole(stage: int, substeps: int) -> bool:
     """Return whether a drift, by its number, stands for a whole substep and not for half of one."""
     return (stage > 0) & (stage < substeps * CYCLE) if _JOINS else True

@@ -9,7 +9,7 @@ holds in each.
 
 from typing import Annotated, Any, NamedTuple
 
-from pter_gym._compiled.compiler import device, outlined
+from pter_gym._compiled.compiler import inlined, outlined
 from pter_gym._compiled.records import Entry, load, store
 from pter_gym._physics.arm import (
     Linkage,
@@ -106,7 +106,7 @@ class Body(NamedTuple):
     arrangement: Arrangement
 
 
-@device
+@inlined
 def free_motion(q: Motion, arm: Linkage, on: Load, h: float) -> Impact:
     """Return the velocity problem of a kick that stands for a time h [s], without clutches.
 
@@ -135,7 +135,7 @@ def free_motion(q: Motion, arm: Linkage, on: Load, h: float) -> Impact:
     )
 
 
-@device
+@inlined
 def count_nonzero(w: Any, row: float, lanes: int) -> int:
     """Return how many of the first columns of an array are not zero in a row."""
     count = 0
@@ -144,19 +144,19 @@ def count_nonzero(w: Any, row: float, lanes: int) -> int:
     return count
 
 
-@device
+@inlined
 def impulses(capacity: PerClutch, h: float) -> PerClutch:
     """Return the largest impulse [N·m·s] of each clutch over a time h [s]."""
     return PerClutch(h * capacity.x1, h * capacity.x2, h * capacity.x3, h * capacity.x4)
 
 
-@device
+@inlined
 def against(slip: float, capacity: float) -> float:
     """Return the torque [N·m] of a sliding clutch, 0 for one that does not slip."""
     return 0.0 if slip == 0.0 else -sign(slip) * capacity
 
 
-@device
+@inlined
 def sliding_torques(slip: PerClutch, capacity: PerClutch) -> PerClutch:
     """Return the torques [N·m] of those clutches that slip."""
     return PerClutch(
@@ -167,7 +167,7 @@ def sliding_torques(slip: PerClutch, capacity: PerClutch) -> PerClutch:
     )
 
 
-@device
+@inlined
 def stuck_capacities(slip: PerClutch, capacity: PerClutch) -> PerClutch:
     """Return the limits [N·m] of those clutches that do not slip, 0 for the others."""
     return PerClutch(
@@ -178,7 +178,7 @@ def stuck_capacities(slip: PerClutch, capacity: PerClutch) -> PerClutch:
     )
 
 
-@device
+@inlined
 def torques_at(
     q: Motion,
     machine: Model,
@@ -214,13 +214,13 @@ def torques_at(
     return without_dry(generated, arm.dry_a, arm.dry_b, arrangement)
 
 
-@device
+@inlined
 def passing(before: float, after: float, threshold: float) -> float:
     """Return the slip velocity of before if it passes zero from outside the stick band, else 0."""
     return before if (abs(before) >= threshold) & (before * after <= 0.0) else 0.0
 
 
-@device
+@inlined
 def slid_velocities(
     impact: Impact,
     before: PerClutch,
@@ -249,7 +249,7 @@ def slid_velocities(
     return slip_velocities(omega_a, omega_b, arrangement)
 
 
-@device
+@inlined
 def share_before_switch(
     q: Motion,
     omega: PerLink,
@@ -289,7 +289,7 @@ def share_before_switch(
     return min(s1, s2, s3, s4)
 
 
-@device
+@inlined
 def clutch_load(impact: Impact, omega_a: float, omega_b: float, h: float) -> tuple[float, float]:
     """Return Wᵀτ [N·m] that clutches and dry friction exerted on the links in a kick of h [s]."""
     return (
@@ -298,7 +298,7 @@ def clutch_load(impact: Impact, omega_a: float, omega_b: float, h: float) -> tup
     )
 
 
-@device
+@inlined
 def kick_torques(
     impact: Impact,
     omega_a: float,
@@ -325,7 +325,7 @@ def kick_torques(
     )
 
 
-@device
+@inlined
 def kick_energy(
     q: Motion,
     omega: PerLink,
@@ -364,7 +364,7 @@ def kick_energy(
     )
 
 
-@device
+@inlined
 def turning_energy(before: Motion, after: Motion, arm: Linkage) -> float:
     """Return the kinetic energy [J] that the arm gains in a drift as its mass matrix turns."""
     return (
@@ -375,7 +375,7 @@ def turning_energy(before: Motion, after: Motion, arm: Linkage) -> float:
     )
 
 
-@device
+@inlined
 def paper_clutches(w: Any, i: int) -> None:
     """Return None, the arrangement of the paper's clutches: its branches compile to nothing."""
 
@@ -383,7 +383,7 @@ def paper_clutches(w: Any, i: int) -> None:
 def arrangement_from(at: Any) -> Any:
     """Return a function of an array and a column that returns a machine's ``Arrangement``."""
 
-    @device
+    @inlined
     def declared(w: Any, i: int) -> Arrangement:
         return load(w, at.arrangement, i)
 
@@ -419,7 +419,7 @@ def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> t
         and the friction of the present instant over a time h [s].
     """
 
-    @device
+    @inlined
     def aim(w: Any, i: int, whole: bool) -> None:
         machine = load(w, at.machine, i)
         decay = whole_decay(machine.voltage_decay) if whole else machine.voltage_decay
@@ -428,7 +428,7 @@ def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> t
         steady = steady_torques(machine.breakaway, machine.dynamic, lagged)
         store(w, at.steady, i, scaled(steady, machine.scale, load(w, at.strength, i)))
 
-    @device
+    @inlined
     def drift(w: Any, i: int, h: float, whole: bool) -> None:
         half = load(w, at.machine.torque_decay, i)
         decay = whole_decay(half) if whole else half
@@ -440,7 +440,7 @@ def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> t
 
     find, take, divide = kick_stages_on(at, load_on, arrangement_at)
 
-    @device
+    @inlined
     def kick(w: Any, lanes: int, h: float) -> None:
         for i in range(lanes):
             find(w, i, h)
@@ -454,7 +454,7 @@ def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> t
     return aim, drift, kick
 
 
-@device
+@inlined
 def no_hands(w: Any, lanes: int, h: float, whole: bool, guides: bool) -> None:
     """Leave the loads as they are."""
 
@@ -480,7 +480,7 @@ def control_step_on(
     """
     aim, drift, kick = substep_on(at, load_on, arrangement_at)
 
-    @device
+    @inlined
     def control_step(w: Any, lanes: int, h: float, count: int, aims: bool, guides: bool) -> None:
         for stage in range(stage_count(count)):
             if is_kick(stage):
@@ -500,7 +500,7 @@ def control_step_on(
 def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any, Any]:
     """Return what makes a kick of the machine in column ``i`` of an array; see ``substep_on``."""
 
-    @device
+    @inlined
     def find(w: Any, i: int, h: float) -> None:
         """Find the velocities after a kick of a time h, and whether a clutch switches in it."""
         torques = load(w, at.torques, i)
@@ -525,7 +525,7 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
         switch = any_switches(before, after, threshold, torques, sliding.held)
         w[at.switches, i] = 1.0 if switch else 0.0
 
-    @device
+    @inlined
     def take(w: Any, i: int) -> None:
         """Move on at the velocities that were found, and add up the energies."""
         omega = load(w, at.omega, i)

@@ -1,4 +1,4 @@
-"""Run policies on the evaluation episodes of the scenarios, score and rank them.
+"""Run policies on the test episodes of the scenarios, score and rank them.
 
 ``policies``, ``episodes`` → ``rollout`` → ``measures``, ``scores`` → ``intervals`` → ``boards``:
 policies act in episodes, what they did is scored, and scores become intervals and leaderboards.

@@ -116,7 +116,7 @@ class Standing:
 class Leaderboard:
     """The policies on so many episodes of a scenario at a pace: the best first, unranked ones last.
 
-    ``seed`` is that of fresh episodes, None for the stored ones; ``version`` that of the package
+    ``seed`` is that of test episodes, None for the stored ones; ``version`` that of the package
     that made the runs; ``digest`` that of a user's scenario.
     """
 
@@ -131,7 +131,7 @@ class Leaderboard:
     @property
     def title(self) -> str:
         """The episodes in words."""
-        kind = "stored episodes" if self.seed is None else f"fresh episodes (seed {self.seed})"
+        kind = "test episodes" if self.seed is None else f"test episodes (seed {self.seed})"
         return f"{self.scenario}, {self.episodes:,} {kind}"
 
     def as_json(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Episodes to run policies on: stored ones, fresh ones drawn from a seed, and training draws.
+"""Episodes to run policies on: test episodes, stored or drawn from a seed, and training episodes.
 
 ``pter_gym/episodes`` holds a file of stored episodes for each scenario; ``docs/make/store.py
 episodes`` writes them.
@@ -26,7 +26,10 @@ from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import PathFollowing, Sensors
 
 FOLDER = Path(__file__).parents[1] / "episodes"
-"""Where the package keeps its evaluation episodes."""
+"""Where the package keeps its test episodes."""
+
+ENTRIES = ("machines", "tasks", "seeds", "strata", "time_limits")
+"""Fields of ``Episodes`` that have an entry for each episode."""
 
 ENDING = ".json.gz"
 
@@ -37,7 +40,7 @@ LONGEST = 20_000
 """Most control steps of an episode: 200 s at 100 Hz."""
 
 MAX_SEED = 2**64 - 1
-"""Largest seed of fresh episodes."""
+"""Largest seed of test episodes."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ class Episodes:
         Labels of the strata within which episodes are resampled.
     nominal
         The machine that policies know.
-    limits
+    time_limits
         Control steps after which an episode ends; by default ``time_limit`` of its task.
     """
 
@@ -64,12 +67,12 @@ class Episodes:
     seeds: tuple[int, ...]
     strata: tuple[str, ...]
     nominal: Machine = BASELINE
-    limits: tuple[int, ...] = ()
+    time_limits: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        """Set the limits that are not given."""
-        if not self.limits:
-            object.__setattr__(self, "limits", tuple(map(time_limit, self.tasks)))
+        """Set the time limits that are not given."""
+        if not self.time_limits:
+            object.__setattr__(self, "time_limits", tuple(map(time_limit, self.tasks)))
 
     def __len__(self) -> int:
         """Return the number of episodes."""
@@ -77,12 +80,11 @@ class Episodes:
 
     def __getitem__(self, part: slice) -> "Episodes":
         """Return some of the episodes."""
-        entries = ("machines", "tasks", "seeds", "strata", "limits")
-        return replace(self, **{name: getattr(self, name)[part] for name in entries})
+        return replace(self, **{name: getattr(self, name)[part] for name in ENTRIES})
 
     @cached_property
     def chunks(self) -> "tuple[Episodes, ...]":
-        """The episodes in parts that are simulated together."""
+        """The episodes in chunks, each simulated together."""
         return tuple(self[start : start + CHUNK] for start in range(0, len(self), CHUNK))
 
     @contextmanager
@@ -111,7 +113,7 @@ class Episodes:
     def at_pace(self, speed: float) -> "Episodes":
         """Return the episodes at a commanded pace [m/s]; tasks that are the same object stay so."""
         paced = {id(task): replace(task, pace=speed) for task in self.tasks}
-        return replace(self, tasks=tuple(paced[id(task)] for task in self.tasks), limits=())
+        return replace(self, tasks=tuple(paced[id(task)] for task in self.tasks), time_limits=())
 
 
 def time_limit(task: PathFollowing) -> int:
@@ -139,7 +141,7 @@ def scenarios(folder: FilePath = FOLDER) -> tuple[str, ...]:
 
 
 def load_episodes(scenario: str, pace: str, *, folder: FilePath = FOLDER) -> Episodes:
-    """Return the stored evaluation episodes of a scenario at a pace.
+    """Return the test episodes of a scenario at a pace.
 
     Raises
     ------
@@ -162,10 +164,10 @@ def find_episodes(
     seed: int | None = None,
     machine: Machine | str | None = None,
 ) -> Episodes:
-    """Return a scenario's stored evaluation episodes at a pace, or fresh ones from a seed.
+    """Return a scenario's test episodes at a pace, stored or drawn from a seed.
 
-    There are as many fresh episodes as stored ones in each stratum, in an order given by the seed;
-    each pace has its own draws. A machine replaces those that fresh episodes would draw. Raises as
+    A seed gives as many as are stored in each stratum, in an order of its own; each pace has its
+    own draws. A machine replaces those that would be drawn. Raises as
     ``load_episodes``, and a ParameterError if the seed is out of range.
     """
     distribution = find_scenario(scenario, machine)
@@ -184,7 +186,7 @@ def training_episodes(
     seed: int,
     machine: Machine | str | None = None,
 ) -> Episodes:
-    """Return training draws of a scenario at a pace, the shortest episodes first.
+    """Return training episodes of a scenario at a pace, the shortest episodes first.
 
     ``seed`` is that of the draws, and a machine replaces those that they would hold.
     """
@@ -199,7 +201,7 @@ def training_episodes(
 
 
 def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDER) -> Path:
-    """Write the evaluation episodes of a scenario to a folder, and return the path of the file.
+    """Write the test episodes of a scenario to a folder, and return the path of the file.
 
     Equal machines and tasks are stored once, and the same episodes give the same bytes. ``version``
     is the scenario's.

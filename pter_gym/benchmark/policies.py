@@ -40,18 +40,18 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
     name
         One of:
 
-        - a built-in controller, such as ``impedance``, with a damper for each commanded pace where
+        - a built-in law, such as ``impedance``, with a damper for each commanded pace where
           the paper's gains need one;
-        - a controller with tuned gains, such as ``impedance-tuned``, or the file of ``pter tune
+        - a law with tuned gains, such as ``impedance-tuned``, or the file of ``pter tune
           --out``;
         - a trained policy of the package, such as ``residual``, or the path of an exported one;
-        - ``FILE.py:attribute`` or ``package.module:attribute``: a controller or a callable from
+        - ``FILE.py:attribute`` or ``package.module:attribute``: a law or a callable from
           observations to volts. A class is called without arguments. The file is run, or the module
           imported, in this process, if need be from the current folder, which is then appended to
           ``sys.path``.
     scenario
         Scenario whose gains and dampers to use. With None, as in the paper's standard test,
-        controllers have their default gains.
+        laws have their default gains.
 
     Raises
     ------

@@ -163,14 +163,14 @@ def run_scenario(
     num_threads: int = 2,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[ScenarioRun, ...]:
-    """Run policies on the evaluation episodes of a scenario.
+    """Run policies on the test episodes of a scenario.
 
     Parameters
     ----------
     scenario
         Its name, or a scenario or a task of your own, as ``find_scenario`` takes them.
     policies
-        By name: controllers, which are bound to the nominal machine, any ``policy(observations) ->
+        By name: laws, which are bound to the nominal machine, any ``policy(observations) ->
         volts``, float32 (N, entries) to (N, 4), or what ``find_policy`` takes; a sequence of them
         holds those of several training seeds. Or a list of names that ``find_policy`` takes.
     paces
@@ -179,7 +179,7 @@ def run_scenario(
     episodes
         How many episodes to run, starting with the first; all by default.
     seed
-        Seed of fresh episodes, within [0, 2⁶⁴); by default, the stored ones, or 0 where there are
+        Seed of test episodes, within [0, 2⁶⁴); by default, the stored ones, or 0 where there are
         none.
     results
         A folder of results or its path, where each run is stored.

@@ -67,7 +67,7 @@ def rollout(
     acting = bind_to(policy, episodes)
     with episodes.worlds(sensors or sensors_of(policy)) as batch:
         telemetry, obs = _recorded(acting, episodes, batch, columns)
-    for world, limit in enumerate(episodes.limits):
+    for world, limit in enumerate(episodes.time_limits):
         telemetry[limit + 1 :, world] = np.nan
         obs[limit + 1 :, world] = 0.0
     return Rollout(telemetry, obs)
@@ -81,7 +81,7 @@ def _recorded(
     memory = acting.start(len(episodes), [seed % NUMBERS for seed in episodes.seeds])
     volts = np.empty(0)
     rows, observations = [telemetry[:, columns]], [obs]
-    limits = np.array(episodes.limits)
+    limits = np.array(episodes.time_limits)
     running = limits > 0
     while running.any():
         steps = len(observations) - 1
@@ -117,11 +117,11 @@ def evaluate(
     """
     acting, sensors = bind_to(policy, episodes), sensors_of(policy)
 
-    def evaluate_part(part: Episodes) -> Scores:
+    def evaluate_chunk(chunk: Episodes) -> Scores:
         columns = [*RANKED] if ranking else slice(None)
-        telemetry = rollout(acting, part, columns=columns, sensors=sensors).telemetry
+        telemetry = rollout(acting, chunk, columns=columns, sensors=sensors).telemetry
         if ranking:
-            travel = Travel(telemetry, part.tasks)
+            travel = Travel(telemetry, chunk.tasks)
             return {
                 "path_error_m": travel.path_error(),
                 "completed": travel.completed(),
@@ -130,20 +130,20 @@ def evaluate(
             }
         return score_episodes(
             telemetry,
-            part.tasks,
-            voltage_max=part.machines[0].clutch.voltage_max,
-            machines=part.machines,
-            wanted=wanted_forces(acting, telemetry, part.tasks),
+            chunk.tasks,
+            voltage_max=chunk.machines[0].clutch.voltage_max,
+            machines=chunk.machines,
+            wanted=wanted_forces(acting, telemetry, chunk.tasks),
         )
 
     threads = min(num_threads, len(episodes.chunks)) if acting.law else 1
     if threads == 1:
-        parts = [evaluate_part(part) for part in episodes.chunks]
+        scores = [evaluate_chunk(chunk) for chunk in episodes.chunks]
     else:
         with ThreadPoolExecutor(threads, thread_name_prefix="pter-benchmark") as pool:
-            parts = list(pool.map(evaluate_part, episodes.chunks))
-    names = (name for name in SCORES if all(name in part for part in parts))
-    return {name: np.concatenate([part[name] for part in parts]) for name in names}
+            scores = list(pool.map(evaluate_chunk, episodes.chunks))
+    names = (name for name in SCORES if all(name in chunk for chunk in scores))
+    return {name: np.concatenate([chunk[name] for chunk in scores]) for name in names}
 
 
 def wanted_forces(policy: Policy, telemetry: Array, tasks: Sequence[PathFollowing]) -> Array | None:
@@ -224,7 +224,7 @@ UNSEEN = 10_000
 
 
 class Assessment(NamedTuple):
-    """How good a policy is on training draws: the means of the scores that decide ranks."""
+    """How good a policy is on training episodes: the means of the scores that decide ranks."""
 
     path_error_m: float
     completed: float
@@ -267,7 +267,7 @@ def examine(
     seed: int = UNSEEN,
     machine: Machine | str | None = None,
 ) -> dict[str, Assessment]:
-    """Assess policies on training draws and compare them with trivial ones; the best comes first.
+    """Assess policies on training episodes and compare with trivial ones; the best comes first.
 
     Evaluation episodes are not read, so the results may guide further training. ``free``,
     ``locked`` and ``random`` are assessed, too.

@@ -226,7 +226,7 @@ class ScenarioRun:
     training_seed
         Number of the training seed, for a policy that was trained with several; 0 otherwise.
     seed
-        Seed of fresh episodes; None for the stored ones.
+        Seed of test episodes; None for the stored ones.
     digest
         Digest of a user's scenario, whose name need not be unique; empty for the suite's.
     strata, scores

@@ -1,6 +1,6 @@
 """Control laws: an observation in, four clutch voltages out."""
 
-from pter_gym._compiled.compiler import inlined as device
+from pter_gym._compiled.compiler import compiled
 from pter_gym._compiled.records import rows
 from pter_gym._physics.clutch import PerClutch
 from pter_gym.controllers._gains import MEMORY, Memory
@@ -44,6 +44,6 @@ __all__ = [
     "TorqueFeedback",
     "VelocityRatio",
     "bind",
-    "device",
+    "compiled",
     "rows",
 ]

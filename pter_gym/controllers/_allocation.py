@@ -5,7 +5,7 @@ nearest one is a friction problem too, with the metric in place of the mass matr
 remainder in place of the velocity.
 """
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import entrywise
 from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import PerClutch
@@ -13,20 +13,20 @@ from pter_gym._physics.friction import resolve, share, slip_velocities, torques_
 
 
 @entrywise
-@device
+@inlined
 def least_torque(slip: float, threshold: float, limit: float, scale: float) -> float:
     """Return the smallest torque of a passive clutch [N·m]: 0 while it slips backwards."""
     return 0.0 if slip < -threshold else -(limit * scale)
 
 
 @entrywise
-@device
+@inlined
 def largest_torque(slip: float, threshold: float, limit: float, scale: float) -> float:
     """Return the largest torque of a passive clutch [N·m]: 0 while it slips forwards."""
     return 0.0 if slip > threshold else limit * scale
 
 
-@device
+@inlined
 def allocate(
     want_a: float,
     want_b: float,
@@ -56,21 +56,21 @@ def allocate(
 
 
 @entrywise
-@device
+@inlined
 def mean(low: float, high: float) -> float:
     """Return the mean of two torques."""
     return 0.5 * (high + low)
 
 
 @entrywise
-@device
+@inlined
 def negative(value: float) -> float:
     """Return a number with the other sign."""
     return -value
 
 
 @entrywise
-@device
+@inlined
 def pinned(short: float, bound: float, other: float) -> float:
     """Return ``bound`` for a clutch that falls short of its wanted torque, else ``other``."""
     return bound if short > 0.0 else other

@@ -17,7 +17,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import Entry, flat, lerp, read, rows, width
 from pter_gym._physics.arm import Linkage
 from pter_gym._physics.arrangement import Arrangement
@@ -130,7 +130,7 @@ def gains_array(
     )
 
 
-@device
+@inlined
 def read_gains(gains: Any, pace: float) -> Gains:
     """Return the gains at a commanded pace [m/s]."""
     paces = TABLE + 2 * int(gains[NOMINAL.knots])
@@ -148,7 +148,7 @@ def read_gains(gains: Any, pace: float) -> Gains:
     return lerp(read(gains, GAIN, here), read(gains, GAIN, there), part)
 
 
-@device
+@inlined
 def table_voltage(gains: Any, torque: float) -> float:
     """Return the voltage [V] at which the table reaches a torque [N·m], at most its last knot."""
     count = int(gains[NOMINAL.knots])
@@ -162,7 +162,7 @@ def table_voltage(gains: Any, torque: float) -> float:
     return volts
 
 
-@device
+@inlined
 def clutch_voltage(
     gains: Any, g: Gains, scale: float, wanted: float, slip: float, generated: float
 ) -> float:

@@ -12,9 +12,9 @@ from numba.core import config
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
 
-from pter_gym._compiled.compiler import compile_kernel, device
+from pter_gym._compiled.compiler import compile_kernel, inlined
 from pter_gym._compiled.digests import digest_of
-from pter_gym._compiled.pipeline import Device
+from pter_gym._compiled.pipeline import KernelFunction
 from pter_gym._compiled.records import entrywise, write
 from pter_gym._physics.clutch import CLUTCHES
 from pter_gym._physics.scalars import clamp
@@ -38,7 +38,7 @@ _config: Any = config
 
 
 @entrywise
-@device
+@inlined
 def applied(volts: float, voltage_max: float) -> float:
     """Return a voltage [V] as a clutch gets it: a float32 within its range; NaN if not finite."""
     single = float(np.float32(clamp(volts, -LARGEST, LARGEST)))
@@ -107,7 +107,7 @@ def _compile(law: Law) -> Any:
 def _checked(function: Any, done: dict[Any, Any]) -> Any:
     """Return a user's function compiled afresh with bounds checks, with all that it calls."""
     plain = getattr(function, "py_func", function)
-    if not isinstance(plain, FunctionType) or isinstance(function, Device):
+    if not isinstance(plain, FunctionType) or isinstance(function, KernelFunction):
         return function
     if plain not in done:
         names = dict(plain.__globals__)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pter_gym._compiled.compiler import device, outlined
+from pter_gym._compiled.compiler import inlined, outlined
 from pter_gym._compiled.philox import uniform4
 from pter_gym._compiled.records import entrywise, read
 from pter_gym._physics.arm import (
@@ -55,13 +55,13 @@ JOINED_MIDWAY = 1e6
 _RANDOM_STREAM = np.uint64(0x52414E444F4D)
 
 
-@device
+@inlined
 def physical(obs: Any, scales: Any, at: float) -> float:
     """Return an entry of an observation in its unit."""
     return obs[at] * scales[at]
 
 
-@device
+@inlined
 def observed_tip(obs: Any, scales: Any, nominal: Nominal) -> Tip:
     """Return the tip as estimated from the observation and the nominal machine."""
     q = Motion(
@@ -85,7 +85,7 @@ def observed_tip(obs: Any, scales: Any, nominal: Nominal) -> Tip:
     )
 
 
-@device
+@inlined
 def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[float, float]:
     """Return the tip force [N] of a spring and a damper normal to the path and a brake along it.
 
@@ -105,7 +105,7 @@ def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[floa
     )
 
 
-@device
+@inlined
 def steps_before(obs: Any, memory: Any) -> float:
     """Return the number of earlier control steps in the episode, and count this one.
 
@@ -118,7 +118,7 @@ def steps_before(obs: Any, memory: Any) -> float:
     return before
 
 
-@device
+@inlined
 def pace_integral(g: Gains, tip: Tip, pace: float, memory: Any) -> float:
     """Return the pace's integral [N] after a control step, which adds gain·(speed − pace)."""
     more = g.pace_integral * (speed_along(tip) - pace)
@@ -126,7 +126,7 @@ def pace_integral(g: Gains, tip: Tip, pace: float, memory: Any) -> float:
     return memory[MEMORY.brake]
 
 
-@device
+@inlined
 def demanded_force(
     g: Gains, tip: Tip, pace: float, before: float, memory: Any
 ) -> tuple[bool, float, float]:
@@ -137,19 +137,19 @@ def demanded_force(
     return gripping, force_x, force_y
 
 
-@device
+@inlined
 def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of a guiding law for the paper's clutches."""
     return guide_by(obs, scales, gains, memory, None)
 
 
-@device
+@inlined
 def guide_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of a guiding law for the ``Arrangement`` at the end of the gains."""
     return guide_by(obs, scales, gains, memory, read(gains, ARRANGEMENT, gains.shape[0]))
 
 
-@device
+@inlined
 def guide_by(
     obs: Any, scales: Any, gains: Any, memory: Any, arrangement: OptionalArrangement
 ) -> PerClutch:
@@ -181,7 +181,7 @@ def guide_by(
     return looped_voltage(obs, scales, gains, g, least, nominal.scale, wanted, slip, OBS.torque)
 
 
-@device
+@inlined
 def passive_torques(
     g: Gains,
     tip: Tip,
@@ -206,7 +206,7 @@ def passive_torques(
 
 
 @entrywise
-@device
+@inlined
 def looped_voltage(
     obs: Any,
     scales: Any,
@@ -228,7 +228,7 @@ def looped_voltage(
     )
 
 
-@device
+@inlined
 def random_volts(gains: Any, memory: Any) -> PerClutch:
     """Return voltages from 0 to each clutch's largest, other draws in each episode.
 
@@ -250,14 +250,14 @@ def network(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     return decide(obs, scales, gains, memory, base)
 
 
-@device
+@inlined
 def middle(gains: Any) -> PerClutch:
     """Return the voltages [V] that a network corrects without a base: the middle of the range."""
     half = 0.5 * gains[HEADER.voltage_max]
     return PerClutch(half, half, half, half)
 
 
-@device
+@inlined
 def built_in(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of the built-in law that the first gain names."""
     if gains[0] == NETWORK:
@@ -269,7 +269,7 @@ def built_in(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     return PerClutch(gains[1], gains[2], gains[3], gains[4])
 
 
-@device
+@inlined
 def built_in_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of the law that the first gain names, for declared clutches."""
     corrects = gains[0] == NETWORK

@@ -11,7 +11,7 @@ inputs, the averages and two vectors of ``width`` entries for the layers.
 
 from typing import Annotated, Any, NamedTuple
 
-from pter_gym._compiled.compiler import device, outlined
+from pter_gym._compiled.compiler import inlined, outlined
 from pter_gym._compiled.records import Entry, entrywise, read, rows, width
 from pter_gym._physics.arm import UnitVector, Vector, components
 from pter_gym._physics.clutch import PerClutch
@@ -77,7 +77,7 @@ def memory_width(network: Network) -> int:
     return VECTORS + int(vectors)
 
 
-@device
+@inlined
 def tanh(x: float) -> float:
     """Return tanh x to 1e-13, from arithmetic alone, whose bits are those of any computer.
 
@@ -94,7 +94,7 @@ def tanh(x: float) -> float:
     return size if x >= 0.0 else -size
 
 
-@device
+@inlined
 def input_value(obs: Any, scales: Any, base: PerClutch, source: int) -> float:
     """Return an input of a network in its unit, from its number; see ``source_of``."""
     if source >= 0:
@@ -110,7 +110,7 @@ def input_value(obs: Any, scales: Any, base: PerClutch, source: int) -> float:
     return along if is_cos else across
 
 
-@device
+@inlined
 def add_product(out: Any, weights: Any, values: Any, count: int) -> None:
     """Add a matrix times a vector, in the order of the inputs; four at once save stores."""
     n = out.shape[0]
@@ -186,7 +186,7 @@ def decide(obs: Any, scales: Any, gains: Any, memory: Any, base: PerClutch) -> P
 
 
 @entrywise
-@device
+@inlined
 def voltage(net: Network, output: float, base: float) -> float:
     """Return the voltage [V] of an output, which is limited to ±1."""
     limited = clamp(output, -1.0, 1.0)

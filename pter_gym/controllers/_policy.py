@@ -128,8 +128,8 @@ class Policy:
         ----------
         function
             ``law(obs, scales, gains, memory) -> PerClutch``, a function of one world that
-            ``pter_gym.controllers.device`` compiles. ``obs·scales`` is in physical units. Voltages
-            beyond the machine's range are clipped.
+            ``pter_gym.controllers.compiled`` compiles. ``obs·scales`` is in physical units.
+            Voltages beyond the machine's range are clipped.
         gains
             Numbers that the law reads, (G,).
         machine, layout

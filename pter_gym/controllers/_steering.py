@@ -10,7 +10,7 @@ clutches cannot choose a speed, so the damper along the path has that for itself
 import math
 from typing import NamedTuple
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import entrywise
 from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, cos_difference, tip_velocity
 from pter_gym._physics.arrangement import OptionalArrangement
@@ -41,13 +41,13 @@ class Tip(NamedTuple):
     curvature: float
 
 
-@device
+@inlined
 def speed_along(tip: Tip) -> float:
     """Return the speed of the tip along the path [m/s]."""
     return tip.velocity.x * tip.heading.cos + tip.velocity.y * tip.heading.sin
 
 
-@device
+@inlined
 def wanted_direction(g: Gains, tip: Tip) -> tuple[float, float]:
     """Return the unit vector in which the tip should move, (t + (lead·κ·v − approach·e)·n)/|…|."""
     back = g.lead * tip.curvature * speed_along(tip) - g.approach * tip.error
@@ -58,7 +58,7 @@ def wanted_direction(g: Gains, tip: Tip) -> tuple[float, float]:
     )
 
 
-@device
+@inlined
 def turning_torques(g: Gains, tip: Tip) -> tuple[float, float]:
     """Return the joint torques [N·m] that turn the ratio of the joint velocities.
 
@@ -79,13 +79,13 @@ def turning_torques(g: Gains, tip: Tip) -> tuple[float, float]:
     return -g.strength * sine * n_a, -g.strength * sine * n_b
 
 
-@device
+@inlined
 def at_speed(q: Motion, omega_a: float, omega_b: float) -> Motion:
     """Return a motion in the same pose with other angular velocities [rad/s]."""
     return Motion(q.theta_a, q.theta_b, omega_a, omega_b, q.cos_a, q.sin_a, q.cos_b, q.sin_b)
 
 
-@device
+@inlined
 def matching(
     tip: Tip, u_x: float, u_y: float, turn: float, line: tuple[float, float], w: tuple[float, float]
 ) -> float:
@@ -110,7 +110,7 @@ def matching(
     return along * along / (line_x * line_x + line_y * line_y) if helps else -1.0
 
 
-@device
+@inlined
 def line_and_row(
     k: int, arrangement: OptionalArrangement
 ) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -120,7 +120,7 @@ def line_and_row(
     return LINES[k], COUPLING[k]
 
 
-@device
+@inlined
 def steered(
     g: Gains,
     tip: Tip,
@@ -154,7 +154,7 @@ def steered(
 
 
 @entrywise
-@device
+@inlined
 def enlarged(wanted: float, number: float, chosen: float, torque: float) -> float:
     """Return a desired torque, larger for the chosen clutch; a brake's voltage has no sign."""
     more = torque if number == chosen else 0.0

@@ -45,7 +45,7 @@ class ActingPolicy:
     Parameters
     ----------
     policy
-        A controller, a trained policy, or any function from observations, float32 (N, entries), to
+        A law, a trained policy, or any function from observations, float32 (N, entries), to
         volts, (N, clutches). It is bound to ``nominal_machine`` of the environment.
     env
         The environment, with its wrappers: a single one, a vector environment, or a ``VecEnv`` of

@@ -34,13 +34,13 @@ def find_base(base: object, scenario: str) -> Controller:
     Raises
     ------
     ParameterError
-        If there is no such law, or it is no controller.
+        If there is no such law.
     """
     if isinstance(base, str):
         return (find_paced if base in CONTROLLERS else find_tuned)(base, scenario)
     if not isinstance(base, Controller) or isinstance(base, type):
         raise ParameterError(
-            "base must be the name of a control law, such as 'single-dof-tuned', or a controller, "
+            "base must be a control law or the name of one, such as 'single-dof-tuned', "
             f"got {base!r:.200}"
         )
     return base

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 FRAME_SKIP = 3
 """Control steps for which environments with a scenario hold an action: noise that is new at each
-decision then gets through the clutches' lag, so that stock algorithms explore."""
+step then gets through the clutches' lag, so that stock algorithms explore."""
 
 
 class Arguments(TypedDict, total=False):
@@ -246,15 +246,15 @@ def _make_batch(
         if frame_skip is None and base is None:
             frame_skip = FRAME_SKIP
     frames = 1 if frame_skip is None else whole_number("frame_skip", frame_skip)
-    limit = engine.pop("max_episode_steps", None)
-    if limit is not None:
-        limit = frames * whole_number("max_episode_steps", limit)
+    max_steps = engine.pop("max_episode_steps", None)
+    if max_steps is not None:
+        max_steps = frames * whole_number("max_episode_steps", max_steps)
     shared: dict[str, Any] = {
         "draws": scenario is not None,
         "sensors": sensors,
         "observe_context": observe_context,
         "frame_skip": frames,
-        "max_steps": limit,
+        "max_steps": max_steps,
         **engine,
     }
     if base is None:

@@ -110,7 +110,7 @@ def from_actions(
 
 
 class Model:
-    """A model of a learning library as a controller, which acts once bound.
+    """A model of a learning library as a law, which acts once bound.
 
     Attributes
     ----------

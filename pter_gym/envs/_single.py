@@ -107,13 +107,13 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
       (`pter_gym.scenarios.distributions`). `machine`, `path` and the other fields then replace what
       is drawn. By default actions are held for 3 control steps, the pace is drawn between the
       slowest and the fastest named one, and episodes of a named scenario begin anywhere along the
-      path, moving; with `starts="rest"` they begin like evaluation episodes, so exploration sees
+      path, moving; with `starts="rest"` they begin like test episodes, so exploration sees
       little of the path.
     - `contexts`, `context_seed`: number of pairs of machine and task that a scenario's episodes
       draw from, 512 by default, and the seed of their list.
     - `observe_context`: whether the observation ends with the context of machine and task (time
-      constant, torque and drift of the clutches, what the hand adds). The telemetry always includes
-      it.
+      constant, torque and friction drift of the clutches, what the hand adds). The telemetry always
+      includes it.
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
     - `action_unit`: `"normalised"` (default) or `"volt"`.
     - `frame_skip`: control steps (of 10 ms) for which an action is held, 1 by default. The rewards

@@ -106,7 +106,7 @@ class JaxEnv:
         self.observation_layout: Layout = env.observation_layout
         self.frame_skip = env.frame_skip
         self.num_actions = env.batch.num_actions
-        arrays = env.batch.device_arrays()
+        arrays = env.batch.kernel_arrays()
         self.default_params = EnvParams(words_of(arrays["config"]), words_of(arrays["constants"]))
         self._empty = words_of(arrays["worlds"][0, :, 0])
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from pter_gym._compiled.compiler import compile_kernel, device, outlined
+from pter_gym._compiled.compiler import compile_kernel, inlined, outlined
 from pter_gym._compiled.records import load, store, width
 from pter_gym._physics.arm import Load, PerLink
 from pter_gym._physics.clutch import PerClutch, Torques
@@ -39,7 +39,7 @@ _STATE, _STEADY = LAST - FIRST, width(Torques)
 """How many these are, and of what its clutches tend to."""
 
 
-@device
+@inlined
 def load_on(body: Any, i: int) -> Load:
     """Return what acts on the arm."""
     return load(body, BODY.load, i)
@@ -92,7 +92,7 @@ _aim_half, _aim_whole = (adjoint_of(aim, constants=(whole,)) for whole in (False
 _drift_half, _drift_whole = (adjoint_of(drift, "h", constants=(whole,)) for whole in (False, True))
 
 
-@device
+@inlined
 def _drift_adjoint(body: Any, bar: Any, h: float, whole: bool, aims: bool) -> None:
     """Pull adjoints back through a drift, and through the aim before it if there is one."""
     if whole:
@@ -106,7 +106,7 @@ def _drift_adjoint(body: Any, bar: Any, h: float, whole: bool, aims: bool) -> No
             _aim_half(body, 0, bar)
 
 
-@device
+@inlined
 def _take_adjoint(bar: Any) -> None:
     """Pull adjoints back from the velocities after a kick to those that ``find`` stores."""
     bar[BODY.omega.a, 0] += bar[OMEGA.a, 0]
@@ -123,7 +123,7 @@ def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
     find, share = stages.find, stages.share
     find_adjoint, share_adjoint = adjoint_of(find, "h"), adjoint_of(share)
 
-    @device
+    @inlined
     def whole_adjoint(w: Any, i: int, bar: Any, span: float) -> float:
         _take_adjoint(bar)
         return find_adjoint(w, i, bar, span)
@@ -156,18 +156,18 @@ def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
     return whole_adjoint, kick_adjoint
 
 
-@device
+@inlined
 def lags(body: Any) -> bool:
     """Return whether the voltage lags, so that steady torques change within a control step."""
     return body[BODY.machine.voltage_decay.rise, 0] != 0.0
 
 
-@device
+@inlined
 def _set_load(body: Any, force: Any, target: Any) -> None:
     store(body, BODY.load, 0, Load(force[0], force[1], 0.0, 0.0, target[0], target[1]))
 
 
-@device
+@inlined
 def _bring_back(body: Any, kept: Any) -> None:
     """Bring back the state before a stage, and what clutches tend to in it."""
     for row in range(_STATE):
@@ -179,7 +179,7 @@ def _bring_back(body: Any, kept: Any) -> None:
 def _forward_on(kick: Any) -> Any:
     """Return ``forward`` through a control step whose kicks are ``kick``."""
 
-    @device
+    @inlined
     def forward(body: Any, h: float, force: Any, target: Any, tape: Any) -> None:
         """Move a body, which has its command, through a control step with substeps of h [s].
 
@@ -211,7 +211,7 @@ def _backward_on(stages: Kick) -> Any:
     """Return ``backward`` through a control step with those kicks."""
     whole_adjoint, kick_adjoint = kick_adjoints(stages)
 
-    @device
+    @inlined
     def backward(
         body: Any,
         bar: Any,

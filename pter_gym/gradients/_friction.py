@@ -1,13 +1,13 @@
 """The derivatives of the friction problem ``friction.resolve``, written by hand."""
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import slip_velocities, torques_on_links
 from pter_gym._physics.step import sliding_torques
 
 
-@device
+@inlined
 def momentum_bar(
     m11: float,
     m12: float,
@@ -35,7 +35,7 @@ def momentum_bar(
     return inverse * (m22 * by_a - m12 * by_b), inverse * (m11 * by_b - m12 * by_a)
 
 
-@device
+@inlined
 def resolve_adjoint(
     m11: float,
     m12: float,
@@ -60,7 +60,7 @@ def resolve_adjoint(
     return -q_a * omega_a, -q_a * omega_b - q_b * omega_a, -q_b * omega_b, q_a, q_b, c1, c2, c3, c4
 
 
-@device
+@inlined
 def resolve_tangent(
     m11: float,
     m12: float,

@@ -5,7 +5,7 @@ Each tangent is a lane, and all lanes share the numbers of the substep itself.
 
 from typing import Any
 
-from pter_gym._compiled.compiler import device, outlined
+from pter_gym._compiled.compiler import inlined, outlined
 from pter_gym._compiled.records import flat, load, store
 from pter_gym._physics.open_loop import BODY
 from pter_gym._physics.order import CYCLE, DRIFTS_WHOLE, is_kick, stage_count
@@ -61,7 +61,7 @@ def substep_tangents(arrangement_at: Any, torque_lanes: int) -> Any:
     relax = tangent_of(drift, "h", constants=(whole,), active=TORQUES, lanes=first)
     turn = tangent_of(drift, "h", constants=(whole,), active=MOTION, lanes=LANES)
 
-    @device
+    @inlined
     def advance(body: Any, dot: Any, h: float, aims: bool) -> None:
         for stage in range(stage_count(1)):
             if is_kick(stage):
@@ -79,11 +79,11 @@ def stages_in_span(stages: Kick) -> tuple[Any, Any]:
     """Return a kick over the span in the column as a stage, and a divided kick's next part."""
     find_over, share = stages.find, stages.share
 
-    @device
+    @inlined
     def find(w: Any, i: int) -> None:
         find_over(w, i, w[BODY.span, i])
 
-    @device
+    @inlined
     def take_part(w: Any, i: int) -> None:
         """Take the kick up to the first change, and find the rest of it."""
         span = w[BODY.span, i]
@@ -108,7 +108,7 @@ def _kick_tangents(arrangement_at: Any) -> Any:
                 break
             part(body, 0, dot)
 
-    @device
+    @inlined
     def kick(body: Any, dot: Any, h: float) -> None:
         body[BODY.span, 0] = h
         for j in range(dot.shape[1]):

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import flat
 from pter_gym._compiled.source import compile_source
 from pter_gym._physics.arrangement import Arrangement
@@ -304,7 +304,7 @@ def tangent_of(
 
 def _compiled(name: str, arguments: tuple[str, ...], lines: list[str]) -> Any:
     header = f"def {name}({', '.join(('w', 'i', *arguments))}):"
-    return device(compile_source("\n    ".join([header, *lines]), name, dict(_NAMES)))
+    return inlined(compile_source("\n    ".join([header, *lines]), name, dict(_NAMES)))
 
 
 def _forward(made: tuple[_Value, ...], kind: str, of: tuple[Any, ...]) -> str:

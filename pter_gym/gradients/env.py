@@ -77,7 +77,7 @@ class DifferentiableEnv(jax_env.JaxEnv):
             raise ParameterError(
                 "machine must have the paper's clutches for a step to be differentiated"
             )
-        if env.batch.device_arrays()["worlds"].shape[1] != BASIC_ROWS:
+        if env.batch.kernel_arrays()["worlds"].shape[1] != BASIC_ROWS:
             raise ParameterError(
                 "hand must be a push and sines, and sensing ideal, for a step to be "
                 "differentiated: not a recorded hand, one with an intent, or noise and delay"
@@ -264,7 +264,7 @@ def _following(config: Config, frame_skip: int) -> Any:
             _set_strengths(w, 0, period)
             move(w)
             _locate(w, 0, constants)
-            _judge(w, 0, period, config.limit)
+            _judge(w, 0, period, config.max_steps)
             return jnp.stack(
                 [jnp.asarray(w[row, 0], numbers.dtype) for row in range(BASIC_ROWS)]
             ), w[ROW.reward, 0]

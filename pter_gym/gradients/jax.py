@@ -22,7 +22,7 @@ except ImportError as error:
     raise ImportError(str(needs_extra("pter_gym.gradients.jax", "jax"))) from error
 
 from pter_gym._compiled.addresses import caller, export
-from pter_gym._compiled.compiler import inlined
+from pter_gym._compiled.compiler import compiled
 from pter_gym._compiled.records import flat
 from pter_gym._physics.model import arrangement_of, model_of
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, State
@@ -280,7 +280,7 @@ def _registered(name: str, has_paper_clutches: bool) -> str:
     return called
 
 
-@inlined
+@compiled
 def _rollout(buffers: int, first: int, i: int) -> tuple[Any, Any, Any, Any]:
     """Return body, voltages, forces and targets of rollout ``i``, in buffers from ``first`` on."""
     body, volts = _double_rows(buffers, first)[i], _double_rows(buffers, first + 1)[i]
@@ -295,7 +295,7 @@ def _rollout(buffers: int, first: int, i: int) -> tuple[Any, Any, Any, Any]:
     )
 
 
-@inlined
+@compiled
 def _states(buffers: int, number: int, i: int) -> Any:
     """Return the states of rollout ``i`` at the control instants."""
     states = _double_rows(buffers, number)[i]
@@ -308,7 +308,7 @@ def _forward_handler(forward: Any) -> Any:
     Its arguments are the substep, bodies, voltages, forces and targets; its result states.
     """
 
-    @inlined
+    @compiled
     def handler(arguments: int, results: int) -> None:
         h = _double_rows(arguments, 0)[0, 0]
         for i in range(len(_double_rows(arguments, 1))):
@@ -324,7 +324,7 @@ def _backward_handler(backward: Any) -> Any:
     adjoints of all of them but the substep.
     """
 
-    @inlined
+    @compiled
     def handler(arguments: int, results: int) -> None:
         h = _double_rows(arguments, 0)[0, 0]
         for i in range(len(_double_rows(arguments, 1))):

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, NamedTuple
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import Entry
 from pter_gym._physics.arm import UnitVector
 
@@ -53,20 +53,20 @@ NO_FORCE = HandModel(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, _NO_SINES, _NO_SINES, _S
 """A hand that does nothing by itself."""
 
 
-@device
+@inlined
 def intent_speed(time: float, rise: float, speed: float) -> float:
     """Return the speed of the intended point [m/s]: from rest with minimum jerk, then constant."""
     u = time / rise
     return speed * (u * u * (3.0 - 2.0 * u) if u < 1.0 else 1.0)
 
 
-@device
+@inlined
 def unit_vector(angle: float) -> UnitVector:
     """Return cosine and sine of an angle [rad]."""
     return UnitVector(math.cos(angle), math.sin(angle))
 
 
-@device
+@inlined
 def turned(vector: UnitVector, by: UnitVector) -> UnitVector:
     """Turn a unit vector by another one."""
     return UnitVector(
@@ -74,14 +74,14 @@ def turned(vector: UnitVector, by: UnitVector) -> UnitVector:
     )
 
 
-@device
+@inlined
 def renewed(vector: UnitVector) -> UnitVector:
     """Bring a unit vector back to unit length."""
     scale = 1.5 - 0.5 * (vector.cos * vector.cos + vector.sin * vector.sin)
     return UnitVector(vector.cos * scale, vector.sin * scale)
 
 
-@device
+@inlined
 def sum_of_sines(amplitude: PerSine, sines: Sines) -> float:
     """Return the disturbance [N] (paper Eq. 5)."""
     total = 0.0
@@ -90,7 +90,7 @@ def sum_of_sines(amplitude: PerSine, sines: Sines) -> float:
     return total
 
 
-@device
+@inlined
 def advance_sines(sines: Sines, turn: Sines) -> Sines:
     """Advance sines by rotations."""
     return Sines(
@@ -102,7 +102,7 @@ def advance_sines(sines: Sines, turn: Sines) -> Sines:
     )
 
 
-@device
+@inlined
 def renew_sines(sines: Sines) -> Sines:
     """Bring the unit vectors of sines back to unit length."""
     return Sines(

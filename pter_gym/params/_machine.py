@@ -20,7 +20,7 @@ from pter_gym.params._fields import (
 )
 
 Lag = Literal["normal_force", "voltage"]
-Band = Literal["limit", "printed"]
+Band = Literal["vanishing", "printed"]
 
 _CONSTANT = "chosen: T_k is the same at all speeds"
 _NO_HAND = "published: the paper's hand is a force alone"
@@ -110,7 +110,7 @@ class Clutch(Checked):
 
     Within the stick band it holds up to T_s. Where T_k exceeds T_s, Eq. 2 as printed lets it creep
     at the edge of the band, δω, under a load between the two (``band`` "printed"); as the band
-    vanishes, that load holds it ("limit").
+    vanishes, that load holds it ("vanishing").
     """
 
     breakaway: TorqueCurve = quantity(
@@ -136,7 +136,7 @@ class Clutch(Checked):
         "s", "chosen: of no effect without fade", above=0.0, default=60.0, later=True
     )
     band: Band = quantity(
-        "1", "chosen: of no effect unless T_k exceeds T_s", default="limit", later=True
+        "1", "chosen: of no effect unless T_k exceeds T_s", default="vanishing", later=True
     )
 
     def __post_init__(self) -> None:

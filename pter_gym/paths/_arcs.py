@@ -17,7 +17,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import Entry, rows
 from pter_gym.errors import ParameterError
 from pter_gym.params import Checked
@@ -172,9 +172,9 @@ def chain(pieces: Sequence[Piece]) -> Arcs:
     start = 0.0
     for begin, direction, curvature, length in pieces:
         point, heading = begin, direction
-        parts = parts_of(curvature, length)
-        step = length / parts
-        for _ in range(parts):
+        count = arcs_needed(curvature, length)
+        step = length / count
+        for _ in range(count):
             rows.append(
                 ArcSegment(
                     point.real, point.imag, heading.real, heading.imag, curvature, start, step
@@ -185,13 +185,13 @@ def chain(pieces: Sequence[Piece]) -> Arcs:
     return Arcs(np.array(rows))
 
 
-@device
-def parts_of(curvature: float, length: float) -> int:
+@inlined
+def arcs_needed(curvature: float, length: float) -> int:
     """Return the number of arcs into which one is cut."""
     return max(1, math.ceil(abs(curvature) * length / MAX_TURN))
 
 
-@device
+@inlined
 def end_of(
     point: complex, heading: complex, curvature: float, length: float
 ) -> tuple[complex, complex]:
@@ -202,12 +202,12 @@ def end_of(
     )
 
 
-@device
+@inlined
 def _sinc(x: float) -> float:
     return math.sin(x) / x if x != 0.0 else 1.0
 
 
-@device
+@inlined
 def arc_between(begin: complex, heading: complex, end: complex) -> Piece:
     """Return the arc that leaves ``begin`` with a unit heading and ends in ``end``."""
     chord = (end - begin) * heading.conjugate()
@@ -215,7 +215,7 @@ def arc_between(begin: complex, heading: complex, end: complex) -> Piece:
     return begin, heading, 2.0 * math.sin(half) / abs(chord), abs(chord) / _sinc(half)
 
 
-@device
+@inlined
 def biarc(
     begin: complex, from_heading: complex, end: complex, to_heading: complex
 ) -> tuple[Piece, Piece]:
@@ -235,7 +235,7 @@ def biarc(
     return first, arc_between(joint, from_heading * cmath.exp(1j * curvature * length), end)
 
 
-@device
+@inlined
 def heading_through(before: complex, here: complex, after: complex) -> complex:
     """Return the unit heading at a point of the circle from one point through it to another."""
     came, goes = here - before, after - here
@@ -243,7 +243,7 @@ def heading_through(before: complex, here: complex, after: complex) -> complex:
     return along / abs(along)
 
 
-@device
+@inlined
 def mirrored(heading: complex, chord: complex) -> complex:
     """Return the unit heading at one end of an arc, from that at the other and the chord."""
     direction = chord / abs(chord)

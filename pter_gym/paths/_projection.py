@@ -8,7 +8,7 @@ the foot moves continuously while the point stays nearer to the path than its ce
 import math
 from typing import Annotated, Any, NamedTuple
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import Entry, read, width
 from pter_gym._physics.arm import UnitVector
 from pter_gym.paths._arcs import SEGMENT, ArcSegment
@@ -26,13 +26,13 @@ class Foot(NamedTuple):
     segment: Annotated[float, Entry("1", "number of the arc that holds the projection")]
 
 
-@device
+@inlined
 def segment_at(constants: Any, first: int, segment: int) -> ArcSegment:
     """Read an arc of the chain that begins at ``first`` in the constants."""
     return read(constants, SEGMENT, first + segment * SEGMENT_WIDTH)
 
 
-@device
+@inlined
 def foot_on(arc: ArcSegment, segment: int, x: float, y: float) -> Foot:
     """Return the projection of a point (x, y) [m] onto an arc that is extended beyond its ends."""
     from_x = x - arc.x
@@ -61,7 +61,7 @@ def foot_on(arc: ArcSegment, segment: int, x: float, y: float) -> Foot:
     )
 
 
-@device
+@inlined
 def neighbour(arc: ArcSegment, segment: int, count: int, s: float, direction: int) -> int:
     """Return 1 or −1 if a foot at the arc length s [m] leaves for the next or last arc, else 0.
 
@@ -72,7 +72,7 @@ def neighbour(arc: ArcSegment, segment: int, count: int, s: float, direction: in
     return 1 if ahead else -1 if behind else 0
 
 
-@device
+@inlined
 def project(constants: Any, first: int, count: int, segment: int, x: float, y: float) -> Foot:
     """Project a point (x, y) [m] onto a chain of ``count`` arcs, from the arc that it was on.
 
@@ -90,7 +90,7 @@ def project(constants: Any, first: int, count: int, segment: int, x: float, y: f
     return foot
 
 
-@device
+@inlined
 def segment_of(constants: Any, first: int, count: int, s: float) -> int:
     """Return the number of the arc that contains an arc length [m]."""
     low = 0
@@ -104,7 +104,7 @@ def segment_of(constants: Any, first: int, count: int, s: float) -> int:
     return low
 
 
-@device
+@inlined
 def point_at(constants: Any, first: int, count: int, s: float) -> tuple[float, float]:
     """Return the point (x, y) [m] at an arc length [m]; first and last arc are extended."""
     arc = segment_at(constants, first, segment_of(constants, first, count, s))

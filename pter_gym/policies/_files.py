@@ -70,7 +70,7 @@ def is_here(name: str) -> bool:
 
 
 def read_policy(name: FilePath) -> "TrainedPolicy":
-    """Return a trained policy as a controller, which acts once bound to a machine and a layout.
+    """Return a trained policy as a law, which acts once bound to a machine and a layout.
 
     ``pter_gym.load_policy`` returns one that is ready to act in an environment.
 

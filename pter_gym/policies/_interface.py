@@ -2,7 +2,7 @@
 
 The inputs are quantities in the observation or derived from it, each shifted and scaled. The
 outputs, one for each clutch and within [−1, 1], are voltages relative to the middle of the range or
-to a base controller's voltages (a residual policy), or they are the environments' normalised
+to a base law's voltages (a residual policy), or they are the environments' normalised
 actions.
 """
 
@@ -28,10 +28,10 @@ from pter_gym.params import (
 from pter_gym.tasks.path_following._actions import volts_of
 
 MAX_DELAY = 64
-"""Largest delay of an input, in decisions."""
+"""Largest delay of an input, in steps of the policy."""
 
 MAX_AVERAGE = 1000
-"""Largest time constant of an average, in decisions."""
+"""Largest time constant of an average, in steps of the policy."""
 
 MAX_INPUTS = 256
 """Largest number of inputs, without earlier ones and averages."""
@@ -77,21 +77,21 @@ class Interface:
     inputs
         Its inputs, in order.
     reach
-        Voltage of an output of 1, relative to the middle of the range or to the base controller
+        Voltage of an output of 1, relative to the middle of the range or to the base law
         [V].
     base
-        The controller that the outputs correct; None for the middle of the range.
+        The law that the outputs correct; None for the middle of the range.
     history
-        Delays in decisions, rising, at which the network also sees its inputs. Before the start of
+        Delays in steps, rising, at which the network also sees its inputs. Before the start of
         an episode, they equal those at the start.
     averages
-        Time constants in decisions, rising, of first-order low-passes of its inputs, which the
+        Time constants in steps, rising, of first-order low-passes of its inputs, which the
         network also sees.
     normalised
         Whether the outputs a are the environments' normalised actions, for voltage_max·((a +
         1)/2)². Then there is no base, and ``reach`` is not used.
     frame_skip
-        Control steps for which a decision is held.
+        Control steps for which an action is held: a step of the policy.
     voltage_max
         Largest voltage of the clutches that it was trained with [V].
     clutches
@@ -156,7 +156,7 @@ def quantities(physical: Any, base: Any, layout: Layout, *, residual: bool) -> A
         Observations in their units, (N, entries); a NumPy array or one from a library with the same
         interface.
     base
-        Voltages of the base controller [V], (N, 4).
+        Voltages of the base law [V], (N, 4).
     layout
         Of the observations.
     residual
@@ -188,5 +188,5 @@ def corrected(outputs: Any, base: Any, reach: float, voltage_max: float) -> Any:
 
 
 def middle_volts(worlds: int, interface: Interface) -> Any:
-    """Return the voltages [V] that a network without a base controller corrects, (N, 4)."""
+    """Return the voltages [V] that a network without a base law corrects, (N, 4)."""
     return np.full((worlds, 4), 0.5 * interface.voltage_max)

@@ -16,7 +16,7 @@ BUILT_IN = (
     "locked",
     "random",
 )
-"""Names of the built-in controllers, in their order in ``CONTROLLERS``."""
+"""Names of the built-in laws, in their order in ``CONTROLLERS``."""
 
 TUNED_TABLE = Path(__file__).parents[1] / "presets" / "tuned.toml"
 
@@ -25,7 +25,7 @@ SUFFIX = "-tuned"
 
 @cache
 def tuned_policies() -> tuple[str, ...]:
-    """Return the names under which controllers are found with shipped gains."""
+    """Return the names under which laws are found with shipped gains."""
     scenarios = read_toml(TUNED_TABLE, "tuned gains").values()
     return tuple(f"{name}{SUFFIX}" for name in BUILT_IN if any(name in each for each in scenarios))
 

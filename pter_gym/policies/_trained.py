@@ -31,7 +31,7 @@ def are_hidden(sizes: tuple[int, ...]) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class TrainedPolicy:
-    """A trained policy; like a controller, it acts once it is bound.
+    """A trained policy; like a law, it acts once it is bound.
 
     Attributes
     ----------

@@ -1,10 +1,10 @@
-"""Controllers with shipped gains: tuned ones, and the paper's with a damper for each pace.
+"""Control laws with shipped gains: tuned ones, and the paper's with a damper for each pace.
 
-``presets/tuned.toml`` has a table for each scenario, controller and pace: the gains that ``pter
-tune`` found on training draws, the defaults of all others, the search command, and scores on draws
+``presets/tuned.toml`` has a table for each scenario, law and pace: the gains that ``pter tune``
+found on training episodes, the defaults of all others, the search command, and scores on episodes
 that the search had not seen. ``presets/dampers.toml``, by ``docs/make/store.py dampers``, has
 the damper along the path with which the paper's gains, made for about 0.5 m/s, keep a commanded
-pace on a scenario's training draws.
+pace on a scenario's training episodes.
 """
 
 from collections.abc import Iterable, Mapping
@@ -27,7 +27,7 @@ TABLE = TUNED_TABLE
 DAMPERS = TABLE.with_name("dampers.toml")
 
 NEAREST = MappingProxyType({"tremor": "hands", "corridor": "standard", "wall": "standard"})
-"""The scenario whose gains serve where there are none for another, chosen on training draws."""
+"""The scenario whose gains serve where there are none for another, chosen on training episodes."""
 
 FALLBACK = "everything"
 """The scenario whose gains serve where there are none for that one either."""
@@ -39,7 +39,7 @@ Table = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
 
 
 def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE) -> PaceSchedule:
-    """Return a controller, such as ``impedance-tuned``, whose gains follow the commanded pace.
+    """Return a law, such as ``impedance-tuned``, whose gains follow the commanded pace.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
     Raises
     ------
     ParameterError
-        If there is no such controller, or no gains for it.
+        If there is no such law, or no gains for it.
     DataError
         If the file is not as ``pter tune`` writes it.
     """
@@ -77,9 +77,9 @@ def places_of(scenario: str | None) -> list[str]:
 
 
 def read_tuned(path: FilePath, scenario: str | None = None) -> PaceSchedule:
-    """Return the controller in a file of ``pter tune --out``, with the gains for a scenario.
+    """Return the law in a file of ``pter tune --out``, with the gains for a scenario.
 
-    Raises a ParameterError if it does not exist or has several controllers, a DataError if it is
+    Raises a ParameterError if it does not exist or has several laws, a DataError if it is
     another kind of file.
     """
     path = find_path("policies", path)
@@ -91,7 +91,7 @@ def read_tuned(path: FilePath, scenario: str | None = None) -> PaceSchedule:
     if len(entries) != 1:
         names = ", ".join(f"{name} for {place}" for name, place in entries) or "none"
         raise ParameterError(
-            f"policies must name a file with gains of one controller, {str(path)!r} has {names}"
+            f"policies must name a file with gains of one law, {str(path)!r} has {names}"
         )
     ((name, place),) = entries
     return _schedule(
@@ -100,7 +100,7 @@ def read_tuned(path: FilePath, scenario: str | None = None) -> PaceSchedule:
 
 
 def find_paced(name: str, scenario: str | None) -> Controller:
-    """Return a controller by its name, with a damper for each pace where there are some."""
+    """Return a law by its name, with a damper for each pace where there are some."""
     controller = CONTROLLERS[name]()
     tables = (damping_table().get(place, {}) for place in places_of(scenario) if scenario)
     dampers = next((table[name] for table in tables if name in table), None)
@@ -114,14 +114,14 @@ def find_paced(name: str, scenario: str | None) -> Controller:
 
 @cache
 def damping_table() -> Mapping[str, Mapping[str, Mapping[str, float]]]:
-    """Return the damper along the path [N·s/m] by scenario, controller and pace."""
+    """Return the damper along the path [N·s/m] by scenario, law and pace."""
     return read_toml(DAMPERS, "dampers")
 
 
 def read_table(path: FilePath = TABLE) -> Table:
-    """Return the tuned gains by scenario, controller and pace; empty if there is no file.
+    """Return the tuned gains by scenario, law and pace; empty if there is no file.
 
-    Raises a DataError if it cannot be read, names an unknown controller or pace, or does not hold
+    Raises a DataError if it cannot be read, names an unknown law or pace, or does not hold
     tables.
     """
     path = find_path("path", path)
@@ -136,14 +136,13 @@ def read_table(path: FilePath = TABLE) -> Table:
                         or not isinstance(entry["gains"], dict)
                     ):
                         raise ValueError(
-                            f"{scenario}.{controller}.{pace} must hold gains of a "
-                            "controller at a pace"
+                            f"{scenario}.{controller}.{pace} must hold gains of a law at a pace"
                         )
     return table
 
 
 def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
-    """Return a controller with the gains of an entry, or raise a DataError if one is wrong.
+    """Return a law with the gains of an entry, or raise a DataError if one is wrong.
 
     Unnamed gains take the defaults stored with it.
     """
@@ -152,21 +151,21 @@ def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
 
 
 def guided() -> dict[str, type[Guided]]:
-    """Return the controllers that have gains, by name."""
+    """Return the laws that have gains, by name."""
     return {name: kind for name, kind in CONTROLLERS.items() if issubclass(kind, Guided)}
 
 
 def with_gains(name: str, gains: Mapping[str, Any]) -> Guided:
-    """Return a guiding controller by its name; unnamed gains take their defaults.
+    """Return a guiding law by its name; unnamed gains take their defaults.
 
     Raises
     ------
     ParameterError
-        If there is no such controller or gain (the nearest is suggested), or a gain is rejected.
+        If there is no such law or gain (the nearest is suggested), or a gain is rejected.
     """
     laws = guided()
     if name not in laws:
-        raise unknown_name("controller", name, laws)
+        raise unknown_name("law", name, laws)
     names = [item.name for item in fields(laws[name])]
     for gain in gains:
         if gain not in names:
@@ -177,16 +176,16 @@ def with_gains(name: str, gains: Mapping[str, Any]) -> Guided:
 
 
 def _schedule(laws: Iterable[tuple[str, Guided]], **options: Any) -> PaceSchedule:
-    """Return controllers given by the names of their paces as one."""
+    """Return laws given by the names of their paces as one."""
     knots = ((find_pace(pace), law) for pace, law in laws)
     return PaceSchedule(tuple(sorted(knots, key=lambda knot: knot[0])), **options)
 
 
 def tuned_names(table: Table) -> tuple[str, ...]:
-    """Return the names under which controllers are found with the gains of a table."""
+    """Return the names under which laws are found with the gains of a table."""
     there = {name for controllers in table.values() for name in controllers}
     return tuple(name + SUFFIX for name in CONTROLLERS if name in there)
 
 
 TUNED = tuned_policies()
-"""Names under which controllers are found with shipped gains."""
+"""Names under which laws are found with shipped gains."""

@@ -1,4 +1,4 @@
-"""The draws of stored and fresh evaluation episodes, separate from all training draws."""
+"""Draws of test episodes, stored and of a seed, separate from those of training episodes."""
 
 import math
 from dataclasses import replace
@@ -12,10 +12,10 @@ from pter_gym.scenarios.distributions import Pair
 from pter_gym.tasks.path_following import PathFollowing
 
 STREAM = 20261120
-"""Where the seeds of all stored evaluation episodes begin."""
+"""Where the seeds of stored test episodes begin."""
 
 FRESH, FRESH_RESETS, FRESH_ORDER = 20261121, 20261122, 20261123
-"""Where the seeds of fresh evaluation episodes begin, of their resets, and of their order."""
+"""Where the seeds of a seed's test episodes begin, of their resets, and of their order."""
 
 
 Episode = tuple[Machine, PathFollowing, str]
@@ -23,7 +23,7 @@ Episode = tuple[Machine, PathFollowing, str]
 
 
 def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -> list[Episode]:
-    """Return evaluation episodes of a scenario, always the same for the same seed.
+    """Return test episodes of a scenario, always the same for the same seed.
 
     The phases of the hand's sines are drawn here, so the reset's seed only determines the sensor
     noise.
@@ -33,7 +33,7 @@ def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -
     scenario
         The scenario.
     fresh
-        Seed ≥ 0 of fresh episodes, and the name of their pace: as many in each stratum as stored
+        Seed ≥ 0 of test episodes, and the name of their pace: as many in each stratum as stored
         ones. They differ from pace to pace, so a policy cannot use what it remembers from another
         pace. None draws the stored ones.
     """
@@ -60,7 +60,7 @@ def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -
 
 
 def fresh_reset_seeds(scenario: Scenario, fresh: tuple[int, str]) -> list[int]:
-    """Return the seeds of the resets of fresh episodes, from their seed and their pace's name."""
+    """Return the seeds of the resets of test episodes, from their seed and their pace's name."""
     rng = _fresh_rng(FRESH_RESETS, scenario, fresh)
     return rng.integers(2**63, size=scenario.episodes).tolist()
 

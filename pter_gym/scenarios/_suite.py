@@ -1,7 +1,7 @@
 """The suite: named and versioned scenarios, each with its draws of machine and task.
 
-``PTER/<Scenario>-v0`` is ``PTER/PathFollowing-v0`` on a scenario's training draws. The episodes on
-which policies are compared are stored data; see ``pter_gym.benchmark``.
+``PTER/<Scenario>-v0`` is ``PTER/PathFollowing-v0`` on a scenario's training episodes. Test episodes
+are stored data; see ``pter_gym.benchmark``.
 
 To add a scenario, add an entry to ``_SUITE`` here and to ``SUITE_DRAWS`` in ``_variations``: its
 id, its stored episodes and their strata follow from these. This module imports nothing heavy, since
@@ -37,11 +37,11 @@ class Scenario:
     asks
         What it requires of a policy, in one sentence.
     episodes
-        Number of its stored evaluation episodes.
+        Number of its test episodes.
     stratum
-        The part of the task whose kind defines an evaluation episode's stratum.
+        The part of the task whose kind defines a test episode's stratum.
     place
-        Number from which the seed of its evaluation episodes is derived; by default, the seed is
+        Number from which the seed of its test episodes is derived; by default, the seed is
         derived from name and version.
     own
         Its draws; by default those of the suite's scenario of this name.
@@ -69,14 +69,14 @@ class Scenario:
 
     @property
     def draws(self) -> "Draws":
-        """What its training and evaluation episodes are drawn from."""
+        """What its training and test episodes are drawn from."""
         from pter_gym.scenarios._variations import SUITE_DRAWS
 
         return SUITE_DRAWS[self.name] if self.own is None else self.own
 
     @property
     def nominal(self) -> "Machine":
-        """The machine that controllers are bound to: the one of all episodes, or the paper's."""
+        """The machine that laws are bound to: the one of all episodes, or the paper's."""
         from pter_gym.params import BASELINE, Machine, MachineSpread, middle_of
 
         machine = self.draws.instead or self.draws.machine
@@ -143,7 +143,7 @@ def find_scenario(
         own = machine if isinstance(machine, MachineSpread) else find_machine(machine)
         # raises where the delay is too long
         sensing_of(base.draws.varied_task.base, middle_of(own))
-        base = replace(base, own=base.draws.map_parts(lambda part: replace(part, instead=own)))
+        base = replace(base, own=base.draws.map_components(lambda one: replace(one, instead=own)))
     return base
 
 
@@ -213,7 +213,7 @@ def _on_path(scenario: Scenario, source: "Path | FilePath", smooth: float) -> Sc
         scenario,
         name=f"{scenario.name}-on-{title}",
         place=None,
-        own=scenario.draws.map_parts(changed),
+        own=scenario.draws.map_components(changed),
         gains=gains,
     )
 
@@ -248,7 +248,7 @@ _SUITE = (
     Scenario(
         "materials",
         0,
-        "Other clutches on the paper's line: material, time constant, torque errors and drift.",
+        "Other clutches on the paper's line: material, time constant, torque, friction drift.",
         episodes=300,
         place=3,
         residual=63.5,

@@ -143,7 +143,7 @@ CLUTCHES = OneOf(
 TORQUE_ERRORS = Shared(LogUniform(0.75, 1.33), LogUniform(0.9, 1.11), 4)
 """Clutch torques over those of the curves: a factor for all, and each clutch's own."""
 
-DRIFT = Uniform(-0.015, 0.015)
+FRICTION_DRIFT = Uniform(-0.015, 0.015)
 """Change of the clutch torques in a second of an episode."""
 
 ARMS = Vary(BASELINE.arm, inertia_a=Uniform(0.36, 0.6), inertia_b=Uniform(0.8, 1.3))
@@ -189,7 +189,7 @@ SUITE_DRAWS = MappingProxyType(
         "hands": Draws(task=Vary(STANDARD, hand=OneOf((FORCES, HUMANS)), pace=PACE)),
         "materials": Draws(
             machine=Vary(BASELINE, clutch=CLUTCHES, clutch_scale=TORQUE_ERRORS),
-            task=Vary(STANDARD, friction_drift=DRIFT, pace=PACE),
+            task=Vary(STANDARD, friction_drift=FRICTION_DRIFT, pace=PACE),
         ),
         "everything": Draws(
             machine=Vary(BASELINE, arm=ARMS, clutch=CLUTCHES, clutch_scale=TORQUE_ERRORS),
@@ -197,7 +197,7 @@ SUITE_DRAWS = MappingProxyType(
                 CURVED,
                 path=CURVES,
                 hand=OneOf((EQ5, FORCES, HUMANS)),
-                friction_drift=DRIFT,
+                friction_drift=FRICTION_DRIFT,
                 sensing=SENSORS,
                 pace=PACE,
             ),

@@ -228,8 +228,8 @@ class Draws(Checked):
         """Check the draws that are mixed in."""
         super().__post_init__()
         also, instead = cast(Any, self.also), cast("object", self.instead)
-        parts = cast("tuple[object, ...]", also) if isinstance(also, tuple) else (also,)
-        mixed = all(isinstance(part, Draws) for part in parts)
+        components = cast("tuple[object, ...]", also) if isinstance(also, tuple) else (also,)
+        mixed = all(isinstance(draws, Draws) for draws in components)
         require(mixed, self, "also", "a tuple of Draws")
         fixed = instead is None or isinstance(instead, Machine | MachineSpread)
         require(fixed, self, "instead", "a Machine, a MachineSpread or None")
@@ -239,7 +239,7 @@ class Draws(Checked):
         """The task, also where none of its fields is drawn."""
         return self.task if isinstance(self.task, Vary) else Vary(self.task)
 
-    def map_parts(self, change: "Callable[[Draws], Draws]") -> "Draws":
+    def map_components(self, change: "Callable[[Draws], Draws]") -> "Draws":
         """Return these draws and those mixed in, each changed by a function."""
         return replace(change(self), also=tuple(map(change, self.also)))
 
@@ -262,7 +262,7 @@ class Draws(Checked):
                     )
             return replace(draws, task=Vary(replace(base, **values), **varied))
 
-        return self.map_parts(changed) if values else self
+        return self.map_components(changed) if values else self
 
     def at_pace(self, pace: "float | str | Distribution | None") -> "Draws":
         """Return draws at a commanded pace [m/s], its name or its distribution; None: as drawn.
@@ -281,7 +281,7 @@ class Draws(Checked):
             task = Vary(varied.base, **{**varied.fields, "pace": commanded})
             return replace(draws, task=task)
 
-        return self.map_parts(changed)
+        return self.map_components(changed)
 
     def pairs(
         self, n: int = 512, seed: int = 0, pace: "float | str | Distribution | None" = None
@@ -291,7 +291,7 @@ class Draws(Checked):
         Parameters
         ----------
         n, seed
-            Number of pairs, in a mixture rounded up to the weights of its parts, and their seed.
+            Number of pairs, in a mixture rounded up to the weights of its components; their seed.
         pace
             As in ``at_pace``.
 
@@ -302,15 +302,15 @@ class Draws(Checked):
         """
         n, seed = whole_number("n", n), whole_number("seed", seed, at_least=0)
         draws = self.at_pace(pace)
-        parts = (draws, *draws.also)
-        share = -(-n // sum(part.weight for part in parts))
-        return [pair for part in parts for pair in _pairs(part, share * part.weight, seed)]
+        components = (draws, *draws.also)
+        share = -(-n // sum(one.weight for one in components))
+        return [pair for one in components for pair in _pairs(one, share * one.weight, seed)]
 
     def draw(self, rng: np.random.Generator) -> Pair:
         """Return a matching pair; a path that does not fit the workspace is drawn again."""
         if self.also:
-            parts = [part for part in (self, *self.also) for _ in range(part.weight)]
-            return replace(parts[int(rng.integers(len(parts)))], also=()).draw(rng)
+            weighted = [draws for draws in (self, *self.also) for _ in range(draws.weight)]
+            return replace(weighted[int(rng.integers(len(weighted)))], also=()).draw(rng)
         for attempt in range(TRIES):
             machine, task = drawn(self.machine, rng), drawn(self.task, rng)
             machine = machine if self.instead is None else drawn(self.instead, rng)

@@ -57,7 +57,7 @@ def test_the_study_ranks_each_seed_of_what_it_chose(
     study = load_script(FOLDER.parent / "stock" / "study.py").study
     study(("A2C",), seeds=2, seconds=0.2, out=tmp_path)
     shown = capsys.readouterr().out
-    assert shown.count("mm on training draws") == 3
+    assert shown.count("mm on training episodes") == 3
     assert all(shown.count(f"– A2C {seed} ") == 1 for seed in (1, 2)), shown
 
 

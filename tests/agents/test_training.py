@@ -52,12 +52,10 @@ def test_resumed_training_has_the_same_bits(tmp_path: Path) -> None:
         train(arguments(2, reach=3.0, **constant), tmp_path / "parts", resume=True)
     with (tmp_path / "parts" / "progress.csv").open() as text:
         table = list(csv.DictReader(text))
-    assert [int(row["decisions"]) for row in table] == sorted(
-        RunFolder(tmp_path / "parts").scores()
-    )
+    assert [int(row["steps"]) for row in table] == sorted(RunFolder(tmp_path / "parts").scores())
     seconds = [float(row["seconds"]) for row in table]
     assert seconds == sorted(seconds)
-    assert set(table[0]) == {"seconds", "decisions", "pace", "path_error_m", "completed", "ranked"}
+    assert set(table[0]) == {"seconds", "steps", "pace", "path_error_m", "completed", "ranked"}
     file = export(tmp_path / "whole", tmp_path / "mine", name="mine")
     assert {path.name for path in file.parent.iterdir()} == {"README.md", "mine.safetensors"}
     policy = read_policy(tmp_path / "mine")

@@ -1,4 +1,4 @@
-"""The evaluation episodes, stored and fresh, and what happens when stored ones are changed."""
+"""Test episodes, stored and of a seed, and what happens when stored ones are changed."""
 
 import gzip
 import json
@@ -31,7 +31,7 @@ from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from rollouts import simulate
 
 PINNED_SEEDS, PINNED_PHASE = (4215971544462223395, 7145062265811555858), 1.929293725323279
-"""Of the first fresh episodes of one seed: a seed in results means the same episodes for ever."""
+"""Of the first test episodes of one seed: a seed in results means the same episodes for ever."""
 
 SOME = [
     "standard",
@@ -93,7 +93,7 @@ def test_a_new_scenario_is_drawn_by_its_name_and_version() -> None:
 
 @pytest.mark.parametrize("name", SOME)
 def test_no_episode_is_drawn_twice_and_all_sets_have_the_same_strata(name: str) -> None:
-    """Stored episodes, fresh ones of all paces and several seeds, and training draws all differ."""
+    """Test episodes, stored and of several seeds and paces, and training episodes all differ."""
     fresh = [("medium", None), ("medium", 2**64 - 1), *((pace, 0) for pace in PACES)]
     sets = [find_episodes(name, pace, seed) for pace, seed in fresh]
     for each, (pace, _) in zip(sets, fresh, strict=True):

@@ -117,11 +117,11 @@ def test_a_file_that_has_changed_is_read_again(tmp_path: Path) -> None:
     """Also a law, whose compiled code must not outlive its text."""
     file = tmp_path / "mine.py"
     law = """
-from pter_gym.controllers import Policy, PerClutch, device
+from pter_gym.controllers import Policy, PerClutch, compiled
 
 VOLTS = {volts}
 
-@device
+@compiled
 def law(obs, scales, gains, memory):
     return PerClutch(VOLTS, 0.0, 0.0, 0.0)
 

@@ -196,7 +196,7 @@ def test_there_is_a_sentence_on_completion_and_one_for_each_footnote() -> None:
         *at_paces("lost", (0.25, 0.25, 0.25), completed=0.0, **OFF),
     ]
     text = boards_text(leaderboards(runs))
-    assert text.splitlines()[0].startswith("standard, 40 stored episodes")
+    assert text.splitlines()[0].startswith("standard, 40 test episodes")
     below = " ".join(text.split("\n\n")[2].split())
     assert below == (
         "Completed episodes: lost 0 %, all others 100 %; a rank needs 99 %. ¹ hasty is too fast: "

@@ -36,7 +36,7 @@ from rollouts import run
 DISCOUNTS = (1.0, 0.998, 0.995, 0.99)
 DRAWS = 50
 SEED = 991
-"""Of training draws."""
+"""Of training episodes."""
 
 CLEARLY = 2.0
 """Ratio of path errors beyond which scores differ clearly."""
@@ -130,7 +130,7 @@ def judge(policy: Any, course: Course) -> Judged:
 
 def sight(course: Course) -> float:
     """Return the discount whose horizon, 1/(1 − γ) control steps, is that of an episode."""
-    return 1.0 - 1.0 / float(np.median(course.episodes.limits))
+    return 1.0 - 1.0 / float(np.median(course.episodes.time_limits))
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import pytest
 
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, Assessment, Episodes, evaluate, find_policy, training_episodes
+from pter_gym.benchmark.episodes import ENTRIES
 from pter_gym.benchmark.rollout import rollout
 from pter_gym.controllers import Free, Impedance, Locked, PaceSchedule, Policy, Random, bind
 from pter_gym.errors import ParameterError
@@ -60,9 +61,9 @@ def test_a_rollout_stops_when_all_have_ended_or_reached_their_own_limits() -> No
     drawn = episodes("standard", "brisk")
     telemetry = rollout(Locked(), drawn).telemetry
     lasted = np.isfinite(telemetry[..., COLUMN.time]).sum(axis=0) - 1
-    np.testing.assert_array_equal(lasted, drawn.limits)
-    assert len(telemetry) == max(drawn.limits) + 1
-    short = replace(drawn, limits=(5, 7, 6))
+    np.testing.assert_array_equal(lasted, drawn.time_limits)
+    assert len(telemetry) == max(drawn.time_limits) + 1
+    short = replace(drawn, time_limits=(5, 7, 6))
     recorded = rollout(Locked(), short, columns=[0, 1])
     assert recorded.telemetry.shape == (8, 3, 2)
     np.testing.assert_array_equal(np.isfinite(recorded.telemetry[..., 0]).sum(axis=0), [6, 8, 7])
@@ -72,9 +73,8 @@ def test_a_rollout_stops_when_all_have_ended_or_reached_their_own_limits() -> No
 def test_nothing_is_scored_beyond_an_episodes_own_limit() -> None:
     """An episode has the scores that it has alone, whatever the limits of those beside it."""
     long, short = episodes("everything", "slow", 2), episodes("everything", "brisk", 6)
-    assert max(long.limits) > max(short.limits)
-    names = ("machines", "tasks", "seeds", "strata", "limits")
-    both = replace(short, **{name: getattr(short, name) + getattr(long, name) for name in names})
+    assert max(long.time_limits) > max(short.time_limits)
+    both = replace(short, **{name: getattr(short, name) + getattr(long, name) for name in ENTRIES})
     for ranking in (False, True):
         alone = evaluate(Locked(), short, ranking=ranking)
         beside = evaluate(Locked(), both, ranking=ranking)
@@ -86,10 +86,10 @@ def test_nothing_is_scored_beyond_an_episodes_own_limit() -> None:
 def test_validation_keeps_each_episodes_own_limit() -> None:
     """With the longest limit of the batch, torque feedback arrives in more brisk episodes."""
     drawn = training_episodes("everything", "brisk", 64, seed=0)
-    assert len(set(drawn.limits)) > 1
+    assert len(set(drawn.time_limits)) > 1
     law = find_policy("torque-feedback", "everything")
     own = evaluate(law, drawn, ranking=True)["completed"].mean()
-    longest = replace(drawn, limits=(max(drawn.limits),) * len(drawn))
+    longest = replace(drawn, time_limits=(max(drawn.time_limits),) * len(drawn))
     assert own < evaluate(law, longest, ranking=True)["completed"].mean()
 
 
@@ -122,7 +122,8 @@ def test_random_voltages_differ_in_all_episodes_and_repeat() -> None:
     drawn = episodes("standard", "brisk", 66)
 
     def first_volts(policy: Any) -> Any:
-        return rollout(policy, replace(drawn, limits=(3,) * 66)).telemetry[1, :, [*COLUMN.volts]].T
+        short = replace(drawn, time_limits=(3,) * 66)
+        return rollout(policy, short).telemetry[1, :, [*COLUMN.volts]].T
 
     volts = first_volts(Random(seed=1))
     assert len({row.tobytes() for row in volts}) == 66
@@ -140,7 +141,7 @@ def test_a_policy_with_a_memory_has_it_from_whoever_loops() -> None:
 
     layout = observation_layout(BASELINE, "torque")
     policy = Policy.of_function(count, layout, start=lambda worlds: np.zeros((worlds, 1)))
-    drawn = replace(episodes("standard", "brisk"), limits=(4, 4, 4))
+    drawn = replace(episodes("standard", "brisk"), time_limits=(4, 4, 4))
     for _ in range(2):
         volts = rollout(policy, drawn).telemetry[1:, :, COLUMN.volts.x1]
         np.testing.assert_array_equal(volts, [[1.0] * 3, [2.0] * 3, [3.0] * 3, [4.0] * 3])

@@ -24,7 +24,7 @@ EPISODES = 8
 
 HIDDEN = 8
 JUDGED = 50
-"""Other training draws, on which the best candidate is compared with the policies."""
+"""Other training episodes, on which the best candidate is compared with the policies."""
 
 STICKS = {("tremor", "slow"): "single-dof-tuned"}
 """A law that earns less than its error says, as it sticks and slips (docs/reward.md)."""

@@ -190,7 +190,7 @@ def test_benchmark_prints_a_table_and_writes_runs_that_have_the_same_bits_again(
     assert len(runs[0]) == 2
     assert runs[0] == runs[1]
     printed = capsys.readouterr().out
-    assert printed.startswith("standard, 2 stored episodes: path error [mm]")
+    assert printed.startswith("standard, 2 test episodes: path error [mm]")
     assert "peak acc." in printed
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from pter_gym._compiled import pipeline
-from pter_gym._compiled.compiler import compile_kernel, device, outlined
+from pter_gym._compiled.compiler import compile_kernel, inlined, outlined
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.records import load, rows, store
 from pter_gym._engine import step
@@ -39,7 +39,7 @@ ROW = rows(Example)
 FACTOR = Example(Pair(0.1, 0.2), Pair(-0.0, 1e300), 3.0)
 
 
-@device
+@inlined
 def swapped(w: Any, i: int, shift: float = 0.0) -> Pair:
     pair = load(w, ROW.first, i)
     return Pair(pair.b * FACTOR.first.a + shift, pair.a)
@@ -62,13 +62,13 @@ def steps(w: Any, flag: bool) -> Any:
     return ROW.second.a
 
 
-steps_device = device(steps)
+inlined_steps = inlined(steps)
 
 
 def build_steps(digest: str) -> Any:
     def kernel(w: Any, flag: bool) -> Any:
         _ = digest
-        return steps_device(w, flag)
+        return inlined_steps(w, flag)
 
     return kernel
 
@@ -120,7 +120,7 @@ from compiled.test_compiler import build_steps, compile_kernel, pipeline
 
 w = np.random.default_rng(0).normal(size=(5, 7))
 compile_kernel(build_steps)(w, True)
-print(pipeline.Kernel.__name__, w.tobytes().hex())
+print(pipeline.KernelCompiler.__name__, w.tobytes().hex())
 """
 
 
@@ -143,7 +143,8 @@ def test_numba_of_other_internals_compiles_by_its_own_steps(change: str, tmp_pat
         check=True,
     )
     steps_of, bits = ran.stdout.split()
-    assert (steps_of, bits) == ("Compiler" if CHANGES[change] else "Kernel", given.tobytes().hex())
+    expected = "Compiler" if CHANGES[change] else "KernelCompiler"
+    assert (steps_of, bits) == (expected, given.tobytes().hex())
     assert ran.stderr.count("numba 1.0.0 has other internals") == bool(CHANGES[change])
 
 
@@ -158,7 +159,7 @@ def build_kernel(digest: str) -> Any:
     return kernel
 
 
-@device
+@inlined
 def one(x: float) -> float:
     return x + 1.0
 
@@ -180,7 +181,7 @@ def test_a_long_compilation_is_announced_once(
 
 
 def adding(amount: float) -> Any:
-    @device
+    @inlined
     def law(x: float) -> float:
         return x + amount
 
@@ -195,7 +196,7 @@ def test_laws_of_one_file_that_differ_have_kernels_of_their_own() -> None:
 TABLE = np.array([1.0, 2.0])
 
 
-@device
+@inlined
 def from_a_table(x: float) -> float:
     return x + TABLE[1]
 
@@ -207,7 +208,7 @@ def test_arrays_used_by_a_law_are_in_its_digest(monkeypatch: pytest.MonkeyPatch)
 
 
 def reading(value: Any) -> Any:
-    @device
+    @inlined
     def law(x: float) -> Any:
         return x + value[0]
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.layout import Field
 from pter_gym._compiled.records import (
     Entry,
@@ -85,7 +85,7 @@ def between(low, high, part):
 
 
 @entrywise
-@device
+@inlined
 def weighted(array: Any, side: Side, x: float, y: float) -> float:
     return array[0] * x - side.left * y
 

@@ -18,9 +18,9 @@ from pter_gym.tasks.path_following import observation_layout
 needs_jit = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 
 CALLEE = '''
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 {constant}
-@device
+@inlined
 def value():
     """Return a number.{comment}"""
     return {result}
@@ -209,9 +209,9 @@ def test_files_of_other_sources_do_not_pile_up(tmp_path: Path) -> None:
 
 
 LAW = """
-from pter_gym.controllers import PerClutch, device
+from pter_gym.controllers import PerClutch, compiled
 
-@device
+@compiled
 def law(obs, scales, gains, memory):
     return PerClutch(gains[0], {second}, 0.0, 0.0)
 """

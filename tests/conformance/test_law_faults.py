@@ -8,7 +8,7 @@ import pytest
 
 from pter_gym._compiled.records import rows
 from pter_gym._engine.batch import Batch
-from pter_gym.controllers import PerClutch, Policy, device
+from pter_gym.controllers import PerClutch, Policy, compiled
 from pter_gym.errors import ActionError, LawIndexError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing
@@ -29,7 +29,7 @@ class Kept(NamedTuple):
 KEPT = rows(Kept)
 
 
-@device
+@compiled
 def fails_later(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Hold clutch 4; from a step on, in worlds from one on, return a value for clutch 2."""
     memory[KEPT.steps] += 1.0
@@ -72,12 +72,12 @@ def test_a_policy_keeps_the_record_that_its_law_declares() -> None:
     assert policy.act(obs, policy.start(3))[:, 1].tolist() == [1.0, 1.0, 1.0]
 
 
-@device
+@compiled
 def helper(obs: Any) -> float:
     return obs[40]
 
 
-@device
+@compiled
 def counted(memory: Any) -> int:
     memory[1] += 1.0
     return int(memory[1])
@@ -86,48 +86,48 @@ def counted(memory: Any) -> int:
 def beyond(kind: str) -> Any:  # noqa: C901  (one law for each mistake)
     """A law with a mistake."""
 
-    @device
+    @compiled
     def obs(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
         return PerClutch(obs[40], 0.0, 0.0, 0.0)
 
-    @device
+    @compiled
     def gains(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
         return PerClutch(gains[7], 0.0, 0.0, 0.0)
 
-    @device
+    @compiled
     def branch(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
         return PerClutch(obs[40] if obs[3] != 0.5 else 0.0, 0.0, 0.0, 0.0)
 
-    @device
+    @compiled
     def division(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
         return PerClutch(1.0 / (memory[1] + 1.0) + obs[40], 0.0, 0.0, 0.0)
 
-    @device
+    @compiled
     def inner(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
         return PerClutch(helper(obs), 0.0, 0.0, 0.0)
 
-    @device
+    @compiled
     def kept(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
         memory[9] = 1.0
         return PerClutch(0.0, 0.0, 0.0, 0.0)
 
-    @device
+    @compiled
     def name(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
         return PerClutch(obs[KEPT.stps], 0.0, 0.0, 0.0)  # type: ignore[attr-defined]
 
-    @device
+    @compiled
     def result(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
         return (0.0, 0.0, 0.0)
 
-    @device
+    @compiled
     def text(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
         return PerClutch("a", 0.0, 0.0, 0.0)  # type: ignore[arg-type]
 
-    @device
+    @compiled
     def array(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
         return PerClutch(obs, 0.0, 0.0, 0.0)
 
-    @device
+    @compiled
     def arguments(obs: Any, scales: Any, gains: Any) -> Any:
         return PerClutch(0.0, 0.0, 0.0, 0.0)
 
@@ -148,7 +148,7 @@ def test_a_law_that_cannot_be_compiled_is_an_error_of_one_line(kind: str) -> Non
     assert "\n" not in str(raised.value)
 
 
-@device
+@compiled
 def counts(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Read beyond the gains after many steps, which no trial before the run would see."""
     volts = gains[counted(memory) // 100]
@@ -162,13 +162,13 @@ def test_an_index_that_leaves_its_array_late_is_an_error_too() -> None:
 
 
 def test_a_global_that_has_changed_has_effect() -> None:
-    scope: dict[str, Any] = {"device": device, "PerClutch": PerClutch, "VOLTS": 1.0}
+    scope: dict[str, Any] = {"compiled": compiled, "PerClutch": PerClutch, "VOLTS": 1.0}
     code = """
-@device
+@compiled
 def strength():
     return VOLTS
 
-@device
+@compiled
 def law(obs, scales, gains, memory):
     return PerClutch(strength(), 0.0, 0.0, 0.0)
 """

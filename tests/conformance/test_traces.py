@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pter_gym._compiled.records import leaves, parts
+from pter_gym._compiled.records import leaves, record_fields
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import NEXT_STEP, SAME_STEP, SKIP, STORED_ROWS, World
 from pter_gym.controllers import Impedance
@@ -103,7 +103,8 @@ def entries(batch: Batch) -> Arrays:
 def entries_of_truth() -> NDArray[np.str_]:
     """Names of all that is true of a world that stores all its rows; see ``Batch.truth``."""
     state = [leaf.name for leaf in leaves(World)][:STORED_ROWS]
-    context = [f"{name} {leaf.name}" for name, _, kind in parts(Context) for leaf in leaves(kind)]
+    kinds = {name: kind for name, _, kind in record_fields(Context)}
+    context = [f"{name} {leaf.name}" for name, kind in kinds.items() for leaf in leaves(kind)]
     context.remove("task energy_max")
     return np.array(state + context)
 

@@ -5,7 +5,10 @@ import dataclasses
 import inspect
 import re
 import shlex
+import time
 from pathlib import Path
+
+from typing import Any
 
 import fill
 import pytest
@@ -24,6 +27,7 @@ from pter_gym import params
 from pter_gym._commands.main import main
 from pter_gym.params import BASELINE, save_machine
 from pter_gym.policies.tuned import read_table
+from pter_gym.tools.identification import read_log
 from pter_gym.tools.tuning.gains_file import format_table
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *DOCS.glob("**/*.md")])
@@ -40,6 +44,7 @@ OWN_TESTS = {DOCS / name for name in ("data.md", "identify.md", "watching.md")}
 
 RUNNING = [page for page in DOCS.glob("**/*.md") if blocks_of(page) and page not in OWN_TESTS]
 
+IDENTIFY = DOCS / "identify.md"
 WATCHING = DOCS / "watching.md"
 WATCH = [
     shlex.split(line)[1:]
@@ -154,6 +159,24 @@ def test_the_law_on_the_page_on_extending_arrives(
     assert first in page.read_text("utf-8")
 
 
+def test_the_recorder_on_the_page_on_identification_writes_a_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    now = [1e9]
+    monkeypatch.setattr(time, "monotonic", lambda: now[-1])
+    monkeypatch.setattr(time, "sleep", lambda duration: now.append(now[-1] + duration))
+    block = blocks_of(IDENTIFY)[0]
+    known: dict[str, Any] = run_program([block], "identify.md")
+    text = IDENTIFY.read_text("utf-8")
+    ((call, seconds),) = re.findall(r"^`(record\(.*\))` takes (\d+) s", text, re.MULTILINE)
+    monkeypatch.chdir(tmp_path)
+    exec(call, known)
+    log = read_log("log.csv")
+    assert log.duration == pytest.approx(float(seconds), abs=0.5)
+    assert log.volts.max() == 24.0
+    assert log.volts.min() == 0.0
+
+
 def test_the_page_on_a_machine_of_ones_own_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
@@ -163,7 +186,7 @@ def test_the_page_on_a_machine_of_ones_own_runs(
     gains = {"standard": {"single-dof": read_table()["standard"]["single-dof"]}}
     (tmp_path / "mine" / "gains.toml").write_text(format_table(gains), "utf-8")
     monkeypatch.chdir(tmp_path)
-    run_program(blocks_of(DOCS / "identify.md")[1:], "identify.md")
+    run_program(blocks_of(IDENTIFY)[1:], "identify.md")
     assert re.match(r"mine \d.*, arrives in 100 %", capsys.readouterr().out)
 
 
@@ -176,12 +199,22 @@ def test_the_tables_of_the_page_on_watching_are_read(
 ):
     monkeypatch.chdir(tmp_path)
     assert main(given) == 0
+    arrived = [line for line in capsys.readouterr().out.splitlines() if "arrived" in line]
+    assert all(line in WATCHING.read_text("utf-8") for line in arrived)
     (block,) = (block for block in blocks_of(WATCHING) if given[-1] in block)
     if "pandas" in block:
         pytest.importorskip("pandas")
-    capsys.readouterr()
     run_program([block], "watching.md")
     assert re.search(r"\d", capsys.readouterr().out)
+
+
+@pytest.mark.slow
+def test_the_page_on_watching_records_videos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("moviepy")
+    pytest.importorskip("pygame")
+    monkeypatch.chdir(tmp_path)
+    run_program([block for block in blocks_of(WATCHING) if "RecordVideo" in block], "watching.md")
+    assert [len(list(Path(folder).glob("*.mp4"))) for folder in ("videos", "grids")] == [1, 1]
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))

@@ -130,7 +130,7 @@ def actuated(draw) -> DrivenArm:
         fall_ratio=draw(between(0.1, 10.0)),
         fade=draw(st.one_of(st.just(0.0), between(1e-3, 1.0))),
         cooling=draw(between(0.01, 100.0)),
-        band=draw(st.sampled_from(("limit", "printed"))),
+        band=draw(st.sampled_from(("vanishing", "printed"))),
     )
     hand = Hand(
         mass=1.5,

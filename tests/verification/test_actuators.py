@@ -177,7 +177,7 @@ def test_eq2_as_printed_lets_a_clutch_creep_at_the_edge_of_its_band():
     curve, volts, band = BASELINE.clutch.dynamic, (8.0, 24.0, 0.0, 0.0), 0.01
     turned = {}
     for load in (0.9, 1.5):
-        for reading in ("printed", "limit"):
+        for reading in ("printed", "vanishing"):
             clutch = replace(
                 BASELINE.clutch, breakaway=curve, dynamic=curve.scaled(2.0), band=reading
             )

@@ -17,13 +17,13 @@ from pter_gym.paths._arcs import (
     ArcSegment,
     _distance_from_arc,
     arc_between,
+    arcs_needed,
     biarc,
     chain,
     end_of,
     fit_arcs,
     heading_through,
     mirrored,
-    parts_of,
 )
 from pter_gym.paths._projection import foot_on, point_at, project, segment_of
 
@@ -147,7 +147,7 @@ def test_points_of_a_path_are_sampled_from_its_start_to_its_end():
 
 
 def test_number_of_parts_of_an_arc():
-    assert [parts_of(k, MAX_TURN) for k in (0.0, 1.0, -1.0, 1.001, -1.001, 2.0, 3.0)] == [
+    assert [arcs_needed(k, MAX_TURN) for k in (0.0, 1.0, -1.0, 1.001, -1.001, 2.0, 3.0)] == [
         1,
         1,
         1,

@@ -62,7 +62,7 @@ def policy_network(observations: torch.Tensor) -> nn.Module:
 
 
 def score(algorithm: str, network: nn.Module, dataset_id: str, seed: int, out: Path) -> None:
-    """Score a network on fresh episodes of a data set's scenario and print the leaderboards."""
+    """Score a network on test episodes of a data set's scenario and print the leaderboards."""
     _, scenario, level = dataset_id.split("/")
     data = minari.load_dataset(dataset_id)
     policy = from_actions(

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import entrywise
 
 
-@device
+@inlined
 def volts_of(action: float, low: float, high: float, voltage_max: float) -> float:
     """Return the voltage [V] of an action within its bounds.
 

@@ -5,7 +5,7 @@ Control laws index it with ``OBS``.
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import Entry, joined, layout_of, rows, width
 from pter_gym._physics.arm import Linkage, Motion, PerLink, UnitVector, tip_position, tip_velocity
@@ -140,7 +140,7 @@ class Measurement(NamedTuple):
     force: PathVector
 
 
-@device
+@inlined
 def measurement_of(
     reading: Reading, arm: Linkage, arcs: Any, first: int, count: int, segment: int
 ) -> Measurement:
@@ -164,7 +164,7 @@ def measurement_of(
     return Measurement(q, foot, reading.torque, reading.force)
 
 
-@device
+@inlined
 def observation(
     measured: Measurement,
     arm: Linkage,

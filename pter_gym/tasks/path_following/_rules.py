@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import Entry
 from pter_gym._physics.arm import (
     Motion,
@@ -69,7 +69,7 @@ class PathState(NamedTuple):
     speed: PathVector
 
 
-@device
+@inlined
 def path_state(foot: Foot, v_x: float, v_y: float, free: Band) -> PathState:
     """Return the tip's state relative to its path, from its projection and velocity [m/s]."""
     speed = to_path(Vector(v_x, v_y), foot.heading)
@@ -79,20 +79,20 @@ def path_state(foot: Foot, v_x: float, v_y: float, free: Band) -> PathState:
     )
 
 
-@device
+@inlined
 def beyond_band(offset: float, free: Band) -> float:
     """Return how far the tip is beyond the free band [m], from its offset to the path's left."""
     return offset - clamp(offset, -free.right, free.left)
 
 
-@device
+@inlined
 def to_path(vector: Vector, heading: UnitVector) -> PathVector:
     """Return the components of a vector along and across a path with a heading."""
     along, across = components(vector, heading)
     return PathVector(along, across)
 
 
-@device
+@inlined
 def to_world(vector: PathVector, heading: UnitVector) -> Vector:
     """Return a vector given by its components along and across a path with a heading."""
     return Vector(
@@ -168,7 +168,7 @@ class Outcome(NamedTuple):
     failed: bool
 
 
-@device
+@inlined
 def mean_square(volts: PerClutch) -> float:
     """Return the mean squared voltage [V²]."""
     return 0.25 * (
@@ -176,7 +176,7 @@ def mean_square(volts: PerClutch) -> float:
     )
 
 
-@device
+@inlined
 def pace_share(ratio: float) -> float:
     """Return the share of the pay that a pace earns, from its ratio to the commanded one."""
     slower = ratio if ratio > 0.0 else 0.0
@@ -184,14 +184,14 @@ def pace_share(ratio: float) -> float:
     return slower * square if ratio < 1.0 else 1.0 / (square * square)
 
 
-@device
+@inlined
 def paid(weight: float, outcome: Outcome, width: float) -> float:
     """Return the pay for new arc length, which is 1/e at a distance ``width`` from the path [m]."""
     near = math.exp(-abs(outcome.at.normal_error) / width)
     return weight * outcome.advance / outcome.path_length * pace_share(outcome.pace_ratio) * near
 
 
-@device
+@inlined
 def pace_cost(ratio: float) -> float:
     """Return the cost of a pace over the commanded one: |ratio − 1|, times ``REST`` below 1."""
     slower = ratio if ratio > 0.0 else 0.0
@@ -259,7 +259,7 @@ Terms = NamedTuple("Terms", _TERMS)
 """One number for each term of the reward."""
 
 
-@device
+@inlined
 def reward_terms(weight: Any, outcome: Outcome, period: float) -> Any:
     """Return the weighted ``Terms`` of a control step of ``period`` [s]."""
     return Terms(
@@ -279,7 +279,7 @@ def reward_terms(weight: Any, outcome: Outcome, period: float) -> Any:
     )
 
 
-@device
+@inlined
 def total(terms: Any) -> float:
     """Return the sum of the terms."""
     found = terms[0]
@@ -388,13 +388,13 @@ ALLOWANCE = start_up_allowance()
 """The extra time for the start-up [s], about 0.22 s: the same for all policies and scenarios."""
 
 
-@device
+@inlined
 def in_start_up(reached: float, length: float, pace: float, time: float) -> bool:
     """Return whether a delay is within the allowance, from the progress [m] and the time [s]."""
     return (reached <= START * length) & (time <= ALLOWANCE + START * length / pace)
 
 
-@device
+@inlined
 def recent_pace(
     ratio: float, travel: float, reached: float, time: float, period: float, task: TaskModel
 ) -> float:
@@ -419,25 +419,25 @@ def recent_pace(
 # --- is it over ---
 
 
-@device
+@inlined
 def reached_end(arc_length: float, path_length: float) -> bool:
     """Return whether the tip has reached the end of the path."""
     return arc_length >= path_length
 
 
-@device
+@inlined
 def strayed(arc_length: float, normal_error: float, furthest: float) -> bool:
     """Return whether the tip is over ``furthest`` [m] from the path or behind its start."""
     return (abs(normal_error) > furthest) | (arc_length < -furthest)
 
 
-@device
+@inlined
 def singular(q: Motion, margin: float) -> bool:
     """Return whether |sin(θA − θB)| is below the margin or NaN."""
     return not abs(sin_difference(q)) >= margin
 
 
-@device
+@inlined
 def too_fast(kinetic_energy: float, energy_max: float) -> bool:
     """Return whether the arm has more kinetic energy [J] than the integrator can hold, or NaN."""
     return not kinetic_energy <= energy_max
@@ -453,7 +453,7 @@ class Ending(NamedTuple):
     too_fast: bool
 
 
-@device
+@inlined
 def ending(at: PathState, q: Motion, kinetic_energy: float, task: TaskModel) -> Ending:
     """Return what terminates an episode, from path state, arm and kinetic energy [J]."""
     at_end = reached_end(at.arc_length, task.path.length)
@@ -468,13 +468,13 @@ def ending(at: PathState, q: Motion, kinetic_energy: float, task: TaskModel) -> 
     )
 
 
-@device
+@inlined
 def has_failed(end: Ending) -> bool:
     """Return whether an episode has been terminated without success."""
     return (not end.arrived) & (end.missed | end.strayed | end.singular | end.too_fast)
 
 
-@device
+@inlined
 def is_astray(at: PathState, terminated: bool, task: TaskModel) -> bool:
     """Return whether an episode is truncated for its distance from the path."""
     return (not terminated) & strayed(at.arc_length, at.normal_error, task.truncation_error)

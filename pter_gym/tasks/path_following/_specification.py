@@ -111,7 +111,7 @@ AT_REST = Starts()
 """All episodes begin at rest at the start of the path."""
 
 STARTS = MappingProxyType({"rest": AT_REST, "path": Starts(moving=0.4, gripped=0.3)})
-"""Starts by name: those of evaluation episodes, and those to train with."""
+"""Starts by name: those of test episodes, and those to train with."""
 
 
 def find_starts(starts: Starts | str) -> Starts:

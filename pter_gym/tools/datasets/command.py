@@ -19,9 +19,8 @@ def record(
 ) -> None:
     """Write Minari data sets for offline learning.
 
-    A trained policy and random actions run on training draws of scenarios; the stored evaluation
-    episodes are never read. The data sets are called pter/SCENARIO/LEVEL-v0. The same command
-    always writes the same bytes.
+    A trained policy and random actions run on training episodes of scenarios. The data sets are
+    called pter/SCENARIO/LEVEL-v0. The same command always writes the same bytes.
 
     Example: pter record --scenario standard --level expert --steps 20000 --out data
 

@@ -92,7 +92,7 @@ def record_episodes(
     seed: int = 0,
     on_steps: Callable[[int], object] = lambda _: None,
 ) -> list[RecordedEpisode]:
-    """Return complete episodes on training draws, with at least ``steps`` control steps in total.
+    """Return complete training episodes, with at least ``steps`` control steps in total.
 
     Parameters
     ----------

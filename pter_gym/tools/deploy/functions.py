@@ -6,7 +6,7 @@ This Python is translated to C with the laws; so are the sine, cosine and arctan
 import math
 from typing import Any, NamedTuple
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import entrywise, write
 from pter_gym._engine.step import clipped
 from pter_gym._physics.arm import Linkage
@@ -35,7 +35,7 @@ class Encoder(NamedTuple):
     omega: float
 
 
-@device
+@inlined
 def encoder(count: int, change: int, resolution: float, zero: float, period: float) -> Encoder:
     """Return angle and angular velocity from an encoder's count and its change in a period [s].
 
@@ -44,7 +44,7 @@ def encoder(count: int, change: int, resolution: float, zero: float, period: flo
     return Encoder(zero + resolution * count, resolution * change / period)
 
 
-@device
+@inlined
 def series(x: float, first: float, start: int) -> float:
     """Return the sine (first = x, start = 1) or cosine (first = 1, start = 0) for |x| ≤ π/4."""
     found = first
@@ -55,7 +55,7 @@ def series(x: float, first: float, start: int) -> float:
     return found
 
 
-@device
+@inlined
 def sine_ahead(angle: float, quarters: int) -> float:
     """Return the sine of an angle [rad] of at most a few hundred turns, so many quarters ahead."""
     k = int(angle / (HALF_PI + HALF_PI_REST) + (0.5 if angle >= 0.0 else -0.5))
@@ -65,19 +65,19 @@ def sine_ahead(angle: float, quarters: int) -> float:
     return size if turn < 2 else -size
 
 
-@device
+@inlined
 def sine(angle: float) -> float:
     """Return the sine of an angle [rad]."""
     return sine_ahead(angle, 0)
 
 
-@device
+@inlined
 def cosine(angle: float) -> float:
     """Return the cosine of an angle [rad]."""
     return sine_ahead(angle, 1)
 
 
-@device
+@inlined
 def arctangent(y: float, x: float) -> float:
     """Return the angle of (x, y) [rad], halved three times before the series; 0 for (0, 0)."""
     turned = 0.0
@@ -98,13 +98,13 @@ def arctangent(y: float, x: float) -> float:
 
 
 @entrywise
-@device
+@inlined
 def scaled(value: float, inverse_scale: float) -> float:
     """Return an entry of an observation as a policy sees it."""
     return clamp(value * inverse_scale, -BOUND, BOUND)
 
 
-@device
+@inlined
 def observe(
     reading: Reading,
     volts: PerClutch,
@@ -129,7 +129,7 @@ def observe(
     return int(measured.foot.segment)
 
 
-@device
+@inlined
 def command(
     law: Any, obs: Any, scales: Any, gains: Any, memory: Any, voltage_max: float
 ) -> PerClutch:

@@ -33,9 +33,9 @@ def write_onnx(
 
     Its inputs, each float32 (N, 1), are the entries of the observation that it uses, by their
     names, as they are in the observation, and ``base_1`` to ``base_4``, the voltages of the
-    controller that it corrects [V]. A network that sees earlier inputs or averages also has the
+    law that it corrects [V]. A network that sees earlier inputs or averages also has the
     input ``earlier``, float32 (N, inputs · (delays + averages)): what the output ``inputs`` was so
-    many decisions ago, then its averages; the model's metadata has both lists. The output ``volts``
+    many steps ago, then its averages; the model's metadata has both lists. The output ``volts``
     is float32 (N, clutches) [V].
 
     Parameters

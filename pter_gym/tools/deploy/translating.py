@@ -1,4 +1,4 @@
-"""From compiled Python functions to readable C99: device functions of laws, networks and paths.
+"""From compiled Python functions to readable C99: inlined functions of laws, networks and paths.
 
 These are written in a small part of Python: numbers, named tuples, arrays that they get, ``for``
 over a range. ``Program.call`` follows one from its syntax tree. What is known, such as gains, sizes

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._compiled.records import parts
+from pter_gym._compiled.records import record_fields
 from pter_gym.errors import ParameterError
 
 ATOM, UNARY, PRODUCT, SUM, COMPARISON, AND, OR, CHOICE = 8, 7, 6, 5, 4, 3, 2, 1
@@ -133,7 +133,7 @@ def fields_of(kind: Any) -> list[tuple[str, Any]]:
         return list(zip(kind.record._fields, kind.kinds, strict=True))
     return [
         (name, {float: "real", int: "int", bool: "bool"}.get(each, each))
-        for name, _, each in parts(kind)
+        for name, _, each in record_fields(kind)
     ]
 
 

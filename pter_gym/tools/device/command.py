@@ -30,21 +30,21 @@ def device(
     The device is a machine, or PTER with four clutches of a data sheet. Of a machine that `pter
     identify` has found in a log, it says what may be promised of all machines that fit the log.
 
-    Tunes a law on each of the scenarios standard, corridor and wall, and scores it on fresh
+    Tunes a law on each of the scenarios standard, corridor and wall, and scores it on test
     episodes. Writes index.html, device.json and pictures. Needs the extras tune and render.
 
     Example: pter device particle-brake --out particle-brake
 
     Args:
-        machine: A machine or an actuator by its name, or the file of your own; a file may hold a
-            table [clutch] with the four numbers below alone.
+        machine: Name of a machine or of a clutch, or a file, which may hold just a table [clutch]
+            with the four numbers below.
         torque: Torque of a clutch [N·m] at the voltage --at, in place of PTER's.
         at: Its largest voltage [V].
         off: Its torque without voltage [N·m].
         lag: Time constant of its torque [s].
         pace: Commanded pace.
         trials: Gains to try for each law.
-        episodes: Fresh episodes of each scenario, at most as many as it has stored ones.
+        episodes: Test episodes of each scenario, at most as many as are stored.
         train: Also train a policy by PPO for the machine, and compare it with the laws. Needs the
             extra agents.
         out: Folder for the results, created if necessary.

@@ -8,7 +8,7 @@ from scipy import stats
 
 from pter_gym._internal.checks import whole_number
 from pter_gym.benchmark.boards import mean_scores, reason_unranked
-from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.benchmark.episodes import ENTRIES, find_episodes
 from pter_gym.benchmark.rollout import evaluate
 from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import ParameterError
@@ -82,7 +82,7 @@ def make_promise(
     every = replace(
         some,
         machines=tuple(machine for machine in drawn for _ in range(episodes)),
-        **{part: getattr(some, part) * draws for part in ("tasks", "seeds", "strata", "limits")},
+        **{name: getattr(some, name) * draws for name in ENTRIES if name != "machines"},
     )
     scores = evaluate(policy, every)
     errors = np.sort(scores["path_error_m"].reshape(draws, episodes).mean(axis=1))

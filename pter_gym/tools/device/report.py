@@ -39,7 +39,7 @@ GUIDED = "standard"
 """The scenario that decides whether a device guides a hand."""
 
 SEED = 1
-"""Seed of the fresh episodes; the search has other draws."""
+"""Seed of the test episodes; the search has other draws."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ def examine_device(
 def _runs(
     policies: dict[str, AnyPolicy], scenario: str, pace: str, own: Machine, count: int
 ) -> list[ScenarioRun]:
-    """Return the runs of policies on fresh episodes with a machine."""
+    """Return the runs of policies on test episodes with a machine."""
     episodes = find_episodes(scenario, pace, SEED, own).first(count)
     return [
         ScenarioRun(
@@ -220,7 +220,7 @@ def _draw(
             pictures["film"].load().write_film(
                 machine, task, {label: rows}, folder / f"{scenario}.webp"
             )
-            captions[f"{scenario}.webp"] = f"The tuned law on a training draw of {scenario}."
+            captions[f"{scenario}.webp"] = f"The tuned law on a training episode of {scenario}."
     return captions
 
 

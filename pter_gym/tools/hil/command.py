@@ -34,11 +34,11 @@ def hil(
     baud: int = 115200,
     csv: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv")] = None,
 ) -> None:
-    """Let a controller on its own hardware drive the simulated arm over a serial line.
+    """Let a program on its own hardware drive the simulated arm over a serial line.
 
     The arm sends what its sensors read and waits for voltages; docs/deploy.md has the protocol, and
     examples/serial_loop.c is a partner. Scores are compared with the policy's in Python on the same
-    evaluation episodes. For Linux and macOS.
+    test episodes. For Linux and macOS.
 
     Example: pter hil residual ./loop --episodes 10
 
@@ -91,7 +91,7 @@ def hil(
             other.drive(machine, task, seed, record)
     finally:
         other.line.close()
-        report(records, replace(episode_set, tasks=paced, limits=()), controller, csv)
+        report(records, replace(episode_set, tasks=paced, time_limits=()), controller, csv)
         say(timing(other))
         same = options(scenario=scenario, pace=pace)
         conclude([], f"pter benchmark --policies {quote(policy)}{same}")

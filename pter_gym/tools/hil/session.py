@@ -54,7 +54,7 @@ def follow(
 
 def reading_of(batch: Batch, row: Any) -> Array:
     """Return what the sensors of a batch's only world read, (10,), from its last telemetry."""
-    world: Any = batch.device_arrays()["worlds"][0, :, :1]
+    world: Any = batch.kernel_arrays()["worlds"][0, :, :1]
     sensing = sensing_of(batch.task, batch.machine)
     if sensing != IDEAL_SENSING:
         return np.array(flat(load(world, ROW.readings[sensing.delay], 0)))

@@ -52,7 +52,7 @@ def identify(
         degrees: Whether angles are in degrees.
         relative_b: Whether theta_B is measured from link A instead of the x axis.
         clutch: Whether the log is of one clutch or brake on a bench, with t_s, V, omega and torque;
-            prints an entry for the library of actuators.
+            prints an entry for the library of clutches.
         out: Folder for the results, created if necessary.
     """
     from pter_gym.tools.identification import join_logs, read_log
@@ -72,7 +72,7 @@ def identify(
 
 
 def show_bench(logs: tuple[Path, ...], names: dict[str, str], start: "Machine") -> None:
-    """Print the numbers of one clutch on a bench, and an entry for the library of actuators."""
+    """Print the numbers of one clutch on a bench, and an entry for the library of clutches."""
     from pter_gym.tools.identification.bench import entry_of, identify_clutch, read_bench
 
     if len(logs) != 1:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._compiled.compiler import compile_kernel, device
+from pter_gym._compiled.compiler import compile_kernel, inlined
 from pter_gym._compiled.records import store
 from pter_gym._physics.arm import Motion
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of, initial_state, scratch
@@ -153,7 +153,7 @@ def _run(
     return record, by
 
 
-@device
+@inlined
 def _begin(body: Any, dot: Any, a: float, b: float, omega_a: float, omega_b: float) -> None:
     """Begin a window with the angles a and b [rad]."""
     motion = Motion(a, b, omega_a, omega_b, np.cos(a), np.sin(a), np.cos(b), np.sin(b))
@@ -168,7 +168,7 @@ def _begin(body: Any, dot: Any, a: float, b: float, omega_a: float, omega_b: flo
         dot[BODY.motion.omega_a, lanes - 2] = dot[BODY.motion.omega_b, lanes - 1] = 1.0
 
 
-@device
+@inlined
 def _drive(
     body: Any, dot: Any, volts: Any, volts_by: Any, force: Any, force_by: Any, k: int
 ) -> bool:

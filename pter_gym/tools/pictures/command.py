@@ -42,8 +42,8 @@ def watch(
 ) -> None:
     """Watch policies side by side on the same episode.
 
-    Opens a window, or writes a file with --out. The episode is a training draw of the scenario; the
-    stored evaluation episodes are never read. A window and mp4 need the extra render.
+    Opens a window, or writes a file with --out. The episode is one of the scenario's training
+    episodes. A window and mp4 need the extra render.
 
     Example: pter watch torque-feedback,residual --out both.webp
 
@@ -60,8 +60,7 @@ def watch(
         csv: File for the episode's whole telemetry; see docs/watching.md. Its folder must exist.
         size: Width and height of the picture in pixels.
         speed: Playback speed relative to real time; 0.2 is slow motion.
-        machine: Clutch material, or the file of a machine of your own, instead of the one that
-            the scenario draws.
+        machine: Name or file of a machine, instead of the one that the scenario draws.
     """
     names = split(policies)
     look_at(policies=names, paces=[pace], path=path, machine=machine)

@@ -25,10 +25,18 @@ Array = NDArray[np.float64]
 
 BACKGROUND, PANEL, CARD, GROOVE = "#ffffff", "#f3f4f6", "#ffffff", "#e3e5e9"
 INK, MUTED = "#1f2328", "#646b75"
-WORKSPACE, WORKSPACE_EDGE, PATH, FREE = "#eff5fb", "#d3e3f1", "#3b4048", "#dcefe0"
+WORKSPACE, WORKSPACE_EDGE, FREE, FREE_EDGE = "#eff5fb", "#d3e3f1", "#dcefe0", "#a9d6b3"
+PATH = "#3b4048"
 LINK_A, LINK_B, FORCE, TRAIL = palette.PICTURE.values()
 PARALLEL_A, PARALLEL_B = palette.tint(LINK_A), palette.tint(LINK_B)
-LEGEND = {"path": PATH, "tip's trail": TRAIL, "hand's force": FORCE, "workspace": WORKSPACE_EDGE}
+LEGEND = {
+    "path": PATH,
+    "tip's trail": TRAIL,
+    "hand's force": FORCE,
+    "free band": FREE_EDGE,
+    "workspace": WORKSPACE_EDGE,
+}
+"""Entries of the legend; those that find no room are left out from the end."""
 
 BADGES = {
     "stuck": (INK, "#ffffff"),
@@ -41,11 +49,12 @@ BADGES = {
 TITLE, BODY, SMALL, MIN_TEXT = 14, 12, 11, 10
 """Sizes of text [px at the default size]; the smallest legible one [px]."""
 
-MIN_SIZE_WITH_TEXT, MIN_HEIGHT_WITH_LEGEND = (240, 160), 340
-"""Size [px] below which there is no room for text, and height below which there is no legend."""
+MIN_SIZE_WITH_TEXT, MIN_HEIGHT_WITH_LEGEND, MIN_WIDTH_WITH_BARS = (240, 160), 340, 480
+"""Sizes [px] below which there is no text, no legend, and no voltage and torque of a clutch."""
 
-MARGIN, LINE, CARD_HEIGHT, GAP = 16, 24, 62, 8
-"""Edge, heights of a line of text and of a clutch's card, space between cards, in units of text."""
+MARGIN, LINE, STATE_HEIGHT, BARS_HEIGHT, GAP = 16, 24, 26, 36, 8
+"""Edge, heights of a line of text, of a clutch's state and of its bars, space between clutches, in
+units of text."""
 
 SUPERSAMPLING = 2
 """A canvas is drawn larger by this factor, then reduced, which smooths its edges."""
@@ -104,6 +113,11 @@ def band(path: Path, right: float, left: float, behind: float = 0.0) -> Array:
     heading = np.append(heading[0], heading)
     points, normal = np.stack([x, y], axis=1), np.stack([-np.sin(heading), np.cos(heading)], axis=1)
     return np.vstack([points + left * normal, (points - right * normal)[::-1]])
+
+
+def has_band(task: PathFollowing) -> bool:
+    """Return whether the tip is free within a band along the path."""
+    return task.free_left + task.free_right > 0.0
 
 
 class Box(NamedTuple):
@@ -298,7 +312,9 @@ class Picture:
         has_legend = height >= MIN_HEIGHT_WITH_LEGEND
         self._has_text = width >= MIN_SIZE_WITH_TEXT[0] and height >= MIN_SIZE_WITH_TEXT[1]
         self._unit = unit = 0.9 * math.sqrt(min(width / TILE_WIDTH, height / TILE_HEIGHT))
-        self._panel = Box(0, height - (LINE + CARD_HEIGHT + 2 * GAP) * unit, width, height)
+        self._has_bars = width >= MIN_WIDTH_WITH_BARS
+        card = STATE_HEIGHT + BARS_HEIGHT * self._has_bars
+        self._panel = Box(0, height - (LINE + card + 2 * GAP) * unit, width, height)
         margin = 0.03 * min(width, height)
         scene = Box(margin, margin, width - margin, height - margin)
         if self._has_text:
@@ -312,7 +328,9 @@ class Picture:
         self._background = Canvas.blank(width, height)
         self._draw_background(task)
         if self._has_text:
-            self._draw_captions(name, scene, has_legend)
+            self._draw_captions(name, scene)
+        if self._has_text and has_legend:
+            self._draw_legend(scene, has_band(task))
         clutch = self._machine.clutch
         self._torque_max = max(
             curve.torque(clutch.voltage_max) for curve in (clutch.breakaway, clutch.dynamic)
@@ -341,8 +359,10 @@ class Picture:
         outline = self.view.pixels(workspace(task))
         canvas.polygon(outline, WORKSPACE)
         canvas.line(np.vstack([outline, outline[:1]]), WORKSPACE_EDGE, 1.0)
-        if task.free_left + task.free_right > 0.0:
-            canvas.polygon(self.view.pixels(band(task.path, task.free_right, task.free_left)), FREE)
+        if has_band(task):
+            outline = self.view.pixels(band(task.path, task.free_right, task.free_left))
+            canvas.polygon(outline, FREE)
+            canvas.line(np.vstack([outline, outline[:1]]), FREE_EDGE, 1.0)
         points = self.view.pixels(task.path.sampled(129))
         canvas.line(points, PATH, max(1.5 * unit, 1.0))
         canvas.ring(points[0], 5 * unit, 2 * unit, PATH)
@@ -356,8 +376,8 @@ class Picture:
         canvas.disc(np.array([x, y]), 13 * unit, GROOVE)
         canvas.box(x - 32 * unit, floor, x + 32 * unit, floor + 3 * unit, MUTED)
 
-    def _draw_captions(self, name: str, scene: Box, has_legend: bool) -> None:
-        """Write the title, a scale bar and, where there is room, a legend."""
+    def _draw_captions(self, name: str, scene: Box) -> None:
+        """Write the title and a scale bar."""
         canvas, unit, x = self._background, self._unit, scene.left
         title, small = TITLE * unit, SMALL * unit
         canvas.text(
@@ -366,11 +386,17 @@ class Picture:
         right = x + self.view.scale * SCALE_BAR
         canvas.box(x, scene.high - 2.0, right, scene.high, MUTED)
         canvas.text(f"{SCALE_BAR:g} m", 0.5 * (x + right), scene.high - small, small, MUTED, "m")
-        size, y = min(self._size, (scene.right - x) / 32), 1.5 * LINE * unit
-        for text, colour in LEGEND.items() if has_legend else ():
-            canvas.box(x, y - 0.2 * size, x + 1.4 * size, y + 0.2 * size, colour)
-            canvas.text(text, x + 1.9 * size, y, size, INK)
-            x += 3.2 * size + text_width(text, size)
+
+    def _draw_legend(self, scene: Box, has_band: bool) -> None:
+        """Name the colours below the title, as far as there is room."""
+        canvas, x, y = self._background, scene.left, 1.5 * LINE * self._unit
+        size = min(self._size, (scene.right - x) / 32)
+        for text, colour in LEGEND.items():
+            end = x + 1.9 * size + text_width(text, size)
+            if end <= scene.right and (has_band or colour != FREE_EDGE):
+                canvas.box(x, y - 0.2 * size, x + 1.4 * size, y + 0.2 * size, colour)
+                canvas.text(text, x + 1.9 * size, y, size, INK)
+                x = end + 1.3 * size
 
     def _draw_arm(self, canvas: Canvas, pivots: list[Array]) -> None:
         """Draw the five bars from the pixels of their pivots, and the links' names."""
@@ -406,16 +432,20 @@ class Picture:
         canvas.disc(tip, 7.5 * unit, INK)
 
     def _draw_readings(self, canvas: Canvas, row: Any) -> None:
-        """Write the time above the scene, error and mode below it; draw a card for each clutch."""
+        """Write the time above the scene, error and outcome below it; draw each clutch's card."""
         left, top, right, bottom = self._panel
         size, unit = self._size, self._unit
         gap, line, margin = GAP * unit, LINE * unit, MARGIN * unit
         canvas.text(f"{row[COLUMN.time]:.2f} s", right - margin, 0.5 * line, size, MUTED, "r")
         canvas.box(left, top, right, bottom, PANEL)
         y = top + 0.5 * (gap + line)
-        error = _signed(1e3 * float(row[COLUMN.normal_error]))
-        canvas.text(f"error {error} mm", margin, y, size, INK)
-        canvas.text(outcome(row), right - margin, y, size, INK, "r")
+        error = 1e3 * float(row[COLUMN.normal_error])
+        if row[COLUMN.is_success]:
+            text = f"arrived {abs(error):.1f} mm off {aim(self.subject.task)}"
+            canvas.text(text, margin, y, size, INK)
+        else:
+            canvas.text(f"error {_signed(error)} mm", margin, y, size, INK)
+            canvas.text(outcome(row), right - margin, y, size, INK, "r")
         step = (right - left - gap) / 4
         for clutch, state in enumerate(clutch_states(row, self._machine)):
             x = left + gap + clutch * step
@@ -423,31 +453,38 @@ class Picture:
             self._draw_card(canvas, card, clutch, state, row)
 
     def _draw_card(self, canvas: Canvas, card: Box, clutch: int, state: str, row: Any) -> None:
-        """Draw a clutch's state, and voltage and torque as bars and numbers, in its colour."""
+        """Draw a clutch's state and, where there is room, its voltage and torque, in its colour."""
         unit, (fill, ink) = self._unit, BADGES[state]
         colour = palette.clutch_colour(self._machine.slot_rows[clutch])
         volts, torque = float(row[COLUMN.volts[clutch]]), float(row[COLUMN.torque[clutch]])
         canvas.box(*card, PANEL if state == "absent" else colour, 5 * unit)
         card = card._replace(low=card.low + 4 * unit)
         canvas.box(*card, CARD, 5 * unit)
-        left, right, line = card.left + 4 * unit, card.right - 4 * unit, (card.high - card.low) / 3
-        canvas.box(left, card.low + 0.2 * line, right, card.low + 0.95 * line, fill, 4 * unit)
-        middle, y = 0.5 * (left + right), card.low + 0.58 * line
+        left, right = card.left + 4 * unit, card.right - 4 * unit
+        canvas.box(left, card.low + 4 * unit, right, card.low + 18 * unit, fill, 4 * unit)
+        middle, y = 0.5 * (left + right), card.low + 11 * unit
         canvas.text(f"{clutch + 1} {state}", middle, y, SMALL * unit, ink, "m")
+        if not self._has_bars:
+            return
         width = max(right - left - 60 * unit, 0.0)
         voltage_share = volts / self._machine.clutch.voltage_max
         bars = (
-            (1.45, 0.0, voltage_share, f"{volts:.1f} V"),
-            (2.35, 0.5, torque / self._torque_max, f"{_signed(torque)} N·m"),
+            (28, 0.0, voltage_share, f"{volts:.1f} V"),
+            (45, 0.5, torque / self._torque_max, f"{_signed(torque)} N·m"),
         )
         for place, zero, share, text in bars:
-            y = card.low + place * line
+            y = card.low + place * unit
             canvas.text(text, right, y, SMALL * unit, INK, "r")
             canvas.box(left, y - 4 * unit, left + width, y + 4 * unit, GROOVE)
             start = left + zero * width
             end = start + (1.0 - zero) * min(max(share, -1.0), 1.0) * width
             canvas.box(min(start, end), y - 4 * unit, max(start, end), y + 4 * unit, colour)
             canvas.box(start - 0.5, y - 6 * unit, start + 0.5, y + 6 * unit, MUTED)
+
+
+def aim(task: PathFollowing) -> str:
+    """Return in words where errors count from."""
+    return "the free band" if has_band(task) else "the path"
 
 
 def outcome(row: Any) -> str:

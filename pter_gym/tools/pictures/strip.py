@@ -16,6 +16,8 @@ from pter_gym.tools.pictures.drawing import (
     Array,
     Box,
     Canvas,
+    aim,
+    has_band,
     shortened,
     text_width,
 )
@@ -63,7 +65,7 @@ class ErrorStrip:
         self, task: PathFollowing, episodes: Mapping[str, Any], width: int, height: int
     ) -> None:
         self._unit = unit = min(width / WIDTH, height / HEIGHT, 2.0)
-        self._names = list(episodes)
+        self._names = list(episodes) if len(episodes) > 1 else ["mean"]
         self._colours = [
             palette.BESIDE_ARM[sorted(episodes).index(name) % len(palette.BESIDE_ARM)]
             for name in episodes
@@ -80,8 +82,7 @@ class ErrorStrip:
         low, high = 1.4 * LINE * unit, height - 1.3 * LINE * unit
         self._plot = Box(44 * unit, low, width - 205 * unit, high)
         self._background = Canvas.blank(width, height)
-        has_band = task.free_left > 0.0 or task.free_right > 0.0
-        self._draw_scale(np.inf if has_band else 1e3 * task.error_max)
+        self._draw_scale(aim(task), np.inf if has_band(task) else 1e3 * task.error_max)
 
     def draw(self, time: float) -> NDArray[np.uint8]:
         """Return the strip at a time [s] as pixels, shape (height, width, 3)."""
@@ -106,11 +107,11 @@ class ErrorStrip:
             canvas.text(number, right, y, size, self._colours[k], "r")
         return canvas.pixels()
 
-    def _draw_scale(self, limit: float) -> None:
+    def _draw_scale(self, aim: str, limit: float) -> None:
         """Draw lines at round distances and, if an error exceeds it, at the workspace's edge."""
         canvas, plot, size = self._background, self._plot, SMALL * self._unit
         canvas.box(0.0, 0.0, self._plot.right + 205 * self._unit, 1.0, GROOVE)
-        title = "distance from the path [mm]; bold: its mean so far"
+        title = f"distance from {aim} [mm]; bold: its mean so far"
         canvas.text(title, plot.left, 0.7 * LINE * self._unit, size, INK)
         step = next((step for step in STEPS if 3 * step > self._top), STEPS[-1])
         for value in np.arange(0.0, self._top, step):

@@ -1,1 +1,1 @@
-"""Gains for controllers, searched on training draws; evaluation episodes are never read."""
+"""Gains for laws, searched on training episodes; test episodes are never read."""

@@ -38,7 +38,7 @@ def tune(
 ) -> None:
     """Search for a law's gains.
 
-    Tries gains on training draws of a scenario, at a commanded pace, beginning with the shipped
+    Tries gains on training episodes of a scenario, at a commanded pace, beginning with the shipped
     ones. The trials are kept in a journal file, so an interrupted search continues where it left
     off, and several processes may share the work. The best gains have the smallest path error of
     all that arrive and keep the pace. Needs the extra tune.
@@ -48,19 +48,18 @@ def tune(
     Args:
         law: Name of a control law, or FILE.py:Law for your own, whose `search` holds the ranges
             of its gains.
-        scenario: Scenario whose training draws are used; its evaluation episodes are never read.
+        scenario: Scenario whose training episodes are used.
         pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
         path: Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's
             name.
         smooth: Noise of a recorded path that is smoothed away, root mean square, in mm.
         trials: Gains to try, at least 1.
-        episodes: Training draws for each trial, at least 1.
+        episodes: Training episodes for each trial, at least 1.
         storage: Journal file of the trials; its folder must exist.
-        seed: Seed of the draws and the search, at least 0.
+        seed: Seed of the episodes and the search, at least 0.
         out: TOML file for the best gains of a named law, which `pter benchmark --policies`
             and others accept; its other entries are kept. By default they are only printed.
-        machine: Clutch material, or the file of a machine of your own, instead of those that the
-            scenario draws.
+        machine: Name or file of a machine, instead of those that the scenario draws.
     """
     known = names_for("law")
     if not is_code(law) and law not in known:
@@ -94,7 +93,7 @@ def tune(
         called = type(CONTROLLERS[law]()).__name__
         say(f"from pter_gym.controllers import {called}\n")
     say(f"{called}({gains})\n")
-    say(f"on other draws: {tuned.assessment}")
+    say(f"on other episodes: {tuned.assessment}")
     same = options(scenario=scenario, pace=pace, path=path, smooth=smooth)
     mine = law if out is None else str(out)
     if out is not None:

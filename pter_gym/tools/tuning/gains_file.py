@@ -1,4 +1,4 @@
-"""Tuned gains as a TOML file by scenario, controller and pace; several searches may write it."""
+"""Tuned gains as a TOML file by scenario, law and pace; several searches may write it."""
 
 import json
 import re
@@ -13,9 +13,9 @@ from pter_gym.scenarios import SCENARIOS, find_pace, find_scenario
 from pter_gym.tools.tuning.search import TunedGains
 
 HEADING = """\
-# Gains of controllers in SI, found by `pter tune` on training draws. Each entry holds the command
-# that made it, how many gains were tried, the training draws of each trial, and the scores on as
-# many draws that the search had not seen, as means. Gains that were not searched have the defaults
+# Gains of laws in SI, found by `pter tune` on training episodes. Each entry holds the command
+# that made it, how many gains were tried, the episodes of each trial, and the scores on as many
+# episodes that the search had not seen, as means. Gains that were not searched have the defaults
 # of the entry.
 """
 
@@ -48,7 +48,7 @@ def add_gains(found: TunedGains, path: FilePath) -> None:
 
 
 def format_table(table: Table) -> str:
-    """Return tuned gains as TOML, in the order of scenarios, controllers and paces."""
+    """Return tuned gains as TOML, in the order of scenarios, laws and paces."""
     blocks = [HEADING]
     names = list(SCENARIOS)
     for scenario in sorted(

@@ -106,7 +106,7 @@ class TunableLaw:
 
 
 def find_law(name: str, pace: float, scenario: str) -> TunableLaw:
-    """Return the law that a user names: a controller, or ``FILE.py:attribute``.
+    """Return the law that a user names, or ``FILE.py:attribute``.
 
     Raises
     ------

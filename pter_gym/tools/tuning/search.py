@@ -20,7 +20,7 @@ from pter_gym.scenarios import find_pace, find_scenario, name_of_pace
 from pter_gym.tools.tuning.laws import Range, TunableLaw, find_law
 
 TRIALS = 3000
-"""Gains to try for a controller, a scenario and a pace."""
+"""Gains to try for a law, a scenario and a pace."""
 
 EPISODES = 200
 """Training draws of a trial."""
@@ -82,7 +82,7 @@ def tune(
     smooth: float = 0.0,
     on_trial: Callable[[int, float], None] = lambda _count, _best: None,
 ) -> TunedGains:
-    """Search for a controller's gains on training draws of a scenario, with CMA-ES.
+    """Search for a law's gains on training episodes of a scenario, with CMA-ES.
 
     The search begins with the shipped gains and the defaults. It resumes from the trials in its
     storage, whichever process ran them. Alone and without interruption it gives the same result for

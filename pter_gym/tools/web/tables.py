@@ -75,7 +75,7 @@ def choices() -> dict[str, Any]:
     """Return a page's choices: machines with the paper's clutches, and the policies for them."""
     batch = pages_batch()
     machines = {name: machine for name, machine in MACHINES.items() if machine.has_paper_clutches}
-    config = batch.device_arrays()["config"]
+    config = batch.kernel_arrays()["config"]
     return {
         "config": [value if np.isfinite(value) else None for value in config.tolist()],
         "control_period": batch.task.control_period,

@@ -1,4 +1,4 @@
-"""Episodes for offline learning: whole, from training draws, with the environment's bits."""
+"""Episodes for offline learning: whole, from training episodes, with the environment's bits."""
 
 from collections.abc import Iterator
 from typing import Any

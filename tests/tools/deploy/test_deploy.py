@@ -22,7 +22,7 @@ from pter_gym._engine.world import SKIP
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.rollout import evaluate, record_episode
-from pter_gym.controllers import PerClutch, Policy, bind, device
+from pter_gym.controllers import PerClutch, Policy, bind, compiled
 from pter_gym.controllers._laws import built_in
 from pter_gym.errors import ParameterError, StorageError
 from pter_gym.params import BASELINE, MACHINES, find_machine
@@ -52,7 +52,7 @@ needs_compiler = pytest.mark.skipif(
 )
 
 
-def compiled(source: Source, folder: Path, program: Path | None = None) -> Path:
+def built(source: Source, folder: Path, program: Path | None = None) -> Path:
     """A program made by the C compiler at hand."""
     source.write(folder)
     compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
@@ -153,7 +153,7 @@ def test_a_program_gives_pythons_actions_on_ten_thousand_observations(
     source = source_of(find_policy(name), name=name, numbers=numbers, weights=weights)
     observations, text = recorded
     differ = np.abs(
-        said(compiled(source, tmp_path), text) - actions(source.policy, observations)
+        said(built(source, tmp_path), text) - actions(source.policy, observations)
     ).max()
     assert differ == 0.0 if numbers == "double" else 0.0 < differ < ROUNDING
 
@@ -169,7 +169,7 @@ def test_a_decision_is_held_and_a_law_knows_other_clutches(
     observations = ride([own] * 2, [PathFollowing(pace=0.25)] * 2)
     source = source_of(policy() if callable(policy) else find_policy(policy), machine=own)
     assert (
-        said(compiled(source, tmp_path), episodes_of(observations))
+        said(built(source, tmp_path), episodes_of(observations))
         == actions(source.policy, observations)
     ).all()
 
@@ -179,7 +179,7 @@ def own(law: Any, gains: Any) -> Policy:
     return Policy.of_law(law, gains, BASELINE, observation_layout(BASELINE, "torque"))
 
 
-@device
+@compiled
 def own_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Brake more and more, the further the tip is from the path."""
     memory[0] = 0.9 * memory[0] + abs(obs[OBS.normal_error] * scales[OBS.normal_error])
@@ -195,10 +195,10 @@ def own_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 def test_a_users_own_law_becomes_a_program(recorded: Any, tmp_path: Path):
     source = source_of(own(own_law, np.arange(20.0)))
     observations, text = recorded
-    assert (said(compiled(source, tmp_path), text) == actions(source.policy, observations)).all()
+    assert (said(built(source, tmp_path), text) == actions(source.policy, observations)).all()
 
 
-@device
+@compiled
 def changing_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     at = memory
     if obs[0] > 0.0:
@@ -206,12 +206,12 @@ def changing_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     return PerClutch(at[0], 0.0, 0.0, 0.0)
 
 
-@device
+@compiled
 def truncating_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     return PerClutch(first_or(obs[0] > 0.0, memory[0]), 0.0, 0.0, 0.0)
 
 
-@device
+@compiled
 def first_or(first: bool, other: float) -> float:
     if first:
         return 1
@@ -243,7 +243,7 @@ def test_the_observation_is_the_simulators(
         episode.obs[:, k : k + n] * layout.scales[k : k + n]
         for k, n in zip(places, (2, 4, 2, 4), strict=True)
     ]
-    program = compiled(
+    program = built(
         source_of(find_policy("single-dof-tuned"), path=path, numbers=numbers),
         tmp_path,
         HERE / "observe.c",
@@ -393,7 +393,7 @@ int main(void) {
 @pytest.mark.parametrize("name", ["impedance", "ppo-standard"])
 def test_an_angle_that_is_no_number_gives_voltages(name: str, tmp_path: Path):
     (tmp_path / "bad.c").write_text(BAD)
-    found = said(compiled(source_of(find_policy(name)), tmp_path, tmp_path / "bad.c"), "")
+    found = said(built(source_of(find_policy(name)), tmp_path, tmp_path / "bad.c"), "")
     assert ((found[:, :4] >= 0.0) & (found[:, :4] <= TOP)).all()
     assert (found[:, 4] == 0).all()
 
@@ -401,7 +401,7 @@ def test_an_angle_that_is_no_number_gives_voltages(name: str, tmp_path: Path):
 @needs_compiler
 def test_an_encoder_whose_counter_wraps_turns_on(tmp_path: Path):
     (tmp_path / "counts.c").write_text(COUNTS)
-    found = said(compiled(source_of(find_policy("impedance")), tmp_path, tmp_path / "counts.c"), "")
+    found = said(built(source_of(find_policy("impedance")), tmp_path, tmp_path / "counts.c"), "")
     assert found[:3, 0].tolist() == [65539, -3, -1]
     assert found[:, 1].tolist() == [75.0, -75.0, 75.0, 75.0]
 
@@ -428,7 +428,7 @@ def test_a_program_that_drives_the_arm_scores_as_the_policy(tmp_path: Path):
     episodes = find_episodes("standard", "brisk").first(3)
     source = source_of(find_policy("ppo-standard"))
     with ExitStack() as stack:
-        program = compiled(source, tmp_path)
+        program = built(source, tmp_path)
         programs = [bench.Compiled(program, len(source.policy.layout)) for _ in range(3)]
         for each in programs:
             stack.callback(each.close)

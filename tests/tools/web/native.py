@@ -76,7 +76,7 @@ def run_scenario(name: str, steps: int, folder: Path) -> dict[str, Any]:
     batch = Batch(
         machines, tasks, WORLDS, draws=True, sensors="force", observe_context=True, max_steps=LIMIT
     )
-    arrays = batch.device_arrays()
+    arrays = batch.kernel_arrays()
     arrays["constants"].tofile(folder / f"{name}.constants")
     laws = [find_policy(law, scenario=name).bind(BASELINE, batch.layout) for law in LAWS]
     memories = [law.start(1) for law in laws]

@@ -12,7 +12,7 @@ export function fillSelect(select, names, chosen) {
 
 /** Return how a trial ended, in words. */
 export function verdict({ ending, result, settings: { policy }, pace }) {
-  if (ending === "left") return `${policy}: the handle left its lane.`;
+  if (ending === "left") return `${policy}: left the workspace.`;
   if (ending === "time") return `${policy}: time ran out before the end of the path.`;
   const error = millimetres(result.path_error_m);
   return `${policy}: path error ${error}, ${tempo(result.mean_pace_m_s, pace)}.`;
@@ -103,7 +103,7 @@ export class Comparison {
       row.insertCell().textContent = `${result.mean_pace_m_s.toFixed(2)} m/s`;
     } else {
       const cell = Object.assign(row.insertCell(), { colSpan: 2 });
-      cell.textContent = ending === "left" ? "left the lane" : "time ran out";
+      cell.textContent = ending === "left" ? "left the workspace" : "time ran out";
     }
     return row;
   }

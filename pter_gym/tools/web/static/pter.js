@@ -279,7 +279,7 @@ function arraysOf(tables, settings) {
   constants.set(arcs, widths.context);
   constants.set(recording, widths.context + arcs.length);
   const config = Float64Array.from(tables.config);
-  config[places.config.limit] = maxSteps;
+  config[places.config.max_steps] = maxSteps;
   const guides = hand.record_count > 0;
   return { config, constants, entries: tables.observation.length, draws: 1, guides };
 }
