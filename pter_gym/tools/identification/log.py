@@ -55,11 +55,9 @@ MAX_FILE = 1 << 30
 MAX_INTERVAL = 0.01
 """Longest time between two rows, usual or interpolated [s]: ten rows in the lag of a clutch."""
 
-LATE = 1.5
-"""Time between two rows over the usual one from which a row has been lost."""
-
-EVEN = 0.01
-"""How far rows may be from an even raster, over the interval, to be used as they are."""
+LATE, EVEN = 1.5, 0.01
+"""Time between two rows over the usual one from which a row has been lost; how far rows may be from
+an even raster, over the interval, to be used as they are."""
 
 SETTLING = 0.5
 """After a gap in which a voltage changed: until its clutch has settled [s]."""
@@ -71,11 +69,9 @@ MAX_SPEED, MIN_TURN = 50.0, 1e-3
 """Fastest turn of a link between two rows [rad/s], as faster are degrees or an angle that wraps;
 shortest time over which that is judged [s], as rows may be logged in bursts."""
 
-ROUNDING = 1e-9
-"""Differences of angles that are none [rad]."""
-
-COMPLETE = 0.9
-"""Share of filled entries from which all columns of a row were read at its time."""
+ROUNDING, COMPLETE = 1e-9, 0.9
+"""Differences of angles that are none [rad]; share of filled entries from which all columns of a
+row were read at its time."""
 
 MAX_LISTED = 5
 """Gaps that are named one by one."""
