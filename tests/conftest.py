@@ -1,6 +1,7 @@
 """Kernels are compiled before the workers of pytest-xdist start; slow tests come first."""
 
 import os
+from importlib.metadata import PackageNotFoundError, version
 
 import hypothesis
 import pytest
@@ -16,6 +17,14 @@ os.environ.setdefault(
 os.environ.setdefault(
     "JAX_NUM_CPU_DEVICES", "2"
 )  # those of pter_agents.ppo, for whatever uses JAX first
+
+try:
+    if version("jaxlib").startswith("0.10."):  # a flag that it does not know ends the process
+        os.environ.setdefault(  # a third of the time to compile, which is most of what tests take
+            "XLA_FLAGS", "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
+        )
+except PackageNotFoundError:
+    pass
 
 
 @pytest.hookimpl(tryfirst=True)

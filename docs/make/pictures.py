@@ -46,17 +46,8 @@ PACE = "medium"
 DRAWS = 16
 FILM_SIZE, SIDE_BY_SIDE_SIZE = (600, 540), (720, 537)  # [px]
 FILM_SEED = 2**31 + 15  # of no training
-EPISODE = {
-    "standard": 0,
-    "paths": 5,
-    "hands": 3,
-    "materials": 8,
-    "everything": 15,
-    "tremor": 1,
-    "corridor": 0,
-    "wall": 0,
-}
-"""The draw of each scenario that is shown: those of paths and everything have different paths."""
+EPISODE = {"paths": 5, "hands": 3, "materials": 8, "everything": 15, "tremor": 1}
+"""Which draw of a scenario is shown, where it is not the first."""
 
 RATE = 12.5  # frames in a second, in real time
 MARKERS = "os^DvPX<>p*dh"
@@ -201,7 +192,7 @@ def side_by_side() -> None:
 
 def alone(scenario: str) -> None:
     """Film an episode of a scenario under one policy."""
-    film = frames((FIXTURES.get(scenario, SHOWN),), scenario, EPISODE[scenario])
+    film = frames((FIXTURES.get(scenario, SHOWN),), scenario, EPISODE.get(scenario, 0))
     write_webp(film, IMAGES / "moving" / f"{scenario}.webp", 40)
 
 
@@ -209,7 +200,7 @@ def policies() -> None:
     """Draw each policy at the end of the same episode of the paper's setting."""
     for name in policy_names():
         write_webp(
-            frames((name,), "standard", EPISODE["standard"], last=True),
+            frames((name,), "standard", 0, last=True),
             IMAGES / "policies" / f"{name}.webp",
             80,
         )

@@ -5,6 +5,7 @@ from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import numpy as np
 import tyro
 
 from pter_gym._internal.files import check_target
@@ -12,6 +13,8 @@ from pter_gym._internal.tables import read_table
 from pter_gym._internal.terminal import say
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import ACTUATORS, MACHINES, find_machine
+from pter_gym.paths._names import PATH_NAMES
+from pter_gym.paths._reach import SINGULARITY_MARGIN, check_reach
 from pter_gym.policies._files import ENDING, shipped_policies
 from pter_gym.policies._names import BUILT_IN, check_policy, tuned_policies
 from pter_gym.scenarios import PACES, SCENARIOS, find_pace, find_scenario
@@ -33,9 +36,6 @@ else:
 
     EachPace = Literal[("all", *PACES)]
     """Name of a commanded pace, or all of them."""
-
-PATH_NAMES = ("line", "arc", "circle", "sine")
-"""Names of paths, in their order in ``PATHS``, known without loading anything that compiles."""
 
 _PACE = f"{'|'.join(PACES)}|M/S"
 
@@ -81,19 +81,24 @@ def look_at(
     policies: Iterable[str] = (),
     paces: Iterable[str] = (),
     path: str | None = None,
+    smooth: float = 0.0,
     machine: str | None = None,
 ) -> None:
     """Look at what a user has named before anything that takes seconds is imported.
 
-    What is mistyped raises the error at once that it would later.
+    What is mistyped, or out of reach, raises the error at once that it would later. A path that is
+    smoothed does not pass through its waypoints, so these may be out of reach.
     """
     for pace in paces:
         find_pace(pace, "paces")
     for policy in policies:
         check_policy(policy)
-    find_machine(machine)
+    arm = find_machine(machine).arm
     if path is not None and path.endswith(".csv"):
-        read_table(path, ("x", "y"), unit="m")
+        columns = read_table(path, ("x", "y"), unit="m").columns
+        if not smooth:
+            waypoints = np.stack([columns["x"], columns["y"]], axis=1)
+            check_reach(waypoints, arm.length_a, arm.length_b, SINGULARITY_MARGIN)
     elif path is not None and path not in PATH_NAMES:
         raise unknown_name("path", path, (*PATH_NAMES, "FILE.csv"))
 

@@ -76,7 +76,7 @@ def benchmark(
         out: Folder for the results, created if necessary.
     """
     names = [name for each in policies for name in split(each)]
-    look_at(policies=names, paces=paces, path=path)
+    look_at(policies=names, paces=paces, path=path, smooth=smooth)
 
     from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
     from pter_gym.benchmark.boards import EPISODE_SET, boards_text, in_order

@@ -78,8 +78,8 @@ class Batch(Storage):
         ``"volt"``: actions within [0, voltage_max]; ``"normalised"``: a within [−1, 1] for
         voltage_max·((a + 1)/2)².
     frame_skip
-        Control steps for which an action is held. Rewards add up, and what else a step returns is
-        of the last of them; an episode that ends earlier ends the step of its world.
+        Control steps for which an action is held. Rewards and their terms add up, and what else a
+        step returns is of the last of them; an episode that ends earlier ends its world's step.
     max_steps
         Control steps after which an episode is truncated; none by default.
     telemetry

@@ -15,7 +15,7 @@ from numba.np import numpy_support
 
 from pter_gym._compiled.addresses import caller, double, export, flag, single, unsigned, whole
 from pter_gym._compiled.compiler import compile_kernel, compiled, entry_of, inlined
-from pter_gym._compiled.records import store
+from pter_gym._compiled.records import entrywise, load, store
 from pter_gym._engine.episode import (
     end_step,
     fetch_world,
@@ -48,6 +48,7 @@ from pter_gym._engine.world import (
     ROWS,
     STORED_ROWS,
     Arrays,
+    Pay,
 )
 from pter_gym._physics.arm import Vector
 from pter_gym._physics.clutch import PerClutch
@@ -181,13 +182,20 @@ def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high:
         )
 
 
+@entrywise
+@inlined
+def added(x: float, y: float) -> float:
+    """Return a sum."""
+    return x + y
+
+
 @inlined
 def _close(
     w: Any, worlds: Any, b: int, lanes: int, a: Arrays, ended: int, k: int, held: int
 ) -> None:
     """End a control step of a block, and write back the worlds that ended.
 
-    It is step ``k`` of the ``held`` ones of an action, whose rewards add up. A world that ends
+    It is step ``k`` of the ``held`` ones of an action, whose reward terms add up. A world that ends
     earlier than the last of them, or begins a new episode, is done: it is written back, and runs
     along in its lane like one that has ended.
     """
@@ -197,13 +205,15 @@ def _close(
         w, width, lanes, a.words, begin, a.config, a.constants, worlds.shape[1] > BASIC_ROWS
     )
     for i in range(lanes):
+        if k > 0:
+            store(w, ROW.terms, i, added(load(w, ROW.terms, i), load(w, ROW.before.terms, i)))
+            w[ROW.reward, i] += w[ROW.before.reward, i]
+        if held > 1:
+            store(w, ROW.before, i, Pay(load(w, ROW.terms, i), w[ROW.reward, i]))
         began = was_alive(w, i)
-        earned = w[ROW.reward, i] + (a.rewards[begin + i] if k > 0 else 0.0)
         over = w[ROW.alive, i] == 0.0 if began else k == 0
         if over or (began and k + 1 == held):
             end_step(w, i, begin + i, a, ended)
-        if began:
-            a.rewards[begin + i] = earned
         begins = w[ROW.alive, i] != 0.0
         if over and (held > 1 if begins else began):
             put_back(w, i, worlds, begin + i)

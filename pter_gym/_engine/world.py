@@ -93,6 +93,13 @@ class Constants(NamedTuple):
     task: TaskModel
 
 
+class Pay(NamedTuple):
+    """What the control steps of an action have paid before the present one."""
+
+    terms: Annotated[Terms, Entry("1", "reward term", name="reward")]
+    reward: Annotated[float, Entry("1", "sum of the reward terms")]
+
+
 class Scratch(NamedTuple):
     """What a control step works with; nothing of it lasts."""
 
@@ -114,6 +121,7 @@ class Scratch(NamedTuple):
     began: Annotated[float, Entry("1", "1 if the world was alive before the step")]
     terms: Annotated[Terms, Entry("1", "reward term", name="reward")]
     reward: Annotated[float, Entry("1", "sum of the reward terms")]
+    before: Pay
     end: Flags
     seen: Observation
     arrangement: Arrangement  # with other clutches than the paper's

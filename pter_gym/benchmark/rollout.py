@@ -269,7 +269,7 @@ def examine(
 ) -> dict[str, Assessment]:
     """Assess policies on training episodes and compare with trivial ones; the best comes first.
 
-    Evaluation episodes are not read, so the results may guide further training. ``free``,
+    Test episodes are not read, so the results may guide further training. ``free``,
     ``locked`` and ``random`` are assessed, too.
 
     Parameters

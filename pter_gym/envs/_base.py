@@ -19,11 +19,14 @@ from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import SLOTS, Machine
 from pter_gym.policies._interface import corrected
 from pter_gym.policies.tuned import find_paced, find_tuned
-from pter_gym.tasks.path_following._telemetry import COLUMNS
+from pter_gym.tasks.path_following._telemetry import COLUMN, COLUMNS
 
 REACH = 8.0
 """Voltage of a correction of 1 [V]: a power of two, so the product is exact and all ways of
 computing a corrected voltage have the same bits."""
+
+PAY: Any = [*COLUMN.terms, COLUMN.reward]
+"""Columns of the telemetry that add up over the control steps of an action."""
 
 Mask = NDArray[np.bool_]
 
@@ -146,11 +149,10 @@ class CorrectedBatch(Batch):
         running = alive.copy()
         for _ in range(self.frame_skip):
             returns = super().step(self.law.corrected(given, self._base), SKIP)
-            obs[running], telemetry[:, running] = (
-                returns.obs[running],
-                returns.telemetry[:, running],
-            )
+            obs[running] = returns.obs[running]
             rewards += returns.rewards
+            returns.telemetry[..., PAY] += np.nan_to_num(telemetry[..., PAY])
+            telemetry[:, running] = returns.telemetry[:, running]
             flags |= returns.flags
             self._follow(obs, running)
             terminated, truncated, _ = returns.flags

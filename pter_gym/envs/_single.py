@@ -79,7 +79,7 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
 
     With `task.starts`, for training, a share of the episodes begins anywhere along the path, off it
     and moving, and another share at its start with clutches that have settled at drawn voltages;
-    see `pter_gym.tasks.path_following.Starts`. Evaluation episodes never do.
+    see `pter_gym.tasks.path_following.Starts`. Test episodes never do.
 
     ## Episode End
     ### Termination
@@ -116,9 +116,9 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
       includes it.
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
     - `action_unit`: `"normalised"` (default) or `"volt"`.
-    - `frame_skip`: control steps (of 10 ms) for which an action is held, 1 by default. The rewards
-      of these steps add up, and observation and `info` are those of the last of them. An episode
-      that ends within them ends the step.
+    - `frame_skip`: control steps (of 10 ms) for which an action is held, 1 by default. Rewards and
+      reward terms of these steps add up; the observation and whatever else `info` holds are those
+      of the last of them. An episode that ends within them ends the step.
     - `base`: a control law whose voltages actions correct, by name, such as `"single-dof-tuned"`,
       or a controller. An action of 1 adds 8 V, one of 0 leaves the law's voltage. The law acts at
       every control step, the observation ends with its voltages, `base_1` to `base_4`, and with a

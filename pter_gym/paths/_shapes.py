@@ -17,6 +17,7 @@ from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import quantity, require
 from pter_gym.paths._arcs import Arcs, Curve, Path, Piece, arc_between, chain, fit_arcs
+from pter_gym.paths._names import PATH_NAMES
 
 Points = tuple[tuple[float, float], ...]
 
@@ -334,7 +335,7 @@ def read_path(file: FilePath, *, smooth: float = 0.0) -> Spline:
 
 
 PATHS: Mapping[str, Path] = MappingProxyType(
-    {"line": Line(), "arc": Arc(), "circle": Circle(), "sine": Sine()}
+    dict(zip(PATH_NAMES, (Line(), Arc(), Circle(), Sine()), strict=True))
 )
 """Paths by name."""
 

@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pter_gym._commands.arguments import PATH_NAMES, split
+from pter_gym._commands.arguments import split
 from pter_gym._commands.main import commands, load_command, main, parse
 from pter_gym.controllers import CONTROLLERS
-from pter_gym.paths import PATHS
 from pter_gym.policies._names import BUILT_IN, tuned_policies
 from pter_gym.policies.tuned import read_table, tuned_names
 
@@ -67,6 +66,7 @@ MISTYPED = [
     *("watch impedence --out a.webp", "watch free --pace slw --out a.webp", "device my.toml"),
     *("hil impedence ./loop", "export impedence --c folder", "benchmark --path nopath"),
     *("tune impedance --path nopath", "watch free --path nopath --out a.webp"),
+    *("benchmark --path millimetres.csv", "tune impedance --path millimetres.csv"),
     *("identify nofile", "identify columns.csv", "identify nofile --machine basline"),
 ]
 
@@ -74,6 +74,7 @@ MISTYPED = [
 def test_what_is_mistyped_is_told_before_anything_heavy_is_imported(tmp_path: Path) -> None:
     """Numba, SciPy and Matplotlib take seconds to import."""
     (tmp_path / "columns.csv").write_text("x,z\n0,0\n1,1\n")
+    (tmp_path / "millimetres.csv").write_text("x,y\n-300,650\n0,650\n300,650\n")
     lines = [line for line in MISTYPED if line.partition(" ")[0] in commands()]
     program = (
         "import sys; from pter_gym._commands.main import main\n"
@@ -91,7 +92,6 @@ def test_what_is_mistyped_is_told_before_anything_heavy_is_imported(tmp_path: Pa
 
 def test_names_that_are_known_without_the_controllers_are_theirs() -> None:
     assert tuple(CONTROLLERS) == BUILT_IN
-    assert tuple(PATHS) == PATH_NAMES
     assert tuned_policies() == tuned_names(read_table())
 
 

@@ -12,6 +12,7 @@ from gymnasium.utils.env_checker import check_env
 import pter_gym
 from pter_gym.envs import PathFollowingEnv, PathFollowingVectorEnv
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
+from pter_gym.tasks.path_following import COLUMN
 
 ID, BASE, WORLDS = "PTER/Standard-v0", "single-dof-tuned", 5
 SHORT: dict[str, Any] = {"scenario": "standard", "contexts": 8, "max_episode_steps": 30}
@@ -58,13 +59,16 @@ def test_no_correction_leaves_the_law(skip: int) -> None:
     over = False
     while not over:
         assert seen[:-4].tobytes() == obs.tobytes()
-        seen, reward, terminated, truncated, _ = corrected.step(np.zeros(4, np.float32))
-        earned = 0.0
+        seen, reward, terminated, truncated, info = corrected.step(np.zeros(4, np.float32))
+        earned, paid = 0.0, 0.0
         for _ in range(skip):
             if not over:
-                obs, part, done, late, _ = plain.step(law(obs))
+                obs, part, done, late, told = plain.step(law(obs))
                 earned, over = earned + part, done or late
+                paid = paid + told["telemetry"][[*COLUMN.terms]]
         assert (reward, terminated or truncated) == (earned, over)
+        assert info["telemetry"][COLUMN.reward] == earned
+        np.testing.assert_array_equal(info["telemetry"][[*COLUMN.terms]], paid)
 
 
 def test_a_copy_of_the_state_goes_on_alike() -> None:
@@ -98,7 +102,7 @@ def test_a_spec_recovers_the_environment() -> None:
     ("keywords", "message"),
     [
         ({"base": "single-dof-tund"}, "policies"),
-        ({"base": lambda obs: obs}, "base must be the name"),
+        ({"base": lambda obs: obs}, "base must be a control law"),
         ({"base": BASE, "action_unit": "volt"}, "action_unit must be 'normalised'"),
     ],
 )

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, reduce
 from pathlib import Path
 from typing import Any
 
@@ -262,6 +262,9 @@ def test_after_a_checkpoint(mode: AutoresetMode) -> None:
             require_same(one, two, step)
 
 
+PAY = [*COLUMN.terms, COLUMN.reward]
+
+
 @settings(max_examples=3, deadline=None, phases=[Phase.explicit, Phase.generate])
 @given(seed=st.integers(0, 2**31), skip=st.integers(2, 9))
 def test_a_held_action_equals_a_repeated_one(seed: int, skip: int) -> None:
@@ -287,14 +290,19 @@ def test_a_held_action_equals_a_repeated_one(seed: int, skip: int) -> None:
             if ended:
                 break
             obs, reward, *flags, info = held.step(action)
-            total = 0.0
+            total, paid = 0.0, np.full(len(PAY), -0.0)
             for _ in range(skip):
                 other, pay, *ends, told = plain.step(action)
-                total = pay + total
+                total, paid = pay + total, told["telemetry"][PAY] + paid
                 if any(ends):
                     break
             assert (reward, flags) == (total, ends)
+            told["telemetry"][PAY] = paid
             assert info["telemetry"].tobytes() == told["telemetry"].tobytes()
+            *terms, shown = paid.tolist()
+            assert shown == total
+            rounding = skip * len(terms) * np.finfo(float).eps * np.abs(terms).sum()
+            assert sum(terms) == pytest.approx(total, rel=0.0, abs=rounding)
             ended = any(flags)
         endings += ended
     assert endings > 0  # not all: some arms stand still
@@ -320,7 +328,10 @@ def test_a_policy_decides_at_its_training_frame_skip(skip: int) -> None:
     for k in range(18 // skip):
         assert obs.tobytes() == asked[k][0].tobytes()
         obs, *_, info = env.step(acting(obs))
-        assert info["telemetry"].tobytes() == ran[(k + 1) * skip, 0].tobytes()
+        rows = ran[k * skip + 1 : (k + 1) * skip + 1, 0]
+        expected = rows[-1].copy()
+        expected[PAY] = reduce(np.add, rows[:, PAY])
+        assert info["telemetry"].tobytes() == expected.tobytes()
     assert len(asked) == 18 // skip
 
 

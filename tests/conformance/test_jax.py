@@ -30,7 +30,7 @@ KINDS: dict[str, dict[str, Any]] = {
         "max_episode_steps": 60,
         "action_unit": "volt",
     },
-    "other clutches": {"machine": "couplings-2-1", "action_unit": "volt"},
+    "other clutches": {"machine": "two-brakes", "action_unit": "volt"},
     "a corridor": {"env_id": "PTER/Corridor-v0"},
 }
 
@@ -60,8 +60,9 @@ def test_worlds_have_the_bits_of_the_vector_environment(kind: str, wide: bool) -
         env, params = make(**KINDS[kind])
         worlds = vector(**KINDS[kind])
         space, rng = worlds.single_action_space, np.random.default_rng(4)
+        assert env.action_space().shape == (env.num_actions,) == space.shape
         low, high = space.low[0], space.low[0] + 0.6 * (space.high[0] - space.low[0])
-        actions = rng.uniform(low, high, (150, WORLDS, 4)).astype(np.float32)
+        actions = rng.uniform(low, high, (150, WORLDS, *space.shape)).astype(np.float32)
         obs, state = jax.vmap(env.reset_to_seed)(7 + np.arange(WORLDS))
         np.testing.assert_array_equal(obs, worlds.reset(seed=7)[0])
 

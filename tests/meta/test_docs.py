@@ -7,7 +7,6 @@ import re
 import shlex
 import time
 from pathlib import Path
-
 from typing import Any
 
 import fill
@@ -118,15 +117,14 @@ def test_readme_steps_the_environment(capsys: pytest.CaptureFixture[str]):
     assert f"prints `{capsys.readouterr().out.strip()}`" in README.read_text("utf-8")
 
 
-SLOW = ("extending.md", "gradients.md", "model.md", "your-algorithm.md")
+MARKS = dict.fromkeys(("extending", "model", "your-algorithm"), pytest.mark.slow) | {
+    "gradients": pytest.mark.long
+}
 
 
 @pytest.mark.parametrize(
     "page",
-    [
-        pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.name in SLOW else [])
-        for page in RUNNING
-    ],
+    [pytest.param(page, id=page.stem, marks=MARKS.get(page.stem, ())) for page in RUNNING],
 )
 def test_code_on_a_page_prints_what_the_page_shows(
     page: Path,

@@ -13,8 +13,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -33,6 +35,7 @@ from pter_gym.params import (
     BASELINE,
     MACHINES,
     PAPER_CLUTCHES,
+    SLOTS,
     Connection,
     Hand,
     Machine,
@@ -63,7 +66,7 @@ DECLARED = {name: MACHINES[name] for name in ARRANGEMENTS} | {
 
 @pytest.fixture(scope="module")
 def given_problems() -> Arranged:
-    return problems(np.random.default_rng(20261125), 120_000)
+    return problems(np.random.default_rng(20261125), 40_000)
 
 
 def rounding(given: Arranged, omega: np.ndarray) -> np.ndarray:
@@ -225,7 +228,34 @@ def test_worlds_move_as_in_open_loop_and_alone_as_in_a_batch(name: str) -> None:
         assert np.array_equal(rows[4, moved], other.telemetry[0, 0, moved], equal_nan=True)
 
 
-# --- laws ---
+# --- environments and laws ---
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_environments_take_an_entry_for_each_clutch(count: int) -> None:
+    name = {2: "two-brakes", 3: "brakes-and-coupling"}[count]
+    env: Any = gymnasium.make("PTER/PathFollowing-v0", machine=name, max_episode_steps=40)
+    check_env(env.unwrapped, skip_render_check=True)
+    envs = gymnasium.make_vec("PTER/PathFollowing-v0", num_envs=3, machine=name)
+    envs.reset(seed=5)
+    env.reset(seed=5)
+    action = np.linspace(0.2, 0.5, count, dtype=np.float32)
+    obs, _, _, _, info = env.step(action)
+    np.testing.assert_array_equal(envs.step(np.tile(action, (3, 1)))[0][0], obs)
+    volts = [24.0 * (0.5 * (entry + 1.0)) ** 2 for entry in action]
+    told = info["telemetry"][[*COLUMN.volts]]
+    assert told == pytest.approx([*volts, *[0.0] * (SLOTS - count)])
+
+
+@pytest.mark.agents
+def test_stable_baselines3_steps_as_the_vector_environment() -> None:
+    door = pytest.importorskip("pter_gym.envs.sb3", exc_type=ImportError)
+    worlds = door.make_sb3_vec_env(3, machine="two-brakes")
+    envs = gymnasium.make_vec("PTER/PathFollowing-v0", num_envs=3, machine="two-brakes")
+    worlds.seed(5)
+    np.testing.assert_array_equal(worlds.reset(), envs.reset(seed=5)[0])
+    actions = np.full((3, 2), -0.4, np.float32)
+    np.testing.assert_array_equal(worlds.step(actions)[0], envs.step(actions)[0])
 
 
 @pytest.mark.parametrize("name", DECLARED)

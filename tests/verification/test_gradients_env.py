@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from documents import DOCS, blocks_of, run_program
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.paths import Sine
@@ -193,11 +192,3 @@ def test_bad_input_is_refused() -> None:
         env.step(None, state, np.ones(4, int))
     with pytest.raises(ParameterError, match="state"):
         env.step(None, jax_env.EnvState(*state[:2]), np.ones(4))
-
-
-@pytest.mark.long
-def test_the_page_on_gradients_runs() -> None:
-    shown: dict[str, Any] = run_program(blocks_of(DOCS / "gradients.md"), "gradients.md")
-    for found in (shown["gradient"].volts, shown["by_volts"], shown["by_action"]):
-        assert np.isfinite(found).all()
-        assert np.any(found)

@@ -24,6 +24,7 @@ from pter_gym.hands import NO_HAND, MultiSineHand, Operator
 from pter_gym.params import Arm, Checked, Machine, quantity, require, require_number
 from pter_gym.paths import Line, Path
 from pter_gym.paths._arcs import Arcs, ArcSegment
+from pter_gym.paths._reach import SINGULARITY_MARGIN, check_reach
 from pter_gym.tasks.path_following._observation import BOUND, ERROR_SCALE, SPEED_SCALE
 from pter_gym.tasks.path_following._rules import COMMANDED_PACE, RewardWeights
 
@@ -173,7 +174,11 @@ class PathFollowing(Checked):
         default=0.125,
     )
     singularity_margin: float = quantity(
-        "1", "chosen: smallest |sin(θA − θB)| of the workspace", above=0.0, below=1.0, default=0.2
+        "1",
+        "chosen: smallest |sin(θA − θB)| of the workspace",
+        above=0.0,
+        below=1.0,
+        default=SINGULARITY_MARGIN,
     )
     start_offset: float = quantity(
         "m",
@@ -367,17 +372,7 @@ def _check_path(
             f"{MAX_CURVATURE_RATIO / bend:.4g} m, {MAX_CURVATURE_RATIO:g} of the smallest radius "
             f"of {type(path).__name__}, got {error_max!r}"
         )
-    points = path.arcs.extremes()
-    outside = sin_elbow(length_a, length_b, points) <= margin
-    if outside.any():
-        x, y = points[outside.argmax()]
-        both, part = length_a**2 + length_b**2, 2.0 * length_a * length_b * math.sqrt(1 - margin**2)
-        nearest, farthest = math.sqrt(both - part), math.sqrt(both + part)
-        unit = "; are these millimetres?" if math.hypot(x, y) > 10.0 * farthest else ""
-        raise ParameterError(
-            f"PathFollowing.path must be within reach, {nearest:.2g} to {farthest:.2g} m from the "
-            f"base at (0, 0), but ({x:.4g}, {y:.4g}) m is not{unit}"
-        )
+    check_reach(path.arcs.extremes(), length_a, length_b, margin)
 
 
 def _check_start(task: PathFollowing, arm: Arm) -> None:

@@ -133,7 +133,7 @@ def examine_device(
     trials
         Gains to try for each law.
     episodes
-        Fresh episodes of each scenario.
+        Test episodes of each scenario.
     policies
         Further policies to score, by name.
     on_progress

@@ -47,7 +47,7 @@ def hil(
         partner: Serial port, or a command whose standard input and output become the line.
         scenario: Scenario of the episodes, without a free band around its paths.
         pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
-        episodes: Evaluation episodes to run, starting with the first, at most 64.
+        episodes: Test episodes to run, starting with the first, at most 64.
         rate: Control steps per simulated second, from 10 to 1000.
         real_time: Begin control steps in time with the clock, not as soon as there is an answer.
         deadline: Seconds to wait for an answer before the last voltages are kept; by default a

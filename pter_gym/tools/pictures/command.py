@@ -63,7 +63,7 @@ def watch(
         machine: Name or file of a machine, instead of the one that the scenario draws.
     """
     names = split(policies)
-    look_at(policies=names, paces=[pace], path=path, machine=machine)
+    look_at(policies=names, paces=[pace], path=path, smooth=smooth, machine=machine)
 
     from pter_gym.benchmark import find_policy
     from pter_gym.benchmark.results import write_trajectories

@@ -64,7 +64,7 @@ def tune(
     known = names_for("law")
     if not is_code(law) and law not in known:
         raise unknown_name("law", law, (*known, "FILE.py:Law"))
-    look_at(policies=[law], paces=[pace], path=path, machine=machine)
+    look_at(policies=[law], paces=[pace], path=path, smooth=smooth, machine=machine)
     if out is not None:
         check_file(out, ".toml")
         if is_code(law):

@@ -163,15 +163,12 @@ def test_a_program_gives_pythons_actions_on_ten_thousand_observations(
     ("policy", "machine"), [(held_policy, "baseline"), ("single-dof", "couplings-1-2")]
 )
 def test_a_decision_is_held_and_a_law_knows_other_clutches(
-    policy: Any, machine: str, tmp_path: Path
+    policy: Any, machine: str, recorded: Any, tmp_path: Path
 ):
+    observations, text = recorded
     own = find_machine(machine)
-    observations = ride([own] * 2, [PathFollowing(pace=0.25)] * 2)
     source = source_of(policy() if callable(policy) else find_policy(policy), machine=own)
-    assert (
-        said(built(source, tmp_path), episodes_of(observations))
-        == actions(source.policy, observations)
-    ).all()
+    assert (said(built(source, tmp_path), text) == actions(source.policy, observations)).all()
 
 
 def own(law: Any, gains: Any) -> Policy:
