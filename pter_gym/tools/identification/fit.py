@@ -105,10 +105,17 @@ class Fit:
                 self._minimise()
             self._weigh()
             self.weights = self.windows.used / (1.0 + self.shaken() / self.usual**2)
-            changes = np.einsum("wij,wj->wi", self.windows.uncertain, self.here.correction)
-            self.starts = self.starts - changes
-            self._known.clear()
+            self._mend()
         return self
+
+    def _mend(self) -> None:
+        """Correct the starts of windows which that brings closer to the measured angles."""
+        before, off = self.starts, self._apart(self.p, self.windows.inputs)
+        changes = np.einsum("wij,wj->wi", self.windows.uncertain, self.here.correction)
+        self.starts = before - changes
+        closer = np.sum(self._apart(self.p, self.windows.inputs) ** 2 - off**2, axis=1) < 0.0
+        self.starts = np.where(closer[:, None], self.starts, before)
+        self._known.clear()
 
     @property
     def here(self) -> Point:
@@ -199,10 +206,10 @@ class Fit:
         by_free = factors[:, :, None] * self.here.jacobian[:, :, self.free]
         return factors * self.here.residual, by_free
 
-    def _predicted(self, p: Array, inputs: LogInputs) -> Array:
+    def _apart(self, p: Array, inputs: LogInputs) -> Array:
         """Return the predicted less the measured angles [rad], (windows, 2·length), all finite."""
         w = self.windows
-        return _apart(predict(self.shape, p, inputs, self.starts, w.length), w.measured)
+        return _off(predict(self.shape, p, inputs, self.starts, w.length), w.measured)
 
     def _at(self, p: Array) -> Point:
         """Return what a simulation at coordinates tells."""
@@ -211,7 +218,7 @@ class Fit:
             self.on_step()
             w, rows = self.windows, self.windows.measured[0].size
             angles, by, by_start = differentiate(self.shape, p, w.inputs, self.starts, w.length)
-            off = _apart(angles, w.measured)[:, :, None]
+            off = _off(angles, w.measured)[:, :, None]
             by_start = np.nan_to_num(by_start.reshape(-1, rows, 4)) @ w.uncertain
             columns = np.nan_to_num(by.reshape(-1, rows, at.COUNT))
             left, along = self._projected(by_start, np.concatenate([off, columns], axis=2))
@@ -231,12 +238,19 @@ class Fit:
 
     def _near(self, p: Array, inputs: LogInputs | None = None) -> Array:
         """Return the residuals [rad] at other coordinates or inputs, projected as here."""
-        off = self._predicted(p, inputs or self.windows.inputs)
+        off = self._apart(p, inputs or self.windows.inputs)
         return self._projected(self.here.by_start, off[:, :, None])[0][:, :, 0]
 
     def change(self, p: Array, inputs: LogInputs | None = None) -> Array:
         """Return the change of the residuals [rad] at other coordinates or inputs."""
         return self._near(p, inputs) - self.here.residual
+
+    def rounding(self, step: float) -> Array:
+        """Return what an encoder's step [rad] makes of the residuals [rad]."""
+        measured = self.windows.measured.reshape(self.here.residual.shape)
+        angles = (self._apart(self.p, self.windows.inputs) + measured) / max(step, 1e-12)
+        off = step * (np.round(angles) - angles)
+        return self._projected(self.here.by_start, off[:, :, None])[0][:, :, 0]
 
     def covariance(self) -> tuple[Array, float]:
         """Return the covariance of the free coordinates, and the quantile of 95 % intervals."""
@@ -309,6 +323,6 @@ def jackknife(residual: Array, jacobian: Array) -> tuple[Array, Array]:
     return _LINEAR.solve(without, (gradients[told] / size)[:, :, None])[:, :, 0] / size, information
 
 
-def _apart(angles: Array, measured: Array) -> Array:
+def _off(angles: Array, measured: Array) -> Array:
     finite = np.nan_to_num(angles, nan=1e3, posinf=1e3, neginf=-1e3)
     return (finite - measured).reshape(len(measured), -1)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.fit import BLOCK, Fit
-from pter_gym.tools.identification.log import Log
+from pter_gym.tools.identification.log import Log, angle_step
 from pter_gym.tools.identification.windows import GAIN
 
 Array = NDArray[np.float64]
@@ -108,19 +108,23 @@ def judge(fit: Fit, differences: Mapping[str, str], log: Log) -> Verdict:
     driven = fit.change(fit.p, windows.harder) / GAIN
     errors = [fit.change(fit.p, inputs) for inputs in (windows.finer, *windows.shaken)]
 
-    def squares(rows: int) -> tuple[Array, Array, Array]:
-        """Return mean squares of means over rows: of residuals, of noise, of the force's effect."""
+    def squares(rows: int, *others: Array) -> list[Array]:
+        """Return mean squares of means over rows: of residuals, errors, the force's effect."""
         left, effect, step, *shaken = (
             _mean_squares(angles, rows, windows.length) for angles in (residual, driven, *errors)
         )
-        return left, windows.noise**2 / rows + step + np.mean(shaken, axis=0), effect
+        rest = [_mean_squares(angles, rows, windows.length) for angles in others]
+        return [left, step + np.mean(shaken, axis=0), effect, *rest]
 
     left, noise, effect = squares(1)
+    noise += windows.noise**2
     far = left > FAR**2 * (noise + NEGLIGIBLE**2 * effect)
     moved = SHOWS_BREAKAWAY * np.abs(fit.here.jacobian[:, :, at.RATIO]).max(axis=1)
     breakaways = used & (moved > windows.noise) & (at.RATIO in fit.free)
     unexplained = left > FAR**2 * noise
-    left, noise, effect = squares(max(1, round(SMOOTH / log.interval)))
+    rows, encoder = max(1, round(SMOOTH / log.interval)), log.angle_step or angle_step(*log.theta.T)
+    left, noise, effect, rounding = squares(rows, fit.rounding(encoder))
+    noise += rounding + max(windows.noise**2 - encoder**2 / 12.0, 0.0) / rows
     remains, whole = (float((fit.trust * each)[used].sum()) for each in (left - noise, effect))
     verdict = Verdict(
         windows=int(used.sum()),
