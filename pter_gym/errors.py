@@ -63,10 +63,10 @@ class PolicyError(PterError, RuntimeError):
     """A policy in another process has failed, has ended, or does not answer in time."""
 
 
-def needs_extra(what: str, extra: str) -> DependencyError:
+def needs_extra(feature: str, extra: str) -> DependencyError:
     """Return the error for a missing optional package, with the command that installs it."""
     return DependencyError(
-        f"{what} needs the extra {extra}: "
+        f"{feature} needs the extra {extra}: "
         f"run `{sys.executable} -m pip install -e '.[{extra}]'` in your clone"
     )
 

@@ -10,16 +10,16 @@ import pytest
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
 from pter_gym.hands import NO_HAND
-from pter_gym.params import Checked, Hand, quantity
+from pter_gym.params import Checked, Hand, parameter
 from pter_gym.paths import Line, Path
 from pter_gym.paths._arcs import Arcs
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mark(Path):
-    size: float = quantity("m", "chosen", above=0.0, default=1.0)
-    count: int = quantity("1", "chosen", at_least=2, default=2)
-    weights: tuple[float, ...] = quantity("1", "chosen", count=2, default=(0.0, 0.0))
+    size: float = parameter("m", "chosen", above=0.0, default=1.0)
+    count: int = parameter("1", "chosen", at_least=2, default=2)
+    weights: tuple[float, ...] = parameter("1", "chosen", count=2, default=(0.0, 0.0))
     side: Literal["left", "right"] = "left"
     hand: Hand = NO_HAND
 
@@ -29,8 +29,8 @@ class Mark(Path):
 
 @dataclass(frozen=True, kw_only=True)
 class Own(Impedance):
-    lead: float = quantity("m", "chosen", default=0.1)
-    early: bool = quantity("1", "chosen", default=False)
+    lead: float = parameter("m", "chosen", default=0.1)
+    early: bool = parameter("1", "chosen", default=False)
 
 
 @pytest.mark.parametrize(

@@ -116,7 +116,7 @@ def model_card(name: str, policy: TrainedPolicy) -> str:
     about, interface = policy.about, policy.interface
     *hidden, outputs = policy.sizes[1:]
     corrects = about.get("corrects")
-    what = f"corrects the controller {code(corrects)}" if corrects else "sets the clutch voltages"
+    role = f"corrects the controller {code(corrects)}" if corrects else "sets the clutch voltages"
     meaning = f"of ±1 is ±{interface.reach:g} V, limited to 0…{interface.voltage_max:g} V"
     if interface.normalised:
         meaning = f"a within ±1 is {interface.voltage_max:g} V · ((a + 1)/2)²"
@@ -133,7 +133,7 @@ def model_card(name: str, policy: TrainedPolicy) -> str:
         "",
         f"# {name}",
         "",
-        f"A policy for the passive haptic arm PTER that {what}.",
+        f"A policy for the passive haptic arm PTER that {role}.",
         "",
         f"- Trained by {code(about.get('algorithm'))} on draws of {code(about.get('scenario'))}",
         f"- Command: {code(about.get('command'))}, {code(about.get('steps'))} steps",

@@ -13,8 +13,8 @@ from pter_agents.worlds import Training
 from pter_gym._engine.world import ROW
 from pter_gym._engine.xla import call_law, register_law, rounded, words_of
 from pter_gym.controllers._network import INPUT_LIMIT
-from pter_gym.envs.jax import EnvParams, EnvState, JaxEnv
-from pter_gym.policies._interface import available, quantities, to_volts
+from pter_gym.envs.jax import AnyState, EnvParams, JaxEnv
+from pter_gym.policies._interface import input_names, input_values, to_volts
 from pter_gym.tasks.path_following._context import CONTEXT
 
 CONTEXT_AT, ENERGY_MAX = int(ROW.context_at), int(CONTEXT.task.energy_max)
@@ -76,7 +76,7 @@ class WorldsState(NamedTuple):
         The current inputs of the value network alone.
     """
 
-    env: EnvState
+    env: AnyState
     rows: jax.Array
     means: jax.Array
     memory: jax.Array
@@ -117,7 +117,7 @@ class JaxWorlds:
         self._ages = np.array((0, *interface.history))
         self._law = None if base is None else register_law(base.law.function)
         blank = np.zeros((1, 0)) if base is None else base.start(1)
-        names = available(self._layout, residual=base is not None)
+        names = input_names(self._layout, residual=base is not None)
         places, centers, scales = zip(
             *((names.index(each.name), each.center, each.scale) for each in interface.inputs),
             strict=True,
@@ -184,7 +184,7 @@ class JaxWorlds:
             base, memory = call_law(
                 self._law, obs, *shared.law, jnp.where(here, shared.blank, memory)
             )
-        values = quantities(
+        values = input_values(
             obs * shared.obs_scales, base, self._layout, residual=self._law is not None
         )
         present = _scale(values[:, shared.present.entries], shared.present)[:, None]

@@ -15,7 +15,13 @@ from pter_gym.errors import unknown_name
 from pter_gym.params import Machine, MachineSpread
 from pter_gym.paths import Arc, Circle
 from pter_gym.policies import Input, Interface
-from pter_gym.policies._interface import available, clutch_rows, middle_volts, quantities, to_volts
+from pter_gym.policies._interface import (
+    clutch_rows,
+    input_names,
+    input_values,
+    middle_volts,
+    to_volts,
+)
 from pter_gym.scenarios import find_scenario
 from pter_gym.scenarios.distributions import Draws, OneOf, Vary
 from pter_gym.tasks.path_following import STARTS
@@ -98,8 +104,9 @@ def _with_repeats(draws: Draws) -> Draws:
     if "path" not in task.fields:
         return draws
     kinds: tuple[Any, ...] = task.fields["path"].options
-    path = OneOf(tuple(kind for kind in kinds for _ in range(REPEATS.get(kind.base.__class__, 1))))
-    return replace(draws, task=Vary(task.base, **{**task.fields, "path": path}))
+    times = [REPEATS.get(kind.template.__class__, 1) for kind in kinds]
+    path = OneOf(tuple(kind for kind, n in zip(kinds, times, strict=True) for _ in range(n)))
+    return replace(draws, task=Vary(task.template, **{**task.fields, "path": path}))
 
 
 def all_paces() -> tuple[float, ...]:
@@ -206,7 +213,7 @@ def _sample(
     true: list[NDArray[Any]] = []
     for _ in range(SAMPLE_STEPS):
         volts = base.act(obs, memory) if residual else middle_volts(len(obs), interface)
-        inputs_seen.append(quantities(obs * layout.scales, volts, layout, residual=residual))
+        inputs_seen.append(input_values(obs * layout.scales, volts, layout, residual=residual))
         true.append(env.batch.truth())
         outputs = DEVIATION * rng.standard_normal((len(obs), len(interface.clutches)))
         obs, _, terminated, truncated, _ = env.step(
@@ -217,7 +224,7 @@ def _sample(
             memory[over] = base.start(len(obs))[over]
     env.close()
     center, scale, varies = _moments(inputs_seen)
-    names = available(layout, residual=residual)
+    names = input_names(layout, residual=residual)
     inputs = (
         Input(name, 0.0, FIXED[name])
         if name in FIXED

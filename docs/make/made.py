@@ -160,14 +160,15 @@ The pace is drawn unless one is given. Everything else is as in
 def varied(name: str, value: Any, unit: str = "1") -> Iterable[list[str]]:
     """Rows for what is drawn of a value: name, unit and distribution."""
     if isinstance(value, Vary):
-        for item in fields(value.base):
+        for item in fields(value.template):
             if item.name in value.fields:
                 yield from varied(
                     f"{name}: {item.name}", value.fields[item.name], item.metadata["unit"]
                 )
     elif isinstance(value, OneOf) and any(isinstance(each, Vary) for each in leaves(value)):
         kinds = [
-            type(each.base if isinstance(each, Vary) else each).__name__ for each in leaves(value)
+            type(each.template if isinstance(each, Vary) else each).__name__
+            for each in leaves(value)
         ]
         counted = (
             f"{kinds.count(kind)} " * (kinds.count(kind) > 1) + code(kind)

@@ -108,11 +108,11 @@ def scenario_on(scenario: str, machine: str | None, path: str | None, smooth: fl
     if smooth < 0.0 or (smooth and not (path or "").endswith(".csv")):
         raise ParameterError(f"smooth must be ≥ 0 mm, for a path from a file, got {smooth:g}")
     chosen = find_scenario(scenario, machine, path, 1e-3 * smooth)
-    width = chosen.draws.varied_task.base.error_max
+    width = chosen.draws.varied_task.template.error_max
     if path and width < NARROW:
         say(
             f"{path} bends so sharply that the workspace ends {1e3 * width:.2g} mm beside it; "
-            f"of a recorded path, --smooth 2 takes 2 mm of noise"
+            f"for a recorded path, --smooth 2 removes 2 mm of noise"
         )
     return chosen
 

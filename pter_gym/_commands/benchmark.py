@@ -67,10 +67,10 @@ def benchmark(
         paces: Commanded paces: slow, medium, brisk, or speeds in m/s.
         path: Path of all episodes instead of the scenario's: a CSV file of waypoints x, y in
             metres, or a path's name.
-        smooth: Noise of a recorded path that is smoothed away, root mean square, in mm.
+        smooth: Noise to remove from a recorded path, root mean square, in mm.
         episodes: How many of the scenario's episodes to run; all by default.
-        seed: Seed to draw as many other test episodes; by default the stored ones are run, or with
-            --path, where there are none, those of seed 0.
+        seed: Draw as many other test episodes with this seed; by default, the stored ones are run,
+            or with --path, where there are none, those of seed 0.
         details: Also print the worst twentieth, rms, pace and peak acceleration.
         film: Whether to film the policies on a training episode of the scenario.
         out: Folder for the results, created if necessary.
@@ -81,14 +81,14 @@ def benchmark(
     from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
     from pter_gym.benchmark.boards import EPISODE_SET, boards_text, in_order
 
-    distribution = scenario_on(scenario, None, path, smooth)
+    definition = scenario_on(scenario, None, path, smooth)
     results = ResultsFolder(out)
     results.make()
-    policies_by_name = {name: find_policy(name, distribution.whose_gains) for name in names}
+    policies_by_name = {name: find_policy(name, definition.whose_gains) for name in names}
     with progress_bar() as progress:
-        task = progress.add_task(distribution.name, total=len(policies_by_name) * len(paces))
+        task = progress.add_task(definition.name, total=len(policies_by_name) * len(paces))
         runs = run_scenario(
-            distribution,
+            definition,
             policies_by_name,
             paces,
             episodes=episodes,
@@ -110,7 +110,7 @@ def benchmark(
             places = list(in_order([board for board in boards if board.pace == pace]))
             filmed = sorted(list(policies_by_name)[:MAX_FILMED], key=places.index)
             ranked = {name: policies_by_name[name] for name in filmed}
-            files.append(film_policies(ranked, distribution, pace, results.path, progress))
+            files.append(film_policies(ranked, definition, pace, results.path, progress))
     best, *others = in_order(boards)
     same = options(scenario=scenario, path=path, smooth=smooth)
     ends = quote(",".join([best, *others[-1:]]))

@@ -38,7 +38,7 @@ class StoredKernel(FunctionCache):
         self._machine_and_code: Any = self._index_key
         self._folder = Path(str(cast(Any, self)._cache_path))
         qualname = function.__qualname__.replace("<locals>", "locals")
-        self._base = f"{function.__module__}.{qualname}.{sys.implementation.cache_tag}"
+        self._stem = f"{function.__module__}.{qualname}.{sys.implementation.cache_tag}"
         self._stamp = hashlib.sha256(f"{stamp} {_VERSIONS}".encode()).hexdigest()[:16]
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -77,12 +77,12 @@ class StoredKernel(FunctionCache):
 
     def _path(self, key: Any) -> Path:
         variant = hashlib.sha256(repr(key).encode()).hexdigest()[:32]
-        return self._folder / f"{self._base}.{self._stamp}.{variant}.nbc"
+        return self._folder / f"{self._stem}.{self._stamp}.{variant}.nbc"
 
     def _remove_outdated(self) -> None:
         with suppress(OSError):
-            for path in self._folder.glob(f"{self._base}.*"):
-                of_other_sources = not path.name.startswith(f"{self._base}.{self._stamp}.")
+            for path in self._folder.glob(f"{self._stem}.*"):
+                of_other_sources = not path.name.startswith(f"{self._stem}.{self._stamp}.")
                 with suppress(OSError):
                     written = ".tmp." not in path.name
                     age = time.time() - path.stat().st_mtime

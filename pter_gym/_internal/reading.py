@@ -50,13 +50,13 @@ READ_ERRORS = (
 
 
 @contextmanager
-def reading(what: str) -> Generator[None, None, None]:
+def reading(source: str) -> Generator[None, None, None]:
     """Turn any error from reading some data into a DataError that begins with their name."""
     try:
         yield
     except READ_ERRORS as error:
         reason = f"{error.args[0]!r} is missing" if isinstance(error, KeyError) else error
-        raise DataError(f"{what}: {reason}") from None
+        raise DataError(f"{source}: {reason}") from None
 
 
 def read_bytes(path: Path, most: int) -> bytes:
@@ -94,9 +94,9 @@ def parse_json(data: bytes, most: int = MAX_JSON_SIZE) -> Any:
     )
 
 
-def read_toml(path: Path, what: str) -> dict[str, Any]:
-    """Return the values in a TOML file, or raise a DataError that begins with ``what`` it is."""
-    with reading(f"{what} {path}"):
+def read_toml(path: Path, content: str) -> dict[str, Any]:
+    """Return the values in a TOML file, or raise a DataError that names its ``content``."""
+    with reading(f"{content} {path}"):
         return parse_toml(read_text(path, MAX_TOML_SIZE))
 
 

@@ -133,10 +133,10 @@ def progress_bar(console: Console | None = None) -> Progress:
 
 
 @contextmanager
-def waiting(what: str) -> Generator[Progress]:
+def waiting(activity: str) -> Generator[Progress]:
     """Show that something goes on whose end is not known."""
     with progress_bar() as progress:
-        progress.add_task(what, total=None)
+        progress.add_task(activity, total=None)
         yield progress
 
 

@@ -170,13 +170,13 @@ def find_episodes(
     own draws. A machine replaces those that would be drawn. Raises as
     ``load_episodes``, and a ParameterError if the seed is out of range.
     """
-    distribution = find_scenario(scenario, machine)
+    scenario = find_scenario(scenario, machine)
     if seed is None:
-        return replace(load_episodes(distribution.name, pace), nominal=distribution.nominal)
+        return replace(load_episodes(scenario.name, pace), nominal=scenario.nominal)
     speed = find_pace(pace)
     if whole_number("seed", seed, at_least=0) > MAX_SEED:
         raise ParameterError(f"seed must be a whole number within [0, 2⁶⁴), got {seed!r}")
-    return _draw(distribution, int(seed), pace).at_pace(speed)
+    return _draw(scenario, int(seed), pace).at_pace(speed)
 
 
 def training_episodes(
@@ -190,14 +190,12 @@ def training_episodes(
 
     ``seed`` is that of the draws, and a machine replaces those that they would hold.
     """
-    distribution = find_scenario(scenario, machine)
-    pairs = distribution.draws.pairs(episodes, seed, pace)
+    scenario = find_scenario(scenario, machine)
+    pairs = scenario.draws.pairs(episodes, seed, pace)
     # those of a chunk end at about one time
     machines, tasks = zip(*sorted(pairs, key=lambda pair: time_limit(pair[1])), strict=True)
     seeds = tuple(seed * episodes + k for k in range(episodes))
-    return Episodes(
-        distribution.name, machines, tasks, seeds, ("",) * episodes, distribution.nominal
-    )
+    return Episodes(scenario.name, machines, tasks, seeds, ("",) * episodes, scenario.nominal)
 
 
 def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDER) -> Path:

@@ -197,17 +197,17 @@ def run_scenario(
         If the stored episodes are damaged.
     """
     num_threads = whole_number("num_threads", num_threads)
-    distribution = find_scenario(scenario)
     if paces is None:
         paces = scenario.pace if isinstance(scenario, PathFollowing) else tuple(PACES)
+    scenario = find_scenario(scenario)
     several: Any = builtin(paces)
     pace_names = names_in("paces", [several] if isinstance(several, int | float) else several)
-    seed = 0 if seed is None and distribution.digest else seed
+    seed = 0 if seed is None and scenario.digest else seed
     sets = {
-        pace: find_episodes(distribution, pace, seed)
+        pace: find_episodes(scenario, pace, seed)
         for pace in (name_of_pace(name, "paces") for name in pace_names)
     }
-    by_name = find_policies(policies, distribution.whose_gains)
+    by_name = find_policies(policies, scenario.whose_gains)
     if episodes is not None:
         sets = {pace: full.first(episodes) for pace, full in sets.items()}
     folder = (
@@ -223,14 +223,14 @@ def run_scenario(
             scores_by_seed = [evaluate(policy, episode_set, num_threads) for policy in versions]
             trained = [
                 ScenarioRun(
-                    distribution.name,
+                    scenario.name,
                     pace,
                     name,
                     number,
                     seed,
                     episode_set.strata,
                     scores,
-                    digest=distribution.digest,
+                    digest=scenario.digest,
                 )
                 for number, scores in enumerate(scores_by_seed)
             ]

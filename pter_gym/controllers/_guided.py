@@ -25,7 +25,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.params import (
     Machine,
     find_machine,
-    quantity,
+    parameter,
     require,
     require_flag,
     require_number,
@@ -50,26 +50,26 @@ class Guided:
     V, 0 N·m). It ends at the machine's largest voltage, which replaces all knots from there on.
     """
 
-    damping_tangential: float = quantity("N·s/m", "fitted: damper along the path", default=106.4)
-    pace_fraction: float = quantity(
+    damping_tangential: float = parameter("N·s/m", "fitted: damper along the path", default=106.4)
+    pace_fraction: float = parameter(
         "1",
         "chosen: the damper along the path leaves this part of the commanded pace alone; paper: 0",
         default=0.0,
     )
-    pace_integral: float = quantity(
+    pace_integral: float = parameter(
         "N·s/m",
         "chosen: braking force that a control step adds for each m/s above the pace; paper: 0",
         default=0.0,
     )
-    grip: float = quantity(
+    grip: float = parameter(
         "1",
         "chosen: control steps at the start with all clutches fully engaged; paper: 0",
         default=0.0,
     )
-    table_volts: tuple[float, ...] = quantity(
+    table_volts: tuple[float, ...] = parameter(
         "V", "chosen: five knots; 4 V published", default=(0.0, 4.0, 10.0, 17.0, 24.0)
     )
-    slip_threshold: float = quantity(
+    slip_threshold: float = parameter(
         "rad/s", "fitted: a slower clutch counts as stuck", default=0.005983
     )
 
@@ -140,9 +140,9 @@ class Impedance(Guided):
         "tip_space": (False, True),
     }
 
-    stiffness: float = quantity("N/m", "fitted: spring normal to the path", default=640.6)
-    damping_normal: float = quantity("N·s/m", "fitted: damper normal to the path", default=135.6)
-    tip_space: bool = quantity(
+    stiffness: float = parameter("N/m", "fitted: spring normal to the path", default=640.6)
+    damping_normal: float = parameter("N·s/m", "fitted: damper normal to the path", default=135.6)
+    tip_space: bool = parameter(
         "1", "chosen: allocate for tip force, not joint torque", default=False
     )
 
@@ -153,12 +153,12 @@ class TorqueFeedback(Impedance):
 
     search = Impedance.search | LOOP
 
-    feedback: float = quantity(
+    feedback: float = parameter(
         "V/(N·m)",
         "published: Kp = 0.06 (section IV-C.3), read as V per in·lbf",
         default=0.5310447474796312,
     )
-    hold_when_stuck: bool = quantity(
+    hold_when_stuck: bool = parameter(
         "1", "chosen: leave the loop out where it has no effect", default=False
     )
 
@@ -178,22 +178,22 @@ class Steering(Guided):
         | {"approach": (1.0, 100.0), "lead": (0.0, 0.4), "strength": (3.0, 300.0)}
     )
 
-    approach: float = quantity(
+    approach: float = parameter(
         "1/m", "chosen: this inverse distance turns the tip back by 45 degrees", default=8.0
     )
-    strength: float = quantity(
+    strength: float = parameter(
         "N·m",
         "chosen: torque against a velocity at right angles to the wanted direction",
         default=40.0,
     )
-    slow: float = quantity(
+    slow: float = parameter(
         "m/s or rad/s", "chosen: a slower tip is turned less, in proportion to its speed"
     )
-    lead: float = quantity(
+    lead: float = parameter(
         "s", "chosen: the wanted direction is turned so much ahead of the path", default=0.0
     )
-    feedback: float = quantity("V/(N·m)", "chosen: gain of the torque loop", default=0.0)
-    hold_when_stuck: bool = quantity(
+    feedback: float = parameter("V/(N·m)", "chosen: gain of the torque loop", default=0.0)
+    hold_when_stuck: bool = parameter(
         "1", "chosen: leave the torque loop out where it has no effect", default=False
     )
 
@@ -215,10 +215,10 @@ class SingleDof(Steering):
     kind = SINGLE_DOF
     search = Steering.search | {"slow": (0.01, 1.0), "reluctance": (0.0, 0.5)}
 
-    slow: float = quantity(
+    slow: float = parameter(
         "m/s", "chosen: a slower tip is turned less, in proportion to its speed", default=0.05
     )
-    reluctance: float = quantity("1", "chosen: advantage of the clutch engaged last", default=0.05)
+    reluctance: float = parameter("1", "chosen: advantage of the clutch engaged last", default=0.05)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -234,10 +234,10 @@ class VelocityRatio(Steering):
     kind = VELOCITY_RATIO
     search = Steering.search | {"slow": (0.02, 2.0), "tip_space": (False, True)}
 
-    slow: float = quantity(
+    slow: float = parameter(
         "rad/s", "chosen: a slower arm is turned less, in proportion to its speed", default=0.1
     )
-    tip_space: bool = quantity(
+    tip_space: bool = parameter(
         "1", "chosen: allocate for tip force, not joint torque", default=False
     )
 

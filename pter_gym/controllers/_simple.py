@@ -6,7 +6,7 @@ from pter_gym._compiled.layout import Layout
 from pter_gym.controllers._gains import CONSTANT, RANDOM
 from pter_gym.controllers._laws import built_in
 from pter_gym.controllers._policy import Policy
-from pter_gym.params import Machine, quantity, require_whole
+from pter_gym.params import Machine, parameter, require_whole
 
 
 def largest_voltages(machine: Machine) -> list[float]:
@@ -37,7 +37,7 @@ class Locked:
 class Random:
     """Voltages drawn evenly from [0, voltage_max] at each control step, others in each episode."""
 
-    seed: int = quantity("1", "chosen", default=0)
+    seed: int = parameter("1", "chosen", default=0)
 
     def __post_init__(self) -> None:
         """Check the seed."""

@@ -136,9 +136,9 @@ class ActingPolicy:
         ):  # ragged, as what reset returns, or a tensor on another device
             rows = np.empty(0, np.float32)
         if rows.shape != self._shape:
-            what = rows.shape if rows.size else f"a {type(observation).__name__}"
+            got = rows.shape if rows.size else f"a {type(observation).__name__}"
             raise ParameterError(
-                f"observation must be an array of the shape {self._shape}, got {what}"
+                f"observation must be an array of the shape {self._shape}, got {got}"
             )
         volts = self._policy.volts(rows.reshape(self._worlds, -1), self._memory, self._machine)
         if not np.isfinite(volts).all():

@@ -235,14 +235,14 @@ def _make_batch(
         task = _task_with(fields) if task is None else task
         gains = gains_for(_checked_tasks(task))
     else:
-        distribution = find_scenario(scenario, machine, fields.pop("path", None))
         if isinstance(scenario, str | Scenario):
             fields.setdefault("starts", STARTS["path"])
+        scenario = find_scenario(scenario, machine, fields.pop("path", None))
         count = whole_number("contexts", 512 if contexts is None else contexts)
         seed = whole_number("context_seed", context_seed or 0, at_least=0)
-        draws = distribution.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
+        draws = scenario.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
         machine, task = zip(*draws.pairs(count, seed), strict=True)
-        gains = distribution.whose_gains
+        gains = scenario.whose_gains
         if frame_skip is None and base is None:
             frame_skip = FRAME_SKIP
     frames = 1 if frame_skip is None else whole_number("frame_skip", frame_skip)
@@ -264,9 +264,9 @@ def _make_batch(
             "action_unit must be 'normalised' with a base, whose voltages an action corrects, "
             f"got {action_unit!r}"
         )
-    from pter_gym.envs._base import CorrectedBatch, find_base
+    from pter_gym.envs._base_law import CorrectedBatch, find_base_law
 
-    base = find_base(base, gains)
+    base = find_base_law(base, gains)
     machines = set(machine) if _several(machine) else {machine}
     nominal = nominal_machine(machines)
     return CorrectedBatch(base, machine, task, num_envs, nominal=nominal, **shared), gains, base

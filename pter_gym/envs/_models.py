@@ -14,7 +14,7 @@ from pter_gym._compiled.layout import Layout
 from pter_gym._internal.checks import whole_number
 from pter_gym.controllers import Controller, Policy
 from pter_gym.envs._acting import check_wrappers
-from pter_gym.envs._base import Base, bind_base, seen_with
+from pter_gym.envs._base_law import BaseLaw, bind_base_law, seen_with
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, SLOTS, Machine, require
 from pter_gym.tasks.path_following import Sensors, observation_layout
@@ -190,7 +190,7 @@ class CorrectingModel(Model):
         self._hold, self.frame_skip = frame_skip, 1
 
     def _policy(self, machine: Machine, layout: Layout) -> Policy:
-        base = Base(bind_base(self._base, machine, layout), machine)
+        base = BaseLaw(bind_base_law(self._base, machine, layout), machine)
         laws, actions = len(base.start(1)[0]), len(self._bounds)
 
         def act(observations: Observations, memory: Any) -> Any:

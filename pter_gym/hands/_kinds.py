@@ -18,7 +18,7 @@ from pter_gym._internal.tables import read_table
 from pter_gym._physics.arm import UnitVector
 from pter_gym.errors import ParameterError
 from pter_gym.hands._model import NO_FORCE, SINES, HandModel, PerSine, Sines
-from pter_gym.params import Checked, Hand, quantity, require, require_numbers
+from pter_gym.params import Checked, Hand, parameter, require, require_numbers
 
 EQ5_FREQUENCIES = tuple(2.0**n / 2.0 for n in range(SINES))
 """Frequencies of Eq. 5 [Hz]: sin(2ⁿπt) for n = 0 … 4."""
@@ -81,20 +81,22 @@ class MultiSineHand(Operator):
     printed in the paper.
     """
 
-    push: float = quantity(
+    push: float = parameter(
         "N", "fitted: the constant tangential force of section IV-A", default=57.67
     )
-    amplitudes: tuple[float, ...] = quantity(
+    amplitudes: tuple[float, ...] = parameter(
         "N",
         "fitted: Fmax/5 each (Eq. 5)",
         **_FIVE,
         default=(21.82 / SINES,) * SINES,
     )
-    frequencies: tuple[float, ...] = quantity(
+    frequencies: tuple[float, ...] = parameter(
         "Hz", "published: Eq. 5", **_RATES, default=EQ5_FREQUENCIES
     )
-    phases: tuple[float, ...] = quantity("rad", "published: Eq. 5", **_FIVE, default=(0.0,) * SINES)
-    random_phases: bool = quantity(
+    phases: tuple[float, ...] = parameter(
+        "rad", "published: Eq. 5", **_FIVE, default=(0.0,) * SINES
+    )
+    random_phases: bool = parameter(
         "1", "chosen: False is Eq. 5; True draws the phases at each reset", default=False
     )
 
@@ -143,26 +145,26 @@ class HumanArm(Operator):
     Trans. SMC 23, 1993), Tsuji, Morasso, Goto and Ito (Biol. Cybern. 72, 1995).
     """
 
-    impedance: Hand = quantity(
+    impedance: Hand = parameter(
         "1", "chosen: within the order of magnitude of human arms", default=NORMAL
     )
-    eagerness: float = quantity(
+    eagerness: float = parameter(
         "1", "chosen: intended over commanded pace", **_UP_TO_TEN, default=1.4
     )
-    rise: float = quantity(
+    rise: float = parameter(
         "s", "chosen: time in which the intent gathers speed", **_UP_TO_TEN, default=0.3
     )
-    lead: float = quantity(
+    lead: float = parameter(
         "m", "chosen: how far the intent may run ahead of the tip", **_UP_TO_TEN, default=0.12
     )
-    amplitudes: tuple[float, ...] = quantity(
+    amplitudes: tuple[float, ...] = parameter(
         "N", "chosen: error and tremor", **_FIVE, default=(3.0, 3.0, 2.0, 1.0, 1.0)
     )
-    frequencies: tuple[float, ...] = quantity(
+    frequencies: tuple[float, ...] = parameter(
         "Hz", "chosen: as Eq. 5", **_RATES, default=EQ5_FREQUENCIES
     )
-    phases: tuple[float, ...] = quantity("rad", "chosen", **_FIVE, default=(0.0,) * SINES)
-    random_phases: bool = quantity(
+    phases: tuple[float, ...] = parameter("rad", "chosen", **_FIVE, default=(0.0,) * SINES)
+    random_phases: bool = parameter(
         "1", "chosen: whether the phases are drawn at each reset", default=False
     )
 
@@ -186,9 +188,9 @@ class RecordedForces(Operator):
     they stay constant.
     """
 
-    times: tuple[float, ...] = quantity("s", "recorded")
-    along: tuple[float, ...] = quantity("N", "recorded")
-    across: tuple[float, ...] = quantity("N", "recorded")
+    times: tuple[float, ...] = parameter("s", "recorded")
+    along: tuple[float, ...] = parameter("N", "recorded")
+    across: tuple[float, ...] = parameter("N", "recorded")
 
     def __post_init__(self) -> None:
         """Check that there are as many forces as times, and that these rise from 0."""

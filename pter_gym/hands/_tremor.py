@@ -13,7 +13,7 @@ from pter_gym.errors import unknown_name
 from pter_gym.hands._kinds import EQ5_FREQUENCIES, MAX_INSTANTS, HumanArm
 from pter_gym.hands._library import LIBRARY_ARMS, LIBRARY_TREMORS
 from pter_gym.hands._model import SINES, HandModel
-from pter_gym.params import quantity, require, require_number
+from pter_gym.params import parameter, require, require_number
 
 ERROR = tuple(3.0 if frequency < 3.0 else 0.0 for frequency in EQ5_FREQUENCIES)
 """Amplitudes of a person's own error [N]: only below all tremor."""
@@ -45,27 +45,27 @@ class TremorArm(HumanArm):
     sinc²(frequency·period); this is compensated. After ``lasts`` there is no tremor.
     """
 
-    amplitudes: tuple[float, ...] = quantity(
+    amplitudes: tuple[float, ...] = parameter(
         "N", "chosen: the person's error, below all tremor", count=SINES, default=ERROR
     )
-    frequency: float = quantity("Hz", "see LIBRARY_TREMORS", **_FREQUENCY)
-    acceleration: float = quantity(
+    frequency: float = parameter("Hz", "see LIBRARY_TREMORS", **_FREQUENCY)
+    acceleration: float = parameter(
         "m/s²", "amplitude of the free hand: see LIBRARY_TREMORS", at_least=0.0
     )
-    direction: float = quantity(
+    direction: float = parameter(
         "rad", "chosen: from the path, positive to the left", default=0.5 * math.pi
     )
-    phase: float = quantity("rad", "chosen", default=0.0)
-    swell: float = quantity(
+    phase: float = parameter("rad", "chosen", default=0.0)
+    swell: float = parameter(
         "1",
         "chosen: how much the amplitude waxes and wanes",
         at_least=0.0,
         at_most=1.0,
         default=0.3,
     )
-    swell_frequency: float = quantity("Hz", "chosen: how often it does", default=0.5)
-    swell_phase: float = quantity("rad", "chosen", default=0.0)
-    lasts: float = quantity(
+    swell_frequency: float = parameter("Hz", "chosen: how often it does", default=0.5)
+    swell_phase: float = parameter("rad", "chosen", default=0.0)
+    lasts: float = parameter(
         "s", "chosen: longer than every scored episode", above=0.0, at_most=3600.0, default=30.0
     )
 
@@ -120,7 +120,7 @@ class TremorArm(HumanArm):
 def _frequency(name: str) -> Any:
     """Declare the frequency of a library tremor."""
     middle, _ = LIBRARY_TREMORS[name].middle
-    return quantity(
+    return parameter(
         "Hz", f"derived: geometric middle of the band of {name}", **_FREQUENCY, default=middle
     )
 
@@ -128,7 +128,7 @@ def _frequency(name: str) -> Any:
 def _acceleration(name: str) -> Any:
     """Declare the acceleration of a library tremor."""
     _, middle = LIBRARY_TREMORS[name].middle
-    return quantity(
+    return parameter(
         "m/s²", f"derived: geometric middle of the range of {name}", at_least=0.0, default=middle
     )
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from pter_gym.params._fields import Checked, quantity, require
+from pter_gym.params._fields import Checked, parameter, require
 
 
 @dataclass(frozen=True)
@@ -14,8 +14,8 @@ class Connection(Checked):
     gear, for 0.01 ≤ r ≤ 100. Other rows raise a ParameterError.
     """
 
-    name: str = quantity("1", "chosen")
-    row: tuple[float, float] = quantity(
+    name: str = parameter("1", "chosen")
+    row: tuple[float, float] = parameter(
         "1", "published: Eqs. 3 and 4, for PTER's clutches", count=2
     )
 

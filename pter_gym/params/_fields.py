@@ -16,7 +16,7 @@ MIN_POSITIVE = 1e-12
 """Smallest size of a number that has to be positive. Products of such numbers do not underflow."""
 
 
-def quantity(
+def parameter(
     unit: str, provenance: str, *, default: Any = MISSING, later: bool = False, **limits: float
 ) -> Any:
     """Declare a field with its unit, its provenance and the limits that ``Checked`` requires.
@@ -51,7 +51,7 @@ def types_of(kind: type) -> dict[str, Any]:
 
 
 class Checked:
-    """Base of frozen dataclasses that check each field: its type, and the limits of ``quantity``.
+    """Base of frozen dataclasses that check each field: its type, and the limits of ``parameter``.
 
     NumPy's numbers become Python's, also in tuples.
 

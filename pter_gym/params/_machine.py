@@ -13,7 +13,7 @@ from typing import Literal, cast
 from pter_gym.params._connection import BRAKE_A, BRAKE_B, PAPER_CLUTCHES, SLOTS, Connection
 from pter_gym.params._fields import (
     Checked,
-    quantity,
+    parameter,
     require,
     require_kind,
     require_number,
@@ -39,15 +39,15 @@ class Arm(Checked):
     equations leave out.
     """
 
-    length_a: float = quantity("m", _LENGTH, above=0.0, default=0.5645)
-    length_b: float = quantity("m", _LENGTH, above=0.0, default=0.4454)
-    inertia_a: float = quantity("kg·m²", _INERTIA, above=0.0, default=0.4404)
-    inertia_b: float = quantity("kg·m²", _INERTIA, above=0.0, default=1.015)
-    coupling: float = quantity("kg·m²", "fitted: between the axes", default=-0.05763)
-    dry_a: float = quantity("N·m", _FRICTION, at_least=0.0, default=0.0)
-    dry_b: float = quantity("N·m", _FRICTION, at_least=0.0, default=0.0)
-    viscous_a: float = quantity("N·m·s", _FRICTION, at_least=0.0, default=0.0)
-    viscous_b: float = quantity("N·m·s", _FRICTION, at_least=0.0, default=0.0)
+    length_a: float = parameter("m", _LENGTH, above=0.0, default=0.5645)
+    length_b: float = parameter("m", _LENGTH, above=0.0, default=0.4454)
+    inertia_a: float = parameter("kg·m²", _INERTIA, above=0.0, default=0.4404)
+    inertia_b: float = parameter("kg·m²", _INERTIA, above=0.0, default=1.015)
+    coupling: float = parameter("kg·m²", "fitted: between the axes", default=-0.05763)
+    dry_a: float = parameter("N·m", _FRICTION, at_least=0.0, default=0.0)
+    dry_b: float = parameter("N·m", _FRICTION, at_least=0.0, default=0.0)
+    viscous_a: float = parameter("N·m·s", _FRICTION, at_least=0.0, default=0.0)
+    viscous_b: float = parameter("N·m·s", _FRICTION, at_least=0.0, default=0.0)
 
     def __post_init__(self) -> None:
         """Check that the mass matrix is positive definite in every pose."""
@@ -65,12 +65,12 @@ class TorqueCurve(Checked):
     some.
     """
 
-    slope: float = quantity(
+    slope: float = parameter(
         "N·m/V", "fitted: breakaway is 63.5 in·lbf (published) between 4 and 8 V", above=0.0
     )
-    knee: float = quantity("V", "fitted: where the quadratic segment begins", at_least=0.0)
-    curvature: float = quantity("N·m/V²", "fitted: quadratic segment")
-    off_state: float = quantity(
+    knee: float = parameter("V", "fitted: where the quadratic segment begins", at_least=0.0)
+    curvature: float = parameter("N·m/V²", "fitted: quadratic segment")
+    off_state: float = parameter(
         "N·m", "published: section III-A takes it as 0", at_least=0.0, default=0.0, later=True
     )
 
@@ -113,29 +113,29 @@ class Clutch(Checked):
     vanishes, that load holds it ("vanishing").
     """
 
-    breakaway: TorqueCurve = quantity(
+    breakaway: TorqueCurve = parameter(
         "N·m", "fitted: T_s/T_k is at least 1.12 for the jump of Fig. 9"
     )
-    dynamic: TorqueCurve = quantity("N·m", "see TorqueCurve")
-    time_constant: float = quantity("s", "published: section IV-C.3", above=0.0, default=0.105)
-    voltage_max: float = quantity(
+    dynamic: TorqueCurve = parameter("N·m", "see TorqueCurve")
+    time_constant: float = parameter("s", "published: section IV-C.3", above=0.0, default=0.105)
+    voltage_max: float = parameter(
         "V", "chosen: a common supply for such clutches", above=0.0, default=24.0
     )
-    lag: Lag = quantity(
+    lag: Lag = parameter(
         "1", "published: section II-B, from voltage to normal force", default="normal_force"
     )
-    stribeck: float = quantity(
+    stribeck: float = parameter(
         "rad/s", _CONSTANT, at_least=0.0, at_most=1e3, default=0.0, later=True
     )
-    viscous: float = quantity("N·m·s", _CONSTANT, at_least=0.0, default=0.0, later=True)
-    fall_ratio: float = quantity(
+    viscous: float = parameter("N·m·s", _CONSTANT, at_least=0.0, default=0.0, later=True)
+    fall_ratio: float = parameter(
         "1", "published: one time constant (section IV-C.3)", above=0.0, default=1.0, later=True
     )
-    fade: float = quantity("1/J", "chosen: no fade", at_least=0.0, default=0.0, later=True)
-    cooling: float = quantity(
+    fade: float = parameter("1/J", "chosen: no fade", at_least=0.0, default=0.0, later=True)
+    cooling: float = parameter(
         "s", "chosen: of no effect without fade", above=0.0, default=60.0, later=True
     )
-    band: Band = quantity(
+    band: Band = parameter(
         "1", "chosen: of no effect unless T_k exceeds T_s", default="vanishing", later=True
     )
 
@@ -167,13 +167,13 @@ class Hand(Checked):
     limits of the integrator and its speed rest on that.
     """
 
-    mass: float = quantity("kg", _NO_HAND, at_least=0.0, default=0.0)
-    damping: float = quantity("N·s/m", _NO_HAND, at_least=0.0, default=0.0)
-    stiffness: float = quantity("N/m", _NO_HAND, at_least=0.0, default=0.0)
-    damping_anisotropy: tuple[float, ...] = quantity(
+    mass: float = parameter("kg", _NO_HAND, at_least=0.0, default=0.0)
+    damping: float = parameter("N·s/m", _NO_HAND, at_least=0.0, default=0.0)
+    stiffness: float = parameter("N/m", _NO_HAND, at_least=0.0, default=0.0)
+    damping_anisotropy: tuple[float, ...] = parameter(
         "1", _ISOTROPIC, count=2, default=(0.0, 0.0), later=True
     )
-    stiffness_anisotropy: tuple[float, ...] = quantity(
+    stiffness_anisotropy: tuple[float, ...] = parameter(
         "1", _ISOTROPIC, count=2, default=(0.0, 0.0), later=True
     )
 
@@ -193,33 +193,33 @@ class Machine(Checked):
     effect. A delay replaces that of a task's sensors, rounded to control steps.
     """
 
-    arm: Arm = quantity("1", "see Arm", default=Arm())
-    clutch: Clutch = quantity("1", "see Clutch")
-    hand: Hand = quantity("1", "see Hand", default=Hand())
-    clutch_scale: tuple[float, ...] = quantity(
+    arm: Arm = parameter("1", "see Arm", default=Arm())
+    clutch: Clutch = parameter("1", "see Clutch")
+    hand: Hand = parameter("1", "see Hand", default=Hand())
+    clutch_scale: tuple[float, ...] = parameter(
         "1",
         "chosen: each clutch's torques over those of its curves; 0 for a clutch that is not there",
         count=SLOTS,
         at_least=0.0,
         default=(1.0,) * SLOTS,
     )
-    clutches: tuple[Connection, ...] = quantity(
+    clutches: tuple[Connection, ...] = parameter(
         "1",
         "published: Eqs. 3 and 4; other arrangements were never built",
         default=PAPER_CLUTCHES,
         later=True,
     )
-    slip_threshold: float = quantity(
+    slip_threshold: float = parameter(
         "rad/s", "chosen: δω of Karnopp's model (Eq. 2)", above=0.0, default=1e-3
     )
-    substep: float = quantity(
+    substep: float = parameter(
         "s",
         "chosen: longest step of the integrator; a control period has equal ones",
         above=0.0,
         at_most=0.01,
         default=2.5e-3,
     )
-    delay: float = quantity(
+    delay: float = parameter(
         "s",
         "chosen: 0, none; from a voltage to the observation of the motion that it makes",
         at_least=0.0,

@@ -15,7 +15,7 @@ from pter_gym._internal.checks import builtin, is_finite
 from pter_gym._internal.files import FilePath
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.params import quantity, require
+from pter_gym.params import parameter, require
 from pter_gym.paths._arcs import Arcs, Curve, Path, Piece, arc_between, chain, fit_arcs
 from pter_gym.paths._names import PATH_NAMES
 
@@ -44,10 +44,10 @@ MAX_EVALUATIONS = 1 << 18
 class Line(Path):
     """A straight path (paper section IV-A: "spanning the width of the workspace")."""
 
-    x: float = quantity("m", _ACROSS, **WITHIN, default=-0.6064)
-    y: float = quantity("m", _ACROSS, **WITHIN, default=0.7809)
-    direction: float = quantity("rad", "chosen: along the x axis", default=0.0)
-    length: float = quantity("m", _ACROSS, **SIZE, default=0.9829)  # pyright: ignore[reportIncompatibleMethodOverride]
+    x: float = parameter("m", _ACROSS, **WITHIN, default=-0.6064)
+    y: float = parameter("m", _ACROSS, **WITHIN, default=0.7809)
+    direction: float = parameter("rad", "chosen: along the x axis", default=0.0)
+    length: float = parameter("m", _ACROSS, **SIZE, default=0.9829)  # pyright: ignore[reportIncompatibleMethodOverride]
 
     def make_arcs(self) -> Arcs:
         """Return one straight segment."""
@@ -58,11 +58,11 @@ class Line(Path):
 class Arc(Path):
     """A circular arc from a point in a direction; it turns left with a positive angle."""
 
-    x: float = quantity("m", _ACROSS, **WITHIN, default=-0.6064)
-    y: float = quantity("m", _ACROSS, **WITHIN, default=0.7809)
-    direction: float = quantity("rad", "chosen: along the x axis", default=0.0)
-    radius: float = quantity("m", "chosen", above=0.0, default=0.4)
-    angle: float = quantity(
+    x: float = parameter("m", _ACROSS, **WITHIN, default=-0.6064)
+    y: float = parameter("m", _ACROSS, **WITHIN, default=0.7809)
+    direction: float = parameter("rad", "chosen: along the x axis", default=0.0)
+    radius: float = parameter("m", "chosen", above=0.0, default=0.4)
+    angle: float = parameter(
         "rad", "chosen", at_least=-2.0 * math.pi, at_most=2.0 * math.pi, default=-1.0
     )
 
@@ -82,11 +82,11 @@ class Arc(Path):
 class Circle(Path):
     """One lap of a circle, counter-clockwise by default; ``start`` is its first point's angle."""
 
-    center_x: float = quantity("m", "chosen", **WITHIN, default=0.0)
-    center_y: float = quantity("m", "chosen", **WITHIN, default=0.55)
-    radius: float = quantity("m", "chosen", **SIZE, default=0.15)
-    start: float = quantity("rad", "chosen", default=-0.5 * math.pi)
-    clockwise: bool = quantity("1", "chosen", default=False)
+    center_x: float = parameter("m", "chosen", **WITHIN, default=0.0)
+    center_y: float = parameter("m", "chosen", **WITHIN, default=0.55)
+    radius: float = parameter("m", "chosen", **SIZE, default=0.15)
+    start: float = parameter("rad", "chosen", default=-0.5 * math.pi)
+    clockwise: bool = parameter("1", "chosen", default=False)
 
     def make_arcs(self) -> Arcs:
         """Return the chain of one arc that closes."""
@@ -102,12 +102,12 @@ class Circle(Path):
 class Sine(Path):
     """A sine about a straight axis: ``amplitude·sin(2π·periods·ξ/extent)`` to its left at ξ."""
 
-    x: float = quantity("m", _ACROSS, **WITHIN, default=-0.6064)
-    y: float = quantity("m", _ACROSS, **WITHIN, default=0.7809)
-    direction: float = quantity("rad", "chosen: along the x axis", default=0.0)
-    extent: float = quantity("m", _ACROSS, **SIZE, default=0.9829)
-    amplitude: float = quantity("m", "chosen", **WITHIN, default=0.03)
-    periods: float = quantity("1", "chosen", above=0.0, at_most=20.0, default=1.0)
+    x: float = parameter("m", _ACROSS, **WITHIN, default=-0.6064)
+    y: float = parameter("m", _ACROSS, **WITHIN, default=0.7809)
+    direction: float = parameter("rad", "chosen: along the x axis", default=0.0)
+    extent: float = parameter("m", _ACROSS, **SIZE, default=0.9829)
+    amplitude: float = parameter("m", "chosen", **WITHIN, default=0.03)
+    periods: float = parameter("1", "chosen", above=0.0, at_most=20.0, default=1.0)
 
     def make_arcs(self) -> Arcs:
         """Return arcs through points of the sine."""
@@ -134,8 +134,8 @@ class Spline(Path):
     y, the noise of a recorded path, and has the least curvature that allows.
     """
 
-    points: Points = quantity("m", "chosen")
-    smooth: float = quantity(
+    points: Points = parameter("m", "chosen")
+    smooth: float = parameter(
         "m", "chosen: 0 passes through all", at_least=0.0, default=0.0, later=True
     )
 
@@ -206,8 +206,8 @@ def smoothed(knots: Sequence[float], points: Any, distance: float) -> Any:
 class Polyline(Path):
     """Straight lines between points (x, y) [m], with corners rounded by arcs of one radius [m]."""
 
-    points: Points = quantity("m", "chosen")
-    radius: float = quantity("m", "chosen", above=0.0, default=0.05)
+    points: Points = parameter("m", "chosen")
+    radius: float = parameter("m", "chosen", above=0.0, default=0.05)
 
     def __post_init__(self) -> None:
         """Check the points, and that the rounded corners fit between them."""

@@ -142,13 +142,13 @@ class Interface:
         return len(self.inputs) * (1 + len(self.history) + len(self.averages))
 
 
-def available(layout: Layout, *, residual: bool) -> list[str]:
-    """Return the names of all quantities that a network can see, in the order of ``quantities``."""
+def input_names(layout: Layout, *, residual: bool) -> list[str]:
+    """Return the names of what a network can see, in the order of ``input_values``."""
     return [*layout.names, *DERIVED, *(BASE_INPUTS if residual else ())]
 
 
-def quantities(physical: Any, base: Any, layout: Layout, *, residual: bool) -> Any:
-    """Return all quantities that a network can see, in their units, (N, names).
+def input_values(physical: Any, base: Any, layout: Layout, *, residual: bool) -> Any:
+    """Return what a network can see, in its units, (N, names).
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def quantities(physical: Any, base: Any, layout: Layout, *, residual: bool) -> A
     layout
         Of the observations.
     residual
-        Whether the base's voltages are among the quantities.
+        Whether the base's voltages are among the inputs.
     """
     known = dict(zip(layout.names, physical.T, strict=True))
     heading = Vector(known["heading_cos"], known["heading_sin"])

@@ -16,7 +16,7 @@ from pter_gym.controllers._laws import built_in, built_in_declared
 from pter_gym.controllers._network import LAW_WIDTH, Network, memory_width, source_of
 from pter_gym.errors import DataError, unknown_name
 from pter_gym.params import SLOTS, Machine, find_machine, require
-from pter_gym.policies._interface import Interface, available, clutch_rows
+from pter_gym.policies._interface import Interface, clutch_rows, input_names
 
 MAX_UNITS, MAX_LAYERS = 1024, 8
 """Largest numbers of units in a hidden layer, and of layers."""
@@ -69,7 +69,7 @@ class TrainedPolicy:
         for k, ((weight, bias), (before, after)) in enumerate(
             zip(self.layers, pairwise(sizes), strict=True)
         ):
-            for what, array, shape in (
+            for name, array, shape in (
                 ("weight", weight, (after, before)),
                 ("bias", bias, (after,)),
             ):
@@ -79,7 +79,7 @@ class TrainedPolicy:
                     or not np.isfinite(array).all()
                 ):
                     raise DataError(
-                        f"layer_{k}.{what} must be finite float32 {shape}, "
+                        f"layer_{k}.{name} must be finite float32 {shape}, "
                         f"got {array.dtype} {array.shape}"
                     )
 
@@ -113,7 +113,7 @@ class TrainedPolicy:
             f"{interface.clutches}, as in its training",
             got=rows,
         )
-        names = available(layout, residual=interface.base is not None)
+        names = input_names(layout, residual=interface.base is not None)
         for entry in interface.inputs:
             if entry.name not in names:
                 raise unknown_name("inputs", entry.name, names)

@@ -37,7 +37,7 @@ def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -
         ones. They differ from pace to pace, so a policy cannot use what it remembers from another
         pace. None draws the stored ones.
     """
-    draws = scenario.draws.at_pace(scenario.draws.varied_task.base.pace)
+    draws = scenario.draws.at_pace(scenario.draws.varied_task.template.pace)
     rng = np.random.default_rng(
         [STREAM, *_name(scenario)] if scenario.place is None else [STREAM, scenario.place]
     )

@@ -1,8 +1,8 @@
 """Distributions over machines and tasks: what varies from episode to episode.
 
-``Vary(base, field=distribution, …)`` draws some fields of a frozen dataclass ``base``; a field's
-value may itself be a ``Vary``. ``Draws`` draws a list of pairs of machine and task from one seed; a
-world draws one pair at each reset. Each distribution has ``draw(rng)``, and ``extremes()``,
+``Vary(template, field=distribution, …)`` draws some fields of a frozen dataclass ``template``; a
+field's value may itself be a ``Vary``. ``Draws`` draws a list of pairs of machine and task from one
+seed; a world draws one pair at each reset. Each distribution has ``draw(rng)``, and ``extremes()``,
 with which a ``Vary`` is checked when it is built.
 """
 
@@ -21,7 +21,7 @@ from pter_gym.params import (
     Checked,
     Machine,
     MachineSpread,
-    quantity,
+    parameter,
     require,
     require_number,
 )
@@ -148,7 +148,7 @@ class Vary(Generic[Drawn]):
 
     Parameters
     ----------
-    base
+    template
         The dataclass that provides the other fields.
     **fields
         By the name of the field: a distribution, a tuple of distributions, or a value.
@@ -160,22 +160,22 @@ class Vary(Generic[Drawn]):
         fields together. The message names the field.
     """
 
-    def __init__(self, base: Drawn, **fields: Any) -> None:
-        self.base = base
+    def __init__(self, template: Drawn, **fields: Any) -> None:
+        self.template = template
         self.fields = fields
-        known = getattr(base, "__dataclass_fields__", {})
+        known = getattr(template, "__dataclass_fields__", {})
         for name in fields:
             if name not in known:
                 raise ParameterError(
-                    f"{type(base).__name__} has no field {name!r}; it has {', '.join(known)}"
+                    f"{type(template).__name__} has no field {name!r}; it has {', '.join(known)}"
                 )
         self.extremes()
 
     def draw(self, rng: np.random.Generator) -> Drawn:
-        """Return the base with its drawn fields."""
+        """Return the template with its drawn fields."""
         return cast(
             Drawn,
-            replace(cast(Any, self.base), **{k: drawn(v, rng) for k, v in self.fields.items()}),
+            replace(cast(Any, self.template), **{k: drawn(v, rng) for k, v in self.fields.items()}),
         )
 
     def extremes(self) -> Sequence[Drawn]:
@@ -183,23 +183,24 @@ class Vary(Generic[Drawn]):
         ends = {name: extremes(field) for name, field in self.fields.items()}
         variants = [{name: end} for name, values in ends.items() for end in values]
         variants += [{name: values[place] for name, values in ends.items()} for place in (0, -1)]
-        return [cast(Drawn, replace(cast(Any, self.base), **change)) for change in variants]
+        return [cast(Drawn, replace(cast(Any, self.template), **change)) for change in variants]
 
     def __eq__(self, other: object) -> bool:
         """Return whether both draw the same fields of the same dataclass from the same values."""
         if not isinstance(other, Vary):
             return NotImplemented
         theirs = cast("Vary[Any]", other)
-        return self.base == theirs.base and list(self.fields.items()) == list(theirs.fields.items())
+        ours = (self.template, *self.fields.items())
+        return ours == (theirs.template, *theirs.fields.items())
 
     def __hash__(self) -> int:
         """Return a hash of what is drawn, not of the distributions, which need not have one."""
-        return hash((type(self.base), *self.fields))
+        return hash((type(self.template), *self.fields))
 
     def __repr__(self) -> str:
         """Return the call that makes this object."""
         fields = "".join(f", {name}={field!r}" for name, field in self.fields.items())
-        return f"Vary({self.base!r}{fields})"
+        return f"Vary({self.template!r}{fields})"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -222,7 +223,7 @@ class Draws(Checked):
     task: PathFollowing | Vary[PathFollowing]
     instead: Machine | MachineSpread | None = None
     also: "tuple[Draws, ...]" = ()
-    weight: int = quantity("1", "chosen", at_least=1, default=1)
+    weight: int = parameter("1", "chosen", at_least=1, default=1)
 
     def __post_init__(self) -> None:
         """Check the draws that are mixed in."""
@@ -253,14 +254,14 @@ class Draws(Checked):
         """
 
         def changed(draws: Draws) -> Draws:
-            base, varied = draws.varied_task.base, draws.varied_task.fields
-            shared = [item.name for item in fields(base) if item.name not in (*varied, "pace")]
+            template, varied = draws.varied_task.template, draws.varied_task.fields
+            shared = [item.name for item in fields(template) if item.name not in (*varied, "pace")]
             for name in values:
                 if name not in shared:
                     raise ParameterError(
                         f"{name} must be one of what all episodes share: {', '.join(shared)}"
                     )
-            return replace(draws, task=Vary(replace(base, **values), **varied))
+            return replace(draws, task=Vary(replace(template, **values), **varied))
 
         return self.map_components(changed) if values else self
 
@@ -278,7 +279,7 @@ class Draws(Checked):
 
         def changed(draws: Draws) -> Draws:
             varied = draws.varied_task
-            task = Vary(varied.base, **{**varied.fields, "pace": commanded})
+            task = Vary(varied.template, **{**varied.fields, "pace": commanded})
             return replace(draws, task=task)
 
         return self.map_components(changed)

@@ -14,7 +14,7 @@ from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.policies import SHIPPED, read_policy, shipped_policies, write_policy
 from pter_gym.policies._files import read_header
-from pter_gym.policies._interface import available, quantities
+from pter_gym.policies._interface import input_names, input_values
 from pter_gym.tasks.path_following import PathFollowing
 from rollouts import Acting
 
@@ -31,7 +31,7 @@ def test_a_compiled_network_is_that_of_numpy(name: str) -> None:
     interface, layout = trained.interface, batch.layout
     policy = Acting(trained.bind(BASELINE, layout))
     base = interface.base and Acting(interface.base.bind(BASELINE, layout))
-    names = available(layout, residual=base is not None)
+    names = input_names(layout, residual=base is not None)
     columns = [names.index(each.name) for each in interface.inputs]
     center, scale = (
         np.array([getattr(each, k) for each in interface.inputs]) for k in ("center", "scale")
@@ -41,7 +41,8 @@ def test_a_compiled_network_is_that_of_numpy(name: str) -> None:
     means = None
     for _ in range(30):
         volts = np.full((3, 4), 12.0) if base is None else base(obs)
-        seen = quantities(obs * layout.scales, volts, layout, residual=base is not None)[:, columns]
+        values = input_values(obs * layout.scales, volts, layout, residual=base is not None)
+        seen = values[:, columns]
         present = np.clip((seen - center) / scale, -10.0, 10.0)
         past = [present, *(past or [present] * 64)]
         shares = 1.0 / np.array(interface.averages)[:, None, None]

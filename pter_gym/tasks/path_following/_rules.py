@@ -27,7 +27,7 @@ from pter_gym._physics.model import model_of
 from pter_gym._physics.scalars import clamp
 from pter_gym._physics.step import Energy
 from pter_gym.hands import MultiSineHand
-from pter_gym.params import BASELINE, Checked, quantity
+from pter_gym.params import BASELINE, Checked, parameter
 from pter_gym.paths import Line
 from pter_gym.paths._projection import Foot
 
@@ -206,38 +206,38 @@ class RewardWeights(Checked):
     A stored task that lacks one has its default.
     """
 
-    tracking: float = quantity(
+    tracking: float = parameter(
         "1",
         "chosen: for the whole path at the commanded pace without error",
         at_least=0.0,
         default=PERFECT,
     )
-    precision: float = quantity(
+    precision: float = parameter(
         "1",
         "chosen: for the whole path at the commanded pace without error; next to nothing 30 mm "
         "beside it",
         at_least=0.0,
         default=0.0,
     )
-    pace: float = quantity(
+    pace: float = parameter(
         "1",
         f"chosen: at twice the commanded pace, in one path time; {REST:g} times as much at rest",
         at_least=0.0,
         default=0.1 * PERFECT,
     )
-    acceleration: float = quantity(
+    acceleration: float = parameter(
         "1/s",
         f"chosen: per {ACCELERATION_UNIT:g} m/s² of tip acceleration",
         at_least=0.0,
         default=0.0,
     )
-    effort: float = quantity(
+    effort: float = parameter(
         "1/s",
         "chosen: per mean of the squared voltages, relative to the largest",
         at_least=0.0,
-        default=0.0,
+        default=10.0,
     )
-    failure: float = quantity(
+    failure: float = parameter(
         "1",
         "chosen: on leaving the workspace or missing the end of the path, times the part that was "
         "reached",

@@ -21,7 +21,7 @@ from pter_gym._physics.limits import (
 from pter_gym._physics.model import max_damping, model_of
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.hands import NO_HAND, MultiSineHand, Operator
-from pter_gym.params import Arm, Checked, Machine, quantity, require, require_number
+from pter_gym.params import Arm, Checked, Machine, parameter, require, require_number
 from pter_gym.paths import Line, Path
 from pter_gym.paths._arcs import Arcs, ArcSegment
 from pter_gym.paths._reach import SINGULARITY_MARGIN, check_reach
@@ -54,22 +54,22 @@ class Sensing(Checked):
     command is delayed.
     """
 
-    angle_resolution: float = quantity(
+    angle_resolution: float = parameter(
         "rad", "chosen: step of the joint encoders", at_least=0.0, at_most=0.1, default=0.0
     )
-    velocity_noise: float = quantity(
+    velocity_noise: float = parameter(
         "rad/s", "chosen: standard deviation", at_least=0.0, default=0.0
     )
-    encoder_velocity: bool = quantity(
+    encoder_velocity: bool = parameter(
         "1",
         "chosen: True for velocities that are differences of encoder readings over the control "
         "period",
         default=False,
         later=True,
     )
-    torque_noise: float = quantity("N·m", "chosen: standard deviation", at_least=0.0, default=0.0)
-    force_noise: float = quantity("N", "chosen: standard deviation", at_least=0.0, default=0.0)
-    delay: int = quantity(
+    torque_noise: float = parameter("N·m", "chosen: standard deviation", at_least=0.0, default=0.0)
+    force_noise: float = parameter("N", "chosen: standard deviation", at_least=0.0, default=0.0)
+    delay: int = parameter(
         "1",
         f"chosen: control steps from measurement to observation, at most {MAX_DELAY}",
         at_least=0,
@@ -92,9 +92,9 @@ class Starts(Checked):
     each is released with a probability of one in five.
     """
 
-    moving: float = quantity("1", "chosen: share of the episodes", **_SHARE, default=0.0)
-    gripped: float = quantity("1", "chosen: share of the episodes", **_SHARE, default=0.0)
-    offset: float = quantity(
+    moving: float = parameter("1", "chosen: share of the episodes", **_SHARE, default=0.0)
+    gripped: float = parameter("1", "chosen: share of the episodes", **_SHARE, default=0.0)
+    offset: float = parameter(
         "m",
         "chosen: half-range of the distance from the path where an episode begins moving",
         at_least=0.0,
@@ -134,26 +134,26 @@ class PathFollowing(Checked):
     0 makes the path the edge of a wall.
     """
 
-    path: Path = quantity("1", "see Line", default=Line())
-    hand: Operator = quantity("1", "see MultiSineHand", default=MultiSineHand())
-    pace: float = quantity(
+    path: Path = parameter("1", "see Line", default=Line())
+    hand: Operator = parameter("1", "see MultiSineHand", default=MultiSineHand())
+    pace: float = parameter(
         "m/s",
         "derived: the baseline's mean tip speed in Table I, 19.69 in/s",
         above=0.0,
         at_most=BOUND * SPEED_SCALE,
         default=COMMANDED_PACE,
     )
-    control_period: float = quantity(
+    control_period: float = parameter(
         "s", "chosen: 100 Hz control", above=0.0, at_most=1.0, default=0.01
     )
-    error_max: float = quantity(
+    error_max: float = parameter(
         "m",
         "chosen: the workspace ends this far from the path",
         above=0.0,
         at_most=MAX_HALF_WIDTH,
         default=0.25,
     )
-    truncation_error: float = quantity(
+    truncation_error: float = parameter(
         "m",
         "chosen: if not above error_max, an episode is truncated this far from the path; by default"
         " none is",
@@ -161,41 +161,41 @@ class PathFollowing(Checked):
         at_most=2.0 * MAX_HALF_WIDTH,
         default=2.0 * MAX_HALF_WIDTH,
     )
-    free_left: float = quantity(
+    free_left: float = parameter(
         "m", _NO_BAND, at_least=0.0, at_most=MAX_HALF_WIDTH, default=0.0, later=True
     )
-    free_right: float = quantity(
+    free_right: float = parameter(
         "m", _NO_BAND, at_least=0.0, at_most=MAX_HALF_WIDTH, default=0.0, later=True
     )
-    arrival: float = quantity(
+    arrival: float = parameter(
         "m",
         "chosen: half of error_max's default; within this of the path its end is a success",
         above=0.0,
         default=0.125,
     )
-    singularity_margin: float = quantity(
+    singularity_margin: float = parameter(
         "1",
         "chosen: smallest |sin(θA − θB)| of the workspace",
         above=0.0,
         below=1.0,
         default=SINGULARITY_MARGIN,
     )
-    start_offset: float = quantity(
+    start_offset: float = parameter(
         "m",
         "chosen: half-range of the start's normal offset, drawn at reset",
         at_least=0.0,
         default=0.0,
     )
-    friction_drift: float = quantity(
+    friction_drift: float = parameter(
         "1/s",
         "chosen: relative change of all clutch torques in a second",
         at_least=-1.0,
         at_most=1.0,
         default=0.0,
     )
-    sensing: Sensing = quantity("1", "see Sensing", default=IDEAL_SENSING)
-    starts: Starts = quantity("1", "see Starts", default=AT_REST)
-    reward: RewardWeights = quantity("1", "see RewardWeights", default=RewardWeights())
+    sensing: Sensing = parameter("1", "see Sensing", default=IDEAL_SENSING)
+    starts: Starts = parameter("1", "see Starts", default=AT_REST)
+    reward: RewardWeights = parameter("1", "see RewardWeights", default=RewardWeights())
 
     def __post_init__(self) -> None:
         """Check each field, and that starts are within the workspace."""

@@ -19,7 +19,7 @@ from pter_gym.controllers._policy import sensors_of
 from pter_gym.errors import ParameterError, needs_extra
 from pter_gym.params import Machine, find_machine
 from pter_gym.policies import TrainedPolicy
-from pter_gym.policies._interface import available, quantities, to_volts
+from pter_gym.policies._interface import input_names, input_values, to_volts
 from pter_gym.tasks.path_following import observation_layout
 
 OPSET = 18
@@ -202,8 +202,8 @@ def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
         for entry, scale in zip(layout.names, layout.scales.tolist(), strict=True)
     ]
     base = Columns(graph, [entries[each] for each in BASE_INPUTS])
-    values = quantities(Columns(graph, scaled), base, layout, residual=residual)
-    columns = dict(zip(available(layout, residual=residual), values.names, strict=True))
+    values = input_values(Columns(graph, scaled), base, layout, residual=residual)
+    columns = dict(zip(input_names(layout, residual=residual), values.names, strict=True))
     x = Columns(graph, [columns[each.name] for each in interface.inputs]).joined()
     x = graph.node("Sub", x, graph.constant([each.center for each in interface.inputs]))
     x = graph.node("Div", x, graph.constant([each.scale for each in interface.inputs]))

@@ -366,8 +366,8 @@ class _Body:
         self.made.writes |= self.touched
         self.touched = False
 
-    def _refuse(self, what: ast.AST | str) -> Unsupported:
-        text = what if isinstance(what, str) else ast.unparse(what)
+    def _refuse(self, construct: ast.AST | str) -> Unsupported:
+        text = construct if isinstance(construct, str) else ast.unparse(construct)
         return Unsupported(
             f"policies: {self.function.__name__} cannot be translated to C: {text:.100}"
         )
@@ -417,10 +417,10 @@ class _Body:
         self._check(kind_of(value), made.returns, "return")
         self._emit(f"return {self.program.text(value, made.returns)};")
 
-    def _check(self, kind: Any, wanted: Any, what: str) -> None:
+    def _check(self, kind: Any, wanted: Any, place: str) -> None:
         """Refuse a value that C would convert to another kind, except numbers to real ones."""
         if kind != wanted and not (wanted == "real" and isinstance(kind, str)):
-            raise self._refuse(what)
+            raise self._refuse(place)
 
     def _assign(self, target: ast.expr, value: Any) -> None:
         match target:

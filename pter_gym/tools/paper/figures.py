@@ -319,7 +319,7 @@ def table_comparison(table: Mapping[str, tuple[float, ...]]) -> Figure:
         "capsize": 4.0,
     }
     name = f"paper ± {style.percent(TABLE_TOLERANCE)}"
-    for axes, (what, unit), our, paper in zip(panels, COLUMNS, ours.T, published.T, strict=True):
+    for axes, (title, unit), our, paper in zip(panels, COLUMNS, ours.T, published.T, strict=True):
         axes.errorbar(
             paper, rows, xerr=TABLE_TOLERANCE * paper, elinewidth=1.2, **diamonds, label=name
         )
@@ -330,7 +330,7 @@ def table_comparison(table: Mapping[str, tuple[float, ...]]) -> Figure:
         axes.set_xlim(0.0, 1.15 * axes.get_xlim()[1])
         axes.set_ylim(len(rows) - 0.5, -0.6)
         axes.set_yticks(rows, [name_of(model) for model in PAPER_TABLE])
-        axes.set_xlabel(f"{what} [{unit}]")
+        axes.set_xlabel(f"{title} [{unit}]")
         axes.secondary_xaxis("top", functions=style.scaled(INCH)).set_xlabel(
             f"[{unit.replace('in', 'm')}]"
         )

@@ -53,7 +53,7 @@ def watch(
         pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
         path: Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's
             name.
-        smooth: Noise of a recorded path that is smoothed away, root mean square, in mm.
+        smooth: Noise to remove from a recorded path, root mean square, in mm.
         seed: Seed of the episode, and of random policies, at least 0.
         out: Film to write, or with .png the final picture, with the tip's trail; its folder must
             exist.
@@ -72,14 +72,14 @@ def watch(
 
     check_arguments(names, out, csv, size, speed)
     seed = whole_number("seed", seed, at_least=0)
-    distribution = scenario_on(scenario, machine, path, smooth)
-    machine_of_episode, task = distribution.draws.pairs(1, seed, pace)[0]
-    by_name = {name: find_policy(name, distribution.whose_gains) for name in names}
+    definition = scenario_on(scenario, machine, path, smooth)
+    machine_of_episode, task = definition.draws.pairs(1, seed, pace)[0]
+    by_name = {name: find_policy(name, definition.whose_gains) for name in names}
     telemetry: dict[str, Any] = {}
     with waiting("simulating"):
         for name, policy in by_name.items():
             episode = record_episode(
-                policy, machine_of_episode, task, seed, nominal=distribution.nominal
+                policy, machine_of_episode, task, seed, nominal=definition.nominal
             )
             telemetry[name] = episode.telemetry
             say(f"{name}: {summary(telemetry[name])}")

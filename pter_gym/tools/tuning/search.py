@@ -125,17 +125,17 @@ def tune(
         holds.
     """
     journal = find_path("storage", storage)
-    distribution, pace = find_scenario(scenario, machine, path, smooth), name_of_pace(pace)
-    law = find_law(controller, find_pace(pace), distribution.whose_gains)
+    definition, pace = find_scenario(scenario, machine, path, smooth), name_of_pace(pace)
+    law = find_law(controller, find_pace(pace), definition.whose_gains)
     trials, episodes = whole_number("trials", trials), whole_number("episodes", episodes)
     seed = whole_number("seed", seed, at_least=0)
     check_target("storage", journal)
     rungs = [
-        training_episodes(distribution, pace, -(-episodes // REDUCTION**k), 2 * seed)
+        training_episodes(definition, pace, -(-episodes // REDUCTION**k), 2 * seed)
         for k in reversed(range(RUNGS))
     ]
-    set_of_draws = f"{pace} {episodes} {seed} {distribution.digest}".rstrip()
-    name = f"{distribution.name}-v{distribution.version} {law.key} {set_of_draws}"
+    set_of_draws = f"{pace} {episodes} {seed} {definition.digest}".rstrip()
+    name = f"{definition.name}-v{definition.version} {law.key} {set_of_draws}"
     study = _open_study(journal, name, seed)
     for start in law.starts():
         study.enqueue_trial(start, skip_if_exists=True)
@@ -154,7 +154,7 @@ def tune(
         raise StorageError(
             f"storage {str(journal)!r} cannot be written: {error.strerror or error}"
         ) from error
-    final = training_episodes(distribution, pace, episodes, 2 * seed + 1)
+    final = training_episodes(definition, pace, episodes, 2 * seed + 1)
     finalists = [law.gains(trial.params) for trial in _scored(study, "COMPLETE")[:FINALISTS]]
     judged = [(assess([law.with_gains(gains)], final), gains) for gains in finalists]
     assessment, gains = min(judged, key=lambda pair: pair[0].value)
