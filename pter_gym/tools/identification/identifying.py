@@ -125,7 +125,7 @@ class Identification:
             f"Links are {self.start.arm.length_a:g} m and {self.start.arm.length_b:g} m long.",
             f"Clutches drag with {clutch.viscous:g} N·m·s: more is viscous friction of the axes.",
             f"Constant torques on the axes, {a:.3g} and {b:.3g} N·m, are not in the file.",
-            f"Nor is it that forces were recorded {late:.2g} ms later than angles.",
+            f"The delay of the recorded forces, {late:.2g} ms, is not in the file either.",
             f"Clutches lose {100.0 * clutch.fade:g} % of their torque per joule, as warm as here.",
         )
 
@@ -265,6 +265,7 @@ def _keep_unseen(fit: Fit, kept: dict[int, str], before: Array) -> set[str]:
             if together:
                 kept[worst] += f"; only together with {', '.join(sorted(together))}"
                 tied |= together
+            tied |= {"curvature"} if worst == at.KNEE else set()
             if worst == at.RATIO and fit.p[worst] <= 1.03:
                 fit.p[worst] = min(before[worst], 1.0)
             elif worst != at.KNEE:

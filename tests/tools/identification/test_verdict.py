@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from oracle.experiment import Experiment, Recorder, record_log
+from oracle.mismatched import late
 from oracle.recorded import RecordedMachine, record
 from pter_gym.params import BASELINE
 from pter_gym.tools.identification import Identification, Log, identify
@@ -108,6 +109,16 @@ def rows_of(log: Log, rows: slice) -> Log:
 
 def forces(change: Callable[[np.ndarray], np.ndarray]) -> Log:
     return replace(good(), force=change(good().force))
+
+
+@pytest.mark.slow
+def test_forces_that_are_recorded_late_are_told():
+    found = identify(late(7e-4)(good()), BASELINE)
+    told = {finding.quantity.name: finding for finding in found.findings}
+    assert found.verdict.grade == EXACT
+    for name, true in (("force_delay", 7e-4), ("coupling", 0.1)):
+        assert told[name].low <= true <= told[name].high
+        assert told[name].half_width <= 0.1 * told[name].quantity.scale
 
 
 def sines() -> Log:
