@@ -10,7 +10,7 @@ from pter_gym.tasks.path_following import RewardWeights
 SEED, STEPS = 0, 3_000_000
 
 torch.set_num_threads(1)
-reward = RewardWeights(tracking=10, precision=90)
+reward = RewardWeights(tracking=10, precision=90, effort=0)
 worlds = make_sb3_vec_env(128, scenario="standard", base="single-dof-tuned", reward=reward)
 model = PPO(
     "MlpPolicy",

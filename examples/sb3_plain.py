@@ -5,10 +5,9 @@ from stable_baselines3 import PPO
 
 from pter_gym.benchmark import from_sb3, print_boards, run_scenario
 from pter_gym.envs.sb3 import make_sb3_vec_env
-from pter_gym.tasks.path_following import RewardWeights
 
 torch.set_num_threads(1)
-envs = make_sb3_vec_env(64, scenario="standard", reward=RewardWeights(effort=10))
+envs = make_sb3_vec_env(64, scenario="standard")
 model = PPO("MlpPolicy", envs, n_steps=64, batch_size=1024, gae_lambda=0.98, seed=0)
 model.learn(1_250_000, progress_bar=True)
 policies = {"mine": from_sb3(model), "tuned law": "torque-feedback-tuned"}

@@ -35,7 +35,7 @@ def train(
 ) -> None:
     """Train a policy on a scenario's training episodes by PPO.
 
-    From time to time the policy is scored on held-out training episodes. The run's folder holds
+    At intervals the policy is scored on held-out training episodes. The run's folder holds
     these scores as progress.csv, validation.json and events for TensorBoard, the two newest
     checkpoints and, after the training, curve.png and film.webp, which compare the policy with
     tuned control laws.
@@ -49,7 +49,7 @@ def train(
         steps: Steps of the environment in all worlds, each of frame_skip control steps.
         seed: Seed of weights, worlds, episodes and actions, at least 0.
         out: Folder of the run, created if necessary; it must not hold another run.
-        resume: Continue from the newest checkpoint in the folder; only the steps may have changed.
+        resume: Continue from the newest checkpoint in the folder; only --steps may differ.
         config: TOML file with hyper-parameters that replace the default ones.
         smoke: Train for a few seconds to check that everything works.
         machine: Name or file of a machine, instead of those that the scenario draws; of a file of
@@ -122,9 +122,9 @@ def export(
 ) -> None:
     """Turn a run of `pter train` into a policy to share, or any policy into C or ONNX.
 
-    By default the folder then holds NAME.safetensors, weights without code, and README.md, a model
-    card. That is the layout of the Hugging Face Hub; nothing is uploaded. With --c or --onnx only
-    these are written.
+    By default, writes a folder with NAME.safetensors, weights without code, and README.md, a model
+    card, in the layout of the Hugging Face Hub; nothing is uploaded. With --c or --onnx, writes
+    only these.
 
     Example: pter export residual --c residual-c
 
@@ -134,13 +134,12 @@ def export(
         out: Folder for the policy, created if necessary; by default NAME.
         c: Folder for pter.h, pter.c and main.c, in C99 without libraries, created if necessary.
         onnx: File for the network alone, as an ONNX model.
-        numbers: Arithmetic of the C code; double has the bits of Python.
-        weights: Weights in the C code; int8 needs a quarter of the memory and costs some score.
-        prefix: Begins all names in the C code and of its files; two policies in one program have
-            different ones.
-        scenario: Scenario whose gains a law has.
+        numbers: Arithmetic of the C code; double gives the same bits as Python.
+        weights: Weights in the C code; int8 takes a quarter of the memory, at some cost in score.
+        prefix: Prefix of all names and files in C, so that two policies fit in one program.
+        scenario: Scenario whose gains a law uses.
         path: Path that the C code holds.
-        machine: Nominal machine of a policy for C or ONNX, by its name or its file.
+        machine: Name or file of the nominal machine, for C or ONNX.
     """
     if c is None and onnx is None:
         from pter_agents import exporting

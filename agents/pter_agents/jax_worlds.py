@@ -13,7 +13,7 @@ from pter_agents.worlds import Training
 from pter_gym._engine.world import ROW
 from pter_gym._engine.xla import call_law, register_law, rounded, words_of
 from pter_gym.controllers._network import INPUT_LIMIT
-from pter_gym.envs.jax import EnvParams, EnvState, JaxEnv
+from pter_gym.envs.jax import AnyState, EnvParams, JaxEnv
 from pter_gym.policies._interface import input_names, input_values, to_volts
 from pter_gym.tasks.path_following._context import CONTEXT
 
@@ -76,7 +76,7 @@ class WorldsState(NamedTuple):
         The current inputs of the value network alone.
     """
 
-    env: EnvState
+    env: AnyState
     rows: jax.Array
     means: jax.Array
     memory: jax.Array

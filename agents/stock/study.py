@@ -21,6 +21,7 @@ from pter_agents.validation import Validation
 from pter_gym.benchmark import ResultsFolder, from_sb3, print_boards, run_scenario
 from pter_gym.envs.sb3 import make_sb3_vec_env
 from pter_gym.scenarios import PACES
+from pter_gym.tasks.path_following import RewardWeights
 
 ON_POLICY = {"n_steps": 64, "gae_lambda": 0.98}
 ENTROPY = ({}, {"ent_coef": 0.05}, {"ent_coef": 0.005})
@@ -52,9 +53,12 @@ class CpuTime(BaseCallback):
         return process_time() < self.end
 
 
-def train(algorithm: str, settings: dict[str, Any], seed: int, seconds: float) -> Any:
+def train(
+    algorithm: str, settings: dict[str, Any], seed: int, seconds: float, effort: float
+) -> Any:
     made, worlds, _ = CANDIDATES[algorithm]
-    venv = make_sb3_vec_env(worlds, scenario="standard", truncation_error=0.1)
+    reward = RewardWeights(effort=effort)
+    venv = make_sb3_vec_env(worlds, scenario="standard", truncation_error=0.1, reward=reward)
     return made("MlpPolicy", venv, seed=seed, device="cpu", **settings).learn(
         10**9, CpuTime(seconds)
     )
@@ -66,6 +70,7 @@ def study(
     seconds: float = 100.0,
     fresh: int = 0,
     out: Path = Path("study"),
+    effort: float = RewardWeights.effort,
 ) -> None:
     torch.set_num_threads(1)
     validation = Validation("standard", tuple(PACES), 64)
@@ -76,7 +81,7 @@ def study(
 
     for algorithm in algorithms:
         trials = [
-            (merit(train(algorithm, each, TUNING_SEED, seconds)), each)
+            (merit(train(algorithm, each, TUNING_SEED, seconds, effort)), each)
             for each in CANDIDATES[algorithm][2]
         ]
         for error, settings in trials:
@@ -85,7 +90,7 @@ def study(
                 flush=True,
             )
         best = min(trials, key=lambda each: each[0])[1]
-        models = [train(algorithm, best, seed, seconds) for seed in range(1, 1 + seeds)]
+        models = [train(algorithm, best, seed, seconds, effort) for seed in range(1, 1 + seeds)]
         print(f"{algorithm}: {[model.num_timesteps for model in models]} steps", flush=True)
         policies = {algorithm: [from_sb3(model) for model in models]}
         runs = run_scenario(

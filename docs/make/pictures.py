@@ -26,7 +26,7 @@ from matplotlib.figure import Figure
 import pter_gym
 from pter_gym._internal.files import write_bytes_atomic
 from pter_gym.benchmark import find_policy
-from pter_gym.benchmark.boards import UNRANKED, in_order
+from pter_gym.benchmark.boards import in_order
 from pter_gym.benchmark.rollout import record_episode
 from pter_gym.controllers import CONTROLLERS, TorqueFeedback
 from pter_gym.params import Machine
@@ -35,7 +35,7 @@ from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.tools.figures import WIDTH, label, png, styled
-from pter_gym.tools.pictures.plots import label_ends, plain_ticks
+from pter_gym.tools.pictures.plots import label_ends, plain_ticks, titled
 
 FALLING = ("free", "locked", "random")
 SIDE_BY_SIDE = ("torque-feedback", "residual")
@@ -80,19 +80,13 @@ def error_against_pace(results: Path) -> Figure:
         (line,) = axes.plot(
             at, value, marker=marker, linestyle="--" if name in {*CONTROLLERS, *TUNED} else "-"
         )
-        colour = colours[name] = str(line.get_color())
-        ends[name] = float(at[-1]), float(value[-1])
+        title, colour = titled(name, standings), str(line.get_color())
+        ends[title], colours[title] = (float(at[-1]), float(value[-1])), colour
         axes.errorbar(
             at, value, (value - low, high - value), fmt="none", ecolor=colour, elinewidth=1.2
         )
         faces = [colour if each.rank else "white" for each in standings]
-        axes.scatter(at, value, 40.0, faces, marker, edgecolors=colour, zorder=4)
-        for x, y in (
-            (x, y) for x, y, each in zip(at, value, standings, strict=True) if not each.rank
-        ):
-            axes.annotate(
-                UNRANKED, (x, y), xytext=(3.0, 3.0), textcoords="offset points", color=colour
-            )
+        axes.scatter(at, value, 40.0, faces, marker=marker, edgecolors=colour, zorder=4)
     axes.set(xscale="log", yscale="log", xlim=(min(paces) / 1.25, max(paces) * 1.25))
     axes.set_xticks(paces, [f"{pace:g}\n{name}" for name, pace in PACES.items()])
     axes.set_xticks([], minor=True)
@@ -100,7 +94,7 @@ def error_against_pace(results: Path) -> Figure:
     label(axes, "commanded pace [m/s]", "path error [mm]")
     label_ends(axes, ends, colours)
     note = f"{found['slow'].title}; bars: 95 % intervals"
-    figure.supxlabel(f"{note}; dashed: control laws; hollow {UNRANKED}: not ranked", fontsize=8.5)
+    figure.supxlabel(f"{note}; dashed: control laws; hollow: not ranked", fontsize=8.5)
     return figure
 
 

@@ -112,7 +112,7 @@ def scenario_on(scenario: str, machine: str | None, path: str | None, smooth: fl
     if path and width < NARROW:
         say(
             f"{path} bends so sharply that the workspace ends {1e3 * width:.2g} mm beside it; "
-            f"of a recorded path, --smooth 2 takes 2 mm of noise"
+            f"for a recorded path, --smooth 2 removes 2 mm of noise"
         )
     return chosen
 

@@ -67,10 +67,10 @@ def benchmark(
         paces: Commanded paces: slow, medium, brisk, or speeds in m/s.
         path: Path of all episodes instead of the scenario's: a CSV file of waypoints x, y in
             metres, or a path's name.
-        smooth: Noise of a recorded path that is smoothed away, root mean square, in mm.
+        smooth: Noise to remove from a recorded path, root mean square, in mm.
         episodes: How many of the scenario's episodes to run; all by default.
-        seed: Seed to draw as many other test episodes; by default the stored ones are run, or with
-            --path, where there are none, those of seed 0.
+        seed: Draw as many other test episodes with this seed; by default, the stored ones are run,
+            or with --path, where there are none, those of seed 0.
         details: Also print the worst twentieth, rms, pace and peak acceleration.
         film: Whether to film the policies on a training episode of the scenario.
         out: Folder for the results, created if necessary.

@@ -24,9 +24,6 @@ COMPLETION = 0.99
 PACE_ERROR = 0.15
 """Largest mean of each of the two pace errors of a ranked policy."""
 
-UNRANKED = "†"
-"""Mark of a policy that is not ranked."""
-
 EPISODE_SET = attrgetter("version", "scenario", "digest", "episodes", "seed")
 """What runs and leaderboards on the same episodes share, at whatever pace."""
 

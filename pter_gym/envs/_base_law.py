@@ -114,7 +114,7 @@ class CorrectedBatch(Batch):
     ) -> None:
         super().__init__(*args, action_unit="volt", **keywords)
         self.law = BaseLaw(bind_base_law(base, nominal, self.layout), nominal)
-        self._plain = self.layout
+        self.plain = self.layout
         self.layout, self.frame_skip = with_base(self.layout), frame_skip
         self.action_low, self.action_high = -1.0, 1.0
         self._memory = self.law.start(self.num_worlds)
@@ -130,7 +130,7 @@ class CorrectedBatch(Batch):
         obs, telemetry = super().reset(seeds, chosen)
         self._memory[chosen] = self.law.start(int(chosen.sum()))
         self._follow(obs, chosen)
-        return seen_with(obs, self._base, self._plain), telemetry
+        return seen_with(obs, self._base, self.plain), telemetry
 
     def step(self, actions: ArrayLike, ended: int = REFUSE) -> Returns:
         """Advance all worlds by ``frame_skip`` control periods, as ``Batch`` does."""
@@ -143,7 +143,7 @@ class CorrectedBatch(Batch):
         if ended in (REFUSE, SAME_STEP) and not alive.all():
             self._raise_refusal(int(alive.argmin()))
         given = self._checked(actions, alive)
-        obs = np.zeros((n, len(self._plain)), np.float32)
+        obs = np.zeros((n, len(self.plain)), np.float32)
         telemetry = np.full((self._records, n, COLUMNS), np.nan)
         rewards, flags = np.zeros(n), np.zeros((FLAGS, n), np.bool_)
         running = alive.copy()
@@ -159,7 +159,7 @@ class CorrectedBatch(Batch):
             running &= ~(terminated | truncated)
             if not running.any():
                 break
-        seen = final = seen_with(obs, self._base, self._plain)
+        seen = final = seen_with(obs, self._base, self.plain)
         terminated, truncated, _ = flags
         over: Mask = ~alive if ended == NEXT_STEP else terminated | truncated
         begins: Mask = over & (ended in (NEXT_STEP, SAME_STEP))

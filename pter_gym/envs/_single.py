@@ -63,9 +63,9 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
     its third power below 1, its inverse fourth power above). A wrong pace has a cost per unit of
     time: at rest, 50 in the time that the path takes at the commanded pace. Leaving the workspace
     or missing the end of the path costs what a perfect episode would have earned so far. A step
-    pays at most what its new arc length is worth, so no episode pays more than 100. The weights are
-    in `task.reward`, which can also penalise the tip's acceleration and the voltages. Each term is
-    in the telemetry.
+    pays at most what its new arc length is worth, so no episode pays more than 100. The squared
+    voltages have a small cost. The weights are in `task.reward`, which can also penalise the tip's
+    acceleration. Each term is in the telemetry.
 
     `info["telemetry"]` is a float64 array in the order of `env.unwrapped.telemetry_layout` (pose,
     tip, force, mode, volts, generated torques and powers, energy terms, reward terms);
@@ -120,7 +120,7 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
       reward terms of these steps add up; the observation and whatever else `info` holds are those
       of the last of them. An episode that ends within them ends the step.
     - `base`: a control law whose voltages actions correct, by name, such as `"single-dof-tuned"`,
-      or a controller. An action of 1 adds 8 V, one of 0 leaves the law's voltage. The law acts at
+      or a `Controller`. An action of 1 adds 8 V, one of 0 leaves the law's voltage. The law acts at
       every control step, the observation ends with its voltages, `base_1` to `base_4`, and with a
       scenario actions are held for one control step by default.
     - `render_mode`: `"human"` (needs the extra `render`) or `"rgb_array"`.

@@ -9,7 +9,7 @@ to the CPU, so a function that ``jit`` compiles runs there if it gets them, or a
 argument. Actions that were committed to the GPU are brought over with ``jax.device_put``.
 """
 
-from functools import cache
+from functools import cache, partial
 from typing import Any, NamedTuple, Self, cast
 
 import gymnasium
@@ -21,6 +21,7 @@ from pter_gym.errors import ActionError, ParameterError, needs_extra
 
 try:
     import jax
+    from jax import lax
     from jax import numpy as jnp
     from jax.core import Tracer
     from jax.custom_batching import custom_vmap
@@ -29,9 +30,11 @@ try:
         DECLARED_STEP,
         RESET,
         STEP,
+        call_law,
         cpu_device,
         on_cpu,
         register_calls,
+        register_law,
         words_of,
     )
 except ImportError as error:
@@ -39,6 +42,7 @@ except ImportError as error:
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._engine.world import CONFIG_WIDTH, FLAG, FLAGS
+from pter_gym.envs._base_law import CorrectedBatch, seen_with
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.params import SLOTS
 
@@ -58,6 +62,28 @@ class EnvState(NamedTuple):
     episode: jax.Array
 
 
+class CorrectedState(NamedTuple):
+    """An ``EnvState`` with what changes in a law that actions correct.
+
+    Attributes
+    ----------
+    world, episode
+        Those of ``EnvState``.
+    memory
+        The law's memory, uint32 (M,).
+    base
+        Its voltages [V], float32 (4,).
+    """
+
+    world: jax.Array
+    episode: jax.Array
+    memory: jax.Array
+    base: jax.Array
+
+
+AnyState = EnvState | CorrectedState
+
+
 class EnvParams(NamedTuple):
     """What worlds share: opaque words.
 
@@ -71,6 +97,13 @@ class EnvParams(NamedTuple):
 
     config: jax.Array
     constants: jax.Array
+
+
+class LawParams(NamedTuple):
+    """What a law shares in all worlds: scales of the observation's entries and gains, as words."""
+
+    scales: jax.Array
+    gains: jax.Array
 
 
 Info = dict[str, jax.Array]
@@ -96,8 +129,6 @@ class JaxEnv:
     name = "PathFollowing"
 
     def __init__(self, env: PathFollowingVectorEnv) -> None:
-        if env.base is not None:
-            raise ParameterError("base must be None: worlds in JAX take voltages or their shares")
         cpu_device()
         step = STEP if env.batch.machine.has_paper_clutches else DECLARED_STEP
         register_calls(step)
@@ -109,6 +140,14 @@ class JaxEnv:
         arrays = env.batch.kernel_arrays()
         self.default_params = EnvParams(words_of(arrays["config"]), words_of(arrays["constants"]))
         self._empty = words_of(arrays["worlds"][0, :, 0])
+        self._batch = env.batch if isinstance(env.batch, CorrectedBatch) else None
+        self._no_volts = env.batch.action_low
+        if self._batch is not None:
+            law: Any = self._batch.law.policy.law
+            self._law = _following(register_law(law.function))
+            self._law_params = LawParams(words_of(self._batch.plain.scales), words_of(law.gains))
+            self._blank = words_of(self._batch.law.start(1)[0])
+            self._no_volts = 0.0
 
     @classmethod
     def from_id(cls, env_id: str, keywords: dict[str, Any], **own: Any) -> Self:
@@ -126,7 +165,7 @@ class JaxEnv:
             raise ParameterError(f"env_id must be an id of PTER, got {env_id!r}")
         return cls(cast(Any, gymnasium.make_vec(env_id, **fixed, **keywords).unwrapped), **own)
 
-    def reset(self, key: jax.Array, params: EnvParams | None = None) -> tuple[jax.Array, EnvState]:
+    def reset(self, key: jax.Array, params: EnvParams | None = None) -> tuple[jax.Array, AnyState]:
         """Return a world's first observation, float32 (len(observation_layout),), and its state.
 
         Its seed follows from the key, and its later episodes from its seed.
@@ -135,7 +174,7 @@ class JaxEnv:
 
     def reset_to_seed(
         self, seed: int | jax.Array | NDArray[Any], params: EnvParams | None = None
-    ) -> tuple[jax.Array, EnvState]:
+    ) -> tuple[jax.Array, AnyState]:
         """Return what ``gymnasium.make_vec`` has of a world after a reset with a seed.
 
         Parameters
@@ -154,15 +193,18 @@ class JaxEnv:
         words = seed_words(seed)
         episode = on_cpu(jnp.zeros(4, jnp.uint32).at[: words.size].set(words))
         world, episode, obs = _one(_reset, (self._empty, episode), self._shared(params))
-        return obs, EnvState(world, episode)
+        if self._batch is None:
+            return obs, EnvState(world, episode)
+        base, memory = self._follow(obs, self._blank)
+        return self._seen(obs, base), CorrectedState(world, episode, memory, base)
 
     def step(
         self,
         key: jax.Array | None,
-        state: EnvState,
+        state: AnyState,
         action: jax.Array,
         params: EnvParams | None = None,
-    ) -> tuple[jax.Array, EnvState, jax.Array, jax.Array, jax.Array, Info]:
+    ) -> tuple[jax.Array, AnyState, jax.Array, jax.Array, jax.Array, Info]:
         """Advance a world by ``frame_skip`` control periods; a next episode follows one that ends.
 
         Parameters
@@ -182,7 +224,7 @@ class JaxEnv:
         observation, state
             After a reset where the episode has ended.
         reward
-            float32 ().
+            float32 (). With a base, the rewards of the control steps are rounded one by one.
         terminated, truncated
             bool ().
         info
@@ -223,21 +265,54 @@ class JaxEnv:
         """Return the observation space, one of Gymnasium's."""
         return cast(spaces.Box, self.env.single_observation_space)
 
-    def _advance(self, state: EnvState, given: jax.Array, shared: EnvParams) -> Any:
+    def _advance(self, state: AnyState, given: jax.Array, shared: EnvParams) -> Any:
         """Return state, observation, last observation, reward and flags after a step."""
-        empty = jnp.full(
-            SLOTS - self.num_actions, self.env.batch.action_low, given.dtype
-        )  # has no voltage
-        world, episode, *rest = _one(self._step, (*state, jnp.concatenate([given, empty])), shared)
+        if self._batch is None:
+            return self._control(state, given, shared)
+        law = self._batch.law
+
+        def correct(before: Any, _: None) -> tuple[Any, None]:
+            state = before[0]
+            volts = law.corrected(given[None], state.base[None])[0]
+            (world, episode), obs, last, reward, flags = self._control(state, volts, shared)
+            base, memory = self._follow(last, state.memory)
+            final, over = self._seen(last, base), _is_over(flags)
+            first, fresh = self._follow(obs, self._blank)
+            base, memory = jnp.where(over, first, base), jnp.where(over, fresh, memory)
+            state = CorrectedState(world, episode, memory, base)
+            after = state, self._seen(obs, base), final, before[3] + reward, flags
+            return jax.tree.map(partial(jnp.where, _is_over(before[4])), before, after), None
+
+        unseen = jnp.zeros(len(self.observation_layout), jnp.float32)
+        start = state, unseen, unseen, jnp.zeros((), jnp.float32), jnp.zeros(FLAGS, bool)
+        return lax.scan(correct, start, length=self.frame_skip)[0]
+
+    def _control(self, state: AnyState, given: jax.Array, shared: EnvParams) -> Any:
+        """Return what ``_advance`` does, after a step of the kernel."""
+        empty = jnp.full(SLOTS - self.num_actions, self._no_volts, given.dtype)
+        own = *state[:2], jnp.concatenate([given, empty])
+        world, episode, *rest = _one(self._step, own, shared)
         return EnvState(world, episode), *rest
 
-    def _check_state(self, state: EnvState) -> None:
+    def _follow(self, obs: jax.Array, memory: jax.Array) -> Any:
+        """Return the base's voltages and memory after an observation."""
+        return _one(self._law, (obs, memory), self._law_params)
+
+    def _seen(self, obs: jax.Array, base: jax.Array) -> jax.Array:
+        """Return an observation that ends with the base's voltages."""
+        assert self._batch is not None
+        return seen_with(obs[None], base[None], self._batch.plain)[0]
+
+    def _check_state(self, state: AnyState) -> None:
         """Raise a ParameterError unless a state is as large as this environment's."""
-        expected = ((self._empty.shape, jnp.uint32), ((4,), jnp.uint32))
-        if [(jnp.shape(part), jnp.result_type(part)) for part in state[:2]] != [*expected]:
+        expected: list[Any] = [(self._empty.shape, jnp.uint32), ((4,), jnp.uint32)]
+        if self._batch is not None:
+            expected += [(self._blank.shape, jnp.uint32), ((SLOTS,), jnp.float32)]
+        parts = state[: len(expected)]
+        if [(jnp.shape(part), jnp.result_type(part)) for part in parts] != expected:
             raise ParameterError(
-                "state must be an EnvState of this environment, of uint32 "
-                f"{self._empty.shape} and (4,), got {shapes_of(state)}"
+                "state must be one of this environment, of the shapes "
+                f"{[shape for shape, _ in expected]}, got {shapes_of(state)}"
             )
 
     def _shared(self, params: EnvParams | None) -> EnvParams:
@@ -327,7 +402,8 @@ def _many(run: Any) -> Any:
             for x, has_axis in zip(own, mapped[0], strict=True)
         ]
         results = call(
-            tuple(x.reshape(-1, *x.shape[2:]) for x in spread), EnvParams(*(x[0] for x in repeated))
+            tuple(x.reshape(-1, *x.shape[2:]) for x in spread),
+            shared._make(x[0] for x in repeated),
         )
         if any(mapped[1]):
             results = [
@@ -338,7 +414,11 @@ def _many(run: Any) -> Any:
     return call
 
 
-def _one(call: Any, own: Any, shared: EnvParams) -> Any:
+def _is_over(flags: jax.Array) -> jax.Array:
+    return flags[FLAG.terminated] | flags[FLAG.truncated]
+
+
+def _one(call: Any, own: Any, shared: EnvParams | LawParams) -> Any:
     """Return the results of one world."""
     return (x[0] for x in call(tuple(x[None] for x in own), shared))
 
@@ -372,3 +452,15 @@ def _stepping(name: str) -> Any:
         return _called(name, own, shared, rewards, flags, input_output_aliases={0: 0, 1: 1})
 
     return step
+
+
+@cache
+def _following(name: str) -> Any:
+    """Return what lets the law of a name act in worlds."""
+
+    @_many
+    def follow(own: Any, shared: LawParams) -> Any:
+        obs, memory = own
+        return call_law(name, obs, *shared, memory)
+
+    return follow

@@ -73,6 +73,8 @@ class DifferentiableEnv(jax_env.JaxEnv):
     def __init__(self, env: Any, episode_end: EpisodeEnd) -> None:
         if episode_end not in get_args(EpisodeEnd):
             raise unknown_name("episode_end", episode_end, get_args(EpisodeEnd))
+        if env.base is not None:
+            raise ParameterError("base must be None for a step to be differentiated")
         if not env.batch.machine.has_paper_clutches:
             raise ParameterError(
                 "machine must have the paper's clutches for a step to be differentiated"
@@ -91,7 +93,8 @@ class DifferentiableEnv(jax_env.JaxEnv):
 
     def reset_to_seed(self, seed: Any, params: Any = None) -> tuple[jax.Array, Any]:
         """Return what ``JaxEnv.reset_to_seed`` does, and the world's numbers."""
-        obs, (world, episode) = super().reset_to_seed(seed, params)
+        obs, state = super().reset_to_seed(seed, params)
+        world, episode = state[:2]
         return obs, DifferentiableEnvState(world, episode, floats_of(world))
 
     def step(self, key: Any, state: Any, action: Any, params: Any = None) -> Any:

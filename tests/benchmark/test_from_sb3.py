@@ -17,7 +17,7 @@ from pter_gym.envs import PathFollowingEnv
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
-from pter_gym.tasks.path_following import PathFollowing, Sensors, observation_layout
+from pter_gym.tasks.path_following import COLUMN, PathFollowing, Sensors, observation_layout
 from rollouts import run
 
 pytestmark = pytest.mark.agents
@@ -66,6 +66,22 @@ def test_a_model_acts_as_in_its_own_environment(kind: str, unit: Any) -> None:
     assert len(ours) > 6
     assert statistics[2] == venv.obs_rms.count
     np.testing.assert_array_equal(statistics[:2], (venv.obs_rms.mean, venv.obs_rms.var))
+
+
+@pytest.mark.parametrize("skip", [1, 3])
+def test_a_model_corrects_a_law_as_in_its_own_environment(skip: int) -> None:
+    own: dict[str, Any] = {"base": "impedance", "frame_skip": skip}
+    venv = vec_env.VecNormalize(make_sb3_vec_env(2, **own), clip_obs=3.0)
+    model = KINDS["PPO"](venv).learn(64)
+    task, seeds = PathFollowing(start_offset=0.01), [5, 6, 7]
+    ours = run(Batch(BASELINE, task, 3), from_sb3(model, venv), seeds, [42] * 3).telemetry
+    batch = PathFollowingVectorEnv(3, task=task, **own).batch
+    obs, _ = batch.reset(seeds)
+    for row in ours[skip::skip]:
+        actions, _ = model.predict(venv.normalize_obs(obs), deterministic=True)
+        obs, _, _, _, (rows,) = batch.step(actions, SKIP)
+        np.testing.assert_array_equal(row[:, : COLUMN.reward], rows[:, : COLUMN.reward])
+    assert len(ours) > 42 // skip
 
 
 @pytest.mark.slow

@@ -12,6 +12,8 @@ from pter_gym.benchmark.intervals import (
     MIN_EPISODES,
     MIN_SEEDS,
     MIN_STRATUM,
+    RESAMPLES,
+    SEED,
     Interval,
     mean_interval,
 )
@@ -76,6 +78,24 @@ def test_every_training_seed_counts() -> None:
     assert mean_interval(by_seed) == mean_interval(np.tile([[0.0], [1.0], [2.0], [3.0]], 30))
     expected = stats.t.interval(0.95, 3, 1.5, stats.sem(np.arange(4.0)))
     assert mean_interval(by_seed) == pytest.approx((1.5, *expected))
+
+
+@pytest.mark.parametrize("kinds", [1, 3])
+@pytest.mark.parametrize("episodes", [MIN_EPISODES, 200])
+def test_the_interval_over_episodes_is_scipys(episodes: int, kinds: int) -> None:
+    """The same resamples, so but for rounding."""
+
+    def mean(*resampled: Any, axis: int = -1) -> Any:
+        return np.concatenate(resampled, axis=axis).mean(axis=axis)
+
+    values, strata = VALUES[:episodes], [k % kinds for k in range(episodes)]
+    stratified = episodes >= kinds * MIN_STRATUM
+    samples = [values[k::kinds] for k in range(kinds)] if stratified else [values]
+    expected: Any = stats.bootstrap(
+        samples, mean, n_resamples=RESAMPLES, rng=np.random.default_rng(SEED)
+    )
+    found = mean_interval(values, strata)
+    assert found[1:] == pytest.approx(tuple(expected.confidence_interval), rel=1e-12)
 
 
 def test_strata_that_differ_do_not_widen_the_interval() -> None:

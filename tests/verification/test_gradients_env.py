@@ -178,6 +178,7 @@ def test_a_gradient_through_the_end_of_an_episode_raises() -> None:
         ({"machine": "couplings-2-1"}, "machine"),
         ({"env_id": "PTER/Everything-v0"}, "hand"),
         ({"episode_end": "ignore"}, "episode_end"),
+        ({"base": "impedance"}, "base"),
     ],
 )
 def test_environments_without_a_derivative_are_refused(wrong: dict[str, Any], told: str) -> None:

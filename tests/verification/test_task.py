@@ -348,6 +348,7 @@ def test_each_weight_of_the_reward():
     assert {name: weight for name, weight in weights.items() if weight != 0.0} == {
         "tracking": 100.0,
         "pace": 10.0,
+        "effort": 10.0,
         "failure": 100.0,
     }
 

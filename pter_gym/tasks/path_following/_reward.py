@@ -143,7 +143,7 @@ class RewardWeights(Checked):
         "1/s",
         "chosen: per mean of the squared voltages, relative to the largest",
         at_least=0.0,
-        default=0.0,
+        default=10.0,
     )
     failure: float = parameter(
         "1",

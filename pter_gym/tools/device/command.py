@@ -27,8 +27,8 @@ def device(
 ) -> None:
     """Examine a device: its forces, its walls, and how well laws tuned for it guide a hand.
 
-    The device is a machine, or PTER with four clutches of a data sheet. Of a machine that `pter
-    identify` has found in a log, it says what may be promised of all machines that fit the log.
+    The device is a machine, or PTER with four clutches from a data sheet. For a machine from `pter
+    identify`, it also says what holds for all machines that fit the log.
 
     Tunes a law on each of the scenarios standard, corridor and wall, and scores it on test
     episodes. Writes index.html, device.json and pictures. Needs the extras tune and render.

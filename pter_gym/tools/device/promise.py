@@ -1,5 +1,6 @@
 """What may be promised of the machines that fit a log: a tolerance limit of a policy's error."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,8 +21,8 @@ _STATS: Any = stats
 SHARE, CONFIDENCE = 0.95, 0.95
 """Share of the machines for which a promise holds, and the confidence with which it does."""
 
-MIN_DRAWS = 59
-"""Fewest draws of which the largest is such a limit: 0.95⁵⁹ < 0.05."""
+MIN_DRAWS = math.ceil(math.log(1.0 - CONFIDENCE) / math.log(SHARE))
+"""Fewest draws of which the largest is such a limit: SHARE to their number is < 1 − CONFIDENCE."""
 
 SEED = 2
 """Seed of the drawn machines, and of the episodes on which all of them are scored."""

@@ -37,19 +37,19 @@ def hil(
     """Let a program on its own hardware drive the simulated arm over a serial line.
 
     The arm sends what its sensors read and waits for voltages; docs/deploy.md has the protocol, and
-    examples/serial_loop.c is a partner. Scores are compared with the policy's in Python on the same
-    test episodes. For Linux and macOS.
+    examples/serial_loop.c is an example. Scores are compared with those of the policy in Python on
+    the same test episodes. For Linux and macOS.
 
     Example: pter hil residual ./loop --episodes 10
 
     Args:
-        policy: Policy that the partner holds, as for `pter benchmark --policies`.
+        policy: Policy that the program runs, as for `pter benchmark --policies`.
         partner: Serial port, or a command whose standard input and output become the line.
         scenario: Scenario of the episodes, without a free band around its paths.
         pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
         episodes: Test episodes to run, starting with the first, at most 64.
         rate: Control steps per simulated second, from 10 to 1000.
-        real_time: Begin control steps in time with the clock, not as soon as there is an answer.
+        real_time: Run in real time instead of as fast as answers arrive.
         deadline: Seconds to wait for an answer before the last voltages are kept; by default a
             control period in real time, else 0.1.
         baud: Baud rate of the port.

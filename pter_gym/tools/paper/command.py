@@ -25,7 +25,7 @@ def reproduce(
 
     Args:
         figures: Names of figures, or all.
-        pdf: Write each picture as PDF too.
+        pdf: Also write each picture as PDF.
         out: Folder for the results, created if necessary.
     """
     from rich.table import Table

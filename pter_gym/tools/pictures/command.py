@@ -53,7 +53,7 @@ def watch(
         pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
         path: Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's
             name.
-        smooth: Noise of a recorded path that is smoothed away, root mean square, in mm.
+        smooth: Noise to remove from a recorded path, root mean square, in mm.
         seed: Seed of the episode, and of random policies, at least 0.
         out: Film to write, or with .png the final picture, with the tip's trail; its folder must
             exist.

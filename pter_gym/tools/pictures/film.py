@@ -199,9 +199,12 @@ def show_film(film: Film, title: str) -> None:
 def encode_webp(
     frames: Iterable[NDArray[np.uint8]], durations: list[int], *, quality: int = 70, method: int = 0
 ) -> bytes:
-    """Return frames as a WebP that repeats, each shown for its duration [ms]; one stands still."""
+    """Return frames as a WebP that repeats, each shown for its duration [ms]; one stands still.
+
+    No frame but the first is whole (``kmax``): a film only plays from its start.
+    """
     images = (Image.fromarray(frame) for frame in frames)
-    settings = {"duration": durations, "loop": 0, "quality": quality, "method": method}
+    settings = {"duration": durations, "loop": 0, "quality": quality, "method": method, "kmax": 0}
     return _encoded(next(images), "WEBP", save_all=True, append_images=images, **settings)
 
 

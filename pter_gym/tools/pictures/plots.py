@@ -1,6 +1,6 @@
 """Figures of a scenario's scores, drawn with Matplotlib."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
 from pter_gym._internal.terminal import shorten
-from pter_gym.benchmark.boards import PACE_ERROR, UNRANKED, Leaderboard, Standing
+from pter_gym.benchmark.boards import PACE_ERROR, Leaderboard, Standing
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import PACES, find_pace, title_of_pace
@@ -77,7 +77,7 @@ def profiles(boards: Sequence[Leaderboard]) -> Figure:
                 thresholds / MILLIMETRE, shares, color=colour, linestyle=dashes, alpha=alpha
             )
             if axes is panels[-1]:
-                curves[standing.policy + mark(standing)] = line
+                curves[titled(standing.policy, [standing])] = line
         axes.set_xscale("log")
         plain_ticks(axes, "x")
         axes.set_xlabel("path error [mm]")
@@ -89,7 +89,7 @@ def profiles(boards: Sequence[Leaderboard]) -> Figure:
         for share, (name, line) in zip(shares, curves.items(), strict=True)
     }
     label_ends(panels[-1], ends, {name: str(line.get_color()) for name, line in curves.items()})
-    board_note(figure, boards[0], f"dashed: control laws; {UNRANKED}, faint: not ranked")
+    board_note(figure, boards[0], "dashed: control laws; faint: not ranked")
     return figure
 
 
@@ -104,7 +104,7 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
             pace * (1.0 - PACE_ERROR), pace * (1.0 + PACE_ERROR), color=WORKSPACE, zorder=0
         )
         axes.axvline(pace, color=REFERENCE, linewidth=1.0, linestyle=":", zorder=1)
-    ends: dict[str, tuple[float, float]] = {}
+    ends, colours = dict[str, tuple[float, float]](), dict[str, str]()
     for name, (colour, marker, dashes) in _looks(boards).items():
         standings = [
             standing for board in boards for standing in board.standings if standing.policy == name
@@ -127,18 +127,16 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
                 markerfacecolor=face,
                 linestyle="none",
             )
-            axes.annotate(
-                mark(standing), (at, error), (1.0, 2.0), textcoords="offset points", color=colour
-            )
-        ends[name] = max(zip(x.tolist(), y[:, 0].tolist(), strict=True))
+        title = titled(name, standings)
+        ends[title], colours[title] = max(zip(x.tolist(), y[:, 0].tolist(), strict=True)), colour
     axes.set_xscale("log")
     axes.set_yscale("log")
     _pace_ticks(axes, {board.pace: find_pace(board.pace) for board in boards})
     plain_ticks(axes, "y")
     label(axes, "mean pace along the path [m/s]", "path error [mm]")
-    label_ends(axes, ends, {name: look.colour for name, look in _looks(boards).items()})
-    note = f"dashed: control laws; {UNRANKED}, hollow: not ranked; bars: 95 % intervals\n"
-    note += f"shaded: within {100 * PACE_ERROR:g} % of a commanded pace"
+    label_ends(axes, ends, colours)
+    note = "dashed: control laws; hollow: not ranked; bars: 95 % intervals\n"
+    note += f"shaded: mean pace within {100 * PACE_ERROR:g} % of the commanded one"
     board_note(figure, boards[0], note)
     return figure
 
@@ -156,9 +154,10 @@ def plain(text: str) -> str:
     return drawable(text).replace("$", r"\$")
 
 
-def mark(standing: Standing) -> str:
-    """Return the mark of a policy that is not ranked, nothing for others."""
-    return f" {UNRANKED}" if standing.reason else ""
+def titled(name: str, standings: Iterable[Standing]) -> str:
+    """Return a policy's name and, in brackets, why it has no rank somewhere."""
+    words = dict.fromkeys(each.reason.word for each in standings if each.reason)
+    return f"{name} ({', '.join(words)})" if words else name
 
 
 def plain_ticks(axes: Axes, which: str) -> None:

@@ -52,7 +52,7 @@ def tune(
         pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
         path: Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's
             name.
-        smooth: Noise of a recorded path that is smoothed away, root mean square, in mm.
+        smooth: Noise to remove from a recorded path, root mean square, in mm.
         trials: Gains to try, at least 1.
         episodes: Training episodes for each trial, at least 1.
         storage: Journal file of the trials; its folder must exist.
