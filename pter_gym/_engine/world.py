@@ -10,8 +10,10 @@ from pter_gym._physics.model import Model
 from pter_gym._physics.step import Energy, Impact
 from pter_gym.hands._model import HandModel, Sines
 from pter_gym.paths._projection import Foot
+from pter_gym.tasks.path_following._model import TaskModel
 from pter_gym.tasks.path_following._observation import Observation, Reading
-from pter_gym.tasks.path_following._rules import PathVector, TaskModel, Terms
+from pter_gym.tasks.path_following._position import PathVector
+from pter_gym.tasks.path_following._reward import Terms
 
 
 class Target(NamedTuple):
