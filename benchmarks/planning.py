@@ -16,10 +16,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
 
-from predictive import HELD, HORIZON, SAMPLES, Predictive, search
+from predictive import HELD, HORIZON, Predictive, model, search
 
 from pter_gym._engine.batch import Batch
-from pter_gym._engine.world import KEPT, SKIP
+from pter_gym._engine.world import SKIP
 from pter_gym.benchmark import Episodes, evaluate, find_policy
 from pter_gym.benchmark.boards import mean_scores, reason_unranked
 from pter_gym.benchmark.episodes import find_episodes
@@ -37,9 +37,8 @@ class Foreseeing:
     def __init__(self, episode: Episodes) -> None:
         (machine,), (task,), (seed,) = episode.machines, episode.tasks, episode.seeds
         self.twin = Batch(machine, task, 1)
-        self.model = Batch(machine, task, SAMPLES, frame_skip=HELD)
+        self.model, _ = model(machine, task)
         self.twin.reset([seed])
-        self.model.reset([seed] * SAMPLES)
         self.top = machine.clutch.voltage_max
         self.plan, self.step = np.full((HORIZON, 4), 0.6), 0
 
@@ -47,15 +46,12 @@ class Foreseeing:
         del machine
         return Policy.of_function(self.act, layout)
 
-    def place(self, worlds: Any) -> None:
-        worlds[:, KEPT.first :] = self.twin.kernel_arrays()["worlds"][:1, KEPT.first :, :1]
-
     def act(self, observations: Any) -> Any:
         del observations
         if self.step % HELD == 0:
             random = np.random.default_rng(self.step)
             following = np.concatenate([self.plan[1:], self.plan[-1:]]) if self.step else self.plan
-            self.plan = search(self.model, self.place, following, random, self.top)
+            self.plan = search(self.model, self.twin.get_worlds(), following, random, self.top)
         volts = (self.top * self.plan[:1] ** 2).astype(np.float32)
         self.twin.step(volts, SKIP)
         self.step += 1

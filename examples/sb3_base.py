@@ -17,10 +17,11 @@ model = PPO(
     worlds,
     n_steps=64,
     batch_size=2048,
+    gamma=0.995,
     gae_lambda=0.98,
     use_sde=True,
     sde_sample_freq=8,
-    policy_kwargs={"log_std_init": -2.3},
+    policy_kwargs={"log_std_init": -2.9},
     seed=SEED,
 )
 model.learn(STEPS, progress_bar=True)

@@ -32,10 +32,9 @@ README = (
 """Policies whose scores README shows."""
 
 ERRORS = {
-    "Worst twentieth": "worst_path_error_m",
+    "Worst 1/20": "worst_path_error_m",
     "Without the first tenth": "later_path_error_m",
-    "Time average": "mean_error_m",
-    "RMS over length": "rms_error_m",
+    "RMS": "rms_error_m",
 }
 """Errors that a leaderboard shows beside the path error, by their titles."""
 
@@ -94,8 +93,8 @@ def by_pace(results: Path, scenario: str, names: Collection[str] = ()) -> str:
 def scores(results: Path, scenario: str) -> str:
     """Return all leaderboards of a scenario, and why some policies have no rank."""
     header = ["Policy", "Rank", "Path error [mm]", *(f"{title} [mm]" for title in ERRORS)]
-    header += ["Completed [%]", "Pace error [%]", "Segment pace error [%]"]
-    header += ["Peak acceleration [m/s²]"]
+    header += ["Completed [%]", "Off pace [%]", "Segments [%]"]
+    header += ["Peak acc. [m/s²]"]
     parts: list[str] = []
     for pace, found in boards_of(results, scenario).items():
         rows = [

@@ -270,22 +270,16 @@ def actuators() -> str:
             f"{each.clutch.dynamic.off_state:.3g}",
             f"{1e3 * each.clutch.time_constant:.3g}",
             f"{each.clutch.viscous:.3g}",
-            ", ".join(map(code, each.unknown)),
-            f"{each.source}: {each.provenance}",
         ]
         for each in ACTUATORS.values()
     )
-    header = [
-        "Grade",
-        "Name",
-        "Torque [N·m]",
-        "At 0 V",
-        "Lag [ms]",
-        "Viscous [N·m·s]",
-        "Unknown",
-        "Source",
-    ]
-    return table(header, rows)
+    header = ["Grade", "Name", "Torque [N·m]", "At 0 V", "Lag [ms]", "Viscous [N·m·s]"]
+    sources = (
+        f"- {code(each.name)}: {each.source}: {each.provenance}. "
+        f"Unknown: {', '.join(map(code, each.unknown))}."
+        for each in ACTUATORS.values()
+    )
+    return f"{table(header, rows)}\n" + "\n".join(sources) + "\n"
 
 
 @made

@@ -49,13 +49,8 @@ from pter_gym._physics.friction import mode_of, slip_velocities
 from pter_gym.hands._model import SINES, unit_vector
 from pter_gym.paths._projection import Foot, point_at, project, segment_at, segment_of
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
-from pter_gym.tasks.path_following._rules import (
-    PathVector,
-    beyond_band,
-    singular,
-    strayed,
-    to_world,
-)
+from pter_gym.tasks.path_following._ending import singular, strayed
+from pter_gym.tasks.path_following._position import PathVector, beyond_band, to_world
 from pter_gym.tasks.path_following._specification import (
     MAX_START_SPEED_ACROSS,
     MAX_START_SPEED_ALONG,

@@ -51,6 +51,7 @@ from pter_gym.hands._model import advance_sines, intent_speed, renew_sines, sum_
 from pter_gym.paths._projection import point_at, project
 from pter_gym.tasks.path_following._actions import volts_of_each
 from pter_gym.tasks.path_following._context import CONTEXT
+from pter_gym.tasks.path_following._ending import ending, has_failed, is_astray
 from pter_gym.tasks.path_following._observation import (
     BOUND,
     ENTRIES,
@@ -59,20 +60,15 @@ from pter_gym.tasks.path_following._observation import (
     measurement_of,
     observation,
 )
-from pter_gym.tasks.path_following._rules import (
-    Outcome,
+from pter_gym.tasks.path_following._pace import recent_pace
+from pter_gym.tasks.path_following._position import (
     PathState,
     PathVector,
-    ending,
-    has_failed,
-    is_astray,
     path_state,
-    recent_pace,
-    reward_terms,
     to_path,
     to_world,
-    total,
 )
+from pter_gym.tasks.path_following._reward import Outcome, reward_terms, total
 from pter_gym.tasks.path_following._specification import MAX_DELAY
 
 FORCES = rows(PathVector)

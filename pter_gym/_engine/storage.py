@@ -8,10 +8,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._compiled.records import flat, read
-from pter_gym._engine.world import BASIC_ROWS, LANES, ROW, STORED_ROWS
+from pter_gym._compiled.records import flat, leaves, read
+from pter_gym._engine.world import BASIC_ROWS, LANES, ROW, STATE, STORED_ROWS, WorldState
 from pter_gym._physics.arm import Motion, kinetic_energy
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, ResetNeededError
 from pter_gym.hands import Operator
 from pter_gym.params import Machine
 from pter_gym.paths import Path
@@ -25,6 +25,8 @@ from pter_gym.tasks.path_following._specification import (
 
 Array = NDArray[np.float64]
 Pair = tuple[Machine, PathFollowing]
+
+_STATE_NAMES = [leaf.name for leaf in leaves(type(STATE))]
 
 
 def listed(
@@ -223,6 +225,59 @@ class Storage:
             )
         for name, mine in self._changing.items():
             mine[:] = state[name]
+
+    def get_worlds(self) -> WorldState:
+        """Return a copy of each world's state, whose numbers are float64 (N,)."""
+        stored = self._worlds.transpose(1, 0, 2).reshape(self._worlds.shape[1], -1)
+        columns = np.zeros((STORED_ROWS, self.num_worlds))
+        columns[: len(stored)] = stored[:, : self.num_worlds]
+        return read(columns, STATE, 0)
+
+    def set_worlds(self, state: WorldState) -> None:
+        """Put all worlds, which have been reset, into states; machines, tasks and seeds stay.
+
+        A world that continues from a state has the bits of the one that the state came from, if
+        machine, task, seed and episode are the same. For a state that was seen, replace what is
+        known of another one::
+
+            state = batch.get_worlds()
+            batch.set_worlds(state._replace(command=state.command._make(volts)))
+
+        Angles of the links need their cosines and sines, and arc lengths on a path of several arcs
+        the number of the arc, ``foot.segment``.
+
+        Parameters
+        ----------
+        state
+            Numbers of each world (N,), or one for all of them. ``Extras``, of worlds that keep
+            none, are left out.
+
+        Raises
+        ------
+        ParameterError
+            If a number has another shape or is not finite, or the state does not fit machine and
+            task; nothing has changed.
+        ResetNeededError
+            If a world was never reset.
+        """
+        if not self._seeded.all():
+            raise ResetNeededError(
+                f"world {self._seeded.argmin()} needs a reset: it was never reset"
+            )
+        worlds = self._worlds.copy()
+        block, lane = np.divmod(np.arange(self.num_worlds), worlds.shape[2])
+        for name, row, value in zip(_STATE_NAMES, flat(STATE), flat(state), strict=True):
+            number: Any = np.asarray(value, np.float64)
+            if number.shape not in ((), (1,), (self.num_worlds,)) or not np.isfinite(number).all():
+                raise ParameterError(
+                    f"{name} must be a finite number, or ({self.num_worlds},) of them, "
+                    f"got {value!r:.200}"
+                )
+            if row < worlds.shape[1]:
+                worlds[block, row, lane] = number
+        if not self._fits(worlds):
+            raise ParameterError("state must be in motion that machines and tasks can hold")
+        self._worlds[:] = worlds
 
     def _fits(self, worlds: Any) -> bool:
         """Return whether rows from elsewhere point at what exists here, in motion that is held."""

@@ -10,8 +10,10 @@ from pter_gym._physics.model import Model
 from pter_gym._physics.step import Energy, Impact
 from pter_gym.hands._model import HandModel, Sines
 from pter_gym.paths._projection import Foot
+from pter_gym.tasks.path_following._model import TaskModel
 from pter_gym.tasks.path_following._observation import Observation, Reading
-from pter_gym.tasks.path_following._rules import PathVector, TaskModel, Terms
+from pter_gym.tasks.path_following._position import PathVector
+from pter_gym.tasks.path_following._reward import Terms
 
 
 class Target(NamedTuple):
@@ -132,9 +134,17 @@ if TYPE_CHECKING:
     class World(Addresses, Kept, Extras, Constants, Scratch):  # pyright: ignore[reportGeneralTypeIssues]
         ...
 
+    class WorldState(Kept, Extras): ...  # pyright: ignore[reportGeneralTypeIssues]
+
 else:
     World = joined("World", Addresses, Kept, Extras, Constants, Scratch)
     World.__doc__ = "All that a kernel knows of one world."
+    WorldState = joined("WorldState", Kept, Extras)
+    WorldState.__doc__ = """State of worlds from step to step: what ``Kept`` and ``Extras`` hold.
+
+    A named tuple of named tuples, such as ``state.motion.theta_a``; each number is float64 (N,) in
+    the SI unit that its field is annotated with.
+    """
 
 ROW: World = rows(World)
 """Rows of a world in the kernel's array (rows, worlds)."""
@@ -154,6 +164,9 @@ ADDRESSES = Span(0, width(Addresses))
 KEPT = Span(ADDRESSES.end, ADDRESSES.end + width(Kept))
 EXTRAS = Span(KEPT.end, KEPT.end + width(Extras))
 CONSTANTS = Span(EXTRAS.end, EXTRAS.end + width(Constants))
+
+STATE: WorldState = rows(WorldState, KEPT.first)
+"""Rows of a world's state in the kernel's array."""
 
 BASIC_ROWS, STORED_ROWS = EXTRAS.first, EXTRAS.end
 """Rows of a world that are stored from step to step: without its extras, and with them."""

@@ -112,7 +112,7 @@ def dataclasses_in(*modules: ModuleType) -> Iterator[type[Any]]:
     """Yield the dataclasses that are named in modules or packages and defined there."""
     for module in modules:
         within = f"{module.__name__}."
-        for kind in vars(module).values():
+        for kind in (getattr(module, name) for name in dir(module)):  # some are loaded lazily
             if (
                 isinstance(kind, type)
                 and is_dataclass(kind)

@@ -16,7 +16,7 @@ from pter_gym.haptics import (
 )
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
-from pter_gym.tasks.path_following._rules import ALLOWANCE, START
+from pter_gym.tasks.path_following._pace import ALLOWANCE, START
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -19,7 +19,7 @@ from numba.core.dispatcher import Dispatcher
 from pter_gym._internal.checks import names_in
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym.controllers import CONTROLLERS, AnyPolicy, Controller, Policy
-from pter_gym.envs._models import from_actions, from_sb3
+from pter_gym.envs._library_policies import from_actions, from_sb3
 from pter_gym.errors import ParameterError, nearest
 from pter_gym.policies import read_policy
 from pter_gym.policies._files import is_path

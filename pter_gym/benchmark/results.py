@@ -194,7 +194,7 @@ def run_scenario(
     ParameterError
         If there is no such scenario, policy or pace, or there are fewer episodes than asked for.
     DataError
-        If the stored episodes are damaged.
+        If stored test episodes are damaged.
     """
     num_threads = whole_number("num_threads", num_threads)
     if paces is None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pter_gym._engine import world
 from pter_gym._engine.batch import Array, Observations, Returns
+from pter_gym._engine.world import WorldState
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.computer import available_cores, available_memory
 from pter_gym._internal.plugins import load_artist
@@ -177,6 +178,17 @@ class PathFollowingVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverr
     def set_state(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore a state from ``get_state`` of an environment with as many worlds."""
         self.batch.set_state(state)
+
+    def get_worlds(self) -> WorldState:
+        """Return a copy of each world's state, named numbers (N,) in SI units."""
+        return self.batch.get_worlds()
+
+    def set_worlds(self, state: WorldState) -> None:
+        """Put all worlds into states, such as one that was seen; see ``Batch.set_worlds``.
+
+        With a base, the law's memory stays as it is.
+        """
+        self.batch.set_worlds(state)
 
     def _infos(self, mask: Mask, telemetry: Array, success: Mask) -> dict[str, Any]:
         infos: dict[str, Any] = {"is_success": success, "_is_success": mask}

@@ -32,7 +32,7 @@ KICK = MOTION | TORQUES | frozenset(
         *(BODY.machine.arm.dry_a, BODY.machine.arm.dry_b, BODY.machine.arm.viscous_a),
         *(BODY.machine.arm.viscous_b, BODY.arrangement.dry),
         *(BODY.impact, BODY.omega, BODY.capacity, BODY.span, BODY.switches),
-        *(BODY.load.torque_a, BODY.load.torque_b),
+        *(BODY.load.torque_a, BODY.load.torque_b, BODY.load.force_x, BODY.load.force_y),
     ))
 )  # fmt: skip
 
@@ -53,7 +53,7 @@ def substep_tangents(arrangement_at: Any, torque_lanes: int) -> Any:
         ``advance(body, dot, h, aims)`` does to a body with its command and its load what
         ``open_loop.advance`` does, energies apart, and to ``dot`` (entries, lanes), the tangents of
         its entries by numbers of the motion, the clutches, the inertias, the friction of the axes
-        and the torques on the links. ``aims`` says whether commands may have changed.
+        and the load. ``aims`` says whether commands may have changed.
     """
     kick = _kick_tangents(arrangement_at)
     first, whole = f"min({torque_lanes}, {LANES})", DRIFTS_WHOLE

@@ -1,6 +1,8 @@
 """The hand that holds the tip: kinds of hands, a library, and constants for the kernels."""
 
-from pter_gym.hands._kinds import (
+from pter_gym.hands._library import LIBRARY_ARMS, LIBRARY_TREMORS, LibraryArm, LibraryTremor
+from pter_gym.hands._model import SINES, HandModel
+from pter_gym.hands._operators import (
     EQ5_FREQUENCIES,
     HUMAN_ARMS,
     NO_HAND,
@@ -14,8 +16,6 @@ from pter_gym.hands._kinds import (
     eq5,
     read_forces,
 )
-from pter_gym.hands._library import LIBRARY_ARMS, LIBRARY_TREMORS, LibraryArm, LibraryTremor
-from pter_gym.hands._model import SINES, HandModel
 from pter_gym.hands._tremor import (
     EssentialTremor,
     ParkinsonianTremor,

@@ -3,6 +3,8 @@
 import gzip
 import json
 import math
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -169,3 +171,8 @@ def test_every_hand_can_go_faster_than_the_pace(scenario: str, pace: str) -> Non
     assert (lengths / np.nanmax(rows[..., COLUMN.time], axis=0) / paces)[arrive].min(
         initial=np.inf
     ) > 1.15
+
+
+def test_episodes_are_read_before_any_kind_of_path_was_imported() -> None:
+    code = "from pter_gym.benchmark.episodes import find_episodes; find_episodes('paths', 'slow')"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -30,7 +30,7 @@ from pter_gym.params import BASELINE
 from pter_gym.policies import shipped_policies
 from pter_gym.scenarios import SCENARIOS, find_scenario
 from pter_gym.tasks.path_following import COLUMN
-from pter_gym.tasks.path_following._rules import PERFECT
+from pter_gym.tasks.path_following._reward import PERFECT
 from rollouts import run
 
 DISCOUNTS = (1.0, 0.998, 0.995, 0.99)

@@ -26,7 +26,7 @@ from pter_gym.controllers import Free
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import TELEMETRY
-from pter_gym.tasks.path_following._rules import ALLOWANCE
+from pter_gym.tasks.path_following._pace import ALLOWANCE
 from rollouts import simulate
 
 

@@ -21,11 +21,13 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 import pter_gym
+from pter_gym._compiled.records import flat, read, rows
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import LANES, SKIP
 from pter_gym._engine.world import SAME_STEP as SAME
 from pter_gym.benchmark import from_actions
 from pter_gym.controllers import Impedance, Random, TorqueFeedback, bind
+from pter_gym.errors import ParameterError, ResetNeededError
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
 from pter_gym.paths import Arc, Line, Sine
@@ -263,6 +265,49 @@ def test_after_a_checkpoint(mode: AutoresetMode) -> None:
 
 
 PAY = [*COLUMN.terms, COLUMN.reward]
+
+
+@pytest.mark.parametrize("name", ["Standard", "Everything"])
+def test_worlds_put_into_a_state_go_on_from_it(name: str) -> None:
+    """All of them from one too, where the machine and the task are the same."""
+    settings: dict[str, Any] = {"contexts": 1, "action_unit": "volt", "max_episode_steps": 1000}
+    first, other = (gymnasium.make_vec(f"PTER/{name}-v0", 3, **settings) for _ in range(2))
+    same: Any = gymnasium.make_vec(f"PTER/{name}-v0", 40, **settings)
+    first.reset(seed=[4, 5, 6])
+    other.reset(seed=[4, 5, 6])
+    same.reset(seed=[4] * 40)
+    volts = np.random.default_rng(0).uniform(0.0, 9.0, (12, 3, 4)).astype(np.float32)
+    for row in volts[:6]:
+        first.step(row)
+    state: Any = first.unwrapped.get_worlds()
+    other.unwrapped.set_worlds(state)
+    same.unwrapped.set_worlds(read(np.array(flat(state))[:, 0], rows(type(state)), 0))
+    for row in volts[6:]:
+        obs, rewards, *_, infos = first.step(row)
+        for env, place in ((other, slice(None)), (same, slice(1))):
+            found = env.step(row if env is other else np.tile(row[:1], (40, 1)))
+            assert found[0][place].tobytes() == obs[place].tobytes()
+            assert found[1][place].tobytes() == rewards[place].tobytes()
+            told = found[4]["telemetry"][place]
+            assert told.tobytes() == infos["telemetry"][place].tobytes()
+        assert (found[0] == found[0][0]).all()
+
+
+def test_states_that_worlds_cannot_hold_change_nothing() -> None:
+    env: Any = gymnasium.make_vec("PTER/Standard-v0", 2, contexts=1).unwrapped
+    with pytest.raises(ResetNeededError):
+        env.set_worlds(env.get_worlds())
+    env.reset(seed=0)
+    state, before = env.get_worlds(), env.get_state()["worlds"]
+    for wrong in (
+        state._replace(reached=np.nan),
+        state._replace(step=np.zeros(3)),
+        state._replace(motion=state.motion._replace(omega_a=1e6)),
+        state._replace(foot=state.foot._replace(segment=99.0)),
+    ):
+        with pytest.raises(ParameterError):
+            env.set_worlds(wrong)
+    assert env.get_state()["worlds"].tobytes() == before.tobytes()
 
 
 @settings(max_examples=3, deadline=None, phases=[Phase.explicit, Phase.generate])

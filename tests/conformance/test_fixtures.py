@@ -13,7 +13,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.paths import Circle, Line
 from pter_gym.tasks.path_following import PathFollowing, Sensing
-from pter_gym.tasks.path_following._rules import Band, beyond_band
+from pter_gym.tasks.path_following._position import Band, beyond_band
 from pter_gym.tasks.path_following._telemetry import COLUMN
 
 

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import FLAG, ROW, SAME_STEP
 from pter_gym._physics.arm import Linkage
-from pter_gym._physics.limits import (
+from pter_gym._physics.model import model_of
+from pter_gym._physics.stability import (
     MAX_TURN,
     condition,
     largest_energy,
@@ -24,7 +25,6 @@ from pter_gym._physics.limits import (
     largest_travel,
     smallest_inertia,
 )
-from pter_gym._physics.model import model_of
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.params import BASELINE, MACHINES, Arm, Hand, Machine

@@ -8,6 +8,7 @@ motion shows the inertias.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +25,9 @@ Array = NDArray[np.float64]
 
 TRUE_SUBSTEP = 0.25e-3
 """Substep of the simulated machine [s], finer than the model's."""
+
+ITERATIONS = 4
+"""Simulations until small torques that depend on angles agree with these."""
 
 MIDDLE = (0.5 * math.pi - 0.85, 0.5 * math.pi + 0.6)
 """Angles of the links in the middle of the motion [rad]."""
@@ -115,6 +119,7 @@ def record_log(
     experiment: Experiment = EXPERIMENT,
     recorder: Recorder = RECORDER,
     seed: int = 0,
+    torque: Callable[[Array], Array] | None = None,
 ) -> Log:
     """Return the log that the experiment would give on a simulated machine.
 
@@ -126,6 +131,8 @@ def record_log(
         What is done and how it is recorded.
     seed
         Of the noise and of the phases of the hand's motion, at least 0.
+    torque
+        Torques on the links [N·m] by their angles [rad], both of shape (rows, 2); None for none.
     """
     rng = np.random.default_rng([seed, 0x4964])
     ratio = round(experiment.interval / TRUE_SUBSTEP)
@@ -141,7 +148,7 @@ def record_log(
     row_of = np.floor((halves[1::2] - recorder.delay) / experiment.interval).astype(int)
     middle = tip_position(model_of(machine).arm, motion_of(MIDDLE))
     target = middle + _hand_path(experiment, halves, rng)
-    theta, force = _motion(machine, experiment, applied[row_of.clip(0)], target)
+    theta, force = _motion(machine, experiment, applied[row_of.clip(0)], target, torque)
     theta = theta[::ratio] + recorder.angle_noise * rng.standard_normal((rows, 2))
     if recorder.angle_resolution > 0.0:
         theta = recorder.angle_resolution * np.round(theta / recorder.angle_resolution)
@@ -152,7 +159,11 @@ def record_log(
 
 
 def _motion(
-    machine: Machine, experiment: Experiment, volts: Array, target: Array
+    machine: Machine,
+    experiment: Experiment,
+    volts: Array,
+    target: Array,
+    torque: Callable[[Array], Array] | None,
 ) -> tuple[Array, Array]:
     """Return angles [rad] and forces [N] at the beginning of each substep, both of shape (T, 2).
 
@@ -166,6 +177,9 @@ def _motion(
     )
     state = initial_state(held, MIDDLE)
     run = simulate(held, state, volts, (0.0, 0.0), hand_target=target[1::2])
+    for _ in range(ITERATIONS if torque else 0):
+        of_angles = torque(run.theta)
+        run = simulate(held, state, volts, (0.0, 0.0), of_angles, hand_target=target[1::2])
     theta = np.concatenate([[state.theta], run.theta[:-1]])
     omega = np.concatenate([[state.omega], run.omega[:-1]])
     arm, q = model_of(machine).arm, motion_of(theta, omega)

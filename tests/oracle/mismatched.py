@@ -14,6 +14,9 @@ from oracle.recorded import RecordedMachine, record
 from pter_gym.params import BASELINE, Machine, TorqueCurve
 from pter_gym.tools.identification import Log, quantities
 
+SLOW = 2.0**0.5 / (2.0 * np.pi * 20.0)
+"""Delay of slow signals behind the filter of second order at 20 Hz [s]."""
+
 HEAT = 60.0
 """What a clutch takes up in such a log, at most [J]."""
 
@@ -44,13 +47,15 @@ class Mismatch:
     """A machine of the package's kind or of the oracle's, and what sensors make of its log.
 
     ``gain`` is that of the force sensor; ``slack`` is a relative error that no log shows: that of a
-    sensor's scale, or of clutches that are warm."""
+    sensor's scale, or of clutches that are warm. ``late`` are delays [s] of the motion behind the
+    voltages, and of the forces behind the angles."""
 
     machine: RecordedMachine | Machine = field(default_factory=machine_of)
     sensors: Sensors = as_they_are
     gain: float = 1.0
     slack: float = 0.0
     biased: bool = False
+    late: tuple[float, float] = (0.0, 0.0)
 
     def log(self) -> Log:
         machine = self.machine
@@ -73,7 +78,7 @@ class Mismatch:
         arm, clutch = like.arm, like.clutch
         drag = 3.0 * clutch.viscous  # Σ v·W_x² of the paper's four
         arm = replace(arm, viscous_a=arm.viscous_a + drag, viscous_b=arm.viscous_b + drag)
-        told = quantities(replace(like, arm=arm), 0.0, top)
+        told = quantities(replace(like, arm=arm), self.late[0], top, force_delay=self.late[1])
         told = [each for each in told if not (self.biased and each.name.startswith("offset"))]
         forces = {"kg·m²", "N·m", "N·m/V", "N·m/V²", "N·m·s"}
         return {
@@ -163,12 +168,12 @@ NOT_IN_THE_MODEL = {
 SENSORS = {
     "angles bent by 1 mrad": Mismatch(sensors=bent(1e-3), slack=3e-3),
     "angles bent by 10 mrad": Mismatch(sensors=bent(1e-2), slack=3e-2),
-    "forces 2 ms late": Mismatch(sensors=late(2e-3)),
-    "forces 5 ms late": Mismatch(sensors=late(5e-3)),
-    "forces 5 ms early": Mismatch(sensors=late(-5e-3)),
-    "forces filtered at 20 Hz": Mismatch(sensors=filtered("force", 20.0)),
-    "forces filtered at 60 Hz": Mismatch(sensors=filtered("force", 60.0)),
-    "angles filtered at 20 Hz": Mismatch(sensors=filtered("theta", 20.0)),
+    "forces 2 ms late": Mismatch(sensors=late(2e-3), late=(0.0, 2e-3)),
+    "forces 5 ms late": Mismatch(sensors=late(5e-3), late=(0.0, 5e-3)),
+    "forces 5 ms early": Mismatch(sensors=late(-5e-3), late=(0.0, -5e-3)),
+    "forces filtered at 20 Hz": Mismatch(sensors=filtered("force", 20.0), late=(0.0, SLOW)),
+    "forces filtered at 60 Hz": Mismatch(sensors=filtered("force", 60.0), late=(0.0, SLOW / 3.0)),
+    "angles filtered at 20 Hz": Mismatch(sensors=filtered("theta", 20.0), late=(SLOW, -SLOW)),
     "forces with a bias of 0.2 N": Mismatch(sensors=biased(0.2, -0.1), biased=True),
     "forces with a bias of 2 N": Mismatch(sensors=biased(2.0, -1.0), biased=True, slack=5e-3),
     "forces 5 % too large": Mismatch(sensors=gained(1.05, 1.05), gain=1.05),

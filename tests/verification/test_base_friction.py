@@ -13,9 +13,9 @@ import pytest
 from pter_gym._engine.batch import Batch
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import with_dry, without_dry
-from pter_gym._physics.limits import condition
 from pter_gym._physics.model import model_of
 from pter_gym._physics.open_loop import initial_state, simulate
+from pter_gym._physics.stability import condition
 from pter_gym.errors import ParameterError
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE, Clutch, Machine

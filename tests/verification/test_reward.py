@@ -10,8 +10,8 @@ from pter_gym._engine.batch import Batch
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
-from pter_gym.tasks.path_following._rules import (
-    ALLOWANCE,
+from pter_gym.tasks.path_following._pace import ALLOWANCE
+from pter_gym.tasks.path_following._reward import (
     ERROR_WIDTH,
     MAX_PACE_RATIO,
     PACE_WINDOW,

@@ -29,7 +29,7 @@ from pter_gym._physics.model import implicit_share, model_of
 from pter_gym._physics.open_loop import BODY
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Hand, Machine
-from pter_gym.tasks.path_following._rules import Vector
+from pter_gym.tasks.path_following._position import Vector
 
 ARM = Linkage(
     length_a=0.4,

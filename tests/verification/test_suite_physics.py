@@ -14,7 +14,7 @@ from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import ROW
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HUMAN_ARMS, HumanArm, MultiSineHand, RecordedForces, read_forces
-from pter_gym.hands._kinds import MAX_INSTANTS
+from pter_gym.hands._operators import MAX_INSTANTS
 from pter_gym.params import BASELINE, Hand
 from pter_gym.paths import Arc, Line
 from pter_gym.tasks.path_following import (

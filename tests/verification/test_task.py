@@ -25,8 +25,8 @@ from pter_gym._physics.arm import (
     tip_velocity,
 )
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.limits import MAX_SUBSTEPS, largest_energy, largest_travel
 from pter_gym._physics.model import model_of
+from pter_gym._physics.stability import MAX_SUBSTEPS, largest_energy, largest_travel
 from pter_gym._physics.step import Energy
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
@@ -54,31 +54,33 @@ from pter_gym.tasks.path_following import (
     reason_of,
 )
 from pter_gym.tasks.path_following._context import context_of
+from pter_gym.tasks.path_following._ending import (
+    reached_end,
+    singular,
+    strayed,
+    too_fast,
+)
+from pter_gym.tasks.path_following._model import SensingModel
 from pter_gym.tasks.path_following._observation import (
     Measurement,
     Reading,
     measurement_of,
     observation,
 )
-from pter_gym.tasks.path_following._rules import (
-    ALLOWANCE,
+from pter_gym.tasks.path_following._pace import ALLOWANCE, in_start_up, start_up_allowance
+from pter_gym.tasks.path_following._position import (
     Band,
-    Outcome,
     PathState,
     PathVector,
-    SensingModel,
-    Terms,
-    in_start_up,
-    pace_cost,
-    pace_share,
-    reached_end,
-    reward_terms,
-    singular,
-    start_up_allowance,
-    strayed,
     to_path,
     to_world,
-    too_fast,
+)
+from pter_gym.tasks.path_following._reward import (
+    Outcome,
+    Terms,
+    pace_cost,
+    pace_share,
+    reward_terms,
     total,
 )
 from pter_gym.tasks.path_following._specification import (

@@ -5,20 +5,19 @@ from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.records import Entry, layout_of, rows, width
 from pter_gym._physics.arrangement import Arrangement
-from pter_gym._physics.limits import largest_energy
 from pter_gym._physics.model import Model, arrangement_of, model_of
+from pter_gym._physics.stability import largest_energy
 from pter_gym.hands import HandModel
 from pter_gym.params import BASELINE, Machine
-from pter_gym.tasks.path_following._observation import FORCE_SCALE
-from pter_gym.tasks.path_following._rules import (
-    PACE_WINDOW,
-    Band,
+from pter_gym.tasks.path_following._model import (
     PathModel,
     SensingModel,
     StartModel,
     TaskModel,
-    Terms,
 )
+from pter_gym.tasks.path_following._observation import FORCE_SCALE
+from pter_gym.tasks.path_following._position import Band
+from pter_gym.tasks.path_following._reward import PACE_WINDOW, Terms
 from pter_gym.tasks.path_following._specification import (
     IDEAL_SENSING,
     PathFollowing,

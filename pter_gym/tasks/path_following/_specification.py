@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._physics.arm import elbow_cosine
-from pter_gym._physics.limits import (
+from pter_gym._physics.model import max_damping, model_of
+from pter_gym._physics.stability import (
     MAX_CONDITION,
     MAX_SUBSTEPS,
     condition,
@@ -18,7 +19,6 @@ from pter_gym._physics.limits import (
     largest_force,
     largest_travel,
 )
-from pter_gym._physics.model import max_damping, model_of
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.hands import NO_HAND, MultiSineHand, Operator
 from pter_gym.params import Arm, Checked, Machine, parameter, require, require_number
@@ -26,7 +26,8 @@ from pter_gym.paths import Line, Path
 from pter_gym.paths._arcs import Arcs, ArcSegment
 from pter_gym.paths._reach import SINGULARITY_MARGIN, check_reach
 from pter_gym.tasks.path_following._observation import BOUND, ERROR_SCALE, SPEED_SCALE
-from pter_gym.tasks.path_following._rules import COMMANDED_PACE, RewardWeights
+from pter_gym.tasks.path_following._pace import COMMANDED_PACE
+from pter_gym.tasks.path_following._reward import RewardWeights
 
 MAX_DELAY = 2
 """Largest delay of the sensors in control steps."""
@@ -263,7 +264,7 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
         singular pose, the path bends so much that its centre of curvature is within the workspace,
         a control period has too many substeps, a sine is too fast for the substep, the machine's
         hand has a spring, which would need an intent, its delay is too long, or the arm may become
-        too fast for the integrator (``pter_gym._physics.limits``).
+        too fast for the integrator (``pter_gym._physics.stability``).
     """
     sensing_of(task, machine)
     substep = held_machine(task, machine).substep

@@ -19,7 +19,9 @@ from pter_gym._physics.step import Energy
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
 from pter_gym.tasks.path_following._context import ObservedContext, context_of
-from pter_gym.tasks.path_following._rules import PathState, PathVector, Terms, ending
+from pter_gym.tasks.path_following._ending import ending
+from pter_gym.tasks.path_following._position import PathState, PathVector
+from pter_gym.tasks.path_following._reward import Terms
 from pter_gym.tasks.path_following._specification import PathFollowing
 
 

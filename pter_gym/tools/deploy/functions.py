@@ -22,7 +22,7 @@ from pter_gym.tasks.path_following._observation import (
     measurement_of,
     observation,
 )
-from pter_gym.tasks.path_following._rules import NO_BAND
+from pter_gym.tasks.path_following._position import NO_BAND
 
 HALF_PI, HALF_PI_REST = 1.5703125, 0.00048382679489661923
 """π/2 in two parts, the first of 8 bits, so small multiples of it are exact."""

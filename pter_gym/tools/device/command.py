@@ -56,7 +56,7 @@ def device(
             "machine must be a name or a file, or left out with --torque, --at, --off or --lag; "
             f"names are {', '.join((*MACHINES, *ACTUATORS))}"
         )
-    from pter_gym.tools.device.sheet import find_device, machine_of_sheet
+    from pter_gym.tools.device.data_sheet import find_device, machine_of_sheet
 
     own = machine_of_sheet(**sheet) if is_sheet else find_device(machine)
 

@@ -24,9 +24,9 @@ from pter_gym.errors import unknown_name
 from pter_gym.params import BASELINE, Machine, MachineSpread, middle_of
 from pter_gym.policies.tuned import with_gains
 from pter_gym.scenarios import PACES, find_scenario
+from pter_gym.tools.device.data_sheet import find_device
 from pter_gym.tools.device.measures import FREQUENCY, Rendering, measure_rendering
 from pter_gym.tools.device.promise import Promise, make_promise
-from pter_gym.tools.device.sheet import find_device
 from pter_gym.tools.tuning.search import tune
 
 SCENARIOS = {"standard": "single-dof", "corridor": "impedance", "wall": "impedance"}

@@ -22,7 +22,7 @@ from pter_gym.benchmark.episodes import time_limit
 from pter_gym.errors import PolicyError
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
-from pter_gym.tasks.path_following._rules import to_path
+from pter_gym.tasks.path_following._position import to_path
 from pter_gym.tasks.path_following._specification import IDEAL_SENSING, sensing_of
 from pter_gym.tools.hil.line import Line
 

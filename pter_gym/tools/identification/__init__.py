@@ -9,12 +9,7 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 if TYPE_CHECKING:
-    from pter_gym.tools.identification.identifying import (
-        Finding,
-        Identification,
-        identify,
-        origins_of,
-    )
+    from pter_gym.tools.identification.identifying import Finding, Identification, identify
     from pter_gym.tools.identification.log import Log, join_logs, read_log, write_log
     from pter_gym.tools.identification.parameters import Quantity, quantities
 
@@ -25,7 +20,6 @@ __all__ = [
     "Quantity",
     "identify",
     "join_logs",
-    "origins_of",
     "quantities",
     "read_log",
     "write_log",
@@ -34,7 +28,7 @@ __all__ = [
 __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
     __name__,
     submod_attrs={
-        "identifying": ["Finding", "Identification", "identify", "origins_of"],
+        "identifying": ["Finding", "Identification", "identify"],
         "log": ["Log", "join_logs", "read_log", "write_log"],
         "parameters": ["Quantity", "quantities"],
     },

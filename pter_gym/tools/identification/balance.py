@@ -5,8 +5,6 @@ of the axes, slopes and curvature, once time constant, delay and knee are chosen
 and its noise on accelerations does not matter for one.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -34,95 +32,34 @@ Array = NDArray[np.float64]
 _LINEAR: Any = np.linalg
 _OPTIMIZE: Any = optimize
 
-TIME_CONSTANTS = tuple(np.geomspace(0.02, 0.3, 8))
+TIME_CONSTANTS = np.geomspace(0.02, 0.3, 8)
 DELAYS = (0.0, 0.01, 0.02)
 KNEES = (0.3, 0.45, 0.6, 0.7, 0.8, 0.88)
-"""Knees that are tried, over the highest voltage at which a clutch slipped."""
+"""What is tried: lags and delays [s], knees over the highest voltage at which a clutch slipped."""
 
-MIN_ROWS = 50
-"""Fewest rows for a regression."""
+MIN_ROWS, EVERY = 50, 0.006
+"""Fewest rows for a regression, and time between those that are used [s]."""
 
-RIDGE = 1e-10
-"""What keeps normal equations positive definite, over their diagonal."""
-
-NEGLIGIBLE = 1e-3
-"""Share of the load below which a term counts as none."""
-
-EVERY = 0.006
-"""Time between the rows that are used [s]."""
-
-Grid = tuple[float, float, float]
-"""Time constant [s], delay [s], and knee over the highest voltage at which a clutch slipped."""
-
-FULL = tuple(product(TIME_CONSTANTS, DELAYS, KNEES))
-COARSE = tuple(product(TIME_CONSTANTS[1::3], DELAYS[:2], KNEES[1:4:2]))
-
-
-@dataclass(frozen=True)
-class Balance:
-    """The best regression: the unexplained share of the load, the coefficients, and the grid point.
-
-    They are the inertias, the coupling, dry and viscous friction of both axes, four slopes and the
-    curvature.
-    """
-
-    left: float
-    found: Array
-    grid: Grid
+RIDGE, NEGLIGIBLE = 1e-10, 1e-3
+"""What keeps normal equations positive definite, over their diagonal; share of the load below which
+a term counts as none."""
 
 
 def first_estimate(log: Log, motion: Smoothed, shape: Shape) -> Array:
     """Return coordinates near the machine, or of the start where the log does not suffice."""
-    p, best = shape.coordinates(shape.start), balance(log, motion, shape)
-    if best is None:
-        return p
-    time_constant, delay, share = best.grid
-    inertias, friction, slopes, curvature = (
-        best.found[:3],
-        best.found[3:7],
-        best.found[7:11],
-        best.found[11],
-    )
-    for link in np.flatnonzero(inertias[:2] > 0.0):
-        p[link] = np.log(inertias[link])
-        p[[at.DRY[link], at.VISCOUS[link]]] = friction[[link, link + 2]] / inertias[link]
-    if min(inertias[:2]) > 0.0:
-        p[at.COUPLING] = np.clip(inertias[2] / np.sqrt(inertias[0] * inertias[1]), -0.8, 0.8)
-    for place, slope in zip(at.SLOPES, slopes, strict=True):
-        if slope > 0.0:
-            p[place] = np.log(slope)
-    p[at.TIME_CONSTANT], p[at.DELAY], p[at.KNEE] = np.log(time_constant), delay, share * shape.top
-    slope = np.exp(p[list(at.SLOPES)]).mean()
-    p[at.EXTRA] = (
-        np.clip(curvature / slope, -0.5 / shape.top, 50.0) * ((1.0 - share) * shape.top) ** 2
-    )
-    return p.clip(at.LOWEST, shape.highest)
-
-
-def balance(
-    log: Log, motion: Smoothed, shape: Shape, grid: Sequence[Grid] = FULL
-) -> Balance | None:
-    """Return the best regression over a grid, None for too few rows."""
+    p = shape.coordinates(shape.start)
     rows = _slipping_rows(log, motion, shape.start)
     if len(rows) < MIN_ROWS:
-        return None
-    w = slip_rows(shape.start)
-    signs = np.sign(motion.omega[rows] @ w.T)
+        return p
+    w, omega = slip_rows(shape.start), motion.omega[rows]
+    signs = np.sign(omega @ w.T)
     inertial, load = _inertial(log, motion, shape, rows)
-    omega = motion.omega[rows]
-    axes = [
-        _both(values * axis)
-        for values in (np.sign(omega), omega)
-        for axis in ([1.0, 0.0], [0.0, 1.0])
-    ]
-    best: Balance | None = None
-    for time_constant, delay, share in grid:
+    axes = [_both(values * axis) for values in (np.sign(omega), omega) for axis in ([1, 0], [0, 1])]
+    best, grid, found = np.inf, (0.0, 0.0, 0.0), np.zeros(12)
+    for time_constant, delay, share in product(TIME_CONSTANTS, DELAYS, KNEES):
         volts = np.roll(log.volts, round(delay / log.interval), axis=0)
-        linear = signs * lagged(log, volts, time_constant)[rows]
-        above = (
-            signs
-            * lagged(log, np.maximum(volts - share * shape.top, 0.0) ** 2, time_constant)[rows]
-        )
+        beyond = np.maximum(volts - share * shape.top, 0.0) ** 2
+        linear, above = (signs * lagged(log, v, time_constant)[rows] for v in (volts, beyond))
         slopes = [_both(linear[:, [x]] * w[x]) for x in range(4)]
         table = np.column_stack([*inertial, *axes, *slopes, _both(above @ w)])
         size = np.linalg.norm(table, axis=0) + 1e-12
@@ -132,28 +69,33 @@ def balance(
         ridge = RIDGE * np.diag(np.diag(normal) + 1e-300)
         triangle: Array = _LINEAR.cholesky(normal + ridge).T  # far shorter than the columns
         positive, left = _OPTIMIZE.nnls(triangle[:, :-1], triangle[:, -1])
-        positive[signed] -= positive[len(size) :]
-        positive[np.abs(positive) < NEGLIGIBLE * np.linalg.norm(load)] = 0.0
-        share_left = float(left / max(np.linalg.norm(load), 1e-300)) ** 2
-        if best is None or share_left < best.left:
-            best = Balance(share_left, positive[: len(size)] / size, (time_constant, delay, share))
-    return best
+        if left < best:
+            positive[signed] -= positive[len(size) :]
+            positive[np.abs(positive) < NEGLIGIBLE * np.linalg.norm(load)] = 0.0
+            best, grid, found = left, (time_constant, delay, share), positive[: len(size)] / size
+    inertias, friction, slopes, curvature = np.split(found, [3, 7, 11])
+    for link in np.flatnonzero(inertias[:2] > 0.0):
+        p[link] = np.log(inertias[link])
+        p[[at.DRY[link], at.VISCOUS[link]]] = friction[[link, link + 2]] / inertias[link]
+    if min(inertias[:2]) > 0.0:
+        p[at.COUPLING] = np.clip(inertias[2] / np.sqrt(inertias[0] * inertias[1]), -0.8, 0.8)
+    for place, slope in zip(at.SLOPES, slopes, strict=True):
+        p[place] = np.log(slope) if slope > 0.0 else p[place]
+    p[at.TIME_CONSTANT], p[at.DELAY], p[at.KNEE] = np.log(grid[0]), grid[1], grid[2] * shape.top
+    extra = np.clip(curvature[0] / np.exp(p[list(at.SLOPES)]).mean(), -0.5 / shape.top, 50.0)
+    p[at.EXTRA] = extra * ((1.0 - grid[2]) * shape.top) ** 2
+    return p.clip(at.LOWEST, shape.highest)
 
 
 def _slipping_rows(log: Log, motion: Smoothed, start: Machine) -> NDArray[np.int64]:
     """Return rows at which each engaged clutch surely slips one way, and has for a while."""
-    every = max(1, round(EVERY / log.interval))
-    rows = np.arange(2 * motion.half, len(log.theta) - 2 * motion.half, every)
+    every, half = max(1, round(EVERY / log.interval)), motion.half
+    rows = np.arange(2 * half, len(log.theta) - 2 * half, every)
     engaged = lagged(log, log.volts, start.clutch.time_constant) > ENGAGED
     slip = motion.omega @ slip_rows(start).T
-    near = np.stack(
-        [
-            slip[rows + k]
-            for k in range(-2 * motion.half, 2 * motion.half + 1, max(1, motion.half // 2))
-        ]
-    )
+    near = np.stack([slip[rows + k] for k in range(-2 * half, 2 * half + 1, max(1, half // 2))])
     one_way = (near.min(axis=0) > SLIPPING) | (near.max(axis=0) < -SLIPPING)
-    return rows[(one_way | ~engaged[rows]).all(axis=1) & log.is_clear(2 * motion.half)[rows]]
+    return rows[(one_way | ~engaged[rows]).all(axis=1) & log.is_clear(2 * half)[rows]]
 
 
 def _both(values: Array) -> Array:
@@ -169,6 +111,6 @@ def _inertial(
     arm, q = model_of(shape.start).arm._replace(coupling=1.0), motion_of(theta, omega)
     cos: Any = cos_difference(q)
     coupling = cos[:, None] * alpha[:, ::-1] + np.stack(velocity_torque(arm, q), axis=-1)
-    force: Any = smooth_force(log)[rows].T
+    force: Any = smooth_force(log, log.force)[rows].T
     load = np.stack(joint_torque(arm, q, *force), axis=-1)
     return [_both(alpha * [1.0, 0.0]), _both(alpha * [0.0, 1.0]), _both(coupling)], _both(load)

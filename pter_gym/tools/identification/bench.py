@@ -6,21 +6,20 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize, signal, stats
+from scipy import optimize, stats
 
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError
 from pter_gym.params import Clutch
+from pter_gym.tools.identification.fit import BLOCK, jackknife
 from pter_gym.tools.identification.identifying import MAX_REL_HALF_WIDTH, Finding
 from pter_gym.tools.identification.log import MAX_FILE, in_seconds
 from pter_gym.tools.identification.parameters import Quantity
 
 Array = NDArray[np.float64]
 
-_LINEAR: Any = np.linalg
 _OPTIMIZE: Any = optimize
-_SIGNAL: Any = signal
 _STATS: Any = stats
 
 COLUMNS = {"t_s": "s", "V": "V", "omega": "rad/s", "torque": "N·m"}
@@ -29,11 +28,8 @@ COLUMNS = {"t_s": "s", "V": "V", "omega": "rad/s", "torque": "N·m"}
 BLOCKS = 40
 """Stretches of the log, each of which is one error in the jackknife."""
 
-MIN_ROWS = 500
-"""Fewest rows."""
-
-SLOW = 0.02
-"""Speed up to which a clutch may be stuck [rad/s]: such rows are left out."""
+MIN_ROWS, SLOW = 500, 0.02
+"""Fewest rows; speed up to which a clutch may be stuck [rad/s]: such rows are left out."""
 
 NAMES = (
     ("slope", "N·m/V"),
@@ -119,29 +115,20 @@ def identify_clutch(bench: Bench, start: Clutch) -> BenchResult:
         residual, first, bounds=(LOW, HIGH), x_scale=np.maximum(first, 0.01), loss="soft_l1"
     )
     jacobian, left = solution.jac, residual(solution.x)
-    parts = np.array_split(np.arange(len(left)), BLOCKS)
-    normal = jacobian.T @ jacobian
-    size = np.sqrt(np.diag(normal)) + 1e-12
-    ridge = 1e-9 * np.diag(size**2)
-    moved: list[Array] = [
-        _LINEAR.solve(normal - jacobian[k].T @ jacobian[k] + ridge, jacobian[k].T @ left[k])
-        for k in parts
-    ]
-    errors = float(_STATS.t.ppf(0.975, BLOCKS - len(LOW))) * np.linalg.norm(np.stack(moved), axis=0)
-    share = float(np.sqrt(np.mean(left**2)))
+    whole = len(left) - len(left) % (BLOCK * BLOCKS)
+    parts = left[:whole].reshape(BLOCK * BLOCKS, -1)
+    changes, _ = jackknife(parts, jacobian[:whole].reshape(*parts.shape, -1))
+    errors = float(_STATS.t.ppf(0.975, BLOCKS - len(LOW))) * np.linalg.norm(changes, axis=0)
+    judged = {"off_state": 0.1 * scale, "stribeck": 0.1}
+    judged["viscous"] = 0.1 * scale / float(np.median(speed[turning]))
     findings: list[Finding] = []
-    for (name, unit), value, error, jump in zip(NAMES, solution.x, errors, first, strict=True):
-        judged = {
-            "off_state": 0.1 * scale,
-            "viscous": 0.1 * scale / float(np.median(speed[turning])),
-            "stribeck": 0.1,
-        }
-        q = Quantity(name, unit, float(value), max(float(value), judged.get(name, 0.0)), name)
+    rows = zip(NAMES, solution.x.tolist(), errors.tolist(), first.tolist(), strict=True)
+    for (name, unit), value, error, before in rows:
+        q = Quantity(name, unit, value, max(value, judged.get(name, 0.0)))
         status = "identified" if error <= MAX_REL_HALF_WIDTH * q.scale else "uncertain"
-        low, high = q.value - float(error), q.value + float(error)
-        before = float(jump)
-        findings.append(Finding(quantity=q, low=low, high=high, before=before, status=status))
-    return BenchResult(findings, share, float(bench.volts.max()))
+        ends = {"low": value - error, "high": value + error, "before": before}
+        findings.append(Finding(quantity=q, status=status, **ends))
+    return BenchResult(findings, float(np.sqrt(np.mean(left**2))), float(bench.volts.max()))
 
 
 def _torque(bench: Bench, speed: Array, p: Array) -> Array:

@@ -89,7 +89,6 @@ def show_machine(log: "Log", start: "Machine", out: Path) -> None:
     from pter_gym.params._files import format_machine
     from pter_gym.tools.figures import png
     from pter_gym.tools.identification import identify as search
-    from pter_gym.tools.identification import origins_of
     from pter_gym.tools.identification.identifying import ASSUMED
     from pter_gym.tools.identification.picture import picture
 
@@ -100,7 +99,7 @@ def show_machine(log: "Log", start: "Machine", out: Path) -> None:
             log, start, lambda share: progress.update(task, completed=round(100 * share))
         )
     title = "\n".join(["Written by pter identify. Assumed:", *result.assumptions])
-    text = format_machine(result.machines, ASSUMED, origins_of(result), title)
+    text = format_machine(result.machines, ASSUMED, result.origins, title)
     write_files_atomic(out, {"machine.toml": text.encode(), "identified.png": png(picture(result))})
     for sentence in (result.verdict.sentence, *result.verdict.hints):
         say(sentence)

@@ -29,14 +29,9 @@ _OPTIMIZE: Any = optimize
 _STATS: Any = stats
 _LINEAR: Any = np.linalg
 
-ROUNDS = 3
-"""Times that starts and weights are mended."""
-
-MAX_EVALUATIONS = 8
-"""Simulations in a round."""
-
-TOLERANCE = 1e-5
-"""Share of the sum that ends a round if a step gains less."""
+ROUNDS, MAX_EVALUATIONS, TOLERANCE = 3, 8, 1e-5
+"""Times that starts and weights are mended; simulations in between; share of the sum that ends them
+if a step gains less."""
 
 BAD = 4.0
 """Residuals of a window over the median of all at which it has a quarter of the weight."""
@@ -44,17 +39,12 @@ BAD = 4.0
 START_ERRORS = (0.01, 0.01, 0.3, 0.3)
 """How wrong a start may be [rad, rad/s]: keeps what no angle tells from wandering off."""
 
-MIN_RATIO = 1.001
-"""Lower bound of T_s/T_k in the search; at ≤ 1 the simulator ignores it."""
+MIN_RATIO, RATIOS = 1.001, (1.02, 1.08, 1.18, 1.3, 1.45, 1.6)
+"""Lower bound of T_s/T_k in the search, as the simulator ignores less than 1; and what is tried at
+first, and where the search has come down to that bound."""
 
-RATIOS = (1.02, 1.08, 1.18, 1.3, 1.45, 1.6)
-"""Ratios that are tried at first, and where the search has come down to the least."""
-
-SINGULAR = 1e-12
-"""What keeps equations solvable, over their size."""
-
-UNSEEN = 1e6
-"""Variance of a coordinate that no window shows."""
+SINGULAR, UNSEEN = 1e-12, 1e6
+"""What keeps equations solvable, over their size; variance of a coordinate that no window shows."""
 
 PRIOR = 4.0
 """How far from the first estimate the search expects a coordinate, over its ``max_error``: what no
@@ -67,15 +57,9 @@ BLOCK = 2
 class Point(NamedTuple):
     """What one simulation of all windows tells.
 
-    Attributes
-    ----------
-    residual, jacobian
-        Less what a wrong start makes [rad], and by all coordinates, shapes (windows, 2·length) and
-        (…, 21).
-    by_start
-        Derivatives of the angles by the admitted changes of a start, shape (windows, 2·length, 4).
-    correction
-        How wrong each start is, shape (windows, 4).
+    ``residual`` is predicted less measured angles [rad] but for what a wrong start makes, (windows,
+    2·length); ``jacobian`` (…, 22) and ``by_start`` (…, 4) are derivatives by the coordinates and
+    by admitted changes of a start; ``correction`` is how wrong each start is, (windows, 4).
     """
 
     residual: Array
@@ -88,24 +72,10 @@ class Point(NamedTuple):
 class Fit:
     """A search and where it is.
 
-    Attributes
-    ----------
-    windows, shape
-        The log, and what coordinates mean.
-    free
-        Which coordinates are searched; the others stay.
-    p
-        Coordinates.
-    on_step
-        Called at each simulation.
-    starts
-        Of the windows, as they are estimated.
-    weights
-        Of the windows, by what noise of the forces makes of them.
-    usual
-        Root mean square of a usual window's residuals [rad].
-    spread
-        Covariance of the coordinates by what differs between parts of the log, shape (21, 21).
+    Of the coordinates ``p``, those in ``free`` are searched; ``on_step`` is called at each
+    simulation. Each window has an estimated start, and a weight by what noise of the forces makes
+    of it. ``usual`` is the root mean square of a usual window's residuals [rad], ``spread`` the
+    covariance of the coordinates by what differs between parts of the log, (22, 22).
     """
 
     windows: Windows
@@ -135,11 +105,22 @@ class Fit:
                 self._minimise()
             self._weigh()
             self.weights = self.windows.used / (1.0 + self.shaken() / self.usual**2)
-            self.starts = self.starts - np.einsum(
-                "wij,wj->wi", self.windows.uncertain, self._at(self.p).correction
-            )
-            self._known.clear()
+            self._mend()
         return self
+
+    def _mend(self) -> None:
+        """Correct the starts of windows which that brings closer to the measured angles."""
+        before, off = self.starts, self._apart(self.p, self.windows.inputs)
+        changes = np.einsum("wij,wj->wi", self.windows.uncertain, self.here.correction)
+        self.starts = before - changes
+        closer = np.sum(self._apart(self.p, self.windows.inputs) ** 2 - off**2, axis=1) < 0.0
+        self.starts = np.where(closer[:, None], self.starts, before)
+        self._known.clear()
+
+    @property
+    def here(self) -> Point:
+        """What a simulation at the coordinates tells."""
+        return self._at(self.p)
 
     @property
     def has_no_jump(self) -> bool:
@@ -149,9 +130,8 @@ class Fit:
     def choose_ratio(self) -> None:
         """Take the best of several ratios of breakaway to dynamic torque, if it is searched."""
         if at.RATIO in self.free:
-            tried = [
-                np.concatenate([self.p[: at.RATIO], [r], self.p[at.RATIO + 1 :]]) for r in RATIOS
-            ]
+            place = np.eye(at.COUNT)[at.RATIO]
+            tried = [self.p + (ratio - self.p[at.RATIO]) * place for ratio in RATIOS]
             self.p = min([self.p, *tried], key=self._misfit)
 
     def _misfit(self, p: Array) -> float:
@@ -171,20 +151,25 @@ class Fit:
         self._known.clear()
 
     def _minimise(self) -> None:
-        """Go down within the bounds."""
+        """Go down within the bounds: least squares, in which bad windows count for less."""
         low = np.where(np.arange(at.COUNT) == at.RATIO, MIN_RATIO, at.LOWEST)[self.free] + 1e-9
         high = self.shape.highest[self.free] - 1e-9
-        weights = np.sqrt(self.weights)[:, None] / self.error
+        weights, prior = np.sqrt(self.weights) / self.error, 1.0 / (PRIOR * at.MAX_ERRORS)
 
-        prior = np.diag(1.0 / (PRIOR * at.MAX_ERRORS[self.free]))
+        def there(x: Array) -> tuple[Point, Array]:
+            point = self._at(self._with(x))
+            return point, self._told(np.mean(point.residual**2, axis=1))
 
         def residual(x: Array) -> Array:
-            left = weights * self._at(self._with(x)).residual
-            return np.concatenate([left.ravel(), prior @ (x - self._first[self.free])])
+            point, told = there(x)
+            left = (weights * np.sqrt(told))[:, None] * point.residual
+            far = (prior * (self._with(x) - self._first))[self.free]
+            return np.concatenate([left.ravel(), far])
 
         def jacobian(x: Array) -> Array:
-            by = weights[:, :, None] * self._at(self._with(x)).jacobian[:, :, self.free]
-            return np.concatenate([by.reshape(-1, len(x)), prior])
+            point, told = there(x)  # told² is the derivative of told·s by a sum of squares s
+            by = (weights * told**1.5)[:, None, None] * point.jacobian[:, :, self.free]
+            return np.concatenate([by.reshape(-1, len(x)), np.diag(prior[self.free])])
 
         solution = _OPTIMIZE.least_squares(
             residual,
@@ -192,7 +177,6 @@ class Fit:
             jacobian,
             bounds=(low - 1e-12, high + 1e-12),
             x_scale="jac",
-            loss=self._loss,
             ftol=TOLERANCE,
             max_nfev=MAX_EVALUATIONS,
         )
@@ -207,21 +191,10 @@ class Fit:
         """Return how much of a window's sum of squares counts, by its mean square [rad²]."""
         return 1.0 / (1.0 + squares / (BAD * self.usual) ** 2)
 
-    def _loss(self, squares: Array) -> Array:
-        """Return the loss of weighted squares and its derivatives for ``least_squares``."""
-        rows = self.windows.measured[0].size
-        of_windows = squares[: len(self.weights) * rows].reshape(-1, rows)
-        mean = of_windows.mean(axis=1) * self.error**2
-        told = np.ones_like(squares)
-        told[: of_windows.size] = np.repeat(
-            self._told(mean / np.maximum(self.weights, SINGULAR)), rows
-        )
-        return np.stack([told * squares, told**2, np.zeros_like(told)])
-
     @property
     def trust(self) -> Array:
         """Share in which each window counts, shape (windows,): less if it is far off the others."""
-        return self._told(np.mean(self.residual**2, axis=1))
+        return self._told(np.mean(self.here.residual**2, axis=1))
 
     def factors(self) -> Array:
         """Return the factors of the residuals of each window [1/rad], shape (windows,)."""
@@ -229,16 +202,14 @@ class Fit:
 
     def weighed(self) -> tuple[Array, Array]:
         """Return residuals and their derivatives by the free coordinates, times ``factors``."""
-        here, factors = self._at(self.p), self.factors()
-        return factors[:, None] * here.residual, factors[:, None, None] * here.jacobian[
-            :, :, self.free
-        ]
+        factors = self.factors()[:, None]
+        by_free = factors[:, :, None] * self.here.jacobian[:, :, self.free]
+        return factors * self.here.residual, by_free
 
-    def predicted(self, p: Array, inputs: LogInputs | None = None) -> Array:
-        """Return the predicted angles [rad], (windows, 2·length), all finite."""
+    def _apart(self, p: Array, inputs: LogInputs) -> Array:
+        """Return the predicted less the measured angles [rad], (windows, 2·length), all finite."""
         w = self.windows
-        angles = predict(self.shape, p, inputs or w.inputs, self.starts, w.length)
-        return _finite(angles.reshape(len(self.starts), -1))
+        return _off(predict(self.shape, p, inputs, self.starts, w.length), w.measured)
 
     def _at(self, p: Array) -> Point:
         """Return what a simulation at coordinates tells."""
@@ -247,12 +218,10 @@ class Fit:
             self.on_step()
             w, rows = self.windows, self.windows.measured[0].size
             angles, by, by_start = differentiate(self.shape, p, w.inputs, self.starts, w.length)
-            off = _finite(angles.reshape(-1, rows)) - w.measured.reshape(-1, rows)
+            off = _off(angles, w.measured)[:, :, None]
             by_start = np.nan_to_num(by_start.reshape(-1, rows, 4)) @ w.uncertain
-            columns = np.concatenate(
-                [off[:, :, None], np.nan_to_num(by.reshape(-1, rows, at.COUNT))], axis=2
-            )
-            left, along = self._projected(by_start, columns)
+            columns = np.nan_to_num(by.reshape(-1, rows, at.COUNT))
+            left, along = self._projected(by_start, np.concatenate([off, columns], axis=2))
             if len(self._known) > 3:
                 self._known.clear()
             self._known[key] = Point(left[:, :, 0], left[:, :, 1:], by_start, along[:, :, 0])
@@ -269,20 +238,27 @@ class Fit:
 
     def _near(self, p: Array, inputs: LogInputs | None = None) -> Array:
         """Return the residuals [rad] at other coordinates or inputs, projected as here."""
-        here = self._at(self.p)
-        off = self.predicted(p, inputs) - self.windows.measured.reshape(here.residual.shape)
-        return self._projected(here.by_start, off[:, :, None])[0][:, :, 0]
+        off = self._apart(p, inputs or self.windows.inputs)
+        return self._projected(self.here.by_start, off[:, :, None])[0][:, :, 0]
+
+    def change(self, p: Array, inputs: LogInputs | None = None) -> Array:
+        """Return the change of the residuals [rad] at other coordinates or inputs."""
+        return self._near(p, inputs) - self.here.residual
+
+    def rounding(self, step: float) -> Array:
+        """Return what an encoder's step [rad] makes of the residuals [rad]."""
+        measured = self.windows.measured.reshape(self.here.residual.shape)
+        angles = (self._apart(self.p, self.windows.inputs) + measured) / max(step, 1e-12)
+        off = step * (np.round(angles) - angles)
+        return self._projected(self.here.by_start, off[:, :, None])[0][:, :, 0]
 
     def covariance(self) -> tuple[Array, float]:
         """Return the covariance of the free coordinates, and the quantile of 95 % intervals."""
         residual, jacobian = self.weighed()
         changes, information = jackknife(residual, jacobian)
-        size = np.sqrt(np.maximum(np.diag(information), 1e-30))
+        normal, size = scaled(information, 1e-10)
         covariance: Array = changes.T @ changes
-        naive = (
-            np.diag(_LINEAR.inv(information / np.outer(size, size) + 1e-10 * np.eye(len(size))))
-            / size**2
-        )
+        naive = np.diag(_LINEAR.inv(normal)) / size**2
         variance = np.sum(residual**2) / max(self.weights.sum() * residual.shape[1], 1.0)
         places = np.diag_indices_from(covariance)
         covariance[places] = np.maximum(np.diag(covariance), variance * naive)
@@ -303,16 +279,14 @@ class Fit:
             and what went into the numbers are taken to be of one size.
         """
         _, jacobian = self.weighed()
-        information = np.einsum("wij,wik->jk", jacobian, jacobian, optimize=True)
-        size = np.sqrt(np.maximum(np.diag(information), 1e-30))
-        normal = information / np.outer(size, size) + SINGULAR * np.eye(len(size))
+        normal, size = scaled(np.einsum("wij,wik->jk", jacobian, jacobian, optimize=True))
         shares = _LINEAR.solve(normal, (slopes / size).T).T / size
         by_window = np.linalg.norm(np.einsum("qk,wik->wqi", shares, jacobian), axis=2)
         moved = self.factors() * left * np.sqrt(jacobian.shape[1])
         return np.asarray(moved @ by_window)
 
     def weakest(self) -> Array:
-        """Return the change of coordinates of which the log tells least, shape (21,).
+        """Return the change of coordinates of which the log tells least, shape (22,).
 
         The largest of its parts is one of ``parameters.STEPS``.
         """
@@ -322,29 +296,20 @@ class Fit:
         change[self.free] = directions[:, 0] / directions[np.abs(directions[:, 0]).argmax(), 0]
         return change * at.STEPS
 
-    @property
-    def residual(self) -> Array:
-        """Predicted less measured angles [rad] but for wrong starts, shape (windows, 2·length)."""
-        return self._at(self.p).residual
-
-    @property
-    def jacobian(self) -> Array:
-        """Derivatives of the residuals by all coordinates, shape (windows, 2·length, 21)."""
-        return self._at(self.p).jacobian
-
     def sizes(self) -> Array:
         """Return the root mean square of each window's residuals [rad], shape (windows,)."""
-        return np.sqrt(np.mean(self.residual**2, axis=1))
+        return np.sqrt(np.mean(self.here.residual**2, axis=1))
 
     def shaken(self) -> Array:
         """Return by what mean square [rad²] noise of the forces moves each window's angles."""
-        return np.mean(
-            [self.change(self.p, each) ** 2 for each in self.windows.shaken], axis=(0, 2)
-        )
+        changes = [self.change(self.p, each) for each in self.windows.shaken]
+        return np.mean(np.square(changes), axis=(0, 2))
 
-    def change(self, p: Array, inputs: LogInputs | None = None) -> Array:
-        """Return the change of the residuals [rad] at other coordinates or inputs."""
-        return self._near(p, inputs) - self._at(self.p).residual
+
+def scaled(information: Array, least: float = SINGULAR) -> tuple[Array, Array]:
+    """Return a matrix over the roots of its diagonal, made regular, and these roots."""
+    size = np.sqrt(np.maximum(np.diag(information), 1e-30))
+    return information / np.outer(size, size) + least * np.eye(len(size)), size
 
 
 def jackknife(residual: Array, jacobian: Array) -> tuple[Array, Array]:
@@ -353,10 +318,11 @@ def jackknife(residual: Array, jacobian: Array) -> tuple[Array, Array]:
     gradients = np.add.reduceat(np.einsum("wij,wi->wj", jacobian, residual), first)
     parts = np.add.reduceat(np.swapaxes(jacobian, 1, 2) @ jacobian, first)
     information, told = parts.sum(axis=0), gradients.any(axis=1)
-    size = np.sqrt(np.maximum(np.diag(information), 1e-30))
-    without = (information - parts[told]) / np.outer(size, size) + SINGULAR * np.eye(len(size))
+    normal, size = scaled(information)
+    without = normal - parts[told] / np.outer(size, size)
     return _LINEAR.solve(without, (gradients[told] / size)[:, :, None])[:, :, 0] / size, information
 
 
-def _finite(angles: Array) -> Array:
-    return np.nan_to_num(angles, nan=1e3, posinf=1e3, neginf=-1e3)
+def _off(angles: Array, measured: Array) -> Array:
+    finite = np.nan_to_num(angles, nan=1e3, posinf=1e3, neginf=-1e3)
+    return (finite - measured).reshape(len(measured), -1)

@@ -18,24 +18,16 @@ from pter_gym.tools.identification.fit import Fit
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import COORDINATES, Quantity, Shape, quantities
 from pter_gym.tools.identification.verdict import MAX_FAR, NEGLIGIBLE, NEITHER, Verdict, judge
-from pter_gym.tools.identification.windows import (
-    SLIPPING,
-    Smoothed,
-    cut,
-    experience,
-    smooth,
-)
+from pter_gym.tools.identification.windows import SLIPPING, Smoothed, cut, experience, smooth
 
 Array = NDArray[np.float64]
 
 MAX_REL_HALF_WIDTH = 0.05
 """Half of the 95 % interval over the scale, up to which a number counts as identified."""
 
-MIN_SLIPPING = 0.3
-"""How long a clutch has to slip in all for its torque to be identified [s]."""
-
-MIN_LEVELS = 3
-"""Fewest voltages that tell a straight segment from a quadratic one."""
+MIN_SLIPPING, MIN_LEVELS = 0.3, 3
+"""How long a clutch has to slip in all for its torque to be identified [s]; fewest voltages that
+tell a straight segment from a quadratic one."""
 
 NORMAL = 1.96
 """Half of the 95 % interval of a normal distribution, in standard deviations."""
@@ -45,6 +37,9 @@ EXPECTED_STEPS = 60
 
 TIED = 0.2
 """Share of the largest relative change from which a number is part of what is left open."""
+
+ASSUMED = "chosen: stated to pter identify, or that of its start"
+"""Provenance of what is not estimated."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,51 +94,62 @@ class Identification:
     log, start
         What was given.
     machine
-        The start with what was identified.
-    delay
-        From a recorded voltage to the motion that it makes [s].
-    offsets
-        Constant torques on the axes [N·m]: of gravity, of the force sensor's zero, or half of what
-        dry friction differs between directions.
+        The start with what was identified, and the delay from a recorded voltage to the motion that
+        it makes.
+    machines
+        The machine and those that fit the log as well; the machine alone if the model does not
+        describe the log.
     findings
         The numbers, in the order of ``quantities``.
     fit
         The windows and how well they are predicted.
     verdict
         How well the model describes the log.
-    machines
-        The machine and those that fit the log as well; the machine alone if the model does not
-        describe the log.
     """
 
     log: Log
     start: Machine
     machine: Machine
-    delay: float
-    offsets: tuple[float, float]
+    machines: Machine | MachineSpread
     findings: list[Finding]
     fit: Fit
     verdict: Verdict
-    machines: Machine | MachineSpread
 
     @property
     def assumptions(self) -> tuple[str, ...]:
         """What no log of this kind shows, as sentences."""
-        clutch, (a, b) = self.start.clutch, self.offsets
+        clutch, (a, b) = self.start.clutch, self.fit.shape.offsets(self.fit.p)
+        late = 1e3 * self.fit.p[at.FORCE_DELAY]
         return (
             "The force sensor's gain is exact: all inertias and torques are proportional to it.",
             f"Links are {self.start.arm.length_a:g} m and {self.start.arm.length_b:g} m long.",
             f"Clutches drag with {clutch.viscous:g} N·m·s: more is viscous friction of the axes.",
             f"Constant torques on the axes, {a:.3g} and {b:.3g} N·m, are not in the file.",
+            f"The delay of the recorded forces, {late:.2g} ms, is not in the file either.",
             f"Clutches lose {100.0 * clutch.fade:g} % of their torque per joule, as warm as here.",
         )
 
     @property
     def residuals(self) -> Array:
         """Measured less predicted angles [rad], (windows, length, 2); NaN in unused windows."""
-        windows = self.fit.windows
-        off = windows.measured - self.fit.predicted(self.fit.p).reshape(windows.measured.shape)
-        return np.where(windows.used[:, None, None], off, np.nan)
+        off = -self.fit.here.residual.reshape(self.fit.windows.measured.shape)
+        return np.where(self.fit.windows.used[:, None, None], off, np.nan)
+
+    @property
+    def origins(self) -> dict[str, str]:
+        """Where the numbers of the machine come from, by field."""
+        stated = ("arm.length_a", "arm.length_b", "clutch.voltage_max")
+        origins: dict[str, str] = dict.fromkeys(stated, ASSUMED)
+        by_place: dict[str, list[Finding]] = {}
+        for finding in self.findings:
+            for place in finding.quantity.places:
+                by_place.setdefault(place, []).append(finding)
+        for place, here in by_place.items():
+            kind = "chosen" if all(each.status == "kept" for each in here) else "identified"
+            said = f"from {PurePath(self.log.name).name}, {'; '.join(each.origin for each in here)}"
+            plain = "".join(c if c.isprintable() and c not in '"\\' else "_" for c in said)
+            origins[place] = f"{kind}: {plain}"
+        return origins
 
 
 def identify(
@@ -196,64 +202,24 @@ def identify(
         on_progress(min(taken / EXPECTED_STEPS, 1.0))
 
     windows = cut(log, motion, start, float(np.exp(p[at.TIME_CONSTANT])))
-    absent = {i for i in at.TERMS if before[i] == 0.0}
-    fit = Fit(
-        windows, shape, [i for i in range(at.COUNT) if i not in absent | kept.keys()], p, step
-    )
+    absent = {i for i in at.TERMS if before[i] == 0.0} | kept.keys()
+    fit = Fit(windows, shape, [i for i in range(at.COUNT) if i not in absent], p, step)
     fit.choose_ratio()
     fit.search()
     admit_terms(fit, kept)
     tied = _keep_unseen(fit, kept, before)
-    differences = find_differences(fit, log, motion)
-    verdict = judge(fit, differences, log)
+    verdict = judge(fit, find_differences(fit, log, motion), log)
     on_progress(1.0)
-    machine = _machine_at(fit, fit.p)
+    findings, machines = _results(fit, kept, tied, verdict)
     return Identification(
         log=log,
         start=start,
-        machine=machine,
-        machines=machine if verdict.grade == NEITHER else _spread(fit, verdict),
-        delay=float(fit.p[at.DELAY]),
-        offsets=fit.shape.offsets(fit.p),
-        findings=_findings(fit, kept, tied, verdict),
+        machine=fit.shape.machine(fit.p),
+        machines=machines,
+        findings=findings,
         fit=fit,
         verdict=verdict,
     )
-
-
-ASSUMED = "chosen: stated to pter identify, or that of its start"
-"""Provenance of what is not estimated."""
-
-
-def origins_of(found: Identification) -> dict[str, str]:
-    """Return where the numbers of the identified machine come from, by field."""
-    name = _plain(PurePath(found.log.name).name)
-    origins: dict[str, str] = dict.fromkeys(
-        ("arm.length_a", "arm.length_b", "clutch.voltage_max"), ASSUMED
-    )
-    for place in {finding.quantity.place for finding in found.findings} - {""}:
-        here = [finding for finding in found.findings if finding.quantity.place == place]
-        kind = "chosen" if all(finding.status == "kept" for finding in here) else "identified"
-        origin = f"{kind}: from {name}, {'; '.join(_plain(finding.origin) for finding in here)}"
-        origins |= dict.fromkeys(FIELDS.get(place, (place,)), origin)
-    return origins
-
-
-FIELDS = {
-    "clutch.slope": ("clutch.dynamic.slope",),
-    "clutch.knee": ("clutch.dynamic.knee", "clutch.breakaway.knee"),
-    "clutch.curvature": ("clutch.dynamic.curvature",),
-    "clutch.off_state": ("clutch.dynamic.off_state", "clutch.breakaway.off_state"),
-    "clutch.breakaway_ratio": ("clutch.breakaway.slope", "clutch.breakaway.curvature"),
-    "clutch.scale": ("clutch_scale",),
-    "sensing.delay": ("delay",),
-}
-"""Fields of a machine that report's numbers stand in, where they have other names."""
-
-
-def _plain(text: str) -> str:
-    """Return text as one line of printable characters."""
-    return "".join(c if c.isprintable() and c not in '"\\' else "_" for c in text)
 
 
 def _checked(log: Log, start: Machine) -> Smoothed:
@@ -282,14 +248,12 @@ def _keep_unseen(fit: Fit, kept: dict[int, str], before: Array) -> set[str]:
     """
     tied: set[str] = set()
     while fit.free:
-        covariance, _ = fit.covariance()
-        errors = dict(zip(fit.free, np.sqrt(np.diag(covariance)), strict=True))
+        errors = dict(zip(fit.free, np.sqrt(np.diag(fit.covariance()[0])), strict=True))
         extra = abs(float(fit.p[at.EXTRA]))
         if at.EXTRA in fit.free and not extra > max(2.0 * errors[at.EXTRA], 0.01 * fit.shape.top):
             kept |= dict.fromkeys((at.EXTRA, at.KNEE), COORDINATES[at.EXTRA].unseen)
-            fit.shape = replace(
-                fit.shape, kept_knee=max(fit.shape.start.clutch.dynamic.knee, fit.shape.top)
-            )
+            knee = max(fit.shape.start.clutch.dynamic.knee, fit.shape.top)
+            fit.shape = replace(fit.shape, kept_knee=knee)
         else:
             excess = {i: errors[i] / COORDINATES[i].max_error for i in fit.free}
             excess |= {at.RATIO: math.inf} if fit.has_no_jump else {}
@@ -301,6 +265,7 @@ def _keep_unseen(fit: Fit, kept: dict[int, str], before: Array) -> set[str]:
             if together:
                 kept[worst] += f"; only together with {', '.join(sorted(together))}"
                 tied |= together
+            tied |= {"curvature"} if worst == at.KNEE else set()
             if worst == at.RATIO and fit.p[worst] <= 1.03:
                 fit.p[worst] = min(before[worst], 1.0)
             elif worst != at.KNEE:
@@ -322,92 +287,62 @@ def _left_open(fit: Fit, worst: int) -> set[str]:
     changes = {
         a.name: abs(a.value - b.value) / max(a.scale, 1e-300)
         for a, b in zip(high, low, strict=True)
+        if not a.name.startswith("torque_")
     }
-    names = {name for name, size in changes.items() if size > TIED * max(changes.values())}
-    return names - {
-        COORDINATES[worst].quantity,
-        "torque_25",
-        "torque_50",
-        "torque_75",
-        "torque_100",
-    }
+    most = TIED * max(changes.values())
+    own = COORDINATES[worst].quantity
+    return {name for name, size in changes.items() if size > most and name != own}
 
 
-def _machine_at(fit: Fit, p: Array) -> Machine:
-    """Return the machine at coordinates."""
-    return replace(fit.shape.machine(p), delay=max(float(p[at.DELAY]), 0.0))
-
-
-def _slopes(fit: Fit, numbers: Callable[[Array], Array]) -> Array:
+def _slopes(fit: Fit, numbers: Callable[[Array], list[float]]) -> Array:
     """Return the derivatives of numbers by the free coordinates, shape (numbers, free)."""
-    columns: list[Array] = []
-    for i in fit.free:
+    slopes = np.empty((len(numbers(fit.p)), len(fit.free)))
+    for column, i in zip(slopes.T, fit.free, strict=True):
         change = 1e-3 * at.STEPS[i] * np.eye(at.COUNT)[i]
         high, low = ((fit.p + e * change).clip(at.LOWEST, fit.shape.highest) for e in (1.0, -1.0))
-        columns.append((numbers(high) - numbers(low)) / (high[i] - low[i]))
-    return np.stack(columns, axis=1)
+        column[:] = np.subtract(numbers(high), numbers(low)) / (high[i] - low[i])
+    return slopes
 
 
-def _spread(fit: Fit, verdict: Verdict) -> Machine | MachineSpread:
-    """Return the machines that fit the log: normally distributed, with the intervals' widths.
+def _results(
+    fit: Fit, kept: dict[int, str], tied: set[str], verdict: Verdict
+) -> tuple[list[Finding], Machine | MachineSpread]:
+    """Return the numbers with their intervals, and the machines that fit the log.
 
-    Errors of the model widen each coordinate by itself, by what they do to its number.
+    These are normally distributed, with the intervals' widths: errors of the model widen each
+    coordinate by itself, by what they do to its number.
     """
-    machine = _machine_at(fit, fit.p)
-    if not fit.free:
-        return machine
-
-    def values(p: Array) -> Array:
-        return np.array([value for value, _ in numbers_of(_machine_at(fit, p)).values()])
-
-    here = {q.name: q for q in fit.shape.quantities(fit.p)}
-    own = [COORDINATES[i].quantity for i in fit.free]
-    names = list(here)
-    slopes = _slopes(fit, lambda p: np.array([q.value for q in fit.shape.quantities(p)]))
-    biases = dict(zip(names, fit.bias(slopes, verdict.left), strict=True))
-    rates = [abs(slopes[names.index(name), k]) for k, name in enumerate(own)]
-    share = max(2.0 * verdict.rho, NEGLIGIBLE)
-    wide = [max(share * here[name].scale, biases[name]) for name in own]
-    model = [width / rate if rate else 0.0 for width, rate in zip(wide, rates, strict=True)]
-    covariance, quantile = fit.covariance()
-    whole = (quantile**2 * covariance + np.diag(np.square(model))) / NORMAL**2
-    by = _slopes(fit, values)
-    moves = by.any(axis=1)
-    places = np.array(list(numbers_of(machine)))[moves].tolist()
-    among = by[moves] @ whole @ by[moves].T
-    rows: list[list[float]] = (0.5 * (among + among.T)).tolist()
-    return MachineSpread(
-        machine=machine, places=tuple(places), covariance=tuple(tuple(row) for row in rows)
-    )
-
-
-def _findings(fit: Fit, kept: dict[int, str], tied: set[str], verdict: Verdict) -> list[Finding]:
-    """Return the numbers with their intervals."""
-    here = fit.shape.quantities(fit.p)
-    start = quantities(fit.shape.start, 0.0, fit.shape.top)
+    shape, here = fit.shape, fit.shape.quantities(fit.p)
+    described, machine = verdict.grade != NEITHER, fit.shape.machine(fit.p)
     covariance, quantile = fit.covariance() if fit.free else (np.empty((0, 0)), 2.0)
-    slopes = np.zeros((len(here), 0))
-    if fit.free:
-        slopes = _slopes(fit, lambda p: np.array([q.value for q in fit.shape.quantities(p)]))
-    errors = quantile * np.sqrt(
-        np.maximum(np.einsum("qi,ij,qj->q", slopes, covariance, slopes), 0.0)
-    )
-    reasons = {COORDINATES[i].quantity: reason for i, reason in kept.items()}
+    slopes = _slopes(fit, lambda p: [q.value for q in shape.quantities(p)])
+    variances = np.einsum("qi,ij,qj->q", slopes, covariance, slopes).clip(0.0)
     share = max(2.0 * verdict.rho, NEGLIGIBLE)  # of its scale, for errors of the model
-    biases = fit.bias(slopes, verdict.left)
+    wide = np.maximum([share * q.scale for q in here], fit.bias(slopes, verdict.left))
+    halves = np.hypot(quantile * np.sqrt(variances), wide)
+    reasons = {COORDINATES[i].quantity: reason for i, reason in kept.items()}
+    start = quantities(shape.start, 0.0, shape.top)
     findings: list[Finding] = []
-    for q, first, error, bias, by_free in zip(here, start, errors, biases, slopes, strict=True):
-        half = float(np.hypot(error, max(share * q.scale, bias)))
+    for q, first, half, by_free in zip(here, start, halves.tolist(), slopes, strict=True):
         unmoved = "" if by_free.any() else "the log shows none of the numbers from which it follows"
         reason = reasons.get(q.name, "") or unmoved
-        described = verdict.grade != NEITHER
         sure = described and q.name not in tied | verdict.differences.keys()
         sure &= half <= MAX_REL_HALF_WIDTH * q.scale
         sure &= q.name != "breakaway_ratio" or verdict.far_breakaways <= MAX_FAR
-        half = 0.0 if reason else half if described else math.inf
+        width = 0.0 if reason else half if described else math.inf
+        ends = {"low": q.value - width, "high": q.value + width, "before": first.value}
         status = "kept" if reason else "identified" if sure else "uncertain"
-        ends = {"low": q.value - half, "high": q.value + half}
-        findings.append(
-            Finding(quantity=q, before=first.value, status=status, reason=reason, **ends)
-        )
-    return findings
+        findings.append(Finding(quantity=q, status=status, reason=reason, **ends))
+    if not (fit.free and described):
+        return findings, machine
+    names, own = [q.name for q in here], [COORDINATES[i].quantity for i in fit.free]
+    rows = [names.index(name) for name in own]
+    rates = np.abs(slopes[rows, range(len(rows))])
+    model = np.divide(wide[rows], rates, out=np.zeros_like(rates), where=rates > 0.0)
+    whole = (quantile**2 * covariance + np.diag(model**2)) / NORMAL**2
+    by = _slopes(fit, lambda p: [value for value, _ in numbers_of(shape.machine(p)).values()])
+    moves = np.flatnonzero(np.abs(by).max(axis=1))
+    places = tuple(np.array(list(numbers_of(machine)))[moves].tolist())
+    among = by[moves] @ whole @ by[moves].T
+    matrix = tuple(tuple(row) for row in (0.5 * (among + among.T)).tolist())
+    return findings, MachineSpread(machine=machine, places=places, covariance=matrix)

@@ -4,10 +4,10 @@ Loggers' clocks are uneven, so rows are interpolated to an even raster; stretche
 marked.
 """
 
-import csv
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from pathlib import Path
 from typing import Any, cast
 
@@ -45,23 +45,19 @@ CLOCKS = {"seconds": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "nanosecon
 SLOWEST = 0.03
 """Mean time between rows up to which a unit of the stamps is believed [s]."""
 
-BURST = 0.1
-"""Time between two rows over the mean up to which they were stamped together."""
+BURST, COARSE = 0.1, 0.3
+"""Time between two rows over the mean up to which they were stamped together; share of such rows
+from which the clock is coarse."""
 
 MAX_FILE = 1 << 30
 """Largest file [B]: far above what ``MAX_DURATION`` needs."""
 
 MAX_INTERVAL = 0.01
-"""Longest usual time between two rows [s]: ten rows in the lag of a clutch.
+"""Longest time between two rows, usual or interpolated [s]: ten rows in the lag of a clutch."""
 
-Also the longest that is interpolated.
-"""
-
-LATE = 1.5
-"""Time between two rows over the usual one from which a row has been lost."""
-
-EVEN = 0.01
-"""How far rows may be from an even raster, over the interval, to be used as they are."""
+LATE, EVEN = 1.5, 0.01
+"""Time between two rows over the usual one from which a row has been lost; how far rows may be from
+an even raster, over the interval, to be used as they are."""
 
 SETTLING = 0.5
 """After a gap in which a voltage changed: until its clutch has settled [s]."""
@@ -69,20 +65,13 @@ SETTLING = 0.5
 MIN_DURATION, MAX_DURATION = 5.0, 600.0
 """Duration of a log [s]."""
 
-MAX_SPEED = 50.0
-"""Fastest turn of a link between two rows [rad/s]: faster are degrees, or an angle wraps."""
+MAX_SPEED, MIN_TURN = 50.0, 1e-3
+"""Fastest turn of a link between two rows [rad/s], as faster are degrees or an angle that wraps;
+shortest time over which that is judged [s], as rows may be logged in bursts."""
 
-MIN_TURN = 1e-3
-"""Shortest time over which that is judged [s]: rows may be logged in bursts."""
-
-ROUNDING = 1e-9
-"""Differences of angles that are none [rad]."""
-
-COMPLETE = 0.9
-"""Share of filled entries from which all columns of a row were read at its time."""
-
-COARSE = 0.3
-"""Share of rows stamped with others from which the clock is coarse."""
+ROUNDING, COMPLETE = 1e-9, 0.9
+"""Differences of angles that are none [rad]; share of filled entries from which all columns of a
+row were read at its time."""
 
 MAX_LISTED = 5
 """Gaps that are named one by one."""
@@ -108,9 +97,6 @@ class Log:
         Indices of rows that lie in gaps.
     angle_step
         Resolution of the angles before they were interpolated [rad]; 0 if they were not.
-    drift
-        Longest less shortest period of the logger's clock, as means over a second, over the usual
-        one.
     remarks
         What was assumed or interpolated, as sentences.
     """
@@ -122,7 +108,6 @@ class Log:
     name: str = "log"
     unmeasured: Rows = field(default_factory=lambda: np.empty(0, np.int64))
     angle_step: float = 0.0
-    drift: float = 0.0
     remarks: tuple[str, ...] = ()
 
     @property
@@ -137,12 +122,8 @@ class Log:
 
     def is_clear(self, margin: int) -> Flags:
         """Return which rows are more than ``margin`` rows away from any gap, shape (rows,)."""
-        from scipy import ndimage
-
-        morphology: Any = ndimage
-        gaps = np.zeros(len(self.theta), np.bool_)
-        gaps[self.unmeasured] = True
-        return ~morphology.binary_dilation(gaps, iterations=margin) if margin else ~gaps
+        gaps = np.isin(np.arange(len(self.theta)), self.unmeasured)
+        return np.convolve(gaps, np.ones(2 * margin + 1), "same") < 0.5
 
 
 def read_log(
@@ -176,14 +157,14 @@ def read_log(
         column and line.
     """
     file = find_path("log", path)
-    columns_of_file, lines, remarks = _read_columns(file, dict(columns or {}))
-    times, unit = in_seconds(columns_of_file.pop(TIME))
+    found, lines, remarks = _read_columns(file, dict(columns or {}))
+    times, unit = in_seconds(found.pop(TIME))
     if unit != "seconds":
         remarks.append(f"{TIME} is taken as {unit}, by the mean time between rows.")
     if not MIN_DURATION <= times[-1] <= MAX_DURATION:
         accepted = f"{TIME} must span {MIN_DURATION:g} to {MAX_DURATION:g} s"
         raise ParameterError(f"{file}: {accepted}, got {times[-1]:g}")
-    known = {name: np.isfinite(values) for name, values in columns_of_file.items()}
+    known = {name: np.isfinite(values) for name, values in found.items()}
     if np.mean([known[name] for name in (*ANGLES, *FORCES)]) > COMPLETE:
         times, shared = _spread(times)
         if shared:
@@ -195,19 +176,17 @@ def read_log(
         if usual > MAX_INTERVAL * (1.0 + 1e-3):
             accepted = f"{name} must be given at least each {MAX_INTERVAL:g} s of {TIME}"
             raise ParameterError(f"{file}: {accepted}, got {usual:g}")
-    scale = np.radians(1.0) if degrees else 1.0
     for name in ANGLES:
-        at, angles = known[name], scale * columns_of_file[name][known[name]]
-        fast = np.abs(np.diff(angles)) > MAX_SPEED * np.maximum(np.diff(clocks[name]), MIN_TURN)
+        found[name] *= np.radians(1.0) if degrees else 1.0
+        turns = np.abs(np.diff(found[name][known[name]]))
+        fast = turns > MAX_SPEED * np.maximum(np.diff(clocks[name]), MIN_TURN)
         accepted = f"{name} must turn by at most {MAX_SPEED:g} rad/s: radians, without wrapping"
-        _refuse_rows(file, lines[at][1:], fast, accepted)
-    log = _on_raster(times, columns_of_file, clocks, remarks)
-    theta = scale * log.theta
+        _refuse_rows(file, lines[known[name]][1:], fast, accepted)
+    log = _on_raster(times, found, clocks, remarks)
     if relative_b:
-        theta[:, 1] += theta[:, 0]
-    remarks_of_file = tuple(f"{file.name}: {remark}" for remark in log.remarks)
-    step = scale * log.angle_step
-    return replace(log, theta=theta, name=file.name, remarks=remarks_of_file, angle_step=step)
+        log.theta[:, 1] += log.theta[:, 0]
+    named = tuple(f"{file.name}: {remark}" for remark in log.remarks)
+    return replace(log, name=file.name, remarks=named)
 
 
 def _read_columns(file: Path, renamed: dict[str, str]) -> tuple[dict[str, Array], Rows, list[str]]:
@@ -230,8 +209,8 @@ def _read_columns(file: Path, renamed: dict[str, str]) -> tuple[dict[str, Array]
     if len(lines) < 3:
         raise ParameterError(f"{file} must have at least 3 rows, got {len(lines)}")
     values = {name: table.columns.get(in_file[name], np.zeros(len(lines))) for name in COLUMNS}
-    for name, unit in list(UNITS.items())[1:]:
-        low, high = RANGES[unit]
+    for name in COLUMNS[1:]:
+        low, high = RANGES[UNITS[name]]
         wrong = (values[name] < low) | (values[name] > high)
         _refuse_rows(file, lines, wrong, f"{name} must be in [{low:g}, {high:g}]")
     _refuse_rows(file, lines, np.isnan(values[TIME]), f"{TIME} must be a number")
@@ -278,11 +257,8 @@ def _spread(times: Array) -> tuple[Array, int]:
 
 def write_log(log: Log, path: FilePath) -> None:
     """Write a log as CSV; ``read_log`` reads it back."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(COLUMNS)
-    rows = np.column_stack([log.times, log.volts, log.theta, log.force])
-    table.writerows([f"{value:.9g}" for value in row] for row in rows.tolist())
+    text, table = io.StringIO(), np.column_stack([log.times, log.volts, log.theta, log.force])
+    np.savetxt(text, table, "%.9g", ",", header=",".join(COLUMNS), comments="")
     write_text_atomic(path, text.getvalue())
 
 
@@ -302,27 +278,22 @@ def join_logs(logs: Sequence[Log]) -> Log:
     if sum(log.duration for log in logs) > MAX_DURATION:
         raise ParameterError(f"log: all logs together must last at most {MAX_DURATION:g} s")
     interval = max(log.interval for log in logs)
-    joined = _resampled(logs[0], interval)
-    for log in logs[1:]:
-        joined = _joined(joined, _resampled(log, interval))
-    return joined
+    return reduce(_joined, [_resampled(log, interval) for log in logs])
 
 
 def _joined(log: Log, other: Log) -> Log:
     """Return two logs of one interval as one."""
     pause, begin = round(SETTLING / log.interval), len(log.theta)
     between = cast(Array, np.linspace(log.theta[-1], other.theta[0], pause))
+    gap = begin + np.arange(pause)
     return Log(
         interval=log.interval,
         volts=np.concatenate([log.volts, np.tile(other.volts[0], (pause, 1)), other.volts]),
         theta=np.concatenate([log.theta, between, other.theta]),
         force=np.concatenate([log.force, np.zeros((pause, 2)), other.force]),
         name=f"{log.name} and {other.name}",
-        unmeasured=np.concatenate(
-            [log.unmeasured, begin + np.arange(pause), begin + pause + other.unmeasured]
-        ),
+        unmeasured=np.concatenate([log.unmeasured, gap, begin + pause + other.unmeasured]),
         angle_step=max(log.angle_step, other.angle_step),
-        drift=max(log.drift, other.drift),
         remarks=(*log.remarks, *other.remarks),
     )
 
@@ -333,21 +304,18 @@ def _resampled(log: Log, interval: float) -> Log:
         return log
     times = interval * np.arange(int(log.duration / interval + 1e-6) + 1, dtype=np.float64)
     gaps = (log.unmeasured * (log.interval / interval)).astype(np.int64)
+    both = np.column_stack([log.theta, log.force])
+    columns: list[Array] = [np.interp(times, log.times, values) for values in both.T]
+    moved = np.column_stack(columns)
     return replace(
         log,
         interval=interval,
         volts=np.column_stack([_mean_volts(times, log.times, volts) for volts in log.volts.T]),
-        theta=interpolated(times, log.times, log.theta),
-        force=interpolated(times, log.times, log.force),
+        theta=moved[:, :2],
+        force=moved[:, 2:],
         unmeasured=np.unique(gaps[:, None] + [0, 1]).clip(max=len(times) - 1),
         angle_step=log.angle_step or angle_step(*log.theta.T),
     )
-
-
-def interpolated(when: Array, times: Array, columns: Array) -> Array:
-    """Return columns of values at ``times``, shape (T, k), between these times, shape (N, k)."""
-    parts: list[Array] = [np.interp(when, times, values) for values in columns.T]
-    return np.column_stack(parts)
 
 
 def angle_step(*angles: Array) -> float:
@@ -377,9 +345,7 @@ def _on_raster(
         all(each.all() for each in known.values())
         and np.abs(times - even * np.arange(len(times))).max() <= EVEN * even
     ):
-        theta, force = (np.column_stack([found[n] for n in names]) for names in (ANGLES, FORCES))
-        held = np.column_stack(list(volts.values()))
-        return Log(interval=even, volts=held, theta=theta, force=force, remarks=tuple(remarks))
+        return _log_of({**found, **volts}, interval=even, remarks=tuple(remarks))
     step = np.diff(clocks[ANGLES[0]])
     step = step[step <= LATE * np.median(step) * (1.0 + 1e-6)]
     interval = float(np.mean(step))
@@ -387,11 +353,10 @@ def _on_raster(
     gaps: list[tuple[float, float]] = []
     columns: dict[str, Array] = {}
     for name, values in volts.items():
-        if not len(values):
-            columns[name] = np.zeros_like(raster)
-            continue
-        when = times[known[name]]
-        columns[name] = _mean_volts(raster, np.append(0.0, when), np.append(values[0], values))
+        columns[name] = np.zeros_like(raster)
+        if len(values):
+            when = np.append(0.0, times[known[name]])
+            columns[name] = _mean_volts(raster, when, np.append(values[0], values))
     # voltages that have a row where one changes are known at their own times, others in between
     commanded: Flags = np.any([known[name] for name in VOLTS], axis=0)
     when, apart = times[commanded], np.diff(times[commanded])
@@ -414,24 +379,26 @@ def _on_raster(
     for begin, end in gaps:
         unmeasured |= (raster > begin) & (raster < end)
     periods = [np.mean(part) for part in np.array_split(step, max(1, int(times[-1])))]
-    drift = float(np.ptp(periods) / interval)
     remarks.append(
         f"rows were interpolated to {1e3 * interval:.6g} ms; "
-        f"the clock's period varies by {100 * drift:.2g} %."
+        f"the clock's period varies by {100 * np.ptp(periods) / interval:.2g} %."
     )
     if gaps:
-        places = [f"{place:.2f}" for place in sorted({max(begin, 0.0) for begin, _ in gaps})]
-        places = list(dict.fromkeys(places))
+        places = list(dict.fromkeys(f"{max(begin, 0.0):.2f}" for begin, _ in sorted(gaps)))
         more = f" and {len(places) - MAX_LISTED} more" if len(places) > MAX_LISTED else ""
         listed = ", ".join(places[:MAX_LISTED])
         remarks.append(f"rows are missing at {listed} s{more}; windows with these are left out.")
-    return Log(
+    return _log_of(
+        columns,
         interval=interval,
-        volts=np.column_stack([columns[name] for name in VOLTS]),
-        theta=np.column_stack([columns[name] for name in ANGLES]),
-        force=np.column_stack([columns[name] for name in FORCES]),
         unmeasured=np.flatnonzero(unmeasured),
         angle_step=angle_step(*(found[name][known[name]] for name in ANGLES)),
-        drift=drift,
         remarks=tuple(remarks),
     )
+
+
+def _log_of(columns: Mapping[str, Array], **others: Any) -> Log:
+    volts, theta, force = (
+        np.column_stack([columns[name] for name in names]) for names in (VOLTS, ANGLES, FORCES)
+    )
+    return Log(volts=volts, theta=theta, force=force, **others)

@@ -25,23 +25,18 @@ def picture(found: Identification) -> Figure:
     curves.axvspan(top, clutch.voltage_max, color=MUTED, alpha=0.12, linewidth=0.0)
     for x, scale in enumerate(found.machine.clutch_scale[: len(found.machine.clutches)]):
         torque = [scale * clutch.dynamic.torque(v) for v in volts]
-        curves.plot(
-            volts, torque, color=CLUTCH_COLOURS[x], linestyle="-", label=f"clutch {x + 1}, $T_k$"
-        )
-    mean, start = (
-        [clutch.breakaway.torque(v) for v in volts],
-        [before.dynamic.torque(v) for v in volts],
-    )
-    curves.plot(volts, mean, color=REFERENCE, linestyle="--", label="mean, $T_s$")
-    curves.plot(volts, start, color=MUTED, linestyle=":", label="start, $T_k$")
+        curves.plot(volts, torque, "-", color=CLUTCH_COLOURS[x], label=f"clutch {x + 1}, $T_k$")
+    for curve, style, colour, name in (
+        (clutch.breakaway, "--", REFERENCE, "mean, $T_s$"),
+        (before.dynamic, ":", MUTED, "start, $T_k$"),
+    ):
+        curves.plot(volts, [curve.torque(v) for v in volts], style, color=colour, label=name)
     for finding in found.findings:
-        share = finding.quantity.name.removeprefix("torque_")
+        share, value = finding.quantity.name.removeprefix("torque_"), finding.quantity.value
         if share.isdigit():
             half = finding.half_width if np.isfinite(finding.half_width) else 0.0
-            place = 0.01 * float(share) * top
-            curves.errorbar(
-                place, finding.quantity.value, yerr=half, fmt="o", markersize=3.5, color=REFERENCE
-            )
+            look = {"fmt": "o", "markersize": 3.5, "color": REFERENCE}
+            curves.errorbar(0.01 * float(share) * top, value, yerr=half, **look)
     curves.legend()
     curves.set_xlim(0.0, clutch.voltage_max)
     curves.set_ylim(0.0)
@@ -51,10 +46,8 @@ def picture(found: Identification) -> Figure:
     times = found.log.interval * (windows.first[:, None] + np.arange(1, windows.length + 1))
     largest = max(float(np.nanpercentile(np.abs(off), 99.7)), 4e3 * windows.noise)
     for k, name in enumerate(("θA", "θB")):
-        look = {"color": CLUTCH_COLOURS[k], "markersize": 1.2, "alpha": 0.6}
-        residuals.plot(
-            times.ravel(), off[:, :, k].ravel(), ".", label=name, rasterized=True, **look
-        )
+        look = {"color": CLUTCH_COLOURS[k], "markersize": 1.2, "alpha": 0.6, "rasterized": True}
+        residuals.plot(times.ravel(), off[:, :, k].ravel(), ".", label=name, **look)
     residuals.set_ylim(-largest, largest)
     residuals.legend(ncols=2, markerscale=6.0)
     label(residuals, "time [s]", "measured − predicted [mrad]")

@@ -19,7 +19,6 @@ from pter_gym._physics.step import arrangement_from
 from pter_gym._physics.step import paper_clutches as no_arrangement
 from pter_gym.gradients._tangent import substep_tangents
 from pter_gym.tools.identification import parameters as at
-from pter_gym.tools.identification.log import interpolated
 from pter_gym.tools.identification.parameters import Shape
 
 Array = NDArray[np.float64]
@@ -30,11 +29,11 @@ MAX_SUBSTEP = 0.5e-3
 ORDER = (
     *(*at.SLOPES, at.EXTRA, at.KNEE, at.RATIO, at.TIME_CONSTANT, at.DELAY),
     *(at.OFF_STATE, at.STRIBECK, at.FALL_RATIO),
-    *(*range(at.SLOPES[0]), *at.DRY, *at.VISCOUS, *at.OFFSET),
+    *(*range(at.SLOPES[0]), *at.DRY, *at.VISCOUS, *at.OFFSET, at.FORCE_DELAY),
 )
 """Coordinates in the order of the kernel's lanes: those of the clutches come first."""
 
-DELAY_LANE = ORDER.index(at.DELAY)
+DELAY_LANE, FORCE_LANE = ORDER.index(at.DELAY), ORDER.index(at.FORCE_DELAY)
 TORQUE_LANES = 12
 """Lanes in which clutches have tangents: those of the clutches' coordinates, in whole vectors."""
 
@@ -50,49 +49,47 @@ advance: Any = None
 
 @dataclass(frozen=True)
 class LogInputs:
-    """What drives the model, for each substep.
+    """What drives the model: voltages [V], which are held, (rows, 4), and forces [N], (rows, 2).
 
-    Attributes
-    ----------
-    step
-        Substep [s]; a row of the log takes ``substeps`` of them.
-    substeps
-        Substeps between two rows of the log.
-    charge
-        Integral of the recorded voltages from the beginning on [V·s], shape (rows, 4).
-    force
-        Force on the tip in the middle of each substep [N], shape (substeps in all, 2).
+    A row takes ``substeps`` substeps of ``step`` seconds. All that is returned has a row for each
+    substep, and comes with its derivative by the delay, per second.
     """
 
     step: float
     substeps: int
-    charge: Array
+    volts: Array
     force: Array
 
-    def volts(self, delay: float) -> tuple[Array, Array]:
-        """Return the delayed mean voltage of each substep [V], and its derivative by the delay.
+    @property
+    def _ends(self) -> Array:
+        """Times at which substeps end, from the beginning [s]."""
+        return self.step * np.arange(self.substeps * (len(self.force) - 1) + 1, dtype=np.float64)
 
-        Both have the shape (substeps, 4).
-        """
+    def delayed_volts(self, delay: float) -> tuple[Array, Array]:
+        """Return the mean voltages [V] of substeps if they act later, shapes (substeps, 4)."""
         interval = self.step * self.substeps
-        held = np.diff(self.charge, axis=0) / interval
-        ends = self.step * np.arange(len(self.force) + 1, dtype=np.float64) - delay
-        row = np.floor(ends / interval).astype(int).clip(0, len(held) - 1)
-        passed = self.charge[row] + held[row] * (ends - interval * row)[:, None]
-        volts = np.maximum(np.diff(passed, axis=0) / self.step, 0.0)
-        return volts, -np.diff(held[row], axis=0) / self.step
+        charge = np.concatenate([np.zeros((1, 4)), np.cumsum(interval * self.volts[:-1], axis=0)])
+        ends = self._ends - delay
+        row = np.floor(ends / interval).astype(int).clip(0, len(charge) - 2)
+        passed = charge[row] + self.volts[row] * (ends - interval * row)[:, None]
+        means = np.maximum(np.diff(passed, axis=0) / self.step, 0.0)
+        return means, -np.diff(self.volts[row], axis=0) / self.step
+
+    def early_force(self, delay: float) -> tuple[Array, Array]:
+        """Return forces [N] amid substeps if they were recorded late, shapes (substeps, 2)."""
+        place = (self._ends[:-1] + 0.5 * self.step + delay) / (self.step * self.substeps)
+        row = np.floor(place).astype(int).clip(0, len(self.force) - 2)
+        rise = np.diff(self.force, axis=0)[row]
+        within = (place - row).clip(0.0, 1.0)[:, None]
+        return self.force[row] + within * rise, rise / (self.step * self.substeps)
 
 
 def make_inputs(
     interval: float, volts: Array, force: Array, longest: float = MAX_SUBSTEP
 ) -> LogInputs:
-    """Return the model's inputs from rows of voltages [V], which are held, and forces [N]."""
+    """Return the model's inputs from rows of voltages [V] and forces [N]."""
     substeps = int(np.ceil(interval / longest - 1e-9))
-    step = interval / substeps
-    charge = np.concatenate([np.zeros((1, 4)), np.cumsum(interval * volts[:-1], axis=0)])
-    times = interval * np.arange(len(force), dtype=np.float64)
-    middles = step * (np.arange(substeps * (len(force) - 1), dtype=np.float64) + 0.5)
-    return LogInputs(step, substeps, charge, interpolated(middles, times, force))
+    return LogInputs(interval / substeps, substeps, volts, force)
 
 
 def predict(shape: Shape, p: Array, inputs: LogInputs, starts: Array, length: int) -> Array:
@@ -101,7 +98,7 @@ def predict(shape: Shape, p: Array, inputs: LogInputs, starts: Array, length: in
     Parameters
     ----------
     shape, p
-        Coordinates and what they mean, shape (21,).
+        Coordinates and what they mean, shape (22,).
     inputs
         Voltages and forces.
     starts
@@ -118,9 +115,10 @@ def differentiate(
 ) -> tuple[Array, Array, Array]:
     """Return what ``predict`` does, and its exact derivatives by the coordinates and the starts.
 
-    Shapes (windows, length, 2), (windows, length, 2, 21) and (windows, length, 2, 4).
+    Shapes (windows, length, 2), (windows, length, 2, 22) and (windows, length, 2, 4).
     """
-    tangents, volts = np.zeros((BODY_WIDTH, LANES)), inputs.volts(float(p[at.DELAY]))[0][0]
+    tangents = np.zeros((BODY_WIDTH, LANES))
+    volts = inputs.delayed_volts(float(p[at.DELAY]))[0][0]
     for lane, i in enumerate(ORDER):
         change = SMALL * at.STEPS[i] * np.eye(at.COUNT)[i]
         high, low = ((p + e * change).clip(at.LOWEST, shape.highest) for e in (1.0, -1.0))
@@ -144,11 +142,12 @@ def _body(shape: Shape, p: Array, inputs: LogInputs, volts: Array) -> Array:
 def _run(
     shape: Shape, p: Array, tangents: Array, inputs: LogInputs, starts: Array, length: int
 ) -> tuple[Array, Array]:
-    volts, by_delay = inputs.volts(float(p[at.DELAY]))
+    volts = inputs.delayed_volts(float(p[at.DELAY]))
+    force = inputs.early_force(float(p[at.FORCE_DELAY]))
     record = np.empty((len(starts), length, 2))
     by = np.empty((*record.shape, tangents.shape[1]))
     _kernel(paper_clutches=shape.start.has_paper_clutches)(
-        *(_body(shape, p, inputs, volts[0]), tangents, volts, by_delay, inputs.force, starts),
+        *(_body(shape, p, inputs, volts[0][0]), tangents, *volts, *force, starts),
         *(inputs.step, inputs.substeps, record, by),
     )
     return record, by
@@ -170,14 +169,20 @@ def _begin(body: Any, dot: Any, a: float, b: float, omega_a: float, omega_b: flo
 
 
 @inlined
-def _command(body: Any, dot: Any, volts: Any, by_delay: Any, k: int) -> bool:
-    """Give a substep its voltages; return whether they, or their derivatives, have changed."""
-    changed = k == 0
+def _drive(
+    body: Any, dot: Any, volts: Any, volts_by: Any, force: Any, force_by: Any, k: int
+) -> bool:
+    """Give a substep its inputs; return whether voltages, or their derivatives, have changed."""
+    changed, lanes = k == 0, dot.shape[1]
     for x in range(4):
-        changed |= (volts[k, x] != volts[k - 1, x]) | (by_delay[k, x] != by_delay[k - 1, x])
+        changed |= (volts[k, x] != volts[k - 1, x]) | (volts_by[k, x] != volts_by[k - 1, x])
         body[BODY.command.x1 + x, 0] = volts[k, x]
-        if dot.shape[1] > 0:
-            dot[BODY.command.x1 + x, DELAY_LANE] = by_delay[k, x]
+        if lanes > 0:
+            dot[BODY.command.x1 + x, DELAY_LANE] = volts_by[k, x]
+    for i in range(2):
+        body[BODY.load.force_x + i, 0] = force[k, i]
+        if lanes > 0:
+            dot[BODY.load.force_x + i, FORCE_LANE] = force_by[k, i]
     return changed
 
 
@@ -186,8 +191,9 @@ def _build(digest: str) -> Any:
         machine: Any,
         tangents: Any,
         volts: Any,
-        by_delay: Any,
+        volts_by: Any,
         force: Any,
+        force_by: Any,
         starts: Any,
         h: float,
         substeps: int,
@@ -206,11 +212,7 @@ def _build(digest: str) -> Any:
             _begin(body, dot, start[0], start[1], start[2], start[3])
             for row in range(record.shape[1]):
                 for _substep in range(substeps):
-                    changed = _command(body, dot, volts, by_delay, k)
-                    body[BODY.load.force_x, 0], body[BODY.load.force_y, 0] = (
-                        force[k, 0],
-                        force[k, 1],
-                    )
+                    changed = _drive(body, dot, volts, volts_by, force, force_by, k)
                     advance(body, dot, h, changed)
                     k += 1
                 for link in range(2):

@@ -1,6 +1,5 @@
 """A log cut into windows: where each begins, which clutches hold then, and the angles."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,9 +21,8 @@ DURATION = 0.2
 """Length of a window [s]: angles tell accelerations well within it."""
 
 CUTOFF = 200.0
-"""Cutoff frequency of the forces [Hz]: a log of up to 500 rows a second is not filtered. A filter
-cuts off the hand's peaks, so that clutches break away too late; 120 Hz makes the breakaway torque
-0.1 % too small."""
+"""Of the forces' filter [Hz], for logs of more than 500 rows a second. A filter cuts off the hand's
+peaks, so clutches break away too late; 120 Hz makes the breakaway torque 0.1 % too small."""
 
 SMOOTHING = 0.024
 """Half the length of the angles' smoothing [s], which gives velocities at starts of windows."""
@@ -38,11 +36,8 @@ INDEPENDENT = 0.006
 SHAKES = 4
 """How often noise is added to the forces, to see which windows it rules."""
 
-ENGAGED = 0.3
-"""Lagged voltage from which a clutch can hold [V]."""
-
-SLIPPING = 0.2
-"""Slip velocity from which a clutch surely slips [rad/s]."""
+ENGAGED, SLIPPING = 0.3, 0.2
+"""Lagged voltage from which a clutch can hold [V], slip from which it surely slips [rad/s]."""
 
 SUBSTEP = 1.02 * MAX_SUBSTEP
 """Longest substep of the model [s]: a logger's slow clock costs no further substeps."""
@@ -68,33 +63,15 @@ class Smoothed:
 
 @dataclass(frozen=True)
 class Windows:
-    """The log as the fit sees it.
+    """The log as the fit sees it: windows begin with the rows ``first`` and have ``length`` more.
 
-    Attributes
-    ----------
-    length
-        Rows of a window after its first.
-    first
-        Rows with which windows begin, shape (windows,).
-    measured
-        Angles [rad], shape (windows, length, 2).
-    starts
-        Angles [rad] and velocities [rad/s] at the beginning, shape (windows, 4).
-    uncertain
-        Changes of a start that are admitted, as columns, zero where a clutch holds, shape (windows,
-        4, 4).
-    used
-        Whether a window is used: it is not where it holds a gap of the log, or where nobody can
-        tell from the angles whether a clutch holds as it begins.
-    gaps
-        How many windows hold a gap.
-    inputs, finer, harder
-        Of the model: as recorded, with half the substep, and with forces larger by ``GAIN``.
-    shaken
-        Inputs with more noise of the forces, as much as they have: what they change, no fit can
-        tell.
-    noise
-        Standard deviation of the angles [rad].
+    Angles are ``measured`` there [rad], (windows, length, 2), with the standard deviation
+    ``noise``. ``starts`` are angles and velocities [rad, rad/s] at the beginning, (windows, 4), and
+    ``uncertain`` has as columns the changes that these admit, zero where a clutch holds. A window
+    is not ``used`` if it holds a gap of the log, as ``gaps`` of them do, or if nobody can tell from
+    the angles whether a clutch holds as it begins. The model's ``inputs`` are also there with half
+    the substep, with forces larger by ``GAIN``, and shaken: with more noise of the forces, as much
+    as they have. What that changes, no fit can tell.
     """
 
     length: int
@@ -118,16 +95,10 @@ def smooth(log: Log) -> Smoothed:
     theta = _SIGNAL.savgol_filter(log.theta, width, 2, axis=0)
     omega = _SIGNAL.savgol_filter(log.theta, width, 2, deriv=1, delta=log.interval, axis=0)
     alpha = _SIGNAL.savgol_filter(log.theta, 2 * width - 1, 3, deriv=2, delta=log.interval, axis=0)
-    return Smoothed(theta, omega, alpha, _noise(log, theta), half)
-
-
-def _noise(log: Log, smoothed: Array) -> float:
-    """Return the standard deviation of the angles' noise [rad], at least an encoder's."""
     rough = np.diff(log.theta[:: _independent(log)], 3, axis=0) / np.sqrt(20.0)
-    spread = min(
-        float(np.median(np.abs(values))) / 0.6745 for values in (log.theta - smoothed, rough)
-    )
-    return max(spread, (log.angle_step or angle_step(*log.theta.T)) / np.sqrt(12.0), 1e-7)
+    noise = min(float(np.median(np.abs(each))) / 0.6745 for each in (log.theta - theta, rough))
+    least = (log.angle_step or angle_step(*log.theta.T)) / np.sqrt(12.0)  # that of an encoder
+    return Smoothed(theta, omega, alpha, max(noise, least, 1e-7), half)
 
 
 def _independent(log: Log) -> int:
@@ -135,12 +106,12 @@ def _independent(log: Log) -> int:
     return max(1, round(INDEPENDENT / log.interval)) if log.angle_step else 1
 
 
-def smooth_force(log: Log) -> Array:
-    """Return the forces [N] without what is faster than a hand."""
+def smooth_force(log: Log, force: Array) -> Array:
+    """Return forces [N] at the rows of a log without what is faster than a hand."""
     if CUTOFF * log.interval >= 0.4:
-        return log.force
+        return force
     low = _SIGNAL.butter(2, 2.0 * CUTOFF * log.interval)
-    return _SIGNAL.filtfilt(low[0], low[1], log.force, axis=0)
+    return _SIGNAL.filtfilt(low[0], low[1], force, axis=0)
 
 
 def lagged(log: Log, values: Array, time_constant: float) -> Array:
@@ -187,11 +158,11 @@ def cut(log: Log, motion: Smoothed, start: Machine, time_constant: float) -> Win
     uncertain = np.zeros((len(first), 4, 4))
     uncertain[:, 0, 0] = uncertain[:, 1, 1] = 1.0
     uncertain[:, 2:, 2:] = free
-    force, shaken = smooth_force(log), [smooth_force(each) for each in _shaken_logs(log)]
-
-    def inputs(force: Array, substep: float = SUBSTEP) -> LogInputs:
-        return make_inputs(log.interval, log.volts, force, substep)
-
+    inputs = make_inputs(log.interval, log.volts, smooth_force(log, log.force), SUBSTEP)
+    spread = np.median(np.abs(np.diff(log.force[:: _independent(log)], 2, axis=0)), axis=0)
+    spread *= (1.5 if log.angle_step else 1.0) ** 0.5 / (0.6745 * np.sqrt(6.0))  # less between rows
+    rng = np.random.default_rng(0)
+    more = [log.force + spread * rng.standard_normal(log.force.shape) for _ in range(SHAKES)]
     return Windows(
         length=length,
         first=first,
@@ -200,23 +171,12 @@ def cut(log: Log, motion: Smoothed, start: Machine, time_constant: float) -> Win
         uncertain=uncertain,
         used=~ambiguous[first] & ~gap,
         gaps=int(gap.sum()),
-        inputs=inputs(force),
-        finer=inputs(force, 0.5 * SUBSTEP),
-        harder=inputs((1.0 + GAIN) * force),
-        shaken=tuple(inputs(each) for each in shaken),
+        inputs=inputs,
+        finer=replace(inputs, step=0.5 * inputs.step, substeps=2 * inputs.substeps),
+        harder=replace(inputs, force=(1.0 + GAIN) * inputs.force),
+        shaken=tuple(replace(inputs, force=smooth_force(log, each)) for each in more),
         noise=motion.noise,
     )
-
-
-def _shaken_logs(log: Log) -> Iterator[Log]:
-    """Yield the log with as much noise added to its forces as they have."""
-    rough = np.median(np.abs(np.diff(log.force[:: _independent(log)], 2, axis=0)), axis=0)
-    noise = (
-        rough / (0.6745 * np.sqrt(6.0)) * (np.sqrt(1.5) if log.angle_step else 1.0)
-    )  # less of it is left between rows
-    rng = np.random.default_rng(0)
-    for _ in range(SHAKES):
-        yield replace(log, force=log.force + noise * rng.standard_normal(log.force.shape))
 
 
 def _holding(
@@ -235,9 +195,8 @@ def _holding(
 
 def _admitted(omega: Array, held: Flags, w: Array) -> tuple[Array, Array]:
     """Return velocities that held clutches admit, (N, 2), and the directions left, (N, 2, 2)."""
-    same = (
-        (w[:, None] == w).all(axis=2).argmax(axis=1)
-    )  # clutches of equal rows leave the same line
+    # clutches of equal rows leave the same line
+    same = (w[:, None] == w).all(axis=2).argmax(axis=1)
     held = np.stack([held[:, same == x].any(axis=1) for x in range(len(w))], axis=1)
     many = held.sum(axis=1)
     lines = w[:, ::-1] * (-1.0, 1.0) / np.linalg.norm(w, axis=1, keepdims=True)

@@ -23,7 +23,7 @@ TRIALS = 3000
 """Gains to try for a law, a scenario and a pace."""
 
 EPISODES = 200
-"""Training draws of a trial."""
+"""Training episodes of a trial."""
 
 FINALISTS = 40
 """The best trials, which are judged again on other draws; the best there is the result."""
@@ -97,7 +97,7 @@ def tune(
     trials
         Gains to try.
     episodes
-        Training draws for each trial.
+        Training episodes for each trial.
     storage
         File of the trials in Optuna's journal format, created if necessary.
     seed

@@ -32,7 +32,7 @@ from pter_gym.scenarios import PACES
 from pter_gym.scenarios._variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, context_of
-from pter_gym.tasks.path_following._rules import ALLOWANCE, START
+from pter_gym.tasks.path_following._pace import ALLOWANCE, START
 from pter_gym.tasks.path_following._specification import largest_error_max
 
 POINTER = RecordedForces(times=(0.0,), along=(0.0,), across=(0.0,))

@@ -13,11 +13,11 @@ from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.errors import ParameterError
 from pter_gym.params import ACTUATORS, BASELINE, Arm, MachineSpread
 from pter_gym.tools.device import examine_device
+from pter_gym.tools.device.data_sheet import find_device, machine_of_sheet
 from pter_gym.tools.device.measures import FREQUENCY, SHAKE, _free_impedance
-from pter_gym.tools.device.promise import SEED as PROMISE_SEED
 from pter_gym.tools.device.promise import MIN_DRAWS, make_promise, order_of
+from pter_gym.tools.device.promise import SEED as PROMISE_SEED
 from pter_gym.tools.device.report import SCENARIOS
-from pter_gym.tools.device.sheet import find_device, machine_of_sheet
 
 THETA = np.array([0.4, 0.4 + math.pi / 2])
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from pter_gym._compiled.layout import Layout
 from pter_gym._internal.checks import whole_number
 from pter_gym.controllers import Controller, Policy
-from pter_gym.envs._acting import check_wrappers
 from pter_gym.envs._base_law import BaseLaw, bind_base_law, seen_with
+from pter_gym.envs._policies import check_wrappers
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, SLOTS, Machine, require
 from pter_gym.tasks.path_following import Sensors, observation_layout

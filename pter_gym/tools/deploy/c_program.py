@@ -28,8 +28,8 @@ from pter_gym.paths import find_path as find_curve
 from pter_gym.policies import TrainedPolicy
 from pter_gym.tasks.path_following import PathFollowing, observation_layout
 from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Observation, Reading
+from pter_gym.tools.deploy.c_translator import Program
 from pter_gym.tools.deploy.functions import arctangent, command, cosine, encoder, observe, sine
-from pter_gym.tools.deploy.translating import Program
 from pter_gym.tools.deploy.values import Array, ConstantTable, Expression, Region
 
 STATIC = Path(__file__).parent / "static"
