@@ -59,7 +59,7 @@ class SharedConstants(NamedTuple):
     shares: jax.Array
 
 
-class WorldsState(NamedTuple):
+class RolloutState(NamedTuple):
     """The changing state; the first axis is always the worlds.
 
     Attributes
@@ -136,11 +136,11 @@ class JaxWorlds:
             jnp.asarray(1.0 / np.array(interface.averages), jnp.float32),
         )
 
-    def reset(self, shared: SharedConstants, seeds: jax.Array) -> WorldsState:
+    def reset(self, shared: SharedConstants, seeds: jax.Array) -> RolloutState:
         """Return new worlds from the two halves of each world's seed, uint32 (N, 2)."""
         obs, env = jax.vmap(self._env.reset_to_seed, (0, None))(seeds, shared.params)
         count, inputs = len(obs), len(shared.present.entries)
-        state = WorldsState(
+        state = RolloutState(
             env,
             jnp.zeros((count, int(self._ages[-1]) + 1, inputs)),
             jnp.zeros((count, len(shared.shares), inputs)),
@@ -151,8 +151,8 @@ class JaxWorlds:
         return self._see(shared, state, obs, jnp.ones(count, bool))
 
     def step(
-        self, shared: SharedConstants, state: WorldsState, outputs: jax.Array
-    ) -> tuple[WorldsState, Step]:
+        self, shared: SharedConstants, state: RolloutState, outputs: jax.Array
+    ) -> tuple[RolloutState, Step]:
         """Advance all worlds by one step, the network's outputs (N, clutches)."""
         step = jax.vmap(self._env.step, (None, 0, 0, None))
         volts = to_volts(outputs, state.base, self._interface)
@@ -163,20 +163,20 @@ class JaxWorlds:
         paces = last_obs[:, self._pace] * shared.obs_scales[self._pace]
         return after, Step(rewards, paces, terminated, truncated, last_obs)
 
-    def inputs(self, state: WorldsState) -> jax.Array:
+    def inputs(self, state: RolloutState) -> jax.Array:
         """Return the networks' inputs, (N, size): the policy's, then the value network's own."""
         seen = jnp.concatenate([state.rows[:, self._ages], state.means], axis=1)
         return jnp.concatenate([seen.reshape(len(seen), -1), state.known], axis=1)
 
     def last_inputs(
-        self, shared: SharedConstants, before: WorldsState, obs: jax.Array
+        self, shared: SharedConstants, before: RolloutState, obs: jax.Array
     ) -> jax.Array:
         """Return the networks' inputs for a last observation, from the state one step earlier."""
         return self.inputs(self._see(shared, before, obs, jnp.zeros(len(obs), bool)))
 
     def _see(
-        self, shared: SharedConstants, state: WorldsState, obs: jax.Array, fresh: jax.Array
-    ) -> WorldsState:
+        self, shared: SharedConstants, state: RolloutState, obs: jax.Array, fresh: jax.Array
+    ) -> RolloutState:
         """Add an observation to the past; in a new world, the past equals this observation."""
         here = fresh[:, None]
         base, memory = jnp.full((len(obs), 4), 0.5 * self._interface.voltage_max), state.memory
