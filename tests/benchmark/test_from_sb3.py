@@ -26,14 +26,18 @@ vec_env = pytest.importorskip("stable_baselines3.common.vec_env")
 contrib = pytest.importorskip("sb3_contrib")
 from pter_gym.envs.sb3 import make_sb3_vec_env  # noqa: E402  (needs Stable-Baselines3)
 
-SMALL: dict[str, Any] = {"policy_kwargs": {"net_arch": [8]}, "device": "cpu", "seed": 0}
-RECURRENT: dict[str, Any] = {**SMALL, "policy_kwargs": {"net_arch": [8], "lstm_hidden_size": 8}}
+
+def small(**more: int) -> dict[str, Any]:
+    """Settings of a small network; algorithms write into them."""
+    return {"policy_kwargs": {"net_arch": [8], **more}, "device": "cpu", "seed": 0}
+
+
 ON_POLICY: dict[str, Any] = {"n_steps": 32, "batch_size": 32}
 KINDS = {
-    "PPO": lambda env: sb3.PPO("MlpPolicy", env, **SMALL, **ON_POLICY),
-    "TQC": lambda env: contrib.TQC("MlpPolicy", env, **SMALL, learning_starts=16),
+    "PPO": lambda env: sb3.PPO("MlpPolicy", env, **small(), **ON_POLICY),
+    "TQC": lambda env: contrib.TQC("MlpPolicy", env, **small(), learning_starts=16),
     "RecurrentPPO": lambda env: contrib.RecurrentPPO(
-        "MlpLstmPolicy", env, **RECURRENT, **ON_POLICY
+        "MlpLstmPolicy", env, **small(lstm_hidden_size=8), **ON_POLICY
     ),
 }
 
