@@ -38,9 +38,7 @@ def main(seeds: int) -> None:
     for pace in PACES:
         machines, tasks = zip(*draws_for("standard", pace, spread).pairs(DRAWS, SEED), strict=True)
         seeds_of = tuple(range(DRAWS))
-        tests[pace] = Episodes(
-            "standard", machines, tasks, seeds_of, ("",) * DRAWS, spread.machine
-        )
+        tests[pace] = Episodes("standard", machines, tasks, seeds_of, ("",) * DRAWS, spread.machine)
     for seed in range(1, 1 + seeds):
         for name, machine in (("point", spread.machine), ("draws", spread)):
             arguments = TrainingArguments(
