@@ -2,22 +2,24 @@
 
     python benchmarks/draws.py [SEEDS]
 
-A machine with hidden numbers (that of `promise.py` with seed 0) is logged and identified. `pter
-train residual` then trains on it, and on the machines that fit the log, with 5 seeds each. Prints the
-mean of the worst twentieth of path errors on 200 such machines, which no training had, and the mean
-on the hidden machine. Takes about two minutes of processor time for each training.
+A machine with hidden numbers (that of `promise.py` with seed 0) is logged and identified. Policies
+that correct a law are then trained on it, and on the machines that fit the log, with 5 seeds each.
+Prints the mean of the worst twentieth of path errors on 200 such machines, which no training had,
+and the mean on the hidden machine. Takes about two minutes of processor time for each training.
 """
 
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 from promise import SHORT, hidden
+
 from pter_agents.ppo import PPO
 from pter_agents.settings import TrainingArguments, load_settings
 from pter_agents.validation import SEED
 from pter_agents.worlds import draws_for, make_training
 
-sys.path.insert(0, "tests")
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from oracle.experiment import record_log
 from pter_gym.benchmark import Episodes, evaluate

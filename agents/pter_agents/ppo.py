@@ -34,7 +34,7 @@ from jax import numpy as jnp
 from jax.sharding import NamedSharding
 from jax.sharding import PartitionSpec as Spec
 
-from pter_agents.jax_worlds import JaxWorlds, SharedConstants, RolloutState
+from pter_agents.jax_worlds import JaxWorlds, RolloutState, SharedConstants
 from pter_agents.runs import policy_of
 from pter_agents.settings import PARTS, Settings
 from pter_agents.worlds import Training
