@@ -39,8 +39,8 @@ def main(seeds: int) -> None:
     tests: dict[str, Episodes] = {}
     for pace in PACES:
         machines, tasks = zip(*draws_for("standard", pace, spread).pairs(DRAWS, SEED), strict=True)
-        seeds_of = tuple(range(DRAWS))
-        tests[pace] = Episodes("standard", machines, tasks, seeds_of, ("",) * DRAWS, spread.machine)
+        resets, strata = tuple(range(DRAWS)), ("",) * DRAWS
+        tests[pace] = Episodes("standard", machines, tasks, resets, strata, spread.machine)
     for seed in range(1, 1 + seeds):
         for name, machine in (("point", spread.machine), ("draws", spread)):
             arguments = TrainingArguments(
@@ -55,12 +55,12 @@ def main(seeds: int) -> None:
             model = PPO(arguments.settings, make_training(arguments), STEPS, seed)
             while model.steps < STEPS:
                 model.advance()
-            worst, mean = list[str](), list[str]()
+            policy, worst, mean = model.policy(), list[str](), list[str]()
             for episodes in tests.values():
-                errors = evaluate(model.policy(), episodes)["path_error_m"]
+                errors = evaluate(policy, episodes)["path_error_m"]
                 worst.append(f"{1e3 * worst_twentieth(errors):.2f}")
                 there = replace(episodes, machines=(own,) * DRAWS)
-                on_own = evaluate(model.policy(), there)["path_error_m"]
+                on_own = evaluate(policy, there)["path_error_m"]
                 mean.append(f"{1e3 * float(on_own.mean()):.2f}")
             print(f"{name} {seed}: {'/'.join(worst)}, hidden {'/'.join(mean)} mm", flush=True)
 
