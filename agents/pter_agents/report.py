@@ -9,10 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
+from pter_agents.draws import draws_for
 from pter_agents.settings import TrainingArguments
 from pter_agents.training import Scores, progress_of
 from pter_agents.validation import SEED, Validation
-from pter_agents.worlds import draws_for, find_base
+from pter_agents.worlds import find_base
 from pter_gym.benchmark.rollout import record_episode
 from pter_gym.controllers import Controller
 from pter_gym.scenarios import PACES

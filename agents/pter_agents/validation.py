@@ -5,7 +5,7 @@ Their seed is never used for training episodes; the test episodes stay unseen.
 
 from collections.abc import Sequence
 
-from pter_agents.worlds import draws_for
+from pter_agents.draws import draws_for
 from pter_gym.benchmark import Episodes, evaluate
 from pter_gym.controllers import AnyPolicy
 from pter_gym.params import BASELINE, Machine, MachineSpread, middle_of

@@ -7,13 +7,11 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from pter_agents.draws import training_draws
 from pter_agents.settings import ALL, NO_BASE, TrainingArguments
-from pter_gym.benchmark import PACES, find_policy
+from pter_gym.benchmark import find_policy
 from pter_gym.controllers import PaceSchedule
 from pter_gym.envs._vector import PathFollowingVectorEnv
-from pter_gym.errors import unknown_name
-from pter_gym.params import Machine, MachineSpread
-from pter_gym.paths import Arc, Circle
 from pter_gym.policies import Input, Interface
 from pter_gym.policies._interface import (
     clutch_rows,
@@ -22,18 +20,7 @@ from pter_gym.policies._interface import (
     middle_volts,
     to_volts,
 )
-from pter_gym.scenarios import find_scenario
-from pter_gym.scenarios.distributions import Draws, OneOf, Vary
-from pter_gym.tasks.path_following import STARTS
-
-MIXED = ("standard", "paths", "hands", "materials", "everything")
-"""The scenarios of ``ALL``, on which shipped policies were trained; the others test them."""
-
-MAX_VARIED = "everything"
-"""The scenario that has half of the draws of ``ALL``; the others share the rest evenly."""
-
-REPEATS = {Circle: 6, Arc: 2}
-"""How often training draws a kind of path for each path of another kind: rare headings."""
+from pter_gym.scenarios.distributions import Draws
 
 BASE_SCENARIO = "standard"
 """Scenario whose gains the base has for ``ALL``: those of ``everything`` are poor elsewhere."""
@@ -45,74 +32,6 @@ SAMPLE_WORLDS, SAMPLE_STEPS = 256, 200
 
 DEVIATION = 0.4
 """Standard deviation of the random actions."""
-
-
-def draws_for(
-    scenario: str,
-    pace: str,
-    machine: Machine | MachineSpread | None = None,
-    **fields: Any,
-) -> Draws:
-    """Return the draws of a scenario at a pace.
-
-    Parameters
-    ----------
-    scenario
-        Its name, or ``"all"`` for the scenarios in ``MIXED``.
-    pace
-        Name of a commanded pace, or ``"all"``.
-    machine
-        A machine, or machines about one, in place of those that the scenarios draw.
-    **fields
-        Fields of the task that all episodes share, such as ``reward``, ``starts`` and
-        ``truncation_error``.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such scenario or pace; the message suggests the nearest.
-    """
-    if pace not in (ALL, *PACES):
-        raise unknown_name("pace", pace, (ALL, *PACES))
-    first, *others = (
-        replace(
-            find_scenario(name, machine).draws,
-            weight=len(MIXED) - 1 if scenario == ALL and name == MAX_VARIED else 1,
-        )
-        for name in (MIXED if scenario == ALL else (scenario,))
-    )
-    speeds = OneOf(all_paces() if pace == ALL else (PACES[pace],))
-    return replace(first, also=tuple(others)).at_pace(speeds).with_task(**fields)
-
-
-def training_draws(arguments: TrainingArguments) -> Draws:
-    """Return the draws of a training: its scenario's, with kinds of paths as in ``REPEATS``."""
-    s = arguments.settings
-    return draws_for(
-        arguments.scenario,
-        arguments.pace,
-        arguments.machine,
-        reward=s.reward(),
-        starts=STARTS[s.starts],
-        truncation_error=s.truncation,
-    ).map_components(_with_repeats)
-
-
-def _with_repeats(draws: Draws) -> Draws:
-    """Return draws with each kind of path as often as ``REPEATS`` says."""
-    task: Any = draws.task
-    if "path" not in task.fields:
-        return draws
-    kinds: tuple[Any, ...] = task.fields["path"].options
-    times = [REPEATS.get(kind.template.__class__, 1) for kind in kinds]
-    path = OneOf(tuple(kind for kind, n in zip(kinds, times, strict=True) for _ in range(n)))
-    return replace(draws, task=Vary(task.template, **{**task.fields, "path": path}))
-
-
-def all_paces() -> tuple[float, ...]:
-    """Return the commanded paces [m/s], fast ones repeated for about the same share of time."""
-    slowest = min(PACES.values())
-    return tuple(pace for pace in PACES.values() for _ in range(round(pace / slowest)))
 
 
 @dataclass(frozen=True)

@@ -321,6 +321,7 @@ class Draws(Checked):
             margin = ROOM * task.singularity_margin
             try:
                 check_machine(replace(task, singularity_margin=margin), machine)
+                check_machine(task, machine)  # what moves faster nearer to singular poses
             except ParameterError:
                 if attempt == TRIES - 1:
                     raise

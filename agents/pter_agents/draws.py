@@ -1,0 +1,194 @@
+"""What trainings draw: the episodes of scenarios, and for ``ALL`` wider ones.
+
+The scenarios' paths mostly head along x, and their machines are near the paper's. A policy for all
+scenarios also trains on paths of every heading, either direction and tight bends, and on machines
+and hands beyond theirs.
+"""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+from pter_agents.settings import ALL, TrainingArguments
+from pter_gym.errors import unknown_name
+from pter_gym.params import BASELINE, Machine, MachineSpread
+from pter_gym.paths import Arc, Circle, Line, Polyline, Sine, Spline
+from pter_gym.scenarios import PACES, find_scenario
+from pter_gym.scenarios._variations import (
+    CLUTCHES,
+    CURVED,
+    CURVES,
+    EQ5,
+    FORCES,
+    FRICTION_DRIFT,
+    HUMANS,
+    PACE,
+    SENSORS,
+)
+from pter_gym.scenarios.distributions import Draws, LogUniform, OneOf, Shared, Uniform, Vary
+from pter_gym.tasks.path_following import STARTS
+
+MIXED = ("standard", "paths", "hands", "materials", "tremor", "everything")
+"""The scenarios of ``ALL``; ``corridor`` and ``wall`` are not among them."""
+
+MAX_VARIED = "everything"
+"""The scenario that has as many of the draws of ``ALL`` as the others of ``MIXED`` together."""
+
+REPEATS = {Circle: 6, Arc: 2}
+"""How often training draws a kind of path for each path of another kind: rare headings."""
+
+TIGHT = 0.08
+"""Half-width of the workspace about tight bends [m]."""
+
+HEADING, NEAR, FAR = Uniform(-math.pi, math.pi), Uniform(-0.65, 0.65), Uniform(0.35, 0.85)
+
+
+def _turned(kind: Vary[Any]) -> Vary[Any]:
+    """Return a kind of path that begins anywhere and heads anywhere, or that runs backwards."""
+    if "points" in kind.fields:
+        return Vary(kind.template, **{**kind.fields, "points": kind.fields["points"][::-1]})
+    if isinstance(kind.template, Circle):
+        return kind
+    fields = {**kind.fields, "x": NEAR, "y": FAR, "direction": HEADING}
+    shorter = {Line: {"length": Uniform(0.25, 1.0)}, Sine: {"extent": Uniform(0.5, 0.95)}}
+    return Vary(kind.template, **{**fields, **shorter.get(type(kind.template), {})})
+
+
+TURNED = OneOf(
+    tuple(
+        _turned(kind)
+        for kind in CURVES.options
+        for _ in range(1 if type(kind.template) in (Circle, Polyline, Spline) else 3)
+    )
+)
+"""Lines, arcs and sines of every heading, circles, and splines and corners from right to left."""
+
+BENDS = OneOf(
+    (
+        Vary(
+            Arc(),
+            x=NEAR,
+            y=FAR,
+            direction=HEADING,
+            radius=LogUniform(0.09, 0.2),
+            angle=OneOf((Uniform(-5.0, -2.0), Uniform(2.0, 5.0))),
+        ),
+        Vary(
+            Circle(),
+            center_x=Uniform(-0.25, 0.25),
+            center_y=Uniform(0.5, 0.7),
+            radius=LogUniform(0.09, 0.15),
+            start=HEADING,
+            clockwise=OneOf((False, True)),
+        ),
+    )
+)
+"""Tight arcs and circles."""
+
+WIDER = (
+    Draws(task=Vary(CURVED, path=TURNED, hand=OneOf((EQ5, FORCES)), pace=PACE), weight=6),
+    Draws(task=Vary(replace(CURVED, error_max=TIGHT), path=BENDS, hand=EQ5, pace=PACE), weight=2),
+    Draws(
+        machine=Vary(
+            BASELINE,
+            arm=Vary(BASELINE.arm, inertia_a=Uniform(0.36, 0.75), inertia_b=Uniform(0.8, 1.75)),
+            clutch=OneOf(
+                tuple(
+                    Vary(kind.template, time_constant=LogUniform(0.03, 0.35))
+                    for kind in CLUTCHES.options
+                )
+            ),
+            clutch_scale=Shared(LogUniform(0.5, 1.5), LogUniform(0.9, 1.11), 4),
+        ),
+        task=Vary(
+            CURVED,
+            path=OneOf((Line(), TURNED)),
+            hand=OneOf(
+                (
+                    EQ5,
+                    Vary(FORCES.template, **{**FORCES.fields, "push": Uniform(45.0, 100.0)}),
+                    HUMANS,
+                )
+            ),
+            friction_drift=FRICTION_DRIFT,
+            sensing=SENSORS,
+            pace=PACE,
+        ),
+        weight=5,
+    ),
+)
+"""What ``ALL`` draws beside the scenarios."""
+
+
+def draws_for(
+    scenario: str,
+    pace: str,
+    machine: Machine | MachineSpread | None = None,
+    **fields: Any,
+) -> Draws:
+    """Return the draws of a scenario at a pace.
+
+    Parameters
+    ----------
+    scenario
+        Its name, or ``"all"`` for the scenarios in ``MIXED``.
+    pace
+        Name of a commanded pace, or ``"all"``.
+    machine
+        A machine, or machines about one, in place of those that the scenarios draw.
+    **fields
+        Fields of the task that all episodes share, such as ``reward``, ``starts`` and
+        ``truncation_error``.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such scenario or pace; the message suggests the nearest.
+    """
+    if pace not in (ALL, *PACES):
+        raise unknown_name("pace", pace, (ALL, *PACES))
+    draws = find_scenario(scenario, machine).draws if scenario != ALL else _mixed(machine)
+    speeds = OneOf(all_paces() if pace == ALL else (PACES[pace],))
+    return draws.at_pace(speeds).with_task(**fields)
+
+
+def _mixed(machine: Machine | MachineSpread | None) -> Draws:
+    """Return the draws of ``ALL``."""
+    first, *others = (
+        replace(
+            find_scenario(name, machine).draws, weight=len(MIXED) - 1 if name == MAX_VARIED else 1
+        )
+        for name in MIXED
+    )
+    wider = (replace(draws, instead=machine) for draws in WIDER)
+    return replace(first, also=(*others, *wider))
+
+
+def training_draws(arguments: TrainingArguments) -> Draws:
+    """Return the draws of a training: its scenario's, with kinds of paths as in ``REPEATS``."""
+    s = arguments.settings
+    return draws_for(
+        arguments.scenario,
+        arguments.pace,
+        arguments.machine,
+        reward=s.reward(),
+        starts=STARTS[s.starts],
+        truncation_error=s.truncation,
+    ).map_components(_with_repeats)
+
+
+def _with_repeats(draws: Draws) -> Draws:
+    """Return draws with each kind of path as often as ``REPEATS`` says."""
+    task: Any = draws.task
+    if "path" not in task.fields:
+        return draws
+    kinds: tuple[Any, ...] = task.fields["path"].options
+    times = [REPEATS.get(getattr(kind, "template", kind).__class__, 1) for kind in kinds]
+    path = OneOf(tuple(kind for kind, n in zip(kinds, times, strict=True) for _ in range(n)))
+    return replace(draws, task=Vary(task.template, **{**task.fields, "path": path}))
+
+
+def all_paces() -> tuple[float, ...]:
+    """Return the commanded paces [m/s], fast ones repeated for about the same share of time."""
+    slowest = min(PACES.values())
+    return tuple(pace for pace in PACES.values() for _ in range(round(pace / slowest)))
