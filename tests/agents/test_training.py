@@ -219,15 +219,29 @@ def test_a_locked_arm_costs_the_same_at_each_commanded_pace() -> None:
 
 
 def test_circles_are_frequent_in_training_and_as_the_scenario_has_them_elsewhere() -> None:
-    from pter_agents.worlds import draws_for, training_draws
+    from pter_agents.draws import draws_for, training_draws
     from pter_gym.scenarios.distributions import Draws
 
     def share(draws: Draws) -> float:
         return float(np.mean([isinstance(task.path, Circle) for _, task in draws.pairs(600)]))
 
-    for scenario in ("paths", "all"):
-        given = replace(arguments(1), scenario=scenario)
-        assert 2.0 * share(draws_for(scenario, given.pace)) < share(training_draws(given))
+    given = replace(arguments(1), scenario="paths")
+    assert 2.0 * share(draws_for("paths", given.pace)) < share(training_draws(given))
+
+
+def test_training_on_all_scenarios_knows_each_heading_and_wider_machines() -> None:
+    from pter_agents.draws import draws_for
+
+    machines, tasks = zip(*draws_for("all", "all").pairs(1200), strict=True)
+    headings = [
+        task.path.heading(share * task.path.length) for task in tasks for share in (0.1, 0.5, 0.9)
+    ]
+    turned = np.mod(np.array(headings) + np.pi / 8, 2.0 * np.pi)
+    counts, _ = np.histogram(turned, 8, (0.0, 2.0 * np.pi))
+    assert (counts >= 0.03 * len(headings)).all(), counts
+    assert max(machine.clutch.time_constant for machine in machines) > 0.3
+    assert min(min(machine.clutch_scale) for machine in machines) < 0.6
+    assert max(getattr(task.hand, "push", 0.0) for task in tasks) > 95.0
 
 
 def test_advantages_are_those_of_a_plain_loop() -> None:
