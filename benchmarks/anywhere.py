@@ -1,27 +1,33 @@
-"""A trained policy against the best tuned law on machines, hands and paths that no training drew.
+"""Trained policies against the best tuned law, on the scenarios and where no scenario goes.
 
-    python benchmarks/anywhere.py [POLICY] [EPISODES]
+    python benchmarks/anywhere.py [--policies NAME …] [--episodes N]
 
-POLICY is a shipped policy (by default `residual`) or a file of `pter export`. Sixteen sets of
-draws, 100 episodes at each pace. The law is the best of all tuned laws with all gains of the
-package, at each pace of each set by itself. Prints both path errors [mm] and their ratio. Takes
-about eight minutes of processor time, of which the laws' errors are nine tenths.
+A policy is a shipped one (by default `residual`) or a file of `pter export`. Fresh draws of six
+scenarios, and sixteen sets of draws of other machines, hands and paths, 100 episodes at each pace.
+The law is the best of all tuned laws with all gains of the package, at each pace of each set by
+itself. Prints a row for each set: path errors [mm], those of the median policy over the law's, the
+same of the means of the worst twentieths, and the share of episodes that it completes. Takes about
+six minutes of processor time, and one for each policy.
 """
 
 import math
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
+import tyro
+
 from pter_gym.benchmark import Episodes, evaluate, find_policy
+from pter_gym.benchmark.boards import worst_twentieth
 from pter_gym.hands import HumanArm
 from pter_gym.params import BASELINE, Hand, Machine
 from pter_gym.paths import Arc, Line, Polyline, Spline
 from pter_gym.policies.tuned import read_table, tuned_names
-from pter_gym.scenarios import PACES
+from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.scenarios._variations import CURVED, EQ5, STANDARD
 from pter_gym.scenarios.distributions import Draws, OneOf, Uniform, Vary
+
+SCENARIOS = ("standard", "paths", "hands", "materials", "everything", "tremor")
 
 SEED, FIRST_RESET = 20_261_128, 2**51
 
@@ -103,30 +109,41 @@ def sets() -> dict[str, Draws]:
     }
 
 
-def laws() -> Iterator[tuple[str, Any]]:
-    """Yield each tuned law with each gains, and their names."""
+def laws() -> Iterator[Any]:
+    """Yield each tuned law with each gains."""
     for scenario, table in read_table().items():
         for name in tuned_names({scenario: table}):
-            yield f"{name} for {scenario}", find_policy(name, scenario=scenario)
+            yield find_policy(name, scenario=scenario)
 
 
-def main(policy: str, count: int) -> None:
-    """Print a row for each set and pace."""
-    for name, draws in sets().items():
+def errors(policy: Any, episodes: Episodes) -> tuple[float, float, float]:
+    """Return the mean path error and that of the worst twentieth [mm], and the share completed."""
+    scores = evaluate(policy, episodes)
+    error = 1e3 * scores["path_error_m"]
+    return float(error.mean()), worst_twentieth(error), float(scores["completed"].mean())
+
+
+def main(policies: tuple[str, ...] = ("residual",), episodes: int = 100) -> None:
+    """Print a row for each set of draws."""
+    drawn = {name: find_scenario(name).draws for name in SCENARIOS} | sets()
+    for name, draws in drawn.items():
+        rows: list[list[tuple[float, float, float]]] = []
         for pace in PACES:
-            machines, tasks = zip(*draws.pairs(count, SEED, pace), strict=True)
-            seeds = tuple(range(FIRST_RESET, FIRST_RESET + count))
-            episodes = Episodes(name, machines, tasks, seeds, ("",) * count)
-
-            def error(policy: Any, episodes: Episodes = episodes) -> float:
-                return 1e3 * float(evaluate(policy, episodes)["path_error_m"].mean())
-
-            own = error(find_policy(policy))
-            best, law = min((error(law), name) for name, law in laws())
-            print(
-                f"{name}, {pace}: {own:.1f} for {best:.1f} of {law}, {own / best:.2f}", flush=True
-            )
+            machines, tasks = zip(*draws.pairs(episodes, SEED, pace), strict=True)
+            resets = tuple(range(FIRST_RESET, FIRST_RESET + episodes))
+            some = Episodes(name, machines, tasks, resets, ("",) * episodes)
+            best = min(errors(law, some) for law in laws())
+            rows.append([best, *(errors(find_policy(policy), some) for policy in policies)])
+        columns = [
+            " / ".join(f"{error:.1f}" for error, _, _ in each) for each in zip(*rows, strict=True)
+        ]
+        middle = [sorted(row[1:])[len(policies) // 2] for row in rows]
+        for which in (0, 1):
+            ratios = (own[which] / row[0][which] for own, row in zip(middle, rows, strict=True))
+            columns.append(" / ".join(f"{ratio:.2f}" for ratio in ratios))
+        columns.append(" / ".join(f"{100 * done:.0f}" for _, _, done in middle))
+        print(f"| {' | '.join([name, *columns])} |", flush=True)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else "residual", int((sys.argv[2:] or [100])[0]))
+    tyro.cli(main)

@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 
 import pter_gym
 from pter_gym._internal.files import write_bytes_atomic
-from pter_gym.benchmark import find_policy
+from pter_gym.benchmark import Episodes, evaluate, find_policy
 from pter_gym.benchmark.boards import in_order
 from pter_gym.benchmark.rollout import record_episode
 from pter_gym.controllers import CONTROLLERS, TorqueFeedback
@@ -40,10 +40,10 @@ from pter_gym.tools.pictures.plots import label_ends, plain_ticks, titled
 FALLING = ("free", "locked", "random")
 SIDE_BY_SIDE = ("torque-feedback", "residual")
 SIDE_BY_SIDE_DRAWS = {"paths": 0, "standard": 0}
-SHOWN = "residual"
+SHOWN, BESIDE = "residual", "single-dof-tuned"
 FIXTURES = dict.fromkeys(("corridor", "wall"), "impedance-tuned")
 PACE = "medium"
-DRAWS = 16
+DRAWS = 64
 FILM_SIZE, SIDE_BY_SIDE_SIZE = (600, 540), (720, 537)  # [px]
 FILM_SEED = 2**31 + 15  # of no training
 EPISODE = {"paths": 5, "hands": 3, "materials": 8, "everything": 15, "tremor": 1}
@@ -138,12 +138,13 @@ def frames(
     draw: int,
     size: tuple[int, int] = FILM_SIZE,
     *,
+    pace: str = PACE,
     last: bool = False,
 ) -> list[np.ndarray]:
     """Return the frames of a scenario's draw under some policies side by side, or the last one."""
     from pter_gym.tools.pictures.film import PAUSE, Film
 
-    machine, task = find_scenario(scenario).draws.pairs(DRAWS, FILM_SEED, PACE)[draw]
+    machine, task = find_scenario(scenario).draws.pairs(DRAWS, FILM_SEED, pace)[draw]
     drawn = what_is_drawn(scenario, machine, task)
     episodes = {f"{name}{drawn}": telemetry(name, scenario, machine, task) for name in names}
     film = Film(machine, task, episodes, RATE, size=size)
@@ -190,6 +191,22 @@ def alone(scenario: str) -> None:
     write_webp(film, IMAGES / "moving" / f"{scenario}.webp", 40)
 
 
+def worst() -> None:
+    """Film the draws of the scenarios that a trained policy follows worst, beside a tuned law."""
+    errors: list[tuple[float, str, str, int]] = []
+    for scenario, pace in itertools.product(SCENARIOS, PACES):
+        pairs = find_scenario(scenario).draws.pairs(DRAWS, FILM_SEED, pace)
+        machines, tasks = zip(*pairs, strict=True)
+        drawn = Episodes(scenario, machines, tasks, (FILM_SEED,) * DRAWS, ("",) * DRAWS)
+        found = evaluate(find_policy(SHOWN, scenario=scenario), drawn)["path_error_m"].tolist()
+        errors += [(error, scenario, pace, draw) for draw, error in enumerate(found)]
+    films = [
+        frames((SHOWN, BESIDE), scenario, draw, SIDE_BY_SIDE_SIZE, pace=pace)
+        for _, scenario, pace, draw in sorted(errors)[-3:]
+    ]
+    write_webp([*itertools.chain(*films)], IMAGES / "moving" / "worst.webp", 40)
+
+
 def policies() -> None:
     """Draw each policy at the end of the same episode of the paper's setting."""
     for name in policy_names():
@@ -206,6 +223,7 @@ PICTURES: dict[str, Callable[[], None]] = {
     "paper": paper,
     "moving/side-by-side.webp": side_by_side,
     **{f"moving/{name}.webp": partial(alone, name) for name in SCENARIOS},
+    "moving/worst.webp": worst,
     "policies": policies,
 }
 
