@@ -7,11 +7,13 @@ from pter_gym.benchmark import from_sb3, print_boards, run_scenario
 from pter_gym.envs.sb3 import make_sb3_vec_env
 from pter_gym.tasks.path_following import RewardWeights
 
-SEED, STEPS = 0, 3_000_000
+SEED, STEPS = 0, 5_000_000
 
 torch.set_num_threads(1)
 reward = RewardWeights(tracking=10, precision=90, effort=0)
-worlds = make_sb3_vec_env(128, scenario="standard", base="single-dof-tuned", reward=reward)
+worlds = make_sb3_vec_env(
+    128, scenario="standard", base="single-dof-tuned", starts="rest", reward=reward
+)
 model = PPO(
     "MlpPolicy",
     worlds,

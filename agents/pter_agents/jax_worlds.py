@@ -101,6 +101,8 @@ class JaxWorlds:
     ----------
     shared
         Arguments of the functions besides the state.
+    effortless
+        The same for worlds in which voltage costs nothing.
     """
 
     def __init__(self, training: Training) -> None:
@@ -135,6 +137,8 @@ class JaxWorlds:
             words_of(blank[0]),
             jnp.asarray(1.0 / np.array(interface.averages), jnp.float32),
         )
+        free = JaxEnv(training.effortless).default_params
+        self.effortless = self.shared._replace(params=free)
 
     def reset(self, shared: SharedConstants, seeds: jax.Array) -> RolloutState:
         """Return new worlds from the two halves of each world's seed, uint32 (N, 2)."""

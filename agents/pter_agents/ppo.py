@@ -293,6 +293,7 @@ class PPO:
         self._whole, self._split = NamedSharding(mesh, Spec()), NamedSharding(mesh, Spec(PART))
         self._worlds = JaxWorlds(training)
         self._shared = jax.device_put(self._worlds.shared, self._whole)
+        self._effortless = jax.device_put(self._worlds.effortless, self._whole)
         whole, split = Spec(), Spec(PART)
         over = partial(jax.shard_map, mesh=mesh, check_vma=False)
         learned = Learned(whole, whole, split)  # type: ignore[arg-type]
@@ -331,8 +332,9 @@ class PPO:
         s = self._settings
         done = self.steps / self._total
         deviation, rate = s.deviation_at(done), s.learning_rate_at(done)
+        shared = self._shared if done < s.effort_share else self._effortless
         self._learned, log = self._advance(
-            self._shared, self._learned, *self._draw(), np.float32(deviation), np.float32(rate)
+            shared, self._learned, *self._draw(), np.float32(deviation), np.float32(rate)
         )
         self.steps += self.rollout
         loss, episodes, returns = map(float, log)

@@ -98,6 +98,8 @@ class Settings(RewardWeights):
     reward_scale
         Factor of the rewards for learning at the medium pace; at other commanded paces, in inverse
         proportion to them.
+    effort_share
+        Share of the training in which voltage costs ``effort``; then it costs nothing.
     clip, value_weight, max_gradient
         Clip range of the likelihood ratio, weight of the value loss, and limit of the gradient
         norm.
@@ -127,6 +129,7 @@ class Settings(RewardWeights):
     exploring: float
     persistence: float
     reward_scale: float
+    effort_share: float
     clip: float
     value_weight: float
     max_gradient: float
@@ -149,7 +152,7 @@ class Settings(RewardWeights):
         )
         for name in (*above_zero, "deviation_end"):
             require_number(self, name, above=0.0)
-        for name in ("discount", "trace", "exploring"):
+        for name in ("discount", "trace", "exploring", "effort_share"):
             require_number(self, name, at_least=0.0, at_most=1.0)
         for name in ("learning_rate_end", "value_weight"):
             require_number(self, name, at_least=0.0)

@@ -57,12 +57,15 @@ class Training:
         Inputs of the value network alone.
     base
         The bound policy of the base law, if any.
+    effortless
+        The same worlds, in which voltage costs nothing.
     """
 
     env: PathFollowingVectorEnv
     interface: Interface
     truth: Truth
     base: Any
+    effortless: PathFollowingVectorEnv
 
     @property
     def size(self) -> int:
@@ -73,7 +76,6 @@ class Training:
 def make_training(arguments: TrainingArguments) -> Training:
     """Return the worlds of a training; a short run without a network gives the inputs' scales."""
     s, nominal = arguments.settings, arguments.nominal
-    draws = training_draws(arguments)
     schedule = find_base(s.base, arguments.scenario)
     interface = Interface(
         (Input("pace"),),
@@ -86,12 +88,12 @@ def make_training(arguments: TrainingArguments) -> Training:
         nominal.clutch.voltage_max,
         clutch_rows(nominal),
     )
-    env = _make_worlds(draws, s.worlds, arguments)
+    env = _make_worlds(arguments)
     base = None if schedule is None else schedule.bind(nominal, env.observation_layout)
-    inputs, truth = _sample(
-        _make_worlds(draws, SAMPLE_WORLDS, arguments), interface, base, arguments.seed
-    )
-    return Training(env, replace(interface, inputs=inputs), truth, base)
+    inputs, truth = _sample(_make_worlds(arguments, SAMPLE_WORLDS), interface, base, arguments.seed)
+    free = replace(s, effort=0.0)
+    effortless = env if s == free else _make_worlds(replace(arguments, settings=free))
+    return Training(env, replace(interface, inputs=inputs), truth, base, effortless)
 
 
 def find_base(name: str, scenario: str) -> PaceSchedule | None:
@@ -103,12 +105,12 @@ def find_base(name: str, scenario: str) -> PaceSchedule | None:
     return policy
 
 
-def _make_worlds(draws: Draws, count: int, arguments: TrainingArguments) -> PathFollowingVectorEnv:
+def _make_worlds(arguments: TrainingArguments, count: int | None = None) -> PathFollowingVectorEnv:
     """Return worlds that take voltages and are reset in the same step in which they end."""
     settings = arguments.settings
     return PathFollowingVectorEnv(
-        count,
-        scenario=draws,
+        settings.worlds if count is None else count,
+        scenario=training_draws(arguments),
         contexts=settings.contexts,
         context_seed=arguments.seed,
         action_unit="volt",

@@ -218,6 +218,25 @@ def test_a_locked_arm_costs_the_same_at_each_commanded_pace() -> None:
     np.testing.assert_allclose(rows.rewards[-1], -s.reward_scale * cost, rtol=1e-5)
 
 
+def test_voltage_costs_something_for_a_share_of_the_training() -> None:
+    from pter_agents.ppo import PPO
+    from pter_agents.worlds import make_training
+
+    def learned(**changes: float) -> dict[str, np.ndarray]:
+        settings = load_settings("ppo", **{**SMOKE, "effort": 20.0, **changes})
+        given = replace(arguments(1, "ppo"), settings=settings)
+        model = PPO(settings, make_training(given), 4 * settings.worlds * settings.steps, given.seed)
+        model.advance()
+        model.advance()
+        return model.get_state()
+
+    half, always, never = learned(effort_share=0.25), learned(effort_share=1.0), learned(effort=0.0)
+    assert any((half[name] != other).any() for name, other in always.items())
+    assert any((half[name] != other).any() for name, other in never.items())
+    same = learned(effort_share=0.0)
+    assert all((same[name] == other).all() for name, other in never.items())
+
+
 def test_circles_are_frequent_in_training_and_as_the_scenario_has_them_elsewhere() -> None:
     from pter_agents.draws import draws_for, training_draws
     from pter_gym.scenarios.distributions import Draws
