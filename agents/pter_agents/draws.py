@@ -12,7 +12,7 @@ from typing import Any
 from pter_agents.settings import ALL, TrainingArguments
 from pter_gym.errors import unknown_name
 from pter_gym.params import BASELINE, Machine, MachineSpread
-from pter_gym.paths import Arc, Circle, Line, Polyline, Sine, Spline
+from pter_gym.paths import Arc, Circle, Line, Sine
 from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.scenarios._variations import (
     CLUTCHES,
@@ -43,22 +43,30 @@ TIGHT = 0.08
 HEADING, NEAR, FAR = Uniform(-math.pi, math.pi), Uniform(-0.65, 0.65), Uniform(0.35, 0.85)
 
 
+SHORTER: dict[Any, dict[str, Uniform]] = {
+    Line: {"length": Uniform(0.25, 1.0)},
+    Sine: {"extent": Uniform(0.5, 0.95)},
+}
+"""Lengths [m] with which more of the paths of every heading fit the workspace."""
+
+FIT_SELDOM = (Line, Arc, Sine)
+
+
 def _turned(kind: Vary[Any]) -> Vary[Any]:
-    """Return a kind of path that begins anywhere and heads anywhere, or that runs backwards."""
+    """Return a kind of path that begins and heads anywhere, or that runs backwards."""
     if "points" in kind.fields:
         return Vary(kind.template, **{**kind.fields, "points": kind.fields["points"][::-1]})
     if isinstance(kind.template, Circle):
         return kind
     fields = {**kind.fields, "x": NEAR, "y": FAR, "direction": HEADING}
-    shorter = {Line: {"length": Uniform(0.25, 1.0)}, Sine: {"extent": Uniform(0.5, 0.95)}}
-    return Vary(kind.template, **{**fields, **shorter.get(type(kind.template), {})})
+    return Vary(kind.template, **{**fields, **SHORTER.get(kind.template.__class__, {})})
 
 
 TURNED = OneOf(
     tuple(
         _turned(kind)
         for kind in CURVES.options
-        for _ in range(1 if type(kind.template) in (Circle, Polyline, Spline) else 3)
+        for _ in range(3 if isinstance(kind.template, FIT_SELDOM) else 1)
     )
 )
 """Lines, arcs and sines of every heading, circles, and splines and corners from right to left."""

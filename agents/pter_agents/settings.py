@@ -129,11 +129,11 @@ class Settings(RewardWeights):
     exploring: float
     persistence: float
     reward_scale: float
-    effort_share: float
     clip: float
     value_weight: float
     max_gradient: float
     frame_skip: int = 1
+    effort_share: float = 1.0
 
     def __post_init__(self) -> None:
         """Check each field by itself."""

@@ -20,7 +20,6 @@ from pter_gym.policies._interface import (
     middle_volts,
     to_volts,
 )
-from pter_gym.scenarios.distributions import Draws
 
 BASE_SCENARIO = "standard"
 """Scenario whose gains the base has for ``ALL``: those of ``everything`` are poor elsewhere."""
