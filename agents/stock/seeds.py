@@ -29,7 +29,8 @@ def plain(effort: float) -> tuple[Any, int, dict[str, Any]]:
 def corrections(base: str) -> tuple[Any, int, dict[str, Any]]:
     """Return the worlds, steps and settings of `examples/sb3_base.py`."""
     reward = RewardWeights(tracking=10, precision=90, effort=0)
-    venv = make_sb3_vec_env(128, scenario="standard", base=base, starts="rest", reward=reward)
+    task = {"reward": reward, "starts": "rest", "error_max": 0.05}
+    venv = make_sb3_vec_env(128, scenario="standard", base=base, **task)
     noise = {"use_sde": True, "sde_sample_freq": 8, "policy_kwargs": {"log_std_init": -2.9}}
     return venv, 5_000_000, {"batch_size": 2048, "gamma": 0.995, **noise}
 
