@@ -364,7 +364,7 @@ def policy_text(name: str) -> str:
             else "The four voltages"
         )
         where = (
-            "all scenarios except `tremor`"
+            "all scenarios except `corridor` and `wall`"
             if about["scenario"] == "all"
             else f"`{about['scenario']}`"
         )
