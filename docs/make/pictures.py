@@ -145,7 +145,7 @@ def frames(
     from pter_gym.tools.pictures.film import PAUSE, Film
 
     machine, task = find_scenario(scenario).draws.pairs(DRAWS, FILM_SEED, pace)[draw]
-    drawn = what_is_drawn(scenario, machine, task)
+    drawn = what_is_drawn(scenario, machine, task) if len(names) == 1 else ""
     episodes = {f"{name}{drawn}": telemetry(name, scenario, machine, task) for name in names}
     film = Film(machine, task, episodes, RATE, size=size)
     return [
