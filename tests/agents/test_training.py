@@ -200,7 +200,7 @@ def test_a_locked_arm_costs_the_same_at_each_commanded_pace() -> None:
     from pter_agents.ppo import PPO, collect
     from pter_agents.worlds import make_training
 
-    changes = {**SMOKE, "starts": "rest", "persistence": 0.0}
+    changes = {**SMOKE, "starts": "rest", "persistence": 0.0, "effort": 0.0}
     given = replace(arguments(1, "ppo"), pace="all", settings=load_settings("ppo", **changes))
     s, training = given.settings, make_training(given)
     model = PPO(s, training, given.steps, given.seed)
@@ -225,7 +225,8 @@ def test_voltage_costs_something_for_a_share_of_the_training() -> None:
     def learned(**changes: float) -> dict[str, np.ndarray]:
         settings = load_settings("ppo", **{**SMOKE, "effort": 20.0, **changes})
         given = replace(arguments(1, "ppo"), settings=settings)
-        model = PPO(settings, make_training(given), 4 * settings.worlds * settings.steps, given.seed)
+        steps = 4 * settings.worlds * settings.steps
+        model = PPO(settings, make_training(given), steps, given.seed)
         model.advance()
         model.advance()
         return model.get_state()
