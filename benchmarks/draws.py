@@ -14,10 +14,11 @@ from pathlib import Path
 
 from promise import SHORT, hidden
 
+from pter_agents.draws import draws_for
 from pter_agents.ppo import PPO
 from pter_agents.settings import TrainingArguments, load_settings
 from pter_agents.validation import SEED
-from pter_agents.worlds import draws_for, make_training
+from pter_agents.worlds import make_training
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 

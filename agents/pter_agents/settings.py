@@ -34,7 +34,7 @@ Each has a table NAME.toml here.
 """
 
 ALL = "all"
-"""Name for all scenarios of ``worlds.MIXED``, and for a pace drawn among those of the scores."""
+"""Name for all scenarios of ``draws.MIXED``, and for a pace drawn among those of the scores."""
 
 NO_BASE = "none"
 """Name of the base of a policy that corrects no controller."""

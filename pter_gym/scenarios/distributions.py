@@ -27,6 +27,7 @@ from pter_gym.params import (
 )
 from pter_gym.scenarios._paces import find_pace
 from pter_gym.tasks.path_following import PathFollowing, check_machine
+from pter_gym.tasks.path_following._specification import check_motion
 
 Drawn = TypeVar("Drawn")
 Pair = tuple[Machine, PathFollowing]
@@ -321,7 +322,7 @@ class Draws(Checked):
             margin = ROOM * task.singularity_margin
             try:
                 check_machine(replace(task, singularity_margin=margin), machine)
-                check_machine(task, machine)  # what moves faster nearer to singular poses
+                check_motion(task, machine)  # which is faster nearer to singular poses
             except ParameterError:
                 if attempt == TRIES - 1:
                     raise

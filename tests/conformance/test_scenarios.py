@@ -15,7 +15,7 @@ from pter_gym.benchmark import assess, training_episodes
 from pter_gym.benchmark.episodes import load_episodes, scenarios
 from pter_gym.controllers import TorqueFeedback, bind
 from pter_gym.errors import ParameterError, ResetNeededError
-from pter_gym.hands import HumanArm
+from pter_gym.hands import NORMAL, HumanArm
 from pter_gym.params import (
     BASELINE,
     DELRIN_EXPERIMENTAL,
@@ -43,6 +43,7 @@ from pter_gym.tasks.path_following import (
     RewardWeights,
     Sensing,
     Starts,
+    check_machine,
     observation_layout,
 )
 from pter_gym.tasks.path_following._context import OBSERVED_CONTEXT
@@ -472,6 +473,19 @@ def test_a_scenario_takes_what_its_episodes_share_and_nothing_that_it_draws() ->
     assert (env.task.error_max, env.task.starts, env.task.pace) == (0.08, MOVING, 0.12)
     with pytest.raises(ParameterError, match="path"):
         SCENARIOS["paths"].draws.with_task(path=None)
+
+
+def test_drawn_machines_can_begin_in_motion_where_they_may_be() -> None:
+    """Paths are drawn further from singular poses than episodes may go, where motion is faster."""
+    impedance = Vary(
+        NORMAL, mass=Uniform(0.5, 2.5), damping=Uniform(4, 40), stiffness=Uniform(80, 800)
+    )
+    arm = Vary(BASELINE.arm, inertia_a=Uniform(0.36, 0.75))
+    moving = PathFollowing(starts=STARTS["path"], pace=0.5)
+    hand = Vary(HumanArm(), impedance=impedance)
+    draws = Draws(machine=Vary(BASELINE, arm=arm), task=Vary(moving, hand=hand))
+    for machine, task in draws.pairs(300):
+        check_machine(task, machine)
 
 
 def returns_of(policy: str, scenario: str, worlds: int = 256) -> np.ndarray:
