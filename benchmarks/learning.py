@@ -1,8 +1,8 @@
 """How soon `pter train ppo` ranks, and what it reaches: `python benchmarks/learning.py SEED …`.
 
-Trains with the default settings and validates every half a million steps, as the command does every
-0.7 million. Prints for each seed the processor seconds of the training alone until the first policy
-that is ranked at every pace, those of the whole training, and path errors on 200 fresh test
+Trains with the default settings, or those of `--config FILE`, and validates every 32 rollouts until
+the first rank. Prints for each seed the processor seconds of the training alone until the first
+policy that is ranked at every pace, those of the whole training, and path errors on 200 fresh test
 episodes, which `ppo-standard` has as well.
 """
 
@@ -23,9 +23,15 @@ VALIDATE_EVERY = 32
 """Rollouts between two validations until the first rank."""
 
 
-def main(seeds: tyro.conf.Positional[tuple[int, ...]], steps: int = 20_000_000, fresh: int = 1):
+def main(
+    seeds: tyro.conf.Positional[tuple[int, ...]],
+    config: str | None = None,
+    steps: int = 20_000_000,
+    fresh: int = 1,
+):
     """Print a row for each seed."""
-    validation, settings = Validation("standard", tuple(PACES), 64), load_settings("ppo")
+    validation = Validation("standard", tuple(PACES), 64)
+    settings = load_settings("ppo", config)
     reached: list[tuple[float, ...]] = []
     for seed in seeds:
         given = TrainingArguments(
