@@ -40,8 +40,10 @@ REPEATS = {Circle: 6, Arc: 2}
 TIGHT = 0.08
 """Half-width of the workspace about tight bends [m]."""
 
-HEADING, NEAR, FAR = Uniform(-math.pi, math.pi), Uniform(-0.65, 0.65), Uniform(0.35, 0.85)
+HEADING = Uniform(-math.pi, math.pi)
 
+X, Y = Uniform(-0.65, 0.65), Uniform(0.35, 0.85)
+"""Where paths of every heading begin [m]."""
 
 SHORTER: dict[Any, dict[str, Uniform]] = {
     Line: {"length": Uniform(0.25, 1.0)},
@@ -50,6 +52,7 @@ SHORTER: dict[Any, dict[str, Uniform]] = {
 """Lengths [m] with which more of the paths of every heading fit the workspace."""
 
 FIT_SELDOM = (Line, Arc, Sine)
+"""Kinds that are drawn three times as often, since many of their draws leave the workspace."""
 
 
 def _turned(kind: Vary[Any]) -> Vary[Any]:
@@ -58,8 +61,8 @@ def _turned(kind: Vary[Any]) -> Vary[Any]:
         return Vary(kind.template, **{**kind.fields, "points": kind.fields["points"][::-1]})
     if isinstance(kind.template, Circle):
         return kind
-    fields = {**kind.fields, "x": NEAR, "y": FAR, "direction": HEADING}
-    return Vary(kind.template, **{**fields, **SHORTER.get(kind.template.__class__, {})})
+    shorter = SHORTER.get(kind.template.__class__, {})
+    return Vary(kind.template, **{**kind.fields, **shorter, "x": X, "y": Y, "direction": HEADING})
 
 
 TURNED = OneOf(
@@ -75,8 +78,8 @@ BENDS = OneOf(
     (
         Vary(
             Arc(),
-            x=NEAR,
-            y=FAR,
+            x=X,
+            y=Y,
             direction=HEADING,
             radius=LogUniform(0.09, 0.2),
             angle=OneOf((Uniform(-5.0, -2.0), Uniform(2.0, 5.0))),
@@ -139,7 +142,7 @@ def draws_for(
     Parameters
     ----------
     scenario
-        Its name, or ``"all"`` for the scenarios in ``MIXED``.
+        Its name, or ``"all"`` for those in ``MIXED`` and what is ``WIDER``.
     pace
         Name of a commanded pace, or ``"all"``.
     machine

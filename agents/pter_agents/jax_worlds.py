@@ -137,8 +137,9 @@ class JaxWorlds:
             words_of(blank[0]),
             jnp.asarray(1.0 / np.array(interface.averages), jnp.float32),
         )
-        free = JaxEnv(training.effortless).default_params
-        self.effortless = self.shared._replace(params=free)
+        constants = words_of(training.effortless.batch.kernel_arrays()["constants"])
+        params = self.shared.params._replace(constants=constants)
+        self.effortless = self.shared._replace(params=params)
 
     def reset(self, shared: SharedConstants, seeds: jax.Array) -> RolloutState:
         """Return new worlds from the two halves of each world's seed, uint32 (N, 2)."""

@@ -293,7 +293,11 @@ class PPO:
         self._whole, self._split = NamedSharding(mesh, Spec()), NamedSharding(mesh, Spec(PART))
         self._worlds = JaxWorlds(training)
         self._shared = jax.device_put(self._worlds.shared, self._whole)
-        self._effortless = jax.device_put(self._worlds.effortless, self._whole)
+        self._effortless = (
+            self._shared
+            if settings.effort == 0.0
+            else jax.device_put(self._worlds.effortless, self._whole)
+        )
         whole, split = Spec(), Spec(PART)
         over = partial(jax.shard_map, mesh=mesh, check_vma=False)
         learned = Learned(whole, whole, split)  # type: ignore[arg-type]
