@@ -11,10 +11,10 @@ from jax import numpy as jnp
 
 from pter_agents.worlds import Training
 from pter_gym._engine.world import ROW
-from pter_gym._engine.xla import call_law, register_law, rounded, words_of
+from pter_gym._engine.xla import rounded, words_of
 from pter_gym.controllers._network import INPUT_LIMIT
 from pter_gym.envs.jax import AnyState, EnvParams, JaxEnv
-from pter_gym.policies._interface import input_names, input_values, to_volts
+from pter_gym.policies._interface import input_names, input_values
 from pter_gym.tasks.path_following._context import CONTEXT
 
 CONTEXT_AT, ENERGY_MAX = int(ROW.context_at), int(CONTEXT.task.energy_max)
@@ -41,10 +41,6 @@ class SharedConstants(NamedTuple):
         Constants of ``params``, float32.
     present, truth
         Inputs of the policy, and those of the value network alone.
-    law
-        Scales and gains of the base controller's law, as words.
-    blank
-        The law's memory at the start of an episode, as words (M,).
     shares
         Weights of the present in the averages, (A,).
     """
@@ -54,8 +50,6 @@ class SharedConstants(NamedTuple):
     constants: jax.Array
     present: ScaledAction
     truth: ScaledAction
-    law: tuple[jax.Array, jax.Array]
-    blank: jax.Array
     shares: jax.Array
 
 
@@ -68,10 +62,6 @@ class RolloutState(NamedTuple):
         State of the environment.
     rows, means
         The policy's inputs at each of the last steps, the latest first, and the averages.
-    memory
-        Memory of the base controller's law.
-    base
-        Voltages of the base controller [V].
     known
         The current inputs of the value network alone.
     """
@@ -79,8 +69,6 @@ class RolloutState(NamedTuple):
     env: AnyState
     rows: jax.Array
     means: jax.Array
-    memory: jax.Array
-    base: jax.Array
     known: jax.Array
 
 
@@ -106,20 +94,12 @@ class JaxWorlds:
     """
 
     def __init__(self, training: Training) -> None:
-        interface, env, base, truth = (
-            training.interface,
-            training.env,
-            training.base,
-            training.truth,
-        )
+        interface, env, truth = training.interface, training.env, training.truth
         self._env = JaxEnv(env)
         self._layout = env.observation_layout
-        self._interface = interface
         self._pace = self._layout.names.index("pace")
         self._ages = np.array((0, *interface.history))
-        self._law = None if base is None else register_law(base.law.function)
-        blank = np.zeros((1, 0)) if base is None else base.start(1)
-        names = input_names(self._layout, residual=base is not None)
+        names = input_names(self._layout, residual=False)
         places, centers, scales = zip(
             *((names.index(each.name), each.center, each.scale) for each in interface.inputs),
             strict=True,
@@ -130,11 +110,6 @@ class JaxWorlds:
             jnp.asarray(env.batch.kernel_arrays()["constants"], jnp.float32),
             _scaled(places, centers, scales),
             _scaled(truth.entries, truth.center, truth.scale),
-            (
-                words_of(self._layout.scales),
-                words_of(np.zeros(0) if base is None else base.law.gains),
-            ),
-            words_of(blank[0]),
             jnp.asarray(1.0 / np.array(interface.averages), jnp.float32),
         )
         constants = words_of(training.effortless.batch.kernel_arrays()["constants"])
@@ -149,19 +124,18 @@ class JaxWorlds:
             env,
             jnp.zeros((count, int(self._ages[-1]) + 1, inputs)),
             jnp.zeros((count, len(shared.shares), inputs)),
-            jnp.broadcast_to(shared.blank, (count, *shared.blank.shape)),
-            jnp.zeros((count, 4)),
             self._truth(shared, env.world),
         )
         return self._see(shared, state, obs, jnp.ones(count, bool))
 
     def step(
-        self, shared: SharedConstants, state: RolloutState, outputs: jax.Array
+        self, shared: SharedConstants, state: RolloutState, actions: jax.Array
     ) -> tuple[RolloutState, Step]:
-        """Advance all worlds by one step, the network's outputs (N, clutches)."""
+        """Advance all worlds by one step, actions (N, clutches)."""
         step = jax.vmap(self._env.step, (None, 0, 0, None))
-        volts = to_volts(outputs, state.base, self._interface)
-        obs, env, rewards, terminated, truncated, info = step(None, state.env, volts, shared.params)
+        obs, env, rewards, terminated, truncated, info = step(
+            None, state.env, actions, shared.params
+        )
         state = state._replace(env=env, known=self._truth(shared, env.world))
         after = self._see(shared, state, obs, terminated | truncated)
         last_obs = info["final_observation"]
@@ -183,24 +157,14 @@ class JaxWorlds:
         self, shared: SharedConstants, state: RolloutState, obs: jax.Array, fresh: jax.Array
     ) -> RolloutState:
         """Add an observation to the past; in a new world, the past equals this observation."""
-        here = fresh[:, None]
-        base, memory = jnp.full((len(obs), 4), 0.5 * self._interface.voltage_max), state.memory
-        if self._law is not None:
-            base, memory = call_law(
-                self._law, obs, *shared.law, jnp.where(here, shared.blank, memory)
-            )
-        values = input_values(
-            obs * shared.obs_scales, base, self._layout, residual=self._law is not None
-        )
+        values = input_values(obs * shared.obs_scales, self._layout)
         present = _scale(values[:, shared.present.entries], shared.present)[:, None]
         rows = jnp.concatenate([present, state.rows[:, :-1]], axis=1)
         means = state.means + shared.shares[:, None] * (present - state.means)
-        column = here[..., None]
+        column = fresh[:, None, None]
         return state._replace(
             rows=jnp.where(column, present, rows),
             means=jnp.where(column, present, means),
-            memory=memory,
-            base=base,
         )
 
     def _truth(self, shared: SharedConstants, world: jax.Array) -> jax.Array:

@@ -10,6 +10,7 @@ from pter_gym._internal.codec import Codec, dataclasses_in, tuple_of
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym._internal.reading import read_toml
 from pter_gym.benchmark import PACES
+from pter_gym.envs._base_law import checked_reach
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import (
     BASELINE,
@@ -17,7 +18,6 @@ from pter_gym.params import (
     MachineSpread,
     middle_of,
     require,
-    require_flag,
     require_kind,
     require_number,
     require_whole,
@@ -62,9 +62,7 @@ class Settings(RewardWeights):
         Controller that the policy corrects, ``"none"`` for none; its gains are those for the
         scenario.
     reach
-        Voltage of an action of 1, relative to the base or to the middle of the range [V].
-    normalised
-        Whether its actions are the environments' normalised actions; ``reach`` is then not used.
+        Voltage that an action of 1 adds to the base's [V], a power of two; not used without a base.
     history, averages
         Delays, in steps, at which the networks also see their inputs, and time constants, in
         steps, of averages that they also see.
@@ -107,7 +105,6 @@ class Settings(RewardWeights):
 
     base: str
     reach: float
-    normalised: bool
     history: tuple[int, ...]
     averages: tuple[int, ...]
     hidden: tuple[int, ...]
@@ -143,7 +140,6 @@ class Settings(RewardWeights):
         for name in ("worlds", "steps", "episode", "contexts", "frame_skip", "minibatch", "epochs"):
             require_whole(self, name)
         above_zero = (
-            "reach",
             "truncation",
             "learning_rate",
             "max_gradient",
@@ -158,7 +154,9 @@ class Settings(RewardWeights):
             require_number(self, name, at_least=0.0)
         require_number(self, "clip", above=0.0, below=1.0)
         require_number(self, "persistence", at_least=0.0, below=1.0)
-        require_flag(self, "normalised")
+        checked_reach(self.reach)
+        alone = self.base == NO_BASE or self.frame_skip == 1
+        require(alone, self, "frame_skip", "1 with a base, which acts at every control step")
         for name in ("history", "averages", "hidden", "value_hidden"):
             sizes = getattr(self, name)
             require(_are_sizes(sizes), self, name, "whole numbers from 1 to 1024", got=sizes)

@@ -13,13 +13,7 @@ from pter_gym.benchmark import find_policy
 from pter_gym.controllers import PaceSchedule
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.policies import Input, Interface
-from pter_gym.policies._interface import (
-    clutch_rows,
-    input_names,
-    input_values,
-    middle_volts,
-    to_volts,
-)
+from pter_gym.policies._interface import clutch_rows, input_names, input_values
 
 BASE_SCENARIO = "standard"
 """Scenario whose gains the base has for ``ALL``: those of ``everything`` are poor elsewhere."""
@@ -54,8 +48,6 @@ class Training:
         The policy's inputs and outputs.
     truth
         Inputs of the value network alone.
-    base
-        The bound policy of the base law, if any.
     effortless
         The same worlds, in which voltage costs nothing.
     """
@@ -63,7 +55,6 @@ class Training:
     env: PathFollowingVectorEnv
     interface: Interface
     truth: Truth
-    base: Any
     effortless: PathFollowingVectorEnv
 
     @property
@@ -75,24 +66,23 @@ class Training:
 def make_training(arguments: TrainingArguments) -> Training:
     """Return the worlds of a training; a short run without a network gives the inputs' scales."""
     s, nominal = arguments.settings, arguments.nominal
-    schedule = find_base(s.base, arguments.scenario)
+    base = find_base(s.base, arguments.scenario)
     interface = Interface(
         (Input("pace"),),
         s.reach,
-        schedule,
+        base,
         s.history,
         s.averages,
-        s.normalised,
+        base is None,
         s.frame_skip,
         nominal.clutch.voltage_max,
         clutch_rows(nominal),
     )
     env = _make_worlds(arguments)
-    base = None if schedule is None else schedule.bind(nominal, env.observation_layout)
-    inputs, truth = _sample(_make_worlds(arguments, SAMPLE_WORLDS), interface, base, arguments.seed)
+    inputs, truth = _sample(_make_worlds(arguments, SAMPLE_WORLDS), arguments.seed)
     free = replace(s, effort=0.0)
     effortless = env if s == free else _make_worlds(replace(arguments, settings=free))
-    return Training(env, replace(interface, inputs=inputs), truth, base, effortless)
+    return Training(env, replace(interface, inputs=inputs), truth, effortless)
 
 
 def find_base(name: str, scenario: str) -> PaceSchedule | None:
@@ -105,14 +95,16 @@ def find_base(name: str, scenario: str) -> PaceSchedule | None:
 
 
 def _make_worlds(arguments: TrainingArguments, count: int | None = None) -> PathFollowingVectorEnv:
-    """Return worlds that take voltages and are reset in the same step in which they end."""
+    """Return worlds that are reset in the same step in which they end."""
     settings = arguments.settings
+    base = find_base(settings.base, arguments.scenario)
     return PathFollowingVectorEnv(
         settings.worlds if count is None else count,
         scenario=training_draws(arguments),
         contexts=settings.contexts,
         context_seed=arguments.seed,
-        action_unit="volt",
+        base=base,
+        reach=None if base is None else settings.reach,
         max_episode_steps=settings.episode,
         frame_skip=settings.frame_skip,
         autoreset_mode=AutoresetMode.SAME_STEP,
@@ -121,30 +113,20 @@ def _make_worlds(arguments: TrainingArguments, count: int | None = None) -> Path
     )
 
 
-def _sample(
-    env: PathFollowingVectorEnv, interface: Interface, base: Any, seed: int
-) -> tuple[tuple[Input, ...], Truth]:
+def _sample(env: PathFollowingVectorEnv, seed: int) -> tuple[tuple[Input, ...], Truth]:
     """Return the inputs and the truth, with mean and standard deviation under random actions."""
     layout, rng = env.observation_layout, np.random.default_rng(seed)
-    residual = base is not None
     obs: Any = env.reset(seed=seed)[0]
-    memory: Any = base.start(len(obs)) if residual else None
     inputs_seen: list[NDArray[Any]] = []
     true: list[NDArray[Any]] = []
     for _ in range(SAMPLE_STEPS):
-        volts = base.act(obs, memory) if residual else middle_volts(len(obs), interface)
-        inputs_seen.append(input_values(obs * layout.scales, volts, layout, residual=residual))
+        inputs_seen.append(input_values(obs * layout.scales, layout))
         true.append(env.batch.truth())
-        outputs = DEVIATION * rng.standard_normal((len(obs), len(interface.clutches)))
-        obs, _, terminated, truncated, _ = env.step(
-            to_volts(outputs, volts, interface).astype(np.float32)
-        )
-        if residual:
-            over = terminated | truncated
-            memory[over] = base.start(len(obs))[over]
+        actions = DEVIATION * rng.standard_normal((len(obs), env.batch.num_actions))
+        obs = env.step(np.clip(actions, -1.0, 1.0).astype(np.float32))[0]
     env.close()
     center, scale, varies = _moments(inputs_seen)
-    names = input_names(layout, residual=residual)
+    names = input_names(layout, residual=False)
     inputs = (
         Input(name, 0.0, FIXED[name])
         if name in FIXED

@@ -22,8 +22,7 @@ from pter_gym.policies.tuned import find_paced, find_tuned
 from pter_gym.tasks.path_following._telemetry import COLUMN, COLUMNS
 
 REACH = 8.0
-"""Voltage of a correction of 1 [V]: a power of two, so the product is exact and all ways of
-computing a corrected voltage have the same bits."""
+"""Default voltage of a correction of 1 [V]."""
 
 PAY: Any = [*COLUMN.terms, COLUMN.reward]
 """Columns of the telemetry that add up over the control steps of an action."""
@@ -47,6 +46,23 @@ def find_base_law(base: object, scenario: str) -> Controller:
             f"got {base!r:.200}"
         )
     return base
+
+
+def checked_reach(reach: object) -> float:
+    """Return the voltage of a correction of 1 [V].
+
+    It is a power of two, so the product is exact and all ways of computing a corrected voltage have
+    the same bits.
+
+    Raises
+    ------
+    ParameterError
+        If it is another number.
+    """
+    known = isinstance(reach, int | float) and not isinstance(reach, bool)
+    if not known or reach not in (1, 2, 4, 8, 16, 32, 64):
+        raise ParameterError(f"reach must be 1, 2, 4, 8, 16, 32 or 64 V, got {reach!r:.200}")
+    return float(reach)
 
 
 def bind_base_law(base: Controller, machine: Machine, layout: Layout) -> Policy:
@@ -82,8 +98,8 @@ def seen_with(obs: Any, base: Any, layout: Layout) -> Any:
 class BaseLaw:
     """A bound base in N worlds, without their memory."""
 
-    def __init__(self, policy: Policy, machine: Machine) -> None:
-        self.policy = policy
+    def __init__(self, policy: Policy, machine: Machine, reach: float) -> None:
+        self.policy, self.reach = policy, reach
         self.voltage_max = machine.clutch.voltage_max
         self.clutches = len(machine.clutches)
 
@@ -99,21 +115,27 @@ class BaseLaw:
 
     def corrected(self, actions: Any, base: Any) -> Any:
         """Return the voltages [V] of actions, float32 (N, clutches), on those of the law."""
-        return corrected(actions, base[:, : self.clutches], REACH, self.voltage_max)
+        return corrected(actions, base[:, : self.clutches], self.reach, self.voltage_max)
 
 
 class CorrectedBatch(Batch):
-    """Worlds whose actions, within [−1, 1], correct a base by up to ``REACH`` volts.
+    """Worlds whose actions, within [−1, 1], correct a base by up to ``reach`` volts.
 
     Its arguments are those of ``Batch``, but for the action unit. Observations end with the base's
     voltages, and a world that ends within ``frame_skip`` control steps stays as it is for the rest.
     """
 
     def __init__(
-        self, base: Controller, *args: Any, nominal: Machine, frame_skip: int, **keywords: Any
+        self,
+        base: Controller,
+        *args: Any,
+        nominal: Machine,
+        reach: float,
+        frame_skip: int,
+        **keywords: Any,
     ) -> None:
         super().__init__(*args, action_unit="volt", **keywords)
-        self.law = BaseLaw(bind_base_law(base, nominal, self.layout), nominal)
+        self.law = BaseLaw(bind_base_law(base, nominal, self.layout), nominal, reach)
         self.plain = self.layout
         self.layout, self.frame_skip = with_base(self.layout), frame_skip
         self.action_low, self.action_high = -1.0, 1.0

@@ -66,11 +66,11 @@ def from_sb3(
     if frame_skip is None:
         frame_skip = _frame_skip_of(env)
     skip = whole_number("frame_skip", frame_skip)
-    base = _attribute_of(env, "base")
+    base, reach = _attribute_of(env, "base"), _attribute_of(env, "reach")
     return (
         Model(model, normalise, skip)
         if base is None
-        else CorrectingModel(model, normalise, skip, base)
+        else CorrectingModel(model, normalise, skip, base, reach)
     )
 
 
@@ -184,13 +184,15 @@ class Model:
 class CorrectingModel(Model):
     """A model whose actions correct a base: the law acts at every control step."""
 
-    def __init__(self, model: Any, normalise: Normalise, frame_skip: int, base: Controller) -> None:
+    def __init__(
+        self, model: Any, normalise: Normalise, frame_skip: int, base: Controller, reach: float
+    ) -> None:
         super().__init__(model, normalise, frame_skip, extra=SLOTS)
-        self._base, self._entries = base, self._entries - SLOTS
+        self._base, self._reach, self._entries = base, reach, self._entries - SLOTS
         self._hold, self.frame_skip = frame_skip, 1
 
     def _policy(self, machine: Machine, layout: Layout) -> Policy:
-        base = BaseLaw(bind_base_law(self._base, machine, layout), machine)
+        base = BaseLaw(bind_base_law(self._base, machine, layout), machine, self._reach)
         laws, actions = len(base.start(1)[0]), len(self._bounds)
 
         def act(observations: Observations, memory: Any) -> Any:

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any, TypedDict, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict, cast
 
 import numpy as np
 from gymnasium import spaces
@@ -14,7 +14,7 @@ from pter_gym._engine.batch import ActionUnit, Batch
 from pter_gym._internal.checks import builtin, whole_number
 from pter_gym._internal.files import FilePath
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, Machine, find_machine
+from pter_gym.params import BASELINE, Machine, MachineSpread, find_machine
 from pter_gym.paths import Path, find_path
 from pter_gym.scenarios import Scenario, find_pace, find_scenario
 from pter_gym.scenarios._suite import gains_for
@@ -62,6 +62,7 @@ class Arguments(TypedDict, total=False):
     observe_context: bool
     frame_skip: int | None
     base: "str | Controller | None"
+    reach: float | None
 
 
 class WorldsSpec(EnvSpec):
@@ -98,11 +99,15 @@ class WorldsMixin:
         Name of the scenario whose gains control laws have here; ``paths`` on a path of one's own.
     base
         The control law that actions correct, with its gains, or None.
+    reach
+        What an action of 1 adds to the base's voltage [V]; None without a base.
     """
 
     batch: Batch
     gains: str
     base: "Controller | None"
+    reach: float | None
+    _middle: Machine | None
     metadata: dict[str, Any]
     _spec: EnvSpec | None = None
     _read: dict[str, Any]
@@ -131,7 +136,8 @@ class WorldsMixin:
             for name, find in (("path", find_path), ("machine", find_machine))
             if _has_file(plain.get(name))
         }
-        self.batch, self.gains, self.base = _make_batch(num_envs, engine, **{**plain, **self._read})
+        worlds = _make_batch(num_envs, engine, **{**plain, **self._read})
+        self.batch, self.gains, self.base, self.reach, self._middle = worlds
         rate = 1.0 / (self.batch.frame_skip * self.batch.task.control_period)
         self.metadata = {**self.metadata, "render_fps": max(1, round(rate))}
         return (
@@ -174,12 +180,14 @@ class WorldsMixin:
     def nominal_machine(self) -> Machine:
         """The machine of all episodes; of several, the paper's with their clutches and voltage.
 
+        Of a ``MachineSpread``, the one in its middle.
+
         Raises
         ------
         ParameterError
             If the machines have different clutches.
         """
-        return nominal_machine({machine for machine, _ in self.batch.pairs})
+        return self._middle or nominal_machine({machine for machine, _ in self.batch.pairs})
 
 
 def nominal_machine(machines: set[Machine]) -> Machine:
@@ -193,6 +201,16 @@ def nominal_machine(machines: set[Machine]) -> Machine:
         )
     clutch = replace(BASELINE.clutch, voltage_max=first.clutch.voltage_max)
     return replace(BASELINE, clutches=first.clutches, clutch=clutch)
+
+
+class _Worlds(NamedTuple):
+    """The worlds, the scenario whose gains suit them, a base, its reach, and a spread's middle."""
+
+    batch: Batch
+    gains: str
+    base: "Controller | None"
+    reach: float | None
+    middle: Machine | None
 
 
 def _make_batch(
@@ -215,8 +233,9 @@ def _make_batch(
     observe_context: bool = False,
     frame_skip: int | None = None,
     base: Any = None,
-) -> tuple[Batch, str, "Controller | None"]:
-    """Return the worlds, the name of the scenario whose gains suit them, and the base."""
+    reach: float | None = None,
+) -> _Worlds:
+    """Return the worlds, and what they share."""
     numbers = {"reward": reward, "error_max": error_max, "truncation_error": truncation_error}
     fields: dict[str, Any] = {name: value for name, value in numbers.items() if value is not None}
     finders = (
@@ -233,7 +252,7 @@ def _make_batch(
             raise ParameterError("contexts and context_seed must be given with a scenario")
         machine = list(map(find_machine, machine)) if _several(machine) else find_machine(machine)
         task = _task_with(fields) if task is None else task
-        gains = gains_for(_checked_tasks(task))
+        gains, middle = gains_for(_checked_tasks(task)), None
     else:
         if isinstance(scenario, str | Scenario):
             fields.setdefault("starts", STARTS["path"])
@@ -242,7 +261,8 @@ def _make_batch(
         seed = whole_number("context_seed", context_seed or 0, at_least=0)
         draws = scenario.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
         machine, task = zip(*draws.pairs(count, seed), strict=True)
-        gains = scenario.whose_gains
+        gains, about = scenario.whose_gains, draws.instead or draws.machine
+        middle = about.machine if isinstance(about, MachineSpread) else None
         if frame_skip is None and base is None:
             frame_skip = FRAME_SKIP
     frames = 1 if frame_skip is None else whole_number("frame_skip", frame_skip)
@@ -258,18 +278,21 @@ def _make_batch(
         **engine,
     }
     if base is None:
-        return Batch(machine, task, num_envs, action_unit=action_unit, **shared), gains, None
+        if reach is not None:
+            raise ParameterError(f"reach must be given with a base alone, got {reach!r:.200}")
+        batch = Batch(machine, task, num_envs, action_unit=action_unit, **shared)
+        return _Worlds(batch, gains, None, None, middle)
     if action_unit != "normalised":
         raise ParameterError(
             "action_unit must be 'normalised' with a base, whose voltages an action corrects, "
             f"got {action_unit!r}"
         )
-    from pter_gym.envs._base_law import CorrectedBatch, find_base_law
+    from pter_gym.envs._base_law import REACH, CorrectedBatch, checked_reach, find_base_law
 
-    base = find_base_law(base, gains)
-    machines = set(machine) if _several(machine) else {machine}
-    nominal = nominal_machine(machines)
-    return CorrectedBatch(base, machine, task, num_envs, nominal=nominal, **shared), gains, base
+    base, reach = find_base_law(base, gains), checked_reach(REACH if reach is None else reach)
+    nominal = middle or nominal_machine(set(machine) if _several(machine) else {machine})
+    batch = CorrectedBatch(base, machine, task, num_envs, nominal=nominal, reach=reach, **shared)
+    return _Worlds(batch, gains, base, reach, middle)
 
 
 def _task_with(fields: dict[str, Any]) -> PathFollowing:

@@ -120,9 +120,10 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
       reward terms of these steps add up; the observation and whatever else `info` holds are those
       of the last of them. An episode that ends within them ends the step.
     - `base`: a control law whose voltages actions correct, by name, such as `"single-dof-tuned"`,
-      or a `Controller`. An action of 1 adds 8 V, one of 0 leaves the law's voltage. The law acts at
-      every control step, the observation ends with its voltages, `base_1` to `base_4`, and with a
-      scenario actions are held for one control step by default.
+      or a `Controller`. The law acts at every control step, the observation ends with its
+      voltages, `base_1` to `base_4`, and with a scenario actions are held for one control step by
+      default.
+    - `reach`: what an action of 1 adds to the base's voltage, 8 V by default; a power of two.
     - `render_mode`: `"human"` (needs the extra `render`) or `"rgb_array"`.
     - `width`, `height`: size of the pictures, 840 × 600 pixels by default.
 

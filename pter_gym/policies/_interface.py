@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
-
 from pter_gym._compiled.layout import Layout
 from pter_gym._physics.arm import UnitVector, Vector, components
 from pter_gym.controllers import PaceSchedule
@@ -143,11 +141,14 @@ class Interface:
 
 
 def input_names(layout: Layout, *, residual: bool) -> list[str]:
-    """Return the names of what a network can see, in the order of ``input_values``."""
+    """Return the names of what a network can see, in the order of ``input_values``.
+
+    With ``residual``, the voltages of a base are among them that are not in the observations.
+    """
     return [*layout.names, *DERIVED, *(BASE_INPUTS if residual else ())]
 
 
-def input_values(physical: Any, base: Any, layout: Layout, *, residual: bool) -> Any:
+def input_values(physical: Any, layout: Layout, base: Any = None) -> Any:
     """Return what a network can see, in its units, (N, names).
 
     Parameters
@@ -155,12 +156,11 @@ def input_values(physical: Any, base: Any, layout: Layout, *, residual: bool) ->
     physical
         Observations in their units, (N, entries); a NumPy array or one from a library with the same
         interface.
-    base
-        Voltages of the base law [V], (N, 4).
     layout
         Of the observations.
-    residual
-        Whether the base's voltages are among the inputs.
+    base
+        Voltages of the base law [V], (N, 4), where they are not in the observations; None without
+        one.
     """
     known = dict(zip(layout.names, physical.T, strict=True))
     heading = Vector(known["heading_cos"], known["heading_sin"])
@@ -169,7 +169,7 @@ def input_values(physical: Any, base: Any, layout: Layout, *, residual: bool) ->
         derived += components(heading, UnitVector(known[f"cos_{link}"], known[f"sin_{link}"]))
     library = physical.__array_namespace__()
     columns = [physical, library.stack(derived, axis=1)]
-    return library.concat([*columns, base] if residual else columns, axis=1)
+    return library.concat(columns if base is None else [*columns, base], axis=1)
 
 
 def to_volts(outputs: Any, base: Any, interface: Interface) -> Any:
@@ -185,8 +185,3 @@ def corrected(outputs: Any, base: Any, reach: float, voltage_max: float) -> Any:
     """Return voltages [V] within the range, corrected by up to ``reach``; all (N, clutches)."""
     library = outputs.__array_namespace__()
     return library.clip(base + reach * library.clip(outputs, -1.0, 1.0), 0.0, voltage_max)
-
-
-def middle_volts(worlds: int, interface: Interface) -> Any:
-    """Return the voltages [V] that a network without a base law corrects, (N, 4)."""
-    return np.full((worlds, 4), 0.5 * interface.voltage_max)

@@ -71,6 +71,18 @@ def test_no_correction_leaves_the_law(skip: int) -> None:
         np.testing.assert_array_equal(info["telemetry"][[*COLUMN.terms]], paid)
 
 
+def test_an_action_adds_its_share_of_the_reach() -> None:
+    env = PathFollowingEnv(scenario="standard", base=BASE, reach=32, sensors="torque")
+    obs, _ = env.reset(seed=5)
+    layout = env.observation_layout
+    before, given = layout.index("base_1"), np.array([0.1, -0.2, 0.0, 1.0], np.float32)
+    base = obs[before:] * layout.scales[before:]
+    at = layout.index("volts_1")
+    obs, *_ = env.step(given)
+    found = obs[at : at + 4] * layout.scales[at : at + 4]
+    np.testing.assert_allclose(found, np.clip(base + 32 * given, 0.0, 24.0), atol=1e-5)
+
+
 def test_a_copy_of_the_state_goes_on_alike() -> None:
     env = PathFollowingVectorEnv(WORLDS, base=BASE, **SHORT)
     env.reset(seed=0)
@@ -104,6 +116,9 @@ def test_a_spec_recovers_the_environment() -> None:
         ({"base": "single-dof-tund"}, "policies"),
         ({"base": lambda obs: obs}, "base must be a control law"),
         ({"base": BASE, "action_unit": "volt"}, "action_unit must be 'normalised'"),
+        ({"base": BASE, "reach": 24}, "reach must be 1, 2, 4, 8, 16, 32 or 64 V, got 24"),
+        ({"base": BASE, "reach": float("nan")}, "reach must be"),
+        ({"reach": 8.0}, "reach must be given with a base"),
     ],
 )
 def test_what_is_no_base_is_refused(keywords: dict[str, Any], message: str) -> None:

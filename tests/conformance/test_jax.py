@@ -32,7 +32,12 @@ KINDS: dict[str, dict[str, Any]] = {
     },
     "other clutches": {"machine": "two-brakes", "action_unit": "volt"},
     "a corridor": {"env_id": "PTER/Corridor-v0"},
-    "a base": {"env_id": "PTER/Standard-v0", "base": "single-dof-tuned", "max_episode_steps": 60},
+    "a base": {
+        "env_id": "PTER/Standard-v0",
+        "base": "single-dof-tuned",
+        "reach": 32,
+        "max_episode_steps": 60,
+    },
     "a base, held": {"base": "impedance", "frame_skip": 3, "max_episode_steps": 20},
 }
 

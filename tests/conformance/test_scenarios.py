@@ -14,6 +14,7 @@ from pter_gym._engine.world import ROW, SAME_STEP
 from pter_gym.benchmark import assess, training_episodes
 from pter_gym.benchmark.episodes import load_episodes, scenarios
 from pter_gym.controllers import TorqueFeedback, bind
+from pter_gym.envs import PathFollowingEnv
 from pter_gym.errors import ParameterError, ResetNeededError
 from pter_gym.hands import NORMAL, HumanArm
 from pter_gym.params import (
@@ -21,6 +22,7 @@ from pter_gym.params import (
     DELRIN_EXPERIMENTAL,
     MACHINES,
     Hand,
+    MachineSpread,
     find_machine,
     save_machine,
 )
@@ -305,6 +307,9 @@ def test_environments_and_laws_take_a_user_machine(own: str) -> None:
         assert {machine for machine, _ in env.unwrapped.batch.pairs} == {OWN}
         assert env.unwrapped.nominal_machine == OWN
         env.spec.to_json()
+    about = MachineSpread(machine=OWN, places=("arm.inertia_a",), covariance=((1e-4,),))
+    drawn = PathFollowingEnv(scenario=find_scenario("everything", about), contexts=5)
+    assert (drawn.nominal_machine, len({machine for machine, _ in drawn.batch.pairs})) == (OWN, 5)
     assert (find_scenario("standard", own).nominal, find_scenario("standard").nominal) == (
         OWN,
         BASELINE,

@@ -41,7 +41,7 @@ def test_a_compiled_network_is_that_of_numpy(name: str) -> None:
     means = None
     for _ in range(30):
         volts = np.full((3, 4), 12.0) if base is None else base(obs)
-        values = input_values(obs * layout.scales, volts, layout, residual=base is not None)
+        values = input_values(obs * layout.scales, layout, None if base is None else volts)
         seen = values[:, columns]
         present = np.clip((seen - center) / scale, -10.0, 10.0)
         past = [present, *(past or [present] * 64)]

@@ -202,7 +202,7 @@ def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
         for entry, scale in zip(layout.names, layout.scales.tolist(), strict=True)
     ]
     base = Columns(graph, [entries[each] for each in BASE_INPUTS])
-    values = input_values(Columns(graph, scaled), base, layout, residual=residual)
+    values = input_values(Columns(graph, scaled), layout, base if residual else None)
     columns = dict(zip(input_names(layout, residual=residual), values.names, strict=True))
     x = Columns(graph, [columns[each.name] for each in interface.inputs]).joined()
     x = graph.node("Sub", x, graph.constant([each.center for each in interface.inputs]))
