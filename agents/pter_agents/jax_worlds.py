@@ -1,7 +1,7 @@
 """The worlds of a training as pure JAX functions, for training in one compiled call.
 
-Differences between trainings are in ``SharedConstants`` and not in the code, so one compilation
-serves them all."""
+Differences between trainings are in ``SharedConstants`` and not in the code, except for a base's
+gains, so one compilation serves them all."""
 
 from typing import Any, NamedTuple
 

@@ -1,12 +1,12 @@
 """How often the PPO of the examples arrives: `python agents/stock/seeds.py --seeds 0 64 128`.
 
-Trains Stable-Baselines3's PPO with many seeds, as `examples/sb3_plain.py` does, or
-`examples/sb3_base.py` with `--base single-dof-tuned`, and prints each one's scores on test
-episodes."""
+Trains Stable-Baselines3's PPO with many seeds, as `examples/sb3_plain.py` does, with its default
+settings in four worlds (`--settings defaults`), or as `examples/sb3_base.py` does (`--settings
+base`), and prints each one's scores on test episodes."""
 
 from statistics import median
 from time import process_time
-from typing import Any
+from typing import Any, Literal
 
 import torch
 import tyro
@@ -20,24 +20,36 @@ CAUGHT = 25.0
 """Path error at the medium pace above which a training counts as caught [mm]."""
 
 
-def plain(effort: float) -> tuple[Any, int, dict[str, Any]]:
-    """Return the worlds, steps and settings of `examples/sb3_plain.py`."""
+Setting = tuple[Any, int, dict[str, Any]]
+"""Worlds, steps, and settings that differ from the library's."""
+
+ON_POLICY = {"n_steps": 64, "gae_lambda": 0.98}
+
+
+def plain(effort: float) -> Setting:
+    """Return those of `examples/sb3_plain.py`."""
     venv = make_sb3_vec_env(64, scenario="standard", reward=RewardWeights(effort=effort))
-    return venv, 1_250_000, {"batch_size": 1024}
+    return venv, 1_250_000, {**ON_POLICY, "batch_size": 1024}
 
 
-def corrections(base: str) -> tuple[Any, int, dict[str, Any]]:
-    """Return the worlds, steps and settings of `examples/sb3_base.py`."""
+def defaults(effort: float) -> Setting:
+    """Return four worlds and the library's settings."""
+    venv = make_sb3_vec_env(4, scenario="standard", reward=RewardWeights(effort=effort))
+    return venv, 1_500_000, {}
+
+
+def corrections() -> Setting:
+    """Return those of `examples/sb3_base.py`."""
     reward = RewardWeights(tracking=10, precision=90, effort=0)
     task = {"reward": reward, "starts": "rest", "error_max": 0.05}
-    venv = make_sb3_vec_env(128, scenario="standard", base=base, **task)
+    venv = make_sb3_vec_env(128, scenario="standard", base="single-dof-tuned", **task)
     noise = {"use_sde": True, "sde_sample_freq": 8, "policy_kwargs": {"log_std_init": -2.9}}
-    return venv, 5_000_000, {"batch_size": 2048, "gamma": 0.995, **noise}
+    return venv, 5_000_000, {**ON_POLICY, "batch_size": 2048, "gamma": 0.995, **noise}
 
 
 def seeds(
     seeds: tuple[int, ...],
-    base: str | None = None,
+    settings: Literal["plain", "defaults", "base"] = "plain",
     effort: float = RewardWeights.effort,
     steps: int | None = None,
     fresh: int = 0,
@@ -47,8 +59,12 @@ def seeds(
     ranked = 0
     for seed in seeds:
         began = process_time()
-        venv, usual, settings = plain(effort) if base is None else corrections(base)
-        model = PPO("MlpPolicy", venv, n_steps=64, gae_lambda=0.98, seed=seed, **settings)
+        venv, usual, own = {
+            "plain": lambda: plain(effort),
+            "defaults": lambda: defaults(effort),
+            "base": corrections,
+        }[settings]()
+        model = PPO("MlpPolicy", venv, seed=seed, **own)
         model.learn(steps or usual)
         spent = process_time() - began
         runs = run_scenario("standard", {"PPO": from_sb3(model)}, seed=fresh)
