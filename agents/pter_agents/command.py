@@ -99,6 +99,7 @@ def train(
     on = (
         "" if scenario == "standard" else f" --scenario {FALLBACK if scenario == ALL else scenario}"
     )
+    on += f" --machine {quote(machine)}" if machine else ""
     conclude(
         files,
         f"tensorboard --logdir {quote(str(out))}",

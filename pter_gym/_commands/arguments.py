@@ -1,7 +1,8 @@
 """What the commands share about their arguments."""
 
 from collections.abc import Iterable
-from pathlib import Path
+from dataclasses import replace
+from pathlib import Path, PurePath
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -104,10 +105,16 @@ def look_at(
 
 
 def scenario_on(scenario: str, machine: str | None, path: str | None, smooth: float) -> "Scenario":
-    """Return a scenario on a user's path, and say so if its bends leave little workspace."""
+    """Return a scenario on a user's path and with a user's machine, each also in its name.
+
+    Says so if the path's bends leave little workspace.
+    """
     if smooth < 0.0 or (smooth and not (path or "").endswith(".csv")):
         raise ParameterError(f"smooth must be ≥ 0 mm, for a path from a file, got {smooth:g}")
     chosen = find_scenario(scenario, machine, path, 1e-3 * smooth)
+    if machine:
+        title = f"{chosen.name}-with-{PurePath(machine).stem}"
+        chosen = replace(chosen, name=title, gains=chosen.whose_gains)
     width = chosen.draws.varied_task.template.error_max
     if path and width < NARROW:
         say(

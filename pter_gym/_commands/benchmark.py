@@ -9,6 +9,7 @@ import tyro
 
 from pter_gym._commands.arguments import (
     AnyPaces,
+    MachineName,
     PathName,
     ScenarioName,
     Smoothness,
@@ -50,6 +51,7 @@ def benchmark(
     details: bool = False,
     film: bool = True,
     out: Path = Path("pter-benchmark"),
+    machine: MachineName = None,
 ) -> None:
     """Rank policies on a scenario, and film them.
 
@@ -70,18 +72,19 @@ def benchmark(
         smooth: Noise to remove from a recorded path, root mean square, in mm.
         episodes: How many of the scenario's episodes to run; all by default.
         seed: Draw as many other test episodes with this seed; by default, the stored ones are run,
-            or with --path, where there are none, those of seed 0.
+            or with --path or --machine, where there are none, those of seed 0.
         details: Also print the worst twentieth, rms, pace and peak acceleration.
         film: Whether to film the policies on a training episode of the scenario.
         out: Folder for the results, created if necessary.
+        machine: Name or file of a machine, instead of those that the scenario draws.
     """
     names = [name for each in policies for name in split(each)]
-    look_at(policies=names, paces=paces, path=path, smooth=smooth)
+    look_at(policies=names, paces=paces, path=path, smooth=smooth, machine=machine)
 
     from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
     from pter_gym.benchmark.boards import EPISODE_SET, boards_text, in_order
 
-    definition = scenario_on(scenario, None, path, smooth)
+    definition = scenario_on(scenario, machine, path, smooth)
     results = ResultsFolder(out)
     results.make()
     policies_by_name = {name: find_policy(name, definition.whose_gains) for name in names}
@@ -112,7 +115,7 @@ def benchmark(
             ranked = {name: policies_by_name[name] for name in filmed}
             files.append(film_policies(ranked, definition, pace, results.path, progress))
     best, *others = in_order(boards)
-    same = options(scenario=scenario, path=path, smooth=smooth)
+    same = options(scenario=scenario, path=path, machine=machine, smooth=smooth)
     ends = quote(",".join([best, *others[-1:]]))
     conclude(files, f"pter watch {ends}{same} --out two.webp")
 

@@ -12,6 +12,7 @@ import pytest
 
 from pter_gym._commands.arguments import split
 from pter_gym._commands.main import commands, load_command, main, parse
+from pter_gym.benchmark import ResultsFolder
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.policies._names import BUILT_IN, tuned_policies
 from pter_gym.policies.tuned import read_table, tuned_names
@@ -63,6 +64,7 @@ MISTYPED = [
         "benchmark --path my.csv",
     ),
     *("benchmark --path columns.csv", "tune impedence", "tune impedance --machine my.toml"),
+    *("benchmark --machine my.toml", "benchmark --machine baselin"),
     *("watch impedence --out a.webp", "watch free --pace slw --out a.webp", "device my.toml"),
     *("hil impedence ./loop", "export impedence --c folder", "benchmark --path nopath"),
     *("tune impedance --path nopath", "watch free --path nopath --out a.webp"),
@@ -88,6 +90,13 @@ def test_what_is_mistyped_is_told_before_anything_heavy_is_imported(tmp_path: Pa
     )
     assert found.returncode == 0, found.stderr
     assert found.stderr.count("error: ") == len(lines)
+
+
+def test_benchmark_takes_a_machine(tmp_path: Path) -> None:
+    line = "benchmark --policies random --paces brisk --episodes 2 --no-film --machine two-brakes"
+    assert main([*line.split(), "--out", str(tmp_path)]) == 0
+    (run,) = ResultsFolder(tmp_path).runs()
+    assert (run.scenario, run.seed) == ("standard-with-two-brakes", 0)
 
 
 def test_names_that_are_known_without_the_controllers_are_theirs() -> None:
