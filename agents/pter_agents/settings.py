@@ -10,7 +10,6 @@ from pter_gym._internal.codec import Codec, dataclasses_in, tuple_of
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym._internal.reading import read_toml
 from pter_gym.benchmark import PACES
-from pter_gym.envs._base_law import checked_reach
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import (
     BASELINE,
@@ -62,7 +61,7 @@ class Settings(RewardWeights):
         Controller that the policy corrects, ``"none"`` for none; its gains are those for the
         scenario.
     reach
-        Voltage that an action of 1 adds to the base's [V], a power of two; not used without a base.
+        Voltage that an action of 1 adds to the base's [V]; not used without a base.
     history, averages
         Delays, in steps, at which the networks also see their inputs, and time constants, in
         steps, of averages that they also see.
@@ -140,6 +139,7 @@ class Settings(RewardWeights):
         for name in ("worlds", "steps", "episode", "contexts", "frame_skip", "minibatch", "epochs"):
             require_whole(self, name)
         above_zero = (
+            "reach",
             "truncation",
             "learning_rate",
             "max_gradient",
@@ -154,7 +154,6 @@ class Settings(RewardWeights):
             require_number(self, name, at_least=0.0)
         require_number(self, "clip", above=0.0, below=1.0)
         require_number(self, "persistence", at_least=0.0, below=1.0)
-        checked_reach(self.reach)
         alone = self.base == NO_BASE or self.frame_skip == 1
         require(alone, self, "frame_skip", "1 with a base, which acts at every control step")
         for name in ("history", "averages", "hidden", "value_hidden"):

@@ -48,23 +48,6 @@ def find_base_law(base: object, scenario: str) -> Controller:
     return base
 
 
-def checked_reach(reach: object) -> float:
-    """Return the voltage of a correction of 1 [V].
-
-    It is a power of two, so the product is exact and all ways of computing a corrected voltage have
-    the same bits.
-
-    Raises
-    ------
-    ParameterError
-        If it is another number.
-    """
-    known = isinstance(reach, int | float) and not isinstance(reach, bool)
-    if not known or reach not in (1, 2, 4, 8, 16, 32, 64):
-        raise ParameterError(f"reach must be 1, 2, 4, 8, 16, 32 or 64 V, got {reach!r:.200}")
-    return float(reach)
-
-
 def bind_base_law(base: Controller, machine: Machine, layout: Layout) -> Policy:
     """Return a base bound to a nominal machine and a layout.
 

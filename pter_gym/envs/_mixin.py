@@ -15,6 +15,7 @@ from pter_gym._internal.checks import builtin, whole_number
 from pter_gym._internal.files import FilePath
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine, MachineSpread, find_machine
+from pter_gym.params._fields import check_number
 from pter_gym.paths import Path, find_path
 from pter_gym.scenarios import Scenario, find_pace, find_scenario
 from pter_gym.scenarios._suite import gains_for
@@ -287,9 +288,10 @@ def _make_batch(
             "action_unit must be 'normalised' with a base, whose voltages an action corrects, "
             f"got {action_unit!r}"
         )
-    from pter_gym.envs._base_law import REACH, CorrectedBatch, checked_reach, find_base_law
+    from pter_gym.envs._base_law import REACH, CorrectedBatch, find_base_law
 
-    base, reach = find_base_law(base, gains), checked_reach(REACH if reach is None else reach)
+    base, reach = find_base_law(base, gains), REACH if reach is None else reach
+    check_number("reach", reach, above=0.0)
     nominal = middle or nominal_machine(set(machine) if _several(machine) else {machine})
     batch = CorrectedBatch(base, machine, task, num_envs, nominal=nominal, reach=reach, **shared)
     return _Worlds(batch, gains, base, reach, middle)

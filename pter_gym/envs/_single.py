@@ -123,7 +123,7 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
       or a `Controller`. The law acts at every control step, the observation ends with its
       voltages, `base_1` to `base_4`, and with a scenario actions are held for one control step by
       default.
-    - `reach`: what an action of 1 adds to the base's voltage, 8 V by default; a power of two.
+    - `reach`: what an action of 1 adds to the base's voltage, 8 V by default.
     - `render_mode`: `"human"` (needs the extra `render`) or `"rgb_array"`.
     - `width`, `height`: size of the pictures, 840 × 600 pixels by default.
 

@@ -182,6 +182,9 @@ def to_volts(outputs: Any, base: Any, interface: Interface) -> Any:
 
 
 def corrected(outputs: Any, base: Any, reach: float, voltage_max: float) -> Any:
-    """Return voltages [V] within the range, corrected by up to ``reach``; all (N, clutches)."""
+    """Return voltages [V] within the range, corrected by up to ``reach``; all (N, clutches).
+
+    Clipping comes between product and sum, so no compiler joins the two in one rounding.
+    """
     library = outputs.__array_namespace__()
-    return library.clip(base + reach * library.clip(outputs, -1.0, 1.0), 0.0, voltage_max)
+    return library.clip(base + library.clip(reach * outputs, -reach, reach), 0.0, voltage_max)

@@ -40,7 +40,7 @@ def arguments(steps: int, algorithm: str = "residual", **changes: object) -> Tra
 def test_resumed_training_has_the_same_bits(tmp_path: Path) -> None:
     from pter_agents.training import train
 
-    constant = {"learning_rate_end": 1e-3, "deviation_end": 0.225}
+    constant = {"learning_rate_end": 1e-3, "deviation_end": 0.3}
     train(arguments(2, **constant), tmp_path / "whole")
     train(arguments(1, **constant), tmp_path / "parts")
     train(arguments(2, **constant), tmp_path / "parts", resume=True)
@@ -50,7 +50,7 @@ def test_resumed_training_has_the_same_bits(tmp_path: Path) -> None:
     for name, array in one.items():
         np.testing.assert_array_equal(array, two[name], err_msg=name)
     with pytest.raises(ParameterError, match="reach"):
-        train(arguments(2, reach=16, **constant), tmp_path / "parts", resume=True)
+        train(arguments(2, reach=3.0, **constant), tmp_path / "parts", resume=True)
     with (tmp_path / "parts" / "progress.csv").open() as text:
         table = list(csv.DictReader(text))
     assert [int(row["steps"]) for row in table] == sorted(RunFolder(tmp_path / "parts").scores())

@@ -116,7 +116,7 @@ def test_a_spec_recovers_the_environment() -> None:
         ({"base": "single-dof-tund"}, "policies"),
         ({"base": lambda obs: obs}, "base must be a control law"),
         ({"base": BASE, "action_unit": "volt"}, "action_unit must be 'normalised'"),
-        ({"base": BASE, "reach": 24}, "reach must be 1, 2, 4, 8, 16, 32 or 64 V, got 24"),
+        ({"base": BASE, "reach": 0.0}, "reach must be"),
         ({"base": BASE, "reach": float("nan")}, "reach must be"),
         ({"reach": 8.0}, "reach must be given with a base"),
     ],

@@ -35,7 +35,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "a base": {
         "env_id": "PTER/Standard-v0",
         "base": "single-dof-tuned",
-        "reach": 32,
+        "reach": 24.0,
         "max_episode_steps": 60,
     },
     "a base, held": {"base": "impedance", "frame_skip": 3, "max_episode_steps": 20},
