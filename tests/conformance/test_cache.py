@@ -155,6 +155,7 @@ import caller
 
 @needs_jit
 @pytest.mark.parametrize("replaced", [0, 1])
+@pytest.mark.long
 def test_a_writer_is_killed_after_the_sources_changed(tmp_path: Path, replaced: int) -> None:
     write(tmp_path, "1.0")
     assert run(tmp_path) == "1.0 0"
