@@ -280,7 +280,7 @@ def _make_batch(
     }
     if base is None:
         if reach is not None:
-            raise ParameterError(f"reach must be given with a base alone, got {reach!r:.200}")
+            raise ParameterError(f"reach must not be given without a base, got {reach!r:.200}")
         batch = Batch(machine, task, num_envs, action_unit=action_unit, **shared)
         return _Worlds(batch, gains, None, None, middle)
     if action_unit != "normalised":

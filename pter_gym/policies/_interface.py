@@ -143,7 +143,7 @@ class Interface:
 def input_names(layout: Layout, *, residual: bool) -> list[str]:
     """Return the names of what a network can see, in the order of ``input_values``.
 
-    With ``residual``, the voltages of a base are among them that are not in the observations.
+    With ``residual``, a base's voltages are among them although the observations lack them.
     """
     return [*layout.names, *DERIVED, *(BASE_INPUTS if residual else ())]
 

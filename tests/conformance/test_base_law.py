@@ -118,7 +118,7 @@ def test_a_spec_recovers_the_environment() -> None:
         ({"base": BASE, "action_unit": "volt"}, "action_unit must be 'normalised'"),
         ({"base": BASE, "reach": 0.0}, "reach must be"),
         ({"base": BASE, "reach": float("nan")}, "reach must be"),
-        ({"reach": 8.0}, "reach must be given with a base"),
+        ({"reach": 8.0}, "reach must not be given without"),
     ],
 )
 def test_what_is_no_base_is_refused(keywords: dict[str, Any], message: str) -> None:
