@@ -12,6 +12,7 @@ from pter_gym._commands.arguments import (
     MachineName,
     ScenarioName,
     look_at,
+    options,
 )
 from pter_gym._internal.terminal import conclude, progress_bar, say, waiting
 from pter_gym.errors import needs_extra
@@ -96,10 +97,7 @@ def train(
         if not smoke:
             files.append(report.film(exporting.read_run(out), arguments, out / "film.webp"))
     say(report.table({str(out): history[max(history)], **laws}))
-    on = (
-        "" if scenario == "standard" else f" --scenario {FALLBACK if scenario == ALL else scenario}"
-    )
-    on += f" --machine {quote(machine)}" if machine else ""
+    on = options(scenario=FALLBACK if scenario == ALL else scenario, machine=machine)
     conclude(
         files,
         f"tensorboard --logdir {quote(str(out))}",

@@ -12,7 +12,9 @@ from PIL import Image
 from pter_agents.exporting import export
 from pter_agents.runs import RunFolder
 from pter_agents.settings import SMOKE, TrainingArguments, load_settings
+from pter_gym import load_policy
 from pter_gym._commands.main import main
+from pter_gym.envs import PathFollowingVectorEnv
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.paths import Circle
@@ -181,11 +183,9 @@ def test_a_loss_that_is_not_finite_raises() -> None:
 def test_an_exported_policy_acts_as_in_training(algorithm: str) -> None:
     import jax
 
-    import pter_gym
     from pter_agents.draws import training_draws
     from pter_agents.ppo import PPO
     from pter_agents.worlds import make_training
-    from pter_gym.envs import PathFollowingVectorEnv
 
     given = arguments(1, algorithm, worlds=4, minibatch=64)
     model = PPO(given.settings, make_training(given), given.steps, given.seed)
@@ -213,7 +213,7 @@ def test_an_exported_policy_acts_as_in_training(algorithm: str) -> None:
         frame_skip=1,
         autoreset_mode="SAME_STEP",
     )
-    policy = pter_gym.load_policy(model.policy(), env)
+    policy = load_policy(model.policy(), env)
     obs, _ = env.reset(seed=0)
     policy.reset()
     ended = np.zeros(4, np.bool_)
