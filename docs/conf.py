@@ -60,7 +60,7 @@ html_logo = html_favicon = "../pter_gym/tools/web/static/icon.svg"
 html_theme_options = {
     "footer_icons": [{"name": "Source", "url": address, "html": "Source", "class": ""}]
     if is_public
-    else [],
+    else []
 }
 html_static_path = ["_static"]
 html_css_files = ["site.css"]

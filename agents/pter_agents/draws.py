@@ -132,10 +132,7 @@ WIDER = (
 
 
 def draws_for(
-    scenario: str,
-    pace: str,
-    machine: Machine | MachineSpread | None = None,
-    **fields: Any,
+    scenario: str, pace: str, machine: Machine | MachineSpread | None = None, **fields: Any
 ) -> Draws:
     """Return the draws of a scenario at a pace.
 

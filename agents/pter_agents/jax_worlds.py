@@ -163,8 +163,7 @@ class JaxWorlds:
         means = state.means + shared.shares[:, None] * (present - state.means)
         column = fresh[:, None, None]
         return state._replace(
-            rows=jnp.where(column, present, rows),
-            means=jnp.where(column, present, means),
+            rows=jnp.where(column, present, rows), means=jnp.where(column, present, means)
         )
 
     def _truth(self, shared: SharedConstants, world: jax.Array) -> jax.Array:

@@ -7,12 +7,7 @@ from pathlib import Path
 from markup import code, joined, table
 
 from pter_gym.benchmark import Leaderboard, ResultsFolder, leaderboards
-from pter_gym.benchmark.boards import (
-    Standing,
-    in_order,
-    millimetres,
-    with_interval,
-)
+from pter_gym.benchmark.boards import Standing, in_order, millimetres, with_interval
 from pter_gym.scenarios import PACES, SCENARIOS
 
 UNRANKED = "†"

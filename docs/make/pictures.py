@@ -211,9 +211,7 @@ def policies() -> None:
     """Draw each policy at the end of the same episode of the paper's setting."""
     for name in policy_names():
         write_webp(
-            frames((name,), "standard", 0, last=True),
-            IMAGES / "policies" / f"{name}.webp",
-            80,
+            frames((name,), "standard", 0, last=True), IMAGES / "policies" / f"{name}.webp", 80
         )
 
 

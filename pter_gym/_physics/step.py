@@ -180,11 +180,7 @@ def stuck_capacities(slip: PerClutch, capacity: PerClutch) -> PerClutch:
 
 @inlined
 def torques_at(
-    q: Motion,
-    machine: Model,
-    on: Load,
-    torques: Torques,
-    arrangement: OptionalArrangement = None,
+    q: Motion, machine: Model, on: Load, torques: Torques, arrangement: OptionalArrangement = None
 ) -> PerClutch:
     """Return the torque of each clutch on the arm at an instant [N·m].
 

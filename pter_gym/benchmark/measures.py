@@ -8,12 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.haptics import (
-    apparent_stiffness,
-    force_error,
-    force_per_torque,
-    mean_resisting_force,
-)
+from pter_gym.haptics import apparent_stiffness, force_error, force_per_torque, mean_resisting_force
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._pace import ALLOWANCE, START

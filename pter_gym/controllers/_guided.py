@@ -12,13 +12,7 @@ from itertools import pairwise
 from typing import Any, ClassVar
 
 from pter_gym._compiled.layout import Layout
-from pter_gym.controllers._gains import (
-    IMPEDANCE,
-    SINGLE_DOF,
-    VELOCITY_RATIO,
-    Gains,
-    gains_array,
-)
+from pter_gym.controllers._gains import IMPEDANCE, SINGLE_DOF, VELOCITY_RATIO, Gains, gains_array
 from pter_gym.controllers._laws import built_in, built_in_declared
 from pter_gym.controllers._policy import Policy
 from pter_gym.errors import ParameterError

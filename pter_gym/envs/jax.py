@@ -402,8 +402,7 @@ def _many(run: Any) -> Any:
             for x, has_axis in zip(own, mapped[0], strict=True)
         ]
         results = call(
-            tuple(x.reshape(-1, *x.shape[2:]) for x in spread),
-            shared._make(x[0] for x in repeated),
+            tuple(x.reshape(-1, *x.shape[2:]) for x in spread), shared._make(x[0] for x in repeated)
         )
         if any(mapped[1]):
             results = [

@@ -85,10 +85,7 @@ class MultiSineHand(Operator):
         "N", "fitted: the constant tangential force of section IV-A", default=57.67
     )
     amplitudes: tuple[float, ...] = parameter(
-        "N",
-        "fitted: Fmax/5 each (Eq. 5)",
-        **_FIVE,
-        default=(21.82 / SINES,) * SINES,
+        "N", "fitted: Fmax/5 each (Eq. 5)", **_FIVE, default=(21.82 / SINES,) * SINES
     )
     frequencies: tuple[float, ...] = parameter(
         "Hz", "published: Eq. 5", **_RATES, default=EQ5_FREQUENCIES

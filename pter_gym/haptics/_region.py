@@ -13,12 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym._physics.arm import (
-    Vector,
-    links_at,
-    motion_of,
-    moving,
-)
+from pter_gym._physics.arm import Vector, links_at, motion_of, moving
 from pter_gym._physics.clutch import PerClutch, falling, holding, sliding
 from pter_gym._physics.friction import slip_velocities
 from pter_gym._physics.model import held_dynamic, model_of, optional_arrangement

@@ -30,7 +30,7 @@ TINY: dict[str, dict[str, Any]] = {
 }
 TINY |= {"zoo": {"steps": 64}}
 LEARNERS: dict[str, tuple[str, dict[str, Any]]] = {
-    **{name: (f"{name}_ppo", {}) for name in ("rsl_rl", "skrl", "torchrl")},
+    **{name: (f"{name}_ppo", {}) for name in ("rsl_rl", "skrl", "torchrl")}
 }
 SEEDS = 3
 

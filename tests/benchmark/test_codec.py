@@ -56,11 +56,7 @@ def test_dataclasses_are_those_that_a_module_or_package_defines() -> None:
     assert Machine not in dataclasses_in(specification), "it is only named there"
 
 
-@given(
-    st.floats(1e-9, 4.0),
-    st.tuples(*5 * [st.floats(-MAX_NUMBER, MAX_NUMBER)]),
-    st.booleans(),
-)
+@given(st.floats(1e-9, 4.0), st.tuples(*5 * [st.floats(-MAX_NUMBER, MAX_NUMBER)]), st.booleans())
 def test_every_bit_comes_back(pace: float, phases: tuple[float, ...], random_phases: bool) -> None:
     task = PathFollowing(pace=pace, hand=MultiSineHand(phases=phases, random_phases=random_phases))
     assert repr(through_json(task)) == repr(task)

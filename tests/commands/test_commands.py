@@ -38,11 +38,7 @@ def test_help_shows_the_choices(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 REFUSED = ["benchmarl", "benchmark --policies impedence", "tune impedence", "reproduce fig6"]
-REFUSED += [
-    "benchmark --paces slw",
-    "benchmark --path mien.csv",
-    "benchmark --policies mine.toml",
-]
+REFUSED += ["benchmark --paces slw", "benchmark --path mien.csv", "benchmark --policies mine.toml"]
 
 
 @pytest.mark.parametrize("line", REFUSED)

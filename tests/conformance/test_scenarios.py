@@ -28,15 +28,7 @@ from pter_gym.params import (
 )
 from pter_gym.paths import Arc, Circle, Line, Sine, find_path
 from pter_gym.scenarios import PACES, SCENARIOS, find_pace, find_scenario
-from pter_gym.scenarios.distributions import (
-    Draws,
-    LogUniform,
-    OneOf,
-    Shared,
-    Uniform,
-    Vary,
-    drawn,
-)
+from pter_gym.scenarios.distributions import Draws, LogUniform, OneOf, Shared, Uniform, Vary, drawn
 from pter_gym.tasks.path_following import (
     AT_REST,
     COLUMN,
@@ -441,8 +433,7 @@ def test_an_episode_that_strays_is_truncated_and_is_no_failure() -> None:
 
 
 @pytest.mark.parametrize(
-    ("error_max", "terminated"),
-    [(0.099, True), (0.1 - 1e-9, True), (0.1, False), (0.101, False)],
+    ("error_max", "terminated"), [(0.099, True), (0.1 - 1e-9, True), (0.1, False), (0.101, False)]
 )
 def test_the_nearer_limit_ends_an_episode_and_truncation_wins_ties(
     error_max: float, terminated: bool

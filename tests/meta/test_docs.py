@@ -12,16 +12,7 @@ from typing import Any
 import fill
 import pytest
 
-from documents import (
-    DOCS,
-    NOTEBOOKS,
-    README,
-    ROOT,
-    blocks_of,
-    cells_of,
-    readme,
-    run_program,
-)
+from documents import DOCS, NOTEBOOKS, README, ROOT, blocks_of, cells_of, readme, run_program
 from pter_gym import params
 from pter_gym._commands.main import main
 from pter_gym.params import BASELINE, save_machine
@@ -123,14 +114,10 @@ MARKS = dict.fromkeys(("extending", "model", "your-algorithm"), pytest.mark.slow
 
 
 @pytest.mark.parametrize(
-    "page",
-    [pytest.param(page, id=page.stem, marks=MARKS.get(page.stem, ())) for page in RUNNING],
+    "page", [pytest.param(page, id=page.stem, marks=MARKS.get(page.stem, ())) for page in RUNNING]
 )
 def test_code_on_a_page_prints_what_the_page_shows(
-    page: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     if page.name == "your-algorithm.md":
         pytest.importorskip("stable_baselines3")

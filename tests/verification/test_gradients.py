@@ -18,14 +18,7 @@ from pter_gym._physics.friction import ClutchMode
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of
 from pter_gym._physics.step import paper_clutches
 from pter_gym.errors import DivergenceError, ParameterError
-from pter_gym.gradients._adjoint import (
-    FIRST,
-    LAST,
-    aim,
-    drift,
-    kick_adjoints,
-    kick_stages,
-)
+from pter_gym.gradients._adjoint import FIRST, LAST, aim, drift, kick_adjoints, kick_stages
 from pter_gym.gradients._branchless import Column, branchless
 from pter_gym.gradients._friction import resolve_adjoint
 from pter_gym.gradients._machine import numbers_of

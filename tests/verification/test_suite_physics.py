@@ -17,11 +17,7 @@ from pter_gym.hands import HUMAN_ARMS, HumanArm, MultiSineHand, RecordedForces, 
 from pter_gym.hands._operators import MAX_INSTANTS
 from pter_gym.params import BASELINE, Hand
 from pter_gym.paths import Arc, Line
-from pter_gym.tasks.path_following import (
-    COLUMN,
-    PathFollowing,
-    Sensing,
-)
+from pter_gym.tasks.path_following import COLUMN, PathFollowing, Sensing
 
 PERIOD, H = 0.01, BASELINE.substep
 COUNT = round(PERIOD / H)

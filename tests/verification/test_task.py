@@ -54,12 +54,7 @@ from pter_gym.tasks.path_following import (
     reason_of,
 )
 from pter_gym.tasks.path_following._context import context_of
-from pter_gym.tasks.path_following._ending import (
-    reached_end,
-    singular,
-    strayed,
-    too_fast,
-)
+from pter_gym.tasks.path_following._ending import reached_end, singular, strayed, too_fast
 from pter_gym.tasks.path_following._model import SensingModel
 from pter_gym.tasks.path_following._observation import (
     Measurement,
@@ -68,13 +63,7 @@ from pter_gym.tasks.path_following._observation import (
     observation,
 )
 from pter_gym.tasks.path_following._pace import ALLOWANCE, in_start_up, start_up_allowance
-from pter_gym.tasks.path_following._position import (
-    Band,
-    PathState,
-    PathVector,
-    to_path,
-    to_world,
-)
+from pter_gym.tasks.path_following._position import Band, PathState, PathVector, to_path, to_world
 from pter_gym.tasks.path_following._reward import (
     Outcome,
     Terms,

@@ -9,12 +9,7 @@ from pter_gym._physics.model import Model, arrangement_of, model_of
 from pter_gym._physics.stability import largest_energy
 from pter_gym.hands import HandModel
 from pter_gym.params import BASELINE, Machine
-from pter_gym.tasks.path_following._model import (
-    PathModel,
-    SensingModel,
-    StartModel,
-    TaskModel,
-)
+from pter_gym.tasks.path_following._model import PathModel, SensingModel, StartModel, TaskModel
 from pter_gym.tasks.path_following._observation import FORCE_SCALE
 from pter_gym.tasks.path_following._position import Band
 from pter_gym.tasks.path_following._reward import PACE_WINDOW, Terms

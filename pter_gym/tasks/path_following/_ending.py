@@ -3,10 +3,7 @@
 from typing import NamedTuple
 
 from pter_gym._compiled.compiler import inlined
-from pter_gym._physics.arm import (
-    Motion,
-    sin_difference,
-)
+from pter_gym._physics.arm import Motion, sin_difference
 from pter_gym.tasks.path_following._model import TaskModel
 from pter_gym.tasks.path_following._position import PathState
 

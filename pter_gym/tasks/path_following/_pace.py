@@ -5,11 +5,7 @@ import math
 import numpy as np
 
 from pter_gym._compiled.compiler import inlined
-from pter_gym._physics.arm import (
-    cos_difference,
-    joint_torque,
-    motion_at,
-)
+from pter_gym._physics.arm import cos_difference, joint_torque, motion_at
 from pter_gym._physics.model import model_of
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE

@@ -4,11 +4,7 @@ from typing import Annotated, NamedTuple
 
 from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import Entry
-from pter_gym._physics.arm import (
-    UnitVector,
-    Vector,
-    components,
-)
+from pter_gym._physics.arm import UnitVector, Vector, components
 from pter_gym._physics.scalars import clamp
 from pter_gym.paths._projection import Foot
 

@@ -191,15 +191,7 @@ def _runs(
     """Return the runs of policies on test episodes with a machine."""
     episodes = find_episodes(scenario, pace, SEED, own).first(count)
     return [
-        ScenarioRun(
-            scenario,
-            pace,
-            name,
-            0,
-            SEED,
-            episodes.strata,
-            evaluate(policy, episodes),
-        )
+        ScenarioRun(scenario, pace, name, 0, SEED, episodes.strata, evaluate(policy, episodes))
         for name, policy in policies.items()
     ]
 

@@ -35,12 +35,7 @@ TABLE_TOLERANCE = 0.10
 
 FITTED = {
     *("table_entry", "table_ratio", "trend_over_time_constant", "worst_error_ratio", "peak_ratio"),
-    *(
-        "trend_over_gain",
-        "plateau_width",
-        "best_gain",
-        "line_following_ratio",
-    ),
+    *("trend_over_gain", "plateau_width", "best_gain", "line_following_ratio"),
 }
 """Measures in the calibration's objective, and ``peak_ratio``, a range of its space."""
 

@@ -235,11 +235,7 @@ class Canvas:
     ) -> None:
         """Write a line of text around the height ``y``; its left, middle or right is at ``x``."""
         self._draw.text(
-            (SUPERSAMPLING * x, SUPERSAMPLING * y),
-            drawable(text),
-            colour,
-            _font(size),
-            f"{align}m",
+            (SUPERSAMPLING * x, SUPERSAMPLING * y), drawable(text), colour, _font(size), f"{align}m"
         )
 
 

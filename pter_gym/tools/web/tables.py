@@ -56,11 +56,7 @@ def declarations() -> dict[str, Any]:
         "observation": fields(batch.layout),
         "telemetry": fields(TELEMETRY),
         "modes": [mode.name for mode in ClutchMode],
-        "places": {
-            "world": places(ROW),
-            "config": places(CONFIG),
-            "context": places(CONTEXT),
-        },
+        "places": {"world": places(ROW), "config": places(CONFIG), "context": places(CONTEXT)},
         "widths": {
             "world": ROWS,
             "telemetry": len(TELEMETRY),

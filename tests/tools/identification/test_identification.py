@@ -12,13 +12,7 @@ from pter_gym._commands.main import main
 from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.params import BASELINE, Arm, Clutch, Machine, TorqueCurve, find_machine
 from pter_gym.params._files import format_machine
-from pter_gym.tools.identification import (
-    Identification,
-    Log,
-    identify,
-    quantities,
-    write_log,
-)
+from pter_gym.tools.identification import Identification, Log, identify, quantities, write_log
 from pter_gym.tools.identification.identifying import ASSUMED
 from pter_gym.tools.identification.parameters import COORDINATES, COUNT, FORCE_DELAY, STEPS, Shape
 from pter_gym.tools.identification.shooting import LogInputs, differentiate, make_inputs, predict
