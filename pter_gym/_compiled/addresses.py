@@ -1,3 +1,4 @@
+# pyright: standard
 """Addresses in compiled code: of numbers, and of kernels, which are called as they are."""
 
 from collections.abc import Iterable

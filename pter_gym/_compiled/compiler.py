@@ -1,3 +1,4 @@
+# pyright: standard
 """The one wrapper around numba.
 
 ``inlined`` marks a scalar function on one world. ``compile_kernel`` turns a function that loops

@@ -1,3 +1,4 @@
+# pyright: standard
 """What compiled code depends on, as a digest: equal digests mean equal code, in any process.
 
 It covers the bytecode of a function and of every function that it reaches, and the values that

@@ -1,3 +1,4 @@
+# pyright: standard
 """Names, units and scales of the entries of a flat array: observations and telemetry."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+# pyright: standard
 """Philox4x64-10, a counter-based random number generator for kernels (Salmon et al., SC 2011).
 
 A draw is a pure function of (seed, stream) and (draw, episode), so a world's draws depend on its

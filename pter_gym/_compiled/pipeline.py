@@ -1,3 +1,4 @@
+# pyright: standard
 """By which of numba's steps kernels and their functions are compiled, and what the user is told.
 
 These are the steps of ``shortcuts.py``, which rely on numba's internals; or numba's own, with a

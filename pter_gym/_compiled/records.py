@@ -1,3 +1,4 @@
+# pyright: standard
 """Records: numbers with names, which lie in the rows of an array.
 
 A record is a ``NamedTuple`` of floats and of other records. Its declaration is its layout: ``rows``

@@ -1,3 +1,4 @@
+# pyright: standard
 """How numba compiles kernels and their functions in little more than half of its usual time.
 
 Numba optimises each function and makes machine code of it, even where the function is copied into

@@ -1,3 +1,4 @@
+# pyright: standard
 """Functions whose source text is generated, with lines that tracebacks and debuggers can show."""
 
 import hashlib

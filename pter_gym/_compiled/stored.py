@@ -1,3 +1,4 @@
+# pyright: standard
 """Compiled kernels on disk, for other processes: one file for each variant of a kernel.
 
 Numba keeps an index of numbered files, which are replaced one after the other: where two processes

@@ -1,3 +1,4 @@
+# pyright: standard
 """The kernels as calls of XLA's foreign-function interface: a world is a row, without Python.
 
 A handler gets XLA's call frame, a C structure whose fields are machine words: the version of the

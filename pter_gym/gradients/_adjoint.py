@@ -1,3 +1,4 @@
+# pyright: standard
 """The adjoint of a rollout: control steps forward, then backward through each stage.
 
 Forward, the state at each control instant is kept. Backward, a control step is simulated again from

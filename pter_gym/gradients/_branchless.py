@@ -1,3 +1,4 @@
+# pyright: standard
 """Functions of the simulator without branches, for the numbers of a trace or of JAX.
 
 The functions of a substep are straight-line code but for conditional expressions. ``branchless``

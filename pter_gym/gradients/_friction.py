@@ -1,3 +1,4 @@
+# pyright: standard
 """The derivatives of the friction problem ``friction.resolve``, written by hand."""
 
 from pter_gym._compiled.compiler import inlined

@@ -1,3 +1,4 @@
+# pyright: standard
 """Derivatives by a machine's parameters, from those by the kernels' constants."""
 
 import math

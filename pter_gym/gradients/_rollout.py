@@ -1,3 +1,4 @@
+# pyright: standard
 """Rollouts at given voltages and forces, and their gradients, for NumPy."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+# pyright: standard
 """Substeps with their tangents: forward mode, for few parameters and many results.
 
 Each tangent is a lane, and all lanes share the numbers of the substep itself.

@@ -1,3 +1,4 @@
+# pyright: standard
 """Derivatives from the simulator's own source: adjoints and tangents from a trace.
 
 ``adjoint_of`` and ``tangent_of`` run a stage of a substep once, without branches, on values that

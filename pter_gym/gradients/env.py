@@ -1,3 +1,4 @@
+# pyright: standard
 """The environment for ``jax.grad``: ``pter_gym.envs.jax`` with a rule for the derivative of a step.
 
 A step has the same bits as ``JaxEnv``. Its derivative repeats the step: the arm by the compiled

@@ -1,3 +1,4 @@
+# pyright: standard
 """Rollouts for ``jax.grad``: the compiled kernels as XLA calls with a custom gradient."""
 
 import math

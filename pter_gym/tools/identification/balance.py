@@ -1,3 +1,4 @@
+# pyright: standard
 """A first estimate: the balance of torques as a linear regression, on a grid of what is not linear.
 
 Where all engaged clutches slip one way, the paper's Eqs. 3 and 4 are linear in inertias, friction

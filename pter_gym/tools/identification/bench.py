@@ -1,3 +1,4 @@
+# pyright: standard
 """One clutch or brake on a bench, from a log of its voltage, speed and torque."""
 
 from collections.abc import Mapping

@@ -1,3 +1,4 @@
+# pyright: standard
 """``pter identify``: the parameters of a real machine from a log of it."""
 
 import math

@@ -1,3 +1,4 @@
+# pyright: standard
 """What the residuals of a fit still tell: score tests.
 
 A test asks how much of a further change of the predicted angles the residuals contain, beyond what

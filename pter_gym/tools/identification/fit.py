@@ -1,3 +1,4 @@
+# pyright: standard
 """The fit of a machine to the windows of a log: prediction errors, by least squares.
 
 The angles at the beginning of each window are measured with noise, the velocities are not measured

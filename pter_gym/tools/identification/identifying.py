@@ -1,3 +1,4 @@
+# pyright: standard
 """From a log to a machine: what is identified, how well, and what the log does not show."""
 
 import math

@@ -1,3 +1,4 @@
+# pyright: standard
 """A log of a machine: voltages, angles and forces over time, read from CSV and written to it.
 
 Loggers' clocks are uneven, so rows are interpolated to an even raster; stretches without rows are

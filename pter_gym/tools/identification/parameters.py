@@ -1,3 +1,4 @@
+# pyright: standard
 """A machine as coordinates for an optimiser, and the numbers that a user reads."""
 
 import math

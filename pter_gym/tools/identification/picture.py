@@ -1,3 +1,4 @@
+# pyright: standard
 """The picture of an identification: torque curves with intervals, and residuals."""
 
 import numpy as np

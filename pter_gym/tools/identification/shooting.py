@@ -1,3 +1,4 @@
+# pyright: standard
 """The compiled simulator as the model of a log: many short windows, each begun where the log is.
 
 Within each window the simulator gets the recorded voltages and forces and predicts the angles. The

@@ -1,3 +1,4 @@
+# pyright: standard
 """How well the model describes a log: ρ, the grade, and what may be wrong with the log."""
 
 from collections.abc import Iterator, Mapping

@@ -1,3 +1,4 @@
+# pyright: standard
 """A log cut into windows: where each begins, which clutches hold then, and the angles."""
 
 from dataclasses import dataclass, replace
