@@ -22,7 +22,7 @@ from pter_gym.benchmark.boards import worst_twentieth
 from pter_gym.hands import HumanArm
 from pter_gym.params import BASELINE, Hand, Machine
 from pter_gym.paths import Arc, Line, Polyline, Spline
-from pter_gym.policies.tuned import read_table, tuned_names
+from pter_gym.policies.tuned import read_gains, tuned_names
 from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.scenarios._variations import CURVED, EQ5, STANDARD
 from pter_gym.scenarios.distributions import Draws, OneOf, Uniform, Vary
@@ -111,7 +111,7 @@ def sets() -> dict[str, Draws]:
 
 def laws() -> Iterator[Any]:
     """Yield each tuned law with each gains."""
-    for scenario, table in read_table().items():
+    for scenario, table in read_gains().items():
         for name in tuned_names({scenario: table}):
             yield find_policy(name, scenario=scenario)
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pter_gym._internal.files import (
     check_target,
-    find_path,
+    expand_path,
     remove_leftovers,
     write_bytes_atomic,
     write_text_atomic,
@@ -96,13 +96,13 @@ def test_only_leftovers_are_removed(tmp_path: Path):
 @pytest.mark.parametrize("name", ["", b"file", 5, "a\0b", "n" * 300, "ü" * 128, "a\ud800"])
 def test_names_that_no_file_can_have_are_refused(name: object) -> None:
     with pytest.raises(ParameterError, match=r"^out"):
-        find_path("out", name)  # type: ignore[arg-type]
+        expand_path("out", name)  # type: ignore[arg-type]
 
 
 @POSIX
 @pytest.mark.parametrize("name", ["[red]", "a #?%b.db", "ü", "a\udcff", "-", "a\nb", "n" * 255])
 def test_odd_names_are_names(name: str, tmp_path: Path) -> None:
-    path = find_path("out", tmp_path / name)
+    path = expand_path("out", tmp_path / name)
     check_target("out", path)
     write_bytes_atomic(path, b"1")
     assert names(tmp_path) == [name]
@@ -112,7 +112,7 @@ def test_odd_names_are_names(name: str, tmp_path: Path) -> None:
 @given(st.text(max_size=400))
 def test_any_text_is_a_path_or_refused(text: str) -> None:
     with suppress(ParameterError, FileNotFoundError, NotADirectoryError):
-        find_path("out", text).lstat()  # which raises nothing else
+        expand_path("out", text).lstat()  # which raises nothing else
 
 
 def test_a_target_is_a_file_in_a_folder(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from typing import Any, cast
 from pter_agents.runs import RunFolder, policy_of
 from pter_agents.settings import NO_BASE, TrainingArguments, load_settings
 from pter_gym import __version__
-from pter_gym._internal.files import FilePath, find_path, write_files_atomic
+from pter_gym._internal.files import FilePath, expand_path, write_files_atomic
 from pter_gym._internal.terminal import make_folder
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.policies import TrainedPolicy, read_policy
@@ -51,11 +51,11 @@ def export(source: FilePath, out: FilePath | None = None, *, name: str | None = 
     StorageError
         If the files cannot be written; older ones then stay.
     """
-    run = find_path("source", source)
+    run = expand_path("source", source)
     policy = read_run(run) if (run / RUN).is_file() else read_policy(source)
     name = name or policy.name
     check_name(name)
-    out = Path(name) if out is None else find_path("out", out)
+    out = Path(name) if out is None else expand_path("out", out)
     make_folder(out)
     file = f"{name}{ENDING}"
     own = (README, file)

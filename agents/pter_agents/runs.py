@@ -17,7 +17,7 @@ from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
 from pter_agents.settings import TrainingArguments, arguments_from
-from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic, write_text_atomic
+from pter_gym._internal.files import FilePath, expand_path, write_bytes_atomic, write_text_atomic
 from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
 from pter_gym.errors import DataError, ParameterError
@@ -52,7 +52,7 @@ class RunFolder:
     path: Path
 
     def __init__(self, path: FilePath) -> None:
-        object.__setattr__(self, "path", find_path("path", path))
+        object.__setattr__(self, "path", expand_path("path", path))
 
     def lock(self) -> AbstractContextManager[None]:
         """Lock the folder, or raise a ParameterError if another process trains in it."""

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 from pter_gym import params
 from pter_gym._internal.codec import Codec, dataclasses_in, tuple_of
-from pter_gym._internal.files import FilePath, find_path
+from pter_gym._internal.files import FilePath, expand_path
 from pter_gym._internal.reading import read_toml
 from pter_gym.benchmark import PACES
 from pter_gym.errors import ParameterError, unknown_name
@@ -210,7 +210,7 @@ def load_settings(algorithm: str, file: FilePath | None = None, **changes: Any) 
         raise unknown_name("algorithm", algorithm, ALGORITHMS)
     values = read_toml(Path(__file__).parent / f"{algorithm}.toml", "config")
     if file is not None:
-        values |= read_toml(find_path("config", file), "config")
+        values |= read_toml(expand_path("config", file), "config")
     return settings_from(values | changes)
 
 

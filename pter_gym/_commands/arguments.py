@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 import tyro
 
-from pter_gym._internal.files import check_target
+from pter_gym._internal.files import TABLE_ENDINGS, check_target, has_ending
 from pter_gym._internal.tables import read_table
 from pter_gym._internal.terminal import say
 from pter_gym.errors import ParameterError, unknown_name
@@ -95,7 +95,7 @@ def look_at(
     for policy in policies:
         check_policy(policy)
     arm = find_machine(machine).arm
-    if path is not None and path.endswith(".csv"):
+    if path is not None and has_ending(path, *TABLE_ENDINGS):
         columns = read_table(path, ("x", "y"), unit="m").columns
         if not smooth:
             waypoints = np.stack([columns["x"], columns["y"]], axis=1)
@@ -109,7 +109,7 @@ def scenario_on(scenario: str, machine: str | None, path: str | None, smooth: fl
 
     Says so if the path's bends leave little workspace.
     """
-    if smooth < 0.0 or (smooth and not (path or "").endswith(".csv")):
+    if smooth < 0.0 or (smooth and not has_ending(path, *TABLE_ENDINGS)):
         raise ParameterError(f"smooth must be ≥ 0 mm, for a path from a file, got {smooth:g}")
     chosen = find_scenario(scenario, machine, path, 1e-3 * smooth)
     if machine:
@@ -149,7 +149,7 @@ def options(
     return "".join(f" --{name} {quote(value)}" for name, value in shown.items() if value)
 
 
-def numbers(field: str, text: str) -> list[float]:
+def split_numbers(field: str, text: str) -> list[float]:
     """Return numbers that are separated by commas, or raise a ParameterError for the field."""
     try:
         return [float(part) for part in text.split(",")]
@@ -159,6 +159,6 @@ def numbers(field: str, text: str) -> list[float]:
 
 def check_file(out: Path, suffix: str) -> None:
     """Raise a ParameterError unless a file with this suffix can be written."""
-    if out.suffix != suffix:
+    if not has_ending(out, suffix):
         raise ParameterError(f"out must end in {suffix}, got {str(out)!r}")
     check_target("out", out)

@@ -13,11 +13,14 @@ from pter_gym.errors import ParameterError, StorageError
 FilePath = str | os.PathLike[str]
 """A path: a string or a ``pathlib.Path``, absolute, relative, or beginning with ``~``."""
 
+TABLE_ENDINGS = (".csv", ".txt", ".tsv", ".dat")
+"""Endings of the names of tables, which ``tables.read_table`` reads."""
+
 MAX_NAME_BYTES = 255
 """Longest name in a path that common file systems allow [B]."""
 
 
-def find_path(field: str, path: FilePath) -> Path:
+def expand_path(field: str, path: FilePath) -> Path:
     """Return a user's path with ``~`` expanded, or raise a ParameterError that names the field."""
     file = None
     with suppress(
@@ -31,6 +34,11 @@ def find_path(field: str, path: FilePath) -> Path:
             f"{field} must be a path, as a string or a pathlib.Path, got {path!r:.200}"
         )
     return file
+
+
+def has_ending(name: object, *endings: str) -> bool:
+    """Return whether a name, or a path, ends in one of these endings, in capitals or not."""
+    return str(name).lower().endswith(endings)
 
 
 def check_target(field: str, path: Path) -> None:
@@ -53,7 +61,7 @@ def write_bytes_atomic(path: FilePath, data: bytes) -> None:
     StorageError
         If it cannot be written; an earlier file of that name stays as it was.
     """
-    path = find_path("path", path)
+    path = expand_path("path", path)
     write_files_atomic(path.parent, {path.name: data})
 
 
@@ -70,7 +78,8 @@ def write_files_atomic(folder: FilePath, files: Mapping[str, bytes]) -> None:
 
     None gets its name before all are on the disk, and no two processes name some of theirs at once.
     """
-    targets = {find_path("folder", folder).joinpath(name).resolve(): files[name] for name in files}
+    inside = expand_path("folder", folder)
+    targets = {inside.joinpath(name).resolve(): data for name, data in files.items()}
     written: dict[Path, Path] = {}
     target = Path()
     try:
@@ -84,7 +93,7 @@ def write_files_atomic(folder: FilePath, files: Mapping[str, bytes]) -> None:
                 os.fsync(file.fileno())
             if target.is_dir():
                 raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        with _lock_of(folder) if len(files) > 1 else nullcontext():
+        with _lock_of(inside) if len(files) > 1 else nullcontext():
             for target, temporary in written.items():
                 temporary.replace(target)
     except OSError as error:
@@ -95,10 +104,10 @@ def write_files_atomic(folder: FilePath, files: Mapping[str, bytes]) -> None:
                 temporary.unlink(missing_ok=True)
 
 
-def _lock_of(folder: FilePath) -> AbstractContextManager[None]:
+def _lock_of(folder: Path) -> AbstractContextManager[None]:
     from pter_gym._internal.locks import lock_beside, locked  # loads filelock
 
-    return locked(lock_beside(find_path("folder", folder)))
+    return locked(lock_beside(folder))
 
 
 def remove_leftovers(folder: Path) -> None:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._internal.files import FilePath, find_path
+from pter_gym._internal.files import FilePath, expand_path
 from pter_gym.errors import ParameterError
 
 MAX_SIZE = 1 << 24
@@ -67,7 +67,7 @@ def read_table(
         twice, a line has more entries than there are names, or an entry is not a finite number; it
         names the line.
     """
-    path = find_path("file", file)
+    path = expand_path("file", file)
     units = unit if isinstance(unit, Mapping) else dict.fromkeys((*names, *optional), unit)
     try:
         comments: list[str] = []

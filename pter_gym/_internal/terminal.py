@@ -27,7 +27,7 @@ from rich.progress import (
 from rich.segment import Segment
 from rich.text import Text
 
-from pter_gym._internal.files import FilePath, check_target, find_path
+from pter_gym._internal.files import FilePath, check_target, expand_path
 from pter_gym.errors import ParameterError, printable
 
 WIDTH = 80
@@ -42,7 +42,7 @@ GRACE = 0.3
 
 def make_folder(path: FilePath, field: str = "out") -> None:
     """Make a folder that can be written to, or raise a ParameterError."""
-    path = find_path(field, path)
+    path = expand_path(field, path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -413,7 +413,7 @@ def _state_of(body: Array) -> State:
     )
 
 
-def numbers(name: str, values: ArrayLike) -> Array:
+def finite_array(name: str, values: ArrayLike) -> Array:
     """Return an array of finite numbers, or raise a ParameterError."""
     try:
         array = np.asarray(values, np.float64)
@@ -427,14 +427,14 @@ def numbers(name: str, values: ArrayLike) -> Array:
 
 
 def _vector(name: str, values: ArrayLike, width: int) -> Array:
-    array = numbers(name, values)
+    array = finite_array(name, values)
     if array.shape != (width,):
         raise ParameterError(f"{name} must have the shape ({width},), got {array.shape}")
     return array.copy()
 
 
 def _rows(name: str, values: ArrayLike, steps: int, width: int) -> Array:
-    array = numbers(name, values)
+    array = finite_array(name, values)
     if array.shape not in ((width,), (steps, width)):
         raise ParameterError(
             f"{name} must have the shape ({width},) or ({steps}, {width}), got {array.shape}"

@@ -16,7 +16,7 @@ from typing import Any
 
 from pter_gym._engine.batch import Batch
 from pter_gym._internal.checks import whole_number
-from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic
+from pter_gym._internal.files import FilePath, expand_path, write_bytes_atomic
 from pter_gym._internal.reading import MAX_JSON_SIZE, inflate, parse_json, read_bytes, reading
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import BASELINE, Machine
@@ -135,7 +135,7 @@ def scenarios(folder: FilePath = FOLDER) -> tuple[str, ...]:
     return tuple(
         sorted(
             path.name.removesuffix(ENDING)
-            for path in find_path("folder", folder).glob(f"*{ENDING}")
+            for path in expand_path("folder", folder).glob(f"*{ENDING}")
         )
     )
 
@@ -150,7 +150,7 @@ def load_episodes(scenario: str, pace: str, *, folder: FilePath = FOLDER) -> Epi
     DataError
         If the file is damaged.
     """
-    speed, path = find_pace(pace), find_path("folder", folder) / f"{scenario}{ENDING}"
+    speed, path = find_pace(pace), expand_path("folder", folder) / f"{scenario}{ENDING}"
     if scenario not in (names := scenarios(folder)):
         raise unknown_name("scenario", scenario, names)
     with reading(f"evaluation data {path}"):
@@ -224,7 +224,7 @@ def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDE
         "episodes": entries,
     }
     data = json.dumps(content, ensure_ascii=False, allow_nan=False).encode()
-    path = find_path("folder", folder) / f"{episodes.scenario}{ENDING}"
+    path = expand_path("folder", folder) / f"{episodes.scenario}{ENDING}"
     path.parent.mkdir(parents=True, exist_ok=True)
     write_bytes_atomic(path, gzip.compress(data, 9, mtime=0))
     return path

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import invalidate_caches, reload
+from importlib.machinery import SourceFileLoader
 from importlib.metadata import EntryPoint
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -17,7 +18,7 @@ from urllib.parse import quote
 from numba.core.dispatcher import Dispatcher
 
 from pter_gym._internal.checks import names_in
-from pter_gym._internal.files import FilePath, find_path
+from pter_gym._internal.files import FilePath, expand_path, has_ending
 from pter_gym.controllers import CONTROLLERS, AnyPolicy, Controller, Policy
 from pter_gym.envs._library_policies import from_actions, from_sb3
 from pter_gym.errors import ParameterError, nearest
@@ -66,7 +67,7 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
     check_policy(name)
     if is_code(name):
         return _import(name)
-    if name.endswith(".toml"):
+    if has_ending(name, ".toml"):
         return read_tuned(name, scenario)
     if is_exported(name):
         return read_policy(name)
@@ -136,7 +137,7 @@ def _text_of(name: object) -> str:
             else ""
         )
         raise ParameterError(f"policies must be names or paths, got {name!r:.200}{hint}")
-    text = str(find_path("policies", cast("FilePath", name)))
+    text = str(expand_path("policies", cast("FilePath", name)))
     return text if is_path(text) else f"./{text}"
 
 
@@ -155,12 +156,12 @@ def _import(name: str) -> Any:
         sys.path.append(here)
     place, _, attribute = name.rpartition(":")
     entry = EntryPoint(name, name, "")
-    if not place.endswith(".py") and not entry.pattern.fullmatch(name):
+    if not has_ending(place, ".py") and not entry.pattern.fullmatch(name):
         raise ParameterError(
             f"policies must be written as package.module:attribute, got {name!r:.200}"
         )
     try:
-        is_file = place.endswith(".py")
+        is_file = has_ending(place, ".py")
         value = _attribute_of(Path(place), attribute) if is_file else _load(entry)
         if isinstance(value, Dispatcher):
             raise ParameterError(
@@ -220,7 +221,8 @@ def _run_file(path: Path) -> ModuleType:
         return sys.modules[name]
     for other in beside:
         sys.modules.pop(other, None)
-    spec: Any = spec_from_file_location(name, path)
+    loader = SourceFileLoader(name, str(path))  # which needs no .py in lower case
+    spec: Any = spec_from_file_location(name, path, loader=loader)
     module = sys.modules[name] = module_from_spec(spec)
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))

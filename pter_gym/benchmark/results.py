@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._internal.checks import builtin, names_in, whole_number
-from pter_gym._internal.files import FilePath, find_path, write_text_atomic
+from pter_gym._internal.files import FilePath, expand_path, has_ending, write_text_atomic
 from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
 from pter_gym._internal.terminal import make_folder
@@ -40,7 +40,7 @@ class ResultsFolder:
     """
 
     def __init__(self, path: FilePath) -> None:
-        self.path = find_path("path", path)
+        self.path = expand_path("path", path)
         self.summary = self.path / "benchmark.json"
 
     def make(self) -> None:
@@ -89,7 +89,7 @@ def run_path(folder: FilePath, run: ScenarioRun, training_seed: int | None = Non
     trained = f"-training{number}" if number else ""
     own = f"-{run.digest}" if run.digest else ""
     name = f"{run.scenario}-{run.pace}-{run.policy}-{run.episodes}{fresh}{trained}{own}"
-    return find_path("folder", folder) / "runs" / f"{quote(name, safe=' ')}.json"
+    return expand_path("folder", folder) / "runs" / f"{quote(name, safe=' ')}.json"
 
 
 def write_run(folder: FilePath, run: ScenarioRun) -> None:
@@ -108,7 +108,7 @@ def write_run(folder: FilePath, run: ScenarioRun) -> None:
 
 def read_run(path: FilePath) -> ScenarioRun:
     """Return the run in a file, or raise a DataError that names the file if it holds no run."""
-    path = find_path("path", path)
+    path = expand_path("path", path)
     with reading(path.name):
         content = parse_json(read_bytes(path, MAX_JSON_SIZE))
         strata = tuple(map(str, content["strata"]))
@@ -148,7 +148,7 @@ def write_trajectories(episodes: Mapping[str, NDArray[np.float64]], path: Path) 
 
 def check_table(path: Path) -> None:
     """Raise a ParameterError unless a table can be written to a file with this extension."""
-    if path.suffix.lower() != ".csv":
+    if not has_ending(path, ".csv"):
         raise ParameterError(f"csv must end in .csv, got {str(path)!r}")
 
 

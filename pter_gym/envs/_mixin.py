@@ -12,7 +12,7 @@ from gymnasium.envs.registration import EnvSpec
 from pter_gym._compiled.layout import Layout
 from pter_gym._engine.batch import ActionUnit, Batch
 from pter_gym._internal.checks import builtin, whole_number
-from pter_gym._internal.files import FilePath
+from pter_gym._internal.files import TABLE_ENDINGS, FilePath, has_ending
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine, MachineSpread, find_machine
 from pter_gym.params._fields import check_number
@@ -324,7 +324,7 @@ def _several(value: object) -> bool:
 def _has_file(value: Any) -> bool:
     """Return whether a path or a machine, or one of several, is given by a file."""
     names = cast("Sequence[Any]", value) if _several(value) else (value,)
-    return any(str(name).endswith((".csv", ".toml")) for name in names)
+    return any(has_ending(name, *TABLE_ENDINGS, ".toml") for name in names)
 
 
 def _read(value: Any, find: Callable[[Any], Any]) -> Any:

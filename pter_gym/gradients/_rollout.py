@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pter_gym._physics.arm import Motion, tip_position, tip_velocity
-from pter_gym._physics.open_loop import BODY_WIDTH, State, body_of, check_volts, numbers
+from pter_gym._physics.open_loop import BODY_WIDTH, State, body_of, check_volts, finite_array
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.gradients._adjoint import FIRST, LAST, kernels
 from pter_gym.gradients._machine import by_machine, divided
@@ -124,7 +124,7 @@ class Rollout:
             raise ParameterError(
                 f"the derivative must be by one of {', '.join(names)}, got {name!r}"
             )
-        array = numbers(name, values)
+        array = finite_array(name, values)
         shape = getattr(self, name).shape
         if array.shape != shape:
             raise ParameterError(
@@ -205,7 +205,7 @@ def checked(
     machine, substeps = divided(machine, period)
     if hand_target is None and machine.hand.stiffness > 0.0:
         raise ParameterError("hand_target is needed: the hand has a stiffness")
-    commands = numbers("volts", volts)
+    commands = finite_array("volts", volts)
     if commands.ndim != 2 or commands.shape[1] != 4 or not len(commands):
         raise ParameterError(f"volts must have the shape (N, 4) with N ≥ 1, got {commands.shape}")
     check_volts(machine, commands)
@@ -272,7 +272,7 @@ def gradient_of(inputs: Inputs, states: Array, by_states: Array) -> Gradient:
 
 
 def _in_substeps(name: str, values: ArrayLike, shape: tuple[int, int, int]) -> Array:
-    array, (steps, _, width) = numbers(name, values), shape
+    array, (steps, _, width) = finite_array(name, values), shape
     if array.shape not in ((width,), (steps, width), shape):
         raise ParameterError(
             f"{name} must have the shape ({width},), ({steps}, {width}) or {shape}, "

@@ -12,7 +12,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, cast
 
 from pter_gym._internal.checks import builtin
-from pter_gym._internal.files import FilePath, find_path, write_text_atomic
+from pter_gym._internal.files import FilePath, expand_path, has_ending, write_text_atomic
 from pter_gym._internal.reading import read_toml, reading
 from pter_gym.errors import ParameterError, nearest
 from pter_gym.params._connection import PAPER_CLUTCHES, SLOTS, Connection
@@ -77,7 +77,7 @@ def find_machines(machine: Machine | FilePath) -> Machine | MachineSpread:
     middle = find_machine(machine)
     if not is_machine_file(source := builtin(machine)):
         return middle
-    table = read_toml(find_path("machine", source), "machine").get(UNCERTAINTY)
+    table = read_toml(expand_path("machine", source), "machine").get(UNCERTAINTY)
     if table is None:
         return middle
     with reading(f"machine {source}"):
@@ -87,7 +87,7 @@ def find_machines(machine: Machine | FilePath) -> Machine | MachineSpread:
 
 def is_machine_file(machine: object) -> bool:
     """Return whether a machine is given by the path of a file."""
-    return isinstance(machine, str) and machine.endswith(".toml")
+    return isinstance(machine, str) and has_ending(machine, ".toml")
 
 
 def load_machine(path: FilePath) -> Machine:
@@ -100,7 +100,7 @@ def load_machine(path: FilePath) -> Machine:
     DataError
         If it is not TOML, or a field is unknown, missing or out of range.
     """
-    file = find_path("machine", path)
+    file = expand_path("machine", path)
     if not file.is_file():
         raise ParameterError(f"machine must name a file that exists, there is no {str(path)!r}")
     content = read_toml(file, "machine")
@@ -149,7 +149,7 @@ def save_machine(
     ParameterError
         If ``origin``, ``origins`` or ``path`` is not of this form.
     """
-    file = find_path("path", path)
+    file = expand_path("path", path)
     if not is_machine_file(str(file)):
         raise ParameterError(f"path must end in .toml, got {str(file)!r}")
     write_text_atomic(file, format_machine(machine, origin, origins or {}, title))

@@ -43,7 +43,7 @@ class MachineSpread(Checked):
     def __post_init__(self) -> None:
         """Check places and covariance."""
         super().__post_init__()
-        known = numbers_of(self.machine)
+        known = numbers_with_limits(self.machine)
         for place in self.places:
             require(place in known, self, "places", "places of a machine's numbers", got=place)
         count = len(self.places)
@@ -65,7 +65,7 @@ class MachineSpread(Checked):
 
     def draw(self, rng: np.random.Generator) -> Machine:
         """Return a machine drawn with a generator."""
-        known = numbers_of(self.machine)
+        known = numbers_with_limits(self.machine)
         middle = np.array([known[place][0] for place in self.places])
         least = np.array([known[place][1] for place in self.places])
         sizes, directions = np.linalg.eigh(np.array(self.covariance, np.float64))
@@ -90,7 +90,7 @@ def middle_of(machine: Machine | MachineSpread) -> Machine:
     return machine.machine if isinstance(machine, MachineSpread) else machine
 
 
-def numbers_of(owner: Any, place: str = "") -> dict[str, tuple[float, float]]:
+def numbers_with_limits(owner: Any, place: str = "") -> dict[str, tuple[float, float]]:
     """Return the numbers of a dataclass by their places, each with the least that is accepted."""
     return dict(_numbers(owner, place))
 

@@ -12,7 +12,7 @@ from typing import Any, cast
 import numpy as np
 
 from pter_gym._internal.checks import builtin, is_finite
-from pter_gym._internal.files import FilePath
+from pter_gym._internal.files import TABLE_ENDINGS, FilePath, has_ending
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import parameter, require
@@ -348,7 +348,7 @@ def find_path(path: Path | FilePath) -> Path:
     shape = builtin(path)
     if isinstance(shape, Path):
         return shape
-    if isinstance(shape, str) and shape.endswith(".csv"):
+    if isinstance(shape, str) and has_ending(shape, *TABLE_ENDINGS):
         return read_path(shape)
     if not isinstance(shape, str) or shape not in PATHS:
         raise unknown_name("path", shape, (*PATHS, "FILE.csv"))

@@ -18,7 +18,7 @@ from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
 from pter_gym._internal.codec import Codec
-from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic
+from pter_gym._internal.files import FilePath, expand_path, write_bytes_atomic
 from pter_gym._internal.reading import parse_json, read_bytes, reading
 from pter_gym.errors import ParameterError, nearest, unknown_name
 
@@ -53,7 +53,7 @@ def shipped_policies() -> tuple[str, ...]:
 
 def policies_in(folder: FilePath = Path()) -> tuple[str, ...]:
     """Return the names of the policies in a folder; by default, the current one."""
-    found = find_path("folder", folder).glob(f"*{ENDING}")
+    found = expand_path("folder", folder).glob(f"*{ENDING}")
     return tuple(sorted(path.stem for path in found if NAME.fullmatch(path.stem)))
 
 
@@ -66,7 +66,7 @@ def is_path(name: str) -> bool:
 
 def is_here(name: str) -> bool:
     """Return whether the current folder has a policy or a folder of this name."""
-    return name in policies_in() or find_path("policies", name).is_dir()
+    return name in policies_in() or expand_path("policies", name).is_dir()
 
 
 def read_policy(name: FilePath) -> "TrainedPolicy":
@@ -95,7 +95,7 @@ def read_policy(name: FilePath) -> "TrainedPolicy":
 
 def find_file(name: FilePath) -> Path:
     """Return the file of a policy; see ``read_policy``."""
-    path = find_path("policies", name)
+    path = expand_path("policies", name)
     if not isinstance(name, os.PathLike) and not is_path(name):
         if name in shipped_policies():
             return SHIPPED / f"{name}{ENDING}"
@@ -128,7 +128,7 @@ def write_policy(policy: "TrainedPolicy", path: FilePath) -> Path:
     StorageError
         If it cannot be written.
     """
-    path = find_path("path", path)
+    path = expand_path("path", path)
     check_name(path.name.removesuffix(ENDING))
     path = path.parent / f"{path.name.removesuffix(ENDING)}{ENDING}"
     write_bytes_atomic(path, encode_policy(policy))

@@ -3,6 +3,7 @@
 from functools import cache
 from pathlib import Path
 
+from pter_gym._internal.files import has_ending
 from pter_gym._internal.reading import read_toml
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies._files import find_file, is_here, is_path, shipped_policies
@@ -33,7 +34,7 @@ def tuned_policies() -> tuple[str, ...]:
 def is_code(name: str) -> bool:
     """Return whether a name means an attribute of a file or of a module."""
     place, colon, _ = name.rpartition(":")
-    return bool(colon) and (place.endswith(".py") or not is_path(name))
+    return bool(colon) and (has_ending(place, ".py") or not is_path(name))
 
 
 def is_exported(name: str) -> bool:
@@ -45,13 +46,13 @@ def is_exported(name: str) -> bool:
 
 def check_policy(name: str) -> None:
     """Raise a ParameterError unless there is a policy of a name, or the file that it names."""
-    if name.endswith((".py", ".py:")):
+    if has_ending(name, ".py", ".py:"):
         example = f"{name.removesuffix(':')}:policy"
         raise ParameterError(
             f"policies must name an attribute of a file, as in {example}, got {name!r:.200}"
         )
     file = Path(name.rpartition(":")[0] if is_code(name) else name)
-    if file.suffix in (".py", ".toml"):
+    if has_ending(file, ".py", ".toml"):
         if not file.is_file():
             raise ParameterError(
                 f"policies must name a file that exists, there is no {str(file)!r}"

@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import Any
 
 from pter_gym._internal.codec import tuple_of
-from pter_gym._internal.files import FilePath, find_path
+from pter_gym._internal.files import FilePath, expand_path
 from pter_gym._internal.reading import read_toml, reading
 from pter_gym.controllers import CONTROLLERS, Controller, Guided, Impedance, PaceSchedule
 from pter_gym.errors import ParameterError, unknown_name
@@ -35,7 +35,7 @@ FALLBACK = "everything"
 HOLD = 1e-6
 """Part of a pace about it in which its damper holds: far more than a float32 rounds."""
 
-Table = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
+GainsTable = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
 
 
 def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE) -> PaceSchedule:
@@ -56,8 +56,8 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
     DataError
         If the file is not as ``pter tune`` writes it.
     """
-    controller, path = name.removesuffix(SUFFIX), find_path("path", path)
-    table = read_table(path)
+    controller, path = name.removesuffix(SUFFIX), expand_path("path", path)
+    table = read_gains(path)
     if name not in (names := tuned_names(table)):
         raise unknown_name("policies", name, names)
     for place in places_of(scenario):
@@ -82,10 +82,10 @@ def read_tuned(path: FilePath, scenario: str | None = None) -> PaceSchedule:
     Raises a ParameterError if it does not exist or has several laws, a DataError if it is
     another kind of file.
     """
-    path = find_path("policies", path)
+    path = expand_path("policies", path)
     if not path.is_file():
         raise ParameterError(f"policies must name a file that exists, there is no {str(path)!r}")
-    table = read_table(path)
+    table = read_gains(path)
     places = [scenario] if scenario is not None and scenario in table else list(table)
     entries = [(name, place) for place in places for name in table[place]]
     if len(entries) != 1:
@@ -118,13 +118,13 @@ def damping_table() -> Mapping[str, Mapping[str, Mapping[str, float]]]:
     return read_toml(DAMPERS, "dampers")
 
 
-def read_table(path: FilePath = TABLE) -> Table:
+def read_gains(path: FilePath = TABLE) -> GainsTable:
     """Return the tuned gains by scenario, law and pace; empty if there is no file.
 
     Raises a DataError if it cannot be read, names an unknown law or pace, or does not hold
     tables.
     """
-    path = find_path("path", path)
+    path = expand_path("path", path)
     with reading(f"tuned gains {path} cannot be read"):
         table = read_toml(path, "tuned gains") if path.exists() else {}
         for scenario, controllers in table.items():
@@ -181,7 +181,7 @@ def _schedule(laws: Iterable[tuple[str, Guided]], **options: Any) -> PaceSchedul
     return PaceSchedule(tuple(sorted(knots, key=lambda knot: knot[0])), **options)
 
 
-def tuned_names(table: Table) -> tuple[str, ...]:
+def tuned_names(table: GainsTable) -> tuple[str, ...]:
     """Return the names under which laws are found with the gains of a table."""
     there = {name for controllers in table.values() for name in controllers}
     return tuple(name + SUFFIX for name in CONTROLLERS if name in there)

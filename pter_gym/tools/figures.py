@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pter_gym._internal import palette as p
-from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic
+from pter_gym._internal.files import FilePath, expand_path, write_bytes_atomic
 from pter_gym.errors import ParameterError
 from pter_gym.units import to_inch_pounds, to_inches
 
@@ -238,8 +238,8 @@ def save(figure: Figure, path: FilePath) -> Path:
     ParameterError
         If the path ends in neither ``.png`` nor ``.pdf``.
     """
-    file = find_path("path", path)
-    encode = {".png": png, ".pdf": pdf}.get(file.suffix)
+    file = expand_path("path", path)
+    encode = {".png": png, ".pdf": pdf}.get(file.suffix.lower())
     if encode is None:
         raise ParameterError(f"path must end in .png or .pdf, got {str(path)!r}")
     write_bytes_atomic(file, encode(figure))

@@ -85,8 +85,9 @@ def test_code_is_found_in_the_current_folder(
     assert type(find_policy("code_of_mine:Law")) is type(law)
 
 
-def test_code_is_found_in_a_file(tmp_path: Path) -> None:
-    file = tmp_path / "code.py"  # a module of the standard library has this name
+@pytest.mark.parametrize("name", ["code.py", "code.PY"])
+def test_code_is_found_in_a_file(name: str, tmp_path: Path) -> None:
+    file = tmp_path / name  # a module of the standard library has this name
     file.write_text("class Law:\n    def __call__(self, obs): return 0.0\nlaw = Law()")
     law: Any = find_policy(f"{file}:law")
     assert type(find_policy(f"{file}:Law")) is type(law)

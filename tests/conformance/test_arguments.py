@@ -142,6 +142,20 @@ def test_a_path_and_a_machine_may_be_pathlibs(csv: Path, toml: Path) -> None:
         DOORS[door](ID, path=csv, machine=toml)
 
 
+@pytest.mark.parametrize(
+    ("path", "machine"), [("MINE.CSV", "M.TOML"), ("mine.txt", "m.toml"), ("mine.Tsv", "m.toml")]
+)
+def test_files_are_known_by_their_endings_in_capitals_or_not(
+    path: str, machine: str, csv: Path, toml: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(csv.parent)
+    csv.rename(path)
+    toml.rename(machine)
+    assert find_path(path) == Spline(points=POINTS)
+    assert find_machine(machine) == BASELINE
+    DOORS["make"](ID, path=path, machine=machine)
+
+
 @pytest.mark.parametrize("door", ["make", "make_vec"])
 def test_a_spec_carries_what_files_held_when_they_were_read(
     door: str, csv: Path, toml: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path

@@ -16,7 +16,7 @@ from documents import DOCS, NOTEBOOKS, README, ROOT, blocks_of, cells_of, readme
 from pter_gym import params
 from pter_gym._commands.main import main
 from pter_gym.params import BASELINE, save_machine
-from pter_gym.policies.tuned import read_table
+from pter_gym.policies.tuned import read_gains
 from pter_gym.tools.identification import read_log
 from pter_gym.tools.tuning.gains_file import format_table
 
@@ -168,7 +168,7 @@ def test_the_page_on_a_machine_of_ones_own_runs(
     """What it does with a machine and gains; the log of the block before is tested elsewhere."""
     (tmp_path / "mine").mkdir()
     save_machine(BASELINE, tmp_path / "mine" / "machine.toml", origin="chosen: for tests")
-    gains = {"standard": {"single-dof": read_table()["standard"]["single-dof"]}}
+    gains = {"standard": {"single-dof": read_gains()["standard"]["single-dof"]}}
     (tmp_path / "mine" / "gains.toml").write_text(format_table(gains), "utf-8")
     monkeypatch.chdir(tmp_path)
     run_program(blocks_of(IDENTIFY)[1:], "identify.md")

@@ -9,7 +9,7 @@ from typing import Any
 
 import gymnasium
 
-from pter_gym._internal.files import FilePath, find_path
+from pter_gym._internal.files import FilePath, expand_path
 from pter_gym._internal.locks import lock_beside, locked
 from pter_gym._internal.terminal import make_folder
 from pter_gym._version import __version__
@@ -68,7 +68,7 @@ def write_dataset(
     from minari.storage.datasets_root_dir import get_dataset_path
 
     ident = f"pter/{scenario}/{level}-v0"
-    target = (get_dataset_path() if folder is None else find_path("out", folder)) / ident
+    target = (get_dataset_path() if folder is None else expand_path("out", folder)) / ident
     name, arguments = environment_of(scenario, seed)
     env, judged = (
         gymnasium.make(name, **arguments),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import layout_of, read
-from pter_gym._internal.files import FilePath, find_path, write_files_atomic
+from pter_gym._internal.files import FilePath, expand_path, write_files_atomic
 from pter_gym._internal.terminal import make_folder
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.model import model_of
@@ -24,7 +24,7 @@ from pter_gym.controllers._policy import sensors_of
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
 from pter_gym.paths import Path as Curve
-from pter_gym.paths import find_path as find_curve
+from pter_gym.paths import find_path
 from pter_gym.policies import TrainedPolicy
 from pter_gym.tasks.path_following import PathFollowing, observation_layout
 from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Observation, Reading
@@ -82,7 +82,7 @@ class Source:
         """
         make_folder(folder, "c")
         write_files_atomic(folder, {name: text.encode() for name, text in self.files.items()})
-        return find_path("c", folder)
+        return expand_path("c", folder)
 
 
 def source_of(
@@ -122,7 +122,7 @@ def source_of(
         if kind not in get_args(accepted):
             accepted_names = ", ".join(get_args(accepted))
             raise ParameterError(f"{field} must be one of {accepted_names}, got {kind!r}")
-    machine, curve = find_machine(machine), find_curve(path)
+    machine, curve = find_machine(machine), find_path(path)
     if not PREFIX.fullmatch(prefix):
         raise ParameterError(
             f"prefix must be a letter, then letters, digits and underscores, got {prefix!r:.200}"

@@ -12,7 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym import __version__
-from pter_gym._internal.files import FilePath, check_target, find_path, write_bytes_atomic
+from pter_gym._internal.files import (
+    FilePath,
+    check_target,
+    expand_path,
+    has_ending,
+    write_bytes_atomic,
+)
 from pter_gym.controllers import AnyPolicy
 from pter_gym.controllers._network import BASE_INPUTS, INPUT_LIMIT
 from pter_gym.controllers._policy import sensors_of
@@ -57,8 +63,8 @@ def write_onnx(
     StorageError
         If the file cannot be written.
     """
-    path = find_path("onnx", file)
-    if path.suffix != ".onnx":
+    path = expand_path("onnx", file)
+    if not has_ending(path, ".onnx"):
         raise ParameterError(f"onnx must end in .onnx, got {str(path)!r}")
     check_target("onnx", path)
     if not isinstance(policy, TrainedPolicy):

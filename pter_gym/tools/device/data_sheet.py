@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from pter_gym._internal.files import find_path
+from pter_gym._internal.files import expand_path
 from pter_gym._internal.reading import read_toml, reading
 from pter_gym.errors import ParameterError
 from pter_gym.params import (
@@ -65,7 +65,7 @@ def find_device(name: str) -> Machine | MachineSpread:
 
     Raises what ``find_machines`` and ``machine_of_sheet`` do.
     """
-    path = find_path("machine", name) if is_machine_file(name) else None
+    path = expand_path("machine", name) if is_machine_file(name) else None
     if path and path.is_file():
         content = read_toml(path, "machine")
         if content.keys() == {"clutch"} and "type" not in content["clutch"]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from pter_gym._internal.checks import whole_number
-from pter_gym._internal.files import FilePath, find_path, write_text_atomic
+from pter_gym._internal.files import FilePath, expand_path, write_text_atomic
 from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.plugins import PICTURES, registered
 from pter_gym._internal.terminal import make_folder
@@ -152,7 +152,7 @@ def examine_device(
         raise unknown_name("pace", pace, PACES)
     trials, count = whole_number("trials", trials), whole_number("episodes", episodes)
     make_folder(out)
-    folder = find_path("out", out)
+    folder = expand_path("out", out)
     gains: dict[str, dict[str, float | bool]] = {}
     runs: list[ScenarioRun] = []
     tuned: dict[str, AnyPolicy] = {}

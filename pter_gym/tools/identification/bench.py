@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from pter_gym._internal.files import FilePath, find_path
+from pter_gym._internal.files import FilePath, expand_path
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError
 from pter_gym.params import Clutch
@@ -71,7 +71,7 @@ class BenchResult:
 
 def read_bench(path: FilePath, renamed: Mapping[str, str]) -> Bench:
     """Read a log of one clutch, with the columns ``COLUMNS`` or those that ``renamed`` names."""
-    file = find_path("log", path)
+    file = expand_path("log", path)
     if unknown := renamed.keys() - COLUMNS.keys():
         raise ParameterError(f"columns: {', '.join(unknown)} must be of {', '.join(COLUMNS)}")
     names = [renamed.get(name, name) for name in COLUMNS]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from rich.table import Table
 
-from pter_gym._commands.arguments import numbers
+from pter_gym._commands.arguments import split_numbers
 from pter_gym._internal.terminal import conclude, make_folder, progress_bar, say, terminal
 from pter_gym.errors import ParameterError
 
@@ -122,7 +122,7 @@ def read_start(machine: str, lengths: str | None, voltage_max: float | None) -> 
 
     start = find_machine(machine)
     if lengths is not None:
-        both = numbers("lengths", lengths)
+        both = split_numbers("lengths", lengths)
         if len(both) != 2:
             raise ParameterError(
                 f"lengths must be two numbers separated by a comma, got {lengths!r}"

@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._internal.files import FilePath, find_path, write_text_atomic
+from pter_gym._internal.files import FilePath, expand_path, write_text_atomic
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError
 
@@ -157,7 +157,7 @@ def read_log(
         range, times decrease, or the log is too short, too long or too coarse. The message names
         column and line.
     """
-    file = find_path("log", path)
+    file = expand_path("log", path)
     found, lines, remarks = _read_columns(file, dict(columns or {}))
     times, unit = in_seconds(found.pop(TIME))
     if unit != "seconds":

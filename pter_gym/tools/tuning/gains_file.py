@@ -5,10 +5,10 @@ import re
 from collections.abc import Mapping
 from typing import Any, cast
 
-from pter_gym._internal.files import FilePath, find_path, write_text_atomic
+from pter_gym._internal.files import FilePath, expand_path, write_text_atomic
 from pter_gym._internal.locks import lock_beside, locked
 from pter_gym.controllers import CONTROLLERS
-from pter_gym.policies.tuned import Table, read_table
+from pter_gym.policies.tuned import GainsTable, read_gains
 from pter_gym.scenarios import SCENARIOS, find_pace, find_scenario
 from pter_gym.tools.tuning.search import TunedGains
 
@@ -30,7 +30,7 @@ def add_gains(found: TunedGains, path: FilePath) -> None:
     StorageError
         If it cannot be written.
     """
-    path = find_path("path", path)
+    path = expand_path("path", path)
     defaults = vars(CONTROLLERS[found.controller]())
     entry = {
         "command": found.command,
@@ -41,13 +41,13 @@ def add_gains(found: TunedGains, path: FilePath) -> None:
         "defaults": {name: value for name, value in defaults.items() if name not in found.gains},
     }
     with locked(lock_beside(path)):
-        table: dict[str, Any] = dict(read_table(path))
+        table: dict[str, Any] = dict(read_gains(path))
         name = find_scenario(found.scenario, path=found.path, smooth=found.smooth).name
         table.setdefault(name, {}).setdefault(found.controller, {})[found.pace] = entry
         write_text_atomic(path, format_table(table))
 
 
-def format_table(table: Table) -> str:
+def format_table(table: GainsTable) -> str:
     """Return tuned gains as TOML, in the order of scenarios, laws and paces."""
     blocks = [HEADING]
     names = list(SCENARIOS)

@@ -11,7 +11,7 @@ from typing import Any
 from filelock import FileLock
 
 from pter_gym._internal.checks import whole_number
-from pter_gym._internal.files import FilePath, check_target, find_path
+from pter_gym._internal.files import FilePath, check_target, expand_path
 from pter_gym.benchmark import Assessment, Episodes, assess, training_episodes
 from pter_gym.errors import ParameterError, StorageError, needs_extra
 from pter_gym.params import Machine
@@ -124,7 +124,7 @@ def tune(
         If the storage can no longer be written; the same search resumes from the trials that it
         holds.
     """
-    journal = find_path("storage", storage)
+    journal = expand_path("storage", storage)
     definition, pace = find_scenario(scenario, machine, path, smooth), name_of_pace(pace)
     law = find_law(controller, find_pace(pace), definition.whose_gains)
     trials, episodes = whole_number("trials", trials), whole_number("episodes", episodes)

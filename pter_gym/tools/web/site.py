@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Any
 from urllib.parse import urlsplit
 
-from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic
+from pter_gym._internal.files import FilePath, expand_path, write_bytes_atomic
 from pter_gym.policies import shipped_policies
 from pter_gym.policies._files import SHIPPED
 
@@ -49,7 +49,7 @@ def site_files() -> dict[str, Path]:
 
 def write_site(folder: FilePath) -> None:
     """Copy the page into a folder, from where any web server can serve it."""
-    target = find_path("folder", folder)
+    target = expand_path("folder", folder)
     for address, file in site_files().items():
         place = target / address
         place.parent.mkdir(parents=True, exist_ok=True)

@@ -21,7 +21,7 @@ from pter_gym.policies.tuned import (
     controller_of,
     find_tuned,
     guided,
-    read_table,
+    read_gains,
     with_gains,
 )
 from pter_gym.scenarios import PACES, find_scenario
@@ -198,7 +198,7 @@ def test_gains_are_written_beside_others_and_found(tmp_path: Path) -> None:
     add_gains(replace(FOUND, scenario="everything", pace="brisk"), path)
     add_gains(replace(FOUND, gains={"stiffness": 1.0}), path)
     add_gains(FOUND, path)
-    table = read_table(path)
+    table = read_gains(path)
     assert list(table) == ["standard", "everything"]
     assert table["standard"]["impedance"]["slow"] == {
         "command": "pter tune impedance --scenario standard --pace slow"
@@ -260,7 +260,7 @@ SHIPPED = [
         pace,
         marks=() if (scenario, pace) == ("standard", "brisk") else pytest.mark.long,
     )
-    for scenario, controllers in read_table().items()
+    for scenario, controllers in read_gains().items()
     for name, paces in controllers.items()
     for pace in paces
 ]
@@ -270,7 +270,7 @@ SHIPPED = [
 def test_shipped_gains_have_their_published_scores_bit_for_bit(
     scenario: str, name: str, pace: str
 ) -> None:
-    entry = read_table()[scenario][name][pace]
+    entry = read_gains()[scenario][name][pace]
     words = entry["command"].split()
     seed = int(words[words.index("--seed") + 1])
     draws = training_episodes(scenario, pace, entry["episodes"], 2 * seed + 1)
@@ -279,7 +279,7 @@ def test_shipped_gains_have_their_published_scores_bit_for_bit(
 
 
 def test_shipped_gains_cover_all_controllers_and_paces_of_standard() -> None:
-    table = read_table()
+    table = read_gains()
     assert set(table["standard"]) == set(guided())
     assert set(TUNED) == {f"{name}-tuned" for name in guided()}
     for name in guided():
