@@ -1,9 +1,9 @@
 """The same mechanism in MuJoCo: an open two-link tree with four tendons with friction.
 
-The five-bar parallelogram moves like its two links A and B, with kinetic energy ½ M11 A'² + c cos(A
-− B) A' B' + ½ M22 B'². An open chain whose second link hangs on the end of the first has the same
-energy: joint angles (A, B − A), and with a point-like second link of mass m whose centre lies r
-beyond the elbow
+The five-bar parallelogram moves like its two links A and B, with the kinetic energy
+½ M11 A'² + c cos(A − B) A' B' + ½ M22 B'². An open chain whose second link hangs on the end of the
+first has the same energy: joint angles (A, B − A), and with a point-like second link of mass m
+whose centre lies r beyond the elbow
 
     M11 = (inertia of the first link) + m l_A²,    c = m l_A r,    M22 = (inertia of the second
     link) + m r².

@@ -7,15 +7,12 @@ first use.
 import signal
 import sys
 
+# Ctrl-C while the command, not a program that imports the package, imports: no traceback
 if (
-    "".join(sys.argv[:1]).endswith(
-        ("/pter", "pter.exe")
-    )  # the command, not a program that imports the package
+    "".join(sys.argv[:1]).endswith(("/pter", "pter.exe"))
     and signal.getsignal(signal.SIGINT) is signal.default_int_handler
 ):
-    signal.signal(
-        signal.SIGINT, signal.SIG_DFL
-    )  # Ctrl-C while the command imports ends it without a traceback
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 from typing import TYPE_CHECKING
 

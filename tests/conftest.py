@@ -6,17 +6,13 @@ from importlib.metadata import PackageNotFoundError, version
 import hypothesis
 import pytest
 
-hypothesis.settings.register_profile(
-    "gate", deadline=None
-)  # no test judges how long something takes
+# no test judges how long something takes
+hypothesis.settings.register_profile("gate", deadline=None)
 hypothesis.settings.load_profile("gate")
-os.environ.setdefault(
-    "OMP_NUM_THREADS", "1"
-)  # before NumPy: else each worker's linear algebra waits for all cores
-
-os.environ.setdefault(
-    "JAX_NUM_CPU_DEVICES", "2"
-)  # those of pter_agents.ppo, for whatever uses JAX first
+# before NumPy: else each worker's linear algebra waits for all cores
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+# those of pter_agents.ppo, for whatever uses JAX first
+os.environ.setdefault("JAX_NUM_CPU_DEVICES", "2")
 
 try:
     if version("jaxlib").startswith("0.10."):  # a flag that it does not know ends the process

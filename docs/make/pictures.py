@@ -73,9 +73,8 @@ def error_against_pace(results: Path) -> Figure:
     paces = np.array(list(PACES.values()))
     for place, (name, marker) in enumerate(zip(names, MARKERS, strict=False)):
         standings = [each for each in rows[name] if each]
-        at = paces * 1.022 ** (
-            place - 0.5 * (len(names) - 1)
-        )  # apart, so that intervals do not cover each other
+        # apart, so that intervals do not cover each other
+        at = paces * 1.022 ** (place - 0.5 * (len(names) - 1))
         value, low, high = 1000 * np.array([each.error for each in standings]).T
         (line,) = axes.plot(
             at, value, marker=marker, linestyle="--" if name in {*CONTROLLERS, *TUNED} else "-"

@@ -153,14 +153,11 @@ def main(arguments: list[str] | None = None) -> int:
     open_streams()
     accept_all_characters()
     if arguments is None:
-        if (
-            signal.getsignal(signal.SIGINT) is signal.SIG_DFL
-        ):  # as pter_gym/__init__.py sets it for the imports
+        # as pter_gym/__init__.py sets it for the imports
+        if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
             signal.signal(signal.SIGINT, signal.default_int_handler)
         end_on_interrupt(INTERRUPTED)
-        os.environ.pop(
-            "MPLBACKEND", None
-        )  # a notebook's, which may be installed for the notebook only
+        os.environ.pop("MPLBACKEND", None)  # a notebook's, which may be installed only there
     try:
         status = _run(sys.argv[1:] if arguments is None else arguments)
         sys.stdout.flush()

@@ -162,10 +162,8 @@ def _reads(function: FunctionType) -> Iterator[tuple[str, Any]]:
 def _globals(code: CodeType) -> Iterator[str]:
     """Yield the global names that code and the functions within it read."""
     for instruction in _instructions(code):
-        if instruction.opname in (
-            "IMPORT_NAME",
-            "LOAD_BUILD_CLASS",
-        ):  # after which it is unknown what it reads
+        # after these it is unknown what it reads
+        if instruction.opname in ("IMPORT_NAME", "LOAD_BUILD_CLASS"):
             raise _UnknownError
         if instruction.opname == "LOAD_GLOBAL":
             yield instruction.argval

@@ -142,9 +142,8 @@ class Batch(Storage):
         self._config = np.array([*flat(shared), *self.layout.scales])
         super().__init__(all_machines, all_tasks, drawing)
         self.num_actions = len(self.machine.clutches)
-        self._slots = np.full(
-            (self.num_worlds, SLOTS), self.action_low
-        )  # an empty slot has no voltage
+        # an empty slot has no voltage
+        self._slots = np.full((self.num_worlds, SLOTS), self.action_low)
         self._declared = not self.machine.has_paper_clutches
         self._records = int(telemetry)
         self._final_obs = np.empty((0, self._entries), np.float32)

@@ -322,9 +322,8 @@ def total_force(w: Any, i: int) -> Vector:
     q = load(w, ROW.motion, i)
     force = load(w, ROW.force, i)
     to = load(w, ROW.target.position, i)
-    pull = passive_force(
-        arm, q, Target(to, Vector(0.0, 0.0))
-    )  # the target's velocity is in ``force``
+    # the target's velocity is in ``force``
+    pull = passive_force(arm, q, Target(to, Vector(0.0, 0.0)))
     return Vector(force.x + pull.x, force.y + pull.y)
 
 

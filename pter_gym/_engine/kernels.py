@@ -315,8 +315,8 @@ def advance_kernel(declared: bool, /) -> Any:
     """Return the compiled ``advance`` for the paper's clutches or ``declared`` others.
 
     ``advance(worlds, words, actions, obs, final_obs, rewards, flags, telemetry, config, constants,
-    ended, first, last)`` runs ``frame_skip`` control steps of the worlds in the blocks first … last
-    − 1 with one action (N, 4). ``worlds`` has the shape (B, BASIC_ROWS or STORED_ROWS, lanes),
+    ended, first, last)`` runs ``frame_skip`` control steps of the worlds in the blocks from first
+    to last − 1 with one action (N, 4). ``worlds`` is (B, BASIC_ROWS or STORED_ROWS, lanes),
     ``ended`` is REFUSE, SKIP, NEXT_STEP or SAME_STEP, and ``Arrays`` describes what is not
     described here.
 

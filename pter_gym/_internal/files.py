@@ -23,9 +23,8 @@ MAX_NAME_BYTES = 255
 def expand_path(field: str, path: FilePath) -> Path:
     """Return a user's path with ``~`` expanded, or raise a ParameterError that names the field."""
     file = None
-    with suppress(
-        TypeError, ValueError, RuntimeError
-    ):  # not a path, a name that files cannot have, no such user
+    # not a path, a name that files cannot have, no such user
+    with suppress(TypeError, ValueError, RuntimeError):
         expanded = Path(path).expanduser()
         if all(len(os.fsencode(part)) <= MAX_NAME_BYTES for part in expanded.parts):
             file = expanded

@@ -1,7 +1,7 @@
 """The five-bar arm: kinematics, mass matrix, velocity terms, energy (paper Eqs. 3 and 4).
 
-Both angles are absolute. With a coaxial drive and a parallelogram the mass matrix depends on θA −
-θB alone::
+Both angles are absolute. With a coaxial drive and a parallelogram the mass matrix depends on
+θA − θB alone::
 
     M(θ)·θ̈ + V(θ, θ̇) = Wᵀτ + JᵀF      M12 = c·cos(θA − θB)   V = c·sin(θA − θB)·(θ̇B², −θ̇A²)
 """

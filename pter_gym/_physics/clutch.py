@@ -261,9 +261,8 @@ def share_before(before: float, slid: float, threshold: float) -> float:
     threshold
         The stick band δω [rad/s].
     """
-    edge = (
-        1.01 * threshold
-    )  # not short of it by rounding, nor by how far the motion is from a straight line
+    # not short of it by rounding, nor by how far the motion is from a straight line
+    edge = 1.01 * threshold
     if abs(before) >= threshold:
         return before / (before - slid) if before * slid < 0.0 else 1.0
     return ((edge if slid > 0.0 else -edge) - before) / (slid - before) if abs(slid) > edge else 1.0

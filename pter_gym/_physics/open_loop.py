@@ -280,9 +280,8 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
         """Advance a ``body_of`` by a substep of h [s] at a command [V] under a load."""
         store(body, BODY.command, 0, command)
         store(body, BODY.load, 0, on)
-        store(
-            body, BODY.energy, 0, Energy(-0.0, -0.0, -0.0, -0.0)
-        )  # the sum with −0 keeps the sign of a zero
+        # the sum with −0 keeps the sign of a zero
+        store(body, BODY.energy, 0, Energy(-0.0, -0.0, -0.0, -0.0))
         control_step(body, 1, h, 1, True, False)
         if body[BODY.machine.fade, 0] > 0.0:
             heat_clutches(body, h)

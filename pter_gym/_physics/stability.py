@@ -9,8 +9,8 @@ there, as a failure.
 Derivation. Let h be the substep, T the control period with n = T/h substeps, μ the smallest
 eigenvalue of M over all poses, c the coupling, and Ω the largest |ω| in a substep. Let a kick have
 the parts 1 … J ≤ ``MAX_PARTS``, which last until the times t_j = t_{j−1} + h_j and change the
-velocity by Δ_j to ω_j; t_0 = 0, t_J = h. With δ = θA − θB in the middle of the substep, F(ω) =
-c·sin δ·ωA·ωB·(ωA − ωB) = −ω·V(ω), so |F| ≤ 0.71|c||ω|³ and |∇F| ≤ 2.13|c||ω|².
+velocity by Δ_j to ω_j; t_0 = 0, t_J = h. With δ = θA − θB in the middle of the substep,
+F(ω) = c·sin δ·ωA·ωB·(ωA − ωB) = −ω·V(ω), so |F| ≤ 0.71|c||ω|³ and |∇F| ≤ 2.13|c||ω|².
 
 Half a drift changes the kinetic energy by ∓½h·F up to ⅛h²|c|Ω⁴, as it changes cos δ. So what the
 arm would have in the pose that belongs to a time of the kick,
@@ -25,10 +25,11 @@ and has V(ω_{j−1}), so
                  ≤ W_j − ½·ν·μ|Δ_j|² + (1.07h + h_j)·|c|Ω²|Δ_j|
                  ≤ W_j + (1.07h + h_j)²·c²Ω⁴/(2νμ)
 
-for any friction. Here ν is what the explicit share of the hand's damping leaves of N_j: with B =
-b·JᵀJ and the implicit share θ, the damper's work is −h_j·ω_jᵀB(θω_j + (1 − θ)ω_{j−1}) ≤ ¼(1 −
-θ)h_j·Δ_jᵀBΔ_j, at most ½(1 − θ)h·bℓ²/μ of N_j with ℓ² = lA² + lB², and ``implicit`` is such that ν
-≥ ½. Over a substep, with four parts, the second-order terms are
+for any friction. Here ν is what the explicit share of the hand's damping leaves of N_j: with
+B = b·JᵀJ and the implicit share θ, the damper's work is
+−h_j·ω_jᵀB(θω_j + (1 − θ)ω_{j−1}) ≤ ¼(1 − θ)h_j·Δ_jᵀBΔ_j, at most ½(1 − θ)h·bℓ²/μ of N_j with
+ℓ² = lA² + lB², and ``implicit`` is such that ν ≥ ½. Over a substep, with four parts, the
+second-order terms are
 
     h²aΩ⁴/2.22      a = 8.6·c²/(νμ) + 0.56|c|
 
@@ -101,9 +102,8 @@ def largest_motion(arm: Linkage, h: float, period: float) -> float:
     damped = h * _most_damping(arm) / smallest
     remainder = 1.0 - 0.5 * (1.0 - arm.implicit) * damped
     a = 8.6 * coupling**2 / (remainder * smallest) + 0.56 * coupling
-    explicit = (
-        h * a * _lengthened(h, period) / _INTEGRATORS
-    )  # as below, 0 for no coupling, or one whose square is 0
+    # as below, 0 for no coupling, or one whose square is 0
+    explicit = h * a * _lengthened(h, period) / _INTEGRATORS
     velocity_term = (h * coupling / _VELOCITY_TERMS) ** 2 / smallest
     divisor = max(explicit, velocity_term)
     return turning if turning * divisor <= smallest**2 else smallest**2 / divisor

@@ -399,7 +399,7 @@ class Recorded(Travel):
 def pace_factor(ratios: Array) -> Array:
     """Return the weight of a segment's error, given its time over the time at the pace.
 
-    For a ratio r, the weight is r to the power of ``PRICE`` if too slow, r > 1, and 1 +
-    ``PRICE``·(1 − r) if too fast.
+    For a ratio r, the weight is r to the power of ``PRICE`` if too slow, r > 1, and
+    1 + ``PRICE``·(1 − r) if too fast.
     """
     return np.where(ratios > 1.0, ratios**PRICE, 1.0 + PRICE * (1.0 - ratios))

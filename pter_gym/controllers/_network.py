@@ -81,8 +81,8 @@ def memory_width(network: Network) -> int:
 def tanh(x: float) -> float:
     """Return tanh x to 1e-13, from arithmetic alone, whose bits are those of any computer.
 
-    With e = exp(−2|x|), which is the 64th power of a Taylor series for exp(−|x|/32), tanh |x| = (1
-    − e)/(1 + e).
+    With e = exp(−2|x|), which is the 64th power of a Taylor series for exp(−|x|/32),
+    tanh |x| = (1 − e)/(1 + e).
     """
     z = (abs(x) if abs(x) < TANH_MAX else TANH_MAX) / -32.0
     e = 1.0

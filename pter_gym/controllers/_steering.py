@@ -1,10 +1,10 @@
 """Steering by the tip's direction: what the single-DOF and velocity-ratio laws ask of clutches.
 
-Both want the tip to move in a direction that leads back to the path: along t + (lead·κ·v −
-approach·e)·n, with the path's tangent t, normal n and curvature κ at the tip's foot, its distance e
-from it and its speed v along it. ``lead`` is a time: the clutches lag, so the tip has to turn
-before the path does. The laws differ in how clutches turn the tip's velocity there. Passive
-clutches cannot choose a speed, so the damper along the path has that for itself.
+Both want the tip to move in a direction that leads back to the path: along
+t + (lead·κ·v − approach·e)·n, with the path's tangent t, normal n and curvature κ at the tip's
+foot, its distance e from it and its speed v along it. ``lead`` is a time: the clutches lag, so the
+tip has to turn before the path does. The laws differ in how clutches turn the tip's velocity there.
+Passive clutches cannot choose a speed, so the damper along the path has that for itself.
 """
 
 import math
@@ -99,9 +99,8 @@ def matching(
     line_x, line_y = tip_velocity(arm, at_speed(q, line[0], line[1]))
     along = line_x * u_x + line_y * u_y
     m12 = arm.coupling * cos_difference(q)
-    drive = -sign(
-        w[0] * q.omega_a + w[1] * q.omega_b
-    )  # M⁻¹ without the factor 1/det M, which is positive
+    # M⁻¹ without the factor 1/det M, which is positive
+    drive = -sign(w[0] * q.omega_a + w[1] * q.omega_b)
     change = at_speed(
         q, drive * (arm.m22 * w[0] - m12 * w[1]), drive * (arm.m11 * w[1] - m12 * w[0])
     )

@@ -129,11 +129,8 @@ class ActingPolicy:
         """
         try:
             rows = np.array(observation, np.float32, order="C")
-        except (
-            ValueError,
-            TypeError,
-            RuntimeError,
-        ):  # ragged, as what reset returns, or a tensor on another device
+        # ragged, as what reset returns, or a tensor on another device
+        except (ValueError, TypeError, RuntimeError):
             rows = np.empty(0, np.float32)
         if rows.shape != self._shape:
             got = rows.shape if rows.size else f"a {type(observation).__name__}"
@@ -178,9 +175,8 @@ def check_wrappers(env: Any, known: Any = None) -> None:
     for wrapper in inner:
         check_wrappers(wrapper, known)
     ask: Any = getattr(env, "call", getattr(env, "env_method", None))
-    for method in (
-        ("observation", "action") if ask and not inner else ()
-    ):  # of a wrapper in another process
+    # of a wrapper in another process
+    for method in ("observation", "action") if ask and not inner else ():
         if any(ask("has_wrapper_attr", method)):
             _refuse(f"with the method {method}")
 

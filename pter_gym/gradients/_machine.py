@@ -48,9 +48,8 @@ def by_machine(machine: Machine, bar: Any) -> dict[str, float]:
     w, adjoints = np.zeros((rows, 1)), np.zeros((rows, 1))
     w[BODY_WIDTH:, 0] = [*places.values()]
     adjoints[:BODY_WIDTH] = bar
-    with np.errstate(
-        divide="ignore", invalid="ignore"
-    ):  # in the branch of a hand that has no damping
+    # in the branch of a hand that has no damping
+    with np.errstate(divide="ignore", invalid="ignore"):
         _adjoint(machine.clutch.lag, len(machine.clutches))(w, 0, adjoints)
     by = dict(zip(places, adjoints[BODY_WIDTH:, 0].tolist(), strict=True))
     del by["substep"]  # what a longer substep does is no change of the machine

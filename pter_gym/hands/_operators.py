@@ -131,8 +131,8 @@ HUMAN_ARMS = {"relaxed": RELAXED, "normal": NORMAL, "tense": TENSE}
 class HumanArm(Operator):
     """A human arm: mass, damper and spring between the tip and the hand's moving target.
 
-    The point moves along the path. It starts from rest with minimum jerk, so with the velocity 3u²
-    − 2u³ over its rise time (Flash and Hogan, J. Neurosci. 5, 1985, with a free end point), to
+    The point moves along the path. It starts from rest with minimum jerk, so with the velocity
+    3u² − 2u³ over its rise time (Flash and Hogan, J. Neurosci. 5, 1985, with a free end point), to
     ``eagerness`` times the commanded pace: a passive arm can only slow a hand down. It never leads
     the tip by more than ``lead``. Sines across the path are the person's error and tremor.
 

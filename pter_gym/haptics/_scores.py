@@ -125,10 +125,11 @@ def spectral_arc_length(
     """Return SPARC, the negative arc length of a movement's spectrum: nearer to 0 is smoother.
 
     Balasubramanian, Melendez-Calderon, Roby-Brami and Burdet, On the analysis of movement
-    smoothness (Journal of NeuroEngineering and Rehabilitation 12:112, 2015): −∫√((1/ω_c)² +
-    (dV̂/dω)²)dω up to ω_c, where V̂ is the magnitude of the spectrum of the speed over its value at
-    0, and ω_c the last frequency up to ``cutoff`` at which it is at least ``threshold``. It is
-    meant for movements from rest to rest, and compares movements of about the same duration.
+    smoothness (Journal of NeuroEngineering and Rehabilitation 12:112, 2015):
+    −∫√((1/ω_c)² + (dV̂/dω)²)dω up to ω_c, where V̂ is the magnitude of the spectrum of the speed
+    over its value at 0, and ω_c the last frequency up to ``cutoff`` at which it is at least
+    ``threshold``. It is meant for movements from rest to rest, and compares movements of about the
+    same duration.
 
     Parameters
     ----------

@@ -86,8 +86,8 @@ class Interface:
         Time constants in steps, rising, of first-order low-passes of its inputs, which the
         network also sees.
     normalised
-        Whether the outputs a are the environments' normalised actions, for voltage_max·((a +
-        1)/2)². Then there is no base, and ``reach`` is not used.
+        Whether the outputs a are the environments' normalised actions, for
+        voltage_max·((a + 1)/2)². Then there is no base, and ``reach`` is not used.
     frame_skip
         Control steps for which an action is held: a step of the policy.
     voltage_max

@@ -254,10 +254,8 @@ def test_a_locked_arm_costs_the_same_at_each_commanded_pace() -> None:
     s, training = given.settings, make_training(given)
     model = PPO(s, training, given.steps, given.seed)
     weights, _, carry = model._learned  # pyright: ignore[reportPrivateUsage]
-    weights.policy[-1] = (
-        weights.policy[-1][0],
-        weights.policy[-1][1] + 100.0,
-    )  # 24 V for all clutches
+    # 24 V for all clutches
+    weights.policy[-1] = (weights.policy[-1][0], weights.policy[-1][1] + 100.0)
     worlds, drawn = model._worlds, np.zeros((150, s.worlds, 4), np.float32)  # pyright: ignore[reportPrivateUsage]
     _, rows = jax.jit(collect, static_argnums=(0, 1))(
         s, worlds, worlds.shared, weights, carry, drawn, 0.0

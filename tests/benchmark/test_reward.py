@@ -184,9 +184,8 @@ def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: s
     ranked = {name: each for name, each in judged.items() if each.ranks}
     stopped, more = 0, list[tuple[float, str, str]]()
     riders = {"residual", "single-dof-tuned"}
-    for name in (
-        riders & ranked.keys() or riders
-    ):  # on `tremor` at the brisk pace neither ranks, and both are tried
+    # on `tremor` at the brisk pace neither ranks, and both are tried
+    for name in riders & ranked.keys() or riders:
         for stop, play in STOPS.items():
             early = judge(play(found[name]), course)
             if early.arrives > 0.5:

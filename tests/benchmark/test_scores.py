@@ -352,9 +352,8 @@ def test_smoothness_of_a_jump() -> None:
         -math.log(jerk / 0.5**2)
     )
     assert smoothness(0.0 * speed, acceleration, counted, period) == 0.0
-    assert (
-        smoothness(speed, 0.0 * acceleration, counted, period) == 0.0
-    )  # ln 1: no jerk counts as D = 1
+    # ln 1: no jerk counts as D = 1
+    assert smoothness(speed, 0.0 * acceleration, counted, period) == 0.0
 
 
 def test_low_pass_starts_at_rest_and_holds_its_input() -> None:

@@ -241,9 +241,8 @@ def test_worlds_beyond_the_memory_are_refused_and_the_estimate_is_an_upper_bound
         env = PathFollowingVectorEnv(LARGE, **options)
         returned: Any = env.reset(seed=0)
         for _ in range(4):
-            returned = env.step(
-                np.zeros((LARGE, 4), np.float32)
-            )  # the last returns stay while the next are made
+            # the last returns stay while the next are made
+            returned = env.step(np.zeros((LARGE, 4), np.float32))
         assert tracemalloc.get_traced_memory()[1] / LARGE < BYTES_PER_WORLD + BYTES_OF_TELEMETRY
     finally:
         tracemalloc.stop()

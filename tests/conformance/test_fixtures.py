@@ -61,9 +61,8 @@ def test_velocities_from_encoders_are_differences_of_their_readings():
     layout = env.unwrapped.observation_layout
     obs = env.reset(seed=1)[0]
     before, coarse = np.zeros(2), []
-    for k in range(
-        15
-    ):  # an arm that nothing holds back is soon beyond the bounds of an observation
+    # an arm that nothing holds back is soon beyond the bounds of an observation
+    for k in range(15):
         at = np.array(
             [
                 math.atan2(layout.physical(obs, f"sin_{x}"), layout.physical(obs, f"cos_{x}"))
@@ -72,9 +71,8 @@ def test_velocities_from_encoders_are_differences_of_their_readings():
         )
         speed = np.array([layout.physical(obs, f"omega_{x}") for x in "ab"])
         if k:
-            np.testing.assert_allclose(
-                speed, (at - before) / 0.01, atol=2e-3
-            )  # float32 observations
+            # float32 observations
+            np.testing.assert_allclose(speed, (at - before) / 0.01, atol=2e-3)
         coarse.append(speed / (step / 0.01))
         before = at
         obs = env.step(-np.ones(4, np.float32))[0]

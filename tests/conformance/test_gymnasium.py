@@ -162,7 +162,7 @@ def test_ids_of_scenarios_are_arguments_of_both_environments() -> None:
     assert made.unwrapped.batch.get_state()["worlds"][0, ROW.step, 0] == 3
     one, two = (
         gymnasium.make("PTER/Tremor-v0", contexts=16).unwrapped.batch.pairs for _ in range(2)
-    )  # type: ignore[attr-defined]
+    )
     assert all(a[1] is b[1] for a, b in zip(one, two, strict=True)), "contexts are drawn once"
 
 

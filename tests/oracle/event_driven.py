@@ -187,9 +187,8 @@ def _after(
 ) -> tuple[Phase, np.ndarray]:
     kind, x = event
     if kind == "edge":
-        gap = (
-            np.abs(W @ y[2:]) - plant.threshold
-        )  # along a clutch's line several slips are equal and change together
+        # along a clutch's line several slips are equal and change together
+        gap = np.abs(W @ y[2:]) - plant.threshold
         with_x = (np.array(phase.inside) == phase.inside[x]) & (
             np.abs(gap - gap[x]) <= 1e-9 * plant.threshold
         )
@@ -232,9 +231,8 @@ def _caught(
     goes through zero."""
     d, inside = LINE[x], list(phase.inside)
     y = np.concatenate([y[:2], d * (d @ y[2:]) / (d @ d)])
-    sign = [
-        float(s) for s in np.sign(W @ y[2:])
-    ]  # those of released clutches, which have no events, too
+    # those of released clutches, which have no events, too
+    sign = [float(s) for s in np.sign(W @ y[2:])]
     sign[x], inside[x] = 0.0, True
     stuck = Phase(x, tuple(sign), tuple(inside))
     needed = demand(plant, stuck, t, y)

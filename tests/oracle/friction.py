@@ -3,11 +3,11 @@
 The package minimises over velocities (13 candidates in the plane). Here the unknowns are the four
 clutch impulses,
 
-    impulse = argmin ½ (p − Wᵀλ)ᵀ M⁻¹ (p − Wᵀλ)   over the box  |λ_x| ≤ c_x,        velocity = M⁻¹
-    (p − Wᵀλ),
+    impulse = argmin ½ (p − Wᵀλ)ᵀ M⁻¹ (p − Wᵀλ)   over the box  |λ_x| ≤ c_x,
+    velocity = M⁻¹ (p − Wᵀλ),
 
-a bounded least-squares problem. Each clutch is at its lower bound, at its upper bound or free: 3⁴ =
-81 states. Any two rows of W are independent, so the nine states with three or four free clutches
+a bounded least-squares problem. Each clutch is at its lower bound, at its upper bound or free: 81
+states. Any two rows of W are independent, so the nine states with three or four free clutches
 add nothing: the velocity is zero, as in a state with two free clutches. The other 72 are tried one
 by one, and the state that violates the optimality conditions least is taken.
 

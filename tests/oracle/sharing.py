@@ -3,11 +3,10 @@
     t = argmin |t|²   with   Wᵀt = load,  low ≤ t ≤ high
 
 Since WᵀW = 3·1, the smallest unbounded answer is t₀ = W·load / 3, and every other one is t₀ + N·z
-with |t|² = |t₀|² +
-|z|². What is left is the point of a polygon in the plane
-that is nearest to the origin: a least-distance problem,
-solved by non-negative least squares (Lawson and Hanson, Solving Least Squares Problems, chapter
-23)."""
+with |t|² = |t₀|² + |z|². What is left is the point of a polygon in the plane that is nearest to the
+origin: a least-distance problem, solved by non-negative least squares (Lawson and Hanson, Solving
+Least Squares Problems, chapter 23).
+"""
 
 from __future__ import annotations
 

@@ -10,8 +10,8 @@ impulses, a kick over a time h is
 
 and is taken in parts where a clutch changes between sticking and slipping. Its energies are
 
-    hand_work = h·ω⁺ᵀ(load − b·JᵀJ·(s·ω⁺ + (1 − s)·ω))    dissipated = −λᵀWω⁺    numerical_loss =
-    ½·ΔωᵀMΔω
+    hand_work = h·ω⁺ᵀ(load − b·JᵀJ·(s·ω⁺ + (1 − s)·ω))
+    dissipated = −λᵀWω⁺    numerical_loss = ½·ΔωᵀMΔω
 
 and the residual is −h·ω⁺ᵀV, with ½·ωᵀδM·ω of the two drifts.
 """

@@ -425,13 +425,13 @@ def energy_drift(machine: Machine, theta, omega, duration: float) -> float:
 def test_a_free_arm_keeps_its_energy_to_first_order(arm, theta, omega):
     """Without hand and clutches |ΔK| of a substep is |R − N|, of order h².
 
-    With Ω the largest |ω|, μ the smallest eigenvalue of M and |V| ≤ |c|Ω², |Δω| ≤ h|c|Ω²/μ: N ≤
-    h²c²Ω⁴/2μ. With f = ωA·ωB·(ωA − ωB), both drifts gain −½h·c·sin(θA − θB)·(f + f⁺), and the kick
-    h·c·sin(θA − θB)·(ωA²ωB⁺ − ωB²ωA⁺). In the sum the first-order parts cancel. Left are
-    h|c|·|(−ωB², ωA²)·Δω − ½(f⁺ − f)| ≤ (1 + 3/√8)·h|c|Ω²|Δω|, since
-    |∇f| ≤ 3Ω²/√2, and the curvature of cos(θA − θB) over half a turn, at most ⅛h²|c|Ω⁴ in each
-    drift, a tenth of that more for the third order. Over a time T there are T/h substeps. While the
-    sum is below K/10, Ω² ≤ 2.2 K/μ.
+    With Ω the largest |ω|, μ the smallest eigenvalue of M and |V| ≤ |c|Ω², |Δω| ≤ h|c|Ω²/μ:
+    N ≤ h²c²Ω⁴/2μ. With f = ωA·ωB·(ωA − ωB), both drifts gain −½h·c·sin(θA − θB)·(f + f⁺), and the
+    kick h·c·sin(θA − θB)·(ωA²ωB⁺ − ωB²ωA⁺). In the sum the first-order parts cancel. Left are
+    h|c|·|(−ωB², ωA²)·Δω − ½(f⁺ − f)| ≤ (1 + 3/√8)·h|c|Ω²|Δω|, since |∇f| ≤ 3Ω²/√2, and the
+    curvature of cos(θA − θB) over half a turn, at most ⅛h²|c|Ω⁴ in each drift, a tenth of that more
+    for the third order. Over a time T there are T/h substeps. While the sum is below K/10,
+    Ω² ≤ 2.2 K/μ.
     """
     machine, duration = replace(BASELINE, arm=arm), 0.5
     c, smallest = abs(arm.coupling), smallest_inertia(arm)

@@ -42,9 +42,8 @@ def test_a_viscous_brake_without_voltage_stops_a_wheel_exponentially():
     exact = solve_ivp(
         lambda _, w: -0.2 * np.array([3 * w[0], 3 * w[1]]), (0.0, 0.5), [2.0, 0.0], rtol=1e-10
     )
-    np.testing.assert_allclose(
-        run.omega[-1], exact.y[:, -1], atol=2.0 * 0.6 * 1e-4
-    )  # first order: h·rate·ω
+    # first order: h·rate·ω
+    np.testing.assert_allclose(run.omega[-1], exact.y[:, -1], atol=2.0 * 0.6 * 1e-4)
 
 
 def test_off_state_torque_decelerates_uniformly():

@@ -101,9 +101,8 @@ def test_two_arcs_join_two_headings(seed: int):
 @pytest.mark.parametrize("radius", [0.1, -0.1])
 def test_an_arc_is_fitted_by_two_however_its_parameter_runs(radius: float):
     def curve(t: float) -> tuple[complex, complex]:
-        angle = (
-            0.5 * math.pi * math.expm1(12.0 * t) / math.expm1(12.0)
-        )  # a sixth of the way is 6 µm
+        # a sixth of the way is 6 µm
+        angle = 0.5 * math.pi * math.expm1(12.0 * t) / math.expm1(12.0)
         return on(0.2 + 0.5j, radius, math.copysign(angle, radius))
 
     table = fit_arcs(curve, [0.0, 1.0]).table

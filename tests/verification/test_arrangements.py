@@ -84,9 +84,8 @@ def test_velocities_are_those_of_the_dual_for_any_rows(given_problems: Arranged)
     slip = np.einsum("nxi,ni->nx", given.w, expected)
     stuck = np.abs(slip) <= 1e-15 * np.abs(given.w).sum(axis=2) * np.hypot(*expected.T)[:, None]
     found = given.w[..., 0] * omega[:, :1] + given.w[..., 1] * omega[:, 1:] == 0.0
-    assert (
-        np.mean((stuck == found).all(axis=1)) > 0.999
-    )  # others lie where the mode changes, to rounding
+    # others lie where the mode changes, to rounding
+    assert np.mean((stuck == found).all(axis=1)) > 0.999
     assert np.mean(found.any(axis=1)) > 0.5
     assert np.mean(found.all(axis=1)) > 0.1
 

@@ -86,9 +86,8 @@ def test_slip_velocities_are_those_of_the_coupling(omega_a, omega_b):
 def test_torques_on_links_are_those_of_the_coupling(torque):
     for link, found in enumerate(torques_on_links(PerClutch(*torque))):
         parts = [row[link] * each for row, each in zip(COUPLING, torque, strict=True)]
-        assert found == functools.reduce(
-            operator.add, parts
-        )  # from Python 3.12 on sum() rounds once
+        # from Python 3.12 on sum() rounds once
+        assert found == functools.reduce(operator.add, parts)
 
 
 def test_the_coupling_is_the_papers():

@@ -288,9 +288,8 @@ def test_a_rollout_has_the_gradient_of_paired_rollouts(kind: str):
         total = np.sum((ours.sum(axis=(0, 1)) if z.shape == (2,) else ours) * z)
         moved = paired(name, lambda e, name=name, z=z: given[name] + e * z)
         assert total == pytest.approx(moved, rel=1e-5, abs=1e-5), name
-    alone = (
-        kind == "no stiction"
-    )  # where T_s is T_k, a change of one alone begins or ends the division of kicks
+    # where T_s is T_k, a change of one alone begins or ends the division of kicks
+    alone = kind == "no stiction"
     for name in vars(given["state"]):
         if (
             alone and name.startswith("torque")

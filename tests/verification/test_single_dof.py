@@ -129,13 +129,11 @@ def test_clutch_2_feels_the_speed_of_link_a():
     difference = start + 0.5 * STEP * omega - run.theta[:, 1]
     v2 = -coupling * np.sin(difference) * omega**2
     inertial = coupling * np.cos(difference) * (run.omega[:, 0] - omega) / STEP
-    rounding = (
-        8 * 2.0**-53 * (1.0 + np.abs(omega).max()) / STEP
-    )  # of a velocity, in the difference of two over a step
+    # of a velocity, in the difference of two over a step
+    rounding = 8 * 2.0**-53 * (1.0 + np.abs(omega).max()) / STEP
     whole = np.abs(run.slip_velocity[:, 0]) >= BASELINE.slip_threshold
-    whole &= whole[
-        np.maximum(np.arange(len(whole)) - 1, 0)
-    ]  # no kick that is divided where clutch 1 leaves its band
+    # no kick that is divided where clutch 1 leaves its band
+    whole &= whole[np.maximum(np.arange(len(whole)) - 1, 0)]
     assert whole.sum() > 0.2 * len(whole)
     assert np.allclose(run.torque[whole, 1], (inertial + v2)[whole], rtol=0.0, atol=rounding)
 
@@ -150,8 +148,7 @@ def test_clutch_2_feels_the_speed_of_link_a():
 @pytest.mark.parametrize("clutch", range(4))
 @pytest.mark.parametrize("time_constant", [0.01, 0.105, 0.2])
 def test_a_voltage_step_gives_a_first_order_torque(clutch, time_constant):
-    """A constant force on the tip, a step on one slipping clutch: 63.2 % of the final torque at t =
-    τ.
+    """A constant force, a step on one slipping clutch: 63.2 % of the final torque at t = τ.
 
     A torque is that of the middle of its substep.
     """
@@ -170,11 +167,7 @@ def test_a_voltage_step_gives_a_first_order_torque(clutch, time_constant):
 
 
 def test_torque_jumps_at_a_reversal_except_with_theoretical_delrin():
-    """Fig.
-
-    9: at constant voltage the motion changes direction through a stick, and torque rises above
-    dynamic.
-    """
+    """Figure 9: the motion reverses through a stick, and torque rises above dynamic."""
     peak = {}
     for machine in (BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL):
         volts = np.array([6.0, LARGE, 0.0, 0.0])

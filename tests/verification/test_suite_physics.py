@@ -202,9 +202,8 @@ def test_quantised_angles_are_multiples_and_everything_else_follows_them() -> No
     task = replace(TASK, sensing=Sensing(angle_resolution=resolution))
     rows, seen = stepped(task, np.full((30, 4), 2.0))
     angle = np.arctan2(seen[:, 1].astype(float), seen[:, 0])
-    assert (
-        np.abs(np.remainder(angle / resolution + 0.5, 1.0) - 0.5).max() < 1e-4
-    )  # float32 observations
+    # float32 observations
+    assert np.abs(np.remainder(angle / resolution + 0.5, 1.0) - 0.5).max() < 1e-4
     assert np.abs(angle - rows[:, COLUMN.theta.a]).max() <= 0.5 * resolution + 1e-6
     exact = Batch(BASELINE, PathFollowing()).layout
     error = exact.physical(seen, "normal_error")

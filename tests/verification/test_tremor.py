@@ -119,9 +119,8 @@ def test_matrices_of_the_joints_were_turned_into_those_at_the_hand() -> None:
     ]
     stiffness = at_hand([[10.8, 2.83], [2.51, 8.67]])
     arms = LIBRARY_ARMS
-    np.testing.assert_allclose(
-        arms["gomi-osu-1998"].mass, at_hand(inertia), rtol=5e-3
-    )  # stored with three digits
+    # stored with three digits
+    np.testing.assert_allclose(arms["gomi-osu-1998"].mass, at_hand(inertia), rtol=5e-3)
     np.testing.assert_allclose(arms["gomi-osu-1998"].stiffness, stiffness, rtol=5e-3)
     np.testing.assert_allclose(arms["gomi-osu-1998"].damping, 0.05 * stiffness, rtol=5e-3)
     np.testing.assert_allclose(arms["rough-moving"].stiffness, 2.0 * stiffness, rtol=5e-3)

@@ -1,7 +1,4 @@
-"""Open-loop tests of clutches (paper sections II to IV-B): Figs.
-
-3, 4, 5 and 9, the step response, and held loads.
-"""
+"""Open-loop tests of clutches: the paper's Figures 3, 4, 5 and 9, step response, held loads."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

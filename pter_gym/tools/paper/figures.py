@@ -53,10 +53,7 @@ def name_of(machine: str) -> str:
 
 @styled
 def single_dof_paths(result: Sequence[SingleDofTest]) -> Figure:
-    """Return Fig.
-
-    3 for each clutch: the path of the tip on the line that the locked clutch allows.
-    """
+    """Return Figure 3 for each clutch: the tip's path on the line that a locked clutch allows."""
     figure = Figure(figsize=(style.WIDTH, 5.8))
     grid = figure.subplots(2, 2)
     for k, (axes, test) in enumerate(zip(grid.flat, result, strict=True)):
@@ -188,9 +185,9 @@ def torque_over_voltage(result: Mapping[str, MaterialCurves]) -> Figure:
 
 @styled
 def reversal_torques(result: Mapping[str, Reversal]) -> Figure:
-    """Return Fig.
+    """Return Figure 9: torque of clutch 1 while the motion reverses, and a close-up.
 
-    9: torque of clutch 1 while the motion reverses, and a close-up relative to the dynamic torque.
+    The close-up is relative to the dynamic torque.
     """
     figure = Figure(figsize=(style.WIDTH, 3.8))
     count = len(result)
@@ -340,10 +337,7 @@ def table_comparison(table: Mapping[str, tuple[float, ...]]) -> Figure:
 
 @styled
 def error_over_gain(result: GainSweep) -> Figure:
-    """Return Fig.
-
-    10: position error over the gain of the torque feedback, and how much the clutches saturate.
-    """
+    """Return Figure 10: position error and saturation over the gain of the torque feedback."""
     figure = Figure(figsize=(style.WIDTH, 4.4))
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
     looks: dict[str, Any] = {"linestyle": "-", "linewidth": 1.2, "clip_on": False}
@@ -377,10 +371,7 @@ def error_over_gain(result: GainSweep) -> Figure:
 
 @styled
 def followed_lines(result: Result) -> Figure:
-    """Return Fig.
-
-    11: the tip's distance from the line along it, without and with torque feedback.
-    """
+    """Return Figure 11: the tip's distance from the line, without and with torque feedback."""
     figure = Figure(figsize=(style.WIDTH, 2.8))
     axes = figure.add_subplot()
     axes.axhline(

@@ -1,7 +1,4 @@
-"""The standard test over the time constant (Figs.
-
-7 and 8, Table I) and over the gain (Figs. 10 and 11).
-"""
+"""The standard test over the time constant (paper Figures 7, 8, Table I) and gain (10, 11)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

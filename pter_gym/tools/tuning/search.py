@@ -221,9 +221,8 @@ def open_journal(path: Path) -> Any:
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend
 
-    lock: Any = FileLock(
-        path.with_name(f".{path.name}.lock")
-    )  # unlike Optuna's own, free again once a process dies
+    # unlike Optuna's own, free again once a process dies
+    lock: Any = FileLock(path.with_name(f".{path.name}.lock"))
     return JournalStorage(JournalFileBackend(str(path.resolve()), lock))
 
 

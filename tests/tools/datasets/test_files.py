@@ -128,9 +128,8 @@ def test_a_full_disk_keeps_the_earlier_data(
     folder: Path, episodes: list[RecordedEpisode], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
-    (tmp_path / "pter" / "standard" / ".random-v0" / "new").mkdir(
-        parents=True
-    )  # of a process that was killed
+    # of a process that was killed
+    (tmp_path / "pter" / "standard" / ".random-v0" / "new").mkdir(parents=True)
 
     def fail(*_: object) -> None:
         raise OSError(28, "No space left on device")

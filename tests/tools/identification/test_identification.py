@@ -174,9 +174,8 @@ def test_a_log_without_noise_gives_the_machine_back(clutches: str):
 @pytest.mark.slow
 def test_unobservable_clutch_numbers_are_named_and_kept():
     log = record_log(OTHER, replace(SHORT, levels=(4.0, 10.0)), Recorder(delay=0.006))
-    first = int(
-        np.flatnonzero(log.volts[:, 2])[0]
-    )  # what comes before was recorded without clutches 3 and 4
+    # what comes before was recorded without clutches 3 and 4
+    first = int(np.flatnonzero(log.volts[:, 2])[0])
     found = identify(rows_of(log, slice(0, first)), BASELINE)
     told = {finding.quantity.name: finding for finding in found.findings}
     for name in ("scale_3", "scale_4", "curvature", "knee"):

@@ -1,7 +1,4 @@
-"""The tests of single clutches: Figs.
-
-3, 4, 5 and 9, the step response, and four clutches that hold together.
-"""
+"""The tests of single clutches: Figures 3, 4, 5 and 9, step response, four that hold together."""
 
 from dataclasses import replace
 
@@ -65,9 +62,8 @@ def test_the_locked_clutch_carries_what_equation_4_asks_for(experiments):
     wanted = arm.coupling * (
         np.cos(difference) * acceleration - np.sin(difference) * run.omega[:-1, 0] ** 2
     )
-    in_band = (
-        np.abs(run.slip_velocity[:-1, 0]) < BASELINE.slip_threshold
-    )  # the kick that leaves it has parts
+    # the kick that leaves it has parts
+    in_band = np.abs(run.slip_velocity[:-1, 0]) < BASELINE.slip_threshold
     assert (~in_band).sum() > 300
     assert test.locked_torque[1:][~in_band] == pytest.approx(wanted[~in_band], abs=1e-9)
 

@@ -78,9 +78,8 @@ def test_a_controller_with_a_wrong_table_is_that_of_a_machine_with_those_torques
     exact, believed = (
         time_constant_sweep(Setup(table_error=each), taus)["baseline"] for each in (1.0, factor)
     )
-    assert (
-        believed.tip_speed < exact.tip_speed
-    )  # it thinks its clutches weaker than they are, and brakes too hard
+    # it thinks its clutches weaker than they are, and brakes too hard
+    assert believed.tip_speed < exact.tip_speed
 
 
 def test_equal_peaks_change_the_size_of_the_torques_alone():

@@ -111,9 +111,8 @@ def test_only_trials_that_keep_up_are_judged_on_all_draws(
 
     monkeypatch.setattr(search, "assess", counting)
     tune("impedance", "standard", "brisk", trials=40, episodes=32, storage=tmp_path / "a.journal")
-    tried = judged[
-        : -judged.count(32) // 2
-    ]  # fewer than FINALISTS, so each is judged on other draws too
+    # fewer than FINALISTS, so each is judged on other draws too
+    tried = judged[: -judged.count(32) // 2]
     assert tried[:3] == [2, 8, 32]
     assert tried.count(2) == 40 > tried.count(8) > tried.count(32) >= 1
     trials = [
