@@ -4,7 +4,6 @@ from pter_gym.hands._library import LIBRARY_ARMS, LIBRARY_TREMORS, LibraryArm, L
 from pter_gym.hands._model import SINES, HandModel
 from pter_gym.hands._operators import (
     EQ5_FREQUENCIES,
-    HUMAN_ARMS,
     NO_HAND,
     NORMAL,
     RELAXED,
@@ -26,7 +25,6 @@ from pter_gym.hands._tremor import (
 
 __all__ = [
     "EQ5_FREQUENCIES",
-    "HUMAN_ARMS",
     "LIBRARY_ARMS",
     "LIBRARY_TREMORS",
     "NORMAL",

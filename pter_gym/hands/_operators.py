@@ -123,9 +123,6 @@ NORMAL = Hand(mass=1.2, damping=14.0, stiffness=300.0)
 TENSE = Hand(mass=2.0, damping=28.0, stiffness=600.0)
 """A human arm with its muscles tensed against disturbances."""
 
-HUMAN_ARMS = {"relaxed": RELAXED, "normal": NORMAL, "tense": TENSE}
-"""A human arm's mass, damping and stiffness by name."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class HumanArm(Operator):

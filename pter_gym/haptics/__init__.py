@@ -21,7 +21,6 @@ from pter_gym.haptics._scores import (
     force_error,
     impedance,
     mean_resisting_force,
-    peak_and_mean_force,
     spectral_arc_length,
     z_width,
 )
@@ -39,7 +38,6 @@ __all__ = [
     "impedance",
     "link_angles",
     "mean_resisting_force",
-    "peak_and_mean_force",
     "spectral_arc_length",
     "torque_limits",
     "z_width",

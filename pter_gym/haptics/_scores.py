@@ -61,12 +61,6 @@ def mean_resisting_force(power: ArrayLike, speed: ArrayLike, slowest: float = 1e
     return force.sum(axis=0) / np.maximum(moves.sum(axis=0), 1)
 
 
-def peak_and_mean_force(force: ArrayLike) -> tuple[float, float]:
-    """Return the largest and the mean magnitude of an interaction force (T, 2) [N]."""
-    size = np.linalg.norm(force, axis=-1)
-    return float(size.max()), float(size.mean())
-
-
 def apparent_stiffness(force: ArrayLike, penetration: ArrayLike) -> float:
     """Return the stiffness [N/m] that a wall seems to have: force over depth, by least squares.
 

@@ -235,26 +235,11 @@ def biarc(
     return first, arc_between(joint, from_heading * cmath.exp(1j * curvature * length), end)
 
 
-@inlined
-def heading_through(before: complex, here: complex, after: complex) -> complex:
-    """Return the unit heading at a point of the circle from one point through it to another."""
-    came, goes = here - before, after - here
-    along = came / abs(came) ** 2 + goes / abs(goes) ** 2
-    return along / abs(along)
-
-
-@inlined
-def mirrored(heading: complex, chord: complex) -> complex:
-    """Return the unit heading at one end of an arc, from that at the other and the chord."""
-    direction = chord / abs(chord)
-    return direction * direction * heading.conjugate()
-
-
-Curve = Callable[[float], tuple[complex, complex]]
+ParametricCurve = Callable[[float], tuple[complex, complex]]
 """A smooth curve: parameter to point [m] and derivative."""
 
 
-def fit_arcs(curve: Curve, knots: Sequence[float]) -> Arcs:
+def fit_arcs(curve: ParametricCurve, knots: Sequence[float]) -> Arcs:
     """Return arcs within ``TOLERANCE`` of a smooth curve whose parameter runs through the knots."""
     pieces: list[Piece] = []
     for begin, end in pairwise(knots):
@@ -262,7 +247,7 @@ def fit_arcs(curve: Curve, knots: Sequence[float]) -> Arcs:
     return chain(pieces)
 
 
-def _fit(curve: Curve, begin: float, end: float) -> Iterator[Piece]:
+def _fit(curve: ParametricCurve, begin: float, end: float) -> Iterator[Piece]:
     (p, dp), (q, dq) = curve(begin), curve(end)
     pair = biarc(p, dp / abs(dp), q, dq / abs(dq))
     inner = [curve(begin + (end - begin) * k / (_CHECKS + 1))[0] for k in range(1, _CHECKS + 1)]

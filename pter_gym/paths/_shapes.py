@@ -16,7 +16,7 @@ from pter_gym._internal.files import TABLE_ENDINGS, FilePath, has_ending
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import parameter, require
-from pter_gym.paths._arcs import Arcs, Curve, Path, Piece, arc_between, chain, fit_arcs
+from pter_gym.paths._arcs import Arcs, ParametricCurve, Path, Piece, arc_between, chain, fit_arcs
 from pter_gym.paths._names import PATH_NAMES
 
 Points = tuple[tuple[float, float], ...]
@@ -249,7 +249,7 @@ class Polyline(Path):
         )
 
 
-def _fitted(path: Path, curve: Curve, knots: Sequence[float]) -> Arcs:
+def _fitted(path: Path, curve: ParametricCurve, knots: Sequence[float]) -> Arcs:
     """Return arcs along a curve, or raise a ParameterError if it turns back or needs too many."""
     looks = count(1)
 

@@ -26,7 +26,6 @@ from pter_gym.haptics import (
     force_error,
     impedance,
     mean_resisting_force,
-    peak_and_mean_force,
     spectral_arc_length,
     z_width,
 )
@@ -60,16 +59,6 @@ def test_dry_friction_resists_with_its_force_and_a_damper_by_the_speed() -> None
     )
     still = np.stack([speed, 0.0 * speed, np.where(TIME < 1.0, 0.5, np.nan)], axis=1)
     np.testing.assert_allclose(mean_resisting_force(-2.0 * still, still), [2.0, 0.0, 2.0])
-
-
-def test_peak_and_mean_force() -> None:
-    at = 2.0 * np.pi * TIME
-    assert peak_and_mean_force(6.0 * np.stack([np.cos(at), np.sin(at)], axis=1)) == pytest.approx(
-        (6.0, 6.0)
-    )
-    assert peak_and_mean_force(np.stack([3.0 * TIME, 4.0 * TIME], axis=1)) == pytest.approx(
-        (5.0 * 3.99, 5.0 * 1.995)
-    )
 
 
 def test_a_spring_behind_the_surface_is_a_wall_of_its_stiffness() -> None:
