@@ -14,77 +14,13 @@ if (
 ):
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
-from typing import TYPE_CHECKING
-
 import gymnasium
 import lazy_loader
 
-from pter_gym._version import __version__
 from pter_gym.scenarios._suite import SCENARIOS
 
-if TYPE_CHECKING:
-    from pter_gym._load_policy import load_policy
-    from pter_gym._physics.open_loop import State, Trajectory, initial_state, simulate
-    from pter_gym.params import (
-        BASELINE,
-        DELRIN_EXPERIMENTAL,
-        DELRIN_THEORETICAL,
-        Arm,
-        Clutch,
-        Hand,
-        Machine,
-        TorqueCurve,
-    )
-    from pter_gym.tasks.path_following import PathFollowing
-
-__all__ = [
-    "BASELINE",
-    "DELRIN_EXPERIMENTAL",
-    "DELRIN_THEORETICAL",
-    "Arm",
-    "Clutch",
-    "Hand",
-    "Machine",
-    "PathFollowing",
-    "State",
-    "TorqueCurve",
-    "Trajectory",
-    "__version__",
-    "initial_state",
-    "load_policy",
-    "simulate",
-]
-
-__getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
-    __name__,
-    [
-        "benchmark",
-        "controllers",
-        "envs",
-        "gradients",
-        "haptics",
-        "hands",
-        "params",
-        "paths",
-        "policies",
-        "scenarios",
-        "tasks",
-    ],
-    submod_attrs={
-        "_physics.open_loop": ["State", "Trajectory", "initial_state", "simulate"],
-        "params": [
-            "BASELINE",
-            "DELRIN_EXPERIMENTAL",
-            "DELRIN_THEORETICAL",
-            "Arm",
-            "Clutch",
-            "Hand",
-            "Machine",
-            "TorqueCurve",
-        ],
-        "_load_policy": ["load_policy"],
-        "tasks.path_following": ["PathFollowing"],
-    },
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(  # pyright: ignore[reportUnknownVariableType]
+    __name__, __file__
 )
 
 gymnasium.register(

@@ -28,10 +28,8 @@ os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
 import jax
 import numpy as np
 import optax
-from jax import lax
-from jax import numpy as jnp
-from jax.sharding import NamedSharding
-from jax.sharding import PartitionSpec as Spec
+from jax import lax, numpy as jnp
+from jax.sharding import NamedSharding, PartitionSpec as Spec
 
 from pter_agents.jax_worlds import JaxWorlds, RolloutState, SharedConstants
 from pter_agents.runs import policy_of

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.numpy import load as load_tensors
-from safetensors.numpy import save as save_tensors
+from safetensors.numpy import load as load_tensors, save as save_tensors
 
 from pter_agents.settings import TrainingArguments, arguments_from
 from pter_gym._internal.files import FilePath, expand_path, write_bytes_atomic, write_text_atomic

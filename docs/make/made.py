@@ -14,8 +14,7 @@ import pictures
 import tyro
 from markup import IMAGES, code, number, table
 
-from pter_gym._commands.main import commands as find_commands
-from pter_gym._commands.main import load_command
+from pter_gym._commands.main import commands as find_commands, load_command
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.hands import LIBRARY_ARMS, LIBRARY_TREMORS

@@ -17,8 +17,7 @@ import jax
 import jaxlib
 import numba
 import numpy as np
-from jax import lax
-from jax import numpy as jnp
+from jax import lax, numpy as jnp
 from jax.core import Tracer
 from numba import types
 from numpy.typing import NDArray

@@ -6,8 +6,7 @@ from pter_gym._compiled.records import Entry
 from pter_gym._physics.arm import Deviator, Linkage
 from pter_gym._physics.arrangement import Arrangement, OptionalArrangement
 from pter_gym._physics.clutch import Curve, Decay, PerClutch, Sliding, lag_left
-from pter_gym.params import SLOTS, Hand, Machine
-from pter_gym.params import TorqueCurve as CurveParameters
+from pter_gym.params import SLOTS, Hand, Machine, TorqueCurve as CurveParameters
 from pter_gym.params._machine import BRAKE_A, BRAKE_B, tip_mass
 
 NO_LAG = Decay(0.0, 0.0)

@@ -21,8 +21,7 @@ from pter_gym.errors import ActionError, ParameterError, needs_extra
 
 try:
     import jax
-    from jax import lax
-    from jax import numpy as jnp
+    from jax import lax, numpy as jnp
     from jax.core import Tracer
     from jax.custom_batching import custom_vmap
 

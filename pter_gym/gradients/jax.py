@@ -13,8 +13,7 @@ from pter_gym.errors import ParameterError, needs_extra
 
 try:
     import jax
-    from jax import lax
-    from jax import numpy as _numpy
+    from jax import lax, numpy as _numpy
     from jax.custom_batching import custom_vmap as _custom_vmap
 
     from pter_gym._engine import xla as _xla

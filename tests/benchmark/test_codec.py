@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from pter_gym import params
 from pter_gym._internal.codec import dataclasses_in
@@ -27,8 +26,7 @@ from pter_gym.params import (
     TorqueCurve,
 )
 from pter_gym.tasks._codec import codec
-from pter_gym.tasks.path_following import PathFollowing
-from pter_gym.tasks.path_following import _specification as specification
+from pter_gym.tasks.path_following import PathFollowing, _specification as specification
 
 
 def through_json(value: object) -> Any:

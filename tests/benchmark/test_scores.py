@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from benchmark.handmade import LENGTH, METRE, PERIOD, TASK, Array, episode, padded, travel
 from pter_gym._engine.batch import Batch

@@ -6,8 +6,7 @@ from typing import Annotated, Any, NamedTuple
 import numba
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.layout import Field

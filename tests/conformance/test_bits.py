@@ -17,14 +17,12 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
-from hypothesis import Phase, given, settings
-from hypothesis import strategies as st
+from hypothesis import Phase, given, settings, strategies as st
 
 import pter_gym
 from pter_gym._compiled.records import flat, read, rows
 from pter_gym._engine.batch import Batch
-from pter_gym._engine.world import LANES, SKIP
-from pter_gym._engine.world import SAME_STEP as SAME
+from pter_gym._engine.world import LANES, SAME_STEP as SAME, SKIP
 from pter_gym.benchmark import from_actions
 from pter_gym.controllers import Impedance, Random, TorqueFeedback, bind
 from pter_gym.errors import ParameterError, ResetNeededError

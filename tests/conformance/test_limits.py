@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import FLAG, ROW, SAME_STEP

@@ -20,13 +20,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.optimize import lsq_linear
 
 from compiled_friction import resolve_friction, share_torque
-from oracle import friction as oracle
-from oracle import paper_rule
+from oracle import friction as oracle, paper_rule
 from oracle.problems import Problems, families
 from oracle.sharing import share
 from pter_gym._physics.clutch import PerClutch

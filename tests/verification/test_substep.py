@@ -9,10 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from pter_gym._compiled.records import load as records_load
-from pter_gym._compiled.records import read, store, width
-from pter_gym._physics import arm as arms
-from pter_gym._physics import clutch, open_loop, step
+from pter_gym._compiled.records import load as records_load, read, store, width
+from pter_gym._physics import arm as arms, clutch, open_loop, step
 from pter_gym._physics.arm import Linkage, Load, Motion, PerLink
 from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import Curve, PerClutch, Sliding, Torques

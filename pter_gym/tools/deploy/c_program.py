@@ -23,8 +23,7 @@ from pter_gym.controllers._network import HEADER, HEADER_WIDTH
 from pter_gym.controllers._policy import sensors_of
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
-from pter_gym.paths import Path as Curve
-from pter_gym.paths import find_path
+from pter_gym.paths import Path as Curve, find_path
 from pter_gym.policies import TrainedPolicy
 from pter_gym.tasks.path_following import PathFollowing, observation_layout
 from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Observation, Reading

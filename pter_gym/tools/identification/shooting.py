@@ -16,8 +16,7 @@ from pter_gym._compiled.compiler import compile_kernel, inlined
 from pter_gym._compiled.records import store
 from pter_gym._physics.arm import Motion
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of, initial_state, scratch
-from pter_gym._physics.step import arrangement_from
-from pter_gym._physics.step import paper_clutches as no_arrangement
+from pter_gym._physics.step import arrangement_from, paper_clutches as no_arrangement
 from pter_gym.gradients._tangent import substep_tangents
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.parameters import Shape

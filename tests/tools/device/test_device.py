@@ -15,8 +15,7 @@ from pter_gym.params import ACTUATORS, BASELINE, Arm, MachineSpread
 from pter_gym.tools.device import examine_device
 from pter_gym.tools.device.data_sheet import find_device, machine_of_sheet
 from pter_gym.tools.device.measures import FREQUENCY, SHAKE, _free_impedance
-from pter_gym.tools.device.promise import MIN_DRAWS, make_promise, order_of
-from pter_gym.tools.device.promise import SEED as PROMISE_SEED
+from pter_gym.tools.device.promise import MIN_DRAWS, SEED as PROMISE_SEED, make_promise, order_of
 from pter_gym.tools.device.report import SCENARIOS
 
 THETA = np.array([0.4, 0.4 + math.pi / 2])

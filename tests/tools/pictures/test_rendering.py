@@ -12,8 +12,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
-from gymnasium.wrappers import RecordVideo
-from gymnasium.wrappers import vector as wrappers
+from gymnasium.wrappers import RecordVideo, vector as wrappers
 
 import pter_gym  # noqa: F401  (registers the environments)
 from pter_gym.errors import ParameterError

@@ -1,0 +1,20 @@
+from .boards import (
+    Leaderboard as Leaderboard,
+    leaderboards as leaderboards,
+    print_boards as print_boards,
+)
+from .episodes import Episodes as Episodes, training_episodes as training_episodes
+from .policies import find_policy as find_policy, from_actions as from_actions, from_sb3 as from_sb3
+from .results import PACES as PACES, ResultsFolder as ResultsFolder, run_scenario as run_scenario
+from .rollout import (
+    Assessment as Assessment,
+    assess as assess,
+    evaluate as evaluate,
+    examine as examine,
+)
+from .scores import (
+    ScenarioRun as ScenarioRun,
+    Score as Score,
+    score as score,
+    score_episodes as score_episodes,
+)

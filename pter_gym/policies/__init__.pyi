@@ -1,0 +1,9 @@
+from ._files import (
+    SHIPPED as SHIPPED,
+    policies_in as policies_in,
+    read_policy as read_policy,
+    shipped_policies as shipped_policies,
+    write_policy as write_policy,
+)
+from ._interface import Input as Input, Interface as Interface
+from ._trained import TrainedPolicy as TrainedPolicy
