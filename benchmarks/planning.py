@@ -80,7 +80,7 @@ def main(count: int) -> None:
             error = mean_interval(1e3 * scores["path_error_m"])
             ends = "" if error.low is None else f" ({error.low:.1f} – {error.high:.1f})"
             means = mean_scores(scores)
-            reason = reason_unranked(means, PACES[pace])
+            reason = reason_unranked(scores, PACES[pace])
             print(
                 f"| {name} | {pace} | {error.value:.1f}{ends} | "
                 f"{100.0 * means['completed']:.0f} % | {reason or 'yes'} | {spent:.2f} |",

@@ -1,10 +1,10 @@
 """Leaderboards: ranks on a scenario at a pace, and the table that ``pter benchmark`` prints."""
 
+import itertools
 import math
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import groupby
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ from rich.cells import cell_len, set_cell_size
 
 from pter_gym._internal.terminal import WIDTH, say, shorten
 from pter_gym._version import __version__
-from pter_gym.benchmark.intervals import Interval, mean_interval
+from pter_gym.benchmark.intervals import Interval, largest_rate, mean_interval
 from pter_gym.benchmark.scores import SCORES, ScenarioRun
 from pter_gym.scenarios import find_pace, title_of_pace
 
@@ -23,6 +23,9 @@ COMPLETION = 0.99
 
 PACE_ERROR = 0.15
 """Largest mean of each of the two pace errors of a ranked policy."""
+
+PACE_ERRORS = ("mean_pace_error", "segment_pace_error")
+"""The scores that are these errors."""
 
 EPISODE_SET = attrgetter("version", "scenario", "digest", "episodes", "seed")
 """What runs and leaderboards on the same episodes share, at whatever pace."""
@@ -111,7 +114,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Leaderboard:
-    """The policies on so many episodes of a scenario at a pace: the best first, unranked ones last.
+    """The policies on so many episodes of a scenario at a pace, by their mean path error.
 
     ``seed`` is that of test episodes, None for the stored ones; ``version`` that of the package
     that made the runs; ``digest`` that of a user's scenario.
@@ -166,13 +169,10 @@ def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
     for run in runs:
         by_policy.setdefault(run.policy, []).append(run)
     ordered = sorted(
-        map(_judge, by_policy.values()),
-        key=lambda each: (each.reason is not None, each.error.value, each.policy),
+        map(_judge, by_policy.values()), key=lambda each: (each.error.value, each.policy)
     )
-    standings = (
-        each if each.reason else replace(each, rank=place)
-        for place, each in enumerate(ordered, start=1)
-    )
+    places = itertools.count(1)
+    standings = (each if each.reason else replace(each, rank=next(places)) for each in ordered)
     run = runs[0]
     return Leaderboard(
         run.scenario, run.pace, run.episodes, run.seed, tuple(standings), run.version, run.digest
@@ -185,7 +185,7 @@ def _judge(runs: Sequence[ScenarioRun]) -> Standing:
     scores = {name: np.stack([run.scores[name] for run in runs]) for name in names}
     means, errors = mean_scores(scores), scores["path_error_m"]
     error = mean_interval(errors, runs[0].strata)
-    reason = reason_unranked(means, find_pace(runs[0].pace))
+    reason = reason_unranked(scores, find_pace(runs[0].pace), runs[0].strata)
     return Standing(runs[0].policy, None, reason, error, means, errors)
 
 
@@ -204,17 +204,33 @@ def worst_twentieth(values: ArrayLike) -> float:
     return float(ordered[-math.ceil(len(ordered) / 20) :].mean())
 
 
-def reason_unranked(means: Mapping[str, float], pace: float) -> Reason | None:
-    """Return why a policy with these mean scores at a pace [m/s] is not ranked; None if it is."""
-    if means["completed"] < COMPLETION:
-        return Reason(INCOMPLETE, means["completed"])
-    if (error := means["mean_pace_error"]) > PACE_ERROR:
-        off = means["mean_pace_m_s"] / pace - 1.0
-        word = "off pace" if abs(off) <= PACE_ERROR / 2 else "too fast" if off > 0 else "too slow"
-        return Reason(word, error)
-    if (error := means["segment_pace_error"]) > PACE_ERROR:
-        return Reason(UNEVEN, error)
-    return None
+def over_limits(scores: Mapping[str, float]) -> dict[str, float]:
+    """Return by how much the scores that a rank depends on are beyond their limits, ≤ 0 within."""
+    return {
+        "completed": COMPLETION - scores["completed"],
+        **{name: scores[name] - PACE_ERROR for name in PACE_ERRORS},
+    }
+
+
+def reason_unranked(
+    scores: Mapping[str, ArrayLike], pace: float, strata: Sequence[Hashable] = ()
+) -> Reason | None:
+    """Return why a policy with these scores at a pace [m/s] is not ranked; None if it is.
+
+    Scores and strata are as in ``mean_interval``. A mean is beyond its limit only if its whole
+    interval is, so that other episodes would hardly rank another policy.
+    """
+    errors = {name: mean_interval(scores[name], strata) for name in PACE_ERRORS}
+    at_best = {name: each.value if each.low is None else each.low for name, each in errors.items()}
+    over = over_limits({"completed": largest_rate(scores["completed"]), **at_best})
+    missed = next((name for name, excess in over.items() if excess > 0.0), None)
+    if missed is None:
+        return None
+    if missed == "completed":
+        return Reason(INCOMPLETE, float(np.mean(scores["completed"])))
+    off = np.mean(scores["mean_pace_m_s"]) / pace - 1.0
+    word = "off pace" if abs(off) <= PACE_ERROR / 2 else "too fast" if off > 0 else "too slow"
+    return Reason(UNEVEN if missed == "segment_pace_error" else word, errors[missed].value)
 
 
 # --- printing ---
@@ -228,7 +244,7 @@ def print_boards(runs: Iterable[ScenarioRun], *, details: bool = False) -> None:
 def boards_text(boards: Sequence[Leaderboard], *, details: bool = False) -> str:
     """Return leaderboards as text for 80 columns: a table for each scenario, then details."""
     tables: list[str] = []
-    for _, same in groupby(boards, EPISODE_SET):
+    for _, same in itertools.groupby(boards, EPISODE_SET):
         at_paces = list(same)
         tables += [_table(at_paces), *(map(_details, at_paces) if details else [])]
     return "\n".join([*tables, *([DETAILS_NOTE] if details else [])])
@@ -237,18 +253,15 @@ def boards_text(boards: Sequence[Leaderboard], *, details: bool = False) -> str:
 def in_order(boards: Sequence[Leaderboard]) -> dict[str, list[Standing | None]]:
     """Return the standing of each policy at each pace of a scenario, in the order of the table.
 
-    It is that of the mean over the paces. Policies that are ranked at some paces only come after
-    those that are at all of them, and those that are at none last.
+    It is that of the mean path error over the paces; policies that lack a pace come last.
     """
     at_paces = [{each.policy: each for each in board.standings} for board in boards]
     names = dict.fromkeys(name for standings in at_paces for name in standings)
     rows = {name: [standings.get(name) for standings in at_paces] for name in names}
 
-    def place(name: str) -> tuple[int, float, str]:
-        standings = [each for each in rows[name] if each]
-        ranked = sum(each.rank is not None for each in standings)
-        group = 0 if ranked == len(boards) else 1 if ranked else 2
-        return group, sum(each.error.value for each in standings) / len(standings), name
+    def place(name: str) -> tuple[bool, float, str]:
+        errors = [each.error.value for each in rows[name] if each]
+        return len(errors) < len(boards), sum(errors) / len(errors), name
 
     return {name: rows[name] for name in sorted(names, key=place)}
 
@@ -278,9 +291,10 @@ def _table(boards: Sequence[Leaderboard]) -> str:
         _column(title_of_pace(board.pace), [_cell(each[k], marks) for each in rows.values()])
         for k, board in enumerate(boards)
     ]
+    numbers = itertools.count(1)
     places = [
-        str(place) if any(each and each.rank for each in standings) else "–"
-        for place, standings in enumerate(rows.values(), start=1)
+        next(numbers) if any(each and each.rank for each in standings) else "–"
+        for standings in rows.values()
     ]
     notes = [_completion(rows)]
     for (name, word), shares in footnotes.items():
@@ -323,7 +337,8 @@ def _completion(rows: Mapping[str, Sequence[Standing | None]]) -> str:
     if not shares:
         return "All policies complete all episodes."
     others = ", all others 100 %" if len(shares) < len(rows) else ""
-    return f"Completed episodes: {', '.join(shares)}{others}; a rank needs {percent(COMPLETION)}."
+    needed = f"a rank needs {percent(COMPLETION)} within the 95 % interval"
+    return f"Completed episodes: {', '.join(shares)}{others}; {needed}."
 
 
 def _cell(standing: Standing | None, marks: Mapping[tuple[str, str], str]) -> tuple[str, str]:

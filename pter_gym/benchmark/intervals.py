@@ -74,6 +74,18 @@ def mean_interval(values: ArrayLike, strata: Sequence[Hashable] = ()) -> Interva
     return Interval(mean, *_bootstrap(sample, strata))
 
 
+def largest_rate(values: ArrayLike) -> float:
+    """Return the upper end of the 95 % interval of the share of True.
+
+    It is Wilson's (Journal of the American Statistical Association 22, 1927), since a share near 1
+    is too skewed for the bootstrap, and a share of 1 has none.
+    """
+    share, count = float(np.mean(values)), np.size(values)
+    z2 = _NORMAL.inv_cdf(0.975) ** 2 / count
+    reach = math.sqrt(z2 * (share * (1.0 - share) + 0.25 * z2))
+    return (share + 0.5 * z2 + reach) / (1.0 + z2)
+
+
 def _bootstrap(sample: NDArray[np.float64], strata: Sequence[Hashable]) -> tuple[float, float]:
     """Return the bootstrap's interval (BCa) of the mean over episodes of given kinds.
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym._internal.files import FilePath
-from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.boards import over_limits
 from pter_gym.benchmark.episodes import Episodes, training_episodes
 from pter_gym.benchmark.measures import RANKED, Travel, column, headings, vector
 from pter_gym.benchmark.policies import Policies, find_policies
@@ -204,9 +204,8 @@ def record_episode(
     return Episode(telemetry, run.obs[:, 0], volts.astype(np.float32))
 
 
-RESERVE, MISSING = 0.97, 0.75
-"""Parts of the leaderboard's limits on pace errors and on missing completions that the search keeps
-to.
+RESERVE = {"completed": 0.0025, "mean_pace_error": 0.0045, "segment_pace_error": 0.0045}
+"""How far within the leaderboard's limits the search keeps.
 
 Gains that just keep a limit on its draws may miss it on others: the mean pace error over 400 draws
 of `everything` has a standard error of 3 % of the limit, and among completions a single draw weighs
@@ -237,10 +236,10 @@ class Assessment(NamedTuple):
 
         It is the path error [m] plus a penalty for each limit that is not kept.
         """
-        over = max(0.0, (1.0 - self.completed) - MISSING * (1.0 - COMPLETION))
-        over += max(0.0, self.mean_pace_error - RESERVE * PACE_ERROR)
-        over += max(0.0, self.segment_pace_error - RESERVE * PACE_ERROR)
-        return self.path_error_m + PENALTY * over
+        over = over_limits(self._asdict())
+        return self.path_error_m + PENALTY * sum(
+            max(0.0, over[name] + kept) for name, kept in RESERVE.items()
+        )
 
     def __str__(self) -> str:
         """Return the scores as text."""

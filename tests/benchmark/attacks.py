@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym.benchmark import PACES, training_episodes
-from pter_gym.benchmark.boards import mean_scores, reason_unranked
+from pter_gym.benchmark.boards import reason_unranked
 from pter_gym.benchmark.measures import SEGMENTS
 from pter_gym.benchmark.rollout import rollout
 from pter_gym.benchmark.scores import Scores
@@ -136,4 +136,4 @@ class Course:
         return rollout(policy, self.episodes).telemetry
 
     def ranked(self, scores: Scores) -> bool:
-        return reason_unranked(mean_scores(scores), self.pace) is None
+        return reason_unranked(scores, self.pace) is None

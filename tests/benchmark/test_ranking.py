@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
+from scipy import stats
 
 from benchmark.handmade import METRE, padded, travel
 from pter_gym._internal.terminal import WIDTH, shorten
 from pter_gym.benchmark.boards import (
     COMPLETION,
     PACE_ERROR,
+    PACE_ERRORS,
     Reason,
     boards_text,
     in_order,
@@ -22,7 +24,7 @@ from pter_gym.benchmark.boards import (
     rank,
     reason_unranked,
 )
-from pter_gym.benchmark.intervals import mean_interval
+from pter_gym.benchmark.intervals import largest_rate, mean_interval
 from pter_gym.benchmark.results import run_scenario
 from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun, Scores, score_episodes
 from pter_gym.controllers import Impedance
@@ -66,31 +68,51 @@ def test_a_standing_has_means_and_the_mean_of_the_worst_twentieth() -> None:
     assert standing.error == mean_interval(scores["path_error_m"])
 
 
-def test_order_is_that_of_the_path_error_with_those_without_a_rank_last() -> None:
-    cheat = with_error("cheat", 0.001, mean_pace_error=0.2, mean_pace_m_s=1.0)
-    runs = [with_error("b", 0.03), cheat, with_error("a", 0.0299), with_error("c", 0.03)]
-    assert ranks(runs) == [("a", 1), ("b", 2), ("c", 3), ("cheat", None)]
+def test_order_is_that_of_the_path_error_whether_ranked_or_not() -> None:
+    cheat = with_error("cheat", 0.0299, mean_pace_error=0.2, mean_pace_m_s=1.0)
+    runs = [with_error("b", 0.03), cheat, with_error("a", 0.001), with_error("c", 0.03)]
+    assert ranks(runs) == [("a", 1), ("cheat", None), ("b", 2), ("c", 3)]
 
 
 @pytest.mark.parametrize(
     ("name", "limit", "beyond"),
     [
-        ("completed", COMPLETION, -1e-6),
+        ("completed", COMPLETION, -0.021),
         ("mean_pace_error", PACE_ERROR, 1e-6),
         ("segment_pace_error", PACE_ERROR, 1e-6),
     ],
 )
 def test_limits_are_inclusive(name: str, limit: float, beyond: float) -> None:
-    fine = {
-        "completed": 1.0,
-        "mean_pace_error": 0.0,
-        "segment_pace_error": 0.0,
-        "mean_pace_m_s": 0.25,
-    }
-    assert reason_unranked({**fine, name: limit}, 0.25) is None
-    reason = reason_unranked({**fine, name: limit + beyond}, 0.25)
+    fine = {"completed": 1.0, **dict.fromkeys(PACE_ERRORS, 0.0), "mean_pace_m_s": 0.25}
+    scores = {each: np.full(200, value) for each, value in fine.items()}
+    assert reason_unranked({**scores, name: np.full(200, limit)}, 0.25) is None
+    reason = reason_unranked({**scores, name: np.full(200, limit + beyond)}, 0.25)
     assert reason is not None
-    assert reason.score == limit + beyond
+    assert reason.score == pytest.approx(limit + beyond, abs=1e-12)
+
+
+@pytest.mark.parametrize(("lost", "ranked"), [(5, True), (7, True), (8, False)])
+def test_completions_miss_their_limit_only_beyond_their_interval(lost: int, ranked: bool) -> None:
+    """Wilson's interval of 393 of 400 ends above 99 %, of 392 below."""
+    assert largest_rate(np.arange(400) >= lost) == pytest.approx(
+        stats.binomtest(400 - lost, 400).proportion_ci(method="wilson").high
+    )
+    run = with_error("mine", 0.01, 400)
+    run.scores["completed"][:lost] = False
+    assert (rank([run]).standings[0].rank == 1) == ranked
+
+
+@pytest.mark.parametrize(("error", "ranked"), [(0.147, True), (0.153, True), (0.2, False)])
+@pytest.mark.parametrize("name", PACE_ERRORS)
+def test_a_draw_near_a_limit_does_not_decide_a_rank(name: str, error: float, ranked: bool) -> None:
+    """Its standard error is 0.005 or more."""
+    rng = np.random.default_rng(0)
+    spread = error * rng.gamma(4.0, 0.25, 200)
+    run = with_error("mine", 0.01, 200)
+    run.scores[name] = spread + error - spread.mean()
+    (standing,) = rank([run]).standings
+    assert (standing.rank == 1) == ranked
+    assert standing.scores[name] == pytest.approx(error)
 
 
 @pytest.mark.parametrize(
@@ -99,8 +121,8 @@ def test_limits_are_inclusive(name: str, limit: float, beyond: float) -> None:
 )
 def test_a_pace_is_told_by_its_error_and_the_direction_of_the_mean(ratio: float, word: str) -> None:
     """Beside the error of the table, not by a second number."""
-    means = {"completed": 1.0, "mean_pace_error": 0.173, "mean_pace_m_s": 0.25 * ratio}
-    reason = reason_unranked({**means, "segment_pace_error": 0.9}, 0.25)
+    scores = {"completed": [1.0], "mean_pace_error": [0.173], "mean_pace_m_s": [0.25 * ratio]}
+    reason = reason_unranked({**scores, "segment_pace_error": [0.9]}, 0.25)
     assert reason is not None
     assert reason.word.startswith(word)
     assert "17.3 %" in str(reason)
@@ -172,19 +194,19 @@ OFF = {"mean_pace_error": 0.173, "mean_pace_m_s": 9.0}
 
 
 def test_the_table_is_in_the_order_of_the_mean_over_the_paces() -> None:
-    """Policies that are ranked at some paces come next, those at none last, without a place."""
-    cheat = at_paces("cheat", (0.0, 0.0, 0.0), **OFF)
-    often = [*at_paces("often", (0.001, 0.001, 0.001))[:2], with_error("often", 0.001, **OFF)]
+    """One without any rank has no place; those that lack a pace come last."""
+    cheat = at_paces("cheat", (0.02, 0.02, 0.035), **OFF)
+    often = at_paces("often", (0.001, 0.001, 0.001))[:2]
     runs = [*cheat, *often, *at_paces("b", (0.01, 0.02, 0.05)), *at_paces("a", (0.02, 0.02, 0.03))]
     boards = leaderboards(runs)
     assert [board.pace for board in boards] == list(PACES)
-    assert list(in_order(boards)) == ["a", "b", "often", "cheat"]
+    assert list(in_order(boards)) == ["a", "cheat", "b", "often"]
     lines = boards_text(boards).splitlines()[3:7]
     assert [line.split()[:2] for line in lines] == [
         ["1", "a"],
+        ["–", "cheat"],
         ["2", "b"],
         ["3", "often"],
-        ["–", "cheat"],
     ]
 
 
@@ -198,7 +220,8 @@ def test_there_is_a_sentence_on_completion_and_one_for_each_footnote() -> None:
     assert text.splitlines()[0].startswith("standard, 40 test episodes")
     below = " ".join(text.split("\n\n")[2].split())
     assert below == (
-        "Completed episodes: lost 0 %, all others 100 %; a rank needs 99 %. ¹ hasty is too fast: "
+        "Completed episodes: lost 0 %, all others 100 %; a rank needs 99 % within the 95 % "
+        "interval. ¹ hasty is too fast: "
         "17.3 % (slow), 17.3 % (medium), 17.3 % (brisk) off the pace; 15 % allowed."
     )
     assert text.count("too fast ¹") == 3

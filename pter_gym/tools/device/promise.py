@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from pter_gym._internal.checks import whole_number
-from pter_gym.benchmark.boards import mean_scores, reason_unranked
+from pter_gym.benchmark.boards import reason_unranked
 from pter_gym.benchmark.episodes import ENTRIES, find_episodes
 from pter_gym.benchmark.rollout import evaluate
 from pter_gym.controllers import AnyPolicy
@@ -88,8 +88,8 @@ def make_promise(
     scores = evaluate(policy, every)
     errors = np.sort(scores["path_error_m"].reshape(draws, episodes).mean(axis=1))
     parts = [slice(k * episodes, (k + 1) * episodes) for k in range(draws)]
-    means = [mean_scores({key: values[part] for key, values in scores.items()}) for part in parts]
-    ranked = [reason_unranked(each, find_pace(pace)) is None for each in means]
+    each = [{name: values[part] for name, values in scores.items()} for part in parts]
+    ranked = [reason_unranked(of_one, find_pace(pace)) is None for of_one in each]
     limit = errors[order_of(draws) - 1]
     return Promise(scenario, name, draws, float(limit), float(np.mean(ranked)))
 

@@ -10,7 +10,7 @@ import pytest
 from pter_gym.benchmark import Assessment, Episodes, assess, run_scenario, training_episodes
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.policies import find_policy
-from pter_gym.benchmark.rollout import MISSING, RESERVE
+from pter_gym.benchmark.rollout import RESERVE
 from pter_gym.controllers import CONTROLLERS, AnyPolicy, Impedance, PaceSchedule
 from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
 from pter_gym.params import DELRIN_EXPERIMENTAL
@@ -52,9 +52,9 @@ def test_penalties_are_continuous() -> None:
     good = Assessment(0.02, 1.0, 0.05, 0.1)
     assert good.value == 0.02
     for field, at_limit, step in (
-        ("completed", 1.0 - MISSING * (1.0 - COMPLETION), -0.01),
-        ("mean_pace_error", RESERVE * PACE_ERROR, 0.01),
-        ("segment_pace_error", RESERVE * PACE_ERROR, 0.01),
+        ("completed", COMPLETION + RESERVE["completed"], -0.01),
+        ("mean_pace_error", PACE_ERROR - RESERVE["mean_pace_error"], 0.01),
+        ("segment_pace_error", PACE_ERROR - RESERVE["segment_pace_error"], 0.01),
     ):
         assert good._replace(**{field: at_limit}).value == pytest.approx(0.02, abs=1e-9)
         assert good._replace(**{field: at_limit + step}).value == pytest.approx(0.03, abs=1e-9)
