@@ -16,6 +16,7 @@ instead of values. So compiled code reads and writes by name::
 import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import update_wrapper
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from numba import types
@@ -265,13 +266,13 @@ def entrywise(function: Callable[..., float]) -> Any:
         ]
         entry = f"scalar({', '.join(f'{name}AT' if name in records else name for name in names)})"
         space: dict[str, Any] = {"scalar": scalar}
-        expression = _made(kinds[records[0]], entry, space)
+        expression = _made(kinds[records[0]], entry, space) if records else entry
         return compile_source(
             f"def written({', '.join(names)}):\n    return {expression}", "written", space
         )
 
     _overload(each, ", ".join(names), source)
-    each.__doc__ = function.__doc__
+    update_wrapper(each, function, ("__doc__",), ())
     return each
 
 

@@ -1,10 +1,10 @@
 """Joint dry friction for any W; ``pter_gym._physics.friction`` has it for the paper's."""
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.compiler import inlined
-from pter_gym._compiled.records import Entry
+from pter_gym._compiled.records import Entry, entrywise
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.scalars import clamp, sign
 
@@ -52,25 +52,20 @@ def side(multiplier: float, capacity: float) -> float:
     return -1.0 if multiplier < -capacity else over
 
 
+@entrywise
 @inlined
-def combined(x: PerClutch, u: float, y: PerClutch, v: float) -> PerClutch:
+def combined(x: float, u: float, y: float, v: float) -> float:
     """Return u·x + v·y, for each clutch."""
-    return PerClutch(
-        u * x.x1 + v * y.x1, u * x.x2 + v * y.x2, u * x.x3 + v * y.x3, u * x.x4 + v * y.x4
-    )
+    return u * x + v * y
+
+
+within: Any = entrywise(clamp)
 
 
 @inlined
 def dot(x: PerClutch, y: PerClutch) -> float:
     """Return Σ x·y over the clutches."""
     return x.x1 * y.x1 + x.x2 * y.x2 + x.x3 * y.x3 + x.x4 * y.x4
-
-
-@inlined
-def within(x: PerClutch, low: PerClutch, high: PerClutch) -> PerClutch:
-    """Return x limited to [low, high], for each clutch."""
-    x1, x2 = clamp(x.x1, low.x1, high.x1), clamp(x.x2, low.x2, high.x2)
-    return PerClutch(x1, x2, clamp(x.x3, low.x3, high.x3), clamp(x.x4, low.x4, high.x4))
 
 
 @inlined

@@ -57,6 +57,7 @@ class Decay(NamedTuple):
     ]
 
 
+@entrywise
 @inlined
 def curve_torque(curve: Curve, volts: float) -> float:
     """Return the steady torque [N·m] at a voltage [V]: linear, quadratic from the knee on, C1."""
@@ -66,35 +67,23 @@ def curve_torque(curve: Curve, volts: float) -> float:
 
 
 @inlined
-def curve_torques(curve: Curve, volts: PerClutch) -> PerClutch:
-    """Return the steady torques [N·m] of the four clutches."""
-    return PerClutch(
-        curve_torque(curve, volts.x1),
-        curve_torque(curve, volts.x2),
-        curve_torque(curve, volts.x3),
-        curve_torque(curve, volts.x4),
-    )
-
-
-@inlined
 def steady_torques(breakaway: Curve, dynamic: Curve, volts: PerClutch) -> Torques:
     """Return the torque limits [N·m] that the clutches settle to at constant voltages (Fig. 5)."""
-    return Torques(curve_torques(breakaway, volts), curve_torques(dynamic, volts))
+    return Torques(curve_torque(breakaway, volts), curve_torque(dynamic, volts))
+
+
+@entrywise
+@inlined
+def product(x: float, y: float) -> float:
+    """Return x·y."""
+    return x * y
 
 
 @inlined
 def scaled(torques: Torques, scale: PerClutch, strength: PerClutch) -> Torques:
     """Return torque limits [N·m] times two factors for each clutch."""
-    s1 = scale.x1 * strength.x1
-    s2 = scale.x2 * strength.x2
-    s3 = scale.x3 * strength.x3
-    s4 = scale.x4 * strength.x4
-    ts = torques.breakaway
-    tk = torques.dynamic
-    return Torques(
-        PerClutch(ts.x1 * s1, ts.x2 * s2, ts.x3 * s3, ts.x4 * s4),
-        PerClutch(tk.x1 * s1, tk.x2 * s2, tk.x3 * s3, tk.x4 * s4),
-    )
+    factor = product(scale, strength)
+    return Torques(product(torques.breakaway, factor), product(torques.dynamic, factor))
 
 
 @inlined
@@ -109,37 +98,12 @@ def whole_decay(half: Decay) -> Decay:
     return Decay(half.rise * half.rise, half.fall * half.fall)
 
 
+@entrywise
 @inlined
-def relax_one(value: float, target: float, decay: Decay) -> float:
+def relax(value: float, target: float, decay: Decay) -> float:
     """Advance a first-order lag exactly, by a time that leaves ``decay`` of it."""
     ahead = value - target
     return target + ahead * (decay.fall if ahead > 0.0 else decay.rise)
-
-
-@inlined
-def relax(value: PerClutch, target: PerClutch, decay: Decay) -> PerClutch:
-    """Advance the first-order lags of the four clutches exactly, as ``relax_one``."""
-    return PerClutch(
-        relax_one(value.x1, target.x1, decay),
-        relax_one(value.x2, target.x2, decay),
-        relax_one(value.x3, target.x3, decay),
-        relax_one(value.x4, target.x4, decay),
-    )
-
-
-@inlined
-def relax_torques(value: Torques, target: Torques, decay: Decay) -> Torques:
-    """Advance the lag of the normal force, to which both torques are proportional."""
-    return Torques(
-        relax(value.breakaway, target.breakaway, decay), relax(value.dynamic, target.dynamic, decay)
-    )
-
-
-@entrywise
-@inlined
-def product(x: float, y: float) -> float:
-    """Return x·y."""
-    return x * y
 
 
 @entrywise
@@ -173,6 +137,7 @@ def sliding(slip: float, breakaway: float, dynamic: float, part: float, viscous:
     return dynamic + (breakaway - dynamic) * part + viscous * abs(slip)
 
 
+@entrywise
 @inlined
 def capacity(
     slip: float,
@@ -188,6 +153,7 @@ def capacity(
     return inside if abs(slip) < threshold else sliding(slip, breakaway, dynamic, part, viscous)
 
 
+@entrywise
 @inlined
 def squared_slip(slip: float, threshold: float) -> float:
     """Return the square of a slip velocity, at least that of the edge of the stick band."""
@@ -201,10 +167,9 @@ def falling(slip: PerClutch, threshold: float, stribeck: float) -> PerClutch:
 
     There is one division for all, since they cost more than the products.
     """
-    d1 = stribeck + squared_slip(slip.x1, threshold)
-    d2 = stribeck + squared_slip(slip.x2, threshold)
-    d3 = stribeck + squared_slip(slip.x3, threshold)
-    d4 = stribeck + squared_slip(slip.x4, threshold)
+    square = squared_slip(slip, threshold)
+    d1, d2 = stribeck + square.x1, stribeck + square.x2
+    d3, d4 = stribeck + square.x3, stribeck + square.x4
     d12, d34 = d1 * d2, d3 * d4
     ratio = stribeck / (d12 * d34)
     ratio12, ratio34 = ratio * d34, ratio * d12
@@ -216,14 +181,10 @@ def capacities(slip: PerClutch, threshold: float, torques: Torques, by: Sliding)
     """Return the torque limits [N·m] of the four clutches for the next kick (paper Eq. 2)."""
     ts, tk = torques.breakaway, torques.dynamic
     part = falling(slip, threshold, by.stribeck)
-    return PerClutch(
-        capacity(slip.x1, threshold, ts.x1, tk.x1, part.x1, by.viscous.x1, by.held),
-        capacity(slip.x2, threshold, ts.x2, tk.x2, part.x2, by.viscous.x2, by.held),
-        capacity(slip.x3, threshold, ts.x3, tk.x3, part.x3, by.viscous.x3, by.held),
-        capacity(slip.x4, threshold, ts.x4, tk.x4, part.x4, by.viscous.x4, by.held),
-    )
+    return capacity(slip, threshold, ts, tk, part, by.viscous, by.held)
 
 
+@entrywise
 @inlined
 def switches(
     before: float, after: float, threshold: float, breakaway: float, dynamic: float, held: float
@@ -238,14 +199,8 @@ def any_switches(
     before: PerClutch, after: PerClutch, threshold: float, torques: Torques, held: float
 ) -> bool:
     """Return whether any clutch changes between sticking and slipping."""
-    ts = torques.breakaway
-    tk = torques.dynamic
-    return (
-        switches(before.x1, after.x1, threshold, ts.x1, tk.x1, held)
-        | switches(before.x2, after.x2, threshold, ts.x2, tk.x2, held)
-        | switches(before.x3, after.x3, threshold, ts.x3, tk.x3, held)
-        | switches(before.x4, after.x4, threshold, ts.x4, tk.x4, held)
-    )
+    each = switches(before, after, threshold, torques.breakaway, torques.dynamic, held)
+    return each.x1 | each.x2 | each.x3 | each.x4
 
 
 @inlined

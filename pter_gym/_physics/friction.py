@@ -14,6 +14,7 @@ see ``LINES``.
 from enum import IntEnum
 
 from pter_gym._compiled.compiler import inlined
+from pter_gym._compiled.records import entrywise
 from pter_gym._physics.arrangement import (
     FAR,
     OptionalArrangement,
@@ -322,12 +323,14 @@ def share(
     )
 
 
+@entrywise
 @inlined
 def lower_bound(slip: float, capacity: float) -> float:
     """Return the smallest torque on the arm that a clutch can generate at a slip velocity."""
     return capacity if slip < 0.0 else -capacity
 
 
+@entrywise
 @inlined
 def upper_bound(slip: float, capacity: float) -> float:
     """Return the largest torque on the arm that a clutch can generate at a slip velocity."""
@@ -351,16 +354,5 @@ def generated_torques(
     (section III-A) this picks one answer.
     """
     w = slip_velocities(omega_a, omega_b, arrangement)
-    low = PerClutch(
-        lower_bound(w.x1, capacity.x1),
-        lower_bound(w.x2, capacity.x2),
-        lower_bound(w.x3, capacity.x3),
-        lower_bound(w.x4, capacity.x4),
-    )
-    high = PerClutch(
-        upper_bound(w.x1, capacity.x1),
-        upper_bound(w.x2, capacity.x2),
-        upper_bound(w.x3, capacity.x3),
-        upper_bound(w.x4, capacity.x4),
-    )
+    low, high = lower_bound(w, capacity), upper_bound(w, capacity)
     return share(load_a, load_b, low, high, rounding, arrangement)

@@ -10,7 +10,7 @@ holds in each.
 from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.compiler import inlined, outlined
-from pter_gym._compiled.records import Entry, load, store
+from pter_gym._compiled.records import Entry, entrywise, load, store
 from pter_gym._physics.arm import (
     Linkage,
     Load,
@@ -31,8 +31,8 @@ from pter_gym._physics.clutch import (
     Torques,
     any_switches,
     capacities,
+    product,
     relax,
-    relax_torques,
     scaled,
     share_before,
     steady_torques,
@@ -144,38 +144,18 @@ def count_nonzero(w: Any, row: float, lanes: int) -> int:
     return count
 
 
+@entrywise
 @inlined
-def impulses(capacity: PerClutch, h: float) -> PerClutch:
-    """Return the largest impulse [N·m·s] of each clutch over a time h [s]."""
-    return PerClutch(h * capacity.x1, h * capacity.x2, h * capacity.x3, h * capacity.x4)
-
-
-@inlined
-def against(slip: float, capacity: float) -> float:
+def sliding_torque(slip: float, capacity: float) -> float:
     """Return the torque [N·m] of a sliding clutch, 0 for one that does not slip."""
     return 0.0 if slip == 0.0 else -sign(slip) * capacity
 
 
+@entrywise
 @inlined
-def sliding_torques(slip: PerClutch, capacity: PerClutch) -> PerClutch:
-    """Return the torques [N·m] of those clutches that slip."""
-    return PerClutch(
-        against(slip.x1, capacity.x1),
-        against(slip.x2, capacity.x2),
-        against(slip.x3, capacity.x3),
-        against(slip.x4, capacity.x4),
-    )
-
-
-@inlined
-def stuck_capacities(slip: PerClutch, capacity: PerClutch) -> PerClutch:
-    """Return the limits [N·m] of those clutches that do not slip, 0 for the others."""
-    return PerClutch(
-        capacity.x1 if slip.x1 == 0.0 else 0.0,
-        capacity.x2 if slip.x2 == 0.0 else 0.0,
-        capacity.x3 if slip.x3 == 0.0 else 0.0,
-        capacity.x4 if slip.x4 == 0.0 else 0.0,
-    )
+def stuck_capacity(slip: float, capacity: float) -> float:
+    """Return the limit [N·m] of a clutch that does not slip, 0 for one that does."""
+    return capacity if slip == 0.0 else 0.0
 
 
 @inlined
@@ -199,8 +179,8 @@ def torques_at(
     free_b = (
         impact.hand_b - impact.fictitious_b - arm.implicit * damper_b - arm.viscous_b * q.omega_b
     )
-    slide_a, slide_b = torques_on_links(sliding_torques(slip, capacity), arrangement)
-    stuck = stuck_capacities(slip, capacity)
+    slide_a, slide_b = torques_on_links(sliding_torque(slip, capacity), arrangement)
+    stuck = stuck_capacity(slip, capacity)
     alpha_a, alpha_b = resolve(
         impact.m11, impact.m12, impact.m22, free_a + slide_a, free_b + slide_b, stuck, arrangement
     )
@@ -210,6 +190,7 @@ def torques_at(
     return without_dry(generated, arm.dry_a, arm.dry_b, arrangement)
 
 
+@entrywise
 @inlined
 def passing(before: float, after: float, threshold: float) -> float:
     """Return the slip velocity of before if it passes zero from outside the stick band, else 0."""
@@ -231,18 +212,23 @@ def slid_velocities(
     They exert their capacity against the slip of before, so the slip passes zero on a straight
     line.
     """
-    slips = PerClutch(
-        passing(before.x1, after.x1, threshold),
-        passing(before.x2, after.x2, threshold),
-        passing(before.x3, after.x3, threshold),
-        passing(before.x4, after.x4, threshold),
-    )
-    slide_a, slide_b = torques_on_links(sliding_torques(slips, capacity), arrangement)
+    slips = passing(before, after, threshold)
+    slide_a, slide_b = torques_on_links(sliding_torque(slips, capacity), arrangement)
     p_a = impact.p_a + h * slide_a
     p_b = impact.p_b + h * slide_b
-    stuck = impulses(stuck_capacities(slips, capacity), h)
+    stuck = product(h, stuck_capacity(slips, capacity))
     omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, p_a, p_b, stuck, arrangement)
     return slip_velocities(omega_a, omega_b, arrangement)
+
+
+@entrywise
+@inlined
+def share_of(
+    before: float, after: float, slid: float, threshold: float, ts: float, tk: float, held: float
+) -> float:
+    """Return the share of a kick after which a clutch switches, 1 if it does not."""
+    switch = switches(before, after, threshold, ts, tk, held)
+    return share_before(before, slid, threshold) if switch else 1.0
 
 
 @inlined
@@ -262,27 +248,8 @@ def share_before_switch(
     v = slip_velocities(omega.a, omega.b, arrangement)
     slid = slid_velocities(impact, w, v, capacity, threshold, h, arrangement)
     ts, tk = torques.breakaway, torques.dynamic
-    s1 = (
-        share_before(w.x1, slid.x1, threshold)
-        if switches(w.x1, v.x1, threshold, ts.x1, tk.x1, held)
-        else 1.0
-    )
-    s2 = (
-        share_before(w.x2, slid.x2, threshold)
-        if switches(w.x2, v.x2, threshold, ts.x2, tk.x2, held)
-        else 1.0
-    )
-    s3 = (
-        share_before(w.x3, slid.x3, threshold)
-        if switches(w.x3, v.x3, threshold, ts.x3, tk.x3, held)
-        else 1.0
-    )
-    s4 = (
-        share_before(w.x4, slid.x4, threshold)
-        if switches(w.x4, v.x4, threshold, ts.x4, tk.x4, held)
-        else 1.0
-    )
-    return min(s1, s2, s3, s4)
+    shares = share_of(w, v, slid, threshold, ts, tk, held)
+    return min(shares.x1, shares.x2, shares.x3, shares.x4)
 
 
 @inlined
@@ -428,7 +395,7 @@ def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> t
     def drift(w: Any, i: int, h: float, whole: bool) -> None:
         half = load(w, at.machine.torque_decay, i)
         decay = whole_decay(half) if whole else half
-        store(w, at.torques, i, relax_torques(load(w, at.torques, i), load(w, at.steady, i), decay))
+        store(w, at.torques, i, relax(load(w, at.torques, i), load(w, at.steady, i), decay))
         before = load(w, at.motion, i)
         after = advance_position(before, before.omega_a, before.omega_b, h if whole else 0.5 * h)
         store(w, at.motion, i, after)
@@ -509,7 +476,7 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
         sliding = load(w, at.machine.sliding, i)
         capacity = capacities(before, threshold, torques, sliding)
         capacity = with_dry(capacity, arm.dry_a, arm.dry_b, arrangement)
-        most = impulses(capacity, h)
+        most = product(h, capacity)
         omega_a, omega_b = resolve(
             impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, most, arrangement
         )

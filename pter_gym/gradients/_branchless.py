@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from types import FunctionType
 from typing import Any
 
+from pter_gym._compiled.records import entrywise
 from pter_gym._compiled.source import compile_source
 
 _REWRITTEN = tuple(
@@ -91,6 +92,9 @@ def branchless(function: Any, meaning: Mapping[str, Any], cache: dict[Any, Any])
     plain = getattr(function, "py_func", function)
     if not isinstance(plain, FunctionType):
         return function
+    if scalar := getattr(plain, "__wrapped__", None):  # it is entrywise
+        cache[plain] = cache.get(plain) or entrywise(branchless(scalar, meaning, cache))
+        return cache[plain]
     module: str | None = plain.__module__
     if module and not module.startswith(_REWRITTEN):  # generated functions have none
         return cache.get(plain, function)
@@ -104,6 +108,7 @@ def branchless(function: Any, meaning: Mapping[str, Any], cache: dict[Any, Any])
             ast.unparse(ast.fix_missing_locations(tree)), tree.body[0].name, space
         )
         cache[plain].__defaults__ = plain.__defaults__
+        cache[plain].__annotations__ = plain.__annotations__
         reads = {*plain.__code__.co_names, *plain.__code__.co_freevars}  # perhaps its own name, too
         space |= {
             name: branchless(names[name], meaning, cache)

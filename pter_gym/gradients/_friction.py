@@ -5,7 +5,7 @@ from pter_gym._compiled.compiler import inlined
 from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import slip_velocities, torques_on_links
-from pter_gym._physics.step import sliding_torques
+from pter_gym._physics.step import sliding_torque
 
 
 @inlined
@@ -57,7 +57,7 @@ def resolve_adjoint(
     _ = p_a, p_b, c
     slip = slip_velocities(omega_a, omega_b, arrangement)
     q_a, q_b = momentum_bar(m11, m12, m22, omega_a, omega_b, by_a, by_b, slip)
-    c1, c2, c3, c4 = sliding_torques(slip, slip_velocities(q_a, q_b, arrangement))
+    c1, c2, c3, c4 = sliding_torque(slip, slip_velocities(q_a, q_b, arrangement))
     return -q_a * omega_a, -q_a * omega_b - q_b * omega_a, -q_b * omega_b, q_a, q_b, c1, c2, c3, c4
 
 
@@ -85,7 +85,7 @@ def resolve_tangent(
     """Return the tangents of ω of ``friction.resolve``, by those of M (3), p (2) and c (4)."""
     _ = p_a, p_b, c
     slip = slip_velocities(omega_a, omega_b, arrangement)
-    less_a, less_b = torques_on_links(sliding_torques(slip, PerClutch(d1, d2, d3, d4)), arrangement)
+    less_a, less_b = torques_on_links(sliding_torque(slip, PerClutch(d1, d2, d3, d4)), arrangement)
     by_a = d_a - d11 * omega_a - d12 * omega_b + less_a
     by_b = d_b - d12 * omega_a - d22 * omega_b + less_b
     return momentum_bar(m11, m12, m22, omega_a, omega_b, by_a, by_b, slip)
