@@ -15,7 +15,6 @@ from pter_gym.controllers import Impedance, TorqueFeedback
 from pter_gym.params import BASELINE
 from pter_gym.policies import tuned
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
-from pter_gym.scenarios._evaluation_draws import evaluation_draws
 
 DAMPERS_HEAD = """\
 # Dampers along the path [N·s/m] with which the paper's laws keep the commanded paces on the
@@ -40,13 +39,12 @@ def episodes(
     """
     for name in names:
         scenario = find_scenario(name)
-        machines, tasks, strata = zip(*evaluation_draws(scenario), strict=True)
-        drawn = stored.Episodes(name, machines, tasks, tuple(range(scenario.episodes)), strata)
+        drawn = stored.draw_episodes(scenario)
         path = stored.store_episodes(drawn, version=scenario.version, folder=folder)
         print(
             path.name,
             path.stat().st_size,
-            {kind: strata.count(kind) for kind in sorted(set(strata))},
+            {kind: drawn.strata.count(kind) for kind in sorted(set(drawn.strata))},
         )
 
 

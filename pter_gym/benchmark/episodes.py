@@ -7,12 +7,12 @@ episodes`` writes them.
 import gzip
 import json
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from pter_gym._engine.batch import Batch
 from pter_gym._internal.checks import whole_number
@@ -22,6 +22,7 @@ from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import BASELINE, Machine
 from pter_gym.scenarios import Scenario, find_pace, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds
+from pter_gym.scenarios.distributions import Draws, Pair
 from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import PathFollowing, Sensors
 
@@ -73,6 +74,20 @@ class Episodes:
         """Set the time limits that are not given."""
         if not self.time_limits:
             object.__setattr__(self, "time_limits", tuple(map(time_limit, self.tasks)))
+
+    @classmethod
+    def of_pairs(
+        cls,
+        scenario: str,
+        draws: Draws,
+        pairs: Iterable[Pair],
+        seeds: Iterable[int],
+        strata: Iterable[str] = (),
+    ) -> Self:
+        """Return episodes of pairs, whose policies know the machine in the middle of ``draws``."""
+        machines, tasks = zip(*pairs, strict=True)
+        strata = tuple(strata) or ("",) * len(tasks)
+        return cls(scenario, machines, tasks, tuple(seeds), strata, draws.middle)
 
     def __len__(self) -> int:
         """Return the number of episodes."""
@@ -167,16 +182,18 @@ def find_episodes(
     """Return a scenario's test episodes at a pace, stored or drawn from a seed.
 
     A seed gives as many as are stored in each stratum, in an order of its own; each pace has its
-    own draws. A machine replaces those that would be drawn. Raises as
+    own draws. Draws of one's own, and a machine in place of those that would be drawn, are not
+    stored: without a seed, the episodes are then drawn as the stored ones were. Raises as
     ``load_episodes``, and a ParameterError if the seed is out of range.
     """
     scenario = find_scenario(scenario, machine)
-    if seed is None:
-        return replace(load_episodes(scenario.name, pace), nominal=scenario.nominal)
-    speed = find_pace(pace)
-    if whole_number("seed", seed, at_least=0) > MAX_SEED:
+    if seed is not None and whole_number("seed", seed, at_least=0) > MAX_SEED:
         raise ParameterError(f"seed must be a whole number within [0, 2⁶⁴), got {seed!r}")
-    return _draw(scenario, int(seed), pace).at_pace(speed)
+    if seed is None and scenario.own is None:
+        return replace(load_episodes(scenario.name, pace), nominal=scenario.nominal)
+    return draw_episodes(scenario, None if seed is None else (int(seed), pace)).at_pace(
+        find_pace(pace)
+    )
 
 
 def training_episodes(
@@ -191,11 +208,10 @@ def training_episodes(
     ``seed`` is that of the draws, and a machine replaces those that they would hold.
     """
     scenario = find_scenario(scenario, machine)
-    pairs = scenario.draws.pairs(episodes, seed, pace)
     # those of a chunk end at about one time
-    machines, tasks = zip(*sorted(pairs, key=lambda pair: time_limit(pair[1])), strict=True)
-    seeds = tuple(seed * episodes + k for k in range(episodes))
-    return Episodes(scenario.name, machines, tasks, seeds, ("",) * episodes, scenario.nominal)
+    pairs = sorted(scenario.draws.pairs(episodes, seed, pace), key=lambda pair: time_limit(pair[1]))
+    seeds = range(seed * len(pairs), (seed + 1) * len(pairs))
+    return Episodes.of_pairs(scenario.name, scenario.draws, pairs, seeds)
 
 
 def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDER) -> Path:
@@ -231,10 +247,12 @@ def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDE
 
 
 @lru_cache(8)
-def _draw(scenario: Scenario, seed: int, pace: str) -> Episodes:
-    machines, tasks, strata = zip(*evaluation_draws(scenario, (seed, pace)), strict=True)
-    seeds = tuple(fresh_reset_seeds(scenario, (seed, pace)))
-    return Episodes(scenario.name, machines, tasks, seeds, strata, scenario.nominal)
+def draw_episodes(scenario: Scenario, fresh: tuple[int, str] | None = None) -> Episodes:
+    """Return test episodes, drawn as ``evaluation_draws`` has it."""
+    draws = evaluation_draws(scenario, fresh)
+    seeds = range(len(draws)) if fresh is None else fresh_reset_seeds(scenario, fresh)
+    pairs, strata = [draw[:2] for draw in draws], [draw[2] for draw in draws]
+    return Episodes.of_pairs(scenario.name, scenario.draws, pairs, seeds, strata)
 
 
 @lru_cache(16)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pter_gym._compiled.layout import Field, Layout
 from pter_gym._engine.batch import Batch, Observations, Returns, checked_actions
 from pter_gym._engine.world import FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP
-from pter_gym.controllers import CONTROLLERS, Controller, Policy
+from pter_gym.controllers import CONTROLLERS, Controller
 from pter_gym.controllers._network import BASE_INPUTS
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import SLOTS, Machine
@@ -48,43 +48,34 @@ def find_base_law(base: object, scenario: str) -> Controller:
     return base
 
 
-def bind_base_law(base: Controller, machine: Machine, layout: Layout) -> Policy:
-    """Return a base bound to a nominal machine and a layout.
+class BaseLaw:
+    """A law under the actions of N worlds, bound to a nominal machine, without its memory.
+
+    Attributes
+    ----------
+    policy
+        The bound law.
+    layout
+        Layout of observations that end with its voltages.
 
     Raises
     ------
     ParameterError
         If it is no compiled law, or does not act at every control step.
     """
-    policy = base.bind(machine, layout)
-    if policy.law is None or policy.frame_skip != 1:
-        raise ParameterError(
-            f"base must be a compiled law that acts at every control step, got {base!r:.200}"
-        )
-    return policy
 
-
-def with_base(layout: Layout) -> Layout:
-    """Return a layout of observations that end with the voltages of a base."""
-    scale = layout.fields[layout.index("volts_1")].scale
-    fields = (Field(name, "V", "voltage of the base", scale) for name in BASE_INPUTS)
-    return Layout((*layout.fields, *fields))
-
-
-def seen_with(obs: Any, base: Any, layout: Layout) -> Any:
-    """Return observations, float32 (N, entries), that end with voltages, float32 (N, 4) [V]."""
-    library = obs.__array_namespace__()
-    inverse = np.float32(1.0 / layout.fields[layout.index("volts_1")].scale)
-    return library.concat([obs, base * inverse], axis=1)
-
-
-class BaseLaw:
-    """A bound base in N worlds, without their memory."""
-
-    def __init__(self, policy: Policy, machine: Machine, reach: float) -> None:
-        self.policy, self.reach = policy, reach
-        self.voltage_max = machine.clutch.voltage_max
-        self.clutches = len(machine.clutches)
+    def __init__(self, base: Controller, machine: Machine, layout: Layout, reach: float) -> None:
+        self.policy = base.bind(machine, layout)
+        if self.policy.law is None or self.policy.frame_skip != 1:
+            raise ParameterError(
+                f"base must be a compiled law that acts at every control step, got {base!r:.200}"
+            )
+        scale = layout.fields[layout.index("volts_1")].scale
+        fields = (Field(name, "V", "voltage of the base", scale) for name in BASE_INPUTS)
+        self.layout = Layout((*layout.fields, *fields))
+        self._inverse_scale = np.float32(1.0 / scale)
+        self._reach, self._voltage_max = reach, machine.clutch.voltage_max
+        self._clutches = len(machine.clutches)
 
     def start(self, worlds: int) -> NDArray[np.float64]:
         """Return the law's memory in worlds whose episodes begin, (N, M)."""
@@ -93,34 +84,37 @@ class BaseLaw:
     def volts(self, obs: Observations, memory: NDArray[np.float64]) -> NDArray[np.float32]:
         """Return the law's voltages [V], float32 (N, 4), and change its memory."""
         volts = np.zeros((len(obs), SLOTS), np.float32)
-        volts[:, : self.clutches] = self.policy.act(np.ascontiguousarray(obs), memory)
+        volts[:, : self._clutches] = self.policy.act(np.ascontiguousarray(obs), memory)
         return volts
+
+    def seen(self, obs: Any, base: Any) -> Any:
+        """Return observations, float32 (N, entries), that end with the law's voltages."""
+        return obs.__array_namespace__().concat([obs, base * self._inverse_scale], axis=1)
 
     def corrected(self, actions: Any, base: Any) -> Any:
         """Return the voltages [V] of actions, float32 (N, clutches), on those of the law."""
-        return corrected(actions, base[:, : self.clutches], self.reach, self.voltage_max)
+        return corrected(actions, base[:, : self._clutches], self._reach, self._voltage_max)
 
 
 class CorrectedBatch(Batch):
     """Worlds whose actions, within [−1, 1], correct a base by up to ``reach`` volts.
 
-    Its arguments are those of ``Batch``, but for the action unit. Observations end with the base's
-    voltages, and a world that ends within ``frame_skip`` control steps stays as it is for the rest.
+    Further arguments are those of ``Batch`` with normalised actions. Observations end with the
+    base's voltages, and a world that ends within ``frame_skip`` control steps then stays as it is.
     """
 
     def __init__(
         self,
         base: Controller,
-        *args: Any,
         nominal: Machine,
         reach: float,
+        *args: Any,
         frame_skip: int,
         **keywords: Any,
     ) -> None:
-        super().__init__(*args, action_unit="volt", **keywords)
-        self.law = BaseLaw(bind_base_law(base, nominal, self.layout), nominal, reach)
-        self.plain = self.layout
-        self.layout, self.frame_skip = with_base(self.layout), frame_skip
+        super().__init__(*args, **{**keywords, "action_unit": "volt"})
+        self.law = BaseLaw(base, nominal, self.layout, reach)
+        self.layout, self.frame_skip = self.law.layout, frame_skip
         self.action_low, self.action_high = -1.0, 1.0
         self._memory = self.law.start(self.num_worlds)
         self._base = np.zeros((self.num_worlds, SLOTS), np.float32)
@@ -135,7 +129,7 @@ class CorrectedBatch(Batch):
         obs, telemetry = super().reset(seeds, chosen)
         self._memory[chosen] = self.law.start(int(chosen.sum()))
         self._follow(obs, chosen)
-        return seen_with(obs, self._base, self.plain), telemetry
+        return self.law.seen(obs, self._base), telemetry
 
     def step(self, actions: ArrayLike, ended: int = REFUSE) -> Returns:
         """Advance all worlds by ``frame_skip`` control periods, as ``Batch`` does."""
@@ -148,7 +142,7 @@ class CorrectedBatch(Batch):
         if ended in (REFUSE, SAME_STEP) and not alive.all():
             self._raise_refusal(int(alive.argmin()))
         given = self._checked(actions, alive)
-        obs = np.zeros((n, len(self.plain)), np.float32)
+        obs = np.zeros((n, self._entries), np.float32)
         telemetry = np.full((self._records, n, COLUMNS), np.nan)
         rewards, flags = np.zeros(n), np.zeros((FLAGS, n), np.bool_)
         running = alive.copy()
@@ -164,7 +158,7 @@ class CorrectedBatch(Batch):
             running &= ~(terminated | truncated)
             if not running.any():
                 break
-        seen = final = seen_with(obs, self._base, self.plain)
+        seen = final = self.law.seen(obs, self._base)
         terminated, truncated, _ = flags
         over: Mask = ~alive if ended == NEXT_STEP else terminated | truncated
         begins: Mask = over & (ended in (NEXT_STEP, SAME_STEP))

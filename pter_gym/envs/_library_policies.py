@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pter_gym._compiled.layout import Layout
 from pter_gym._internal.checks import whole_number
 from pter_gym.controllers import Controller, Policy
-from pter_gym.envs._base_law import BaseLaw, bind_base_law, seen_with
+from pter_gym.envs._base_law import BaseLaw
 from pter_gym.envs._policies import check_wrappers
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, SLOTS, Machine, require
@@ -192,14 +192,14 @@ class CorrectingModel(Model):
         self._hold, self.frame_skip = frame_skip, 1
 
     def _policy(self, machine: Machine, layout: Layout) -> Policy:
-        base = BaseLaw(bind_base_law(self._base, machine, layout), machine, self._reach)
+        base = BaseLaw(self._base, machine, layout, self._reach)
         laws, actions = len(base.start(1)[0]), len(self._bounds)
 
         def act(observations: Observations, memory: Any) -> Any:
             state, held, age = memory["state"], memory["action"], memory["age"]
             volts = base.volts(observations, memory["law"])
             if (age % self._hold == 0).any():
-                now = self._actions(seen_with(observations, volts, layout), state)
+                now = self._actions(base.seen(observations, volts), state)
                 decides = age % self._hold == 0
                 held[decides] = np.asarray(now, np.float32)[decides]
             age += 1

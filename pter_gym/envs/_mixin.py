@@ -1,9 +1,10 @@
 """What single and vector environments share: constructor, spaces, and what a policy needs."""
 
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict, cast
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypedDict, TypeGuard, cast
 
 import numpy as np
 from gymnasium import spaces
@@ -12,9 +13,10 @@ from gymnasium.envs.registration import EnvSpec
 from pter_gym._compiled.layout import Layout
 from pter_gym._engine.batch import ActionUnit, Batch
 from pter_gym._internal.checks import builtin, whole_number
+from pter_gym._internal.codec import TYPE
 from pter_gym._internal.files import TABLE_ENDINGS, FilePath, has_ending
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, Machine, MachineSpread, find_machine
+from pter_gym.params import BASELINE, Machine, find_machine
 from pter_gym.params._fields import check_number
 from pter_gym.paths import Path, find_path
 from pter_gym.scenarios import Scenario, find_pace, find_scenario
@@ -94,6 +96,8 @@ class WorldsMixin:
 
     Attributes
     ----------
+    worlds
+        What the worlds are.
     batch
         The worlds.
     gains
@@ -104,22 +108,25 @@ class WorldsMixin:
         What an action of 1 adds to the base's voltage [V]; None without a base.
     """
 
+    worlds: "Worlds"
     batch: Batch
     gains: str
     base: "Controller | None"
     reach: float | None
-    _middle: Machine | None
     metadata: dict[str, Any]
     _spec: EnvSpec | None = None
-    _read: dict[str, Any]
+    _from_files: dict[str, object]
 
     def _make_worlds(
-        self, num_envs: int, render_mode: str | None, arguments: Arguments, **engine: Any
-    ) -> tuple[Any, Any]:
+        self,
+        num_envs: int,
+        render_mode: str | None,
+        arguments: Arguments,
+        max_episode_steps: int | None = None,
+        telemetry: bool = True,
+        num_threads: int = 1,
+    ) -> "tuple[spaces.Box[np.float32], spaces.Box[np.float32]]":
         """Make the worlds, and return the spaces of one world's observation and action.
-
-        ``engine`` holds ``max_episode_steps``, and arguments of ``Batch`` that not all environments
-        have.
 
         Raises
         ------
@@ -131,21 +138,22 @@ class WorldsMixin:
             raise ParameterError(
                 f"render_mode must be {', '.join(modes)} or None, got {render_mode!r}"
             )
-        plain: dict[str, Any] = {name: _from_plain(value) for name, value in arguments.items()}
-        self._read = {
-            name: _read(plain[name], find)
+        given: dict[str, Any] = {name: each(_from_plain, arg) for name, arg in arguments.items()}
+        self._from_files = {
+            name: each(find, given[name])
             for name, find in (("path", find_path), ("machine", find_machine))
-            if _has_file(plain.get(name))
+            if _has_file(given.get(name))
         }
-        worlds = _make_batch(num_envs, engine, **{**plain, **self._read})
-        self.batch, self.gains, self.base, self.reach, self._middle = worlds
-        rate = 1.0 / (self.batch.frame_skip * self.batch.task.control_period)
+        given |= self._from_files
+        fields = {name: given.pop(name) for name in _FIELDS if name in given}
+        self.worlds = worlds = find_worlds(fields, **given)
+        self.gains, self.base, self.reach = worlds.gains, worlds.base, worlds.reach
+        self.batch = batch = worlds.batch(num_envs, max_episode_steps, telemetry, num_threads)
+        rate = 1.0 / (batch.frame_skip * batch.task.control_period)
         self.metadata = {**self.metadata, "render_fps": max(1, round(rate))}
         return (
-            spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32),
-            spaces.Box(
-                self.batch.action_low, self.batch.action_high, (self.batch.num_actions,), np.float32
-            ),
+            spaces.Box(-BOUND, BOUND, (len(batch.layout),), np.float32),
+            spaces.Box(batch.action_low, batch.action_high, (batch.num_actions,), np.float32),
         )
 
     @property
@@ -158,8 +166,8 @@ class WorldsMixin:
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        given = {} if spec is None else {**spec.kwargs, **self._read}
-        kwargs = {name: _to_plain(value) for name, value in given.items()}
+        given = {} if spec is None else {**spec.kwargs, **self._from_files}
+        kwargs = {name: each(_to_plain, value) for name, value in given.items()}
         self._spec = spec and replace(_storable(spec), kwargs=kwargs)
 
     @property
@@ -179,16 +187,8 @@ class WorldsMixin:
 
     @property
     def nominal_machine(self) -> Machine:
-        """The machine of all episodes; of several, the paper's with their clutches and voltage.
-
-        Of a ``MachineSpread``, the one in its middle.
-
-        Raises
-        ------
-        ParameterError
-            If the machines have different clutches.
-        """
-        return self._middle or nominal_machine({machine for machine, _ in self.batch.pairs})
+        """The machine that laws are bound to; see ``Worlds.nominal``."""
+        return self.worlds.nominal
 
 
 def nominal_machine(machines: set[Machine]) -> Machine:
@@ -204,97 +204,146 @@ def nominal_machine(machines: set[Machine]) -> Machine:
     return replace(BASELINE, clutches=first.clutches, clutch=clutch)
 
 
-class _Worlds(NamedTuple):
-    """The worlds, the scenario whose gains suit them, a base, its reach, and a spread's middle."""
+@dataclass(frozen=True, kw_only=True)
+class Worlds:
+    """What the worlds of an environment are, however many.
 
-    batch: Batch
+    Attributes
+    ----------
+    machines, tasks
+        As ``Batch`` takes them.
+    draws
+        What these were drawn from, for episodes to draw from; None where each world has its own.
+    gains
+        The scenario whose gains suit them.
+    sensors, observe_context, action_unit, frame_skip
+        As ``Batch`` takes them.
+    base, reach
+        The law that actions correct, and by how many volts at most; or None.
+    """
+
+    machines: "Machine | Sequence[Machine]"
+    tasks: "PathFollowing | Sequence[PathFollowing]"
+    draws: "Draws | None"
     gains: str
+    sensors: Sensors
+    observe_context: bool
+    action_unit: ActionUnit
+    frame_skip: int
     base: "Controller | None"
     reach: float | None
-    middle: Machine | None
+
+    @property
+    def nominal(self) -> Machine:
+        """The machine that laws know: the middle of the draws.
+
+        Where worlds have machines of their own, it is the paper's with their clutches and largest
+        voltage; a ParameterError if the clutches differ.
+        """
+        if self.draws is not None:
+            return self.draws.middle
+        machines = self.machines
+        return machines if isinstance(machines, Machine) else nominal_machine({*machines})
+
+    def batch(
+        self, num_worlds: int, max_episode_steps: int | None, telemetry: bool, num_threads: int
+    ) -> Batch:
+        """Return so many worlds, whose episodes have at most so many steps of the environment."""
+        steps = max_episode_steps
+        if steps is not None:
+            steps = self.frame_skip * whole_number("max_episode_steps", steps)
+        batch: Callable[..., Batch] = Batch
+        if self.base is not None and self.reach is not None:
+            from pter_gym.envs._base_law import CorrectedBatch
+
+            batch = partial(CorrectedBatch, self.base, self.nominal, self.reach)
+        return batch(
+            self.machines,
+            self.tasks,
+            num_worlds,
+            draws=self.draws is not None,
+            sensors=self.sensors,
+            observe_context=self.observe_context,
+            action_unit=self.action_unit,
+            frame_skip=self.frame_skip,
+            max_steps=steps,
+            telemetry=telemetry,
+            num_threads=num_threads,
+        )
 
 
-def _make_batch(
-    num_envs: int,
-    engine: dict[str, Any],
+_FINDERS = {"path": find_path, "pace": find_pace, "starts": find_starts}
+
+_FIELDS = (*_FINDERS, "reward", "error_max", "truncation_error")
+"""Arguments that are fields of the task."""
+
+
+def find_worlds(
+    fields: Mapping[str, Any],
     *,
-    machine: Any = None,
-    task: Any = None,
-    scenario: Any = None,
+    machine: Machine | FilePath | Sequence[Machine | FilePath] | None = None,
+    task: PathFollowing | Sequence[PathFollowing] | None = None,
+    scenario: "str | Scenario | Draws | None" = None,
     contexts: int | None = None,
     context_seed: int | None = None,
-    path: Path | FilePath | None = None,
-    pace: float | str | None = None,
-    reward: RewardWeights | None = None,
-    error_max: float | None = None,
-    truncation_error: float | None = None,
-    starts: Starts | str | None = None,
     sensors: Sensors = "torque",
     action_unit: ActionUnit = "normalised",
     observe_context: bool = False,
     frame_skip: int | None = None,
-    base: Any = None,
+    base: "str | Controller | None" = None,
     reach: float | None = None,
-) -> _Worlds:
-    """Return the worlds, and what they share."""
-    numbers = {"reward": reward, "error_max": error_max, "truncation_error": truncation_error}
-    fields: dict[str, Any] = {name: value for name, value in numbers.items() if value is not None}
-    finders = (
-        ("path", path, find_path),
-        ("pace", pace, find_pace),
-        ("starts", starts, find_starts),
-    )
-    fields |= {name: find(cast(Any, value)) for name, value, find in finders if value is not None}
+) -> Worlds:
+    """Return what the arguments of an environment describe; ``fields`` are those of its task."""
+    fields = {
+        name: _FINDERS[name](value) if name in _FINDERS else value
+        for name, value in fields.items()
+        if value is not None
+    }
     if task is not None and (fields or scenario is not None):
         names = ", ".join(fields or ("scenario",))
         raise ParameterError(f"{names} must not be given with a task, which has its own")
     if scenario is None:
         if contexts is not None or context_seed is not None:
             raise ParameterError("contexts and context_seed must be given with a scenario")
-        machine = list(map(find_machine, machine)) if _several(machine) else find_machine(machine)
-        task = _task_with(fields) if task is None else task
-        gains, middle = gains_for(_checked_tasks(task)), None
+        machines, draws = each(find_machine, machine), None
+        tasks = _task_with(fields) if task is None else task
+        gains = gains_for(_checked_tasks(tasks))
     else:
         if isinstance(scenario, str | Scenario):
             fields.setdefault("starts", STARTS["path"])
-        scenario = find_scenario(scenario, machine, fields.pop("path", None))
+        one = cast("Machine | FilePath | None", machine)
+        scenario = find_scenario(scenario, one, fields.pop("path", None))
         count = whole_number("contexts", 512 if contexts is None else contexts)
         seed = whole_number("context_seed", context_seed or 0, at_least=0)
         draws = scenario.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
-        machine, task = zip(*draws.pairs(count, seed), strict=True)
-        gains, about = scenario.whose_gains, draws.instead or draws.machine
-        middle = about.machine if isinstance(about, MachineSpread) else None
+        machines, tasks = zip(*draws.pairs(count, seed), strict=True)
+        gains = scenario.whose_gains
         if frame_skip is None and base is None:
             frame_skip = FRAME_SKIP
-    frames = 1 if frame_skip is None else whole_number("frame_skip", frame_skip)
-    max_steps = engine.pop("max_episode_steps", None)
-    if max_steps is not None:
-        max_steps = frames * whole_number("max_episode_steps", max_steps)
-    shared: dict[str, Any] = {
-        "draws": scenario is not None,
-        "sensors": sensors,
-        "observe_context": observe_context,
-        "frame_skip": frames,
-        "max_steps": max_steps,
-        **engine,
-    }
-    if base is None:
-        if reach is not None:
-            raise ParameterError(f"reach must not be given without a base, got {reach!r:.200}")
-        batch = Batch(machine, task, num_envs, action_unit=action_unit, **shared)
-        return _Worlds(batch, gains, None, None, middle)
-    if action_unit != "normalised":
-        raise ParameterError(
-            "action_unit must be 'normalised' with a base, whose voltages an action corrects, "
-            f"got {action_unit!r}"
-        )
-    from pter_gym.envs._base_law import REACH, CorrectedBatch, find_base_law
+    if base is not None:
+        if action_unit != "normalised":
+            raise ParameterError(
+                "action_unit must be 'normalised' with a base, whose voltages an action corrects, "
+                f"got {action_unit!r}"
+            )
+        from pter_gym.envs._base_law import REACH, find_base_law
 
-    base, reach = find_base_law(base, gains), REACH if reach is None else reach
-    check_number("reach", reach, above=0.0)
-    nominal = middle or nominal_machine(set(machine) if _several(machine) else {machine})
-    batch = CorrectedBatch(base, machine, task, num_envs, nominal=nominal, reach=reach, **shared)
-    return _Worlds(batch, gains, base, reach, middle)
+        base, reach = find_base_law(base, gains), REACH if reach is None else reach
+        check_number("reach", reach, above=0.0)
+    elif reach is not None:
+        raise ParameterError(f"reach must not be given without a base, got {reach!r:.200}")
+    return Worlds(
+        machines=machines,
+        tasks=tasks,
+        draws=draws,
+        gains=gains,
+        sensors=sensors,
+        observe_context=observe_context,
+        action_unit=action_unit,
+        frame_skip=1 if frame_skip is None else whole_number("frame_skip", frame_skip),
+        base=base,
+        reach=reach,
+    )
 
 
 def _task_with(fields: dict[str, Any]) -> PathFollowing:
@@ -307,7 +356,7 @@ def _task_with(fields: dict[str, Any]) -> PathFollowing:
 
 def _checked_tasks(task: Any) -> list[PathFollowing]:
     """Return one task or several as a list, or raise a ParameterError if there is another thing."""
-    tasks: list[Any] = list(task) if _several(task) else [task]
+    tasks: list[Any] = list(task) if _is_several(task) else [task]
     for goal in tasks:
         if not isinstance(goal, PathFollowing):
             raise ParameterError(
@@ -317,19 +366,19 @@ def _checked_tasks(task: Any) -> list[PathFollowing]:
     return tasks
 
 
-def _several(value: object) -> bool:
+def each(change: Callable[[Any], Any], value: Any) -> Any:
+    """Return a changed value, or a list of them for a sequence."""
+    return [change(item) for item in value] if _is_several(value) else change(value)
+
+
+def _is_several(value: object) -> TypeGuard[Sequence[Any]]:
     return isinstance(value, Sequence) and not isinstance(value, str)
 
 
-def _has_file(value: Any) -> bool:
+def _has_file(value: object) -> bool:
     """Return whether a path or a machine, or one of several, is given by a file."""
-    names = cast("Sequence[Any]", value) if _several(value) else (value,)
+    names = value if _is_several(value) else (value,)
     return any(has_ending(name, *TABLE_ENDINGS, ".toml") for name in names)
-
-
-def _read(value: Any, find: Callable[[Any], Any]) -> Any:
-    """Return a path or a machine, or several, by name or file."""
-    return [*map(find, value)] if _several(value) else find(value)
 
 
 def _storable(spec: EnvSpec) -> EnvSpec:
@@ -338,9 +387,7 @@ def _storable(spec: EnvSpec) -> EnvSpec:
 
 
 def _to_plain(value: Any) -> Any:
-    """Return this package's dataclasses, NumPy's numbers and paths as plain data."""
-    if _several(value):
-        return [_to_plain(item) for item in value]
+    """Return a dataclass of this package, a number of NumPy's or a path as plain data."""
     try:
         return codec().to_plain(value) if is_dataclass(value) else builtin(value)
     except ParameterError:  # a user's own class
@@ -349,7 +396,5 @@ def _to_plain(value: Any) -> Any:
 
 def _from_plain(value: Any) -> Any:
     """Return what ``_to_plain`` made plain data from."""
-    if isinstance(value, list):
-        return [_from_plain(item) for item in cast("list[Any]", value)]
-    stored = isinstance(cast("object", value), dict) and "type" in value
-    return codec().from_plain(value) if stored else builtin(value)
+    stored = cast("dict[str, object]", value) if isinstance(value, dict) else {}
+    return codec().from_plain(stored) if TYPE in stored else builtin(value)

@@ -41,7 +41,7 @@ except ImportError as error:
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._engine.world import CONFIG_WIDTH, FLAG, FLAGS
-from pter_gym.envs._base_law import CorrectedBatch, seen_with
+from pter_gym.envs._base_law import CorrectedBatch
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.params import SLOTS
 
@@ -144,7 +144,9 @@ class JaxEnv:
         if self._batch is not None:
             law: Any = self._batch.law.policy.law
             self._law = _following(register_law(law.function))
-            self._law_params = LawParams(words_of(self._batch.plain.scales), words_of(law.gains))
+            self._law_params = LawParams(
+                words_of(self._batch.law.policy.layout.scales), words_of(law.gains)
+            )
             self._blank = words_of(self._batch.law.start(1)[0])
             self._no_volts = 0.0
 
@@ -300,7 +302,7 @@ class JaxEnv:
     def _seen(self, obs: jax.Array, base: jax.Array) -> jax.Array:
         """Return an observation that ends with the base's voltages."""
         assert self._batch is not None
-        return seen_with(obs[None], base[None], self._batch.plain)[0]
+        return self._batch.law.seen(obs[None], base[None])[0]
 
     def _check_state(self, state: AnyState) -> None:
         """Raise a ParameterError unless a state is as large as this environment's."""

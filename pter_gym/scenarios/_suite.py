@@ -10,6 +10,7 @@ id, its stored episodes and their strata follow from these. This module imports 
 
 import hashlib
 import os
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import PurePath
@@ -76,16 +77,24 @@ class Scenario:
 
     @property
     def nominal(self) -> "Machine":
-        """The machine that laws are bound to: the one of all episodes, or the paper's."""
-        from pter_gym.params import BASELINE, Machine, MachineSpread, middle_of
-
-        machine = self.draws.instead or self.draws.machine
-        return middle_of(machine) if isinstance(machine, Machine | MachineSpread) else BASELINE
+        """The machine that laws are bound to, the middle of its draws."""
+        return self.draws.middle
 
     @property
     def digest(self) -> str:
-        """Digest of its own draws; empty for a scenario of the suite."""
-        return hashlib.sha256(repr(self.own).encode()).hexdigest()[:16] if self.own else ""
+        """Digest of its own draws; empty for a scenario of the suite.
+
+        Raises
+        ------
+        ParameterError
+            If they hold an object that has no repr of its own, so no other process can tell it.
+        """
+        draws = repr(self.own)
+        if unknown := re.search(r"<?(\S+)(?: object)? at 0x", draws):
+            raise ParameterError(
+                f"scenario must be told by its repr: make {unknown[1]} a frozen dataclass"
+            )
+        return hashlib.sha256(draws.encode()).hexdigest()[:16] if self.own else ""
 
     @property
     def id(self) -> str:
@@ -133,19 +142,8 @@ def find_scenario(
     DataError
         If the machine's file is malformed.
     """
-    scenario = _find(scenario)
-    if path is not None:
-        scenario = _on_path(scenario, path, smooth)
-    if machine is not None:
-        from pter_gym.params import MachineSpread, find_machine, middle_of
-        from pter_gym.tasks.path_following._specification import sensing_of
-
-        own = machine if isinstance(machine, MachineSpread) else find_machine(machine)
-        # raises where the delay is too long
-        sensing_of(scenario.draws.varied_task.template, middle_of(own))
-        draws = scenario.draws.map_components(lambda one: replace(one, instead=own))
-        scenario = replace(scenario, own=draws)
-    return scenario
+    scenario = _find(scenario, machine)
+    return scenario if path is None else _on_path(scenario, path, smooth)
 
 
 def gains_for(tasks: "Iterable[PathFollowing]") -> str:
@@ -163,25 +161,43 @@ def gains_for(tasks: "Iterable[PathFollowing]") -> str:
     return "paths" if pushes else "everything"
 
 
-def _find(scenario: Any) -> Scenario:
-    if isinstance(scenario, Scenario):
-        return scenario
+def _find(
+    scenario: "str | Scenario | Draws | PathFollowing",
+    machine: "Machine | MachineSpread | FilePath | None",
+) -> Scenario:
+    """Return a scenario with a machine for all its episodes, if there is one."""
     if isinstance(scenario, str) and scenario in SCENARIOS:
-        return SCENARIOS[scenario]
-    from pter_gym.scenarios.distributions import Draws
-    from pter_gym.tasks.path_following import PathFollowing
+        scenario = SCENARIOS[scenario]
+    if not isinstance(scenario, Scenario):
+        from pter_gym.scenarios.distributions import Draws
+        from pter_gym.tasks.path_following import PathFollowing
 
-    if isinstance(scenario, Draws):
-        gains = gains_for(task for _, task in scenario.pairs(8))
-        return Scenario("own", 0, "Draws of your own.", episodes=200, own=scenario, gains=gains)
-    if not isinstance(scenario, PathFollowing):
-        raise unknown_name("scenario", scenario, SCENARIOS)
-    hand: Any = scenario.hand
-    if hasattr(hand, "random_phases"):
-        hand = replace(hand, random_phases=True)
-    name, draws = type(scenario.path).__name__.lower(), Draws(task=replace(scenario, hand=hand))
-    gains = gains_for([scenario])
-    return Scenario(name, 0, "A task of your own.", episodes=200, own=draws, gains=gains)
+        if isinstance(scenario, Draws):
+            own = scenario if machine is None else _on_machine(scenario, machine)
+            gains = gains_for(task for _, task in own.pairs(8))
+            return Scenario("own", 0, "Draws of your own.", episodes=200, own=own, gains=gains)
+        if not isinstance(scenario, PathFollowing):
+            raise unknown_name("scenario", scenario, SCENARIOS)
+        name, gains = type(scenario.path).__name__.lower(), gains_for([scenario])
+        hand: Any = scenario.hand
+        if hasattr(hand, "random_phases"):
+            hand = replace(hand, random_phases=True)
+        own = Draws(task=replace(scenario, hand=hand))
+        scenario = Scenario(name, 0, "A task of your own.", episodes=200, own=own, gains=gains)
+    if machine is None:
+        return scenario
+    return replace(scenario, own=_on_machine(scenario.draws, machine))
+
+
+def _on_machine(draws: "Draws", machine: "Machine | MachineSpread | FilePath") -> "Draws":
+    """Return draws with a machine in place of drawn ones."""
+    from pter_gym.params import MachineSpread, find_machine
+    from pter_gym.tasks.path_following._specification import sensing_of
+
+    own = machine if isinstance(machine, MachineSpread) else find_machine(machine)
+    changed = draws.map_components(lambda one: replace(one, instead=own))
+    sensing_of(draws.varied_task.template, changed.middle)  # raises where the delay is too long
+    return changed
 
 
 def _on_path(scenario: Scenario, source: "Path | FilePath", smooth: float) -> Scenario:
@@ -206,7 +222,7 @@ def _on_path(scenario: Scenario, source: "Path | FilePath", smooth: float) -> Sc
                 "radius"
             )
         task = replace(template, path=path, error_max=min(template.error_max, widest))
-        check_machine(task, scenario.nominal)
+        check_machine(task, draws.middle)
         return replace(draws, task=Vary(task, **fields))
 
     gains = "paths" if scenario.whose_gains == "standard" else scenario.whose_gains

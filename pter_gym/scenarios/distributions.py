@@ -186,6 +186,14 @@ class Vary(Generic[Drawn]):
         variants += [{name: values[place] for name, values in ends.items()} for place in (0, -1)]
         return [cast(Drawn, replace(cast(Any, self.template), **change)) for change in variants]
 
+    @property
+    def middle(self) -> Drawn:
+        """The template, with values of fields that are not drawn and middles of those that vary."""
+        known = {
+            name: middle(value, getattr(self.template, name)) for name, value in self.fields.items()
+        }
+        return cast(Drawn, replace(cast(Any, self.template), **known))
+
     def __eq__(self, other: object) -> bool:
         """Return whether both draw the same fields of the same dataclass from the same values."""
         if not isinstance(other, Vary):
@@ -202,6 +210,14 @@ class Vary(Generic[Drawn]):
         """Return the call that makes this object."""
         fields = "".join(f", {name}={field!r}" for name, field in self.fields.items())
         return f"Vary({self.template!r}{fields})"
+
+
+def middle(value: Any, usual: Any) -> Any:
+    """Return a value; of a ``Vary`` its middle, and of what else draws several values the usual."""
+    if isinstance(value, Vary):
+        return cast("Vary[Any]", value).middle
+    first, *others = extremes(value)
+    return usual if any(other != first for other in others) else first
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,6 +256,15 @@ class Draws(Checked):
     def varied_task(self) -> Vary[PathFollowing]:
         """The task, also where none of its fields is drawn."""
         return self.task if isinstance(self.task, Vary) else Vary(self.task)
+
+    @property
+    def middle(self) -> Machine:
+        """The machine that laws know in all episodes: the one of all, or about which others vary.
+
+        Of a ``MachineSpread`` that is its machine, of a ``Vary`` its template, of mixed draws that
+        of the first part.
+        """
+        return middle(self.machine if self.instead is None else self.instead, BASELINE)
 
     def map_components(self, change: "Callable[[Draws], Draws]") -> "Draws":
         """Return these draws and those mixed in, each changed by a function."""

@@ -16,6 +16,7 @@ from pter_gym._engine.batch import Batch
 from pter_gym.benchmark.episodes import (
     FOLDER,
     Episodes,
+    draw_episodes,
     find_episodes,
     load_episodes,
     scenarios,
@@ -27,7 +28,7 @@ from pter_gym.errors import DataError, ParameterError
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL
 from pter_gym.paths import Line
-from pter_gym.scenarios import PACES, SCENARIOS, Scenario
+from pter_gym.scenarios import PACES, SCENARIOS, Scenario, find_scenario
 from pter_gym.scenarios._evaluation_draws import FRESH, evaluation_draws
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from rollouts import simulate
@@ -77,8 +78,7 @@ def test_the_shipped_episodes_can_be_made_again_byte_for_byte(
     scenario: Scenario, tmp_path: Path
 ) -> None:
     """But for how they are compressed, which differs between versions of Python."""
-    machines, tasks, strata = zip(*evaluation_draws(scenario), strict=True)
-    drawn = Episodes(scenario.name, machines, tasks, tuple(range(scenario.episodes)), strata)
+    drawn = draw_episodes(scenario)
     path = store_episodes(drawn, version=scenario.version, folder=tmp_path)
     again, shipped = (gzip.decompress(file.read_bytes()) for file in (path, FOLDER / path.name))
     assert again == shipped
@@ -122,9 +122,21 @@ def test_fresh_episodes_follow_from_the_seed() -> None:
     assert hand.phases[0] == PINNED_PHASE
 
 
-def test_laws_know_the_machine_that_is_named_in_stored_episodes_too() -> None:
+@pytest.mark.parametrize("seed", [None, 0])
+def test_episodes_are_drawn_with_a_machine_that_is_named(seed: int | None) -> None:
     for machine in (BASELINE, DELRIN_EXPERIMENTAL):
-        assert find_episodes("standard", "slow", machine=machine).nominal == machine
+        named = find_episodes("standard", "slow", seed, machine)
+        assert {*named.machines, named.nominal} == {machine}
+        usual = find_episodes("standard", "slow", seed)
+        assert (named.tasks, named.seeds, named.strata) == (usual.tasks, usual.seeds, usual.strata)
+
+
+def test_mixed_draws_have_a_seed_for_each_training_episode() -> None:
+    also = replace(SCENARIOS["hands"].draws, weight=2)
+    mixed = replace(SCENARIOS["standard"].draws, also=(also,))
+    drawn = [training_episodes(find_scenario(mixed), "slow", 4, seed) for seed in range(2)]
+    assert [len(episodes) for episodes in drawn] == [6, 6]
+    assert len({seed for episodes in drawn for seed in episodes.seeds}) == 12
 
 
 def test_training_draws_of_different_seeds_share_no_episode() -> None:

@@ -6,13 +6,14 @@ from typing import Any
 
 import pytest
 
+from pter_gym import paths
 from pter_gym.benchmark import ResultsFolder, examine, run_scenario
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.controllers import Free
 from pter_gym.errors import ParameterError
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE
-from pter_gym.paths import Circle
+from pter_gym.paths import Arcs, Circle
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -67,3 +68,12 @@ def test_a_scenario_with_an_own_machine_is_run_on_it() -> None:
     ]
     assert runs[0].scores["duration_s"] > runs[1].scores["duration_s"]
     assert (runs[0].digest != "", runs[1].digest) == (True, "")
+
+
+def test_what_no_other_process_can_tell_apart_is_not_stored() -> None:
+    class Unnamed(paths.Path):
+        def make_arcs(self) -> Arcs:
+            return Circle().arcs
+
+    with pytest.raises(ParameterError, match=r"make .*Unnamed a frozen dataclass"):
+        run_scenario(replace(TASK, path=Unnamed()), "free", episodes=1)

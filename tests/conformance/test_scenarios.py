@@ -11,8 +11,8 @@ import pytest
 from pter_gym import load_policy
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import ROW, SAME_STEP
-from pter_gym.benchmark import assess, training_episodes
-from pter_gym.benchmark.episodes import load_episodes, scenarios
+from pter_gym.benchmark import assess, run_scenario, training_episodes
+from pter_gym.benchmark.episodes import find_episodes, load_episodes, scenarios
 from pter_gym.controllers import TorqueFeedback, bind
 from pter_gym.envs import PathFollowingEnv
 from pter_gym.errors import ParameterError, ResetNeededError
@@ -22,6 +22,7 @@ from pter_gym.params import (
     DELRIN_EXPERIMENTAL,
     MACHINES,
     Hand,
+    Machine,
     MachineSpread,
     find_machine,
     save_machine,
@@ -245,6 +246,72 @@ def test_environments_know_whose_gains_their_episodes_need(
 
 
 # --- one's own machine ---
+
+BIG = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.8, length_b=0.7))
+FAR = Line(x=-0.4, y=1.15, length=0.8)
+"""Beyond the reach of PTER, within that of BIG."""
+
+SCALES = Vary(BIG, clutch_scale=(Uniform(0.9, 1.1),) * 4)
+
+
+@pytest.mark.parametrize(
+    ("draws", "expected"),
+    [
+        (Draws(task=PathFollowing(), machine=BIG), BIG),
+        (Draws(task=PathFollowing(), machine=SCALES), BIG),
+        (Draws(task=PathFollowing(), machine=SCALES, instead=OWN), OWN),
+        (
+            Draws(
+                task=PathFollowing(),
+                machine=MachineSpread(machine=BIG, places=("delay",), covariance=((1e-9,),)),
+            ),
+            BIG,
+        ),
+        (
+            Draws(
+                task=PathFollowing(),
+                machine=Vary(BASELINE, arm=Vary(BIG.arm, inertia_a=Uniform(0.5, 0.9))),
+            ),
+            BIG,
+        ),
+        (Draws(task=PathFollowing(), machine=Vary(BASELINE, arm=BIG.arm)), BIG),
+        (Draws(task=PathFollowing(), machine=SCALES, also=(SCENARIOS["paths"].draws,)), BIG),
+    ],
+)
+def test_one_machine_is_known_at_every_door(draws: Draws, expected: Machine) -> None:
+    """It is the middle of the draws, of mixed ones that of the first part."""
+    known = [
+        PathFollowingEnv(scenario=draws, contexts=count).nominal_machine for count in (1, 2, 3)
+    ]
+    scenario = find_scenario(draws)
+    known += [find_episodes(scenario, "slow", seed).nominal for seed in (None, 0)]
+    known += [training_episodes(scenario, "slow", 2, 0).nominal, scenario.nominal]
+    assert known == [expected] * 7
+
+
+def test_a_law_that_knows_two_brakes_runs_on_draws_about_them() -> None:
+    machine = Vary(MACHINES["two-brakes"], clutch_scale=(Uniform(0.9, 1.1),) * 4)
+    (run,) = run_scenario(
+        Draws(machine=machine, task=PathFollowing()), "impedance", "brisk", episodes=2
+    )
+    assert np.isfinite(run.scores["path_error_m"]).all()
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    ["standard", "everything", Draws(task=PathFollowing(path=FAR)), PathFollowing(path=FAR)],
+    ids=["standard", "everything", "draws", "a task"],
+)
+def test_a_path_is_checked_on_the_users_arm(scenario: Any) -> None:
+    found = find_scenario(scenario, BIG, FAR)
+    assert {(machine, task.path) for machine, task in found.draws.pairs(3)} == {(BIG, FAR)}
+    with pytest.raises(ParameterError, match="path"):
+        find_scenario(scenario, None, FAR)
+    if isinstance(scenario, str):
+        gymnasium.make(find_scenario(scenario).id, machine=BIG, path=FAR, contexts=2)
+    else:
+        own = Draws(machine=SCALES, task=PathFollowing())
+        assert find_scenario(own, path=FAR).nominal == BIG
 
 
 @pytest.fixture

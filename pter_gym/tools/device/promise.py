@@ -1,7 +1,7 @@
 """What may be promised of the machines that fit a log: a tolerance limit of a policy's error."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,12 +9,12 @@ from scipy import stats
 
 from pter_gym._internal.checks import whole_number
 from pter_gym.benchmark.boards import reason_unranked
-from pter_gym.benchmark.episodes import ENTRIES, find_episodes
+from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.rollout import evaluate
 from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import ParameterError
 from pter_gym.params import MachineSpread
-from pter_gym.scenarios import find_pace
+from pter_gym.scenarios import find_pace, find_scenario
 
 _STATS: Any = stats
 
@@ -77,14 +77,12 @@ def make_promise(
     """
     if whole_number("draws", draws) < MIN_DRAWS:
         raise ParameterError(f"draws must be at least {MIN_DRAWS}, got {draws}")
+    draws_of_log = find_scenario(scenario, machines).draws
     some = find_episodes(scenario, pace, SEED, machines.machine).first(episodes)
     rng = np.random.default_rng(SEED)
     drawn = [machines.draw(rng) for _ in range(draws)]
-    every = replace(
-        some,
-        machines=tuple(machine for machine in drawn for _ in range(episodes)),
-        **{name: getattr(some, name) * draws for name in ENTRIES if name != "machines"},
-    )
+    pairs = [(machine, task) for machine in drawn for task in some.tasks]
+    every = Episodes.of_pairs(scenario, draws_of_log, pairs, some.seeds * draws)
     scores = evaluate(policy, every)
     errors = np.sort(scores["path_error_m"].reshape(draws, episodes).mean(axis=1))
     parts = [slice(k * episodes, (k + 1) * episodes) for k in range(draws)]

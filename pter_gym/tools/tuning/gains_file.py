@@ -42,7 +42,7 @@ def add_gains(found: TunedGains, path: FilePath) -> None:
     }
     with locked(lock_beside(path)):
         table: dict[str, Any] = dict(read_gains(path))
-        name = find_scenario(found.scenario, path=found.path, smooth=found.smooth).name
+        name = find_scenario(found.scenario, found.machine, found.path, found.smooth).name
         table.setdefault(name, {}).setdefault(found.controller, {})[found.pace] = entry
         write_text_atomic(path, format_table(table))
 

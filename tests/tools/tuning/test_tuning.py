@@ -13,8 +13,8 @@ from pter_gym.benchmark.policies import find_policy
 from pter_gym.benchmark.rollout import RESERVE
 from pter_gym.controllers import CONTROLLERS, AnyPolicy, Impedance, PaceSchedule
 from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
-from pter_gym.params import DELRIN_EXPERIMENTAL
-from pter_gym.paths import Circle
+from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL
+from pter_gym.paths import Circle, Line
 from pter_gym.policies.tuned import (
     TABLE,
     TUNED,
@@ -324,12 +324,20 @@ def test_a_law_of_ones_own_is_searched_within_its_ranges(tmp_path: Path) -> None
             tune(f"{file}:{name}", "standard", "slow", **given)
 
 
-def test_gains_for_a_path_of_ones_own_are_stored_and_found(tmp_path: Path) -> None:
+LONG_ARM = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.8, length_b=0.7))
+
+
+@pytest.mark.parametrize(
+    ("machine", "path"), [(None, "circle"), (LONG_ARM, Line(x=-0.4, y=1.15, length=0.8))]
+)
+def test_gains_for_a_path_of_ones_own_are_stored_and_found(
+    tmp_path: Path, machine: Any, path: Any
+) -> None:
     given: dict[str, Any] = {"trials": 1, "episodes": 2, "storage": tmp_path / "own.journal"}
-    found = tune("impedance", "standard", "0.3", **given, path="circle")
+    found = tune("impedance", "standard", "0.3", **given, machine=machine, path=path)
     add_gains(found, tmp_path / "gains.toml")
     ((pace, law),) = find_policy(
-        tmp_path / "gains.toml", find_scenario("standard", path="circle").whose_gains
+        tmp_path / "gains.toml", find_scenario("standard", machine, path).whose_gains
     ).knots
     assert (pace, law.stiffness) == (0.3, found.gains["stiffness"])
 
