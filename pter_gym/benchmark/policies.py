@@ -3,9 +3,7 @@
 import linecache
 import os
 import sys
-from collections.abc import Generator, Iterable, Mapping, Sequence
-from contextlib import contextmanager
-from importlib import invalidate_caches, reload
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.machinery import SourceFileLoader
 from importlib.metadata import EntryPoint
 from importlib.util import module_from_spec, spec_from_file_location
@@ -194,49 +192,35 @@ def _attribute_of(file: Path, name: str) -> Any:
 
 
 def _load(entry: EntryPoint) -> Any:
-    """Return an attribute of a module, which is imported again when its file has changed."""
-    content = _CONTENTS.get(entry.module)
-    module = sys.modules.get(entry.module)
-    with _without_bytecode():
-        try:
-            if module is not None and content is not None and content != _contents([entry.module]):
-                reload(module)
-            attribute = entry.load()
-        except (ImportError, AttributeError):
-            raise
-        except Exception as error:
-            raise _does_not_run(error, Path.cwd()) from error
-    _CONTENTS[entry.module] = _contents([entry.module])
-    return attribute
+    """Return an attribute of a module."""
+    try:
+        return entry.load()
+    except (ImportError, AttributeError):
+        raise
+    except Exception as error:
+        raise _does_not_run(error, Path.cwd()) from error
 
 
 def _run_file(path: Path) -> ModuleType:
     """Return the module that a file of Python is, with its folder at the end of ``sys.path``.
 
-    A file is run again when its content has changed, or that of a file beside it that it imports.
+    A file whose content has changed is run again.
     """
-    name = f"file:{path}"  # that no other module has
-    beside = [other for other in _BESIDE if _folder_of(other) == path.parent]
-    if name in sys.modules and _CONTENTS.get(name) == _contents([name, *beside]):
+    name, content = f"file:{path}", path.read_bytes()  # a name that no other module has
+    if name in sys.modules and sys.modules[name].__dict__["__content__"] == content:
         return sys.modules[name]
-    for other in beside:
-        sys.modules.pop(other, None)
     loader = SourceFileLoader(name, str(path))  # which needs no .py in lower case
     spec: Any = spec_from_file_location(name, path, loader=loader)
     module = sys.modules[name] = module_from_spec(spec)
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
-    before = set(sys.modules)
     try:
-        with _without_bytecode():
-            exec(compile(path.read_bytes(), path, "exec"), vars(module))
+        exec(compile(content, path, "exec"), vars(module))
     except Exception as error:
         sys.modules.pop(name)
         raise _does_not_run(error, path.parent) from error
+    vars(module)["__content__"] = content
     linecache.checkcache()
-    _BESIDE.update(other for other in set(sys.modules) - before if _folder_of(other) == path.parent)
-    beside = [other for other in _BESIDE if _folder_of(other) == path.parent]
-    _CONTENTS[name] = _contents([name, *beside])
     return module
 
 
@@ -250,39 +234,3 @@ def _does_not_run(error: Exception, folder: Path) -> ParameterError:
     reason = error.msg if isinstance(error, SyntaxError) else error
     place = f"{Path(file).name}, line {line}: {type(error).__name__}: {reason}"
     return ParameterError(f"policies must name code that runs, {place}")
-
-
-_BESIDE: set[str] = set()
-"""Modules that files of policies have imported from their own folders."""
-
-_CONTENTS: dict[str, dict[str, bytes]] = {}
-"""By module, what it was made of: the content of its file, and of those beside it."""
-
-
-def _file_of(module: str) -> Path | None:
-    """Return the file of an imported module, if it has one."""
-    file = getattr(sys.modules.get(module), "__file__", None)
-    return Path(file) if file else None
-
-
-def _folder_of(module: str) -> Path | None:
-    """Return the folder of an imported module's file."""
-    file = _file_of(module)
-    return file and file.resolve().parent
-
-
-def _contents(modules: Iterable[str]) -> dict[str, bytes]:
-    """Return the contents of imported modules' files, as far as there are any."""
-    files = {module: _file_of(module) for module in modules}
-    return {name: file.read_bytes() for name, file in files.items() if file and file.is_file()}
-
-
-@contextmanager
-def _without_bytecode() -> Generator[None]:
-    """Import without writing bytecode, which Python takes for new where a second has not passed."""
-    writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True
-    try:
-        invalidate_caches()
-        yield
-    finally:
-        sys.dont_write_bytecode = writes
