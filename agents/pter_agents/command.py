@@ -15,8 +15,9 @@ from pter_gym._commands.arguments import (
     options,
 )
 from pter_gym._internal.terminal import conclude, progress_bar, say, waiting
-from pter_gym.errors import needs_extra
+from pter_gym.errors import ParameterError, needs_extra
 from pter_gym.policies._files import RUN
+from pter_gym.policies._names import is_exported
 
 SMOKE_ROLLOUTS = 3
 SMOKE_EPISODES = 8
@@ -107,7 +108,7 @@ def train(
 
 
 def export(
-    run: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="RUN|NAME")],
+    run: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="RUN|NAME")] = "",
     name: str | None = None,
     out: Path | None = None,
     c: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None,
@@ -140,15 +141,17 @@ def export(
         path: Path that the C code holds.
         machine: Name or file of the nominal machine, for C or ONNX.
     """
+    trained = (Path(run) / RUN).is_file()
+    look_at(policies=() if trained else (run,), machine=machine)
     if c is None and onnx is None:
+        if not trained and not is_exported(run):
+            raise ParameterError(f"c must be given for a law, as in `--c FOLDER`, got {run!r}")
         from pter_agents import exporting
 
         written = exporting.export(run, out, name=name)
         compared = f"{quote(str(written.with_suffix('')))} single-dof-tuned"
         conclude([written], f"pter benchmark --policies {compared}")
         return
-    trained = (Path(run) / RUN).is_file()
-    look_at(policies=() if trained else (run,), machine=machine)
     from pter_gym.benchmark import find_policy
     from pter_gym.tools.deploy import source_of, write_onnx
 

@@ -13,11 +13,11 @@ from pter_gym._internal.files import TABLE_ENDINGS, check_target, has_ending
 from pter_gym._internal.tables import read_table
 from pter_gym._internal.terminal import say
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.params import ACTUATORS, MACHINES, find_machine
+from pter_gym.params import find_machine
 from pter_gym.paths._names import PATH_NAMES
 from pter_gym.paths._reach import SINGULARITY_MARGIN, check_reach
-from pter_gym.policies._files import ENDING, shipped_policies
-from pter_gym.policies._names import BUILT_IN, check_policy, tuned_policies
+from pter_gym.policies._files import ENDING
+from pter_gym.policies._names import check_policy
 from pter_gym.scenarios import PACES, SCENARIOS, find_pace, find_scenario
 
 if TYPE_CHECKING:
@@ -49,8 +49,8 @@ AnyPaces = Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{_PACE} …", alia
 Smoothness = Annotated[float, tyro.conf.arg(metavar="MM")]
 """How far a path from a file may pass by its waypoints [mm]."""
 
-NARROW = 0.02
-"""Half-width of a workspace [m] below which a path of waypoints is probably noisy."""
+NARROW, NOISE = 0.02, 2.0
+"""Half-width of a workspace [m] below which a path is probably noisy, and a usual noise [mm]."""
 
 PathName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.csv")]
 """A path by its name, or a file of waypoints; None for what is usual."""
@@ -115,22 +115,18 @@ def scenario_on(scenario: str, machine: str | None, path: str | None, smooth: fl
     if machine:
         title = f"{chosen.name}-with-{PurePath(machine).stem}"
         chosen = replace(chosen, name=title, gains=chosen.whose_gains)
-    width = chosen.draws.varied_task.template.error_max
-    if path and width < NARROW:
+    if path and smoothing_for(chosen):
+        width = chosen.draws.varied_task.template.error_max
         say(
             f"{path} bends so sharply that the workspace ends {1e3 * width:.2g} mm beside it; "
-            f"for a recorded path, --smooth 2 removes 2 mm of noise"
+            f"for a recorded path, --smooth {NOISE:g} removes {NOISE:g} mm of noise"
         )
     return chosen
 
 
-def names_for(field: str) -> tuple[str, ...]:
-    """Return the names that an argument accepts besides files, none if it has no names."""
-    tuned = tuned_policies()
-    policies = (*BUILT_IN, *tuned, *shipped_policies())
-    laws = tuple(name for name in BUILT_IN if f"{name}-tuned" in tuned)
-    names = dict.fromkeys(("policies", "policy", "run"), policies)
-    return (names | {"law": laws, "machine": (*MACHINES, *ACTUATORS)}).get(field, ())
+def smoothing_for(scenario: "Scenario") -> float:
+    """Return how much noise [mm] to remove from a path whose bends leave little workspace."""
+    return NOISE * (scenario.draws.varied_task.template.error_max < NARROW)
 
 
 def options(
@@ -145,7 +141,7 @@ def options(
     given = {"scenario": scenario, "pace": pace, "path": path, "machine": machine}
     usual = ("standard", "medium", None)
     shown = {name: value for name, value in given.items() if value not in usual}
-    shown |= {"smooth": f"{smooth:g}"} if smooth else {}
+    shown |= {"smooth": f"{smooth:g}"} if path and smooth else {}
     return "".join(f" --{name} {quote(value)}" for name, value in shown.items() if value)
 
 

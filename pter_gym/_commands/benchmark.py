@@ -16,6 +16,7 @@ from pter_gym._commands.arguments import (
     look_at,
     options,
     scenario_on,
+    smoothing_for,
     split,
 )
 from pter_gym._internal.plugins import PICTURES, load_artist, registered
@@ -115,6 +116,7 @@ def benchmark(
             ranked = {name: policies_by_name[name] for name in filmed}
             files.append(film_policies(ranked, definition, pace, results.path, progress))
     best, *others = in_order(boards)
+    smooth = smooth or smoothing_for(definition)
     same = options(scenario=scenario, path=path, machine=machine, smooth=smooth)
     ends = quote(",".join([best, *others[-1:]]))
     conclude(files, f"pter watch {ends}{same} --out two.webp")

@@ -6,22 +6,21 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, suppress
 from importlib.metadata import EntryPoint
 from importlib.util import find_spec
 from inspect import Parameter, Signature, getdoc, signature
-from itertools import dropwhile, takewhile
+from itertools import chain
 from pathlib import Path
 from traceback import extract_tb
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import tyro
 from rich import console
 from rich.table import Table
 
-from pter_gym._commands.arguments import names_for
 from pter_gym._internal.plugins import COMMANDS, registered
 from pter_gym._internal.terminal import (
     accept_all_characters,
@@ -78,9 +77,13 @@ def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
     def keep(**arguments: Any) -> dict[str, Any]:
         return arguments
 
-    parameters = {each.name: each for each in _parameters(command)}
-    keep.__signature__ = Signature(list(parameters.values()))  # type: ignore[attr-defined]
-    keep.__annotations__ = {each.name: each.annotation for each in parameters.values()}
+    parameters = list(_parameters(command))
+    named = not any(tyro.conf.Positional in get_args(each.annotation) for each in parameters)
+    if named and arguments and not arguments[0].startswith("-"):
+        option = parameters[0].name
+        raise ParameterError(f"{name} takes options only, did you mean --{option} {arguments[0]}?")
+    keep.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    keep.__annotations__ = {each.name: each.annotation for each in parameters}
     keep.__doc__ = re.sub(r"\n {8}(?=\S)", " ", getdoc(command) or "")
     printed = io.StringIO()
     try:
@@ -89,9 +92,7 @@ def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
     except SystemExit as end:
         if not end.code:
             raise
-        metavars = {field: _metavar(each.annotation) for field, each in parameters.items()}
-        reason = reason_of_parser(printed.getvalue(), arguments, metavars)
-    raise ParameterError(f"{reason} (`pter {name} --help` explains)")
+    raise ParameterError(f"{in_one_line(printed.getvalue())} (`pter {name} --help` explains)")
 
 
 def _parameters(command: Command) -> Iterator[Parameter]:
@@ -111,41 +112,13 @@ def _parameters(command: Command) -> Iterator[Parameter]:
         yield each.replace(annotation=hint, kind=Parameter.KEYWORD_ONLY)
 
 
-def _is_ruler(line: str) -> bool:
-    return not line.strip("─-")
-
-
-def _metavar(hint: Any) -> str:
-    """Return what the help shows for a value."""
-    for each in getattr(hint, "__metadata__", ()):
-        if metavar := getattr(each, "metavar", None):
-            return metavar
-    kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
-    choices = get_args(kind) if get_origin(kind) is Literal else ()
-    return f"{{{','.join(choices)}}}" if choices else getattr(kind, "__name__", "").upper()
-
-
-def reason_of_parser(printed: str, arguments: list[str], metavars: Mapping[str, str]) -> str:
-    """Return in one line why tyro refuses arguments, from the box that it prints."""
-    lines = [line.strip("│ ") for line in printed.splitlines()[1:]]  # without the box's title
-    words = dropwhile(_is_ruler, lines)  # there is one here where boxes are not drawn
-    first = " ".join(takewhile(lambda line: not _is_ruler(line), words))
-    if found := re.match(r"Missing from .*?: (\S+(?: …)?)", first):
-        field = next((each for each, name in metavars.items() if name == found[1]), "")
-        names = names_for(field) or found[1].strip("{}").split(",")
-        return f"{field} must be given: {', '.join(names)}"
-    if found := re.match(r"Unrecognized options: ([^, ]+)", first):
-        near = re.findall(r"^(--[\w-]+)", "\n".join(lines[1:]), re.MULTILINE)
-        hint = f"; did you mean {' or '.join(near)}?" if near else ""
-        return f"there is no {found[1]}{hint}"
-    if found := re.match(r"invalid choice '(.*)' for argument '(?:--)?(.*)'\. .*\((.*)\)", first):
-        return str(unknown_name(found[2], found[1], re.findall(r"'(.*?)'", found[3])))
-    if found := re.match(r"(?:Error parsing|Missing value for argument) '?(?:--)?([\w-]+)", first):
-        field = found[1].replace("-", "_")
-        place = arguments.index(f"--{found[1]}") + 1 if f"--{found[1]}" in arguments else 0
-        given = " ".join(takewhile(lambda each: not each.startswith("--"), arguments[place:]))
-        return f"{field} must be {metavars.get(field, 'given')}, got {given!r:.200}"
-    return first
+def in_one_line(box: str) -> str:
+    """Return what tyro says in a box: its first paragraph, and which option may have been meant."""
+    lines = (line.strip("│| ") for line in box.splitlines()[1:])
+    text = "\n".join(line if line.strip("─-") else "" for line in lines)
+    first, *others = text.strip().split("\n\n")
+    meant = [each.splitlines()[:2] for each in others if each.startswith("Perhaps")]
+    return " ".join([*first.split(), *chain(*meant)])
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -190,7 +163,9 @@ def _run(arguments: list[str]) -> int:
     if name == "--version":
         say(f"pter {__version__}")
         return 0
-    if name in ("-h", "--help"):
+    if name == "help" and rest:
+        name, rest = rest[0], ["--help"]
+    if name in ("-h", "--help", "help"):
         _print_overview()
         return 0
     try:

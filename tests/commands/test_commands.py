@@ -12,6 +12,7 @@ import pytest
 
 from pter_gym._commands.arguments import split
 from pter_gym._commands.main import commands, load_command, main, parse
+from pter_gym._internal import computer
 from pter_gym.benchmark import ResultsFolder
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.policies._names import BUILT_IN, tuned_policies
@@ -29,12 +30,26 @@ def test_the_example_in_a_help_is_understood(name: str) -> None:
 
 
 def test_help_shows_the_choices(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--help"]) == 0
-    assert all(name in capsys.readouterr().out for name in ("benchmark",))
-    with pytest.raises(SystemExit) as end:
-        main(["benchmark", "--help"])
-    assert end.value.code == 0
-    assert "slow|medium|brisk" in capsys.readouterr().out
+    for line in ("--help", "help"):
+        assert main([line]) == 0
+        assert all(name in capsys.readouterr().out for name in ("benchmark",))
+    for line in ("benchmark --help", "help benchmark"):
+        with pytest.raises(SystemExit) as end:
+            main(line.split())
+        assert end.value.code == 0
+        assert "slow|medium|brisk" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("quota", "cores"), [("150000 50000", 3), ("20000 50000", 1), ("max 1", 8)]
+)
+def test_a_container_has_the_cores_of_its_quota(
+    quota: str, cores: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "cpu.max").write_text(f"{quota}\n")
+    monkeypatch.setattr(computer, "CGROUP", tmp_path)
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: set(range(8)), raising=False)
+    assert computer.available_cores() == cores
 
 
 REFUSED = ["benchmarl", "benchmark --policies impedence", "tune impedence", "reproduce fig6"]
@@ -130,12 +145,17 @@ def test_a_folder_may_have_commas(tmp_path: Path) -> None:
     assert split(f"{tmp_path}/none, 1/mine,free") == [f"{tmp_path}/none", "1/mine", "free"]
 
 
-@pytest.mark.parametrize("line", ["benchmark --scenario standad", "benchmark --polices free"])
+UNKNOWN = ["benchmark --scenario standad", "benchmark --polices free", "benchmark residual"]
+UNKNOWN += ["export impedance"] * ("export" in commands())
+
+
+@pytest.mark.parametrize("line", UNKNOWN)
 def test_an_unknown_choice_is_refused_with_the_choices(
     line: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(line.split()) == 2
     meant = {"standad": "standard", "free": "--policies"}
+    meant |= {"residual": "--policies residual", "impedance": "--c"}
     assert meant[line.rsplit(maxsplit=1)[-1]] in capsys.readouterr().err
 
 
@@ -174,7 +194,9 @@ def test_a_noisy_path_is_told_and_smoothed(
     line = ["watch", "residual", "--csv", str(tmp_path / "a.csv"), "--path"]
     path = recorded(tmp_path / "noisy.csv")
     assert main([*line, path]) == 0
-    assert "--smooth" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "--smooth" in printed.partition("next:")[0]
+    assert "--smooth" in printed.partition("next:")[2]
     assert main([*line, path, "--smooth", "3"]) == 0
     printed = capsys.readouterr().out
     assert "arrived" in printed

@@ -23,8 +23,8 @@ MAX_EPISODES = 64
 
 
 def hil(
-    policy: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME")],
-    partner: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="PORT|COMMAND")],
+    policy: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME")] = "",
+    partner: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="PORT|COMMAND")] = "",
     scenario: ScenarioName = "standard",
     pace: AnyPace = "medium",
     episodes: int = 1,
@@ -63,7 +63,7 @@ def hil(
     from pter_gym.benchmark.episodes import find_episodes
     from pter_gym.benchmark.results import check_table
     from pter_gym.scenarios import find_scenario
-    from pter_gym.tools.hil.line import Line
+    from pter_gym.tools.hil.line import SerialLine
     from pter_gym.tools.hil.session import Partner
 
     if not 10.0 <= rate <= 1000.0:
@@ -82,7 +82,7 @@ def hil(
     paced = tuple(replace(task, control_period=1.0 / rate) for task in episode_set.tasks)
     if any((task.free_left, task.free_right) != (0.0, 0.0) for task in paced):
         raise ParameterError("scenario must have paths without a free band, which C does not know")
-    other = Partner(Line(partner, baud), deadline, real_time=real_time)
+    other = Partner(SerialLine(partner, baud), deadline, real_time=real_time)
     records: list[list[Array]] = [[] for _ in paced]
     try:
         for record, machine, task, seed in zip(

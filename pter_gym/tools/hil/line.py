@@ -50,7 +50,7 @@ def payload_of(frame: bytes) -> bytes | None:
     return payload if whole and zlib.crc32(payload) == check else None
 
 
-class Line:
+class SerialLine:
     """A serial port at ``baud``, or a pseudo-terminal as standard input and output of a program.
 
     ``broken`` counts the frames that were skipped because their checksum was wrong.
@@ -69,9 +69,9 @@ class Line:
                 with os.fdopen(other):
                     make_raw(other, baud)
                     self._program = subprocess.Popen(
-                        shlex.split(partner), stdin=other, stdout=other
+                        shlex.split(partner) or [partner], stdin=other, stdout=other
                     )
-        except (OSError, ValueError, IndexError) as error:
+        except (OSError, ValueError) as error:
             raise ParameterError(
                 f"partner must be a serial port or a command, got {partner!r}: {error}"
             ) from None

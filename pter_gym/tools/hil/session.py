@@ -24,7 +24,7 @@ from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.tasks.path_following._position import to_path
 from pter_gym.tasks.path_following._specification import IDEAL_SENSING, sensing_of
-from pter_gym.tools.hil.line import Line
+from pter_gym.tools.hil.line import SerialLine
 
 ANSWER = struct.Struct("<I4f")
 
@@ -80,7 +80,7 @@ class Partner:
         Seconds from readings to answers, of those in time, and how many were not.
     """
 
-    def __init__(self, line: Line, deadline: float, *, real_time: bool) -> None:
+    def __init__(self, line: SerialLine, deadline: float, *, real_time: bool) -> None:
         self.line, self.deadline, self.real_time = line, deadline, real_time
         self.latencies: list[float] = []
         self.missed = 0

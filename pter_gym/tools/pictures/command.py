@@ -16,6 +16,7 @@ from pter_gym._commands.arguments import (
     look_at,
     options,
     scenario_on,
+    smoothing_for,
     split,
 )
 from pter_gym._internal.checks import whole_number
@@ -28,7 +29,7 @@ MAX_POLICIES = 16
 
 
 def watch(
-    policies: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME,…")],
+    policies: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME,…")] = "",
     scenario: ScenarioName = "standard",
     pace: AnyPace = "medium",
     path: PathName = None,
@@ -63,7 +64,7 @@ def watch(
         machine: Name or file of a machine, instead of the one that the scenario draws.
     """
     names = split(policies)
-    look_at(policies=names, paces=[pace], path=path, smooth=smooth, machine=machine)
+    look_at(policies=names or [""], paces=[pace], path=path, smooth=smooth, machine=machine)
 
     from pter_gym.benchmark import find_policy
     from pter_gym.benchmark.results import write_trajectories
@@ -83,6 +84,7 @@ def watch(
             )
             telemetry[name] = episode.telemetry
             say(f"{name}: {summary(telemetry[name])}")
+    smooth = smooth or smoothing_for(definition)
     same = options(scenario=scenario, pace=pace, path=path, smooth=smooth)
     following = f"pter benchmark --policies {quote(','.join(names))}{same}"
     if csv:

@@ -5,6 +5,7 @@ import math
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path
+from shutil import which
 from types import MappingProxyType
 from typing import Any
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pter_gym._internal.files import write_bytes_atomic
-from pter_gym.errors import ParameterError, StorageError, needs_extra
+from pter_gym.errors import DependencyError, ParameterError, StorageError, needs_extra
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.tools.pictures.drawing import Array, Picture, Subject
@@ -237,7 +238,9 @@ def _load_imageio() -> Any:
         import imageio.v2 as imageio
         import imageio_ffmpeg
 
-        imageio_ffmpeg.get_ffmpeg_exe()
+        program = imageio_ffmpeg.get_ffmpeg_exe()
     except (ImportError, RuntimeError) as error:
         raise needs_extra("mp4 with ffmpeg", "render") from error
+    if not which(program):
+        raise DependencyError(f"mp4 needs ffmpeg, there is no program {program!r}")
     return imageio

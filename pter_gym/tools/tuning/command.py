@@ -14,17 +14,17 @@ from pter_gym._commands.arguments import (
     Smoothness,
     check_file,
     look_at,
-    names_for,
     options,
     scenario_on,
+    smoothing_for,
 )
 from pter_gym._internal.terminal import conclude, progress_bar, say
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.policies._names import is_code
+from pter_gym.policies._names import BUILT_IN, is_code
 
 
 def tune(
-    law: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE.py:LAW")],
+    law: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE.py:LAW")] = "",
     scenario: ScenarioName = "standard",
     pace: AnyPace = "medium",
     path: PathName = None,
@@ -61,9 +61,8 @@ def tune(
             and others accept; its other entries are kept. By default they are only printed.
         machine: Name or file of a machine, instead of those that the scenario draws.
     """
-    known = names_for("law")
-    if not is_code(law) and law not in known:
-        raise unknown_name("law", law, (*known, "FILE.py:Law"))
+    if not is_code(law) and law not in BUILT_IN:
+        raise unknown_name("law", law, (*BUILT_IN, "FILE.py:Law"))
     look_at(policies=[law], paces=[pace], path=path, smooth=smooth, machine=machine)
     if out is not None:
         check_file(out, ".toml")
@@ -76,7 +75,7 @@ def tune(
     from pter_gym.tools.tuning.gains_file import add_gains
     from pter_gym.tools.tuning.search import tune as search
 
-    scenario_on(scenario, machine, path, smooth)
+    definition = scenario_on(scenario, machine, path, smooth)
     title = f"{law}, {scenario}, {pace}"
     with progress_bar() as progress:
         task = progress.add_task(title, total=trials)
@@ -94,6 +93,7 @@ def tune(
         say(f"from pter_gym.controllers import {called}\n")
     say(f"{called}({gains})\n")
     say(f"on other episodes: {tuned.assessment}")
+    smooth = smooth or smoothing_for(definition)
     same = options(scenario=scenario, pace=pace, path=path, smooth=smooth)
     mine = law if out is None else str(out)
     if out is not None:

@@ -23,7 +23,7 @@ from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.tools.deploy import source_of
 from pter_gym.tools.hil.command import hil
-from pter_gym.tools.hil.line import Line, framed, payload_of
+from pter_gym.tools.hil.line import SerialLine, framed, payload_of
 from pter_gym.tools.hil.session import ANSWER, Partner
 
 LOOP = Path(__file__).parents[3] / "examples" / "serial_loop.c"
@@ -109,7 +109,7 @@ class Fake(Thread):
         super().__init__(daemon=True)
         self.end, self.other = os.openpty()
         self.port, self.answers = os.ttyname(self.other), answers
-        self.line = Line(self.port, 115200)
+        self.line = SerialLine(self.port, 115200)
         self.start()
 
     def run(self) -> None:

@@ -104,6 +104,13 @@ def test_a_missing_ffmpeg_is_told(monkeypatch: pytest.MonkeyPatch):
         check_suffix(Path("film.mp4"))
 
 
+def test_a_missing_program_is_not_told_as_a_missing_folder(monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("imageio_ffmpeg")
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", "/no/ffmpeg")
+    with pytest.raises(DependencyError, match="/no/ffmpeg"):
+        write_film(BASELINE, TASK, {"a": telemetry(2)}, Path("film.mp4"), size=SIZE)
+
+
 def test_a_film_of_two_arms_shows_the_errors_of_all():
     quiet, lost = telemetry(20), telemetry(20)
     lost[:, COLUMN.normal_error] = 0.1 * lost[:, COLUMN.time]
