@@ -9,6 +9,7 @@ A block asks for a function of `made` or `boards` by name, with arguments, and e
 """
 
 import re
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -16,9 +17,10 @@ from typing import NamedTuple
 import boards
 import made
 import tyro
-from markup import DOCS, README
+from markup import DOCS, README, ROOT
 
 from pter_gym._internal.files import write_text_atomic
+from pter_gym._internal.plugins import COMMANDS, registered
 
 BLOCK = re.compile(
     r"^<!-- (made|board): (.+?) -->\n(.*?)^<!-- /\1: \2 -->$", re.MULTILINE | re.DOTALL
@@ -77,8 +79,17 @@ def score(results: Path) -> None:
             raise SystemExit(status)
 
 
+def check_commands() -> None:
+    """End unless the commands of this checkout are those that are installed."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    ours = {entry for entry in registered(COMMANDS).values() if entry.value.startswith("pter_")}
+    if {each.name: each.value for each in ours} != project["entry-points"][COMMANDS]:
+        raise SystemExit("other commands are installed; install again: pip install -e .")
+
+
 def main(results: Path | None = None, score_first: bool = False) -> None:
     """Fill what the code declares and, with a folder of results, the leaderboards."""
+    check_commands()
     if results is not None and score_first:
         score(results)
     for block in blocks():

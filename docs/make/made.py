@@ -444,7 +444,7 @@ def argument(hint: Any, parameter: inspect.Parameter, meaning: str) -> list[str]
 def default_text(value: Any) -> str:
     """Return how a table shows the default of an argument."""
     match value:
-        case None | inspect.Parameter.empty:
+        case None | "" | inspect.Parameter.empty:
             return ""
         case bool():
             return "yes" if value else "no"

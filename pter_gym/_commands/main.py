@@ -61,7 +61,7 @@ def load_command(name: str) -> Command:
         return known[name].load()
     except ModuleNotFoundError as error:
         raise DependencyError(
-            f"{name}, which is {known[name].value}, does not load: {error}"
+            f"{name}, which is {known[name].value}, does not load: {error}; install again"
         ) from None
 
 

@@ -40,9 +40,7 @@ def test_help_shows_the_choices(capsys: pytest.CaptureFixture[str]) -> None:
         assert "slow|medium|brisk" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("quota", "cores"), [("150000 50000", 3), ("20000 50000", 1), ("max 1", 8)]
-)
+@pytest.mark.parametrize(("quota", "cores"), [("150 50", 3), ("20 50", 1), ("max 50", 8)])
 def test_a_container_has_the_cores_of_its_quota(
     quota: str, cores: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

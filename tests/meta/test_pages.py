@@ -1,6 +1,7 @@
 """Generated blocks of the pages say what the code declares."""
 
 import re
+from importlib.metadata import EntryPoint
 from typing import get_args
 
 import boards
@@ -43,6 +44,15 @@ def test_each_command_has_a_page() -> None:
     }
     assert asked == {(name, f"command {name}") for name in commands()}
     assert {path.stem for path in (DOCS / "commands").glob("*.md")} == set(commands())
+
+
+def test_commands_of_another_branch_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    known = fill.registered(fill.COMMANDS)
+    gone = EntryPoint("gone", "pter_gym.tools.gone.command:gone", fill.COMMANDS)
+    for installed in (known | {"gone": gone}, {}):
+        monkeypatch.setattr(fill, "registered", lambda _, found=installed: found)
+        with pytest.raises(SystemExit, match="install again"):
+            fill.main()
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
