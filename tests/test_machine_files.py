@@ -25,6 +25,7 @@ from pter_gym.params import (
 )
 from pter_gym.params._files import format_machine
 from pter_gym.scenarios import find_scenario
+from pter_gym.tasks._codec import codec
 
 TEXT = format_machine(BASELINE, "chosen: for tests", {})
 
@@ -161,17 +162,31 @@ def test_machines_about_one_come_back_and_are_drawn_with_their_covariance(tmp_pa
     assert load_machine(tmp_path / "m.toml") == BASELINE
     rng = np.random.default_rng(0)
     machines = [spread().draw(rng) for _ in range(4000)]
-    numbers = np.array([(m.arm.inertia_a, m.clutch_scale[1], m.arm.dry_a) for m in machines])
+    numbers = np.array([(m.arm.inertia_a, m.clutch_scale[0], m.arm.dry_a) for m in machines])
     found = np.cov(numbers[:, :2].T)
     np.testing.assert_allclose(found, np.array(spread().covariance)[:2, :2], rtol=0.1)
     assert 0.4 < (numbers[:, 2] == 0.0).mean() < 0.6
+    assert {m.clutch_scale[1:] for m in machines} == {BASELINE.clutch_scale[1:]}
     pairs = find_scenario("standard", spread()).draws.pairs(3)
     assert len({machine.arm.inertia_a for machine, _ in pairs}) == 3
+
+
+def test_places_that_count_from_0_are_read_with_a_warning(tmp_path: Path) -> None:
+    """An earlier version called clutch 1's strength ``clutch_scale.0``, and clutch 2's what is
+    clutch 1's now."""
+    save_machine(spread(), path := tmp_path / "m.toml", origin="chosen: by hand")
+    stored: Any = codec().to_plain(spread())
+    path.write_text(re.sub("first = .*", "", path.read_text("utf-8")), "utf-8")
+    del stored["first"]
+    for read in (lambda: find_machines(path), lambda: codec().from_plain(stored)):
+        with pytest.warns(DeprecationWarning, match="from 0"):
+            assert read() == spread(places=("arm.inertia_a", "clutch_scale.2", "arm.dry_a"))
 
 
 @pytest.mark.parametrize(
     "changes",
     [
+        {"places": ("arm.inertia_a", "clutch_scale.0", "arm.dry_a")},
         {"places": ("arm.inertia_a", "arm.colour", "arm.dry_a")},
         {"covariance": ((1.0,),)},
         {"covariance": ((1.0, 2.0, 0.0), (2.0, 1.0, 0.0), (0.0, 0.0, 1.0))},

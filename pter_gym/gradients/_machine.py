@@ -2,10 +2,11 @@
 """Derivatives by a machine's parameters, from those by the kernels' constants."""
 
 import math
-from dataclasses import fields, is_dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from pter_gym.gradients._tracing import adjoint_of
 from pter_gym.params import Machine, find_machine
 from pter_gym.params._connection import BRAKE_A, BRAKE_B
 from pter_gym.params._fields import require
+from pter_gym.params._spread import map_numbers, numbers_of
 
 MAX_SUBSTEPS = 10_000
 
@@ -34,23 +36,14 @@ def divided(machine: Machine | str | None, period: float) -> tuple[Machine, int]
     return machine if substep == machine.substep else replace(machine, substep=substep), count
 
 
-def numbers_of(machine: Machine) -> dict[str, float]:
-    """Return the numbers of a machine on which its motion depends, by their places."""
-    found: dict[str, float] = {}
-    copied(machine, "", found.setdefault)
-    return found
-
-
 def by_machine(machine: Machine, bar: Any) -> dict[str, float]:
     """Return derivatives by a machine's parameters, from those by a body's (entries, 1)."""
     places = numbers_of(machine)
     rows = BODY_WIDTH + len(places)
     w, adjoints = np.zeros((rows, 1)), np.zeros((rows, 1))
-    w[BODY_WIDTH:, 0] = [*places.values()]
+    w[BODY_WIDTH:, 0] = [number.value for number in places.values()]
     adjoints[:BODY_WIDTH] = bar
-    # in the branch of a hand that has no damping
-    with np.errstate(divide="ignore", invalid="ignore"):
-        _adjoint(machine.clutch.lag, len(machine.clutches))(w, 0, adjoints)
+    _adjoint(machine.clutch.lag, len(machine.clutches))(w, 0, adjoints)
     by = dict(zip(places, adjoints[BODY_WIDTH:, 0].tolist(), strict=True))
     del by["substep"]  # what a longer substep does is no change of the machine
     if not machine.has_paper_clutches:  # dry friction is with the slot that slips as its axis does
@@ -68,37 +61,19 @@ def _adjoint(lag: str, clutches: int) -> Any:
     rows = {place: BODY_WIDTH + k for k, place in enumerate(numbers_of(some))}
 
     def stage(w: Any, i: int) -> None:
-        def number(place: str, _: float) -> Any:
-            return w[rows[place], i]
-
-        store(w, BODY.machine, i, model_of(copied(some, "", number)))
+        varying = with_any_numbers(some, lambda place, _: w[rows[place], i])
+        store(w, BODY.machine, i, model_of(varying))
 
     return adjoint_of(stage)
 
 
-def copied(value: Any, place: str, number: Any) -> Any:
-    """Return a machine, or a part of it, with other numbers: ``number(place, value)``."""
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return number(place, float(value))
-    if place.startswith("hand.") and isinstance(value, tuple):
-        return tuple(
-            number(f"{place}.{k}", each)
-            for k, each in enumerate(cast("tuple[float, ...]", value), 1)
-        )
-    if not is_dataclass(value):
-        return value
-    inner = {item.name: getattr(value, item.name) for item in fields(value)}
-    copy = SimpleNamespace(
-        **{
-            name: copied(each, f"{place}.{name}" if place else name, number)
-            for name, each in inner.items()
-        }
-    )
-    if isinstance(value, Machine):
-        scale = value.slot_scale
-        places = (f"clutch_scale.{x + 1}" for x in range(len(value.clutches)))
-        copy.slot_scale = (
-            *(number(each, s) for each, s in zip(places, scale, strict=False)),
-            *scale[len(value.clutches) :],
-        )
-    return copy
+def with_any_numbers(machine: Machine, number_at: Callable[[str, float], Any]) -> Any:
+    """Return what ``model_of`` reads of a machine, with ``number_at(place, value)`` as numbers."""
+
+    def make(owner: Any, **made: Any) -> SimpleNamespace:
+        if owner is machine:
+            count = len(machine.clutches)
+            made["slot_scale"] = *made["clutch_scale"][:count], *machine.slot_scale[count:]
+        return SimpleNamespace(**made)
+
+    return map_numbers(machine, lambda place, number: number_at(place, number.value), make)

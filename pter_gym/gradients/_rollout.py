@@ -220,6 +220,7 @@ def checked(
     )
 
 
+@np.errstate(all="ignore")  # of kernels that are not compiled
 def run(inputs: Inputs) -> Rollout:
     """Simulate checked inputs."""
     states = np.empty((len(inputs.volts) + 1, LAST - FIRST))
@@ -250,6 +251,7 @@ def tip_motion(states: Any, arm: Any, library: Any) -> tuple[Any, Any]:
     return tuple(library.stack(of(arm, q), axis=-1) for of in (tip_position, tip_velocity))
 
 
+@np.errstate(divide="ignore", invalid="ignore")  # in branches that are not taken
 def gradient_of(inputs: Inputs, states: Array, by_states: Array) -> Gradient:
     """Return the gradient of a scalar, from its derivatives by the states at control instants."""
     volts, force, target = (

@@ -28,9 +28,10 @@ from pter_gym._physics.model import arrangement_of, model_of
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, State
 from pter_gym.gradients._adjoint import BACKWARD_TYPES, FIRST, FORWARD_TYPES, LAST, kernels
 from pter_gym.gradients._branchless import branchless
-from pter_gym.gradients._machine import copied, divided, numbers_of
+from pter_gym.gradients._machine import divided, with_any_numbers
 from pter_gym.gradients._rollout import STATE, tip_motion
 from pter_gym.params import Machine
+from pter_gym.params._spread import numbers_of
 
 jnp: Any = _numpy
 custom_vmap: Any = _custom_vmap
@@ -133,7 +134,8 @@ def make_rollout(
     """
     cpu_device()
     machine, substeps = divided(machine, period)
-    defaults = {place: value for place, value in numbers_of(machine).items() if place != "substep"}
+    defaults = {place: number.value for place, number in numbers_of(machine).items()}
+    del defaults["substep"]
     fixed = jnp.asarray(on_cpu(np.array(flat(arrangement_of(machine)))))
     to_model = branchless(model_of, MEANING, {})
     roll = rolling(machine.has_paper_clutches, machine.substep)
@@ -164,7 +166,7 @@ def make_rollout(
         values = defaults | {
             place: _floats(place, each, ()) for place, each in (numbers or {}).items()
         }
-        model = to_model(copied(machine, "", values.get))
+        model = to_model(with_any_numbers(machine, values.get))
         a, b = at["theta"]
         units = jnp.stack([jnp.cos(a), jnp.sin(a), jnp.cos(b), jnp.sin(b)])
         motion = jnp.concatenate([at["theta"], at["omega"], units])

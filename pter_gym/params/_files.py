@@ -82,7 +82,8 @@ def find_machines(machine: Machine | FilePath) -> Machine | MachineSpread:
         return middle
     with reading(f"machine {source}"):
         rows = tuple(tuple(map(float, row)) for row in table["covariance"])
-        return MachineSpread(machine=middle, places=tuple(table["places"]), covariance=rows)
+        first, places = table.get("first", 0), tuple(table["places"])
+        return MachineSpread(machine=middle, places=places, covariance=rows, first=first)
 
 
 def is_machine_file(machine: object) -> bool:
@@ -162,6 +163,7 @@ def format_machine(
     if isinstance(machine, MachineSpread):
         table = [
             f"\n[{UNCERTAINTY}]  # of normally distributed numbers, in products of their units",
+            f"first = {machine.first}  # clutch_scale.1 is the strength of clutch 1",
             f"places = {json.dumps(machine.places)}",
             f"covariance = {json.dumps(machine.covariance)}\n",
         ]

@@ -1,8 +1,10 @@
 """Machines about one: what a log leaves open of its numbers."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any, cast
+import re
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -26,9 +28,13 @@ class MachineSpread(Checked):
     machine
         The machine in the middle.
     places
-        What varies: the places of numbers, such as ``arm.inertia_a`` or ``clutch_scale.0``.
+        What varies: the places of numbers, such as ``arm.inertia_a`` or ``clutch_scale.1``, the
+        strength of clutch 1.
     covariance
         Covariance of these numbers, a row for each, in products of their units.
+    first
+        The number of a tuple's first entry in ``places``, 1. Stored data of earlier versions lack
+        it: they count from 0, and are converted with a warning.
 
     Raises
     ------
@@ -39,11 +45,14 @@ class MachineSpread(Checked):
     machine: Machine
     places: tuple[str, ...]
     covariance: tuple[tuple[float, ...], ...]
+    first: int = field(default=1, metadata={"older": 0, "limits": {"at_least": 0, "below": 2}})
 
     def __post_init__(self) -> None:
         """Check places and covariance."""
         super().__post_init__()
-        known = numbers_with_limits(self.machine)
+        if self.first == 0:
+            self._count_from_one()
+        known = numbers_of(self.machine)
         for place in self.places:
             require(place in known, self, "places", "places of a machine's numbers", got=place)
         count = len(self.places)
@@ -63,11 +72,24 @@ class MachineSpread(Checked):
             "finite, symmetric and without negative eigenvalues",
         )
 
+    def _count_from_one(self) -> None:
+        places = tuple(
+            re.sub(r"\d+$", lambda index: str(int(index[0]) + 1), place) for place in self.places
+        )
+        if places != self.places:
+            warnings.warn(
+                "these places count a tuple's entries from 0, as an earlier version did; the next "
+                "one will not read them: store the machines again, with first = 1",
+                DeprecationWarning,
+                stacklevel=4,
+            )
+        object.__setattr__(self, "places", places)
+        object.__setattr__(self, "first", 1)
+
     def draw(self, rng: np.random.Generator) -> Machine:
         """Return a machine drawn with a generator."""
-        known = numbers_with_limits(self.machine)
-        middle = np.array([known[place][0] for place in self.places])
-        least = np.array([known[place][1] for place in self.places])
+        known = numbers_of(self.machine)
+        middle, least = np.array([known[place] for place in self.places]).reshape(-1, 2).T
         sizes, directions = np.linalg.eigh(np.array(self.covariance, np.float64))
         factor = directions * np.sqrt(sizes.clip(0.0))
         for attempt in range(TRIES):
@@ -90,38 +112,49 @@ def middle_of(machine: Machine | MachineSpread) -> Machine:
     return machine.machine if isinstance(machine, MachineSpread) else machine
 
 
-def numbers_with_limits(owner: Any, place: str = "") -> dict[str, tuple[float, float]]:
-    """Return the numbers of a dataclass by their places, each with the least that is accepted."""
-    return dict(_numbers(owner, place))
+class Number(NamedTuple):
+    """A number of a machine: its value, and the least that its field accepts."""
+
+    value: float
+    least: float
 
 
-def _numbers(owner: Any, place: str) -> Iterator[tuple[str, tuple[float, float]]]:
+def numbers_of(machine: Machine) -> dict[str, Number]:
+    """Return the numbers of a machine by their places; entries of tuples count from 1."""
+    found: dict[str, Number] = {}
+
+    def note(place: str, number: Number) -> float:
+        return found.setdefault(place, number).value
+
+    map_numbers(machine, note, replace)
+    return found
+
+
+def with_numbers(machine: Machine, values: Mapping[str, float]) -> Machine:
+    """Return a machine with other numbers at places, or raise a ParameterError."""
+    return map_numbers(machine, lambda place, number: values.get(place, number.value), replace)
+
+
+def map_numbers(
+    owner: Any, at: Callable[[str, Number], Any], make: Callable[..., Any], before: str = ""
+) -> Any:
+    """Return ``make(owner, **fields)``, each number in the fields replaced by ``at(place, it)``.
+
+    ``owner`` is a machine or a part of one, whose places begin with ``before``. The strengths of
+    clutches that it has not are no numbers.
+    """
+    made: dict[str, Any] = {}
     for item in fields(owner):
-        value, where = getattr(owner, item.name), f"{place}{item.name}"
+        value, place = getattr(owner, item.name), before + item.name
         least = item.metadata.get("limits", {}).get("at_least", -np.inf)
         if is_dataclass(value):
-            yield from _numbers(value, f"{where}.")
-        elif isinstance(value, float):
-            yield where, (value, least)
-        elif isinstance(value, tuple):
-            entries = enumerate(cast("tuple[Any, ...]", value))
-            yield from ((f"{where}.{k}", (x, least)) for k, x in entries if isinstance(x, float))
-
-
-def with_numbers(owner: Any, numbers: Mapping[str, float]) -> Any:
-    """Return a dataclass with other numbers at places, or raise a ParameterError."""
-    parts: dict[str, dict[str, float]] = {}
-    for place, value in numbers.items():
-        name, _, rest = place.partition(".")
-        parts.setdefault(name, {})[rest] = value
-    changes: dict[str, Any] = {}
-    for name, inner in parts.items():
-        old = getattr(owner, name)
-        if is_dataclass(old):
-            changes[name] = with_numbers(old, inner)
-        elif isinstance(old, tuple):
-            entries = enumerate(cast("tuple[Any, ...]", old))
-            changes[name] = tuple(inner.get(str(k), x) for k, x in entries)
-        else:
-            changes[name] = inner[""]
-    return replace(owner, **changes)
+            value = map_numbers(value, at, make, f"{place}.")
+        elif isinstance(value, tuple) and item.name != "clutches":
+            entries = cast("tuple[float, ...]", value)
+            count = len(owner.clutches) if item.name == "clutch_scale" else len(entries)
+            numbered = enumerate(entries[:count], 1)
+            value = *(at(f"{place}.{k}", Number(x, least)) for k, x in numbered), *entries[count:]
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            value = at(place, Number(value, least))
+        made[item.name] = value
+    return make(owner, **made)

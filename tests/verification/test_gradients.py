@@ -21,10 +21,10 @@ from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.gradients._adjoint import FIRST, LAST, aim, drift, kick_adjoints, kick_stages
 from pter_gym.gradients._branchless import Column, branchless
 from pter_gym.gradients._friction import resolve_adjoint
-from pter_gym.gradients._machine import numbers_of
 from pter_gym.gradients._tangent import KICK, stages_in_span
 from pter_gym.gradients._tracing import adjoint_of, tangent_of
 from pter_gym.params import BASELINE, MACHINES, Hand, Machine
+from pter_gym.params._spread import numbers_of, with_numbers
 
 EPS = float(np.finfo(float).eps)
 EACH = 10_000
@@ -243,18 +243,6 @@ def drawn(machine: Machine, steps: int, seed: int) -> dict[str, Any]:
     }
 
 
-def changed(machine: Any, place: str, value: float) -> Any:
-    """A machine with another number at a place."""
-    name, _, rest = place.partition(".")
-    if name == "clutch_scale":
-        scale = [*machine.clutch_scale]
-        scale[int(rest) - 1] = value
-        return replace(machine, clutch_scale=tuple(scale))
-    return replace(
-        machine, **{name: changed(getattr(machine, name), rest, value) if rest else value}
-    )
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "kind", [pytest.param(k, marks=pytest.mark.long if k == "other clutches" else ()) for k in ALL]
@@ -306,7 +294,7 @@ def test_a_rollout_has_the_gradient_of_paired_rollouts(kind: str):
         assert np.sum(getattr(gradient.state, name) * z) == pytest.approx(
             moved, rel=1e-5, abs=1e-5
         ), name
-    for place, value in numbers_of(ALL[kind]).items():
+    for place, (value, _) in numbers_of(ALL[kind]).items():
         if alone and place.startswith(("clutch.breakaway", "clutch.dynamic")):
             continue
         if place not in ("substep", "delay") and not (
@@ -316,7 +304,7 @@ def test_a_rollout_has_the_gradient_of_paired_rollouts(kind: str):
             moved = paired(
                 "machine",
                 partial(
-                    lambda e, place, value: changed(ALL[kind], place, value + e),
+                    lambda e, place, value: with_numbers(ALL[kind], {place: value + e}),
                     place=place,
                     value=value,
                 ),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, MachineSpread, find_machine
-from pter_gym.params._spread import numbers_with_limits
+from pter_gym.params._spread import numbers_of
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.balance import first_estimate
 from pter_gym.tools.identification.evidence import admit_terms, find_differences
@@ -341,11 +341,9 @@ def _results(
     rates = np.abs(slopes[rows, range(len(rows))])
     model = np.divide(wide[rows], rates, out=np.zeros_like(rates), where=rates > 0.0)
     whole = (quantile**2 * covariance + np.diag(model**2)) / NORMAL**2
-    by = _slopes(
-        fit, lambda p: [value for value, _ in numbers_with_limits(shape.machine(p)).values()]
-    )
+    by = _slopes(fit, lambda p: [number.value for number in numbers_of(shape.machine(p)).values()])
     moves = np.flatnonzero(np.abs(by).max(axis=1))
-    places = tuple(np.array(list(numbers_with_limits(machine)))[moves].tolist())
+    places = tuple(np.array(list(numbers_of(machine)))[moves].tolist())
     among = by[moves] @ whole @ by[moves].T
     matrix = tuple(tuple(row) for row in (0.5 * (among + among.T)).tolist())
     return findings, MachineSpread(machine=machine, places=places, covariance=matrix)
