@@ -2,6 +2,7 @@
 
 import os
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 import hypothesis
 import pytest
@@ -30,6 +31,13 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         import kernels
 
         kernels.compile_all()
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """With ``-m smoke``, import only files that have such tests."""
+    if config.option.markexpr == "smoke" and collection_path.suffix == ".py":
+        return "mark.smoke" not in collection_path.read_text("utf-8") or None
+    return None
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
