@@ -5,9 +5,11 @@ The front door is light.
 
 import ast
 import importlib
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from fnmatch import fnmatch
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -130,3 +132,19 @@ def test_what_is_not_needed_is_not_loaded(statement: str, unwanted: set[str]) ->
     command = [sys.executable, "-c", f"{statement}\nimport sys; print(*sys.modules)"]
     modules = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
     assert not unwanted & ({*modules} | {name.split(".")[0] for name in modules})
+
+
+def test_every_file_of_the_core_has_its_tests_in_the_guide() -> None:
+    """A name without a folder is in the folder of the one before it."""
+    guide, known = (PACKAGE.parent / "CONTRIBUTING.md").read_text("utf-8"), list[str]()
+    (table,) = re.findall(r"Run, in `tests` \|\n\|---\|---\|\n(.*?)\n\n", guide, re.DOTALL)
+    for names, tests in re.findall(r"^\| (.*?) \| `([^` ]*).*\|$", table, re.MULTILINE):
+        assert (Path(__file__).parents[1] / tests.replace("NAME", "web")).exists(), tests
+        folder = ""
+        for name in re.findall(r"`(.*?)`", names):
+            folder = name.rpartition("/")[0] if "/" in name else folder
+            known.append(f"{folder}/{name.rpartition('/')[2]}".lstrip("/"))
+    files = {path.relative_to(PACKAGE).with_suffix("").as_posix() for path in MODULES.values()}
+    files -= {each for each in files if each.startswith("tools/") or each.endswith("__")}
+    named = {file for file in files for each in known if fnmatch(file, each)}
+    assert named == files - {"_version"}
