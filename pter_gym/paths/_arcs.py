@@ -67,6 +67,11 @@ class Arcs:
         """Total arc length [m]."""
         return float(self.table[-1, int(SEGMENT.start)] + self.table[-1, int(SEGMENT.length)])
 
+    @property
+    def max_curvature(self) -> float:
+        """Largest absolute curvature [1/m]."""
+        return float(np.abs(self.table[:, int(SEGMENT.curvature)]).max())
+
     def numbers_at(self, s: ArrayLike) -> NDArray[np.intp]:
         """Return the numbers of the arcs at arc lengths [m] of any shape."""
         return np.searchsorted(
@@ -141,7 +146,7 @@ class Path(Checked, ABC):
     @property
     def max_curvature(self) -> float:
         """Largest absolute curvature [1/m]."""
-        return float(np.abs(self.arcs.table[:, int(SEGMENT.curvature)]).max())
+        return self.arcs.max_curvature
 
     def point(self, s: float) -> tuple[float, float]:
         """Return the point (x, y) [m] at an arc length [m]."""
@@ -239,11 +244,20 @@ ParametricCurve = Callable[[float], tuple[complex, complex]]
 """A smooth curve: parameter to point [m] and derivative."""
 
 
-def fit_arcs(curve: ParametricCurve, knots: Sequence[float]) -> Arcs:
-    """Return arcs within ``TOLERANCE`` of a smooth curve whose parameter runs through the knots."""
+def fit_arcs(curve: ParametricCurve, knots: Sequence[float], sharpest: float = math.inf) -> Arcs:
+    """Return arcs within ``TOLERANCE`` of a smooth curve whose parameter runs through the knots.
+
+    Raises
+    ------
+    ArithmeticError
+        If an arc has at least the curvature ``sharpest`` [1/m].
+    """
     pieces: list[Piece] = []
     for begin, end in pairwise(knots):
-        pieces.extend(_fit(curve, begin, end))
+        for piece in _fit(curve, begin, end):
+            if abs(piece[2]) >= sharpest:
+                raise ArithmeticError(f"it bends by {piece[2]:g} 1/m")
+            pieces.append(piece)
     return chain(pieces)
 
 

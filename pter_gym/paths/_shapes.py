@@ -16,7 +16,16 @@ from pter_gym._internal.files import TABLE_ENDINGS, FilePath, has_ending
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import parameter, require
-from pter_gym.paths._arcs import Arcs, ParametricCurve, Path, Piece, arc_between, chain, fit_arcs
+from pter_gym.paths._arcs import (
+    TOLERANCE,
+    Arcs,
+    ParametricCurve,
+    Path,
+    Piece,
+    arc_between,
+    chain,
+    fit_arcs,
+)
 from pter_gym.paths._names import PATH_NAMES
 
 Points = tuple[tuple[float, float], ...]
@@ -31,6 +40,9 @@ _ACROSS = "fitted: across the workspace"
 
 WITHIN: dict[str, Any] = {"at_least": -MAX_COORDINATE, "at_most": MAX_COORDINATE}
 SIZE: dict[str, Any] = {"above": 0.0, "at_most": MAX_COORDINATE}
+
+DISTANCES = TOLERANCE * 10.0 ** (0.1 * np.arange(81.0))
+"""Distances from its waypoints that are tried for a smoothing spline [m]."""
 
 WEIGHTS = (-90.0, 20.0)
 """Logarithms of the weights of curvature, for paths of length 1, with which a spline passes through
@@ -130,8 +142,9 @@ class Sine(Path):
 class Spline(Path):
     """A natural cubic spline through waypoints (x, y) [m], parametrised by chord length.
 
-    With ``smooth`` it passes by the waypoints, by that many metres (root mean square) in x and in
-    y, the noise of a recorded path, and has the least curvature that allows.
+    With ``smooth`` it may pass by the waypoints, by up to that many metres (root mean square) in x
+    and in y, the noise of a recorded path. Of the natural smoothing splines within that distance it
+    is the one with the widest sharpest bend: at a larger distance, narrow hairpins get sharper.
     """
 
     points: Points = parameter("m", "chosen")
@@ -152,9 +165,6 @@ class Spline(Path):
         knots = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)))]).tolist()
         if len(knots) == 2:
             return chain([arc_between(points[0], (points[1] - points[0]) / knots[1], points[1])])
-        if self.smooth > 0.0:
-            points = smoothed(knots, points, self.smooth)
-        coefficients: Any = interpolate.CubicSpline(knots, points, bc_type="natural").c.T.tolist()
 
         def curve(t: float) -> tuple[complex, complex]:
             piece = min(bisect_right(knots, t), len(knots) - 1) - 1
@@ -162,7 +172,17 @@ class Spline(Path):
             u = t - knots[piece]
             return ((a * u + b) * u + c) * u + d, (3.0 * a * u + 2.0 * b) * u + c
 
-        return _fitted(self, curve, knots)
+        found: list[Arcs] = []
+        for distance in (*DISTANCES[self.smooth >= DISTANCES][::-1].tolist(), 0.0):
+            near = smoothed(knots, points, distance) if distance else points
+            coefficients: Any = interpolate.CubicSpline(knots, near, bc_type="natural").c.T.tolist()
+            try:
+                sharpest = found[-1].max_curvature if found else math.inf
+                found.append(_fitted(self, curve, knots, sharpest))
+            except ParameterError:
+                if not distance and not found:
+                    raise
+        return found[-1]
 
 
 def smoothed(knots: Sequence[float], points: Any, distance: float) -> Any:
@@ -249,7 +269,9 @@ class Polyline(Path):
         )
 
 
-def _fitted(path: Path, curve: ParametricCurve, knots: Sequence[float]) -> Arcs:
+def _fitted(
+    path: Path, curve: ParametricCurve, knots: Sequence[float], sharpest: float = math.inf
+) -> Arcs:
     """Return arcs along a curve, or raise a ParameterError if it turns back or needs too many."""
     looks = count(1)
 
@@ -259,7 +281,7 @@ def _fitted(path: Path, curve: ParametricCurve, knots: Sequence[float]) -> Arcs:
         return curve(t)
 
     try:
-        return fit_arcs(counted, knots)
+        return fit_arcs(counted, knots, sharpest)
     except (ArithmeticError, ValueError) as error:
         raise ParameterError(
             f"{type(path).__name__} must be a smooth curve that never turns back on itself, of "
