@@ -422,8 +422,11 @@ class Picture:
             if size:
                 upwards = np.array([ahead[1], -ahead[0]]) * math.copysign(1.0, ahead[0])
                 beside = upwards * (1.6 * size, 1.2 * size)  # the path ahead
-                x, y = tip + length * ahead + beside
-                canvas.text(f"{strength:.0f} N", x, y, size, FORCE, "m")
+                text = f"{strength:.0f} N"
+                room = 0.5 * np.array([text_width(text, size), size])
+                edge = np.array([self._extent[0], self._panel.low])
+                x, y = np.clip(tip + length * ahead + beside, room, edge - room)
+                canvas.text(text, x, y, size, FORCE, "m")
         canvas.disc(tip, 9 * unit, BACKGROUND)
         canvas.disc(tip, 7.5 * unit, INK)
 

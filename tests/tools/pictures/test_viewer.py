@@ -88,6 +88,21 @@ def test_any_size_can_be_drawn(width: int, height: int):
     )
 
 
+@pytest.mark.parametrize("direction", np.arange(8) * math.pi / 4)
+def test_the_name_of_a_force_is_never_cut(direction: float, monkeypatch: pytest.MonkeyPatch):
+    written = dict[str, tuple[float, float]]()
+    monkeypatch.setattr(
+        drawing.Canvas, "text", lambda _0, text, x, y, *_1: written.update({text: (x, y)})
+    )
+    picture = Picture(Subject(BASELINE, TASK), 480, 400)
+    force = {"force_x": 900 * math.cos(direction), "force_y": 900 * math.sin(direction)}
+    picture.draw(row(**force), TRAIL)
+    half = 0.5 * drawing.text_width("900 N", picture._size)
+    x, y = written["900 N"]
+    assert half <= x <= 480 - half
+    assert 0.5 * picture._size <= y <= picture._panel.low - 0.5 * picture._size
+
+
 def test_mode_is_checked():
     with pytest.raises(ParameterError, match="mode"):
         Viewer(BASELINE, TASK, "ansi")  # pyright: ignore[reportArgumentType]
