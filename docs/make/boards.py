@@ -135,7 +135,8 @@ def suite(results: Path) -> str:
     columns = {scenario: in_order(found) for scenario, found in boards.items()}
 
     def errors(row: list[Standing | None]) -> str:
-        return ", ".join(marked(millimetres(each.error.value), each) for each in row if each)
+        cells = (marked(millimetres(each.error.value), each) for each in row if each)
+        return "<br>".join(map(joined, cells))
 
     rows = [
         [code(name), *(errors(column.get(name, [])) for column in columns.values())]

@@ -238,8 +238,8 @@ ROWS = {
 
 STYLE = (
     "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;"
-    "color-scheme:light dark}table{border-collapse:collapse}td,th{padding:.2rem .8rem;"
-    "text-align:right}td:first-child,th:first-child{text-align:left}"
+    "color-scheme:light dark}table{border-collapse:collapse;display:block;overflow-x:auto}"
+    "td,th{padding:.2rem .8rem;text-align:right}td:first-child,th:first-child{text-align:left}"
     "img{max-width:100%;background:#fff}figure{margin:1.5rem 0}"
 )
 
