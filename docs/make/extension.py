@@ -1,6 +1,7 @@
 """Our part of Sphinx: formulas as MathML, notebooks, and docstrings with tables of fields."""
 
 import inspect
+import re
 import shutil
 from collections.abc import Iterable
 from dataclasses import MISSING, fields, is_dataclass
@@ -17,6 +18,9 @@ from sphinx.pycode import ModuleAnalyzer
 
 PAGES = {"pter_gym.envs._single.PathFollowingEnv": "/environment"}
 """Classes whose docstring is a page in Markdown."""
+
+COMMAND = re.compile(r"(pter|pip|python3?|docker|\w+=\w+ \S+|\.venv/bin/\w+) ")
+"""How a block of commands begins."""
 
 
 def inline_formula(translator: Any, node: nodes.math) -> None:
@@ -135,6 +139,13 @@ def unlink(app: Sphinx, doctree: nodes.document) -> None:
             link.replace_self(link.children)
 
 
+def tell_commands(app: Sphinx, doctree: nodes.document) -> None:
+    """Give indented blocks that begin with a command the language of a shell."""
+    for block in doctree.findall(nodes.literal_block):
+        if COMMAND.match(block.astext()) and block.get("language") in (None, "none", "default"):
+            block["language"] = "sh"
+
+
 def shorten_side_bar(
     app: Sphinx, page: str, template: str, context: dict[str, Any], tree: Any
 ) -> None:
@@ -153,4 +164,5 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("autodoc-skip-member", choose)
     app.connect("viewcode-follow-imported", follow)
     app.connect("doctree-read", unlink)
+    app.connect("doctree-read", tell_commands)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
