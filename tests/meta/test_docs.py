@@ -68,7 +68,7 @@ def test_readme_trains_with_the_example():
     assert readme("example") == code
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.agents
 @pytest.mark.filterwarnings("ignore:rich is experimental")
 @pytest.mark.parametrize(
@@ -108,9 +108,7 @@ def test_readme_steps_the_environment(capsys: pytest.CaptureFixture[str]):
     assert f"prints `{capsys.readouterr().out.strip()}`" in README.read_text("utf-8")
 
 
-MARKS = dict.fromkeys(("extending", "model", "your-algorithm"), pytest.mark.slow) | {
-    "gradients": pytest.mark.long
-}
+MARKS = dict.fromkeys(("gradients", "your-algorithm"), pytest.mark.long)
 
 
 @pytest.mark.parametrize(
@@ -193,7 +191,7 @@ def test_the_tables_of_the_page_on_watching_are_read(
     assert re.search(r"\d", capsys.readouterr().out)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_page_on_watching_records_videos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     pytest.importorskip("moviepy")
     pytest.importorskip("pygame")
