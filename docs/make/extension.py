@@ -140,10 +140,10 @@ def unlink(app: Sphinx, doctree: nodes.document) -> None:
 
 
 def tell_commands(app: Sphinx, doctree: nodes.document) -> None:
-    """Give indented blocks that begin with a command the language of a shell."""
+    """Make blocks that begin with a command text, which breaks rather than leaves the page."""
     for block in doctree.findall(nodes.literal_block):
         if COMMAND.match(block.astext()) and block.get("language") in (None, "none", "default"):
-            block["language"] = "sh"
+            block["language"] = "text"
 
 
 def shorten_side_bar(
