@@ -379,7 +379,7 @@ def followed_lines(result: Result) -> Figure:
     )
     names = "without torque feedback", f"with torque feedback, $K_p$ = {BEST_GAIN:g} V/(in·lbf)"
     for (run,), name in zip(result.runs.values(), names, strict=True):
-        average = f"{run.score.mean_error_m / MILLIMETRE:.1f} mm on average"
+        average = f"{run.score.path_average_error_m / MILLIMETRE:.1f} mm on average"
         arc_length, error = (
             column(run.telemetry, "arc_length"),
             column(run.telemetry, "normal_error"),

@@ -42,7 +42,7 @@ class Sweep:
     time_constant
         Of the clutches [s].
     position_error, path_length
-        Average distance from the path, and distance travelled by the tip [m].
+        Path average of the distance from the path, and distance travelled by the tip [m].
     tip_speed, tip_acceleration, peak_acceleration
         Mean speed [m/s]; mean and largest acceleration after the start-up interval [m/s²].
     completed
@@ -89,7 +89,7 @@ def sweep_of(runs: Sequence[Run]) -> Sweep:
     """Return the scores of runs at several time constants."""
     return Sweep(
         time_constant=np.array([run.time_constant for run in runs]),
-        position_error=np.array([run.score.mean_error_m for run in runs]),
+        position_error=np.array([run.score.path_average_error_m for run in runs]),
         tip_speed=np.array([run.score.mean_speed_m_s for run in runs]),
         tip_acceleration=np.array([run.score.mean_acceleration_m_s2 for run in runs]),
         peak_acceleration=np.array([run.score.peak_acceleration_m_s2 for run in runs]),

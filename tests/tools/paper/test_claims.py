@@ -28,6 +28,7 @@ NOT_MET = {
     "weakest-slips",
     "trend-peak-acceleration",
     "trend-path-length",
+    "theoretical-better-than-baseline",
     "theoretical-better-than-experimental",
     "delrins-tip-speed",
     "delrins-tip-acceleration",

@@ -8,20 +8,24 @@ import pytest
 from pter_gym._commands import main as cli
 from pter_gym.errors import ParameterError
 from pter_gym.tools.paper import outputs
+from pter_gym.tools.paper.experiments import Experiments
 from pter_gym.tools.paper.figures import PICTURES
 from pter_gym.tools.paper.outputs import OUTPUTS, find_outputs, make_outputs
+from pter_gym.tools.paper.tables import COLUMNS, csv_text
 
 
 @pytest.fixture(scope="module")
 def files(experiments) -> dict[str, bytes]:
-    return make_outputs(experiments, OUTPUTS)[0]
+    return make_outputs(experiments, ["table1"])[0]
 
 
-def rows_of(content: bytes) -> list[dict[str, str]]:
-    return list(csv.DictReader(content.decode().splitlines()))
+def rows_of(name: str, experiments: Experiments) -> list[dict[str, str]]:
+    return list(csv.DictReader(csv_text(COLUMNS[name](experiments)).splitlines()))
 
 
-def test_there_is_a_picture_and_a_table_for_everything(files):
+@pytest.mark.long
+def test_there_is_a_picture_and_a_table_for_everything(experiments):
+    files, _ = make_outputs(experiments, OUTPUTS)
     pictures, tables = {f"{name}.png" for name in PICTURES}, {f"{name}.csv" for name in OUTPUTS}
     assert set(files) == {*pictures, *tables, "table1.json", "claims.json"}
     for name in pictures:
@@ -39,18 +43,18 @@ def test_table_1_keeps_its_contract(files, experiments):
         assert tuple(row.values()) == experiments.table1[name]
 
 
-def test_data_of_a_figure_are_its_experiment(files, experiments):
+def test_data_of_a_figure_are_its_experiment(experiments):
     for name, sweep in experiments.sweeps.items():
         errors = [
             float(row["position_error_m"])
-            for row in rows_of(files["fig7.csv"])
+            for row in rows_of("fig7", experiments)
             if row["model"] == name
         ]
         assert errors == pytest.approx(sweep.position_error.tolist(), rel=1e-8)
-    largest = max(float(row["clutch_torque_in_lbf"]) for row in rows_of(files["fig4.csv"]))
+    largest = max(float(row["clutch_torque_in_lbf"]) for row in rows_of("fig4", experiments))
     assert largest == pytest.approx(63.5, abs=0.2)
     measured = [
-        float(row["volts_v"]) for row in rows_of(files["fig5.csv"]) if row["bench_dynamic_nm"]
+        float(row["volts_v"]) for row in rows_of("fig5", experiments) if row["bench_dynamic_nm"]
     ]
     assert min(measured) == 4.0
 
@@ -63,11 +67,12 @@ def test_the_same_experiments_give_the_same_bytes(files, experiments):
 
 
 def test_one_figure_writes_its_files_alone(tmp_path, capsys):
-    assert cli.main(["reproduce", "fig9", "fig4", "--pdf", "--out", str(tmp_path / "a" / "b")]) == 0
-    wanted = {f"{name}.{kind}" for name in ("fig4", "fig9") for kind in ("png", "pdf", "csv")}
+    folder = str(tmp_path / "a" / "b")
+    assert cli.main(["reproduce", "fig11", "step", "--pdf", "--out", folder]) == 0
+    wanted = {f"{name}.{kind}" for name in ("step", "fig11") for kind in ("png", "pdf", "csv")}
     assert {path.name for path in (tmp_path / "a" / "b").iterdir()} == {*wanted, "claims.json"}
-    assert (tmp_path / "a" / "b" / "fig9.pdf").read_bytes().startswith(b"%PDF-")
-    assert "prediction" in capsys.readouterr().out
+    assert (tmp_path / "a" / "b" / "fig11.pdf").read_bytes().startswith(b"%PDF-")
+    assert "calibration" in capsys.readouterr().out
 
 
 def test_an_unknown_figure_is_refused_before_any_work(tmp_path):

@@ -38,7 +38,9 @@ def test_a_sweep_is_the_benchmark_on_each_machine():
             {"": IMPEDANCE}, machine=machine, task=setup.task, time_constants=TAUS
         ).runs[""]
         scores = [run.score for run in runs]
-        assert sweeps[name].position_error.tolist() == [score.mean_error_m for score in scores]
+        assert sweeps[name].position_error.tolist() == [
+            score.path_average_error_m for score in scores
+        ]
         assert sweeps[name].tip_speed.tolist() == [score.mean_speed_m_s for score in scores]
         assert sweeps[name].tip_acceleration.tolist() == [
             score.mean_acceleration_m_s2 for score in scores
@@ -99,7 +101,8 @@ def test_gain_zero_is_impedance_control_and_gains_have_the_papers_unit():
     runs = run_standard_test(
         controllers, machine=BASELINE, time_constants=[0.105], task=Setup().task
     ).runs
-    assert sweep.position_error.tolist() == [run[0].score.mean_error_m for run in runs.values()]
+    errors = [run.score.path_average_error_m for (run,) in runs.values()]
+    assert sweep.position_error.tolist() == errors
 
 
 def test_saturation_counts_commands_at_the_largest_voltage():
