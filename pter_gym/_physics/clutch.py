@@ -41,7 +41,7 @@ class Sliding(NamedTuple):
 
     stribeck: Annotated[float, Entry("rad²/s²", "square of the Stribeck velocity, 0 for none")]
     viscous: Annotated[PerClutch, Entry("N·m·s", "viscous friction", name="viscous")]
-    held: Annotated[float, Entry("1", "part of T_k that holds in the stick band even above T_s")]
+    creeps: Annotated[float, Entry("1", "1 where a T_k above T_s does not hold in the stick band")]
 
 
 class Decay(NamedTuple):
@@ -121,14 +121,12 @@ def faded(heat: float, fade: float, strength: float) -> float:
 
 
 @inlined
-def holding(breakaway: float, dynamic: float, held: float) -> float:
+def holding(breakaway: float, dynamic: float) -> float:
     """Return the torque [N·m] that a clutch inside the stick band can hold.
 
-    It is T_s. For T_k > T_s and ``held`` = 1 it is T_k: the δω → 0 limit, in which motion persists
-    only above T_k. With 0 it remains T_s, as Eq. 2 is printed.
+    It is T_s. For T_k > T_s it is T_k: the δω → 0 limit, in which motion persists only above T_k.
     """
-    least = held * dynamic
-    return breakaway if breakaway > least else least
+    return breakaway if breakaway > dynamic else dynamic
 
 
 @inlined
@@ -140,16 +138,10 @@ def sliding(slip: float, breakaway: float, dynamic: float, part: float, viscous:
 @entrywise
 @inlined
 def capacity(
-    slip: float,
-    threshold: float,
-    breakaway: float,
-    dynamic: float,
-    part: float,
-    viscous: float,
-    held: float,
+    slip: float, threshold: float, breakaway: float, dynamic: float, part: float, viscous: float
 ) -> float:
     """Return the torque limit [N·m] for the next kick by Karnopp's rule (paper Eq. 2)."""
-    inside = holding(breakaway, dynamic, held)
+    inside = holding(breakaway, dynamic)
     return inside if abs(slip) < threshold else sliding(slip, breakaway, dynamic, part, viscous)
 
 
@@ -181,26 +173,43 @@ def capacities(slip: PerClutch, threshold: float, torques: Torques, by: Sliding)
     """Return the torque limits [N·m] of the four clutches for the next kick (paper Eq. 2)."""
     ts, tk = torques.breakaway, torques.dynamic
     part = falling(slip, threshold, by.stribeck)
-    return capacity(slip, threshold, ts, tk, part, by.viscous, by.held)
+    return capacity(slip, threshold, ts, tk, part, by.viscous)
 
 
 @entrywise
 @inlined
 def switches(
-    before: float, after: float, threshold: float, breakaway: float, dynamic: float, held: float
+    before: float, after: float, threshold: float, breakaway: float, dynamic: float, creeps: float
 ) -> bool:
-    """Return whether a clutch begins to stick, or leaves a band that holds another torque."""
-    leaves = (abs(after) >= threshold) & (holding(breakaway, dynamic, held) != dynamic)
-    return leaves if abs(before) < threshold else before * after <= 0.0
+    """Return whether a clutch begins to stick, or leaves a band that holds another torque.
+
+    One that may creep has one convex potential for sticking and slipping, and never switches.
+    """
+    leaves = (abs(after) >= threshold) & (breakaway > dynamic)
+    switch = leaves if abs(before) < threshold else before * after <= 0.0
+    return switch & (creeps * dynamic <= breakaway)
+
+
+@entrywise
+@inlined
+def in_band(
+    after: float, threshold: float, breakaway: float, dynamic: float, creeps: float
+) -> bool:
+    """Return whether a clutch with another torque in the stick band than beyond it may creep."""
+    return (abs(after) < threshold) & (creeps * dynamic > breakaway)
 
 
 @inlined
 def any_switches(
-    before: PerClutch, after: PerClutch, threshold: float, torques: Torques, held: float
+    before: PerClutch, after: PerClutch, threshold: float, torques: Torques, creeps: float
 ) -> bool:
-    """Return whether any clutch changes between sticking and slipping."""
-    each = switches(before, after, threshold, torques.breakaway, torques.dynamic, held)
-    return each.x1 | each.x2 | each.x3 | each.x4
+    """Return whether any clutch changes between sticking and slipping, or may creep."""
+    ts, tk = torques.breakaway, torques.dynamic
+    switch = switches(before, after, threshold, ts, tk, creeps)
+    creep = in_band(after, threshold, ts, tk, creeps)
+    return (switch.x1 | switch.x2 | switch.x3 | switch.x4) | (
+        creep.x1 | creep.x2 | creep.x3 | creep.x4
+    )
 
 
 @inlined

@@ -325,34 +325,41 @@ def share(
 
 @entrywise
 @inlined
-def lower_bound(slip: float, capacity: float) -> float:
-    """Return the smallest torque on the arm that a clutch can generate at a slip velocity."""
-    return capacity if slip < 0.0 else -capacity
+def sliding_torque(slip: float, capacity: float) -> float:
+    """Return the torque [N·m] of a sliding clutch, 0 for one that does not slip."""
+    return 0.0 if slip == 0.0 else -sign(slip) * capacity
 
 
 @entrywise
 @inlined
-def upper_bound(slip: float, capacity: float) -> float:
+def lower_bound(slip: float, inner: float, outer: float) -> float:
+    """Return the smallest torque on the arm that a clutch can generate at a slip velocity."""
+    return inner if slip < 0.0 else -outer
+
+
+@entrywise
+@inlined
+def upper_bound(slip: float, inner: float, outer: float) -> float:
     """Return the largest torque on the arm that a clutch can generate at a slip velocity."""
-    return -capacity if slip > 0.0 else capacity
+    return -inner if slip > 0.0 else outer
 
 
 @inlined
 def generated_torques(
-    omega_a: float,
-    omega_b: float,
+    slip: PerClutch,
     load_a: float,
     load_b: float,
-    capacity: PerClutch,
+    inner: PerClutch,
+    outer: PerClutch,
     rounding: float = 0.0,
     arrangement: OptionalArrangement = None,
 ) -> PerClutch:
     """Return the torque of each clutch on the arm [N·m], from what all four exert on the links.
 
-    A slipping clutch generates its capacity against the slip. Stuck ones share the rest with the
-    least Σ τ_x², each within its capacity; where the paper's equations are statically indeterminate
-    (section III-A) this picks one answer.
+    A slipping clutch generates a torque from ``inner`` to ``outer`` against the slip, which are
+    equal but for one that creeps; a stuck one has at most ``outer`` in either direction. They share
+    what is left open with the least Σ τ_x²; where the paper's equations are statically
+    indeterminate (section III-A) this picks one answer.
     """
-    w = slip_velocities(omega_a, omega_b, arrangement)
-    low, high = lower_bound(w, capacity), upper_bound(w, capacity)
+    low, high = lower_bound(slip, inner, outer), upper_bound(slip, inner, outer)
     return share(load_a, load_b, low, high, rounding, arrangement)

@@ -61,7 +61,7 @@ def model_of(machine: Machine) -> Model:
         sliding=Sliding(
             clutch.stribeck * clutch.stribeck,
             PerClutch(*(clutch.viscous * scale for scale in machine.slot_scale)),
-            held_dynamic(machine),
+            1.0 if clutch.band == "printed" else 0.0,
         ),
         voltage_decay=decay if lags_voltage else NO_LAG,
         torque_decay=NO_LAG if lags_voltage else decay,
@@ -71,11 +71,6 @@ def model_of(machine: Machine) -> Model:
         slip_threshold=machine.slip_threshold,
         scale=PerClutch(*machine.slot_scale),
     )
-
-
-def held_dynamic(machine: Machine) -> float:
-    """Return the part of T_k that a clutch holds in the stick band even if it exceeds T_s."""
-    return 1.0 if machine.clutch.band == "vanishing" else 0.0
 
 
 def deviator_of(mean: float, anisotropy: tuple[float, ...]) -> Deviator:

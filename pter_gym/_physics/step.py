@@ -39,9 +39,19 @@ from pter_gym._physics.clutch import (
     switches,
     whole_decay,
 )
+from pter_gym._physics.creep import (
+    creeping,
+    half_width,
+    inner_torque,
+    least_torque,
+    mean_torque,
+    outer_torque,
+    snapped,
+)
 from pter_gym._physics.friction import (
     generated_torques,
     resolve,
+    sliding_torque,
     slip_velocities,
     torques_on_links,
     with_dry,
@@ -49,7 +59,6 @@ from pter_gym._physics.friction import (
 )
 from pter_gym._physics.model import Model
 from pter_gym._physics.order import CYCLE, is_kick, is_whole, stage_count
-from pter_gym._physics.scalars import sign
 
 MAX_PARTS = 4
 """Most parts of a kick; what changes in the last one waits for the next substep."""
@@ -144,18 +153,22 @@ def count_nonzero(w: Any, row: float, lanes: int) -> int:
     return count
 
 
-@entrywise
 @inlined
-def sliding_torque(slip: float, capacity: float) -> float:
-    """Return the torque [N·m] of a sliding clutch, 0 for one that does not slip."""
-    return 0.0 if slip == 0.0 else -sign(slip) * capacity
+def least_torques(
+    most: PerClutch, torques: Torques, machine: Model, arrangement: OptionalArrangement = None
+) -> PerClutch:
+    """Return the torques [N·m] within the band, with dry friction, from those beyond it."""
+    arm = machine.arm
+    breakaway = with_dry(torques.breakaway, arm.dry_a, arm.dry_b, arrangement)
+    dynamic = with_dry(torques.dynamic, arm.dry_a, arm.dry_b, arrangement)
+    return least_torque(most, breakaway, dynamic, machine.sliding.creeps)
 
 
 @entrywise
 @inlined
-def stuck_capacity(slip: float, capacity: float) -> float:
-    """Return the limit [N·m] of a clutch that does not slip, 0 for one that does."""
-    return capacity if slip == 0.0 else 0.0
+def exerted(slip: float, torque: float, least: float) -> float:
+    """Return the size of a slipping clutch's torque [N·m], and what one at rest can hold."""
+    return least if slip == 0.0 else abs(torque)
 
 
 @inlined
@@ -164,13 +177,16 @@ def torques_at(
 ) -> PerClutch:
     """Return the torque of each clutch on the arm at an instant [N·m].
 
-    Clutches that slip exert their capacity; stuck ones what keeps them so, if they can, by the
-    friction problem of the accelerations.
+    Clutches that slip exert their capacity; those that stick or creep what keeps them so, if they
+    can, by the friction problem of the accelerations.
     """
-    arm = machine.arm
+    arm, edge = machine.arm, machine.slip_threshold
     slip = slip_velocities(q.omega_a, q.omega_b, arrangement)
-    capacity = capacities(slip, machine.slip_threshold, torques, machine.sliding)
-    capacity = with_dry(capacity, arm.dry_a, arm.dry_b, arrangement)
+    capacity = capacities(slip, edge, torques, machine.sliding)
+    most = with_dry(capacity, arm.dry_a, arm.dry_b, arrangement)
+    least = least_torques(most, torques, machine, arrangement)
+    slip = snapped(slip, edge)
+    inner, outer = inner_torque(slip, edge, least, most), outer_torque(slip, edge, least, most)
     impact = free_motion(q, arm, on, 0.0)
     damper_a, damper_b = damper_torque(arm, q)
     free_a = (
@@ -179,14 +195,15 @@ def torques_at(
     free_b = (
         impact.hand_b - impact.fictitious_b - arm.implicit * damper_b - arm.viscous_b * q.omega_b
     )
-    slide_a, slide_b = torques_on_links(sliding_torque(slip, capacity), arrangement)
-    stuck = stuck_capacity(slip, capacity)
+    slide = sliding_torque(slip, mean_torque(inner, outer))
+    slide_a, slide_b = torques_on_links(slide, arrangement)
+    stuck = half_width(slip, inner, outer)
     alpha_a, alpha_b = resolve(
         impact.m11, impact.m12, impact.m22, free_a + slide_a, free_b + slide_b, stuck, arrangement
     )
     load_a = impact.m11 * alpha_a + impact.m12 * alpha_b - free_a
     load_b = impact.m12 * alpha_a + impact.m22 * alpha_b - free_b
-    generated = generated_torques(q.omega_a, q.omega_b, load_a, load_b, capacity, 0.0, arrangement)
+    generated = generated_torques(slip, load_a, load_b, inner, outer, 0.0, arrangement)
     return without_dry(generated, arm.dry_a, arm.dry_b, arrangement)
 
 
@@ -216,7 +233,7 @@ def slid_velocities(
     slide_a, slide_b = torques_on_links(sliding_torque(slips, capacity), arrangement)
     p_a = impact.p_a + h * slide_a
     p_b = impact.p_b + h * slide_b
-    stuck = product(h, stuck_capacity(slips, capacity))
+    stuck = product(h, half_width(slips, capacity, capacity))
     omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, p_a, p_b, stuck, arrangement)
     return slip_velocities(omega_a, omega_b, arrangement)
 
@@ -224,10 +241,10 @@ def slid_velocities(
 @entrywise
 @inlined
 def share_of(
-    before: float, after: float, slid: float, threshold: float, ts: float, tk: float, held: float
+    before: float, after: float, slid: float, threshold: float, ts: float, tk: float, creeps: float
 ) -> float:
     """Return the share of a kick after which a clutch switches, 1 if it does not."""
-    switch = switches(before, after, threshold, ts, tk, held)
+    switch = switches(before, after, threshold, ts, tk, creeps)
     return share_before(before, slid, threshold) if switch else 1.0
 
 
@@ -239,7 +256,7 @@ def share_before_switch(
     torques: Torques,
     capacity: PerClutch,
     threshold: float,
-    held: float,
+    creeps: float,
     h: float,
     arrangement: OptionalArrangement = None,
 ) -> float:
@@ -248,7 +265,7 @@ def share_before_switch(
     v = slip_velocities(omega.a, omega.b, arrangement)
     slid = slid_velocities(impact, w, v, capacity, threshold, h, arrangement)
     ts, tk = torques.breakaway, torques.dynamic
-    shares = share_of(w, v, slid, threshold, ts, tk, held)
+    shares = share_of(w, v, slid, threshold, ts, tk, creeps)
     return min(shares.x1, shares.x2, shares.x3, shares.x4)
 
 
@@ -270,21 +287,33 @@ def kick_torques(
     h: float,
     arrangement: OptionalArrangement = None,
 ) -> PerClutch:
-    """Return each clutch's torque on the arm, with dry friction [N·m], over (a part of) a kick.
+    """Return each clutch's torque on the arm, with dry friction [N·m], over (a part of) a kick."""
+    slip = slip_velocities(omega_a, omega_b, arrangement)
+    return torques_between(impact, omega_a, omega_b, slip, capacity, capacity, h, arrangement)
+
+
+@inlined
+def torques_between(
+    impact: Impact,
+    omega_a: float,
+    omega_b: float,
+    slip: PerClutch,
+    inner: PerClutch,
+    outer: PerClutch,
+    h: float,
+    arrangement: OptionalArrangement = None,
+) -> PerClutch:
+    """Return what ``generated_torques`` does, over (a part of) a kick [N·m].
 
     What they exert together is a difference of momenta over h, so the shorter the time, the coarser
     its rounding.
     """
     load_a, load_b = clutch_load(impact, omega_a, omega_b, h)
     m11, m12, m22 = impact.m11, impact.m12, impact.m22
-    momentum = (
-        abs(impact.p_a)
-        + abs(impact.p_b)
-        + h * (capacity.x1 + capacity.x2 + capacity.x3 + capacity.x4)
-    )
+    momentum = abs(impact.p_a) + abs(impact.p_b) + h * (outer.x1 + outer.x2 + outer.x3 + outer.x4)
     condition = (m11 + m22) * (m11 + m22) / (m11 * m22 - m12 * m12)
     return generated_torques(
-        omega_a, omega_b, load_a, load_b, capacity, 1e-15 * condition * momentum / h, arrangement
+        slip, load_a, load_b, inner, outer, 1e-15 * condition * momentum / h, arrangement
     )
 
 
@@ -485,7 +514,7 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
         store(w, at.omega, i, PerLink(omega_a, omega_b))
         store(w, at.capacity, i, capacity)
         w[at.span, i] = h
-        switch = any_switches(before, after, threshold, torques, sliding.held)
+        switch = any_switches(before, after, threshold, torques, sliding.creeps)
         w[at.switches, i] = 1.0 if switch else 0.0
 
     @inlined
@@ -504,8 +533,32 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
         w[at.energy.residual, i] += energy.residual
 
     @outlined
+    def creep(w: Any, i: int) -> None:
+        """Find a kick again where clutches may creep, by the torques that keep them at the edge.
+
+        With these as their capacities, the solution is that of the usual friction problem.
+        """
+        if w[at.machine.sliding.creeps, i] == 0.0:
+            return
+        machine, arrangement = load(w, at.machine, i), arrangement_at(w, i)
+        impact, most, h = load(w, at.impact, i), load(w, at.capacity, i), w[at.span, i]
+        edge = machine.slip_threshold
+        least = least_torques(most, load(w, at.torques, i), machine, arrangement)
+        m11, m12, m22, p_a, p_b = impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b
+        omega_a, omega_b, slip = creeping(
+            m11, m12, m22, p_a, p_b, edge, product(h, least), product(h, most), arrangement
+        )
+        inner, outer = inner_torque(slip, edge, least, most), outer_torque(slip, edge, least, most)
+        torque = torques_between(impact, omega_a, omega_b, slip, inner, outer, h, arrangement)
+        capacity = exerted(slip, torque, least)
+        omega_a, omega_b = resolve(m11, m12, m22, p_a, p_b, product(h, capacity), arrangement)
+        store(w, at.capacity, i, capacity)
+        store(w, at.omega, i, PerLink(omega_a, omega_b))
+
+    @outlined
     def divide(w: Any, i: int) -> None:
         """Take a kick in parts, each up to the next switch of a clutch, but for the last."""
+        creep(w, i)
         for _ in range(MAX_PARTS - 1):
             span = w[at.span, i]
             share = share_before_switch(
@@ -515,15 +568,17 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
                 load(w, at.torques, i),
                 load(w, at.capacity, i),
                 w[at.machine.slip_threshold, i],
-                w[at.machine.sliding.held, i],
+                w[at.machine.sliding.creeps, i],
                 span,
                 arrangement_at(w, i),
             )
             if not share < 1.0 - MIN_PART:
                 break
             find(w, i, share * span)
+            creep(w, i)
             take(w, i)
             find(w, i, span - share * span)
+            creep(w, i)
             if w[at.switches, i] == 0.0:
                 break
 

@@ -81,7 +81,7 @@ def kick_stages(arrangement_at: Any) -> Kick:
             load(w, BODY.torques, i),
             load(w, BODY.capacity, i),
             w[BODY.machine.slip_threshold, i],
-            w[BODY.machine.sliding.held, i],
+            w[BODY.machine.sliding.creeps, i],
             w[BODY.span, i],
             arrangement_at(w, i),
         )

@@ -4,8 +4,7 @@
 from pter_gym._compiled.compiler import inlined
 from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.friction import slip_velocities, torques_on_links
-from pter_gym._physics.step import sliding_torque
+from pter_gym._physics.friction import sliding_torque, slip_velocities, torques_on_links
 
 
 @inlined

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from pter_gym._physics.arm import Vector, links_at, motion_of, moving
 from pter_gym._physics.clutch import PerClutch, falling, holding, sliding
 from pter_gym._physics.friction import slip_velocities
-from pter_gym._physics.model import held_dynamic, model_of, optional_arrangement
+from pter_gym._physics.model import model_of, optional_arrangement
 from pter_gym.params import SLOTS, Arm, Machine
 
 Array = NDArray[np.float64]
@@ -78,7 +78,7 @@ def torque_limits(machine: Machine, slip: ArrayLike) -> tuple[Array, Array]:
     part = _falling(machine, speed)
     least = sliding(speed, *weakest, part, clutch.viscous)
     most = sliding(speed, *strongest, part, clutch.viscous)
-    hold = holding(*strongest, held_dynamic(machine))
+    hold = strongest[0] if clutch.band == "printed" else holding(*strongest)
     sticks = speed < machine.slip_threshold
     return np.where(sticks, -hold, least) * scale, np.where(sticks, hold, most) * scale
 

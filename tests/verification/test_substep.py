@@ -13,6 +13,7 @@ from pter_gym._physics import arm as arms, clutch, open_loop, step
 from pter_gym._physics.arm import Linkage, Load, Motion, PerLink
 from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import Curve, PerClutch, Sliding, Torques
+from pter_gym._physics.creep import creeping
 from pter_gym._physics.friction import (
     COUPLING,
     LINES,
@@ -41,7 +42,7 @@ ARM = Linkage(
 RUBBING = ARM._replace(viscous_a=0.9, viscous_b=1.7)
 NONE = PerClutch(0.0, 0.0, 0.0, 0.0)
 FREE = Torques(NONE, NONE)
-NO_SLIDING = Sliding(stribeck=0.0, viscous=NONE, held=1.0)
+NO_SLIDING = Sliding(stribeck=0.0, viscous=NONE, creeps=0.0)
 H = 2.5e-3
 UNIT = 2.0**-53
 W = np.array(COUPLING)
@@ -78,7 +79,6 @@ def body_with(
         store(body, row, 0, value)
     store(body, BODY.load, 0, on)
     body[BODY.machine.slip_threshold] = threshold
-    body[BODY.machine.sliding.held] = 1.0
     return body
 
 
@@ -260,13 +260,12 @@ def test_heat_of_a_clutch_at_constant_power_settles_and_takes_torque():
 
 
 def test_karnopps_rule_at_the_border_of_its_band():
-    def capacity(slip: float, breakaway: float, dynamic: float, held: float = 1.0) -> float:
-        return clutch.capacity(slip, 0.1, breakaway, dynamic, 0.0, 0.0, held)
+    def capacity(slip: float, breakaway: float, dynamic: float) -> float:
+        return clutch.capacity(slip, 0.1, breakaway, dynamic, 0.0, 0.0)
 
     assert capacity(0.09, 2.0, 1.0) == capacity(-0.09, 2.0, 1.0) == 2.0
     assert capacity(0.1, 2.0, 1.0) == capacity(-0.1, 2.0, 1.0) == 1.0
     assert capacity(0.0, 1.0, 2.0) == 2.0  # T_k above T_s
-    assert capacity(0.0, 1.0, 2.0, held=0.0) == 1.0  # as Eq. 2 is printed
     torques = Torques(PerClutch(10.0, 20.0, 30.0, 40.0), PerClutch(1.0, 2.0, 3.0, 4.0))
     assert clutch.capacities(PerClutch(0.0, 1.0, -1.0, 0.0), 0.1, torques, NO_SLIDING) == (
         10.0,
@@ -279,8 +278,9 @@ def test_karnopps_rule_at_the_border_of_its_band():
 def test_changing_clutches_are_found():
     """From outside of the band at zero, from inside at its edge if more can be held there."""
     for before, after in [(0.1, -0.001), (-0.2, 5.0), (0.2, 0.0), (-0.1, 0.0)]:
-        assert clutch.switches(before, after, 0.1, 2.0, 1.0, 1.0)
-        assert clutch.switches(before, after, 0.1, 1.0, 2.0, 1.0)
+        assert clutch.switches(before, after, 0.1, 2.0, 1.0, 0.0)
+        assert clutch.switches(before, after, 0.1, 1.0, 2.0, 0.0)
+        assert not clutch.switches(before, after, 0.1, 1.0, 2.0, 1.0)  # one potential for both
     for before, after in [
         (0.2, 0.1),
         (-0.2, -0.1),
@@ -289,25 +289,24 @@ def test_changing_clutches_are_found():
         (0.0, 0.09),
         (0.0, 0.0),
     ]:
-        assert not clutch.switches(before, after, 0.1, 2.0, 1.0, 1.0)
+        assert not clutch.switches(before, after, 0.1, 2.0, 1.0, 0.0)
     for before, after in [(0.0, 0.1), (0.0, -0.1), (0.09, -3.0), (-0.05, -0.2)]:
-        assert clutch.switches(before, after, 0.1, 2.0, 1.0, 1.0)
-        assert not clutch.switches(before, after, 0.1, 1.0, 1.0, 1.0)
-        assert not clutch.switches(before, after, 0.1, 1.0, 2.0, 1.0)
-        assert clutch.switches(before, after, 0.1, 1.0, 2.0, 0.0)
+        assert clutch.switches(before, after, 0.1, 2.0, 1.0, 0.0)
+        assert not clutch.switches(before, after, 0.1, 1.0, 1.0, 0.0)
+        assert not clutch.switches(before, after, 0.1, 1.0, 2.0, 0.0)
 
 
 def test_one_changing_clutch_counts_as_a_change():
     torques = Torques(PerClutch(2.0, 2.0, 2.0, 2.0), PerClutch(1.0, 1.0, 1.0, 1.0))
     stays = PerClutch(1.0, 1.0, 1.0, 1.0)
-    assert not clutch.any_switches(stays, stays, 0.1, torques, 1.0)
+    assert not clutch.any_switches(stays, stays, 0.1, torques, 0.0)
     still = PerClutch(0.0, 0.0, 0.0, 0.0)
     for name in PerClutch._fields:
-        assert clutch.any_switches(stays, stays._replace(**{name: -1.0}), 0.1, torques, 1.0)
+        assert clutch.any_switches(stays, stays._replace(**{name: -1.0}), 0.1, torques, 0.0)
         leaves = still._replace(**{name: 0.2})
-        assert clutch.any_switches(still, leaves, 0.1, torques, 1.0)
+        assert clutch.any_switches(still, leaves, 0.1, torques, 0.0)
         equal = torques._replace(breakaway=torques.breakaway._replace(**{name: 1.0}))
-        assert not clutch.any_switches(still, leaves, 0.1, equal, 1.0)
+        assert not clutch.any_switches(still, leaves, 0.1, equal, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -642,7 +641,7 @@ def test_a_clutch_that_slips_throughout():
         impact = step.free_motion(q, ARM, on, H)
         before = np.array(slip_velocities(q.omega_a, q.omega_b))
         after = np.array(
-            slip_velocities(*resolve(*impact[:3], impact.p_a, impact.p_b, step.impulses(limit, H)))
+            slip_velocities(*resolve(*impact[:3], impact.p_a, impact.p_b, clutch.product(H, limit)))
         ) * rng.choice([1.0, 1.0, 0.0], 4)  # some are stuck
         found = step.slid_velocities(
             impact, PerClutch(*before.tolist()), PerClutch(*after.tolist()), limit, 0.01, H
@@ -697,7 +696,7 @@ def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts:
             slips = slip_velocities(part.before.omega_a, part.before.omega_b)
             assert part.limit == clutch.capacities(slips, threshold, torques, NO_SLIDING)
             impact = step.free_motion(part.before, ARM, seen(body).load, part.span)
-            capacities = step.impulses(part.limit, part.span)
+            capacities = clutch.product(part.span, part.limit)
             assert part.impact == impact
             assert part.omega == resolve(*impact[:3], impact.p_a, impact.p_b, capacities)
             assert np.all(part.torque * np.array(slip_velocities(*part.omega)) <= 0.0)
@@ -931,7 +930,7 @@ def test_the_torques_of_a_kick_make_its_load_whatever_the_rounding(condition: fl
             step.Impact(m11, m12, m22, *p.tolist(), 0.0, 0.0, 0.0, 0.0),
             PerClutch(*capacity.tolist()),
         )
-        omega = resolve(m11, m12, m22, *p.tolist(), step.impulses(limit, h))
+        omega = resolve(m11, m12, m22, *p.tolist(), clutch.product(h, limit))
         rounding = (
             8
             * UNIT
@@ -947,4 +946,29 @@ def test_the_torques_of_a_kick_make_its_load_whatever_the_rounding(condition: fl
     ("slip", "low", "high"), [(-0.5, 2.0, 2.0), (0.0, -2.0, 2.0), (0.5, -2.0, -2.0)]
 )
 def test_a_slipping_clutch_has_no_choice(slip: float, low: float, high: float):
-    assert (lower_bound(slip, 2.0), upper_bound(slip, 2.0)) == (low, high)
+    assert (lower_bound(slip, 2.0, 2.0), upper_bound(slip, 2.0, 2.0)) == (low, high)
+
+
+# --- creep ---
+
+
+@pytest.mark.parametrize("seed", DRAWS)
+def test_clutches_that_creep_have_the_least_potential(seed: int):
+    """Of a convex function, a point that no near one is below; with several kinks in one point."""
+    rng = np.random.default_rng([9, seed])
+    directions = np.array([(math.cos(x), math.sin(x)) for x in np.linspace(0.0, 2 * math.pi, 361)])
+    for _ in range(20):
+        m11, m22 = rng.uniform(0.1, 2.0, 2)
+        m12 = rng.uniform(-0.9, 0.9) * math.sqrt(m11 * m22)
+        m = np.array([[m11, m12], [m12, m22]])
+        edge, least = 0.01, rng.uniform(0.0, 1.0, 4)
+        most = least * rng.choice([1.0, 1.5, 3.0], 4)
+        p = m @ (edge * rng.integers(-2, 3, 2)) + W.T @ (rng.uniform(-1.0, 1.0, 4) * most)
+        limits = PerClutch(*least.tolist()), PerClutch(*most.tolist())
+        omega_a, omega_b, slip = creeping(m11, m12, m22, *p.tolist(), edge, *limits)
+        near = np.array([omega_a, omega_b]) + 1e-4 * edge * np.vstack([directions, [0.0, 0.0]])
+        slips = np.abs(near @ W.T)
+        friction = slips @ least + np.maximum(slips - edge, 0.0) @ (most - least)
+        potential = 0.5 * np.einsum("ki,ij,kj->k", near, m, near) - near @ p + friction
+        assert potential[-1] <= potential[:-1].min() + 20.0 * UNIT
+        assert slip == pytest.approx(W @ [omega_a, omega_b], abs=1e-15)
