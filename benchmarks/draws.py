@@ -14,11 +14,9 @@ from pathlib import Path
 
 from promise import SHORT, hidden
 
-from pter_agents.draws import draws_for
+from pter_agents.draws import SEED, draws_for
 from pter_agents.ppo import PPO
 from pter_agents.settings import TrainingArguments, load_settings
-from pter_agents.validation import SEED
-from pter_agents.worlds import make_training
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
@@ -53,7 +51,7 @@ def main(seeds: int) -> None:
                 settings=load_settings("residual"),
                 machine=machine,
             )
-            model = PPO(arguments.settings, make_training(arguments), STEPS, seed)
+            model = PPO(arguments)
             while model.steps < STEPS:
                 model.advance()
             policy, worst, mean = model.policy(), list[str](), list[str]()

@@ -8,24 +8,22 @@ training ends with the second of these policies.
 """
 
 import math
+from dataclasses import replace
 from statistics import geometric_mean, median
 from time import perf_counter
 
 import tyro
 
+from pter_agents.draws import PaceScores, is_ranked, validate, validation_episodes
 from pter_agents.ppo import PPO
 from pter_agents.settings import TrainingArguments, load_settings
-from pter_agents.training import Scores, progress_of
-from pter_agents.validation import Validation
-from pter_agents.worlds import make_training
 from pter_gym.benchmark import find_policy, run_scenario
-from pter_gym.scenarios import PACES
 
 VALIDATE_EVERY = 16
 """Rollouts between two validations."""
 
 
-def error(scores: Scores) -> float:
+def error(scores: PaceScores) -> float:
     """Return the geometric mean of the path errors at all paces [m]."""
     return geometric_mean(each["path_error_m"] for each in scores.values())
 
@@ -38,20 +36,19 @@ def main(
     stop: bool = False,
 ):
     """Print a row for each seed."""
-    validation = Validation("standard", tuple(PACES), 64)
-    settings = load_settings("ppo", config)
-    known = error(validation.scores(find_policy("ppo-standard")))
+    given = TrainingArguments(
+        algorithm="ppo",
+        scenario="standard",
+        pace="all",
+        steps=steps,
+        seed=0,
+        settings=load_settings("ppo", config),
+    )
+    episodes = validation_episodes(given)
+    known = error(validate(find_policy("ppo-standard"), episodes))
     reached: list[tuple[float, ...]] = []
     for seed in seeds:
-        given = TrainingArguments(
-            algorithm="ppo",
-            scenario="standard",
-            pace="all",
-            steps=steps,
-            seed=seed,
-            settings=settings,
-        )
-        model = PPO(settings, make_training(given), steps, seed)
+        model = PPO(replace(given, seed=seed))
         model.advance()  # compiles
         spent, rank, good = 0.0, math.inf, math.inf
         while model.steps < steps and not (stop and good < math.inf):
@@ -59,8 +56,8 @@ def main(
             model.advance()
             spent += perf_counter() - began
             if not model.steps // model.rollout % VALIDATE_EVERY and good == math.inf:
-                scores = validation.scores(model.policy())
-                if all(progress_of(each)["ranked"] for each in scores.values()):
+                scores = validate(model.policy(), episodes)
+                if all(map(is_ranked, scores.values())):
                     rank = min(rank, spent)
                     good = spent if error(scores) <= known else good
         policies = {"mine": model.policy(), "ppo-standard": "ppo-standard"}

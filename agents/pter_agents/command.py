@@ -78,13 +78,13 @@ def train(
             machine=None if machine is None else find_machines(machine),
         )
         try:
-            from pter_agents import exporting, report, training
+            from pter_agents import exporting, ppo, report
         except ImportError as error:
             raise needs_extra("training", "agents") from error
 
     with progress_bar() as progress:
         task = progress.add_task(f"{algo}, {scenario}", total=arguments.steps)
-        path = training.train(
+        path = ppo.train(
             arguments,
             out,
             resume=resume,

@@ -1,4 +1,4 @@
-"""What trainings draw: the episodes of scenarios, and for ``ALL`` wider ones.
+"""What trainings draw: the episodes of scenarios, for ``ALL`` wider ones, and validation episodes.
 
 The scenarios' paths mostly head along x, and their machines are near the paper's. A policy for all
 scenarios also trains on paths of every heading, either direction and tight bends, and on machines
@@ -6,11 +6,14 @@ and hands beyond theirs.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 from pter_agents.settings import ALL, TrainingArguments
-from pter_gym.errors import unknown_name
+from pter_gym.benchmark import Episodes, evaluate
+from pter_gym.benchmark.boards import reason_unranked
+from pter_gym.controllers import AnyPolicy
 from pter_gym.params import BASELINE, Machine, MachineSpread
 from pter_gym.paths import Arc, Circle, Line, Sine
 from pter_gym.scenarios import PACES, find_scenario
@@ -27,6 +30,29 @@ from pter_gym.scenarios._variations import (
 )
 from pter_gym.scenarios.distributions import Draws, LogUniform, OneOf, Shared, Uniform, Vary
 from pter_gym.tasks.path_following import STARTS
+
+SEED = 2**31 + 1
+"""Seed of the draws of validation episodes, larger than any seed of a run."""
+
+FIRST_RESET = 2**50
+"""Seed of the first validation episode's reset."""
+
+SCORES = (
+    "path_error_m",
+    "completed",
+    "mean_pace_error",
+    "segment_pace_error",
+    "peak_acceleration_m_s2",
+)
+"""Those of a validation: what a rank needs, and the acceleration."""
+
+PaceScores = Mapping[str, Mapping[str, float]]
+"""Mean scores by pace."""
+
+ANY_PACE = OneOf(
+    tuple(pace for pace in PACES.values() for _ in range(round(pace / min(PACES.values()))))
+)
+"""The commanded paces [m/s], fast ones repeated for about the same share of time."""
 
 MIXED = ("standard", "paths", "hands", "materials", "tremor", "everything")
 """The scenarios of ``ALL``; ``corridor`` and ``wall`` are not among them."""
@@ -132,7 +158,7 @@ WIDER = (
 
 
 def draws_for(
-    scenario: str, pace: str, machine: Machine | MachineSpread | None = None, **fields: Any
+    scenario: str, pace: str, machine: Machine | MachineSpread | None = None, **fields: object
 ) -> Draws:
     """Return the draws of a scenario at a pace.
 
@@ -153,23 +179,15 @@ def draws_for(
     ParameterError
         If there is no such scenario or pace; the message suggests the nearest.
     """
-    if pace not in (ALL, *PACES):
-        raise unknown_name("pace", pace, (ALL, *PACES))
-    draws = find_scenario(scenario, machine).draws if scenario != ALL else _mixed(machine)
-    speeds = OneOf(all_paces() if pace == ALL else (PACES[pace],))
-    return draws.at_pace(speeds).with_task(**fields)
-
-
-def _mixed(machine: Machine | MachineSpread | None) -> Draws:
-    """Return the draws of ``ALL``."""
-    first, *others = (
-        replace(
-            find_scenario(name, machine).draws, weight=len(MIXED) - 1 if name == MAX_VARIED else 1
-        )
-        for name in MIXED
-    )
-    wider = (replace(draws, instead=machine) for draws in WIDER)
-    return replace(first, also=(*others, *wider))
+    if scenario == ALL:
+        suite = {name: find_scenario(name, machine).draws for name in MIXED}
+        suite[MAX_VARIED] = replace(suite[MAX_VARIED], weight=len(MIXED) - 1)
+        first, *others = suite.values()
+        wider = (replace(draws, instead=machine) for draws in WIDER)
+        draws = replace(first, also=(*others, *wider))
+    else:
+        draws = find_scenario(scenario, machine).draws
+    return draws.at_pace(ANY_PACE if pace == ALL else pace).with_task(**fields)
 
 
 def training_draws(arguments: TrainingArguments) -> Draws:
@@ -187,16 +205,36 @@ def training_draws(arguments: TrainingArguments) -> Draws:
 
 def _with_repeats(draws: Draws) -> Draws:
     """Return draws with each kind of path as often as ``REPEATS`` says."""
-    task: Any = draws.task
+    task = draws.varied_task
     if "path" not in task.fields:
         return draws
-    kinds: tuple[Any, ...] = task.fields["path"].options
-    times = [REPEATS.get(getattr(kind, "template", kind).__class__, 1) for kind in kinds]
-    path = OneOf(tuple(kind for kind, n in zip(kinds, times, strict=True) for _ in range(n)))
-    return replace(draws, task=Vary(task.template, **{**task.fields, "path": path}))
+    repeated = tuple(
+        kind
+        for kind in task.fields["path"].options
+        for _ in range(REPEATS.get(getattr(kind, "template", kind).__class__, 1))
+    )
+    return replace(draws, task=Vary(task.template, **{**task.fields, "path": OneOf(repeated)}))
 
 
-def all_paces() -> tuple[float, ...]:
-    """Return the commanded paces [m/s], fast ones repeated for about the same share of time."""
-    slowest = min(PACES.values())
-    return tuple(pace for pace in PACES.values() for _ in range(round(pace / slowest)))
+def validation_episodes(arguments: TrainingArguments) -> dict[str, Episodes]:
+    """Return held-out training episodes by pace: test episodes stay unseen."""
+    found: dict[str, Episodes] = {}
+    for pace in arguments.paces:
+        draws = draws_for(arguments.scenario, pace, arguments.machine)
+        pairs = draws.pairs(arguments.validation_episodes, SEED)
+        seeds = range(FIRST_RESET, FIRST_RESET + len(pairs))
+        found[pace] = Episodes.of_pairs(arguments.scenario, draws, pairs, seeds)
+    return found
+
+
+def validate(policy: AnyPolicy, episodes: Mapping[str, Episodes]) -> PaceScores:
+    """Return the mean scores of a policy for each pace."""
+    scores = {pace: evaluate(policy, at_pace) for pace, at_pace in episodes.items()}
+    return {
+        pace: {name: float(found[name].mean()) for name in SCORES} for pace, found in scores.items()
+    }
+
+
+def is_ranked(scores: Mapping[str, float]) -> bool:
+    """Return whether mean scores at a pace suffice for a rank."""
+    return reason_unranked({"mean_pace_m_s": 0.0, **scores}, 1.0) is None

@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, cast
 
+from pter_agents.draws import PaceScores
 from pter_agents.runs import RunFolder, policy_of
 from pter_agents.settings import NO_BASE, TrainingArguments, load_settings
 from pter_gym import __version__
@@ -78,9 +79,7 @@ def read_run(path: FilePath) -> TrainedPolicy:
     return policy_of(interface, state, arguments.algorithm, about)
 
 
-def about_run(
-    arguments: TrainingArguments, steps: int, scores: Mapping[str, Any]
-) -> dict[str, Any]:
+def about_run(arguments: TrainingArguments, steps: int, scores: PaceScores) -> dict[str, Any]:
     """Return what a card says about the training."""
     settings, usual = asdict(arguments.settings), asdict(load_settings(arguments.algorithm))
     changed = {name: value for name, value in settings.items() if value != usual[name]}
@@ -88,20 +87,14 @@ def about_run(
     options |= ({"config": "FILE"} if changed else {}) | (
         {"machine": "FILE"} if arguments.machine else {}
     )
-    command = " ".join(
-        (
-            "pter train",
-            arguments.algorithm,
-            *(f"--{name} {value}" for name, value in options.items()),
-        )
-    )
+    words = ("pter train", arguments.algorithm, *(f"--{name} {x}" for name, x in options.items()))
     scenario = SCENARIOS.get(arguments.scenario)
     return {
         "algorithm": arguments.algorithm,
         "corrects": None if arguments.settings.base == NO_BASE else arguments.settings.base,
         "scenario": scenario.id if scenario else arguments.scenario,
         "pace": arguments.pace,
-        "command": command,
+        "command": " ".join(words),
         "config": changed,
         "settings": settings,
         "steps": steps,
@@ -123,43 +116,44 @@ def model_card(name: str, policy: TrainedPolicy) -> str:
     versions = ", ".join(code(f"{key} {number}") for key, number in part(about, "versions").items())
     changed = part(about, "config").items()
     layers = ", ".join(map(str, hidden))
-    lines = [
-        "---",
-        "license: mit",
-        "library_name: pter-gym",
-        "pipeline_tag: reinforcement-learning",
-        "tags: [reinforcement-learning, robotics, haptics, gymnasium, pter-gym]",
-        "---",
-        "",
-        f"# {name}",
-        "",
-        f"A policy for the passive haptic arm PTER that {role}.",
-        "",
-        f"- Trained by {code(about.get('algorithm'))} on draws of {code(about.get('scenario'))}",
-        f"- Command: {code(about.get('command'))}, {code(about.get('steps'))} steps",
-        *(f"- In the file: {code(f'{key} = {json.dumps(value)}')}" for key, value in changed),
-        f"- Versions: {versions}",
-        f"- Network: {policy.sizes[0]} inputs, tanh layers of {layers}, {outputs} outputs",
-        f"- An output {meaning}",
-        f"- Inputs: {', '.join(each.name for each in interface.inputs)}",
-        "",
-        "It is made for the simulator, from which a real machine, its sensors and its hand differ.",
-        "",
-        *score_table(part(about, "validation")),
-        "```python",
-        "import gymnasium",
-        "import pter_gym",
-        "",
-        f'env = gymnasium.make("PTER/Standard-v0", frame_skip={interface.frame_skip})',
-        'policy = pter_gym.load_policy("path/to/this/folder", env)',
-        "observation, info = env.reset(seed=0)",
-        "policy.reset()",
-        "action = policy(observation)",
-        "```",
-        "",
-        "`pter benchmark --policies path/to/this/folder` scores it.",
-    ]
-    return "\n".join(lines) + "\n"
+    table = score_table(part(about, "validation"))
+    listed = "".join(
+        f"- In the file: {code(f'{key} = {json.dumps(value)}')}\n" for key, value in changed
+    )
+    return f"""\
+---
+license: mit
+library_name: pter-gym
+pipeline_tag: reinforcement-learning
+tags: [reinforcement-learning, robotics, haptics, gymnasium, pter-gym]
+---
+
+# {name}
+
+A policy for the passive haptic arm PTER that {role}.
+
+- Trained by {code(about.get("algorithm"))} on draws of {code(about.get("scenario"))}
+- Command: {code(about.get("command"))}, {code(about.get("steps"))} steps
+{listed}- Versions: {versions}
+- Network: {policy.sizes[0]} inputs, tanh layers of {layers}, {outputs} outputs
+- An output {meaning}
+- Inputs: {", ".join(each.name for each in interface.inputs)}
+
+It is made for the simulator, from which a real machine, its sensors and its hand differ.
+
+{table}```python
+import gymnasium
+import pter_gym
+
+env = gymnasium.make("PTER/Standard-v0", frame_skip={interface.frame_skip})
+policy = pter_gym.load_policy("path/to/this/folder", env)
+observation, info = env.reset(seed=0)
+policy.reset()
+action = policy(observation)
+```
+
+`pter benchmark --policies path/to/this/folder` scores it.
+"""
 
 
 def code(text: Any) -> str:
@@ -176,26 +170,26 @@ def part(about: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     return cast(dict[str, Any], found)
 
 
-def score_table(validation: Mapping[str, Any]) -> list[str]:
-    """Return the scores of the validation as lines of Markdown."""
-    if not validation:
-        return []
+def score_table(validation: Mapping[str, Any]) -> str:
+    """Return the scores of the validation as a table of Markdown."""
     try:
-        rows = [
+        rows = "".join(
             f"| {pace} ({PACES[pace]:g} m/s) | {1000 * scores['path_error_m']:.1f} | "
             f"{100 * scores['completed']:.1f} | {100 * scores['mean_pace_error']:.1f} | "
-            f"{100 * scores['segment_pace_error']:.1f} |"
+            f"{100 * scores['segment_pace_error']:.1f} |\n"
             for pace, scores in validation.items()
-        ]
+        )
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(
             f"about: validation must hold numbers by pace and score, got {error!r:.200}"
         ) from None
-    return [
-        "Scores on drawn validation episodes, which are neither trained on nor the benchmark's:",
-        "",
-        "| pace | path error [mm] | completed [%] | mean pace error [%] | segment pace error [%] |",
-        "|---|---|---|---|---|",
-        *rows,
-        "",
-    ]
+    return (
+        rows
+        and f"""\
+Scores on drawn validation episodes, which are neither trained on nor the benchmark's:
+
+| pace | path error [mm] | completed [%] | mean pace error [%] | segment pace error [%] |
+|---|---|---|---|---|
+{rows}
+"""
+    )

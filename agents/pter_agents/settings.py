@@ -1,29 +1,19 @@
 """What is trained: hyper-parameters and the arguments of a run."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from pter_gym import params
 from pter_gym._internal.codec import Codec, dataclasses_in, tuple_of
 from pter_gym._internal.files import FilePath, expand_path
 from pter_gym._internal.reading import read_toml
-from pter_gym.benchmark import PACES
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.params import (
-    BASELINE,
-    Machine,
-    MachineSpread,
-    middle_of,
-    require,
-    require_kind,
-    require_number,
-    require_whole,
-)
-from pter_gym.policies._trained import MAX_LAYERS, are_hidden
+from pter_gym.params import Checked, Machine, MachineSpread, parameter, require, require_kind
+from pter_gym.policies._trained import MAX_LAYERS, MAX_UNITS, are_hidden
 from pter_gym.policies.tuned import TUNED
-from pter_gym.scenarios import SCENARIOS
+from pter_gym.scenarios import PACES, SCENARIOS
 from pter_gym.tasks.path_following import STARTS, RewardWeights
 
 ALGORITHMS = ("ppo", "residual")
@@ -50,121 +40,64 @@ SMOKE = {"worlds": 64, "steps": 32, "contexts": 16, "minibatch": 512, "epochs": 
 CODEC = Codec(dataclasses_in(params))
 """Stores the machine of a training."""
 
+SHARE: Any = {"at_least": 0.0, "at_most": 1.0}
+
 
 @dataclass(frozen=True, kw_only=True)
 class Settings(RewardWeights):
     """Hyper-parameters, in addition to the reward weights.
 
-    Attributes
-    ----------
-    base
-        Controller that the policy corrects, ``"none"`` for none; its gains are those for the
-        scenario.
-    reach
-        Voltage that an action of 1 adds to the base's [V]; not used without a base.
-    history, averages
-        Delays, in steps, at which the networks also see their inputs, and time constants, in
-        steps, of averages that they also see.
-    hidden, value_hidden
-        Units of the hidden layers of policy and value. The value network also sees the true state
-        of a world and the parameters of its machine and task.
-    frame_skip
-        Control steps for which an action is held. Steps, discounts and the exploration's
-        persistence count the environment's steps, not control steps.
-    worlds, steps
-        Worlds that are simulated at once, and steps of each between two updates.
-    episode
-        Steps after which a training episode is truncated.
-    starts
-        How training episodes begin, one of ``pter_gym.tasks.path_following.STARTS``.
-    truncation
-        Distance from the path at which a training episode is truncated [m].
-    contexts
-        Number of drawn machines and tasks to train on.
-    minibatch, epochs
-        Samples of a gradient step, and gradient steps for each sample.
-    learning_rate
-        Initial learning rate; it falls linearly to ``learning_rate_end``.
-    discount, trace
-        γ, and λ of generalised advantage estimation, for one step.
-    deviation, deviation_end
-        Initial and final σ of the exploration. After ``exploring``, a share of the training, it
-        falls exponentially.
-    persistence
-        ρ of the exploration: the share of its noise that remains one step later.
-    reward_scale
-        Factor of the rewards for learning at the medium pace; at other commanded paces, in inverse
-        proportion to them.
-    effort_share
-        Share of the training in which voltage costs ``effort``; then it costs nothing.
-    clip, value_weight, max_gradient
-        Clip range of the likelihood ratio, weight of the value loss, and limit of the gradient
-        norm.
+    Steps, discounts and the exploration's persistence count the environment's steps, each of
+    ``frame_skip`` control steps. The value network also sees the true state of a world and the
+    parameters of its machine and task.
     """
 
-    base: str
-    reach: float
-    history: tuple[int, ...]
-    averages: tuple[int, ...]
-    hidden: tuple[int, ...]
-    value_hidden: tuple[int, ...]
-    worlds: int
-    steps: int
-    episode: int
-    starts: str
-    truncation: float
-    contexts: int
-    minibatch: int
-    epochs: int
-    learning_rate: float
-    learning_rate_end: float
-    discount: float
-    trace: float
-    deviation: float
-    deviation_end: float
-    exploring: float
-    persistence: float
-    reward_scale: float
-    clip: float
-    value_weight: float
-    max_gradient: float
-    frame_skip: int = 1
-    effort_share: float = 1.0
+    base: str = parameter("name", "law that the policy corrects, with its gains for the scenario")
+    reach: float = parameter("V", "what an action of 1 adds to the base's voltage", above=0.0)
+    history: tuple[int, ...] = parameter("steps", "delays at which inputs are seen again")
+    averages: tuple[int, ...] = parameter("steps", "time constants of averages that are seen")
+    hidden: tuple[int, ...] = parameter("units", "hidden layers of the policy")
+    value_hidden: tuple[int, ...] = parameter("units", "hidden layers of the value network")
+    worlds: int = parameter("1", "worlds that are simulated at once")
+    steps: int = parameter("1", "steps of each world between two updates")
+    episode: int = parameter("steps", "length at which a training episode is truncated")
+    starts: str = parameter("name", "how episodes begin, one of tasks.path_following.STARTS")
+    truncation: float = parameter("m", "distance from the path that truncates", above=0.0)
+    contexts: int = parameter("1", "drawn machines and tasks to train on")
+    minibatch: int = parameter("1", "samples of a gradient step")
+    epochs: int = parameter("1", "gradient steps for each sample")
+    learning_rate: float = parameter("1", "at the beginning; it falls linearly", above=0.0)
+    learning_rate_end: float = parameter("1", "at the end", at_least=0.0)
+    discount: float = parameter("1", "γ", **SHARE)
+    trace: float = parameter("1", "λ of generalised advantage estimation", **SHARE)
+    deviation: float = parameter("1", "σ of the exploration at the beginning", above=0.0)
+    deviation_end: float = parameter("1", "σ at the end; it falls exponentially", above=0.0)
+    exploring: float = parameter("1", "share of the training after which σ falls", **SHARE)
+    persistence: float = parameter(
+        "1", "ρ: share of the noise that remains one step later", at_least=0.0, below=1.0
+    )
+    reward_scale: float = parameter("1", "factor of rewards at the medium pace", above=0.0)
+    clip: float = parameter("1", "range of the likelihood ratio about 1", above=0.0, below=1.0)
+    value_weight: float = parameter("1", "weight of the value loss", at_least=0.0)
+    max_gradient: float = parameter("1", "largest norm of the gradient", above=0.0)
+    frame_skip: int = parameter("1", "control steps for which an action is held", default=1)
+    effort_share: float = parameter(
+        "1", "share of the training in which voltage costs ``effort``", default=1.0, **SHARE
+    )
 
     def __post_init__(self) -> None:
-        """Check each field by itself."""
-        for name, choices in (("base", BASES), ("starts", STARTS)):
-            if getattr(self, name) not in choices:
-                raise unknown_name(name, getattr(self, name), choices)
-        for name in ("worlds", "steps", "episode", "contexts", "frame_skip", "minibatch", "epochs"):
-            require_whole(self, name)
-        above_zero = (
-            "reach",
-            "truncation",
-            "learning_rate",
-            "max_gradient",
-            "reward_scale",
-            "deviation",
-        )
-        for name in (*above_zero, "deviation_end"):
-            require_number(self, name, above=0.0)
-        for name in ("discount", "trace", "exploring", "effort_share"):
-            require_number(self, name, at_least=0.0, at_most=1.0)
-        for name in ("learning_rate_end", "value_weight"):
-            require_number(self, name, at_least=0.0)
-        require_number(self, "clip", above=0.0, below=1.0)
-        require_number(self, "persistence", at_least=0.0, below=1.0)
+        """Check each field by itself, and what must fit together."""
+        super().__post_init__()
+        _check_names(self, {"base": BASES, "starts": tuple(STARTS)})
         alone = self.base == NO_BASE or self.frame_skip == 1
         require(alone, self, "frame_skip", "1 with a base, which acts at every control step")
-        for name in ("history", "averages", "hidden", "value_hidden"):
-            sizes = getattr(self, name)
-            require(_are_sizes(sizes), self, name, "whole numbers from 1 to 1024", got=sizes)
-        require(are_hidden(self.hidden), self, "hidden", f"at most {MAX_LAYERS - 1} layers")
+        for name in ("hidden", "value_hidden"):
+            accepted = f"at most {MAX_LAYERS - 1} whole numbers from 1 to {MAX_UNITS}"
+            require(are_hidden(getattr(self, name)), self, name, accepted)
         require(self.worlds % PARTS == 0, self, "worlds", f"a multiple of {PARTS}")
         samples = self.worlds * self.steps
         even = samples % self.minibatch == 0 and self.minibatch % PARTS == 0
         require(even, self, "minibatch", f"an even divisor of worlds × steps = {samples}")
-        self.reward()
 
     def reward(self) -> RewardWeights:
         """Return the weights of the reward."""
@@ -174,27 +107,22 @@ class Settings(RewardWeights):
 
     def deviation_at(self, done: float) -> float:
         """Return σ after a share of the training."""
-        fallen = (
-            max(0.0, done - self.exploring) / (1.0 - self.exploring)
-            if self.exploring < 1.0
-            else 0.0
-        )
+        fallen = max(0.0, done - self.exploring) / ((1.0 - self.exploring) or 1.0)
         return self.deviation * (self.deviation_end / self.deviation) ** min(fallen, 1.0)
 
     def learning_rate_at(self, done: float) -> float:
         """Return the learning rate after a share of the training."""
-        return self.learning_rate_end + (self.learning_rate - self.learning_rate_end) * max(
-            1.0 - done, 0.0
-        )
+        fall = self.learning_rate - self.learning_rate_end
+        return self.learning_rate_end + fall * max(1.0 - done, 0.0)
 
 
-def _are_sizes(value: Any) -> bool:
-    return type(value) is tuple and all(
-        type(each) is int and 1 <= each <= 1024 for each in cast(Any, value)
-    )
+def _check_names(owner: object, choices: Mapping[str, tuple[str, ...]]) -> None:
+    for name, known in choices.items():
+        if getattr(owner, name) not in known:
+            raise unknown_name(name, getattr(owner, name), known)
 
 
-def load_settings(algorithm: str, file: FilePath | None = None, **changes: Any) -> Settings:
+def load_settings(algorithm: str, file: FilePath | None = None, **changes: object) -> Settings:
     """Return the hyper-parameters of an algorithm; those in a TOML file, then ``changes``, replace
     the defaults.
 
@@ -220,65 +148,35 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     for name in values:
         if name not in known:
             raise unknown_name("config", name, known)
-    try:
-        return Settings(**{name: tuple_of(value) for name, value in values.items()})
-    except TypeError as error:
-        raise ParameterError(f"config: {error}") from None
+    return Settings(**{name: tuple_of(value) for name, value in values.items()})
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainingArguments:
-    """The arguments of a training run.
+class TrainingArguments(Checked):
+    """The arguments of a training run."""
 
-    Attributes
-    ----------
-    algorithm
-        One of ``ALGORITHMS``.
-    scenario, pace
-        Names; both may be ``"all"``.
-    steps
-        Total steps in all worlds; rounded up to whole rollouts.
-    seed
-        Seed ≥ 0 of weights, worlds, training episodes and actions.
-    settings
-        Hyper-parameters.
-    checkpoint_every, validate_every
-        Rollouts between two checkpoints, and between two validations.
-    validation_episodes
-        Episodes of a validation at each pace.
-    machine
-        A machine, or machines about one, in place of drawn ones; None for those of the scenario.
-    """
-
-    algorithm: str
-    scenario: str
-    pace: str
-    steps: int
-    seed: int
+    algorithm: str = parameter("name", "one of ALGORITHMS")
+    scenario: str = parameter("name", "of a scenario, or all")
+    pace: str = parameter("name", "of a commanded pace, or all")
+    steps: int = parameter("1", "in all worlds together; rounded up to whole rollouts")
+    seed: int = parameter("1", "of weights, worlds and actions", at_least=0, below=2**31)
     settings: Settings
-    checkpoint_every: int = 10
-    validate_every: int = 40
-    validation_episodes: int = 64
-    machine: Machine | MachineSpread | None = None
+    checkpoint_every: int = parameter("rollouts", "between two checkpoints", default=10)
+    validate_every: int = parameter("rollouts", "between two validations", default=40)
+    validation_episodes: int = parameter("1", "of a validation at each pace", default=64)
+    machine: Machine | MachineSpread | None = parameter("", "in place of drawn ones", default=None)
 
     def __post_init__(self) -> None:
         """Check names and numbers."""
-        for name, choices in (
-            ("algorithm", ALGORITHMS),
-            ("scenario", (ALL, *SCENARIOS)),
-            ("pace", (ALL, *PACES)),
-        ):
-            if getattr(self, name) not in choices:
-                raise unknown_name(name, getattr(self, name), choices)
-        for name in ("steps", "checkpoint_every", "validate_every", "validation_episodes"):
-            require_whole(self, name)
-        require_whole(self, "seed", at_least=0, below=2**31)
+        super().__post_init__()
+        names = {"algorithm": ALGORITHMS, "scenario": (ALL, *SCENARIOS), "pace": (ALL, *PACES)}
+        _check_names(self, names)
         require_kind(self, "machine", Machine, MachineSpread, type(None))
 
     @property
-    def nominal(self) -> Machine:
-        """The machine that a base law is bound to."""
-        return BASELINE if self.machine is None else middle_of(self.machine)
+    def gains(self) -> str:
+        """The scenario whose gains laws have; those of ``everything`` are poor elsewhere."""
+        return "standard" if self.scenario == ALL else self.scenario
 
     @property
     def paces(self) -> tuple[str, ...]:
@@ -289,11 +187,20 @@ class TrainingArguments:
         """Return plain data."""
         return {**asdict(self), "machine": CODEC.to_plain(self.machine)}
 
+    def check_same(self, others: "TrainingArguments") -> None:
+        """Raise a ParameterError if those of a run to resume differ in more than the steps."""
+        known = replace(others, steps=self.steps)
+        for ours, theirs in ((self.settings, known.settings), (self, known)):
+            for name, mine in vars(ours).items():
+                if mine != (other := getattr(theirs, name)):
+                    raise ParameterError(
+                        f"{name} is {other!r:.200} in the run that is in the folder, "
+                        f"got {mine!r:.200}"
+                    )
 
-def arguments_from(content: Mapping[str, Any]) -> TrainingArguments:
-    """Return arguments from plain data, as made by ``Arguments.as_json``."""
-    values = dict(content)
-    settings = settings_from(values.pop("settings"))
-    return TrainingArguments(
-        settings=settings, machine=CODEC.from_plain(values.pop("machine", None)), **values
-    )
+
+def arguments_from(content: dict[str, Any]) -> TrainingArguments:
+    """Return arguments from plain data, as made by ``TrainingArguments.as_json``."""
+    content["settings"] = settings_from(content["settings"])
+    content["machine"] = CODEC.from_plain(content.get("machine"))
+    return TrainingArguments(**content)

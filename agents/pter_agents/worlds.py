@@ -1,22 +1,31 @@
-"""The worlds to train on: a scenario's training episodes, and what the networks see of them."""
+"""The worlds of a training as the networks of a policy meet them: pure functions of JAX.
 
-from dataclasses import dataclass, replace
-from typing import Any
+Trainings differ in ``SharedConstants`` and not in the code, except for a base's gains, so one
+compilation serves them all.
+"""
 
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple, cast
+
+import jax
 import numpy as np
 from gymnasium.vector import AutoresetMode
+from jax import numpy as jnp
 from numpy.typing import NDArray
 
 from pter_agents.draws import training_draws
-from pter_agents.settings import ALL, NO_BASE, TrainingArguments
-from pter_gym.benchmark import find_policy
+from pter_agents.settings import NO_BASE, TrainingArguments
+from pter_gym._engine.world import ROW
+from pter_gym._engine.xla import rounded, words_of
 from pter_gym.controllers import PaceSchedule
+from pter_gym.controllers._network import INPUT_LIMIT
+from pter_gym.envs._base_law import find_base_law
 from pter_gym.envs._vector import PathFollowingVectorEnv
+from pter_gym.envs.jax import AnyState, EnvParams, JaxEnv
 from pter_gym.policies import Input, Interface
 from pter_gym.policies._interface import clutch_rows, input_names, input_values
-
-BASE_SCENARIO = "standard"
-"""Scenario whose gains the base has for ``ALL``: those of ``everything`` are poor elsewhere."""
+from pter_gym.tasks.path_following._context import CONTEXT
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
 """Chosen scales [m, 1, m/s]: random actions make these far larger than a good policy does."""
@@ -26,124 +35,222 @@ SAMPLE_WORLDS, SAMPLE_STEPS = 256, 200
 DEVIATION = 0.4
 """Standard deviation of the random actions."""
 
-
-@dataclass(frozen=True)
-class Truth:
-    """The entries of ``Batch.truth`` that vary, with their centers and scales."""
-
-    entries: NDArray[np.intp]
-    center: NDArray[np.float64]
-    scale: NDArray[np.float64]
+CONTEXT_AT, ENERGY_MAX = int(ROW.context_at), int(CONTEXT.task.energy_max)
 
 
-@dataclass(frozen=True)
-class Training:
-    """The worlds of a training, as the networks meet them.
+Numbers = Sequence[float] | NDArray[Any]
+
+
+class Selection(NamedTuple):
+    """Indices of the entries that are seen, (K,), and the centres and scales of their inputs."""
+
+    entries: jax.Array
+    center: jax.Array
+    scale: jax.Array
+
+    @classmethod
+    def of(cls, entries: Numbers, center: Numbers, scale: Numbers) -> "Selection":
+        """Return a selection as arrays of 32 bits."""
+        numbers = (jnp.asarray(each, jnp.float32) for each in (center, scale))
+        return cls(jnp.asarray(entries, jnp.int32), *numbers)
+
+    def inputs(self, values: jax.Array) -> jax.Array:
+        """Return the inputs for the values of the entries, (N, K)."""
+        return jnp.clip((values - self.center) / self.scale, -INPUT_LIMIT, INPUT_LIMIT)
+
+
+class SharedConstants(NamedTuple):
+    """What the worlds of a training share: ``EnvParams``, their constants as float32, units of the
+    observation's entries, inputs of the policy and those of the value network alone, and weights of
+    the present in the averages, (A,)."""
+
+    params: EnvParams
+    constants: jax.Array
+    obs_scales: jax.Array
+    present: Selection
+    truth: Selection
+    shares: jax.Array
+
+
+class RolloutState(NamedTuple):
+    """What changes, worlds first: the environment, the policy's inputs at each of the last steps,
+    the latest first, their averages, and the current inputs of the value network alone."""
+
+    env: AnyState
+    rows: jax.Array
+    means: jax.Array
+    known: jax.Array
+
+
+class Step(NamedTuple):
+    """Result of a step of N worlds; ``last_obs`` is from before a reset, ``paces`` commanded."""
+
+    rewards: jax.Array
+    paces: jax.Array
+    terminated: jax.Array
+    truncated: jax.Array
+    last_obs: jax.Array
+
+
+class JaxWorlds:
+    """Worlds as the networks of a policy meet them.
 
     Attributes
     ----------
-    env
-        The worlds.
-    interface
-        The policy's inputs and outputs.
-    truth
-        Inputs of the value network alone.
-    effortless
-        The same worlds, in which voltage costs nothing.
+    env, interface, size
+        The worlds as Gymnasium has them, the policy's inputs and outputs, and the number of inputs
+        of the value network.
+    shared, effortless
+        Arguments of the functions besides the state, and those for worlds in which voltage costs
+        nothing.
     """
 
-    env: PathFollowingVectorEnv
-    interface: Interface
-    truth: Truth
-    effortless: PathFollowingVectorEnv
+    def __init__(self, arguments: TrainingArguments) -> None:
+        s = arguments.settings
+        self.env = env = _make_env(arguments, s.worlds)
+        self._env, self._layout = JaxEnv(env), env.observation_layout
+        self._pace = self._layout.names.index("pace")
+        self._ages = np.array((0, *s.history))
+        inputs, truth = _sample(_make_env(arguments, SAMPLE_WORLDS), arguments.seed)
+        nominal = env.nominal_machine
+        self.interface = Interface(
+            inputs,
+            s.reach,
+            cast("PaceSchedule | None", env.base),
+            s.history,
+            s.averages,
+            env.base is None,
+            s.frame_skip,
+            nominal.clutch.voltage_max,
+            clutch_rows(nominal),
+        )
+        self.size = self.interface.size + len(truth.entries)
+        centers, scales = zip(*((each.center, each.scale) for each in inputs), strict=True)
+        self.shared = SharedConstants(
+            self._env.default_params,
+            jnp.asarray(env.batch.kernel_arrays()["constants"], jnp.float32),
+            jnp.asarray(self._layout.scales, jnp.float32),
+            Selection.of(range(len(inputs)), centers, scales),
+            truth,
+            jnp.asarray(1.0 / np.array(s.averages), jnp.float32),
+        )
+        self.effortless = self.shared
+        if s.effort:
+            free = _make_env(replace(arguments, settings=replace(s, effort=0.0)), s.worlds)
+            constants = words_of(free.batch.kernel_arrays()["constants"])
+            params = self.shared.params._replace(constants=constants)
+            self.effortless = self.shared._replace(params=params)
 
-    @property
-    def size(self) -> int:
-        """Number of inputs of the value network."""
-        return self.interface.size + len(self.truth.entries)
+    def reset(self, shared: SharedConstants, seeds: jax.Array) -> RolloutState:
+        """Return new worlds from the two halves of each world's seed, uint32 (N, 2)."""
+        obs, env = jax.vmap(self._env.reset_to_seed, (0, None))(seeds, shared.params)
+        count, inputs = len(obs), len(shared.present.entries)
+        state = RolloutState(
+            env,
+            jnp.zeros((count, int(self._ages[-1]) + 1, inputs)),
+            jnp.zeros((count, len(shared.shares), inputs)),
+            _truth(shared, env.world),
+        )
+        return self._see(shared, state, obs, jnp.ones(count, bool))
+
+    def step(
+        self, shared: SharedConstants, state: RolloutState, actions: jax.Array
+    ) -> tuple[RolloutState, Step]:
+        """Advance all worlds by one step, actions (N, clutches)."""
+        step = jax.vmap(self._env.step, (None, 0, 0, None))
+        obs, env, rewards, terminated, truncated, info = step(
+            None, state.env, actions, shared.params
+        )
+        state = state._replace(env=env, known=_truth(shared, env.world))
+        after = self._see(shared, state, obs, terminated | truncated)
+        last_obs = info["final_observation"]
+        paces = last_obs[:, self._pace] * shared.obs_scales[self._pace]
+        return after, Step(rewards, paces, terminated, truncated, last_obs)
+
+    def inputs(self, state: RolloutState) -> jax.Array:
+        """Return the networks' inputs, (N, size): the policy's, then the value network's own."""
+        seen = jnp.concatenate([state.rows[:, self._ages], state.means], axis=1)
+        return jnp.concatenate([seen.reshape(len(seen), -1), state.known], axis=1)
+
+    def last_inputs(
+        self, shared: SharedConstants, before: RolloutState, obs: jax.Array
+    ) -> jax.Array:
+        """Return the networks' inputs for a last observation, from the state one step earlier."""
+        return self.inputs(self._see(shared, before, obs, jnp.zeros(len(obs), bool)))
+
+    def _see(
+        self, shared: SharedConstants, state: RolloutState, obs: jax.Array, fresh: jax.Array
+    ) -> RolloutState:
+        """Add an observation to the past; in a new world, the past equals this observation."""
+        values = input_values(obs * shared.obs_scales, self._layout)
+        present = shared.present.inputs(values[:, shared.present.entries])[:, None]
+        rows = jnp.concatenate([present, state.rows[:, :-1]], axis=1)
+        means = state.means + shared.shares[:, None] * (present - state.means)
+        column = fresh[:, None, None]
+        return state._replace(
+            rows=jnp.where(column, present, rows), means=jnp.where(column, present, means)
+        )
 
 
-def make_training(arguments: TrainingArguments) -> Training:
-    """Return the worlds of a training; a short run without a network gives the inputs' scales."""
-    s, nominal = arguments.settings, arguments.nominal
-    base = find_base(s.base, arguments.scenario)
-    interface = Interface(
-        (Input("pace"),),
-        s.reach,
-        base,
-        s.history,
-        s.averages,
-        base is None,
-        s.frame_skip,
-        nominal.clutch.voltage_max,
-        clutch_rows(nominal),
+def _truth(shared: SharedConstants, world: jax.Array) -> jax.Array:
+    """Return the inputs of the value network alone: entries of ``Batch.truth``."""
+    rows, entries = world.shape[1] // 2, shared.truth.entries
+    own = jnp.minimum(entries, rows - 1)
+    state = rounded(
+        jnp.stack([world[:, 2 * own], world[:, 2 * own + 1]], axis=-1).reshape(len(world), -1)
     )
-    env = _make_worlds(arguments)
-    inputs, truth = _sample(_make_worlds(arguments, SAMPLE_WORLDS), arguments.seed)
-    free = replace(s, effort=0.0)
-    effortless = env if s == free else _make_worlds(replace(arguments, settings=free))
-    return Training(env, replace(interface, inputs=inputs), truth, effortless)
+    at = rounded(world[:, 2 * CONTEXT_AT : 2 * CONTEXT_AT + 2]).astype(jnp.int32)
+    number = jnp.maximum(entries - rows, 0)
+    context = shared.constants[at + number + (number >= ENERGY_MAX)]
+    return shared.truth.inputs(jnp.where(entries < rows, state, context))
 
 
-def find_base(name: str, scenario: str) -> PaceSchedule | None:
-    """Return the base law with its gains over the commanded pace, or None."""
-    if name == NO_BASE:
-        return None
-    policy = find_policy(name, scenario=BASE_SCENARIO if scenario == ALL else scenario)
-    assert isinstance(policy, PaceSchedule)
-    return policy
-
-
-def _make_worlds(arguments: TrainingArguments, count: int | None = None) -> PathFollowingVectorEnv:
+def _make_env(arguments: TrainingArguments, count: int) -> PathFollowingVectorEnv:
     """Return worlds that are reset in the same step in which they end."""
-    settings = arguments.settings
-    base = find_base(settings.base, arguments.scenario)
+    s = arguments.settings
+    alone = s.base == NO_BASE
     return PathFollowingVectorEnv(
-        settings.worlds if count is None else count,
+        count,
         scenario=training_draws(arguments),
-        contexts=settings.contexts,
+        contexts=s.contexts,
         context_seed=arguments.seed,
-        base=base,
-        reach=None if base is None else settings.reach,
-        max_episode_steps=settings.episode,
-        frame_skip=settings.frame_skip,
+        base=None if alone else find_base_law(s.base, arguments.gains),
+        reach=None if alone else s.reach,
+        max_episode_steps=s.episode,
+        frame_skip=s.frame_skip,
         autoreset_mode=AutoresetMode.SAME_STEP,
         telemetry=False,
         num_threads=1,
     )
 
 
-def _sample(env: PathFollowingVectorEnv, seed: int) -> tuple[tuple[Input, ...], Truth]:
+def _sample(env: PathFollowingVectorEnv, seed: int) -> tuple[tuple[Input, ...], Selection]:
     """Return the inputs and the truth, with mean and standard deviation under random actions."""
     layout, rng = env.observation_layout, np.random.default_rng(seed)
-    obs: Any = env.reset(seed=seed)[0]
-    inputs_seen: list[NDArray[Any]] = []
-    true: list[NDArray[Any]] = []
+    obs, _ = env.reset(seed=seed)
+    seen: list[NDArray[np.float64]] = []
+    true: list[NDArray[np.float64]] = []
     for _ in range(SAMPLE_STEPS):
-        inputs_seen.append(input_values(obs * layout.scales, layout))
+        seen.append(input_values(obs * layout.scales, layout))
         true.append(env.batch.truth())
         actions = DEVIATION * rng.standard_normal((len(obs), env.batch.num_actions))
         obs = env.step(np.clip(actions, -1.0, 1.0).astype(np.float32))[0]
-    env.close()
-    center, scale, varies = _moments(inputs_seen)
-    names = input_names(layout, residual=False)
+    center, scale, varies = _moments(np.concatenate(seen))
     inputs = (
         Input(name, 0.0, FIXED[name])
         if name in FIXED
-        else Input(name, _rounded(c), _rounded(s) if v else 1.0)
-        for name, c, s, v in zip(names, center, scale, varies, strict=True)
+        else Input(name, float(f"{c:.4g}"), float(f"{s:.4g}") if v else 1.0)
+        for name, c, s, v in zip(
+            input_names(layout, residual=False), center, scale, varies, strict=True
+        )
     )
-    center, scale, varies = _moments(true)
-    return tuple(inputs), Truth(np.flatnonzero(varies), center[varies], scale[varies])
+    center, scale, varies = _moments(np.concatenate(true))
+    return tuple(inputs), Selection.of(np.flatnonzero(varies), center[varies], scale[varies])
 
 
-def _moments(rows: list[NDArray[Any]]) -> tuple[Any, Any, Any]:
+def _moments(
+    values: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Return mean and standard deviation of each column, and whether it varies."""
-    values = np.concatenate(rows)
     deviation = values.std(axis=0)
     return values.mean(axis=0), deviation, deviation > 1e-6 * (1.0 + np.abs(values).max(axis=0))
-
-
-def _rounded(value: float) -> float:
-    """Return a number with four significant digits."""
-    return float(f"{value:.4g}")

@@ -7,18 +7,24 @@ test episodes, with a row for all seeds and one for each."""
 
 from dataclasses import replace
 from pathlib import Path
+from statistics import geometric_mean
 from time import process_time
 from typing import Any
 
-import numpy as np
 import sb3_contrib as contrib
 import stable_baselines3 as sb3
 import torch
 import tyro
 from stable_baselines3.common.callbacks import BaseCallback
 
-from pter_agents.validation import Validation
-from pter_gym.benchmark import ResultsFolder, from_sb3, print_boards, run_scenario
+from pter_gym.benchmark import (
+    ResultsFolder,
+    evaluate,
+    from_sb3,
+    print_boards,
+    run_scenario,
+    training_episodes,
+)
 from pter_gym.envs.sb3 import make_sb3_vec_env
 from pter_gym.scenarios import PACES
 from pter_gym.tasks.path_following import RewardWeights
@@ -40,6 +46,9 @@ CANDIDATES: dict[str, tuple[Any, int, tuple[dict[str, Any], ...]]] = {
 """Class, number of worlds, and settings that differ from the library's defaults."""
 
 TUNING_SEED = 0
+
+VALIDATION_SEED = 2**31 + 1
+"""Seed of held-out training episodes."""
 
 
 class CpuTime(BaseCallback):
@@ -73,11 +82,11 @@ def study(
     effort: float = RewardWeights.effort,
 ) -> None:
     torch.set_num_threads(1)
-    validation = Validation("standard", tuple(PACES), 64)
+    held_out = [training_episodes("standard", pace, 64, VALIDATION_SEED) for pace in PACES]
 
     def merit(model: Any) -> float:
-        errors = [found["path_error_m"] for found in validation.scores(from_sb3(model)).values()]
-        return float(np.exp(np.log(errors).mean()))
+        policy = from_sb3(model)
+        return geometric_mean(evaluate(policy, each)["path_error_m"].mean() for each in held_out)
 
     for algorithm in algorithms:
         trials = [

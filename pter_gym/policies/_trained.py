@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +24,13 @@ MAX_UNITS, MAX_LAYERS = 1024, 8
 Weights = NDArray[np.float32]
 
 
-def are_hidden(sizes: tuple[int, ...]) -> bool:
+def are_hidden(sizes: object) -> bool:
     """Return whether a policy may have hidden layers with these numbers of units."""
-    return len(sizes) < MAX_LAYERS and all(1 <= units <= MAX_UNITS for units in sizes)
+    return (
+        isinstance(sizes, tuple)
+        and len(units := cast("tuple[object, ...]", sizes)) < MAX_LAYERS
+        and all(type(each) is int and 1 <= each <= MAX_UNITS for each in units)
+    )
 
 
 @dataclass(frozen=True, eq=False)

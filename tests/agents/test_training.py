@@ -16,7 +16,6 @@ from pter_gym import load_policy
 from pter_gym._commands.main import main
 from pter_gym.envs import PathFollowingVectorEnv
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.params import BASELINE
 from pter_gym.paths import Circle
 from pter_gym.policies import read_policy
 from pter_gym.scenarios import PACES
@@ -40,7 +39,7 @@ def arguments(steps: int, algorithm: str = "residual", **changes: object) -> Tra
 
 @pytest.mark.long
 def test_resumed_training_has_the_same_bits(tmp_path: Path) -> None:
-    from pter_agents.training import train
+    from pter_agents.ppo import train
 
     constant = {"learning_rate_end": 1e-3, "deviation_end": 0.3}
     train(arguments(2, **constant), tmp_path / "whole")
@@ -127,15 +126,17 @@ def test_settings_are_checked() -> None:
         load_settings("ppo", worlds=3)
     with pytest.raises(ParameterError, match="config"):
         load_settings("ppo", wolds=3)
-    assert arguments(1).nominal == BASELINE
+    with pytest.raises(ParameterError, match=r"hidden.*got \(8.5,\)"):
+        load_settings("ppo", hidden=[8.5])
+    with pytest.raises(ParameterError, match="seed"):
+        replace(arguments(1), seed=-1)
 
 
 @pytest.mark.parametrize("hidden", [[8] * 8, [1024] * 7])
 def test_unexportable_trainings_are_refused_at_once(
     hidden: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pter_agents.ppo import PPO
-    from pter_agents.training import train
+    from pter_agents.ppo import PPO, train
 
     monkeypatch.setattr(PPO, "advance", lambda _: pytest.fail("it trains"))
     with pytest.raises(ParameterError, match=r"hidden|layers"):
@@ -146,17 +147,16 @@ def test_unexportable_trainings_are_refused_at_once(
 def test_a_diverging_loss_stops_and_names_the_last_good_checkpoint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pter_agents import ppo
-    from pter_agents.training import TrainingDivergedError, train
+    from pter_agents.ppo import PPO, TrainingDivergedError, train
 
-    advance = ppo.PPO.advance
+    advance = PPO.advance
 
-    def diverge(self: ppo.PPO) -> dict[str, float]:
+    def diverge(self: PPO) -> None:
         if self.steps:
             raise FloatingPointError("a loss or a weight is not finite")
-        return advance(self)
+        advance(self)
 
-    monkeypatch.setattr(ppo.PPO, "advance", diverge)
+    monkeypatch.setattr(PPO, "advance", diverge)
     given = arguments(2, "ppo")
     with pytest.raises(TrainingDivergedError) as stopped:
         train(given, tmp_path / "run")
@@ -167,10 +167,9 @@ def test_a_diverging_loss_stops_and_names_the_last_good_checkpoint(
 
 def test_a_loss_that_is_not_finite_raises() -> None:
     from pter_agents.ppo import PPO
-    from pter_agents.worlds import make_training
 
     given = arguments(1, "ppo")
-    model = PPO(given.settings, make_training(given), given.steps, given.seed)
+    model = PPO(given)
     state = model.get_state()
     next(array for name, array in state.items() if ".value" in name)[:] = np.nan
     model.set_state(state, 0)
@@ -185,17 +184,16 @@ def test_an_exported_policy_acts_as_in_training(algorithm: str) -> None:
 
     from pter_agents.draws import training_draws
     from pter_agents.ppo import PPO
-    from pter_agents.worlds import make_training
 
     given = arguments(1, algorithm, worlds=4, minibatch=64)
-    model = PPO(given.settings, make_training(given), given.steps, given.seed)
+    model = PPO(given)
     state = model.get_state()
     rng = np.random.default_rng(0)
     for name in state:
         if name.startswith(".weights.policy"):
             state[name] = rng.normal(0.0, 0.3, state[name].shape).astype(np.float32)
     model.set_state(state, 0)
-    weights, worlds = model._learned.weights, model._worlds  # pyright: ignore[reportPrivateUsage]
+    weights, worlds = model.state.weights, model.worlds
 
     @jax.jit
     def act(state: Any, _: None) -> Any:
@@ -225,7 +223,7 @@ def test_an_exported_policy_acts_as_in_training(algorithm: str) -> None:
 
 
 def test_one_process_trains_in_a_folder(tmp_path: Path) -> None:
-    from pter_agents.training import train
+    from pter_agents.ppo import train
 
     with RunFolder(tmp_path).lock(), pytest.raises(ParameterError, match="out"):
         train(arguments(1, "ppo"), tmp_path)
@@ -246,34 +244,27 @@ def test_a_damaged_checkpoint_is_refused(data: bytes, tmp_path: Path) -> None:
 def test_a_locked_arm_costs_the_same_at_each_commanded_pace() -> None:
     import jax
 
-    from pter_agents.ppo import PPO, collect
-    from pter_agents.worlds import make_training
+    from pter_agents.ppo import PPO
 
     changes = {**SMOKE, "starts": "rest", "persistence": 0.0}
     given = replace(arguments(1, "ppo"), pace="all", settings=load_settings("ppo", **changes))
-    s, training = given.settings, make_training(given)
-    model = PPO(s, training, given.steps, given.seed)
-    weights, _, carry = model._learned  # pyright: ignore[reportPrivateUsage]
-    # 24 V for all clutches
-    weights.policy[-1] = (weights.policy[-1][0], weights.policy[-1][1] + 100.0)
-    worlds, drawn = model._worlds, np.zeros((150, s.worlds, 4), np.float32)  # pyright: ignore[reportPrivateUsage]
-    _, rows = jax.jit(collect, static_argnums=(0, 1))(
-        s, worlds, worlds.shared, weights, carry, drawn, 0.0
-    )
-    task = training.env.batch.task
+    s, model = given.settings, PPO(given)
+    weights, _, carry = model.state
+    weight, bias = weights.policy[-1]
+    weights.policy[-1] = weight, bias + 100.0  # 24 V for all clutches
+    drawn = np.zeros((150, s.worlds, 4), np.float32)
+    _, rows = jax.jit(model.collect)(model.worlds.shared, weights, carry, drawn, 0.0)
+    task = model.worlds.env.batch.task
     cost = 5.0 * s.pace * PACES["medium"] * task.control_period / task.path.length
     np.testing.assert_allclose(rows.rewards[-1], -s.reward_scale * cost, rtol=1e-5)
 
 
 def test_voltage_costs_something_for_a_share_of_the_training() -> None:
     from pter_agents.ppo import PPO
-    from pter_agents.worlds import make_training
 
     def learned(**changes: float) -> dict[str, np.ndarray]:
         settings = load_settings("ppo", **{**SMOKE, "effort": 20.0, **changes})
-        given = replace(arguments(1, "ppo"), settings=settings)
-        steps = 4 * settings.worlds * settings.steps
-        model = PPO(settings, make_training(given), steps, given.seed)
+        model = PPO(replace(arguments(4, "ppo"), settings=settings))
         model.advance()
         model.advance()
         return model.get_state()
@@ -316,7 +307,7 @@ def test_training_on_all_scenarios_knows_each_heading_and_wider_machines() -> No
 
 
 def test_advantages_are_those_of_a_plain_loop() -> None:
-    from pter_agents.ppo import estimate
+    from pter_agents.ppo import RolloutBuffer, estimate
 
     rng, (steps, worlds) = np.random.default_rng(0), (20, 5)
     rewards, finals = rng.standard_normal((2, steps, worlds)).astype(np.float32)
@@ -330,5 +321,6 @@ def test_advantages_are_those_of_a_plain_loop() -> None:
             missed = rewards[t, world] + 0.9 * after - values[t, world]
             later = missed + (0.0 if ends[t, world] else 0.9 * 0.8 * later)
             expected[t, world] = later
-    found = estimate(*map(np.asarray, (rewards, values, ends, finals)), 0.9, 0.8)
-    np.testing.assert_allclose(found, expected, atol=1e-5)
+    none: Any = None
+    rows = RolloutBuffer(none, none, none, *map(np.asarray, (rewards, ends, finals)))
+    np.testing.assert_allclose(estimate(rows, values, 0.9, 0.8), expected, atol=1e-5)
