@@ -1,14 +1,20 @@
 """One process at a time writes what others write too: each command waits for the lock."""
 
+import errno
+import logging
+import os
 import subprocess
 import sys
 import threading
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 
+from pter_gym._internal import locks
 from pter_gym._internal.files import write_files_atomic
 from pter_gym._internal.locks import LOCK, lock_beside, locked
 from pter_gym.benchmark import ResultsFolder
@@ -47,6 +53,29 @@ def test_a_writer_waits_for_the_one_before(write: Any, lock: Any, tmp_path: Path
         assert not {path.name for path in tmp_path.iterdir()} & {*FILES, "benchmark.json"}
     writer.join(60.0)
     assert not writer.is_alive()
+    assert [path for path in tmp_path.iterdir() if not path.name.startswith(".")]
+
+
+@pytest.mark.parametrize("code", [errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS])
+@pytest.mark.parametrize("write", [write for write, _ in WRITERS.values()], ids=WRITERS)
+def test_a_folder_without_locks_is_written_with_a_warning(
+    write: Any, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on NFS, Lustre and FUSE, whose servers may have none."""
+    fcntl = pytest.importorskip("fcntl")
+
+    def flock(*_: object) -> None:
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    locks.tell_once.cache_clear()
+    with (
+        patch.object(logging.getLogger("pter_gym"), "warning") as warning,
+        warnings.catch_warnings(),
+    ):
+        warnings.simplefilter("ignore")  # filelock's own, where it has another kind of lock
+        write(tmp_path)
+    assert warning.called == (code != errno.ENOSYS)
     assert [path for path in tmp_path.iterdir() if not path.name.startswith(".")]
 
 

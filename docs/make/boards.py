@@ -26,11 +26,7 @@ README = (
 )
 """Policies whose scores README shows."""
 
-ERRORS = {
-    "Worst 1/20": "worst_path_error_m",
-    "Without the first tenth": "later_path_error_m",
-    "RMS": "rms_error_m",
-}
+ERRORS = {"Worst 1/20": "worst_path_error_m", "RMS": "rms_error_m"}
 """Errors that a leaderboard shows beside the path error, by their titles."""
 
 BOARDS: dict[str, Callable[..., str]] = {}

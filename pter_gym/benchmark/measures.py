@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.haptics import apparent_stiffness, force_error, force_per_torque, mean_resisting_force
-from pter_gym.params import Machine
+from pter_gym.haptics import apparent_stiffness, mean_resisting_force
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._pace import ALLOWANCE, START
 
@@ -127,12 +126,6 @@ def low_pass(values: Array, period: float) -> Array:
 def norm(vectors: Array) -> Array:
     """Return the lengths of vectors (…, 2)."""
     return np.hypot(vectors[..., 0], vectors[..., 1])
-
-
-def headings(telemetry: Array, tasks: Sequence[PathFollowing]) -> Array:
-    """Return the headings of the paths at the tips' projections [rad], (R, N)."""
-    arcs = zip(tasks, column(telemetry, "arc_length").T, strict=True)
-    return np.stack([task.path.arcs.at(s)[2] for task, s in arcs], axis=1)
 
 
 def mean_over(values: ArrayLike, counted: Mask) -> Array:
@@ -262,10 +255,6 @@ class Travel:
         """
         return np.minimum(self.segment_errors().mean(axis=0), self.worst)
 
-    def later_path_error(self) -> Array:
-        """Return the path error without the first segment [m]."""
-        return np.minimum(self.segment_errors()[1:].mean(axis=0), self.worst)
-
     def mean_pace_error(self) -> Array:
         """Return the pace error of the whole path."""
         return pace_errors(self.relative_times.sum(axis=0) / SEGMENTS, self.finished[-1])
@@ -297,15 +286,10 @@ class Recorded(Travel):
     """N episodes with all their telemetry; parameters as in ``score_episodes``."""
 
     def __init__(
-        self,
-        telemetry: Array,
-        tasks: Sequence[PathFollowing],
-        voltage_max: float,
-        machines: Sequence[Machine] = (),
-        wanted: Array | None = None,
+        self, telemetry: Array, tasks: Sequence[PathFollowing], voltage_max: float
     ) -> None:
         super().__init__(telemetry[..., RANKED], tasks)
-        self.tasks, self.machines, self.wanted = tasks, machines, wanted
+        self.tasks = tasks
         self.telemetry = telemetry
         self.steps = telemetry[1:]
         self.alive = np.isfinite(self.time[1:])
@@ -353,26 +337,8 @@ class Recorded(Travel):
     @cached_property
     def heading(self) -> Array:
         """Heading of the path at the tip's projection [rad], (T, N)."""
-        return headings(self.steps, self.tasks)
-
-    @cached_property
-    def force_error(self) -> Array | None:
-        """Errors of the clutches' force along and across the path [N], (2, N), or None."""
-        if self.wanted is None:
-            return None
-        angles = np.stack([column(self.steps, f"theta_{link}") for link in "ab"], axis=-1)
-        torques = per_clutch(self.steps, "torque")
-        heading = np.stack([np.cos(self.heading), np.sin(self.heading)], axis=-1)
-        errors: list[tuple[float, float]] = []
-        for world, (machine, alive) in enumerate(zip(self.machines, self.alive.T, strict=True)):
-            torque, demanded, along = (
-                values[alive, world] for values in (torques, self.wanted[1:], heading)
-            )
-            rendered = (torque[..., None] * force_per_torque(machine, angles[alive, world])).sum(
-                axis=-2
-            )
-            errors.append(force_error(rendered, demanded, along))
-        return np.transpose(errors)
+        arcs = zip(self.tasks, column(self.steps, "arc_length").T, strict=True)
+        return np.stack([task.path.arcs.at(s)[2] for task, s in arcs], axis=1)
 
     def apparent_stiffness(self) -> Array | None:
         """Return the apparent stiffness of fixtures [N/m], 0 if untouched; None without any."""

@@ -12,11 +12,10 @@ from pter_gym._engine.world import SKIP
 from pter_gym._internal.files import FilePath
 from pter_gym.benchmark.boards import over_limits
 from pter_gym.benchmark.episodes import Episodes, training_episodes
-from pter_gym.benchmark.measures import RANKED, Travel, column, headings, vector
+from pter_gym.benchmark.measures import RANKED, Travel
 from pter_gym.benchmark.policies import Policies, find_policies
 from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
 from pter_gym.controllers import AnyPolicy, Policy, bind
-from pter_gym.controllers._desired_forces import desired_forces
 from pter_gym.controllers._policy import sensors_of
 from pter_gym.params import BASELINE, Machine
 from pter_gym.scenarios import Scenario, find_scenario
@@ -129,11 +128,7 @@ def evaluate(
                 "segment_pace_error": travel.segment_pace_error(),
             }
         return score_episodes(
-            telemetry,
-            chunk.tasks,
-            voltage_max=chunk.machines[0].clutch.voltage_max,
-            machines=chunk.machines,
-            wanted=wanted_forces(acting, telemetry, chunk.tasks),
+            telemetry, chunk.tasks, voltage_max=chunk.machines[0].clutch.voltage_max
         )
 
     threads = min(num_threads, len(episodes.chunks)) if acting.law else 1
@@ -144,17 +139,6 @@ def evaluate(
             scores = list(pool.map(evaluate_chunk, episodes.chunks))
     names = (name for name in SCORES if all(name in chunk for chunk in scores))
     return {name: np.concatenate([chunk[name] for chunk in scores]) for name in names}
-
-
-def wanted_forces(policy: Policy, telemetry: Array, tasks: Sequence[PathFollowing]) -> Array | None:
-    """Return the force on the hand that a policy demands in N episodes, as ``desired_forces``."""
-    return desired_forces(
-        policy.law,
-        np.array([task.pace for task in tasks]),
-        vector(telemetry, "tip_velocity"),
-        headings(telemetry, tasks),
-        column(telemetry, "normal_error"),
-    )
 
 
 def check_acting(policy: AnyPolicy, episodes: Episodes) -> None:

@@ -11,7 +11,7 @@ from pter_gym._physics.friction import ClutchMode
 from pter_gym._version import __version__
 from pter_gym.benchmark.measures import PRICE, TOUCH, Array, Recorded, column, mean_over
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, Machine
+from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
 Values = NDArray[Any]
@@ -42,8 +42,8 @@ class Score:
     """Scores of one episode.
 
     Every score is finite, whatever the episode. Accelerations leave out the start-up interval,
-    unless the episode ends within it, and are low-pass filtered. The last three are None where they
-    are not defined.
+    unless the episode ends within it, and are low-pass filtered. The last is None where it is not
+    defined.
     """
 
     path_error_m: float = _score(
@@ -52,9 +52,6 @@ class Score:
         f"r^{PRICE:g} if r = t·v/(L/10) > 1, else {1.0 + PRICE:g} − {PRICE:g}r; at most the "
         "largest |e| or the workspace's bound, whichever is larger",
         Recorded.path_error,
-    )
-    later_path_error_m: float = _score(
-        "m", "the same without the first segment; ranks do not use it", Recorded.later_path_error
     )
     rms_error_m: float = _score("m", "√(∫e²ds/L); ranks do not use it", Recorded.rms_error)
     mean_error_m: float = _score(
@@ -126,19 +123,6 @@ class Score:
         Recorded.apparent_stiffness,
         default=None,
     )
-    force_error_along_n: float | None = _score(
-        "N",
-        "of an impedance law: root mean square of the clutches' force less the one that it wants, "
-        "along the path",
-        lambda e: None if e.force_error is None else e.force_error[0],
-        default=None,
-    )
-    force_error_across_n: float | None = _score(
-        "N",
-        "the same across the path",
-        lambda e: None if e.force_error is None else e.force_error[1],
-        default=None,
-    )
 
 
 METRICS: Mapping[str, Metric] = {item.name: item.metadata["metric"] for item in fields(Score)}
@@ -173,8 +157,6 @@ def score_episodes(
     tasks: Sequence[PathFollowing],
     *,
     voltage_max: float = BASELINE.clutch.voltage_max,
-    machines: Sequence[Machine] = (),
-    wanted: Array | None = None,
 ) -> Scores:
     """Score many episodes at once, each independently of the others.
 
@@ -187,9 +169,6 @@ def score_episodes(
         The tasks that were followed, N of them, with one control period.
     voltage_max
         Largest voltage of the clutches [V].
-    machines, wanted
-        For the force errors: the machines, N of them, and the forces [N] of the device on the hand
-        that the policy wanted, (T + 1, N, 2); only impedance laws want any.
 
     Raises
     ------
@@ -207,12 +186,7 @@ def score_episodes(
         raise ParameterError(
             f"telemetry must hold a step of each episode at least, got none of {runs.argmin()}"
         )
-    if wanted is not None and (np.shape(wanted), len(machines)) != ((*shape[:2], 2), len(tasks)):
-        raise ParameterError(
-            f"wanted must have the shape {(*shape[:2], 2)} and come with {len(tasks)} machines, "
-            f"got {np.shape(wanted)} and {len(machines)}"
-        )
-    episodes = Recorded(telemetry, tasks, voltage_max, machines, wanted)
+    episodes = Recorded(telemetry, tasks, voltage_max)
     scores = {name: metric.find(episodes) for name, metric in METRICS.items()}
     return {name: values for name, values in scores.items() if values is not None}
 

@@ -2,6 +2,7 @@
 
 from pter_gym._compiled.compiler import compiled
 from pter_gym._compiled.records import rows
+from pter_gym._internal.laws import LAWS
 from pter_gym._physics.clutch import PerClutch
 from pter_gym.controllers._gains import MEMORY, Memory
 from pter_gym.controllers._guided import (
@@ -15,15 +16,7 @@ from pter_gym.controllers._guided import (
 from pter_gym.controllers._policy import AnyPolicy, Controller, Policy, bind
 from pter_gym.controllers._simple import Free, Locked, Random
 
-CONTROLLERS: dict[str, type[Controller]] = {
-    "impedance": Impedance,
-    "torque-feedback": TorqueFeedback,
-    "single-dof": SingleDof,
-    "velocity-ratio": VelocityRatio,
-    "free": Free,
-    "locked": Locked,
-    "random": Random,
-}
+CONTROLLERS: dict[str, type[Controller]] = {name: globals()[kind] for name, kind in LAWS.items()}
 """The built-in controllers by name."""
 
 __all__ = [

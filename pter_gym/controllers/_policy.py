@@ -162,7 +162,8 @@ class Policy:
                 )
             volts = np.empty((len(observations), SLOTS))
             try:
-                kernel(observations, scales, numbers, memory, top, volts)
+                with np.errstate(all="ignore"):  # where it is not compiled
+                    kernel(observations, scales, numbers, memory, top, volts)
             except FAULTS as error:
                 raise law_error(function, error, len(scales), len(numbers), entries) from error
             return volts[:, :clutches]

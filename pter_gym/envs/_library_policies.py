@@ -14,7 +14,8 @@ from pter_gym._compiled.layout import Layout
 from pter_gym._internal.checks import whole_number
 from pter_gym.controllers import Controller, Policy
 from pter_gym.envs._base_law import BaseLaw
-from pter_gym.envs._policies import check_wrappers
+from pter_gym.envs._mixin import nominal_machine
+from pter_gym.envs._policies import attributes, bounds_of_actions, check_wrappers
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, SLOTS, Machine, require
 from pter_gym.tasks.path_following import Sensors, observation_layout
@@ -40,37 +41,38 @@ def from_sb3(
         ``NormalizeObservation``. By default, the ``VecNormalize`` of the environment, if any. Its
         statistics are used but not changed.
     frame_skip
-        Number of control steps for which each action was held in training, and is held here; by
-        default, that of the environment.
+        Number of control steps for which each action is held; by default, that of the environment.
     env
         The environment in which the model was trained, or one like it; by default, the one attached
-        to the model, otherwise that of ``vec_normalize``. A model that was loaded without either
-        needs this or ``frame_skip``.
-
-    A model that was trained with ``base`` corrects that law here too: the environment says which.
+        to the model, otherwise that of ``vec_normalize``. It says what observations and actions
+        mean, and which law a model corrects that was trained with ``base``.
 
     Raises
     ------
     ParameterError
-        If observations or actions of the model are not those of an environment of this package,
-        another wrapper of the environment changes them, or ``frame_skip`` is not known or not a
-        whole number ≥ 1.
+        If there is no environment, observations or actions of the model are not those of one of
+        this package, another wrapper of it changes them, or ``frame_skip`` is not a whole number
+        ≥ 1.
     """
     if env is None:
         env = getattr(model, "env", None) or getattr(
             vec_normalize, "venv", getattr(vec_normalize, "env", None)
         )
+    if env is None:
+        raise ParameterError(
+            "env must be given for a model without one: the environment of its training, or one "
+            "like it, as in from_sb3(PPO.load('mine'), env=envs)"
+        )
     own = next((each for each in _wrappers(env) if _has_statistics(each)), None)
     check_wrappers(env, known=own)
     normalise = _normalising(own if vec_normalize is None else vec_normalize)
-    if frame_skip is None:
-        frame_skip = _frame_skip_of(env)
-    skip = whole_number("frame_skip", frame_skip)
-    base, reach = _attribute_of(env, "base"), _attribute_of(env, "reach")
+    (base,), (skip,) = attributes(env, "base"), attributes(env, "frame_skip")
+    if frame_skip is not None:
+        skip = whole_number("frame_skip", frame_skip)
     return (
-        Model(model, normalise, skip)
+        Model(model, normalise, skip, env)
         if base is None
-        else CorrectingModel(model, normalise, skip, base, reach)
+        else CorrectingModel(model, normalise, skip, env, base)
     )
 
 
@@ -86,16 +88,15 @@ def from_actions(
         tensor. It has no memory. Its actions are clipped to the action space; they are normalised
         if the lower bound is negative, and volts otherwise.
     env
-        The environment that the function was made for: one of this package, or any object with its
-        spaces.
+        The environment that the function was made for.
     frame_skip
         Number of control steps for which each action is held; by default, that of the environment.
 
     Raises
     ------
     ParameterError
-        If observations or actions are not those of an environment of this package, or
-        ``frame_skip`` is not known.
+        If it is not an environment of this package, a wrapper changes observations or actions, or
+        ``frame_skip`` is not a whole number ≥ 1.
     """
 
     def predict(observations: Observations, **_: Any) -> tuple[Any, None]:
@@ -106,7 +107,8 @@ def from_actions(
         name: getattr(env, f"single_{name}", getattr(env, name, None))
         for name in ("observation_space", "action_space")
     }
-    return from_sb3(SimpleNamespace(predict=predict, env=env, **spaces_of), frame_skip=frame_skip)
+    model = SimpleNamespace(predict=predict, **spaces_of)
+    return from_sb3(model, frame_skip=frame_skip, env=env)
 
 
 class Model:
@@ -121,18 +123,24 @@ class Model:
     """
 
     def __init__(
-        self, model: Any, normalise: Normalise, frame_skip: int, *, extra: int = 0
+        self, model: Any, normalise: Normalise, frame_skip: int, env: Any, base: Any = None
     ) -> None:
-        self.sensors, self._entries = _observed_by(model, extra)
-        space = getattr(model, "action_space", None)
-        shapes = [(clutches,) for clutches in range(1, SLOTS + 1)]
-        if not isinstance(space, spaces.Box) or space.shape not in shapes or not space.is_bounded():
+        (layout,) = attributes(env, "observation_layout")
+        machine = nominal_machine(attributes(env, "nominal_machine"))
+        self._bounds = bounds_of_actions(env, layout, machine)
+        self._clutches = len(machine.clutches)
+        space = getattr(model, "observation_space", None)
+        if not isinstance(space, spaces.Box) or space.shape != (len(layout),):
             raise ParameterError(
-                "model.action_space must be a Box with bounds for 1 to "
-                f"{SLOTS} clutches, got {space}"
+                "model.observation_space must be that of env, with the "
+                f"{len(layout)} entries {', '.join(layout.names)}, got {space}"
             )
+        expected = spaces.Box(*self._bounds, (self._clutches,), np.float32)
+        if (space := getattr(model, "action_space", None)) != expected:
+            raise ParameterError(f"model.action_space must be that of env, {expected}, got {space}")
+        self._names = layout.names[: len(layout) - (0 if base is None else SLOTS)]
+        self.sensors = _sensors_of(self._names)
         self._model, self._normalise, self.frame_skip = model, normalise, frame_skip
-        self._bounds = list(zip(space.low.tolist(), space.high.tolist(), strict=True))
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy for a machine and a layout.
@@ -142,14 +150,14 @@ class Model:
         ParameterError
             If one of them has other entries than the model.
         """
-        if len(layout) != self._entries:
+        if layout.names != self._names:
             raise ParameterError(
-                f"observations must have the {self._entries} entries of the model, "
-                f"got {len(layout)}"
+                f"observations must have the {len(self._names)} entries of the model, "
+                f"{', '.join(self._names)}, got {', '.join(layout.names)}"
             )
         clutches = [clutch.row for clutch in machine.clutches]
-        accepted = f"{len(self._bounds)}, as the model's actions"
-        require(len(clutches) == len(self._bounds), machine, "clutches", accepted, got=clutches)
+        accepted = f"{self._clutches}, as the model's actions"
+        require(len(clutches) == self._clutches, machine, "clutches", accepted, got=clutches)
         return self._policy(machine, layout)
 
     def _policy(self, machine: Machine, layout: Layout) -> Policy:
@@ -158,11 +166,10 @@ class Model:
 
         def act(observations: Observations, memory: Any) -> Any:
             actions = self._actions(observations, memory)
-            columns = zip(np.asarray(actions, np.float64).T, self._bounds, strict=True)
-            volts = [volts_of(np.clip(column, *ends), *ends, top) for column, ends in columns]
-            return np.stack(volts, axis=1)
+            clipped = np.clip(np.asarray(actions, np.float64), *self._bounds)
+            return volts_of(clipped, *self._bounds, top)
 
-        def start(worlds: int) -> Any:
+        def start(worlds: int) -> NDArray[np.object_]:
             return np.zeros(worlds, object)
 
         return Policy.of_function(act, layout, start=start, frame_skip=self.frame_skip)
@@ -185,15 +192,15 @@ class CorrectingModel(Model):
     """A model whose actions correct a base: the law acts at every control step."""
 
     def __init__(
-        self, model: Any, normalise: Normalise, frame_skip: int, base: Controller, reach: float
+        self, model: Any, normalise: Normalise, frame_skip: int, env: Any, base: Controller
     ) -> None:
-        super().__init__(model, normalise, frame_skip, extra=SLOTS)
-        self._base, self._reach, self._entries = base, reach, self._entries - SLOTS
-        self._hold, self.frame_skip = frame_skip, 1
+        super().__init__(model, normalise, frame_skip, env, base)
+        (self._reach,) = attributes(env, "reach")
+        self._base, self._hold, self.frame_skip = base, frame_skip, 1
 
     def _policy(self, machine: Machine, layout: Layout) -> Policy:
         base = BaseLaw(self._base, machine, layout, self._reach)
-        laws, actions = len(base.start(1)[0]), len(self._bounds)
+        laws, actions = len(base.start(1)[0]), self._clutches
 
         def act(observations: Observations, memory: Any) -> Any:
             state, held, age = memory["state"], memory["action"], memory["age"]
@@ -227,17 +234,14 @@ class _Kept(NamedTuple):
     state: Any
 
 
-def _observed_by(model: Any, extra: int) -> tuple[Sensors, int]:
-    """Return the sensors of a model's observations, and how many entries with ``extra`` more."""
-    space = getattr(model, "observation_space", None)
-    lengths: dict[Sensors, int] = {
-        sensors: len(observation_layout(BASELINE, sensors)) + extra for sensors in get_args(Sensors)
-    }
-    for sensors, entries in lengths.items():
-        if isinstance(space, spaces.Box) and space.shape == (entries,):
-            return sensors, entries
-    known = " or ".join(f"{entries} ({sensors})" for sensors, entries in lengths.items())
-    raise ParameterError(f"model.observation_space must be a Box of {known} entries, got {space}")
+def _sensors_of(names: tuple[str, ...]) -> Sensors:
+    """Return the sensors of which observations have entries with these names."""
+    for sensors in get_args(Sensors):
+        if observation_layout(BASELINE, sensors).names == names:
+            return sensors
+    raise ParameterError(
+        f"env must have the observations of sensors, without context, got {', '.join(names)}"
+    )
 
 
 def _wrappers(env: Any) -> Iterator[Any]:
@@ -252,26 +256,6 @@ def _has_statistics(wrapper: Any) -> bool:
     return isinstance(wrapper, NormalizeObservation | VectorNormalizeObservation) or hasattr(
         wrapper, "normalize_obs"
     )
-
-
-def _attribute_of(env: Any, name: str) -> Any:
-    """Return an attribute of an environment, or None if there is none."""
-    inner = getattr(env, "unwrapped", env)
-    try:
-        return inner.get_attr(name)[0] if hasattr(inner, "get_attr") else getattr(inner, name)
-    except AttributeError:
-        return None
-
-
-def _frame_skip_of(env: Any) -> int:
-    """Return the ``frame_skip`` of an environment, or raise a ParameterError."""
-    if (skip := _attribute_of(env, "frame_skip")) is None:
-        raise ParameterError(
-            "frame_skip must be given, or env, the environment of the training, which has it: "
-            "from_sb3(model, "
-            f"frame_skip=3) or from_sb3(model, env=env); got env = {env!r:.100}"
-        )
-    return skip
 
 
 def _normalising(wrapper: Any) -> Normalise:

@@ -1,5 +1,6 @@
 """Policies that act in environments, with actions in the environment's unit."""
 
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import gymnasium
@@ -174,11 +175,27 @@ def check_wrappers(env: Any, known: Any = None) -> None:
     inner = [wrapper for wrapper in wrapped if wrapper is not None]
     for wrapper in inner:
         check_wrappers(wrapper, known)
-    ask: Any = getattr(env, "call", getattr(env, "env_method", None))
-    # of a wrapper in another process
-    for method in ("observation", "action") if ask and not inner else ():
+    ask = getattr(env, "call", getattr(env, "env_method", None))
+    if ask and not inner:
+        _check_elsewhere(ask)
+
+
+def _check_elsewhere(ask: Callable[..., Sequence[object]]) -> None:
+    """Raise a ParameterError if a wrapper in another process changes observations or actions."""
+    for method in ("observation", "action"):
         if any(ask("has_wrapper_attr", method)):
             _refuse(f"with the method {method}")
+    chains = "".join(map(str, ask("__str__")))  # such as <TimeLimit<OrderEnforcing<…
+    for kind in _kinds_below(gymnasium.Wrapper):
+        if f"<{kind.__name__}<" in chains and _changes(kind):
+            _refuse(kind.__name__)
+
+
+def _kinds_below(kind: type) -> Iterator[type]:
+    """Yield the classes derived from a class that are loaded."""
+    for each in kind.__subclasses__():
+        yield each
+        yield from _kinds_below(each)
 
 
 def _changes(kind: Any, *, is_vec_wrapper: bool = False) -> bool:

@@ -1,23 +1,14 @@
 """What policies are called, known without loading anything that compiles."""
 
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
 from pter_gym._internal.files import has_ending
+from pter_gym._internal.laws import LAWS
 from pter_gym._internal.reading import read_toml
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies._files import find_file, is_here, is_path, shipped_policies
-
-BUILT_IN = (
-    "impedance",
-    "torque-feedback",
-    "single-dof",
-    "velocity-ratio",
-    "free",
-    "locked",
-    "random",
-)
-"""Names of the built-in laws, in their order in ``CONTROLLERS``."""
 
 TUNED_TABLE = Path(__file__).parents[1] / "presets" / "tuned.toml"
 
@@ -27,8 +18,13 @@ SUFFIX = "-tuned"
 @cache
 def tuned_policies() -> tuple[str, ...]:
     """Return the names under which laws are found with shipped gains."""
-    scenarios = read_toml(TUNED_TABLE, "tuned gains").values()
-    return tuple(f"{name}{SUFFIX}" for name in BUILT_IN if any(name in each for each in scenarios))
+    return tuned_names(read_toml(TUNED_TABLE, "tuned gains"))
+
+
+def tuned_names(table: Mapping[str, Mapping[str, object]]) -> tuple[str, ...]:
+    """Return the names under which laws are found with the gains of a table."""
+    there = {name for laws in table.values() for name in laws}
+    return tuple(f"{name}{SUFFIX}" for name in LAWS if name in there)
 
 
 def is_code(name: str) -> bool:
@@ -39,9 +35,9 @@ def is_code(name: str) -> bool:
 
 def is_exported(name: str) -> bool:
     """Return whether a name means a trained policy: a shipped one, or a file."""
-    known = (*BUILT_IN, *tuned_policies())
-    shipped = name in shipped_policies()
-    return shipped or is_path(name) or (name not in known and bool(name) and is_here(name))
+    if name in shipped_policies() or is_path(name):
+        return True
+    return bool(name) and is_here(name) and name not in (*LAWS, *tuned_policies())
 
 
 def check_policy(name: str) -> None:
@@ -61,5 +57,5 @@ def check_policy(name: str) -> None:
         pass  # a module, which is found when it is imported
     elif is_exported(name):
         find_file(name)
-    elif name not in (known := (*BUILT_IN, *tuned_policies())):
+    elif name not in (known := (*LAWS, *tuned_policies())):
         raise unknown_name("policies", name, (*known, *shipped_policies()))

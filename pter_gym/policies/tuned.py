@@ -19,7 +19,7 @@ from pter_gym._internal.files import FilePath, expand_path
 from pter_gym._internal.reading import read_toml, reading
 from pter_gym.controllers import CONTROLLERS, Controller, Guided, Impedance, PaceSchedule
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.policies._names import SUFFIX, TUNED_TABLE, tuned_policies
+from pter_gym.policies._names import SUFFIX, TUNED_TABLE, tuned_names, tuned_policies
 from pter_gym.scenarios import find_pace
 
 TABLE = TUNED_TABLE
@@ -179,12 +179,6 @@ def _schedule(laws: Iterable[tuple[str, Guided]], **options: Any) -> PaceSchedul
     """Return laws given by the names of their paces as one."""
     knots = ((find_pace(pace), law) for pace, law in laws)
     return PaceSchedule(tuple(sorted(knots, key=lambda knot: knot[0])), **options)
-
-
-def tuned_names(table: GainsTable) -> tuple[str, ...]:
-    """Return the names under which laws are found with the gains of a table."""
-    there = {name for controllers in table.values() for name in controllers}
-    return tuple(name + SUFFIX for name in CONTROLLERS if name in there)
 
 
 TUNED = tuned_policies()

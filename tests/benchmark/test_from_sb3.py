@@ -103,13 +103,10 @@ def test_two_lines_score_a_model() -> None:
 class Remembering:
     """Acts as a recurrent model: its state counts a world's decisions in the episode."""
 
-    def __init__(self, sensors: Sensors = "encoders") -> None:
-        self.observation_space = spaces.Box(
-            -1.0, 1.0, (len(observation_layout(BASELINE, sensors)),)
-        )
-        self.action_space = spaces.Box(
-            np.array([0.0, -1.0, -10.0, 0.0], np.float32), np.float32(10.0)
-        )
+    def __init__(self, **more: Any) -> None:
+        self.env = make_sb3_vec_env(1, **{"sensors": "encoders", **more})
+        self.observation_space = self.env.observation_space
+        self.action_space = self.env.action_space
 
     def predict(
         self, obs: Any, state: Any, episode_start: Any, deterministic: bool
@@ -123,42 +120,39 @@ class Remembering:
 
 
 def test_states_belong_to_worlds_and_begin_again_at_a_reset() -> None:
-    controller = from_sb3(Remembering(), frame_skip=1)
+    controller = from_sb3(Remembering(action_unit="volt"))
     assert controller.sensors == "encoders"
     layout = observation_layout(BASELINE, "encoders")
     policy = bind(controller, BASELINE, layout)
     for worlds in (3, 1):
         memory, obs = policy.start(worlds), np.zeros((worlds, len(layout)), np.float32)
         volts = np.array([policy.act(obs, memory) for _ in range(3)])
-        expected = 2.4 * np.arange(1, 4)[:, None] * np.ones(worlds)
+        expected = np.arange(1, 4)[:, None] * np.ones(worlds)
         np.testing.assert_allclose(volts[..., 0], expected)
-        np.testing.assert_allclose(volts[0][:, 1:], np.tile([0.0, 6.0, 24.0], (worlds, 1)))
+        np.testing.assert_allclose(volts[0][:, 1:], np.tile([0.0, 0.0, 10.0], (worlds, 1)))
     memory = policy.start(2)
     policy.act(np.zeros((2, len(layout)), np.float32), memory)
     memory[1:] = policy.start(2)[1:]
     np.testing.assert_allclose(
-        policy.act(np.zeros((2, len(layout)), np.float32), memory)[:, 0], [4.8, 2.4]
+        policy.act(np.zeros((2, len(layout)), np.float32), memory)[:, 0], [2.0, 1.0]
     )
 
 
-@pytest.mark.parametrize("low", [-1.0, 0.0])
-def test_actions_beyond_the_bounds_are_clipped_to_them(low: float) -> None:
+@pytest.mark.parametrize(("unit", "low", "high"), [("normalised", -1.0, 1.0), ("volt", 0.0, 24.0)])
+def test_actions_beyond_the_bounds_are_clipped_to_them(unit: str, low: float, high: float) -> None:
     """A square folds what lies beyond: −1.8 is to be 0 V, not the 3.84 V of its mirror image."""
-    inside = np.full((2, 4), (low + 1.0) / 2.0)
-    given = {"below": low - 0.8, "low": low, "above": 1.7, "high": 1.0}
+    inside = np.full((2, 4), (low + high) / 2.0)
+    given = {"below": low - 0.8, "low": low, "above": high + 0.7, "high": high}
     found: dict[str, Any] = {}
     for name, action in given.items():
         model = SimpleNamespace(
-            observation_space=Remembering().observation_space,
-            action_space=spaces.Box(low, 1.0, (4,)),
+            **vars(Remembering(action_unit=unit)),
             predict=lambda *_, action=action, **__: (
                 np.where(np.arange(4) < 2, action, inside),
                 None,
             ),
         )
-        policy = from_sb3(model, frame_skip=1).bind(
-            BASELINE, observation_layout(BASELINE, "encoders")
-        )
+        policy = from_sb3(model).bind(BASELINE, observation_layout(BASELINE, "encoders"))
         obs = np.zeros((2, len(policy.layout)), np.float32)
         found[name] = policy.act(obs, policy.start(2))
     np.testing.assert_array_equal(found["below"], found["low"])
@@ -192,15 +186,13 @@ def test_other_models_and_wrappers_are_refused() -> None:
     }
     for name, space in bad.items():
         with pytest.raises(ParameterError, match=name.strip()):
-            from_sb3(SimpleNamespace(**{**vars(Remembering()), name.strip(): space}), frame_skip=1)
+            from_sb3(SimpleNamespace(**{**vars(Remembering()), name.strip(): space}))
     with pytest.raises(ParameterError, match="observation_space"):
-        from_sb3(object(), frame_skip=1)
+        from_sb3(object(), env=Remembering().env)
     with pytest.raises(ParameterError, match="vec_normalize"):
         from_sb3(Remembering(), gymnasium.Env())
     with pytest.raises(ParameterError, match="observations"):
-        from_sb3(Remembering("encoders"), frame_skip=1).bind(
-            BASELINE, observation_layout(BASELINE, "force")
-        )
+        from_sb3(Remembering()).bind(BASELINE, observation_layout(BASELINE, "force"))
     env = PathFollowingEnv(sensors="encoders")
     for wrapper in (
         gymnasium.wrappers.ClipAction(env),
@@ -232,16 +224,31 @@ def test_wrappers_of_many_worlds_are_refused_by_name_and_lookers_on_are_not() ->
     from_sb3(Remembering(), env=vec_env.VecCheckNan(venv))
 
 
-def test_the_period_of_a_model_without_an_environment_must_be_given() -> None:
-    spaces_alone = SimpleNamespace(**vars(Remembering()))
+@pytest.mark.parametrize("sensors", ["encoders", "torque"])
+def test_what_a_loaded_model_sees_and_corrects_is_asked_for(sensors: Sensors) -> None:
+    """Encoders with a base's voltages have as many entries as torque sensors without a base."""
+    model = SimpleNamespace(**vars(Remembering(sensors=sensors, base="impedance")))
+    env = vars(model).pop("env")
+    model.predict = lambda obs, **_: (np.zeros((len(obs), 4)), None)
     for make in (
-        lambda: from_sb3(Remembering()),
-        lambda: from_actions(np.zeros_like, spaces_alone),
+        lambda: from_sb3(model),
+        lambda: from_sb3(model, frame_skip=1),
+        lambda: from_actions(np.zeros_like, SimpleNamespace(**vars(model))),
     ):
-        with pytest.raises(ParameterError, match="frame_skip"):
+        with pytest.raises(ParameterError, match="env must be"):
             make()
-    assert from_actions(np.zeros_like, spaces_alone, frame_skip=3).frame_skip == 3
+    policy = from_sb3(model, env=env)
+    assert policy.sensors == sensors
+    corrected, law = (
+        run_scenario("standard", {"one": each}, ["medium"], episodes=1)[0].scores
+        for each in (policy, env.get_attr("base")[0])
+    )
+    assert corrected["path_error_m"] == law["path_error_m"]
+
+
+def test_the_period_of_a_model_is_that_of_its_environment() -> None:
     venv = make_sb3_vec_env(2, sensors="encoders", frame_skip=3)
+    assert from_actions(np.zeros_like, venv).frame_skip == 3
     assert from_sb3(Remembering(), env=venv).frame_skip == 3
-    assert from_sb3(Remembering(), vec_env.VecNormalize(venv)).frame_skip == 3
+    assert from_sb3(Remembering(), vec_env.VecNormalize(venv), env=None).frame_skip == 1
     assert from_sb3(Remembering(), frame_skip=2).frame_skip == 2

@@ -44,7 +44,7 @@ def test_constant_error_at_constant_speed() -> None:
     rows[-1, TELEMETRY.index("is_success")] = 1.0
     found = score(rows, replace(TASK, pace=LENGTH / (steps * PERIOD)))
     expected = {
-        **dict.fromkeys(("path_error_m", "later_path_error_m", "mean_error_m"), 0.02),
+        **dict.fromkeys(("path_error_m", "mean_error_m"), 0.02),
         **dict.fromkeys(("rms_error_m", "path_average_error_m"), 0.02),
         "mean_speed_m_s": 0.5,
         "path_length_m": LENGTH,
@@ -140,17 +140,16 @@ def test_an_episode_counts_as_lost_once_however_long_it_is_stuck() -> None:
         found = score(
             travel(np.minimum(0.5 * PERIOD * np.arange(1400), end), normal_error=error), METRE
         )
-        assert (found.path_error_m, found.later_path_error_m) == (lost, lost)
+        assert found.path_error_m == lost
 
 
-def test_an_error_in_the_first_tenth_is_left_out_and_squares_count() -> None:
+def test_squares_count() -> None:
     """0.1 m off in the first tenth, half of that in the last."""
     s = np.linspace(0.0, 1.0, 201)
     found = score(
         travel(s, normal_error=np.where(s <= 0.1, 0.1, np.where(s > 0.9, 0.05, 0.0))), METRE
     )
     assert found.path_error_m == pytest.approx(0.015)
-    assert found.later_path_error_m == pytest.approx(0.05 / 9)
     assert found.rms_error_m == pytest.approx(np.sqrt(0.1 * 0.1**2 + 0.1 * 0.05**2))
 
 

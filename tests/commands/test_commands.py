@@ -14,9 +14,6 @@ from pter_gym._commands.arguments import split
 from pter_gym._commands.main import commands, load_command, main, parse
 from pter_gym._internal import computer
 from pter_gym.benchmark import ResultsFolder
-from pter_gym.controllers import CONTROLLERS
-from pter_gym.policies._names import BUILT_IN, tuned_policies
-from pter_gym.policies.tuned import read_gains, tuned_names
 
 EXAMPLE = re.compile(r"Example: `?pter ([^\n`]+)")
 
@@ -106,11 +103,6 @@ def test_benchmark_takes_a_machine(tmp_path: Path) -> None:
     assert main([*line.split(), "--out", str(tmp_path)]) == 0
     (run,) = ResultsFolder(tmp_path).runs()
     assert (run.scenario, run.seed) == ("standard-with-two-brakes", 0)
-
-
-def test_names_that_are_known_without_the_controllers_are_theirs() -> None:
-    assert tuple(CONTROLLERS) == BUILT_IN
-    assert tuned_policies() == tuned_names(read_gains())
 
 
 def test_help_survives_a_command_whose_package_is_gone(

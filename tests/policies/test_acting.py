@@ -190,6 +190,12 @@ BAD_ENVIRONMENTS: dict[str, Callable[[], Any]] = {
     "in another process": lambda: gymnasium.make_vec(
         ID, 1, vectorization_mode="async", wrappers=[wrappers.FlattenObservation]
     ),
+    "held in another process": lambda: gymnasium.make_vec(
+        ID,
+        1,
+        vectorization_mode="async",
+        wrappers=[partial(wrappers.MaxAndSkipObservation, skip=2)],
+    ),
     "normalised": lambda: NormalizeObservation(gymnasium.make_vec(ID, 2)),
     "another": lambda: gymnasium.make("CartPole-v1"),
     "none": lambda: None,

@@ -8,18 +8,7 @@ import pytest
 from scipy.integrate import quad
 
 from benchmark.handmade import TASK, episode
-from pter_gym._compiled.records import read
-from pter_gym.benchmark.rollout import wanted_forces
-from pter_gym.benchmark.scores import score, score_episodes
-from pter_gym.controllers import Free, Impedance, bind
-from pter_gym.controllers._gains import NOMINAL, read_gains
-from pter_gym.controllers._laws import (
-    BRAKE_LIMIT,
-    observed_tip,
-    pace_integral,
-    steps_before,
-    wanted_force,
-)
+from pter_gym.benchmark.scores import score
 from pter_gym.errors import ParameterError
 from pter_gym.haptics import (
     apparent_stiffness,
@@ -29,9 +18,7 @@ from pter_gym.haptics import (
     spectral_arc_length,
     z_width,
 )
-from pter_gym.params import BASELINE, MACHINES
-from pter_gym.paths import Circle, Line
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, observation_layout
+from pter_gym.paths import Line
 
 PERIOD = 0.01
 TIME = PERIOD * np.arange(400)
@@ -143,70 +130,6 @@ def test_scores_of_an_episode() -> None:
     assert found.resisting_force_n == pytest.approx(4.0)
 
 
-def test_a_brake_of_known_torque_against_the_force_that_a_law_wants() -> None:
-    """Link A along x, B along y: brake A of τ pushes τ/l_A along y, across the path; the law wants
-    −K·e − D·v there."""
-    law = Impedance(stiffness=200.0, damping_normal=10.0, damping_tangential=80.0)
-    length, tau, error, (along, across) = BASELINE.arm.length_a, 3.0, 0.01, (0.3, -0.2)
-    rows = episode(50, theta_b=0.5 * math.pi, torque_1=tau, normal_error=error, arc_length=0.3)
-    rows[:, TELEMETRY.index("tip_velocity_x")], rows[:, TELEMETRY.index("tip_velocity_y")] = (
-        along,
-        across,
-    )
-    rows[0] *= 100.0
-    straight = replace(TASK, path=Line(direction=0.0))
-    acting = bind(law, BASELINE, observation_layout(BASELINE, "torque"))
-    wanted = wanted_forces(acting, rows[:, None], [straight])
-    found = score_episodes(rows[:, None], [straight], machines=[BASELINE], wanted=wanted)
-    assert found["force_error_along_n"] == pytest.approx([80.0 * along])
-    assert wanted_forces(bind(Free(), BASELINE, acting.layout), rows[:, None], [straight]) is None
-    assert found["force_error_across_n"] == pytest.approx(
-        [abs(tau / length + 200.0 * error + 10.0 * across)]
-    )
-
-
-@pytest.mark.parametrize("name", ["baseline", "two-brakes"])
-def test_the_wanted_force_is_the_one_of_the_law(name: str) -> None:
-    """Step by step, from observations of the same motions, with every gain that shapes it, up to
-    the limit."""
-    machine, task = MACHINES[name], PathFollowing(path=Circle(), error_max=0.1)
-    layout, steps = observation_layout(machine, "torque"), 300
-    acting = bind(Impedance(pace_fraction=0.7, pace_integral=300.0, grip=3.0), machine, layout)
-    rng, length = np.random.default_rng(1), task.path.length
-    theta, omega = rng.uniform(-3.0, 3.0, (steps, 2)), rng.normal(0.0, 1.0, (steps, 2))
-    error = rng.normal(0.0, 0.02, steps)
-    arc = np.linspace(0.0, length, steps)
-    heading = task.path.arcs.at(arc)[2]
-    size = np.array([machine.arm.length_a, machine.arm.length_b])
-    x, y = -(omega * size * np.sin(theta)).sum(axis=1), (omega * size * np.cos(theta)).sum(axis=1)
-    rows = episode(
-        steps - 1, tip_velocity_x=x, tip_velocity_y=y, normal_error=error, arc_length=arc
-    )
-    values = {"normal_error": error, "progress": arc / length, "pace": task.pace}
-    values |= {"heading_cos": np.cos(heading), "heading_sin": np.sin(heading)}
-    for k, link in enumerate("ab"):
-        values |= {
-            f"cos_{link}": np.cos(theta[:, k]),
-            f"sin_{link}": np.sin(theta[:, k]),
-            f"omega_{link}": omega[:, k],
-        }
-    seen = np.zeros((steps, len(layout)), np.float32)
-    for entry, value in values.items():
-        seen[:, layout.index(entry)] = value / layout.scales[layout.index(entry)]
-    memory, expected = acting.start(1)[0], []
-    for obs in seen:
-        tip, g = (
-            observed_tip(obs, layout.scales, read(acting.law.gains, NOMINAL, 0)),
-            read_gains(acting.law.gains, task.pace),
-        )
-        gripping = g.grip - steps_before(obs, memory) >= 0.5
-        integral = 0.0 if gripping else pace_integral(g, tip, task.pace, memory)
-        expected.append((*wanted_force(g, tip, task.pace, integral), integral))
-    assert {-BRAKE_LIMIT, 0.0, BRAKE_LIMIT} <= {each[2] for each in expected}
-    (found,) = np.moveaxis(wanted_forces(acting, rows[:, None], [task]), 1, 0)
-    np.testing.assert_allclose(found, np.array(expected)[:, :2], atol=1e-3)
-
-
 @pytest.mark.parametrize(("side", "sign"), [("free_left", -1.0), ("free_right", 1.0)])
 def test_a_hand_against_the_edge_of_a_fixture_feels_its_stiffness(side: str, sign: float) -> None:
     """A spring of 700 N/m into the wall, whatever the push along it; samples outside and just
@@ -220,12 +143,3 @@ def test_a_hand_against_the_edge_of_a_fixture_feels_its_stiffness(side: str, sig
     assert score(rows, wall).apparent_stiffness_n_m == pytest.approx(700.0)
     assert score(rows[:30], wall).apparent_stiffness_n_m == 0.0, "never touched"
     assert score(rows, TASK).apparent_stiffness_n_m is None
-    assert score(rows, wall).force_error_across_n is None, "nobody says which force was wanted"
-
-
-@pytest.mark.parametrize(
-    ("wanted", "machines"), [(np.zeros((9, 1, 2)), [BASELINE]), (np.zeros((10, 1, 2)), [])]
-)
-def test_wanted_forces_that_do_not_fit_are_refused(wanted: np.ndarray, machines: list) -> None:
-    with pytest.raises(ParameterError, match="wanted"):
-        score_episodes(episode(9)[:, None], [TASK], wanted=wanted, machines=machines)

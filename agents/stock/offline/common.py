@@ -65,8 +65,7 @@ def score(algorithm: str, network: nn.Module, dataset_id: str, seed: int, out: P
     """Score a network on test episodes of a data set's scenario and print the leaderboards."""
     _, scenario, level = dataset_id.split("/")
     data = minari.load_dataset(dataset_id)
-    policy = from_actions(
-        lambda observations: network(torch.from_numpy(observations)), data, frame_skip=1
-    )
+    env = data.recover_environment()
+    policy = from_actions(lambda observations: network(torch.from_numpy(observations)), env)
     policies = {f"{algorithm}-{level.removesuffix('-v0')}-{seed}": policy}
     print_boards(run_scenario(scenario, policies, seed=seed, results=ResultsFolder(out)))

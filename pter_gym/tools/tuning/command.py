@@ -18,9 +18,10 @@ from pter_gym._commands.arguments import (
     scenario_on,
     smoothing_for,
 )
+from pter_gym._internal.laws import LAWS
 from pter_gym._internal.terminal import conclude, progress_bar, say
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.policies._names import BUILT_IN, is_code
+from pter_gym.policies._names import is_code
 
 
 def tune(
@@ -61,12 +62,14 @@ def tune(
             and others accept; its other entries are kept. By default they are only printed.
         machine: Name or file of a machine, instead of those that the scenario draws.
     """
-    if not is_code(law) and law not in BUILT_IN:
-        raise unknown_name("law", law, (*BUILT_IN, "FILE.py:Law"))
+    if not is_code(law) and law not in LAWS:
+        raise unknown_name("law", law, (*LAWS, "FILE.py:Law"))
     look_at(policies=[law], paces=[pace], path=path, smooth=smooth, machine=machine)
     if out is not None:
+        from pter_gym.policies.tuned import guided
+
         check_file(out, ".toml")
-        if is_code(law):
+        if law not in guided():
             raise ParameterError(
                 "out must be left out for a law of your own: put the printed gains into its file"
             )

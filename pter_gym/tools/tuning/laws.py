@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any, cast
 
 from pter_gym._internal.checks import is_finite
-from pter_gym.benchmark.policies import find_policy, is_code
+from pter_gym.benchmark.policies import find_policy
 from pter_gym.controllers import CONTROLLERS, AnyPolicy, Guided, PaceSchedule
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.policies.tuned import SUFFIX, TUNED
+from pter_gym.policies._names import SUFFIX, is_code
+from pter_gym.policies.tuned import TUNED
 
 Gains = dict[str, float | bool]
 
@@ -113,9 +114,8 @@ def find_law(name: str, pace: float, scenario: str) -> TunableLaw:
     ParameterError
         If there is none, or its ``search`` does not hold ranges of its fields.
     """
-    tunable = [law for law, kind in CONTROLLERS.items() if hasattr(kind, SEARCH)]
-    if not is_code(name) and name not in tunable:
-        raise unknown_name("law", name, (*tunable, "FILE.py:Law"))
+    if not is_code(name) and name not in CONTROLLERS:
+        raise unknown_name("law", name, (*CONTROLLERS, "FILE.py:Law"))
     law: Any = find_policy(name) if is_code(name) else CONTROLLERS[name]()
     search = getattr(law, SEARCH, None)
     if not is_dataclass(law) or not isinstance(search, Mapping) or not search:

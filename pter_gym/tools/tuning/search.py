@@ -8,10 +8,9 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from filelock import FileLock
-
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, check_target, expand_path
+from pter_gym._internal.locks import lock_beside, locked
 from pter_gym.benchmark import Assessment, Episodes, assess, training_episodes
 from pter_gym.errors import ParameterError, StorageError, needs_extra
 from pter_gym.params import Machine
@@ -221,9 +220,23 @@ def open_journal(path: Path) -> Any:
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend
 
-    # unlike Optuna's own, free again once a process dies
-    lock: Any = FileLock(path.with_name(f".{path.name}.lock"))
+    lock: Any = _JournalLock(lock_beside(path))
     return JournalStorage(JournalFileBackend(str(path.resolve()), lock))
+
+
+class _JournalLock:
+    """A lock as Optuna calls it; unlike Optuna's own, free again once a process dies."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def acquire(self) -> bool:
+        self._held = locked(self._path)
+        self._held.__enter__()
+        return True
+
+    def release(self) -> None:
+        self._held.__exit__(None, None, None)
 
 
 def _scored(study: Any, *states: str) -> list[Any]:

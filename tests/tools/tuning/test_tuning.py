@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from pter_gym._commands.main import main
 from pter_gym.benchmark import Assessment, Episodes, assess, run_scenario, training_episodes
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.policies import find_policy
@@ -350,17 +351,14 @@ def test_a_new_law_is_run_and_tuned_before_any_gains_are_stored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(CONTROLLERS, "toy", Toy)
-    given: dict[str, Any] = {"trials": 2, "episodes": 2, "storage": tmp_path / "toy.journal"}
-    found = tune("toy", "standard", "brisk", **given)
-    assert set(found.gains) - {"damping_tangential"} == set(Toy.search) - {"braking"}
+    out = tmp_path / "toy.toml"
+    line = ["tune", "toy", "--pace", "brisk", "--trials", "2", "--episodes", "2", "--storage"]
+    assert main([*line, str(tmp_path / "toy.journal"), "--out", str(out)]) == 0
+    gains = read_gains(out)["standard"]["toy"]["brisk"]["gains"]
+    assert set(gains) - {"damping_tangential"} == set(Toy.search) - {"braking"}
     with pytest.raises(ParameterError, match="policies"):
         find_policy("toy-tuned")
-    add_gains(found, tmp_path / "toy.toml")
-    policies = {
-        "toy": "toy",
-        "tuned": tmp_path / "toy.toml",
-        "again": with_gains("toy", found.gains),
-    }
+    policies = {"toy": "toy", "tuned": out, "again": with_gains("toy", gains)}
     runs = run_scenario("standard", policies, "brisk", episodes=2)
     toy, tuned, again = (run.scores["path_error_m"].tolist() for run in runs)
     assert tuned == again != toy
