@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, suppress
 from importlib.metadata import EntryPoint
@@ -170,10 +171,17 @@ def _run(arguments: list[str]) -> int:
         return 0
     try:
         command = load_command(name)
-        return command(**parse(name, command, rest)) or 0
+        with warnings.catch_warnings():
+            warnings.showwarning = warn
+            return command(**parse(name, command, rest)) or 0
     except PterError as error:
         complain(str(error))
         return 2
+
+
+def warn(message: Warning | str, *_: object, **__: object) -> None:
+    """Print a warning without the line of code that it comes from."""
+    terminal(errors=True).print(f"warning: {message}", soft_wrap=True, markup=False)
 
 
 def complain(text: str) -> None:

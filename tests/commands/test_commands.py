@@ -4,6 +4,7 @@ import re
 import shlex
 import subprocess
 import sys
+import warnings
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -96,6 +97,21 @@ def test_what_is_mistyped_is_told_before_anything_heavy_is_imported(tmp_path: Pa
     )
     assert found.returncode == 0, found.stderr
     assert found.stderr.count("error: ") == len(lines)
+
+
+def test_a_laws_warning_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("my.py").write_text("def law(obs):\n    return obs[:, :4] + 30.0\n")
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        line = "benchmark --policies my.py:law --paces brisk --episodes 1 --no-film"
+        assert main(line.split()) == 0
+    told = capsys.readouterr().err.splitlines()
+    assert [line for line in told if "warn" in line] == [
+        "warning: law gives voltages beyond [0, 24] V, which are clipped"
+    ]
 
 
 def test_benchmark_takes_a_machine(tmp_path: Path) -> None:

@@ -134,14 +134,28 @@ def beyond(kind: str) -> Any:  # noqa: C901  (one law for each mistake)
     return locals()[kind]
 
 
-@pytest.mark.parametrize("kind", ["obs", "gains", "branch", "division", "inner", "kept"])
+KINDS = ("division", "inner", "kept")
+"""Each compiles a kernel; the others differ in the array, and are found by the same check."""
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [*KINDS, *(pytest.param(each, marks=pytest.mark.long) for each in ("obs", "gains", "branch"))],
+)
 def test_an_index_beyond_an_array_is_an_error_of_one_line(kind: str) -> None:
     with pytest.raises(LawIndexError, match=f"law {kind}: .*memory 3") as raised:
         run_law(beyond(kind), [0.0])
     assert "\n" not in str(raised.value)
 
 
-@pytest.mark.parametrize("kind", ["name", "result", "text", "array", "arguments"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "name",
+        "result",
+        *(pytest.param(each, marks=pytest.mark.long) for each in ("text", "array", "arguments")),
+    ],
+)
 def test_a_law_that_cannot_be_compiled_is_an_error_of_one_line(kind: str) -> None:
     with pytest.raises(ParameterError, match=f"law {kind}") as raised:
         run_law(beyond(kind), [0.0])
