@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from pter_gym._commands.main import main
+from pter_gym._internal.laws import LAWS
 from pter_gym.benchmark import Assessment, Episodes, assess, run_scenario, training_episodes
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.policies import find_policy
@@ -350,6 +351,7 @@ class Toy(Impedance):
 def test_a_new_law_is_run_and_tuned_before_any_gains_are_stored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setitem(LAWS, "toy", "Toy")
     monkeypatch.setitem(CONTROLLERS, "toy", Toy)
     out = tmp_path / "toy.toml"
     line = ["tune", "toy", "--pace", "brisk", "--trials", "2", "--episodes", "2", "--storage"]
