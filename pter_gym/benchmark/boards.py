@@ -58,7 +58,7 @@ WHAT = {UNEVEN: "segments "}
 SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-class Reason(NamedTuple):
+class MissedLimit(NamedTuple):
     """Why a policy is not ranked: a word for the table, and the score that misses its limit."""
 
     word: str
@@ -100,7 +100,7 @@ class Standing:
 
     policy: str
     rank: int | None
-    reason: Reason | None
+    reason: MissedLimit | None
     error: Interval
     scores: Mapping[str, float]
     errors: NDArray[np.float64] = field(compare=False, repr=False)
@@ -194,8 +194,13 @@ def mean_scores(scores: Mapping[str, ArrayLike]) -> dict[str, float]:
 
     ``worst_path_error_m`` is the mean of the largest twentieth of all path errors.
     """
-    means = {name: np.asarray(values, np.float64).mean().item() for name, values in scores.items()}
+    means = {name: mean_of(values) for name, values in scores.items()}
     return {**means, "worst_path_error_m": worst_twentieth(scores["path_error_m"])}
+
+
+def mean_of(values: ArrayLike) -> float:
+    """Return the mean of all values."""
+    return np.asarray(values, np.float64).mean().item()
 
 
 def worst_twentieth(values: ArrayLike) -> float:
@@ -214,7 +219,7 @@ def over_limits(scores: Mapping[str, float]) -> dict[str, float]:
 
 def reason_unranked(
     scores: Mapping[str, ArrayLike], pace: float, strata: Sequence[Hashable] = ()
-) -> Reason | None:
+) -> MissedLimit | None:
     """Return why a policy with these scores at a pace [m/s] is not ranked; None if it is.
 
     Scores and strata are as in ``mean_interval``. A mean is beyond its limit only if its whole
@@ -227,10 +232,10 @@ def reason_unranked(
     if missed is None:
         return None
     if missed == "completed":
-        return Reason(INCOMPLETE, float(np.mean(scores["completed"])))
-    off = np.mean(scores["mean_pace_m_s"]) / pace - 1.0
+        return MissedLimit(INCOMPLETE, mean_of(scores["completed"]))
+    off = mean_of(scores["mean_pace_m_s"]) / pace - 1.0
     word = "off pace" if abs(off) <= PACE_ERROR / 2 else "too fast" if off > 0 else "too slow"
-    return Reason(UNEVEN if missed == "segment_pace_error" else word, errors[missed].value)
+    return MissedLimit(UNEVEN if missed == "segment_pace_error" else word, errors[missed].value)
 
 
 # --- printing ---

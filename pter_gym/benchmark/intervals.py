@@ -69,8 +69,8 @@ def mean_interval(values: ArrayLike, strata: Sequence[Hashable] = ()) -> Interva
         from scipy import stats  # takes half a second
 
         quantile: Any = stats.t.ppf(0.975, count - 1)
-        reach = float(quantile) * float(np.std(sample, ddof=1)) / math.sqrt(count)
-        return Interval(mean, mean - reach, mean + reach)
+        margin = float(quantile) * float(np.std(sample, ddof=1)) / math.sqrt(count)
+        return Interval(mean, mean - margin, mean + margin)
     return Interval(mean, *_bootstrap(sample, strata))
 
 
@@ -80,10 +80,11 @@ def largest_rate(values: ArrayLike) -> float:
     It is Wilson's (Journal of the American Statistical Association 22, 1927), since a share near 1
     is too skewed for the bootstrap, and a share of 1 has none.
     """
-    share, count = float(np.mean(values)), np.size(values)
+    arrived = np.asarray(values, np.float64)
+    share, count = float(arrived.mean()), arrived.size
     z2 = _NORMAL.inv_cdf(0.975) ** 2 / count
-    reach = math.sqrt(z2 * (share * (1.0 - share) + 0.25 * z2))
-    return (share + 0.5 * z2 + reach) / (1.0 + z2)
+    margin = math.sqrt(z2 * (share * (1.0 - share) + 0.25 * z2))
+    return (share + 0.5 * z2 + margin) / (1.0 + z2)
 
 
 def _bootstrap(sample: NDArray[np.float64], strata: Sequence[Hashable]) -> tuple[float, float]:

@@ -12,7 +12,7 @@ beyond them the nearest row applies. If the nominal machine has clutches other t
 """
 
 from collections.abc import Sequence
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple, Protocol, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,23 @@ from pter_gym.params import Machine
 
 CONSTANT, RANDOM, IMPEDANCE, SINGLE_DOF, VELOCITY_RATIO, NETWORK = map(float, range(1, 7))
 """Numbers of the laws that share one compiled function: the first entry of their gains."""
+
+
+class Entries(Protocol):
+    """An array (entries,) in compiled code, which reads it by the rows of a record."""
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+
+    def __len__(self) -> int: ...
+
+    @overload
+    def __getitem__(self, at: slice) -> "Entries": ...
+
+    @overload
+    def __getitem__(self, at: float) -> float: ...
+
+    def __setitem__(self, at: float, value: float) -> None: ...
 
 
 class Memory(NamedTuple):
@@ -131,7 +148,7 @@ def gains_array(
 
 
 @inlined
-def read_gains(gains: Any, pace: float) -> Gains:
+def read_gains(gains: Entries, pace: float) -> Gains:
     """Return the gains at a commanded pace [m/s]."""
     paces = TABLE + 2 * int(gains[NOMINAL.knots])
     count = (gains.shape[0] - paces) // (WIDTH + 1)  # an arrangement takes less than a row
@@ -149,7 +166,7 @@ def read_gains(gains: Any, pace: float) -> Gains:
 
 
 @inlined
-def table_voltage(gains: Any, torque: float) -> float:
+def table_voltage(gains: Entries, torque: float) -> float:
     """Return the voltage [V] at which the table reaches a torque [N·m], at most its last knot."""
     count = int(gains[NOMINAL.knots])
     last = TABLE + count - 1
@@ -164,7 +181,7 @@ def table_voltage(gains: Any, torque: float) -> float:
 
 @inlined
 def clutch_voltage(
-    gains: Any, g: Gains, scale: float, wanted: float, slip: float, generated: float
+    gains: Entries, g: Gains, scale: float, wanted: float, slip: float, generated: float
 ) -> float:
     """Return the voltage [V] for a desired clutch torque, by the table and the loop of Fig. 6.
 

@@ -5,8 +5,6 @@ A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float3
 ``memory`` to one world (see ``Memory``). ``_law_kernel`` runs a law in many worlds.
 """
 
-from typing import Any
-
 import numpy as np
 
 from pter_gym._compiled.compiler import inlined, outlined
@@ -34,6 +32,7 @@ from pter_gym.controllers._gains import (
     RANDOM,
     SINGLE_DOF,
     VELOCITY_RATIO,
+    Entries,
     Gains,
     Nominal,
     clutch_voltage,
@@ -56,13 +55,13 @@ _RANDOM_STREAM = np.uint64(0x52414E444F4D)
 
 
 @inlined
-def physical(obs: Any, scales: Any, at: float) -> float:
+def physical(obs: Entries, scales: Entries, at: float) -> float:
     """Return an entry of an observation in its unit."""
     return obs[at] * scales[at]
 
 
 @inlined
-def observed_tip(obs: Any, scales: Any, nominal: Nominal) -> Tip:
+def observed_tip(obs: Entries, scales: Entries, nominal: Nominal) -> Tip:
     """Return the tip as estimated from the observation and the nominal machine."""
     q = Motion(
         0.0,  # no law asks for the angles themselves
@@ -106,7 +105,7 @@ def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[floa
 
 
 @inlined
-def steps_before(obs: Any, memory: Any) -> float:
+def steps_before(obs: Entries, memory: Entries) -> float:
     """Return the number of earlier control steps in the episode, and count this one.
 
     An episode that the law joins midway has had ``JOINED_MIDWAY`` steps.
@@ -119,7 +118,7 @@ def steps_before(obs: Any, memory: Any) -> float:
 
 
 @inlined
-def pace_integral(g: Gains, tip: Tip, pace: float, memory: Any) -> float:
+def pace_integral(g: Gains, tip: Tip, pace: float, memory: Entries) -> float:
     """Return the pace's integral [N] after a control step, which adds gain·(speed − pace)."""
     more = g.pace_integral * (speed_along(tip) - pace)
     memory[MEMORY.brake] = clamp(memory[MEMORY.brake] + more, -BRAKE_LIMIT, BRAKE_LIMIT)
@@ -128,7 +127,7 @@ def pace_integral(g: Gains, tip: Tip, pace: float, memory: Any) -> float:
 
 @inlined
 def demanded_force(
-    g: Gains, tip: Tip, pace: float, before: float, memory: Any
+    g: Gains, tip: Tip, pace: float, before: float, memory: Entries
 ) -> tuple[bool, float, float]:
     """Return whether a law still grips after so many control steps, and the tip force [N]."""
     gripping = g.grip - before >= 0.5
@@ -138,20 +137,20 @@ def demanded_force(
 
 
 @inlined
-def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+def guide(obs: Entries, scales: Entries, gains: Entries, memory: Entries) -> PerClutch:
     """Return the voltages of a guiding law for the paper's clutches."""
     return guide_by(obs, scales, gains, memory, None)
 
 
 @inlined
-def guide_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+def guide_declared(obs: Entries, scales: Entries, gains: Entries, memory: Entries) -> PerClutch:
     """Return the voltages of a guiding law for the ``Arrangement`` at the end of the gains."""
     return guide_by(obs, scales, gains, memory, read(gains, ARRANGEMENT, gains.shape[0]))
 
 
 @inlined
 def guide_by(
-    obs: Any, scales: Any, gains: Any, memory: Any, arrangement: OptionalArrangement
+    obs: Entries, scales: Entries, gains: Entries, memory: Entries, arrangement: OptionalArrangement
 ) -> PerClutch:
     """Return the voltages of a guiding law: impedance, single-DOF lines or velocity ratio.
 
@@ -208,9 +207,9 @@ def passive_torques(
 @entrywise
 @inlined
 def looped_voltage(
-    obs: Any,
-    scales: Any,
-    gains: Any,
+    obs: Entries,
+    scales: Entries,
+    gains: Entries,
     g: Gains,
     least: float,
     scale: float,
@@ -229,7 +228,7 @@ def looped_voltage(
 
 
 @inlined
-def random_volts(gains: Any, memory: Any) -> PerClutch:
+def random_volts(gains: Entries, memory: Entries) -> PerClutch:
     """Return voltages from 0 to each clutch's largest, other draws in each episode.
 
     The gains hold the seed and the largest voltages.
@@ -243,7 +242,7 @@ def random_volts(gains: Any, memory: Any) -> PerClutch:
 
 
 @outlined
-def network(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+def network(obs: Entries, scales: Entries, gains: Entries, memory: Entries) -> PerClutch:
     """Return the voltages of a trained network, which may correct a guiding law."""
     law = gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])]
     base = guide(obs, scales, law, memory) if len(law) > 0 else middle(gains)
@@ -251,14 +250,14 @@ def network(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 
 @inlined
-def middle(gains: Any) -> PerClutch:
+def middle(gains: Entries) -> PerClutch:
     """Return the voltages [V] that a network corrects without a base: the middle of the range."""
     half = 0.5 * gains[HEADER.voltage_max]
     return PerClutch(half, half, half, half)
 
 
 @inlined
-def built_in(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+def built_in(obs: Entries, scales: Entries, gains: Entries, memory: Entries) -> PerClutch:
     """Return the voltages of the built-in law that the first gain names."""
     if gains[0] == NETWORK:
         return network(obs, scales, gains, memory)
@@ -270,7 +269,7 @@ def built_in(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 
 @inlined
-def built_in_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+def built_in_declared(obs: Entries, scales: Entries, gains: Entries, memory: Entries) -> PerClutch:
     """Return the voltages of the law that the first gain names, for declared clutches."""
     corrects = gains[0] == NETWORK
     law = gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])] if corrects else gains

@@ -9,14 +9,14 @@ The memory of a world is ``Memory`` of the base controller's law, ``InputHistory
 inputs, the averages and two vectors of ``width`` entries for the layers.
 """
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from pter_gym._compiled.compiler import inlined, outlined
 from pter_gym._compiled.records import Entry, entrywise, read, rows, width
 from pter_gym._physics.arm import UnitVector, Vector, components
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.scalars import clamp
-from pter_gym.controllers._gains import Memory
+from pter_gym.controllers._gains import Entries, Memory
 from pter_gym.tasks.path_following._actions import volts_of
 from pter_gym.tasks.path_following._observation import OBS
 
@@ -95,7 +95,7 @@ def tanh(x: float) -> float:
 
 
 @inlined
-def input_value(obs: Any, scales: Any, base: PerClutch, source: int) -> float:
+def input_value(obs: Entries, scales: Entries, base: PerClutch, source: int) -> float:
     """Return an input of a network in its unit, from its number; see ``source_of``."""
     if source >= 0:
         return obs[source] * scales[source]
@@ -111,7 +111,7 @@ def input_value(obs: Any, scales: Any, base: PerClutch, source: int) -> float:
 
 
 @inlined
-def add_product(out: Any, weights: Any, values: Any, count: int) -> None:
+def add_product(out: Entries, weights: Entries, values: Entries, count: int) -> None:
     """Add a matrix times a vector, in the order of the inputs; four at once save stores."""
     n = out.shape[0]
     for k in range(0, count - 3, 4):
@@ -127,7 +127,9 @@ def add_product(out: Any, weights: Any, values: Any, count: int) -> None:
 
 
 @outlined
-def decide(obs: Any, scales: Any, gains: Any, memory: Any, base: PerClutch) -> PerClutch:
+def decide(
+    obs: Entries, scales: Entries, gains: Entries, memory: Entries, base: PerClutch
+) -> PerClutch:
     """Return a network's voltages [V]; ``base`` are those that it corrects."""
     net = read(gains, HEADER, 0)
     inputs, delays, averages, ring = (

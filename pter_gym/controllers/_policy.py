@@ -15,14 +15,16 @@ from numpy.typing import ArrayLike, NDArray
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import rows, width
 from pter_gym._internal.checks import whole_number
+from pter_gym._physics.clutch import PerClutch
 from pter_gym.controllers._gains import Memory
 from pter_gym.controllers._law_kernel import FAULTS, kernel_of, law_error
 from pter_gym.errors import ParameterError, PterError
 from pter_gym.params import SLOTS, Machine, find_machine
+from pter_gym.tasks.path_following._observation import Sensors
 
 Observations = NDArray[np.float32]
 Volts = NDArray[np.floating]
-ScalarLaw = Callable[..., Any]
+ScalarLaw = Callable[..., PerClutch]
 
 
 @runtime_checkable
@@ -148,7 +150,7 @@ class Policy:
         entries = width(memory) + more_memory
 
         def start(worlds: int, episodes: Sequence[int] | None = None) -> NDArray[np.float64]:
-            rows_of_worlds: Any = np.zeros((worlds, entries))
+            rows_of_worlds = np.zeros((worlds, entries))
             if "episode" in memory._fields:
                 number = rows(memory).episode
                 rows_of_worlds[:, number] = range(worlds) if episodes is None else episodes
@@ -214,7 +216,7 @@ class Policy:
                     f"{type(error).__name__}: {error}"
                 ) from error
 
-        def begin(worlds: int, episodes: Any = None) -> Any:  # noqa: ARG001
+        def begin(worlds: int, episodes: object = None) -> Any:  # noqa: ARG001
             return None if start is None else start(worlds)
 
         name: str = getattr(function, "__name__", type(function).__name__)
@@ -260,6 +262,6 @@ def bind(policy: AnyPolicy, machine: Machine | str | None, layout: Layout) -> Po
     return Policy.of_function(policy, layout, frame_skip=getattr(policy, "frame_skip", None))
 
 
-def sensors_of(policy: AnyPolicy) -> Any:
+def sensors_of(policy: AnyPolicy) -> Sensors:
     """Return the sensors in a policy's ``sensors``, by default torque sensors."""
     return getattr(policy, "sensors", "torque")

@@ -27,7 +27,7 @@ Normalise = Callable[[Observations], Observations]
 
 def from_sb3(
     model: Any, vec_normalize: Any = None, frame_skip: int | None = None, *, env: Any = None
-) -> "Model":
+) -> "LibraryPolicy":
     """Return a policy that runs a model deterministically, with a recurrent state for each world.
 
     Parameters
@@ -70,15 +70,15 @@ def from_sb3(
     if frame_skip is not None:
         skip = whole_number("frame_skip", frame_skip)
     return (
-        Model(model, normalise, skip, env)
+        LibraryPolicy(model, normalise, skip, env)
         if base is None
-        else CorrectingModel(model, normalise, skip, env, base)
+        else CorrectingPolicy(model, normalise, skip, env, base)
     )
 
 
 def from_actions(
     act: Callable[[Observations], Any], env: Any, frame_skip: int | None = None
-) -> "Model":
+) -> "LibraryPolicy":
     """Return a policy that runs a function from observations to an environment's actions.
 
     Parameters
@@ -111,7 +111,7 @@ def from_actions(
     return from_sb3(model, frame_skip=frame_skip, env=env)
 
 
-class Model:
+class LibraryPolicy:
     """A model of a learning library as a law, which acts once bound.
 
     Attributes
@@ -166,7 +166,7 @@ class Model:
 
         def act(observations: Observations, memory: Any) -> Any:
             actions = self._actions(observations, memory)
-            clipped = np.clip(np.asarray(actions, np.float64), *self._bounds)
+            clipped: Any = np.clip(np.asarray(actions, np.float64), *self._bounds)
             return volts_of(clipped, *self._bounds, top)
 
         def start(worlds: int) -> NDArray[np.object_]:
@@ -188,7 +188,7 @@ class Model:
         return actions
 
 
-class CorrectingModel(Model):
+class CorrectingPolicy(LibraryPolicy):
     """A model whose actions correct a base: the law acts at every control step."""
 
     def __init__(

@@ -16,7 +16,7 @@ from pter_gym.benchmark.boards import (
     COMPLETION,
     PACE_ERROR,
     PACE_ERRORS,
-    Reason,
+    MissedLimit,
     boards_text,
     in_order,
     leaderboards,
@@ -279,8 +279,9 @@ def test_details_have_the_papers_other_criterion(capsys: pytest.CaptureFixture[s
 
 
 def test_a_reason_is_a_predicate() -> None:
-    assert str(Reason("incomplete", 0.98955)) == "completes 98.95 % of the episodes (99 % needed)"
-    assert str(Reason("uneven", 0.2371)) == "is uneven: segments 23.7 % off the pace (15 % allowed)"
+    few, uneven = MissedLimit("incomplete", 0.98955), MissedLimit("uneven", 0.2371)
+    assert str(few) == "completes 98.95 % of the episodes (99 % needed)"
+    assert str(uneven) == "is uneven: segments 23.7 % off the pace (15 % allowed)"
 
 
 @pytest.mark.parametrize(("width", "expected"), [(9, "abcdefghi"), (8, "abcd…ghi"), (3, "a…i")])
