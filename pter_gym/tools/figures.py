@@ -10,9 +10,13 @@ from typing import Any, NamedTuple, ParamSpec
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 from pter_gym._internal import palette as p
@@ -31,24 +35,11 @@ MILLIMETRE = 1e-3
 INK, MUTED, REFERENCE = "#1f2328", "#646b75", "#3b4048"
 CLUTCH_COLOURS = tuple(map(p.clutch_colour, ((1, 0), (0, 1), (1, -1), (1, 1))))
 COLOURS = p.LINES
-MARKERS: tuple[Any, ...] = (
-    "o",
-    "s",
-    "^",
-    "D",
-    "v",
-    "P",
-    "X",
-    "<",
-    ">",
-    "p",
-    "*",
-    "d",
-    "h",
-    (4, 1, 45),
-    (6, 1, 0),
-)
-DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (4, 1.5, 1, 1.5)), (0, (1.5, 1.2)))
+Marker = str | tuple[int, int, int]
+Dashes = str | tuple[int, tuple[float, ...]]
+
+MARKERS: tuple[Marker, ...] = (*"os^DvPX<>p*dh", (4, 1, 45), (6, 1, 0))
+DASHES: tuple[Dashes, ...] = ("-", (0, (6, 1.5)), (0, (4, 1.5, 1, 1.5)), (0, (1.5, 1.2)))
 
 
 SIDES = np.array([(x, y) for x in (0.0, -1.0, 1.0) for y in (1.0, -1.0, 0.0)])
@@ -59,8 +50,8 @@ class Look(NamedTuple):
     """The look of a line or marker, in Matplotlib's terms."""
 
     colour: str
-    marker: Any
-    dashes: Any
+    marker: Marker
+    dashes: Dashes
 
 
 def numbered(k: int) -> Look:
@@ -126,7 +117,7 @@ def scaled(factor: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
 
 
 def legend_below(
-    figure: Figure, handles: Sequence[Any], names: Sequence[str], note: str | None = None
+    figure: Figure, handles: Sequence[Artist], names: Sequence[str], note: str | None = None
 ) -> None:
     """Add a legend below all axes, in as many columns as fit, and make room for it.
 
@@ -158,15 +149,13 @@ def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
     figure.draw_without_rendering()  # lays out the panels
     frame, gap = axes.get_window_extent(), 0.055 * figure.dpi
     low, high = np.array(frame.min) + gap, np.array(frame.max) - gap
-    lines: dict[Any, Array] = {line: points for line in axes.lines if len(points := _drawn(line))}
+    lines = {line: points for line in axes.lines if len(points := _drawn(line))}
     occupied = [_spread(text.get_window_extent()) for text in axes.texts]
-    labels: list[Any] = []
+    labels = list[Text]()
     handles: Any = axes.get_legend_handles_labels()
     for line, name in zip(*handles, strict=True):
         colour = line.get_color()
-        text: Any = axes.text(
-            0.0, 0.0, name, color=colour, fontsize=SMALL, ha="center", va="center"
-        )
+        text = axes.text(0.0, 0.0, name, color=colour, fontsize=SMALL, ha="center", va="center")
         labels.append(text)
         box = text.get_window_extent()
         half: Array = np.array(box.size) / 2.0
@@ -180,13 +169,13 @@ def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
             for text in labels:
                 text.remove()
             return legend_of(figure, axes, note)
-        text.set_position(axes.transData.inverted().transform(places[best]))
+        text.set_position(tuple(axes.transData.inverted().transform(places[best])))
         occupied.append(_spread(box) - box.min + places[best] - half)
     figure.supxlabel(note or "", fontsize=SMALL)
     return None
 
 
-def _drawn(line: Any) -> Array:
+def _drawn(line: Line2D) -> Array:
     """Return points along a line, equally far apart [px]."""
     corners: Array = line.get_transform().transform(line.get_xydata())
     corners = corners[np.isfinite(corners).all(axis=1)]
@@ -197,7 +186,7 @@ def _drawn(line: Any) -> Array:
     return np.column_stack([np.interp(even, way, corners[:, k]) for k in (0, 1)])
 
 
-def _spread(box: Any) -> Array:
+def _spread(box: Bbox) -> Array:
     """Return points on the long edges of a box [px]."""
     return np.array([(box.x0 + k / 8 * box.width, y) for y in (box.y0, box.y1) for k in range(9)])
 

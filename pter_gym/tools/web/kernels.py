@@ -1,3 +1,4 @@
+# pyright: standard
 """The kernels of the WebAssembly module, which step one world in a page's memory.
 
 Their arguments are addresses; ``pter_gym.tools.web.tables`` describes what is there. After a change
@@ -5,6 +6,7 @@ here or in a function that they call, compile them with ``python docs/make/web_m
 PyPI's ``ziglang``), and commit ``pter_gym/tools/web/static``.
 """
 
+from ctypes import _Pointer as Address
 from typing import Any
 
 from numba import types
@@ -30,21 +32,21 @@ from pter_gym.tasks.path_following._telemetry import COLUMNS
 
 carray: Any = numpy_support.carray
 
-NUMBERS: Any = types.CPointer(types.float64)
-SINGLES: Any = types.CPointer(types.float32)
-WORDS: Any = types.CPointer(types.uint64)
-COUNT: Any = types.int32
-NUMBER: Any = types.float64
+NUMBERS = types.CPointer(types.float64)
+SINGLES = types.CPointer(types.float32)
+WORDS = types.CPointer(types.uint64)
+COUNT = types.int32
+NUMBER = types.float64
 
 
 def reset(
-    world: Any,
-    words: Any,
-    observation: Any,
+    world: Address,
+    words: Address,
+    observation: Address,
     entries: int,
-    telemetry: Any,
-    config: Any,
-    constants: Any,
+    telemetry: Address,
+    config: Address,
+    constants: Address,
 ) -> int:
     """Start the episode of a seed and an episode number, the two ``words``."""
     w, word = carray(world, (ROWS, 1)), carray(words, 2)
@@ -58,14 +60,14 @@ def reset(
 
 
 def step(
-    world: Any,
-    words: Any,
-    observation: Any,
+    world: Address,
+    words: Address,
+    observation: Address,
     entries: int,
-    telemetry: Any,
-    config: Any,
-    constants: Any,
-    action: Any,
+    telemetry: Address,
+    config: Address,
+    constants: Address,
+    action: Address,
     guides: int,
 ) -> int:
     """Run a control step; return 1 if the action is refused and nothing has moved.
@@ -92,14 +94,14 @@ def step(
 
 
 def act(
-    observation: Any,
+    observation: Address,
     entries: int,
-    scales: Any,
-    gains: Any,
+    scales: Address,
+    gains: Address,
     count: int,
-    memory: Any,
+    memory: Address,
     kept: int,
-    volts: Any,
+    volts: Address,
 ) -> int:
     """Write the voltages of a built-in law or a trained network; ``kept`` sizes its memory."""
     out = carray(volts, 4)
@@ -109,7 +111,7 @@ def act(
     return 0
 
 
-def locate(constants: Any, first: int, arcs: int, arc_length: float, point: Any) -> int:
+def locate(constants: Address, first: int, arcs: int, arc_length: float, point: Address) -> int:
     """Write the point (x, y) of a path at an arc length [m]."""
     out = carray(point, 2)
     out[0], out[1] = point_at(carray(constants, 1), first, arcs, arc_length)
@@ -118,7 +120,7 @@ def locate(constants: Any, first: int, arcs: int, arc_length: float, point: Any)
 
 ONE_WORLD = (NUMBERS, WORDS, SINGLES, COUNT, NUMBERS, NUMBERS, NUMBERS)
 
-KERNELS: dict[Any, tuple[Any, ...]] = {
+KERNELS = {
     reset: ONE_WORLD,
     step: (*ONE_WORLD, NUMBERS, COUNT),
     act: (SINGLES, COUNT, NUMBERS, NUMBERS, COUNT, NUMBERS, COUNT, NUMBERS),
