@@ -9,7 +9,7 @@ chosen here; none of those works' results is reproduced.
 
 from dataclasses import dataclass, fields
 from itertools import pairwise
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pter_gym._compiled.layout import Layout
 from pter_gym.controllers._gains import IMPEDANCE, SINGLE_DOF, VELOCITY_RATIO, Gains, gains_array
@@ -260,7 +260,7 @@ class PaceSchedule:
         """Check that the knots rise in pace and match in kind."""
         accepted = "pairs of a pace > 0 and a guiding controller, by rising pace"
         knots = self.knots
-        pairs: object = knots
+        pairs: Any = knots
         are_knots = isinstance(pairs, tuple) and len(knots) > 0 and all(map(_is_knot, knots))
         require(are_knots, self, "knots", accepted)
         require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", accepted)

@@ -231,7 +231,7 @@ def test_there_is_a_sentence_on_completion_and_one_for_each_footnote() -> None:
     assert "Completed episodes: mine 97.5 to 100 %; a rank" in boards_text(leaderboards(runs[:3]))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     st.dictionaries(
         st.text("abc-", min_size=1, max_size=100),
