@@ -31,7 +31,6 @@ NOT_MET = {
     "theoretical-better-than-baseline",
     "theoretical-better-than-experimental",
     "delrins-tip-speed",
-    "delrins-tip-acceleration",
     "peak-explains-experimental-acceleration",
     "saturation-begins",
 }
