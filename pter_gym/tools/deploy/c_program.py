@@ -44,10 +44,10 @@ Weights = Literal["float", "int8"]
 ELEMENTARY = {math.sin: sine, math.cos: cosine, math.atan2: arctangent}
 
 BITS = {
-    "double": {"word": "long long", "magic": "0x5fe6eb50c7b537a9ULL", "mask": "~0x7ffffffULL"},
-    "float": {"word": "int", "magic": "0x5f3759dfU", "mask": "~0xfffU"},
+    "double": {"bits": 64, "limits": "DBL", "digits": 53, "magic": "0x5fe6eb50c7b537a9", "low": 27},
+    "float": {"bits": 32, "limits": "FLT", "digits": 24, "magic": "0x5f3759df", "low": 12},
 }
-"""What the square root does to the bits of a number."""
+"""Bits of a number and of its mantissa, and what the square root does to them."""
 
 PREFIX = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
 """How names in C may begin."""

@@ -210,7 +210,8 @@ class Program:
     def text(self, value: Any, kind: Any = None, level: int = 0) -> str:
         """Return a value, a known one as a ``kind``, as C that binds as tightly as ``level``."""
         if isinstance(value, Expression):
-            return bound(value, level)
+            whole = value.kind in ("int", "bool") and kind in ("real", "single")
+            return f"({name_of(kind)}){bound(value, ATOM)}" if whole else bound(value, level)
         text = self.literal(value, kind_of(value) if kind is None else kind)
         return f"({text})" if text.startswith("-") and level > SUM else text
 
@@ -330,7 +331,7 @@ class _Body:
         made.reads = [name for name in self.parameters if whole or next(numbered(name)) in words]
         parameters = [
             *(self.parameters[name] for name in made.reads),
-            *(f"int {name}_count" for name in made.counted),
+            *(f"int32_t {name}_count" for name in made.counted),
         ]
         returns = self.program.declared(made.returns) if made.returns else "void"
         head = f"static {returns} {made.name}"
@@ -547,7 +548,7 @@ class _Body:
         self.names[name] = Expression("int", called, least=min(turns) if turns else 0)
         texts = self.program.text(start, "int"), self.program.text(stop, "int", SUM)
         sign, change = "<" if step > 0 else ">", f"{called} += {step}"
-        self._emit(f"for (int {called} = {texts[0]}; {called} {sign} {texts[1]}; {change}) {{")
+        self._emit(f"for (int32_t {called} = {texts[0]}; {called} {sign} {texts[1]}; {change}) {{")
         self._inside(node.body)
         self._emit("}")
         del self.names[name]
@@ -645,7 +646,7 @@ class _Body:
             constant, other = (right, left) if is_known(right) else (left, right)
             if is_known(constant):
                 return replace(other, shift=other.shift + (constant if sign == "+" else -constant))
-        cast, kind = ("(real)", "real") if isinstance(op, ast.Div) and kind == "int" else ("", kind)
+        kind = "real" if isinstance(op, ast.Div) and kind == "int" else kind
         sides = [
             self.program.text(value, kind, at)
             for value, at in (
@@ -654,7 +655,7 @@ class _Body:
             )
         ]
         return Expression(
-            "bool" if level == COMPARISON else kind, f"{cast}{sides[0]} {sign} {sides[1]}", level
+            "bool" if level == COMPARISON else kind, f"{sides[0]} {sign} {sides[1]}", level
         )
 
     def _logic(self, sign: str, level: int, left: Any, right: Any) -> Any:

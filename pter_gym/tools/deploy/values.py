@@ -140,7 +140,7 @@ def fields_of(kind: Any) -> list[tuple[str, Any]]:
 def name_of(kind: Any) -> str:
     """Return the name of a kind in C."""
     if isinstance(kind, str):
-        return {"single": "float", "bool": "int"}.get(kind, kind)
+        return {"single": "float", "int": "int32_t", "bool": "int"}.get(kind, kind)
     if isinstance(kind, tuple):
         kinds = cast("tuple[Any, ...]", kind)
         are_real = set(kinds) == {"real"}

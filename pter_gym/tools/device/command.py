@@ -31,7 +31,7 @@ def device(
     identify`, it also says what holds for all machines that fit the log.
 
     Tunes a law on each of the scenarios standard, corridor and wall, and scores it on test
-    episodes. Writes index.html, device.json and pictures. Needs the extras tune and render.
+    episodes. Writes index.html, device.json and pictures. Needs the extra tune.
 
     Example: pter device particle-brake --out particle-brake
 
@@ -62,7 +62,9 @@ def device(
 
     from pter_gym.params import save_machine
     from pter_gym.tools.device.report import examine_device
+    from pter_gym.tools.tuning.search import load_optuna
 
+    load_optuna()
     make_folder(out)
     file = out / "machine.toml"
     save_machine(own, file, origin="chosen: given to pter device")

@@ -180,13 +180,19 @@ def _judge(trial: Any, law: TunableLaw, rungs: Sequence[Episodes]) -> float:
     return assess([candidate], rungs[-1]).value
 
 
-def _open_study(path: Path, name: str, seed: int) -> Any:
-    """Return the study of a search, new or resumed."""
+def load_optuna() -> Any:
+    """Return Optuna, or raise a DependencyError if it or its CMA-ES is not installed."""
     try:
         import cmaes  # noqa: F401  # pyright: ignore[reportUnusedImport]
         import optuna
     except ImportError:
         raise needs_extra("a search for gains", "tune") from None
+    return optuna
+
+
+def _open_study(path: Path, name: str, seed: int) -> Any:
+    """Return the study of a search, new or resumed."""
+    optuna = load_optuna()
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=1, reduction_factor=REDUCTION)
     try:

@@ -3,6 +3,7 @@
 import importlib.util
 import io
 import math
+import re
 import shutil
 import subprocess
 import sys
@@ -19,6 +20,7 @@ import pytest
 from pter_gym._commands.main import main
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
+from pter_gym._physics.arm import links_at
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.rollout import evaluate, record_episode
@@ -43,7 +45,7 @@ TOP = BASELINE.clutch.voltage_max
 ROUNDING = 256 * 2.0**-24 * TOP
 """Change of a voltage [V] by float32: about as many roundings as the longest sum has terms."""
 
-WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Werror")
+WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror")
 
 has_zig = importlib.util.find_spec("ziglang") is not None
 needs_zig = pytest.mark.skipif(not has_zig, reason="ziglang is not installed")
@@ -291,6 +293,56 @@ def test_a_microcontroller_gives_pythons_voltages(name: str, numbers: Any, weigh
     assert found.ram + found.stack < 3_000
 
 
+needs_avr = pytest.mark.skipif(
+    not (shutil.which("avr-gcc") and shutil.which("simavr")),
+    reason="gcc-avr or simavr is not installed",
+)
+AVR = ("avr-gcc", "-mmcu=atmega1284p", "-std=c99", "-O2", *WARNINGS, "-I.")
+
+
+@needs_avr
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("name", "weights"), [("single-dof-tuned", "float"), ("ppo-standard", "int8")]
+)
+def test_a_board_of_8_bits_gives_pythons_voltages(
+    name: str, weights: Any, recorded: Any, tmp_path: Path
+):
+    source = source_of(find_policy(name), name=name, numbers="float", weights=weights)
+    source.write(tmp_path)
+    rows = np.ascontiguousarray(recorded[0][:20, 0, : len(source.policy.layout)])
+    text = ",\n".join(f"{{{', '.join(f'{x:.9g}' for x in row)}}}" for row in rows.tolist())
+    (tmp_path / "rows.h").write_text(text)
+    built_for = [*AVR, HERE / "avr.c", "pter.c", "-o", "program"]
+    subprocess.run(built_for, cwd=tmp_path, check=True)
+    run = ["simavr", "-m", "atmega1284p", "-f", "16000000", tmp_path / "program"]
+    told = subprocess.run(run, capture_output=True, text=True, check=True)
+    bits = re.findall(r"[0-9a-f]{8}", "".join(re.findall(r"[0-9a-f]{32}", told.stdout)))
+    found = np.array([int(each, 16) for each in bits], np.uint32).view(np.float32).reshape(-1, 4)
+    memory = source.policy.start(1)
+    wanted = [np.float32(source.policy.act(row[None], memory)[0]) for row in rows]
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=ROUNDING)
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    ("numbers", "kind", "digits", "fits"),
+    [("double", "DBL", 24, False), ("float", "DBL", 24, True), ("float", "FLT", 53, False)],
+)
+def test_a_platform_with_other_numbers_does_not_compile(
+    numbers: Any, kind: str, digits: int, fits: bool, tmp_path: Path
+):
+    source_of(find_policy("locked"), numbers=numbers).write(tmp_path)
+    code = f"#include <float.h>\n#undef {kind}_MANT_DIG\n#define {kind}_MANT_DIG {digits}\n"
+    (tmp_path / "other.c").write_text(f'{code}#include "pter.c"\n')
+    compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
+    made = subprocess.run(
+        [*compiler, "-std=c99", "-c", "other.c"], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert (made.returncode == 0) == fits
+    assert fits or f"{numbers} must have" in made.stderr
+
+
 CPP = """
 #include "pter.h"
 int main() {
@@ -365,6 +417,45 @@ int main(void) {
     return 0;
 }
 """
+
+EPISODES = r"""
+#include "pter.h"
+#include <stdio.h>
+int main(void) {
+    static pter_state state;
+    pter_reading r = {{0}, {-1, 1}, {0}, {0}};
+    pter_path path = {pter_path_arcs, PTER_ARCS, 0.25};
+    float observation[PTER_ENTRIES], v[4];
+    while (scanf("%lf%*1[,]%lf", r.angle, r.angle + 1) == 2) {
+        if (getchar() == '!') {
+            pter_reset(&state);
+        }
+        pter_observe(&state, &r, &path, observation);
+        pter_act(&state, observation, v);
+        for (int n = 0; n < PTER_ENTRIES; n++) {
+            printf("%.9g,", observation[n]);
+        }
+        printf("%.9g,%.9g,%.9g,%.9g\n", v[0], v[1], v[2], v[3]);
+    }
+    return 0;
+}
+"""
+
+
+@needs_compiler
+@pytest.mark.parametrize("policy", [held_policy, "residual"])
+def test_a_second_episode_begins_as_the_first(policy: Any, tmp_path: Path):
+    (tmp_path / "episodes.c").write_text(EPISODES)
+    source = source_of(policy() if callable(policy) else find_policy(policy), path="circle")
+    path = find_path("circle")
+    links = [links_at(BASELINE.arm, *at) for at in path.sampled(20).tolist()]
+    rows = [",".join(f"{math.atan2(q.sin, q.cos):.17g}" for q in pair) for pair in links]
+    once = "\n".join([f"{rows[0]}!", *rows[1:], ""])
+    program = built(source, tmp_path, tmp_path / "episodes.c")
+    first, second = np.split(said(program, 2 * once), 2)
+    assert (first == second).all()
+    assert not (first[1:] == first[:-1]).all(axis=1).any()
+
 
 BAD = r"""
 #include "pter.h"

@@ -2,12 +2,14 @@
 
 import json
 import math
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pter_gym._commands.main import main
 from pter_gym.benchmark import evaluate, find_policy
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.errors import ParameterError
@@ -118,3 +120,12 @@ def test_bad_arguments_are_refused_before_anything_is_written(
 def test_an_unknown_device_suggests_the_nearest(tmp_path: Path):
     with pytest.raises(ParameterError, match="particle-brake"):
         examine_device("particle-break", tmp_path / "out")
+
+
+def test_nothing_is_written_without_the_search(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setitem(sys.modules, "optuna", None)
+    assert main(["device", "particle-brake", "--out", str(tmp_path / "out")]) != 0
+    assert "extra tune" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -3,7 +3,19 @@
    Made by pter_gym from the Python functions of the same names, with the same operations in the same order.
    Compile with -std=c99: contracting a product and a sum into one operation would change bits. */
 
+#include <float.h>
+
 #include "pter.h"
+
+#if FLT_RADIX != 2 || FLT_MANT_DIG != 24
+#error "float must have 32 bits (IEEE 754)"
+#elif ${limits}_MANT_DIG != $digits
+#error "$real must have $bits bits (IEEE 754); pter export --numbers float needs only those of float"
+#endif
+
+/* an array of a negative size where a type has another */
+typedef char size_of_float[sizeof(float) == sizeof(uint32_t) ? 1 : -1];
+typedef char size_of_real[sizeof(pter_real) == sizeof(uint${bits}_t) ? 1 : -1];
 
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
@@ -40,20 +52,20 @@ static real square_root(real x)
 {
     union {
         real value;
-        unsigned $word bits;
+        uint${bits}_t bits;
     } guess, high;
     if (!(x > (real)1e-30)) {
         return 0;
     }
     guess.value = x;
-    guess.bits = $magic - (guess.bits >> 1);
+    guess.bits = UINT${bits}_C($magic) - (guess.bits >> 1);
     real y = guess.value;
     for (int k = 0; k < 4; k++) {
         y = y * ((real)1.5 - (real)0.5 * x * y * y);
     }
     real root = x * y;
     high.value = root;
-    high.bits &= $mask;
+    high.bits = high.bits >> $low << $low;
     real low = root - high.value;
     real rest = ((x - high.value * high.value) - 2 * high.value * low) - low * low;
     return root + (real)0.5 * y * rest;
@@ -75,16 +87,16 @@ void pter_reset(pter_state *state)
     state->arc = 0;
 }
 
-int pter_count(int before, unsigned counter, int bits)
+int32_t pter_count(int32_t before, uint32_t counter, int bits)
 {
-    unsigned half = 1U << (bits - 1);
-    unsigned change = ((counter - (unsigned)before + half) & (2 * half - 1)) - half;
-    return (int)((unsigned)before + change);
+    uint32_t half = UINT32_C(1) << (bits - 1);
+    uint32_t change = ((counter - (uint32_t)before + half) & (2 * half - 1)) - half;
+    return (int32_t)((uint32_t)before + change);
 }
 
-void pter_encoder(pter_reading *reading, int link, int count, int before, real resolution, real zero)
+void pter_encoder(pter_reading *reading, int link, int32_t count, int32_t before, real resolution, real zero)
 {
-    int change = (int)((unsigned)count - (unsigned)before);
+    int32_t change = (int32_t)((uint32_t)count - (uint32_t)before);
     Encoder found = encoder(count, change, resolution, zero, PTER_PERIOD);
     reading->angle[link] = found.theta;
     reading->velocity[link] = found.omega;

@@ -11,6 +11,8 @@ $observation */
 #ifndef PTER_H
 #define PTER_H
 
+#include <stdint.h>
+
 #define PTER_PERIOD ((pter_real)$period) /* of a control step [s] */
 #define PTER_ENTRIES $entries /* numbers in an observation */
 #define PTER_HOLD $hold /* control steps for which a decision is held */
@@ -28,7 +30,7 @@ typedef $real pter_real;
 typedef struct {
     pter_real memory[PTER_MEMORY];
     float volts[4];
-    int held, arc;
+    int32_t held, arc;
 } pter_state;
 
 /* The sensors: angles of links A and B [rad] and angular velocities [rad/s]; torques that the clutches
@@ -41,7 +43,7 @@ typedef struct {
    heading, curvature [1/m], arc length before it and its own [m]. */
 typedef struct {
     const pter_real *arcs;
-    int count;
+    int32_t count;
     pter_real pace;
 } pter_path;
 
@@ -52,11 +54,12 @@ extern const pter_real pter_path_arcs[PTER_ARCS * 7];
 void pter_reset(pter_state *state);
 
 /* Return the count, from the one before, of a counter of so many bits, which wraps at its end. */
-int pter_count(int before, unsigned counter, int bits);
+int32_t pter_count(int32_t before, uint32_t counter, int bits);
 
 /* Set angle and angular velocity of link A (0) or B (1) from its encoder: counts now and a control step ago,
    which must not wrap (see pter_count), the angle of one count and that of count 0 [rad]. */
-void pter_encoder(pter_reading *reading, int link, int count, int before, pter_real resolution, pter_real zero);
+void pter_encoder(pter_reading *reading, int link, int32_t count, int32_t before, pter_real resolution,
+                  pter_real zero);
 
 /* Write the observation at a control step. */
 void pter_observe(pter_state *state, const pter_reading *reading, const pter_path *path,
