@@ -6,6 +6,7 @@ kernels of ``pter_gym.gradients.jax``; the hand, the projection onto the path, r
 observation as functions of JAX made from their source.
 """
 
+from functools import partial
 from typing import Any, Literal, NamedTuple, cast, get_args
 
 import numpy as np
@@ -160,14 +161,14 @@ def _project(constants: Any, first: Any, count: Any, segment: Any, x: Any, y: An
 
     def turn(segment: Any, direction: Any) -> Any:
         arc = segment_at(constants, first, segment)
-        s = _foot_on(arc, segment, *lax.stop_gradient((x, y))).arc_length
-        return _neighbour(arc, segment, count, s, direction)
+        s = _twin(foot_on)(arc, segment, *lax.stop_gradient((x, y))).arc_length
+        return _twin(neighbour)(arc, segment, count, s, direction)
 
     def walk(at: Any) -> Any:
         return at[0] + at[1], turn(at[0] + at[1], at[1])
 
     segment, _ = lax.while_loop(lambda at: at[1] != 0, walk, (segment, turn(segment, 0)))
-    return _foot_on(segment_at(constants, first, segment), segment, x, y)
+    return _twin(foot_on)(segment_at(constants, first, segment), segment, x, y)
 
 
 def _clipped(volts: PerClutch, most: Any) -> PerClutch:
@@ -175,32 +176,8 @@ def _clipped(volts: PerClutch, most: Any) -> PerClutch:
 
 
 _MADE: dict[Any, Any] = {clipped: _clipped, getattr(project, "py_func", project): _project}
-(
-    _foot_on,
-    _neighbour,
-    _given_volts,
-    _take_command,
-    _set_strengths,
-    _move_hand,
-    _push_tip,
-    _locate,
-    _judge,
-    _observe,
-) = (
-    branchless(each, MEANING, _MADE)
-    for each in (
-        foot_on,
-        neighbour,
-        given_volts,
-        take_command,
-        set_strengths,
-        move_hand,
-        push_tip,
-        locate,
-        judge_step,
-        observe_world,
-    )
-)
+_twin = partial(branchless, meaning=MEANING, cache=_MADE)
+"""Returns the twin of a function of the simulator, made once."""
 
 
 class _Words:
@@ -230,13 +207,13 @@ def _following(config: Config, frame_skip: int) -> Any:
         """Move the arm by a control step."""
         force = []
         if KICK_FIRST:
-            _push_tip(w, 0, False)
+            _twin(push_tip)(w, 0, False)
         for stage in range(stage_count(count)):
             if is_kick(stage):
                 force.append(jnp.stack(load(w, ROW.force, 0)))
             else:
-                _move_hand(w, 0, config.substep, is_whole(stage, count), False)
-                _push_tip(w, 0, False)
+                _twin(move_hand)(w, 0, config.substep, is_whole(stage, count), False)
+                _twin(push_tip)(w, 0, False)
         body = Column({})
         for name in ("machine", "motion", "torques", "lagged_volts", "strength"):
             store(body, getattr(BODY, name), 0, load(w, getattr(ROW, name), 0))
@@ -264,18 +241,20 @@ def _following(config: Config, frame_skip: int) -> Any:
         def hold(numbers: Any, _: Any) -> Any:
             w = world(numbers)
             most = w[ROW.machine.voltage_max, 0]
-            _take_command(w, 0, _given_volts(action[None], 0, config.low, config.high, most))
-            _set_strengths(w, 0, period)
+            _twin(take_command)(
+                w, 0, _twin(given_volts)(action[None], 0, config.low, config.high, most)
+            )
+            _twin(set_strengths)(w, 0, period)
             move(w)
-            _locate(w, 0, constants)
-            _judge(w, 0, period, config.max_steps)
+            _twin(locate)(w, 0, constants)
+            _twin(judge_step)(w, 0, period, config.max_steps)
             return jnp.stack(
                 [jnp.asarray(w[row, 0], numbers.dtype) for row in range(BASIC_ROWS)]
             ), w[ROW.reward, 0]
 
         numbers, earned = lax.scan(hold, numbers, length=frame_skip)
         w = world(numbers)
-        _observe(w, 0)
+        _twin(observe_world)(w, 0)
         obs = jnp.stack(flat(load(w, ROW.seen, 0))) * jnp.stack(flat(config.inverse_scale))
         obs = jnp.clip(obs, -BOUND, BOUND)[: int(config.entries)]
         return numbers, obs.astype(jnp.float32), earned.sum().astype(jnp.float32)
