@@ -18,7 +18,8 @@ from pter_gym._physics.friction import ClutchMode
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of
 from pter_gym._physics.step import paper_clutches
 from pter_gym.errors import DivergenceError, ParameterError
-from pter_gym.gradients._adjoint import FIRST, LAST, aim, drift, kick_adjoints, kick_stages
+from pter_gym.gradients import _rollout
+from pter_gym.gradients._adjoint import FIRST, LAST, aim, drift, kernels, kick_adjoints, kick_stages
 from pter_gym.gradients._branchless import Column, branchless
 from pter_gym.gradients._friction import resolve_adjoint
 from pter_gym.gradients._tangent import KICK, stages_in_span
@@ -27,8 +28,8 @@ from pter_gym.params import BASELINE, MACHINES, Hand, Machine
 from pter_gym.params._spread import numbers_of, with_numbers
 
 EPS = float(np.finfo(float).eps)
-EACH = 10_000
-"""Problems in each mode."""
+MANY = pytest.mark.parametrize("count", [300, pytest.param(10_000, marks=pytest.mark.long)])
+"""How many problems, in each mode."""
 
 SUBSTEP = BASELINE.substep
 STAGES = kick_stages(paper_clutches)
@@ -45,16 +46,17 @@ def friction_adjoint(x: np.ndarray, omega: Any, by: Any) -> np.ndarray:
     return np.array(resolve_adjoint(*x[:5], PerClutch(*x[5:]), None, *omega, *by))
 
 
-def test_the_friction_step_has_the_derivative_of_central_differences_in_each_mode():
+@MANY
+def test_the_friction_step_has_the_derivative_of_central_differences_in_each_mode(count: int):
     """Along a random direction, 10⁻⁶ of each number either way; κ is the condition of M.
 
     A central difference of M⁻¹ misses (10⁻⁶·κ)²·κ of the scale of ω, and loses ε·κ over 2·10⁻⁶ to
     rounding; ten times that for the sums of a problem."""
     rng, found, step = np.random.default_rng(0), dict.fromkeys(ClutchMode, 0), 1e-6
-    while min(found.values()) < EACH:
+    while min(found.values()) < count:
         x = random_problem(rng)
         *omega, mode = resolve_friction(*x)
-        if found[mode] >= EACH:
+        if found[mode] >= count:
             continue
         z, by = rng.normal(size=9) * (np.abs(x) + 1e-3), rng.normal(size=2)
         z[5:] *= x[5:] > 0.0
@@ -71,11 +73,12 @@ def test_the_friction_step_has_the_derivative_of_central_differences_in_each_mod
         assert friction_adjoint(x, omega, by) @ z == pytest.approx(difference, abs=tolerance)
 
 
-def test_friction_never_amplifies_a_change_of_momentum():
+@MANY
+def test_friction_never_amplifies_a_change_of_momentum(count: int):
     """In the norm of M, ∂ω⁺/∂p is a projection: its largest singular value is 1, or 0 at rest, to
     κ·ε."""
     rng = np.random.default_rng(1)
-    for _ in range(EACH):
+    for _ in range(count):
         x = random_problem(rng)
         *omega, mode = resolve_friction(*x)
         by_p = np.array([friction_adjoint(x, omega, by)[3:5] for by in np.eye(2)])
@@ -124,7 +127,9 @@ def random_body(rng: np.random.Generator) -> Any:
     return body
 
 
-@pytest.mark.parametrize("name", ["aim", "drift", "find", "share"])
+@pytest.mark.parametrize(
+    "name", [*(pytest.param(x, marks=pytest.mark.long) for x in ("aim", "drift", "find")), "share"]
+)
 def test_each_stage_has_the_adjoint_that_autodiff_of_its_twin_in_jax_has(name: str):
     """Two derivations of the same sums: they differ by rounding, at most ε·κ of a number times its
     derivatives."""
@@ -153,7 +158,7 @@ def test_each_stage_has_the_adjoint_that_autodiff_of_its_twin_in_jax_has(name: s
             return after @ by + (0.0 if returned is None else returned)
 
         differentiate = jax.jit(jax.grad(total, (0, 1)))
-        while checked < 300:
+        while checked < 60:
             body = random_body(rng)
             if name == "share":
                 STAGES.find(body, 0, SUBSTEP)
@@ -189,7 +194,7 @@ def test_each_stage_has_the_tangents_that_its_adjoint_has(name: str):
     rng, active, checked = np.random.default_rng(8), sorted(KICK), 0
     back = adjoint_of(stage, *scalars, constants=constants)
     push = tangent_of(stage, *scalars, constants=constants, active=KICK, lanes=5)
-    while checked < 300:
+    while checked < 60:
         body = random_body(rng)
         if name == "part":
             STAGES.find(body, 0, SUBSTEP)
@@ -243,17 +248,25 @@ def drawn(machine: Machine, steps: int, seed: int) -> dict[str, Any]:
     }
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "kind", [pytest.param(k, marks=pytest.mark.long if k == "other clutches" else ()) for k in ALL]
-)
-def test_a_rollout_has_the_gradient_of_paired_rollouts(kind: str):
-    """By all that goes in, over 30 control steps of sticking and slipping in which no pair has
-    another order of events.
+@pytest.fixture
+def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rollouts run the functions that kernels are compiled from."""
+
+    def plain(**kind: bool) -> tuple[Any, ...]:
+        return tuple(getattr(kernel, "py_func", kernel) for kernel in kernels(**kind))
+
+    monkeypatch.setattr(_rollout, "kernels", plain)
+
+
+@pytest.mark.parametrize("steps", [8, pytest.param(30, marks=pytest.mark.long)])
+@pytest.mark.parametrize("kind", ALL)
+def test_a_rollout_has_the_gradient_of_paired_rollouts(kind: str, steps: int, uncompiled: None):
+    """By all that goes in, over control steps of sticking and slipping in which no pair has another
+    order of events.
 
     Steps of 10⁻⁶ lose 10⁻⁹ of the scalar to rounding, and its curvature takes about as much.
     """
-    given = drawn(ALL[kind], 30, seed=3)
+    given = drawn(ALL[kind], steps, seed=3)
     run = gradients.rollout(**given)
     rng = np.random.default_rng(4)
     by = {
@@ -329,6 +342,18 @@ def test_a_rollout_moves_as_the_simulator_does():
     np.testing.assert_array_equal(again.theta[0], run.theta[-1])
 
 
+def test_kernels_compute_what_their_functions_do(request: pytest.FixtureRequest):
+    """But for the last bits of hypot: 8 control steps multiply them by less than 10⁶."""
+    run = gradients.rollout(**drawn(ALL["with a hand"], 8, seed=3))
+    by = {"tip_position": np.ones((9, 2)), "torque_breakaway": np.ones((9, 4))}
+    compiled = run.gradient(**by)
+    request.getfixturevalue("uncompiled")
+    plain = run.gradient(**by)
+    for name in ("volts", "hand_force", "hand_target"):
+        np.testing.assert_allclose(getattr(compiled, name), getattr(plain, name), 1e-9, 1e-9)
+    assert compiled.machine == pytest.approx(plain.machine, rel=1e-9, abs=1e-9)
+
+
 def parts_of(body: Any) -> int:
     """How many parts a kick from here has."""
     body = body.copy()
@@ -370,7 +395,7 @@ def test_derivatives_hold_on_both_sides_of_each_switch():
         BODY.load.force_x,
         BODY.load.force_y,
     ]
-    while seen < 100:
+    while seen < 20:
         body = random_body(rng)
         z = np.zeros((BODY_WIDTH, 1))
         z[rows, 0] = rng.normal(size=len(rows)) * np.array([0.02] * 2 + [0.1] * 8 + [10.0] * 2)
