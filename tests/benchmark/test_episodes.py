@@ -21,6 +21,7 @@ from pter_gym.benchmark.episodes import (
     load_episodes,
     scenarios,
     store_episodes,
+    time_limit,
     training_episodes,
 )
 from pter_gym.controllers import Free
@@ -56,6 +57,7 @@ def test_stored_episodes_round_trip_byte_for_byte(tmp_path: Path) -> None:
     episodes = load_episodes("mine", "brisk", folder=path.parent)
     assert [task.path for task in episodes.tasks] == [task.path for task in TASKS]
     assert {task.pace for task in episodes.tasks} == {PACES["brisk"]}
+    assert episodes.time_limits == tuple(map(time_limit, episodes.tasks))
     assert episodes.machines[1] == DELRIN_EXPERIMENTAL
     assert episodes.machines[0] is episodes.machines[2]
     assert episodes.tasks[0] is episodes.tasks[2]

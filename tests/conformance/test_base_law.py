@@ -94,6 +94,25 @@ def test_a_copy_of_the_state_goes_on_alike() -> None:
     np.testing.assert_array_equal(first, [env.step(given)[0] for given in later])
 
 
+def test_a_world_that_begins_again_leaves_the_law_of_the_others() -> None:
+    """Of the two that begin with one seed, the second after 10 steps."""
+    env = PathFollowingVectorEnv(WORLDS, base=BASE, **SHORT)
+    seeds, chosen = list(range(WORLDS)), np.arange(WORLDS) == 1
+    rows: list[Any] = []
+    for again in (False, True):
+        first, _ = env.reset(seed=seeds)
+        runs = [[first]]
+        for step, given in enumerate(np.repeat(actions(1), 20, axis=0)):
+            if again and step == 10:
+                runs.append([env.batch.reset(seeds, chosen)[0]])
+            runs[-1].append(env.step(given)[0])
+        rows.append(runs)
+    others = np.array(rows[0][0])[:, ~chosen]
+    found = np.concatenate([rows[1][0], rows[1][1][1:]])[:, ~chosen]
+    np.testing.assert_array_equal(found, others)
+    np.testing.assert_array_equal(np.array(rows[1][1])[:, chosen], np.array(rows[1][0])[:, chosen])
+
+
 def test_checkers_are_silent() -> None:
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     with warnings.catch_warnings():

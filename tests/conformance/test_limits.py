@@ -24,12 +24,33 @@ from pter_gym._physics.stability import (
     largest_travel,
     smallest_inertia,
 )
+from pter_gym.envs import PathFollowingVectorEnv
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.params import BASELINE, MACHINES, Arm, Hand, Machine
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import PathFollowing, Reason, Starts, check_machine, reason_of
 from pter_gym.tasks.path_following._specification import check_motion, held_machine, strongest
+
+
+def ended(max_steps: int) -> tuple[int, bool, bool]:
+    """When and how an episode ends that no clutch slows down."""
+    fields = {"frame_skip": 1, "contexts": 1, "max_episode_steps": max_steps}
+    env = PathFollowingVectorEnv(1, scenario="standard", **fields)
+    env.reset(seed=0)
+    for step in range(1, max_steps + 1):
+        _, _, terminated, truncated, _ = env.step(-np.ones((1, 4), np.float32))
+        if terminated | truncated:
+            return step, terminated.item(), truncated.item()
+    raise AssertionError
+
+
+def test_the_last_step_may_both_terminate_and_truncate() -> None:
+    steps, *flags = ended(10_000)
+    assert flags == [True, False]
+    assert ended(steps) == (steps, True, True)
+    assert ended(steps - 1) == (steps - 1, False, True)
+
 
 TINY = replace(BASELINE.arm, inertia_a=4.4e-6, inertia_b=1e-5, coupling=-5.8e-7)
 NEAR = math.sqrt(BASELINE.arm.inertia_a * BASELINE.arm.inertia_b) * (1.0 - 1e-9)

@@ -373,6 +373,8 @@ def test_environments_and_laws_take_a_user_machine(own: str) -> None:
         OWN,
         BASELINE,
     )
+    mixed = Draws(task=PathFollowing(), also=(Draws(task=NEAR, machine=MACHINES["two-brakes"]),))
+    assert {machine for machine, _ in find_scenario(mixed, own).draws.pairs(4)} == {OWN}
     draws, law = training_episodes("standard", "slow", 4, 5, own), TorqueFeedback(feedback=0.5)
     layout, others = (
         observation_layout(OWN, "torque"),

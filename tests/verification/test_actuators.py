@@ -25,6 +25,8 @@ from pter_gym.params import (
 ROUND = Arm(length_a=0.5, length_b=0.5, inertia_a=1.0, inertia_b=1.0, coupling=0.0)
 """Two wheels of 1 kg·m²: no link moves the other one."""
 
+STRENGTHS = (0.7, 1.1, 0.9, 1.4)
+
 
 def wheel(**clutch: object) -> Machine:
     return replace(
@@ -32,18 +34,29 @@ def wheel(**clutch: object) -> Machine:
     )
 
 
-def test_a_viscous_brake_without_voltage_stops_a_wheel_exponentially():
-    """ω' = −2·viscous·ω with clutch 1 and the couplings 3 and 4 on a wheel that turns alone: (1, 1,
-    1) on ω_A."""
-    machine = replace(wheel(viscous=0.2), substep=1e-4)
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0, 1.0), STRENGTHS])
+def test_viscous_clutches_without_voltage_stop_wheels_exponentially(scale: tuple[float, ...]):
+    """ω' = −viscous·Wᵀ·scale·W·ω."""
+    machine = replace(wheel(viscous=0.2), substep=1e-4, clutch_scale=scale)
     run = simulate(
         machine, initial_state(machine, (0.0, 1.5), (2.0, 0.0)), [0.0] * 4, (0.0, 0.0), duration=0.5
     )
-    exact = solve_ivp(
-        lambda _, w: -0.2 * np.array([3 * w[0], 3 * w[1]]), (0.0, 0.5), [2.0, 0.0], rtol=1e-10
-    )
+    w = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
+    rate = 0.2 * w.T @ np.diag(scale) @ w
+    exact = solve_ivp(lambda _, omega: -rate @ omega, (0.0, 0.5), [2.0, 0.0], rtol=1e-10)
     # first order: h·rate·ω
-    np.testing.assert_allclose(run.omega[-1], exact.y[:, -1], atol=2.0 * 0.6 * 1e-4)
+    np.testing.assert_allclose(run.omega[-1], exact.y[:, -1], atol=2.0 * rate.max() * 1e-4)
+
+
+def test_each_clutch_has_its_own_strength():
+    machine = replace(wheel(), clutch_scale=STRENGTHS)
+    top = np.outer((1.12, 1.0), STRENGTHS) * machine.clutch.dynamic.torque(10.0)
+    state = initial_state(machine, (0.0, 1.5), volts=[10.0] * 4)
+    np.testing.assert_allclose((state.torque_breakaway, state.torque_dynamic), top)
+    start = initial_state(machine, (0.0, 1.5))
+    run = simulate(machine, start, [10.0] * 4, (0.0, 0.0), duration=0.1)
+    risen = -np.expm1(-0.1 / machine.clutch.time_constant)
+    np.testing.assert_allclose((run.torque_breakaway[-1], run.torque_dynamic[-1]), risen * top)
 
 
 def test_off_state_torque_decelerates_uniformly():

@@ -111,6 +111,8 @@ def test_joined_logs_are_one(tmp_path: Path):
     assert log.unmeasured.tolist() == list(range(len(coarse.theta), begin))
     gappy = join_logs([fine, replace(coarse, unmeasured=np.array([3, 4]))])
     assert gappy.unmeasured.tolist() == [*log.unmeasured.tolist(), begin + 3, begin + 4]
+    higher = join_logs([fine, replace(coarse, volts=coarse.volts + 0.5)])
+    assert (higher.volts[log.unmeasured] == coarse.volts[0] + 0.5).all()
     with pytest.raises(ParameterError, match="log"):
         join_logs([])
 

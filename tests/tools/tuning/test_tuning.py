@@ -1,5 +1,6 @@
 """The search for gains: what it scores, what it keeps, and what it never reads."""
 
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -230,6 +231,10 @@ def test_gains_are_written_beside_others_and_found(tmp_path: Path) -> None:
         find_tuned("impedence-tuned", "standard", path=path)
     assert find_policy(str(path), "standard") == PaceSchedule(((PACES["slow"], tuned),))
     assert find_policy(path, "everything") == fallback
+    older = tmp_path / "older.toml"
+    older.write_text(re.sub(r"damping_normal = [\d.]+", "damping_normal = 17.5", path.read_text()))
+    stored = replace(tuned, damping_normal=17.5)
+    assert find_policy(older, "standard") == PaceSchedule(((PACES["slow"], stored),))
     for name in (str(path), str(tmp_path / "missing.toml")):
         with pytest.raises(ParameterError, match="policies"):  # two scenarios, or no file
             find_policy(name, "paths")
