@@ -14,6 +14,7 @@ from pter_gym._compiled.records import store
 from pter_gym._physics.model import model_of
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH
 from pter_gym.errors import ParameterError
+from pter_gym.gradients._branchless import Columns, Stage
 from pter_gym.gradients._tracing import adjoint_of
 from pter_gym.params import Machine, find_machine
 from pter_gym.params._connection import BRAKE_A, BRAKE_B
@@ -36,7 +37,8 @@ def divided(machine: Machine | str | None, period: float) -> tuple[Machine, int]
     return machine if substep == machine.substep else replace(machine, substep=substep), count
 
 
-def by_machine(machine: Machine, bar: Any) -> dict[str, float]:
+@np.errstate(divide="ignore", invalid="ignore")  # in the branch of a hand that has no damping
+def by_machine(machine: Machine, bar: Columns) -> dict[str, float]:
     """Return derivatives by a machine's parameters, from those by a body's (entries, 1)."""
     places = numbers_of(machine)
     rows = BODY_WIDTH + len(places)
@@ -54,13 +56,13 @@ def by_machine(machine: Machine, bar: Any) -> dict[str, float]:
 
 
 @cache
-def _adjoint(lag: str, clutches: int) -> Any:
+def _adjoint(lag: str, clutches: int) -> Stage:
     """Return the adjoint of ``model_of``; which numbers there are depends on no others."""
     some = find_machine(None)
     some = replace(some, clutch=replace(some.clutch, lag=lag), clutches=some.clutches[:clutches])
     rows = {place: BODY_WIDTH + k for k, place in enumerate(numbers_of(some))}
 
-    def stage(w: Any, i: int) -> None:
+    def stage(w: Columns, i: int) -> None:
         varying = with_any_numbers(some, lambda place, _: w[rows[place], i])
         store(w, BODY.machine, i, model_of(varying))
 

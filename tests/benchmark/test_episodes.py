@@ -57,7 +57,8 @@ def test_stored_episodes_round_trip_byte_for_byte(tmp_path: Path) -> None:
     episodes = load_episodes("mine", "brisk", folder=path.parent)
     assert [task.path for task in episodes.tasks] == [task.path for task in TASKS]
     assert {task.pace for task in episodes.tasks} == {PACES["brisk"]}
-    assert episodes.time_limits == tuple(map(time_limit, episodes.tasks))
+    slow = load_episodes("mine", "slow", folder=path.parent)
+    assert slow.time_limits == tuple(map(time_limit, slow.tasks)) != episodes.time_limits
     assert episodes.machines[1] == DELRIN_EXPERIMENTAL
     assert episodes.machines[0] is episodes.machines[2]
     assert episodes.tasks[0] is episodes.tasks[2]

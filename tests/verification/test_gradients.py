@@ -15,6 +15,7 @@ from pter_gym._compiled.records import flat, store
 from pter_gym._physics.arm import Load
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import ClutchMode
+from pter_gym._physics.model import model_of
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of
 from pter_gym._physics.step import paper_clutches
 from pter_gym.errors import DivergenceError, ParameterError
@@ -22,6 +23,7 @@ from pter_gym.gradients import _rollout
 from pter_gym.gradients._adjoint import FIRST, LAST, aim, drift, kernels, kick_adjoints, kick_stages
 from pter_gym.gradients._branchless import Column, branchless
 from pter_gym.gradients._friction import resolve_adjoint
+from pter_gym.gradients._machine import by_machine
 from pter_gym.gradients._tangent import KICK, stages_in_span
 from pter_gym.gradients._tracing import adjoint_of, tangent_of
 from pter_gym.params import BASELINE, MACHINES, Hand, Machine
@@ -233,6 +235,29 @@ ALL: dict[str, Machine] = {
         MACHINES["couplings-1-2"], arm=replace(BASELINE.arm, dry_a=0.2, dry_b=0.1)
     ),
 }
+
+
+STIFF = replace(
+    ALL["with a hand"], hand=Hand(mass=0.3, damping=900.0, damping_anisotropy=(0.3, -0.2))
+)
+"""With so much damping that more than half of it is implicit."""
+
+
+@pytest.mark.parametrize("kind", [*ALL, "with a strong damper"])
+def test_the_constants_of_a_machine_have_the_derivatives_of_differences(kind: str):
+    """Steps of 10⁻⁶ lose 10⁻⁹ to rounding, and less to curvature."""
+    machine, bar, rows = ALL.get(kind, STIFF), np.zeros((BODY_WIDTH, 1)), [*flat(BODY.machine)]
+    bar[rows, 0] = np.random.default_rng(9).normal(size=len(rows))
+    found = by_machine(machine, bar)
+    for place, (value, least) in numbers_of(machine).items():
+        if place != "substep" and value > least:
+            step = 1e-6 * abs(value) or 1e-6
+            high, low = (
+                np.array(flat(model_of(with_numbers(machine, {place: value + e}))))
+                for e in (step, -step)
+            )
+            difference = bar[rows, 0] @ (high - low) / (2.0 * step)
+            assert found[place] == pytest.approx(difference, rel=1e-6, abs=1e-6), place
 
 
 def drawn(machine: Machine, steps: int, seed: int) -> dict[str, Any]:

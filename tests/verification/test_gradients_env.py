@@ -61,7 +61,9 @@ def drawn(env: Any, steps: int) -> tuple[Any, Any, Any, Any]:
     )
 
 
-@pytest.mark.parametrize("wide", [False, True], ids=["32 bits", "64 bits"])
+@pytest.mark.parametrize(
+    "wide", [False, pytest.param(True, marks=pytest.mark.long)], ids=["32 bits", "64 bits"]
+)
 def test_a_step_has_the_bits_of_jax_env(wide: bool) -> None:
     with jax.enable_x64(wide):
         ours, (theirs, _) = (
@@ -78,8 +80,8 @@ def test_a_step_has_the_bits_of_jax_env(wide: bool) -> None:
 @pytest.mark.parametrize(
     ("kind", "wide"),
     [
-        ("standard", False),
         ("paths", True),
+        pytest.param("standard", False, marks=pytest.mark.long),
         *(
             pytest.param(kind, True, marks=pytest.mark.long)
             for kind in ("standard", "materials", "voltages")
