@@ -177,6 +177,78 @@ def test_columns_are_found_by_their_names(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found["y"], [1.0, 3.0])
 
 
+NAMED = "Angle A [deg],Speed [rpm],F [mN]\n180,60,1000\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "value"),
+    [
+        ("Angle A [deg]", "rad", np.pi),
+        ("angle a", "rad", np.pi),
+        ("Speed [rpm]", "rad/s", 2.0 * np.pi),
+        ("Speed", "rad/s", 2.0 * np.pi),
+        ("F [mN]", "N", 1.0),
+        ("F", "N", 1.0),
+    ],
+)
+def test_a_columns_unit_is_read_whether_its_name_is_given_with_it_or_not(
+    name: str, unit: str, value: float, tmp_path: Path
+) -> None:
+    (tmp_path / "u.csv").write_text(NAMED, encoding="utf-8")
+    column = read_table(tmp_path / "u.csv", (name,), unit=unit).columns[name]
+    assert column == pytest.approx([value])
+
+
+def test_a_unit_that_is_not_known_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "u.csv").write_text(NAMED, encoding="utf-8")
+    with pytest.raises(ParameterError, match=r"F \[mN\] must be in m, cm, mm, not in mN"):
+        read_table(tmp_path / "u.csv", ("F [mN]",), unit="m")
+
+
+@pytest.mark.parametrize(
+    "entry",
+    ["", "nan", "-nan", "-nan(ind)", "1.#QNAN", "-1.#IND00", "#N/A", "N/A", "<NA>", "?", "None"],
+)
+def test_what_says_no_number_is_a_blank(entry: str, tmp_path: Path) -> None:
+    (tmp_path / "b.csv").write_text(f"x,y\n1,2\n{entry},3\n", encoding="utf-8")
+    assert np.isnan(read_table(tmp_path / "b.csv", ("x", "y"), blanks=True).columns["x"][1])
+    with pytest.raises(ParameterError, match="line 3"):
+        read_table(tmp_path / "b.csv", ("x", "y"))
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [
+        ("x,y\n1,2\n,\n-3,4\n,\n", "utf-8"),
+        ("x,y\n1,2\n\N{MINUS SIGN}3,4\n", "utf-8"),
+        ("# Länge 0,5 °\nx,y\n1,2\n-3,4\n", "cp1252"),
+    ],
+    ids=["rows of commas", "a minus of typesetters", "Windows-1252"],
+)
+def test_tables_of_office_programs_are_read(text: str, encoding: str, tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_bytes(text.encode(encoding))
+    columns = read_table(tmp_path / "t.csv", ("x", "y")).columns
+    np.testing.assert_array_equal(columns["x"], [1.0, -3.0])
+    np.testing.assert_array_equal(columns["y"], [2.0, 4.0])
+
+
+@pytest.mark.parametrize(
+    "stamps",
+    [
+        ("2026-11-28T20:59:01Z", "2026-11-28T20:59:02.5Z"),
+        ("2026-11-28 20:59:01+01:00", "2026-11-28 20:59:02.500+01:00"),
+        ("20:59:01.0", "20:59:02.5"),
+    ],
+)
+def test_times_of_iso_8601_are_seconds(stamps: tuple[str, str], tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("t,y\n" + "".join(f"{stamp},1\n" for stamp in stamps))
+    times = read_table(tmp_path / "t.csv", ("t",), unit="s").columns["t"]
+    assert np.diff(times) == pytest.approx([1.5])
+    (tmp_path / "t.csv").write_text("t,y\n28.11.2026 20:59:01,1\n")
+    with pytest.raises(ParameterError, match="times must be seconds, or as 2026"):
+        read_table(tmp_path / "t.csv", ("t",), unit="s")
+
+
 def test_reading_ends_at_the_first_line_that_is_wrong(tmp_path: Path) -> None:
     """With all lines in memory, 4 MB of them would take ten times as much as a megabyte."""
     path = tmp_path / "long.csv"

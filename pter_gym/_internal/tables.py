@@ -1,9 +1,12 @@
 """Columns of numbers in text files, as programs write them."""
 
+import codecs
 import csv
 import math
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,18 +24,39 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9},
     "V": {"V": 1.0, "mV": 1e-3},
     "rad": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0, "°": math.pi / 180.0},
-    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0},
+    "rad/s": {
+        "rad/s": 1.0,
+        "deg/s": math.pi / 180.0,
+        "°/s": math.pi / 180.0,
+        **dict.fromkeys(("rpm", "1/min", "U/min"), math.pi / 30.0),
+    },
     "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3, "lbf": 4.4482216},
-    "N·m": {"N·m": 1.0, "Nm": 1.0, "N*m": 1.0, "mNm": 1e-3, "lbf·in": 0.1129848},
+    "N·m": {
+        **dict.fromkeys(("N·m", "Nm", "N*m", "N m"), 1.0),
+        **dict.fromkeys(("mN·m", "mNm"), 1e-3),
+        "lbf·in": 0.1129848,
+    },
 }
 """Units in which a column may be, by that in which it is returned, and their sizes."""
 
-MISSING = ("", "nan", "na", "null", "none", "-")
-"""Entries that are no number, in lower case."""
+_MISSING = re.compile(
+    r"[+-]?(nan(\(.*\))?|1\.#(qnan|snan|ind)\d*)|#?n/?a|<na>|null|none|[-?]?", re.IGNORECASE
+)
+"""Entries that are no number, as C, Windows, spreadsheets and databases write them."""
 
 _UNIT_TEXTS = {unit for sizes in UNITS.values() for unit in sizes} | {"", "1", "-"}
 _FORMS = ("_{}", " [{}]", " ({})", "[{}]", "({})")
+_BRACKETS = re.compile(r"\[(.*)\]$")
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+
+
+def _as_windows(error: UnicodeError) -> tuple[str, int]:
+    """Return the characters of Windows-1252 where a text is not UTF-8."""
+    assert isinstance(error, UnicodeDecodeError)
+    return error.object[error.start : error.end].decode("cp1252", "replace"), error.end
+
+
+codecs.register_error("windows-1252", _as_windows)
 
 
 class Table(NamedTuple):
@@ -57,15 +81,17 @@ def read_table(
     no comment; a line ``sep=;`` may say which. But after commas, numbers may have decimal commas.
     Names are in the first line, or in the last one of those that begin with ``#``. With a ``unit``
     (of all columns, or by name), names or a line below them may state another one of ``UNITS``
-    (``x_mm``, ``X [cm]``), and a file of as many columns, or one more, may have no names. With
-    ``blanks``, an empty entry or NaN is NaN. Texts are UTF-8, or UTF-16 with its mark.
+    (``x_mm``, ``X [cm]``; ``names`` may have it or not), seconds may be times of ISO 8601, and a
+    file of as many columns, or one more, may have no names. With ``blanks``, an empty entry or NaN
+    is NaN. Rows without entries are none. Texts are UTF-8, with single characters of Windows-1252,
+    or UTF-16 with its mark.
 
     Raises
     ------
     ParameterError
-        If the file cannot be read or is larger than ``max_size`` [B], a column is missing or occurs
-        twice, a line has more entries than there are names, or an entry is not a finite number; it
-        names the line.
+        If the file cannot be read or is larger than ``max_size`` [B], a column is missing, occurs
+        twice or is in another unit, a line has more entries than there are names, or an entry is
+        not a finite number; it names the line.
     """
     path = expand_path("file", file)
     units = unit if isinstance(unit, Mapping) else dict.fromkeys((*names, *optional), unit)
@@ -93,7 +119,7 @@ def read_table(
             entries = [row[place] if place < len(row) else "" for place, _ in places]
             values.append(
                 [
-                    _number(entry, name, line, blanks)
+                    _number(entry, name, line, blanks, units.get(name, ""))
                     for entry, name in zip(entries, names, strict=True)
                 ]
             )
@@ -126,16 +152,17 @@ def _rows(path: Path, max_size: int, comments: list[str]) -> Iterator[tuple[int,
             raise ValueError(f"it is larger than {max_size} bytes")
         encoding = "utf-16" if file.read(2) in _UTF_16 else "utf-8-sig"
     separator: str | None = ""
-    with path.open(encoding=encoding) as text:
+    with path.open(encoding=encoding, errors="windows-1252") as text:
         for number, line in enumerate(text, 1):
             bare = line.strip("\0\r\n ")
-            if bare.startswith("#"):
+            if bare.startswith("#") and not bare.upper().startswith("#N/A"):
                 comments += [] if separator else [bare.lstrip("# ")]
             elif not separator and bare.startswith("sep=") and len(bare) == 5:
                 separator = bare[4]
             elif bare.strip():
                 separator = _separator(bare) if separator == "" else separator
-                yield number, _entries(bare, separator)
+                if any(entries := _entries(bare, separator)):
+                    yield number, entries
 
 
 def _separator(line: str) -> str | None:
@@ -168,38 +195,62 @@ def _have(names: Sequence[str], header: Sequence[str], units: Mapping[str, str])
 
 def _place(name: str, header: Sequence[str], unit: str) -> tuple[int, str]:
     """Return the number of the column of a name, and the unit that it states."""
-    found = [
-        (k, text)
-        for k, entry in enumerate(header)
-        if (text := _unit_in(entry, name, unit)) is not None
-    ]
+    stated = [_unit_in(entry, name, unit) for entry in header]
+    found = [k for k, text in enumerate(stated) if text is not None]
+    found = [k for k in found if header[k] == name] or found
     if len(found) != 1:
         columns = ", ".join(header)
         raise ValueError(f"there must be one column {name}; the columns are {columns:.200}")
-    return found[0]
+    text = stated[found[0]] or ""
+    if unit and not text and (other := _BRACKETS.search(header[found[0]])):
+        units = ", ".join(UNITS[unit])
+        raise ValueError(f"{header[found[0]]} must be in {units}, not in {other[1]}")
+    return found[0], text
 
 
 def _unit_in(entry: str, name: str, unit: str) -> str | None:
     """Return the unit that an entry of the header states, "" for none; None for another name."""
-    if entry == name or (unit and entry.lower() == name.lower()):
-        return ""
-    for text in UNITS.get(unit, ()):
-        if entry.lower() in {f"{name.lower()}{form.format(text.lower())}" for form in _FORMS}:
-            return text
-    return None
+    bare, text = _without_unit(entry, unit)
+    if entry == name:
+        return text
+    same = unit and name.lower() in (entry.lower(), bare.lower())
+    return text if same else None
 
 
-def _number(entry: str, name: str, line: int, blanks: bool) -> float:
-    if blanks and entry.lower() in MISSING:
+def _without_unit(entry: str, unit: str) -> tuple[str, str]:
+    """Return a name and the unit that it states, "" for none."""
+    endings = ((form.format(text), text) for text in UNITS.get(unit, ()) for form in _FORMS)
+    for ending, text in sorted(endings, key=lambda each: -len(each[0])):
+        if entry.lower().endswith(ending.lower()) and len(entry) > len(ending):
+            return entry[: -len(ending)], text
+    return entry, ""
+
+
+def _number(entry: str, name: str, line: int, blanks: bool, unit: str) -> float:
+    if blanks and _MISSING.fullmatch(entry):
         return math.nan
+    entry = entry.replace("\N{MINUS SIGN}", "-")
+    if unit == "s" and ":" in entry:
+        return _seconds_of(entry, line)
     if not _is_number(entry):
         raise ValueError(f"line {line}: {name} must be a finite number, got {entry!r:.60}")
     return float(entry)
 
 
+def _seconds_of(stamp: str, line: int) -> float:
+    """Return a time of ISO 8601 since 1970, or since midnight [s]."""
+    try:
+        date = datetime.fromisoformat(f"1970-01-01T{stamp}" if stamp.find(":") < 3 else stamp)
+    except ValueError:
+        usual = f"seconds, or as 2026-11-28T20:59:01.002, got {stamp!r:.60}"
+        raise ValueError(f"line {line}: times must be {usual}") from None
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+
+
 def _is_number(text: str) -> bool:
     """Return whether a text is a finite number: in ASCII, and without Python's underscores."""
     try:
+        text = text.replace("\N{MINUS SIGN}", "-")
         return math.isfinite(float(text if text.isascii() and "_" not in text else ""))
     except ValueError:
         return False

@@ -231,7 +231,8 @@ def read_forces(file: FilePath) -> RecordedForces:
         rise from 0, or rows are more than ``MAX_INTERVAL`` apart or last more than
         ``MAX_DURATION``, as where times are milliseconds.
     """
-    columns, lines = read_table(file, ("time", "along", "across"))
+    units = {"time": "s", "along": "N", "across": "N"}
+    columns, lines = read_table(file, tuple(units), unit=units)
     times, along, across = (tuple(columns[name].tolist()) for name in ("time", "along", "across"))
     if fault := fault_in(times, lambda k: f"line {lines[k]}"):
         raise ParameterError(f"{file}, {fault}")

@@ -55,6 +55,10 @@ class RecordedMachine:
         Relative excess of the torque at a positive slip, and lack of it at a negative one.
     hysteresis
         Width of the loop of each clutch's voltage [V].
+    remanence
+        Share of a clutch's highest torque so far that stays without voltage.
+    play
+        Slip by which the gear of the fourth clutch moves freely [rad].
     """
 
     lengths: tuple[float, float] = (0.5645, 0.4454)
@@ -77,6 +81,8 @@ class RecordedMachine:
     cooling: float = 60.0
     asymmetry: float = 0.0
     hysteresis: float = 0.0
+    remanence: float = 0.0
+    play: float = 0.0
 
 
 def record(
@@ -113,7 +119,7 @@ def record(
                 machine.fade,
                 machine.cooling,
             ),
-            machine.asymmetry,
+            *(machine.asymmetry, machine.remanence, machine.play),
         ]
     )
     phases = rng.uniform(0.0, 2.0 * math.pi, 2)
@@ -152,17 +158,21 @@ def _slid(slip, held, ratio, growth, stribeck, rational):
 
 
 @numba.njit
-def _contact(i, slip, held, most, bent, way):
-    """Torque against the slip of a contact; ``bent`` is its spring, ``way`` the direction of its
-    slip, 0 if held."""
+def _contact(i, slip, held, most, bent, way, play):
+    """Torque against the slip of a contact; ``bent`` is its spring with its play, ``way`` the
+    direction of its slip, 0 if held."""
     if way[i] != 0.0 and slip * way[i] <= 0.0:
-        way[i], bent[i] = 0.0, way[i] * held / SPRING
-    if way[i] == 0.0:
-        bent[i] += STEP * slip
-        pulled = SPRING * bent[i] + DAMPER * slip
-        if abs(pulled) > most:
-            way[i] = 1.0 if pulled > 0.0 else -1.0
-    return SPRING * bent[i] + DAMPER * slip if way[i] == 0.0 else way[i] * held
+        way[i], bent[i] = 0.0, way[i] * (held / SPRING + 0.5 * play)
+    if way[i] != 0.0:
+        return way[i] * held
+    bent[i] += STEP * slip
+    beyond = max(abs(bent[i]) - 0.5 * play, 0.0)
+    if beyond == 0.0 and play > 0.0:
+        return 0.0
+    pulled = SPRING * beyond * np.sign(bent[i]) + DAMPER * slip
+    if abs(pulled) > most:
+        way[i] = 1.0 if pulled > 0.0 else -1.0
+    return pulled
 
 
 @numba.njit
@@ -198,7 +208,7 @@ def _run(numbers, ratios, volts, phases, per_row):
         stribeck,
         link,
     ) = numbers[:15]
-    rational, off_state, drag, fall_ratio, fade, cooling, asymmetry = numbers[15:]
+    rational, off_state, drag, fall_ratio, fade, cooling, asymmetry, remanence, play = numbers[15:]
     rows = len(volts)
     theta, force = np.empty((rows, 2)), np.empty((rows, 2))
     axis = np.array([0.5 * math.pi - 0.85, 0.5 * math.pi + 0.6])
@@ -211,7 +221,7 @@ def _run(numbers, ratios, volts, phases, per_row):
     limit, bent, way = np.zeros(6), np.zeros(6), np.zeros(6)
     limit[4], limit[5] = dry_a, dry_b
     limit[:4] = off_state
-    heat = np.zeros(4)
+    heat, highest = np.zeros(4), np.zeros(4)
     rise, fall, cooler = (
         math.exp(-STEP / tau),
         math.exp(-STEP / (tau * fall_ratio)),
@@ -229,17 +239,20 @@ def _run(numbers, ratios, volts, phases, per_row):
         for i in range(6):
             slip = weight[i, 0] * axis_speed[0] + weight[i, 1] * axis_speed[1]
             if i < 4:
-                ahead = limit[i] - (slope * volts[row, i] + off_state)
+                highest[i] = max(highest[i], limit[i])
+                ahead = limit[i] - max(slope * volts[row, i] + off_state, remanence * highest[i])
                 limit[i] += ahead * ((fall if ahead > 0.0 else rise) - 1.0)
                 side = slip if way[i] != 0.0 else bent[i]
                 most = limit[i] * (1.0 + asymmetry * np.sign(side)) / (1.0 + fade * heat[i])
                 held = _slid(
                     slip, most, ratio * ratios[i], growth, stribeck, rational
                 ) + drag * abs(slip)
-                torque = _contact(i, slip, held, most * ratio * ratios[i], bent, way)
+                torque = _contact(
+                    i, slip, held, most * ratio * ratios[i], bent, way, play * (i == 3)
+                )
                 heat[i] = (heat[i] + STEP * abs(torque * slip)) * cooler
             else:
-                torque = _contact(i, slip, limit[i], limit[i], bent, way)
+                torque = _contact(i, slip, limit[i], limit[i], bent, way, 0.0)
             on_axis -= weight[i] * torque
         sin = c * math.sin(arm[0] - arm[1])
         on_a = l_a * (math.cos(arm[0]) * f_y - math.sin(arm[0]) * f_x) - sin * arm_speed[1] ** 2

@@ -2,8 +2,9 @@
 """One clutch or brake on a bench, from a log of its voltage, speed and torque."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +13,13 @@ from scipy import optimize, stats
 from pter_gym._internal.files import FilePath, expand_path
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError
-from pter_gym.params import Clutch
-from pter_gym.tools.identification.fit import BLOCK, jackknife
-from pter_gym.tools.identification.identifying import MAX_REL_HALF_WIDTH, Finding
-from pter_gym.tools.identification.log import MAX_FILE, in_seconds
+from pter_gym.params import Clutch, TorqueCurve
+from pter_gym.tools.identification.fit import BLOCK, jackknife, scaled
+from pter_gym.tools.identification.identifying import MAX_REL_HALF_WIDTH, TIED, Finding
+from pter_gym.tools.identification.log import MAX_FILE, in_seconds, unwrapped
 from pter_gym.tools.identification.parameters import Quantity
 
 Array = NDArray[np.float64]
-
-_OPTIMIZE: Any = optimize
-_STATS: Any = stats
 
 COLUMNS = {"t_s": "s", "V": "V", "omega": "rad/s", "torque": "N·m"}
 """Columns of such a log and their units."""
@@ -32,24 +30,47 @@ BLOCKS = 40
 MIN_ROWS, SLOW = 500, 0.02
 """Fewest rows; speed up to which a clutch may be stuck [rad/s]: such rows are left out."""
 
-NAMES = (
-    ("slope", "N·m/V"),
-    ("off_state", "N·m"),
-    ("breakaway_ratio", "1"),
-    ("stribeck", "rad/s"),
-    ("viscous", "N·m·s"),
-    ("time_constant", "s"),
-    ("fall_ratio", "1"),
-)
-LOW = np.array([1e-6, 0.0, 1.0, 1e-3, 0.0, 1e-3, 0.05])
-HIGH = np.array([1e3, 1e3, 5.0, 50.0, 1e2, 5.0, 20.0])
+LAGS, DELAYS = (0.005, 0.015, 0.05, 0.15, 0.4), (0.0, 0.01, 0.03, 0.1)
+"""Time constants and dead times with which the search may begin [s]."""
+
+UNSEEN = 1.0
+"""Half of the 95 % interval over the scale from which the log does not tell a number."""
+
+
+class Search(NamedTuple):
+    """Unit, bounds and fields in a machine file of a number."""
+
+    unit: str
+    low: float
+    high: float
+    places: tuple[str, ...] = ()
+
+
+def _both(name: str) -> tuple[str, ...]:
+    return f"clutch.dynamic.{name}", f"clutch.breakaway.{name}"
+
+
+SEARCHES = {
+    "slope": Search("N·m/V", 1e-6, 1e3, ("clutch.dynamic.slope",)),
+    "off_state": Search("N·m", 0.0, 1e3, _both("off_state")),
+    "breakaway_ratio": Search("1", 1.0, 5.0, ("clutch.breakaway.slope",)),
+    "stribeck": Search("rad/s", 1e-3, 50.0, ("clutch.stribeck",)),
+    "viscous": Search("N·m·s", 0.0, 1e2, ("clutch.viscous",)),
+    "time_constant": Search("s", 1e-3, 5.0, ("clutch.time_constant",)),
+    "fall_ratio": Search("1", 0.05, 20.0, ("clutch.fall_ratio",)),
+    "dead_time": Search("s", -0.1, 0.5),
+}
+"""What is identified, by name."""
 
 
 @dataclass(frozen=True)
 class Bench:
-    """Even rows: the interval [s], voltage [V], speed [rad/s] and torque [N·m], shape (rows,)."""
+    """Rows of a log: time [s], voltage [V], speed [rad/s] and torque [N·m], shape (rows,).
 
-    interval: float
+    A voltage acts from its row on.
+    """
+
+    times: Array
     volts: Array
     omega: Array
     torque: Array
@@ -57,11 +78,11 @@ class Bench:
 
 @dataclass(frozen=True)
 class BenchResult:
-    """The numbers of a clutch, the share of torque that they leave, the highest voltage [V]."""
+    """The numbers of a clutch, the share of torque that they leave, and the clutch."""
 
     findings: list[Finding]
     left: float
-    voltage_max: float
+    clutch: Clutch
 
     @property
     def sentence(self) -> str:
@@ -76,24 +97,18 @@ def read_bench(path: FilePath, renamed: Mapping[str, str]) -> Bench:
         raise ParameterError(f"columns: {', '.join(unknown)} must be of {', '.join(COLUMNS)}")
     names = [renamed.get(name, name) for name in COLUMNS]
     units = dict(zip(names, COLUMNS.values(), strict=True))
-    table = read_table(file, names, unit=units, max_size=MAX_FILE)
-    stamps, volts, omega, torque = (table.columns[name] for name in names)
-    if len(stamps) < MIN_ROWS or (np.diff(stamps) <= 0.0).any():
+    columns, _ = read_table(file, names, unit=units, blanks=True, max_size=MAX_FILE)
+    table = np.stack([columns[name] for name in names])
+    stamps, volts, omega, torque = table[:, np.isfinite(table).all(axis=0)]
+    if len(stamps) < MIN_ROWS or (np.diff(times := in_seconds(unwrapped(stamps))[0]) <= 0.0).any():
         raise ParameterError(f"{file} must have at least {MIN_ROWS} rows, and t_s must rise")
-    times, _ = in_seconds(stamps)
-    interval = float(times[-1]) / (len(times) - 1)
-    even = interval * np.arange(len(times), dtype=np.float64)
-    held: Array = volts[np.searchsorted(times, even + 1e-9, side="right") - 1]
-    return Bench(
-        interval=interval,
-        volts=np.maximum(held, 0.0).round(2),
-        omega=np.interp(even, times, omega),
-        torque=np.interp(even, times, np.abs(torque)),
-    )
+    return Bench(times, np.maximum(volts, 0.0).round(2), omega, np.abs(torque))
 
 
 def identify_clutch(bench: Bench, start: Clutch) -> BenchResult:
-    """Identify slope, off-state torque, T_s/T_k, Stribeck velocity, viscous torque, rise and fall.
+    """Identify the torque of a clutch, its rise and fall, and the dead time before them.
+
+    What the log does not tell keeps the value of ``start``; a dead time, 0.
 
     Raises
     ------
@@ -104,58 +119,119 @@ def identify_clutch(bench: Bench, start: Clutch) -> BenchResult:
     turning = speed > SLOW
     if turning.sum() < MIN_ROWS or not bench.volts.any():
         raise ParameterError("log: the clutch must slip, and V must not be 0 throughout")
-    scale = float(np.sqrt(np.mean(bench.torque[turning] ** 2)))
+    size, top = float(np.sqrt(np.mean(bench.torque[turning] ** 2))), float(bench.volts.max())
+    values = _first_values(bench, speed, turning)
+    own = {
+        **dict.fromkeys(SEARCHES, 0.0),
+        "slope": start.dynamic.slope,
+        "off_state": start.dynamic.off_state,
+        "breakaway_ratio": start.breakaway.slope / start.dynamic.slope,
+        **{n: getattr(start, n) for n in ("stribeck", "viscous", "time_constant", "fall_ratio")},
+    }
+    natural = {"off_state": 0.1 * size, "viscous": 0.1 * size / float(np.median(speed[turning]))}
+    natural |= {"stribeck": 0.1, "dead_time": values["time_constant"]}
+    kept, unsure = dict[str, str](), set[str]()
+    while True:
+        free = [name for name in SEARCHES if name not in kept]
 
-    def residual(p: Array) -> Array:
-        return (_torque(bench, speed, p) - bench.torque)[turning] / scale
+        def residual(p: Array, values: dict[str, float] = values, free: list[str] = free) -> Array:
+            found = values | dict(zip(free, p, strict=True))
+            return (_torque(bench, speed, found) - bench.torque)[turning] / size
 
-    curve = start.dynamic
-    first = np.array([curve.slope, 0.01, 1.1, 0.1, 0.001, start.time_constant, 1.0])
-    first[0] = max(float(bench.torque.max()) / float(bench.volts.max()), 2.0 * LOW[0])
-    solution = _OPTIMIZE.least_squares(
-        residual, first, bounds=(LOW, HIGH), x_scale=np.maximum(first, 0.01), loss="soft_l1"
+        low, high = (np.array([getattr(SEARCHES[n], end) for n in free]) for end in ("low", "high"))
+        first = np.array([values[name] for name in free]).clip(low, high)
+        steps = np.maximum(first, 0.01)
+        solution = optimize.least_squares(
+            residual, first, bounds=(low, high), x_scale=steps, loss="soft_l1"
+        )
+        values |= dict(zip(free, solution.x.tolist(), strict=True))
+        left = residual(solution.x)
+        errors, tied = _errors(left, solution.jac, free)
+        scales = {name: max(abs(values[name]), natural.get(name, 0.0)) for name in free}
+        excess = {name: errors[name] / (UNSEEN * scales[name]) for name in free}
+        if "stribeck" in free and values["breakaway_ratio"] - 1.0 <= errors["breakaway_ratio"]:
+            excess["stribeck"] = np.inf  # of an effect that the log does not show
+        worst = max(excess, key=lambda name: excess[name])
+        if excess[worst] <= 1.0 or len(free) == 1:
+            break
+        together = f"; only together with {', '.join(tied[worst])}" if tied[worst] else ""
+        kept[worst] = f"the log does not tell it{together}"
+        unsure |= set(tied[worst])
+        values[worst] = own[worst]
+    findings: list[Finding] = []
+    for name, each in SEARCHES.items():
+        value, error = values[name], errors.get(name, 0.0)
+        q = Quantity(name, each.unit, value, scales.get(name, abs(value)), each.places)
+        sure = name not in unsure and error <= MAX_REL_HALF_WIDTH * q.scale
+        status = "kept" if name in kept else "identified" if sure else "uncertain"
+        ends = {"low": value - error, "high": value + error, "before": own[name]}
+        findings.append(Finding(quantity=q, status=status, reason=kept.get(name, ""), **ends))
+    curve = TorqueCurve(
+        slope=values["slope"], knee=top, curvature=0.0, off_state=values["off_state"]
     )
-    jacobian, left = solution.jac, residual(solution.x)
+    clutch = replace(
+        start,
+        dynamic=curve,
+        breakaway=curve.scaled(values["breakaway_ratio"]),
+        voltage_max=top,
+        **{n: values[n] for n in ("stribeck", "viscous", "time_constant", "fall_ratio")},
+    )
+    return BenchResult(findings, float(np.sqrt(np.mean(left**2))), clutch)
+
+
+def _first_values(bench: Bench, speed: Array, turning: NDArray[np.bool_]) -> dict[str, float]:
+    """Return numbers from which the search begins: the best of a grid, of which others follow."""
+    found, best = dict.fromkeys(SEARCHES, 1.0), np.inf
+    for lag, delay in product(LAGS, DELAYS):
+        lagged = _lagged(bench, lag, lag, delay)
+        columns = np.column_stack([lagged, np.ones_like(speed), speed])[turning]
+        solution, left = optimize.nnls(columns, bench.torque[turning])
+        if left < best:
+            best = left
+            found |= dict(zip(("slope", "off_state", "viscous"), solution.tolist(), strict=True))
+            found |= {"time_constant": lag, "dead_time": delay}
+    return found | {"breakaway_ratio": 1.1, "stribeck": 0.1}
+
+
+def _errors(
+    left: Array, jacobian: Array, free: list[str]
+) -> tuple[dict[str, float], dict[str, list[str]]]:
+    """Return halves of 95 % intervals, and the numbers with which each is only seen together."""
     whole = len(left) - len(left) % (BLOCK * BLOCKS)
     parts = left[:whole].reshape(BLOCK * BLOCKS, -1)
-    changes, _ = jackknife(parts, jacobian[:whole].reshape(*parts.shape, -1))
-    errors = float(_STATS.t.ppf(0.975, BLOCKS - len(LOW))) * np.linalg.norm(changes, axis=0)
-    judged = {"off_state": 0.1 * scale, "stribeck": 0.1}
-    judged["viscous"] = 0.1 * scale / float(np.median(speed[turning]))
-    findings: list[Finding] = []
-    rows = zip(NAMES, solution.x.tolist(), errors.tolist(), first.tolist(), strict=True)
-    for (name, unit), value, error, before in rows:
-        q = Quantity(name, unit, value, max(value, judged.get(name, 0.0)))
-        status = "identified" if error <= MAX_REL_HALF_WIDTH * q.scale else "uncertain"
-        ends = {"low": value - error, "high": value + error, "before": before}
-        findings.append(Finding(quantity=q, status=status, **ends))
-    return BenchResult(findings, float(np.sqrt(np.mean(left**2))), float(bench.volts.max()))
+    changes, information = jackknife(parts, jacobian[:whole].reshape(*parts.shape, -1))
+    normal, size = scaled(information)
+    covariance = np.linalg.inv(normal) / np.outer(size, size)
+    naive = np.diag(covariance) * max(float(np.mean(left**2)), 1e-12)
+    quantile = float(stats.t.ppf(0.975, BLOCKS - len(free)))
+    halves = quantile * np.sqrt(np.maximum(np.sum(changes**2, axis=0), naive))
+    deviations = np.sqrt(np.diag(covariance))
+    shared = np.abs(covariance) / np.outer(deviations, deviations) > TIED
+    tied = {
+        name: [other for other, each in zip(free, row, strict=True) if each and other != name]
+        for name, row in zip(free, shared, strict=True)
+    }
+    return dict(zip(free, halves.tolist(), strict=True)), tied
 
 
-def _torque(bench: Bench, speed: Array, p: Array) -> Array:
-    """Return the torque of a slipping clutch with numbers in the order of ``NAMES`` [N·m]."""
-    slope, off_state, ratio, stribeck, viscous, rise, fall_ratio = p
-    held = _lagged(bench.volts, bench.interval, rise, rise * fall_ratio)
-    sliding = 1.0 + (ratio - 1.0) * stribeck**2 / (stribeck**2 + speed**2)
-    return (slope * held + off_state) * sliding + viscous * speed
+def _torque(bench: Bench, speed: Array, values: Mapping[str, float]) -> Array:
+    """Return the torque of a slipping clutch [N·m]."""
+    rise, stribeck = values["time_constant"], values["stribeck"]
+    lagged = _lagged(bench, rise, rise * values["fall_ratio"], values["dead_time"])
+    share = stribeck**2 / (stribeck**2 + np.maximum(speed, SLOW) ** 2)
+    sliding = 1.0 + (values["breakaway_ratio"] - 1.0) * share
+    return (values["slope"] * lagged + values["off_state"]) * sliding + values["viscous"] * speed
 
 
-def _lagged(volts: Array, interval: float, rise: float, fall: float) -> Array:
-    """Return voltages behind a lag with two time constants [s], run by run of equal voltage."""
-    held, value = np.empty_like(volts), float(volts[0])
-    starts = np.flatnonzero(np.diff(volts, prepend=np.nan) != 0.0)
-    for begin, end in zip(starts, [*starts[1:], len(volts)], strict=True):
-        target = float(volts[begin])
-        passed = interval * np.arange(end - begin + 1)
-        way = target + (value - target) * np.exp(-passed / (rise if target > value else fall))
-        held[begin:end], value = way[:-1], float(way[-1])
-    return held
-
-
-def entry_of(result: BenchResult, name: str) -> str:
-    """Return an entry for ``presets/actuators.toml``."""
-    lines = [f'["{name}"]', 'grade = "measured"', 'source = "your bench"', "unknown = []"]
-    said = "; ".join(f"{f.quantity.name} {f.low:.3g} to {f.high:.3g}" for f in result.findings)
-    lines.append(f'provenance = "identified: 95 % intervals {said}"')
-    lines += [f"{f.quantity.name} = {f.quantity.value:.6g}" for f in result.findings]
-    return "\n".join([*lines, f"voltage_max = {result.voltage_max:g}"])
+def _lagged(bench: Bench, rise: float, fall: float, delay: float) -> Array:
+    """Return voltages [V] behind a dead time and a lag with two time constants [s]."""
+    steps = np.flatnonzero(np.diff(bench.volts, prepend=np.nan) != 0.0)
+    begin, targets = bench.times[steps], bench.volts[steps]
+    before, value = [], float(targets[0])
+    for target, passed in zip(targets.tolist(), np.diff(begin, append=np.inf), strict=True):
+        before.append(value)
+        value = target + (value - target) * np.exp(-passed / (rise if target > value else fall))
+    last = (np.searchsorted(begin, bench.times - delay, side="right") - 1).clip(0)
+    passed = np.maximum(bench.times - delay - begin[last], 0.0)
+    target, ahead = targets[last], np.array(before)[last] - targets[last]
+    return target + ahead * np.exp(-passed / np.where(ahead < 0.0, rise, fall))

@@ -53,7 +53,7 @@ def identify(
         degrees: Whether angles are in degrees.
         relative_b: Whether theta_B is measured from link A instead of the x axis.
         clutch: Whether the log is of one clutch or brake on a bench, with t_s, V, omega and torque;
-            prints an entry for the library of clutches.
+            writes clutch.toml, a machine with four of these, instead.
         out: Folder for the results, created if necessary.
     """
     from pter_gym.tools.identification import join_logs, read_log
@@ -62,7 +62,7 @@ def identify(
         raise ParameterError("logs must be given: LOG.csv … (`pter identify --help` explains)")
     start, names = read_start(machine, lengths, voltage_max), read_names(columns)
     if clutch:
-        show_bench(logs, names, start)
+        show_bench(logs, names, start, out)
         return
     log = join_logs(
         [read_log(path, columns=names, degrees=degrees, relative_b=relative_b) for path in logs]
@@ -72,16 +72,26 @@ def identify(
     show_machine(log, start, out)
 
 
-def show_bench(logs: tuple[Path, ...], names: dict[str, str], start: "Machine") -> None:
-    """Print the numbers of one clutch on a bench, and an entry for the library of clutches."""
-    from pter_gym.tools.identification.bench import entry_of, identify_clutch, read_bench
+def show_bench(logs: tuple[Path, ...], names: dict[str, str], start: "Machine", out: Path) -> None:
+    """Identify one clutch on a bench, print its numbers and write a machine with four of these."""
+    from dataclasses import replace
+
+    from pter_gym.params import save_machine
+    from pter_gym.tools.identification.bench import identify_clutch, read_bench
+    from pter_gym.tools.identification.identifying import ASSUMED, origins_of
 
     if len(logs) != 1:
         raise ParameterError(f"logs must be one file with --clutch, got {len(logs)}")
-    found = identify_clutch(read_bench(logs[0], names), start.clutch)
+    bench = read_bench(logs[0], names)
+    make_folder(out)
+    found = identify_clutch(bench, start.clutch)
     say(found.sentence)
-    terminal().print(findings_table(found.findings))
-    terminal().print(entry_of(found, logs[0].stem), markup=False, highlight=False)
+    show_findings(found.findings)
+    machine, file = replace(start, clutch=found.clutch), out / "clutch.toml"
+    title = "Written by pter identify --clutch: four clutches as the one on the bench."
+    origins = origins_of(found.findings, logs[0].name)
+    save_machine(machine, file, origin=ASSUMED, origins=origins, title=title)
+    conclude([file], f"pter device {quote(str(file))}")
 
 
 def show_machine(log: "Log", start: "Machine", out: Path) -> None:
@@ -104,10 +114,7 @@ def show_machine(log: "Log", start: "Machine", out: Path) -> None:
     write_files_atomic(out, {"machine.toml": text.encode(), "identified.png": png(picture(result))})
     for sentence in (result.verdict.sentence, *result.verdict.hints):
         say(sentence)
-    terminal().print(findings_table(result.findings))
-    for finding in result.findings:
-        if finding.reason:
-            say(f"{finding.quantity.name} is kept: {finding.reason}")
+    show_findings(result.findings)
     for assumption in result.assumptions:
         say(f"assumed: {assumption}")
     machine = out / "machine.toml"
@@ -143,8 +150,8 @@ def read_names(columns: tuple[str, ...]) -> dict[str, str]:
     return {name: column for name, _, column in pairs}
 
 
-def findings_table(findings: "Sequence[Finding]") -> Table:
-    """Return a table of the numbers; it fits a terminal of 80 columns."""
+def show_findings(findings: "Sequence[Finding]") -> None:
+    """Print a table of the numbers, which fits a terminal of 80 columns, and why some are kept."""
     table = Table(
         box=None,
         padding=(0, 1),
@@ -159,4 +166,7 @@ def findings_table(findings: "Sequence[Finding]") -> Table:
         q, half = finding.quantity, finding.half_width
         shown = f"{half:.2g}" if finding.status != "kept" and math.isfinite(half) else ""
         table.add_row(q.name, f"{q.value:.4g}", shown, q.unit, finding.status)
-    return table
+    terminal().print(table)
+    for finding in findings:
+        if finding.reason:
+            say(f"{finding.quantity.name} is kept: {finding.reason}")

@@ -5,7 +5,8 @@ The angles at the beginning of each window are measured with noise, the velociti
 at all. So each window's start is estimated together with the machine: to first order it is
 projected out of the residuals and of their derivatives (variable projection), which leaves a small
 dense problem in the machine's coordinates. The derivatives are exact: a simulation carries them
-along. Then the starts are mended, windows that fit badly get less weight, and the search goes on.
+along. Then the starts are corrected, windows that fit badly get less weight, and the search goes
+on.
 
 Intervals come from a jackknife, to first order: how far the coordinates would go without each pair
 of neighbouring windows. Residuals of one window are one error that grows, and not many errors.
@@ -13,26 +14,30 @@ of neighbouring windows. Residuals of one window are one error that grows, and n
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from pter_gym.tools.identification import parameters as at
-from pter_gym.tools.identification.parameters import Shape
+from pter_gym.tools.identification.parameters import (
+    AT,
+    COUNT,
+    LOWEST,
+    MAX_ERRORS,
+    STEPS,
+    Shape,
+    along,
+    places,
+)
 from pter_gym.tools.identification.shooting import LogInputs, differentiate, predict
 from pter_gym.tools.identification.windows import Windows
 
 Array = NDArray[np.float64]
 
-_OPTIMIZE: Any = optimize
-_STATS: Any = stats
-_LINEAR: Any = np.linalg
-
 ROUNDS, MAX_EVALUATIONS, TOLERANCE = 3, 8, 1e-5
-"""Times that starts and weights are mended; simulations in between; share of the sum that ends them
-if a step gains less."""
+"""Times that starts and weights are corrected; simulations in between; share of the sum that ends
+them if a step gains less."""
 
 BAD = 4.0
 """Residuals of a window over the median of all at which it has a quarter of the weight."""
@@ -75,19 +80,17 @@ class Fit:
 
     Of the coordinates ``p``, those in ``free`` are searched; ``on_step`` is called at each
     simulation. Each window has an estimated start, and a weight by what noise of the forces makes
-    of it. ``usual`` is the root mean square of a usual window's residuals [rad], ``spread`` the
-    covariance of the coordinates by what differs between parts of the log, (22, 22).
+    of it. ``usual`` is the root mean square of a usual window's residuals [rad].
     """
 
     windows: Windows
     shape: Shape
-    free: list[int]
+    free: list[str]
     p: Array
     on_step: Callable[[], None] = lambda: None
     starts: Array = field(init=False)
     weights: Array = field(init=False)
     usual: float = 1e-12
-    spread: Array = field(default_factory=lambda: np.zeros((at.COUNT, at.COUNT)))
     _first: Array = field(init=False)
     _known: dict[bytes, Point] = field(default_factory=dict[bytes, Point])
 
@@ -97,26 +100,19 @@ class Fit:
         self._first = self.p.copy()
 
     def search(self, rounds: int = ROUNDS) -> "Fit":
-        """Search, mend starts and weights, and search again."""
+        """Search, correct starts and weights, and search again."""
         for _ in range(rounds):
             if self.has_no_jump:
                 self.choose_ratio()
-            self._weigh()
+            self._set_usual()
             if self.free:
                 self._minimise()
-            self._weigh()
-            self.weights = self.windows.used / (1.0 + self.shaken() / self.usual**2)
-            self._mend()
+            self._set_usual()
+            by_forces = [self.change(self.p, each) for each in self.windows.shaken]
+            moved = np.mean(np.square(by_forces), axis=(0, 2))
+            self.weights = self.windows.used / (1.0 + moved / self.usual**2)
+            self._correct_starts()
         return self
-
-    def _mend(self) -> None:
-        """Correct the starts of windows which that brings closer to the measured angles."""
-        before, off = self.starts, self._apart(self.p, self.windows.inputs)
-        changes = np.einsum("wij,wj->wi", self.windows.uncertain, self.here.correction)
-        self.starts = before - changes
-        closer = np.sum(self._apart(self.p, self.windows.inputs) ** 2 - off**2, axis=1) < 0.0
-        self.starts = np.where(closer[:, None], self.starts, before)
-        self._known.clear()
 
     @property
     def here(self) -> Point:
@@ -126,13 +122,14 @@ class Fit:
     @property
     def has_no_jump(self) -> bool:
         """Whether the ratio of breakaway to dynamic torque is as small as can be."""
-        return bool(at.RATIO in self.free and self.p[at.RATIO] <= MIN_RATIO + 1e-6)
+        ratio = float(self.p[AT["breakaway_ratio"]])
+        return "breakaway_ratio" in self.free and ratio <= MIN_RATIO + 1e-6
 
     def choose_ratio(self) -> None:
         """Take the best of several ratios of breakaway to dynamic torque, if it is searched."""
-        if at.RATIO in self.free:
-            place = np.eye(at.COUNT)[at.RATIO]
-            tried = [self.p + (ratio - self.p[at.RATIO]) * place for ratio in RATIOS]
+        if "breakaway_ratio" in self.free:
+            before = float(self.p[AT["breakaway_ratio"]])
+            tried = [self.p + along("breakaway_ratio", ratio - before) for ratio in RATIOS]
             self.p = min([self.p, *tried], key=self._misfit)
 
     def _misfit(self, p: Array) -> float:
@@ -145,66 +142,72 @@ class Fit:
         """Size of an ordinary residual [rad]: of the noise, or of the model's own errors."""
         return max(self.windows.noise, self.usual)
 
-    def _weigh(self) -> None:
+    def _set_usual(self) -> None:
         """Set the median root mean square of the residuals of windows in which something moves."""
         moving = self.windows.used & self.windows.uncertain[:, 2:, 2:].any(axis=(1, 2))
         self.usual = float(np.median(self.sizes()[moving])) if moving.any() else 1e-12
         self._known.clear()
 
-    def _minimise(self) -> None:
-        """Go down within the bounds: least squares, in which bad windows count for less."""
-        low = np.where(np.arange(at.COUNT) == at.RATIO, MIN_RATIO, at.LOWEST)[self.free] + 1e-9
-        high = self.shape.highest[self.free] - 1e-9
-        weights, prior = np.sqrt(self.weights) / self.error, 1.0 / (PRIOR * at.MAX_ERRORS)
+    def _correct_starts(self) -> None:
+        """Correct the starts of windows which that brings closer to the measured angles."""
+        before, off = self.starts, self._apart(self.p, self.windows.inputs)
+        self.starts = before - np.einsum("wij,wj->wi", self.windows.uncertain, self.here.correction)
+        closer = np.sum(self._apart(self.p, self.windows.inputs) ** 2 - off**2, axis=1) < 0.0
+        self.starts = np.where(closer[:, None], self.starts, before)
+        self._known.clear()
 
-        def there(x: Array) -> tuple[Point, Array]:
-            point = self._at(self._with(x))
-            return point, self._told(np.mean(point.residual**2, axis=1))
+    def _minimise(self) -> None:
+        """Run ``least_squares`` within the bounds; windows that fit badly count for less."""
+        free, low = places(self.free), LOWEST.copy()
+        low[AT["breakaway_ratio"]] = MIN_RATIO
+        low, high = low[free] + 1e-9, self.shape.highest[free] - 1e-9
+        weights, prior = np.sqrt(self.weights) / self.error, 1.0 / (PRIOR * MAX_ERRORS)
+
+        def coordinates(x: Array) -> Array:
+            p = self.p.copy()
+            p[free] = x
+            return p
 
         def residual(x: Array) -> Array:
-            point, told = there(x)
-            left = (weights * np.sqrt(told))[:, None] * point.residual
-            far = (prior * (self._with(x) - self._first))[self.free]
+            point, far = self._at(coordinates(x)), prior[free] * (x - self._first[free])
+            left = (weights * np.sqrt(self._share(point)))[:, None] * point.residual
             return np.concatenate([left.ravel(), far])
 
         def jacobian(x: Array) -> Array:
-            point, told = there(x)  # told² is the derivative of told·s by a sum of squares s
-            by = (weights * told**1.5)[:, None, None] * point.jacobian[:, :, self.free]
-            return np.concatenate([by.reshape(-1, len(x)), np.diag(prior[self.free])])
+            point = self._at(coordinates(x))
+            # share² is the derivative of share·s by a sum of squares s
+            factors = weights * self._share(point) ** 1.5
+            by = factors[:, None, None] * point.jacobian[:, :, free]
+            return np.concatenate([by.reshape(-1, len(x)), np.diag(prior[free])])
 
-        solution = _OPTIMIZE.least_squares(
+        solution = optimize.least_squares(
             residual,
-            self.p[self.free].clip(low, high),
-            jacobian,
+            self.p[free].clip(low, high),
+            jacobian,  # pyright: ignore[reportArgumentType]
             bounds=(low - 1e-12, high + 1e-12),
             x_scale="jac",
             ftol=TOLERANCE,
             max_nfev=MAX_EVALUATIONS,
         )
-        self.p = self._with(solution.x)
+        self.p = coordinates(solution.x)
 
-    def _with(self, x: Array) -> Array:
-        p = self.p.copy()
-        p[self.free] = x
-        return p
-
-    def _told(self, squares: Array) -> Array:
-        """Return how much of a window's sum of squares counts, by its mean square [rad²]."""
-        return 1.0 / (1.0 + squares / (BAD * self.usual) ** 2)
+    def _share(self, point: Point) -> Array:
+        return 1.0 / (1.0 + np.mean(point.residual**2, axis=1) / (BAD * self.usual) ** 2)
 
     @property
-    def trust(self) -> Array:
+    def share(self) -> Array:
         """Share in which each window counts, shape (windows,): less if it is far off the others."""
-        return self._told(np.mean(self.here.residual**2, axis=1))
+        return self._share(self.here)
 
+    @property
     def factors(self) -> Array:
-        """Return the factors of the residuals of each window [1/rad], shape (windows,)."""
-        return np.sqrt(self.weights) * self.trust / self.error
+        """Factors of the residuals of each window [1/rad], shape (windows,)."""
+        return np.sqrt(self.weights) * self.share / self.error
 
     def weighed(self) -> tuple[Array, Array]:
         """Return residuals and their derivatives by the free coordinates, times ``factors``."""
-        factors = self.factors()[:, None]
-        by_free = factors[:, :, None] * self.here.jacobian[:, :, self.free]
+        factors = self.factors[:, None]
+        by_free = factors[:, :, None] * self.here.jacobian[:, :, places(self.free)]
         return factors * self.here.residual, by_free
 
     def _apart(self, p: Array, inputs: LogInputs) -> Array:
@@ -221,11 +224,11 @@ class Fit:
             angles, by, by_start = differentiate(self.shape, p, w.inputs, self.starts, w.length)
             off = _off(angles, w.measured)[:, :, None]
             by_start = np.nan_to_num(by_start.reshape(-1, rows, 4)) @ w.uncertain
-            columns = np.nan_to_num(by.reshape(-1, rows, at.COUNT))
-            left, along = self._projected(by_start, np.concatenate([off, columns], axis=2))
+            columns = np.nan_to_num(by.reshape(-1, rows, COUNT))
+            left, along_start = self._projected(by_start, np.concatenate([off, columns], axis=2))
             if len(self._known) > 3:
                 self._known.clear()
-            self._known[key] = Point(left[:, :, 0], left[:, :, 1:], by_start, along[:, :, 0])
+            self._known[key] = Point(left[:, :, 0], left[:, :, 1:], by_start, along_start[:, :, 0])
         return self._known[key]
 
     def _projected(self, by_start: Array, values: Array) -> tuple[Array, Array]:
@@ -234,8 +237,8 @@ class Fit:
         normal = across @ by_start
         largest = np.trace(normal, axis1=1, axis2=2)[:, None, None]
         normal += np.diag(self.error**2 / np.square(START_ERRORS)) + SINGULAR * largest * np.eye(4)
-        along: Array = _LINEAR.solve(normal, across @ values)
-        return values - by_start @ along, along
+        along_start = np.linalg.solve(normal, across @ values)
+        return values - by_start @ along_start, along_start
 
     def _near(self, p: Array, inputs: LogInputs | None = None) -> Array:
         """Return the residuals [rad] at other coordinates or inputs, projected as here."""
@@ -258,15 +261,14 @@ class Fit:
         residual, jacobian = self.weighed()
         changes, information = jackknife(residual, jacobian)
         normal, size = scaled(information, 1e-10)
-        covariance: Array = changes.T @ changes
-        naive = np.diag(_LINEAR.inv(normal)) / size**2
+        covariance = changes.T @ changes
+        naive = np.diag(np.linalg.inv(normal)) / size**2
         variance = np.sum(residual**2) / max(self.weights.sum() * residual.shape[1], 1.0)
-        places = np.diag_indices_from(covariance)
-        covariance[places] = np.maximum(np.diag(covariance), variance * naive)
-        covariance += self.spread[np.ix_(self.free, self.free)]
-        unseen = size * at.STEPS[self.free] < 1.0
+        diagonal = np.diag_indices_from(covariance)
+        covariance[diagonal] = np.maximum(np.diag(covariance), variance * naive)
+        unseen = size * STEPS[places(self.free)] < 1.0
         covariance[unseen, unseen] = UNSEEN
-        return covariance, float(_STATS.t.ppf(0.975, max(len(changes) - len(self.free), 1)))
+        return covariance, float(stats.t.ppf(0.975, max(len(changes) - len(self.free), 1)))
 
     def bias(self, slopes: Array, left: Array) -> Array:
         """Return how far errors of the model can have moved numbers, if all windows agree.
@@ -281,30 +283,13 @@ class Fit:
         """
         _, jacobian = self.weighed()
         normal, size = scaled(np.einsum("wij,wik->jk", jacobian, jacobian, optimize=True))
-        shares = _LINEAR.solve(normal, (slopes / size).T).T / size
+        shares = np.linalg.solve(normal, (slopes / size).T).T / size
         by_window = np.linalg.norm(np.einsum("qk,wik->wqi", shares, jacobian), axis=2)
-        moved = self.factors() * left * np.sqrt(jacobian.shape[1])
-        return np.asarray(moved @ by_window)
-
-    def weakest(self) -> Array:
-        """Return the change of coordinates of which the log tells least, shape (22,).
-
-        The largest of its parts is one of ``parameters.STEPS``.
-        """
-        jacobian = self.weighed()[1] * at.STEPS[self.free]
-        _, directions = np.linalg.eigh(np.einsum("wij,wik->jk", jacobian, jacobian, optimize=True))
-        change = np.zeros(at.COUNT)
-        change[self.free] = directions[:, 0] / directions[np.abs(directions[:, 0]).argmax(), 0]
-        return change * at.STEPS
+        return (self.factors * left * np.sqrt(jacobian.shape[1])) @ by_window
 
     def sizes(self) -> Array:
         """Return the root mean square of each window's residuals [rad], shape (windows,)."""
         return np.sqrt(np.mean(self.here.residual**2, axis=1))
-
-    def shaken(self) -> Array:
-        """Return by what mean square [rad²] noise of the forces moves each window's angles."""
-        changes = [self.change(self.p, each) for each in self.windows.shaken]
-        return np.mean(np.square(changes), axis=(0, 2))
 
 
 def scaled(information: Array, least: float = SINGULAR) -> tuple[Array, Array]:
@@ -321,7 +306,8 @@ def jackknife(residual: Array, jacobian: Array) -> tuple[Array, Array]:
     information, told = parts.sum(axis=0), gradients.any(axis=1)
     normal, size = scaled(information)
     without = normal - parts[told] / np.outer(size, size)
-    return _LINEAR.solve(without, (gradients[told] / size)[:, :, None])[:, :, 0] / size, information
+    steps = np.linalg.solve(without, (gradients[told] / size)[:, :, None])[:, :, 0]
+    return steps / size, information
 
 
 def _off(angles: Array, measured: Array) -> Array:

@@ -2,7 +2,7 @@
 """From a log to a machine: what is identified, how well, and what the log does not show."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 
@@ -12,12 +12,22 @@ from numpy.typing import NDArray
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, MachineSpread, find_machine
 from pter_gym.params._spread import numbers_of
-from pter_gym.tools.identification import parameters as at
-from pter_gym.tools.identification.balance import first_estimate
-from pter_gym.tools.identification.evidence import admit_terms, find_differences
+from pter_gym.tools.identification.first_estimate import first_estimate
 from pter_gym.tools.identification.fit import Fit
 from pter_gym.tools.identification.log import Log
-from pter_gym.tools.identification.parameters import COORDINATES, Quantity, Shape, quantities
+from pter_gym.tools.identification.parameters import (
+    AT,
+    CLUTCH_TERMS,
+    NAMES,
+    SCALES,
+    SEARCHES,
+    TERMS,
+    Quantity,
+    Shape,
+    places,
+    quantities,
+)
+from pter_gym.tools.identification.score_tests import admit_terms, compare_parts, parts_of
 from pter_gym.tools.identification.verdict import MAX_FAR, NEGLIGIBLE, NEITHER, Verdict, judge
 from pter_gym.tools.identification.windows import SLIPPING, Smoothed, cut, experience, smooth
 
@@ -36,8 +46,8 @@ NORMAL = 1.96
 EXPECTED_STEPS = 60
 """About how many steps of progress an identification takes."""
 
-TIED = 0.2
-"""Share of the largest relative change from which a number is part of what is left open."""
+TIED = 0.9
+"""Correlation of errors from which a log shows two coordinates only together."""
 
 ASSUMED = "chosen: stated to pter identify, or that of its start"
 """Provenance of what is not estimated."""
@@ -52,8 +62,7 @@ class Finding:
     quantity
         Name, unit, value and scale.
     low, high
-        95 % interval, in the unit: equal to the value where that was kept, infinite if the model
-        does not describe the log.
+        95 % interval, in the unit: equal to the value where that was kept.
     before
         Value of the start.
     status
@@ -80,8 +89,6 @@ class Finding:
         """Where the number comes from, in words."""
         if self.status == "kept":
             return f"not shown by it and kept: {self.reason}"
-        if math.isinf(self.high):
-            return "uncertain, the model does not describe it"
         unsure = "uncertain, " if self.status == "uncertain" else ""
         return f"{unsure}95 % interval {self.low:.4g} to {self.high:.4g}"
 
@@ -120,7 +127,7 @@ class Identification:
     def assumptions(self) -> tuple[str, ...]:
         """What no log of this kind shows, as sentences."""
         clutch, (a, b) = self.start.clutch, self.fit.shape.offsets(self.fit.p)
-        late = 1e3 * self.fit.p[at.FORCE_DELAY]
+        late = 1e3 * self.fit.p[AT["force_delay"]]
         return (
             "The force sensor's gain is exact: all inertias and torques are proportional to it.",
             f"Links are {self.start.arm.length_a:g} m and {self.start.arm.length_b:g} m long.",
@@ -140,17 +147,22 @@ class Identification:
     def origins(self) -> dict[str, str]:
         """Where the numbers of the machine come from, by field."""
         stated = ("arm.length_a", "arm.length_b", "clutch.voltage_max")
-        origins: dict[str, str] = dict.fromkeys(stated, ASSUMED)
-        by_place: dict[str, list[Finding]] = {}
-        for finding in self.findings:
-            for place in finding.quantity.places:
-                by_place.setdefault(place, []).append(finding)
-        for place, here in by_place.items():
-            kind = "chosen" if all(each.status == "kept" for each in here) else "identified"
-            said = f"from {PurePath(self.log.name).name}, {'; '.join(each.origin for each in here)}"
-            plain = "".join(c if c.isprintable() and c not in '"\\' else "_" for c in said)
-            origins[place] = f"{kind}: {plain}"
-        return origins
+        return dict.fromkeys(stated, ASSUMED) | origins_of(self.findings, self.log.name)
+
+
+def origins_of(findings: Sequence[Finding], log: str) -> dict[str, str]:
+    """Return where the numbers of a machine come from, by field, given the log's name."""
+    by_place: dict[str, list[Finding]] = {}
+    for finding in findings:
+        for place in finding.quantity.places:
+            by_place.setdefault(place, []).append(finding)
+    origins: dict[str, str] = {}
+    for place, here in by_place.items():
+        kind = "chosen" if all(each.status == "kept" for each in here) else "identified"
+        said = f"from {PurePath(log).name}, {'; '.join(each.origin for each in here)}"
+        plain = "".join(c if c.isprintable() and c not in '"\\' else "_" for c in said)
+        origins[place] = f"{kind}: {plain}"
+    return origins
 
 
 def identify(
@@ -183,18 +195,20 @@ def identify(
     shape = Shape(start, top, live=live)
     p = first_estimate(log, motion, shape)
     kept = {
-        place: f"clutch {x + 1} was never on while it slipped"
-        for x, place in enumerate(at.SLOPES)
+        name: f"clutch {x + 1} was never on while it slipped"
+        for x, name in enumerate(SCALES)
         if x not in live
     }
     if not live:
-        places = (at.EXTRA, at.KNEE, at.RATIO, at.TIME_CONSTANT, at.DELAY, *at.CLUTCH_TERMS)
-        kept |= dict.fromkeys(places, "no clutch slipped while on")
+        of_clutches = "curvature", "knee", "breakaway_ratio", "time_constant", "delay"
+        kept |= dict.fromkeys((*of_clutches, *CLUTCH_TERMS), "no clutch slipped while on")
     elif levels < MIN_LEVELS:
         shape = replace(shape, kept_knee=start.clutch.dynamic.knee)
-        kept |= dict.fromkeys((at.EXTRA, at.KNEE), "clutches slipped at fewer than three voltages")
+        kept |= dict.fromkeys(
+            ("curvature", "knee"), "clutches slipped at fewer than three voltages"
+        )
     before = shape.coordinates(start)
-    p[list(kept)] = before[list(kept)]
+    p[places(kept)] = before[places(kept)]
     taken = 0
 
     def step() -> None:
@@ -202,14 +216,14 @@ def identify(
         taken += 1
         on_progress(min(taken / EXPECTED_STEPS, 1.0))
 
-    windows = cut(log, motion, start, float(np.exp(p[at.TIME_CONSTANT])))
-    absent = {i for i in at.TERMS if before[i] == 0.0} | kept.keys()
-    fit = Fit(windows, shape, [i for i in range(at.COUNT) if i not in absent], p, step)
+    windows = cut(log, motion, start, math.exp(p[AT["time_constant"]]))
+    absent = {name for name in TERMS if before[AT[name]] == 0.0} | kept.keys()
+    fit = Fit(windows, shape, [name for name in NAMES if name not in absent], p, step)
     fit.choose_ratio()
     fit.search()
     admit_terms(fit, kept)
     tied = _keep_unseen(fit, kept, before)
-    verdict = judge(fit, find_differences(fit, log, motion), log)
+    verdict = judge(fit, compare_parts(fit, parts_of(fit, log, motion)), log)
     on_progress(1.0)
     findings, machines = _results(fit, kept, tied, verdict)
     return Identification(
@@ -242,108 +256,95 @@ def _checked(log: Log, start: Machine) -> Smoothed:
     return motion
 
 
-def _keep_unseen(fit: Fit, kept: dict[int, str], before: Array) -> set[str]:
+def _keep_unseen(fit: Fit, kept: dict[str, str], before: Array) -> set[str]:
     """Search without coordinates that the log does not show, and add the reasons.
 
     Returns the names of numbers that it shows only in combination with one that is kept.
     """
     tied: set[str] = set()
     while fit.free:
-        errors = dict(zip(fit.free, np.sqrt(np.diag(fit.covariance()[0])), strict=True))
-        extra = abs(float(fit.p[at.EXTRA]))
-        if at.EXTRA in fit.free and not extra > max(2.0 * errors[at.EXTRA], 0.01 * fit.shape.top):
-            kept |= dict.fromkeys((at.EXTRA, at.KNEE), COORDINATES[at.EXTRA].unseen)
+        covariance, _ = fit.covariance()
+        errors = dict(zip(fit.free, np.sqrt(np.diag(covariance)), strict=True))
+        least = max(2.0 * errors.get("curvature", math.inf), 0.01 * fit.shape.top)
+        if "curvature" in fit.free and not abs(fit.p[AT["curvature"]]) > least:
+            kept |= dict.fromkeys(("curvature", "knee"), SEARCHES["curvature"].unseen)
             knee = max(fit.shape.start.clutch.dynamic.knee, fit.shape.top)
             fit.shape = replace(fit.shape, kept_knee=knee)
         else:
-            excess = {i: errors[i] / COORDINATES[i].max_error for i in fit.free}
-            excess |= {at.RATIO: math.inf} if fit.has_no_jump else {}
-            worst = max(excess, key=lambda i: excess[i])
+            excess = {name: errors[name] / SEARCHES[name].max_error for name in fit.free}
+            excess |= {"breakaway_ratio": math.inf} if fit.has_no_jump else {}
+            worst = max(excess, key=lambda name: excess[name])
             if excess[worst] <= 1.0:
                 break
-            together = _left_open(fit, worst)
-            kept[worst] = COORDINATES[worst].unseen
+            shared = np.abs(covariance[fit.free.index(worst)]) / errors[worst]
+            together = {
+                name
+                for name, each in zip(fit.free, shared, strict=True)
+                if name != worst and each > TIED * errors[name]
+            }
+            kept[worst] = SEARCHES[worst].unseen
             if together:
                 kept[worst] += f"; only together with {', '.join(sorted(together))}"
                 tied |= together
-            tied |= {"curvature"} if worst == at.KNEE else set()
-            if worst == at.RATIO and fit.p[worst] <= 1.03:
-                fit.p[worst] = min(before[worst], 1.0)
-            elif worst != at.KNEE:
-                fit.p[worst] = before[worst]
-        fit.free = [i for i in fit.free if i not in kept]
+            tied |= {"curvature"} if worst == "knee" else set()
+            if worst == "breakaway_ratio" and fit.p[AT[worst]] <= 1.03:
+                fit.p[AT[worst]] = min(before[AT[worst]], 1.0)
+            elif worst != "knee":
+                fit.p[AT[worst]] = before[AT[worst]]
+        fit.free = [name for name in fit.free if name not in kept]
         fit.search(1)
     return tied
-
-
-def _left_open(fit: Fit, worst: int) -> set[str]:
-    """Return numbers that are hardly seen together, if a coordinate is not unseen by itself."""
-    change = fit.weakest()
-    if abs(change[worst]) < TIED * at.STEPS[worst]:
-        return set()
-    high, low = (
-        fit.shape.quantities((fit.p + e * change).clip(at.LOWEST, fit.shape.highest))
-        for e in (1.0, -1.0)
-    )
-    changes = {
-        a.name: abs(a.value - b.value) / max(a.scale, 1e-300)
-        for a, b in zip(high, low, strict=True)
-        if not a.name.startswith("torque_")
-    }
-    most = TIED * max(changes.values())
-    own = COORDINATES[worst].quantity
-    return {name for name, size in changes.items() if size > most and name != own}
 
 
 def _slopes(fit: Fit, numbers: Callable[[Array], list[float]]) -> Array:
     """Return the derivatives of numbers by the free coordinates, shape (numbers, free)."""
     slopes = np.empty((len(numbers(fit.p)), len(fit.free)))
-    for column, i in zip(slopes.T, fit.free, strict=True):
-        change = 1e-3 * at.STEPS[i] * np.eye(at.COUNT)[i]
-        high, low = ((fit.p + e * change).clip(at.LOWEST, fit.shape.highest) for e in (1.0, -1.0))
-        column[:] = np.subtract(numbers(high), numbers(low)) / (high[i] - low[i])
+    for column, name in zip(slopes.T, fit.free, strict=True):
+        high, low = fit.shape.around(fit.p, name, 1e-3)
+        column[:] = np.subtract(numbers(high), numbers(low)) / (high - low)[AT[name]]
     return slopes
 
 
 def _results(
-    fit: Fit, kept: dict[int, str], tied: set[str], verdict: Verdict
+    fit: Fit, kept: dict[str, str], tied: set[str], verdict: Verdict
 ) -> tuple[list[Finding], Machine | MachineSpread]:
     """Return the numbers with their intervals, and the machines that fit the log.
 
     These are normally distributed, with the intervals' widths: errors of the model widen each
     coordinate by itself, by what they do to its number.
     """
-    shape, here = fit.shape, fit.shape.quantities(fit.p)
-    described, machine = verdict.grade != NEITHER, fit.shape.machine(fit.p)
+    shape, here, machine = fit.shape, fit.shape.quantities(fit.p), fit.shape.machine(fit.p)
     covariance, quantile = fit.covariance() if fit.free else (np.empty((0, 0)), 2.0)
+    for each in verdict.differences:
+        covariance = covariance + np.outer(each.change, each.change)
     slopes = _slopes(fit, lambda p: [q.value for q in shape.quantities(p)])
     variances = np.einsum("qi,ij,qj->q", slopes, covariance, slopes).clip(0.0)
-    share = max(2.0 * verdict.rho, NEGLIGIBLE)  # of its scale, for errors of the model
+    share = max(2.0 * verdict.rho_high, NEGLIGIBLE)  # of its scale, for errors of the model
     wide = np.maximum([share * q.scale for q in here], fit.bias(slopes, verdict.left))
     halves = np.hypot(quantile * np.sqrt(variances), wide)
-    reasons = {COORDINATES[i].quantity: reason for i, reason in kept.items()}
+    unsure = tied | {each.name for each in verdict.differences}
+    unsure |= {"breakaway_ratio"} if verdict.far_breakaways > MAX_FAR else set()
+    unsure |= {q.name for q in here} if verdict.grade == NEITHER else set()
     start = quantities(shape.start, 0.0, shape.top)
     findings: list[Finding] = []
     for q, first, half, by_free in zip(here, start, halves.tolist(), slopes, strict=True):
         unmoved = "" if by_free.any() else "the log shows none of the numbers from which it follows"
-        reason = reasons.get(q.name, "") or unmoved
-        sure = described and q.name not in tied | verdict.differences.keys()
-        sure &= half <= MAX_REL_HALF_WIDTH * q.scale
-        sure &= q.name != "breakaway_ratio" or verdict.far_breakaways <= MAX_FAR
-        width = 0.0 if reason else half if described else math.inf
+        reason = kept.get(q.name, unmoved)
+        width = 0.0 if reason else half
+        sure = q.name not in unsure and half <= MAX_REL_HALF_WIDTH * q.scale
         ends = {"low": q.value - width, "high": q.value + width, "before": first.value}
         status = "kept" if reason else "identified" if sure else "uncertain"
         findings.append(Finding(quantity=q, status=status, reason=reason, **ends))
-    if not (fit.free and described):
+    if not fit.free or verdict.grade == NEITHER:
         return findings, machine
-    names, own = [q.name for q in here], [COORDINATES[i].quantity for i in fit.free]
-    rows = [names.index(name) for name in own]
+    names = [q.name for q in here]
+    rows = [names.index(name) for name in fit.free]
     rates = np.abs(slopes[rows, range(len(rows))])
     model = np.divide(wide[rows], rates, out=np.zeros_like(rates), where=rates > 0.0)
     whole = (quantile**2 * covariance + np.diag(model**2)) / NORMAL**2
     by = _slopes(fit, lambda p: [number.value for number in numbers_of(shape.machine(p)).values()])
     moves = np.flatnonzero(np.abs(by).max(axis=1))
-    places = tuple(np.array(list(numbers_of(machine)))[moves].tolist())
+    fields = tuple(np.array(list(numbers_of(machine)))[moves].tolist())
     among = by[moves] @ whole @ by[moves].T
     matrix = tuple(tuple(row) for row in (0.5 * (among + among.T)).tolist())
-    return findings, MachineSpread(machine=machine, places=places, covariance=matrix)
+    return findings, MachineSpread(machine=machine, places=fields, covariance=matrix)

@@ -6,11 +6,11 @@ marked.
 """
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,9 @@ RANGES = {"V": (-0.05, 1000.0), "rad": (-1e5, 1e5), "N": (-1e4, 1e4)}
 
 CLOCKS = {"seconds": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
 """Units of time stamps that a log may have without saying so [s]."""
+
+COUNTER = 2.0**32
+"""Where counters of 32 bits begin at 0 again."""
 
 SLOWEST = 0.03
 """Mean time between rows up to which a unit of the stamps is believed [s]."""
@@ -210,6 +213,7 @@ def _read_columns(file: Path, renamed: dict[str, str]) -> tuple[dict[str, Array]
     if len(lines) < 3:
         raise ParameterError(f"{file} must have at least 3 rows, got {len(lines)}")
     values = {name: table.columns.get(in_file[name], np.zeros(len(lines))) for name in COLUMNS}
+    values[TIME] = unwrapped(values[TIME])
     for name in COLUMNS[1:]:
         low, high = RANGES[UNITS[name]]
         wrong = (values[name] < low) | (values[name] > high)
@@ -226,6 +230,11 @@ def _refuse_rows(file: Path, lines: Rows, wrong: Flags, wanted: str) -> None:
     """Raise a ParameterError that names the line of the first wrong row."""
     if wrong.any():
         raise ParameterError(f"{file}, line {lines[wrong.argmax()]}: {wanted}")
+
+
+def unwrapped(stamps: Array) -> Array:
+    """Return the stamps of a counter of 32 bits, such as Arduino's ``micros()``, as they go on."""
+    return stamps + COUNTER * np.cumsum(np.diff(stamps, prepend=stamps[:1]) < -0.5 * COUNTER)
 
 
 def in_seconds(stamps: Array) -> tuple[Array, str]:
@@ -248,7 +257,7 @@ def _spread(times: Array) -> tuple[Array, int]:
     count, number = int(together.sum()), np.arange(len(times), dtype=np.float64)
     if not count:
         return times, 0
-    even: Any = np.polyval(np.polyfit(number, times, 1), number)
+    even = np.polyval(np.polyfit(number, times, 1), number)
     if count > COARSE * len(times) and np.abs(even - times).max() <= step.max():
         return even - even[0], count
     first = np.flatnonzero(np.concatenate([[True], ~together]))
@@ -331,8 +340,7 @@ def _mean_volts(when: Array, times: Array, volts: Array) -> Array:
     passed = np.interp(when, times, charge)
     passed += np.maximum(when - times[-1], 0.0) * volts[-1]
     means: Array = np.diff(passed) / (when[1] - when[0])
-    held: Array = np.append(means, volts[-1]).round(6)
-    return held
+    return np.append(means, volts[-1]).round(6)
 
 
 def _on_raster(
@@ -346,7 +354,8 @@ def _on_raster(
         all(each.all() for each in known.values())
         and np.abs(times - even * np.arange(len(times))).max() <= EVEN * even
     ):
-        return _log_of({**found, **volts}, interval=even, remarks=tuple(remarks))
+        applied, theta, force = _stacked({**found, **volts})
+        return Log(interval=even, volts=applied, theta=theta, force=force, remarks=tuple(remarks))
     step = np.diff(clocks[ANGLES[0]])
     step = step[step <= LATE * np.median(step) * (1.0 + 1e-6)]
     interval = float(np.mean(step))
@@ -361,16 +370,17 @@ def _on_raster(
     # voltages that have a row where one changes are known at their own times, others in between
     commanded: Flags = np.any([known[name] for name in VOLTS], axis=0)
     when, apart = times[commanded], np.diff(times[commanded])
-    held = np.stack([np.interp(when, times[known[n]], volts[n]) for n in VOLTS if len(volts[n])])
-    changed = np.any(np.diff(held, axis=1) != 0.0, axis=0)
+    commands = np.stack(
+        [np.interp(when, times[known[n]], volts[n]) for n in VOLTS if len(volts[n])]
+    )
+    changed = np.any(np.diff(commands, axis=1) != 0.0, axis=0)
     if len(changed) and changed.mean() < 0.5:
         late = changed & (apart > LATE * np.median(apart) * (1.0 + 1e-6))
         gaps += [(when[k], when[k + 1] + SETTLING) for k in np.flatnonzero(late)]
     from scipy import interpolate
 
-    splines: Any = interpolate
     for name, when in clocks.items():
-        curve = splines.PchipInterpolator(when, found[name][known[name]])
+        curve = interpolate.PchipInterpolator(when, found[name][known[name]])
         columns[name] = curve(raster.clip(when[0], when[-1]))
         longest = max(MAX_INTERVAL, LATE * float(np.median(np.diff(when))))
         ends = np.concatenate([[-interval], when, [times[-1] + interval]])
@@ -389,17 +399,19 @@ def _on_raster(
         more = f" and {len(places) - MAX_LISTED} more" if len(places) > MAX_LISTED else ""
         listed = ", ".join(places[:MAX_LISTED])
         remarks.append(f"rows are missing at {listed} s{more}; windows with these are left out.")
-    return _log_of(
-        columns,
+    applied, theta, force = _stacked(columns)
+    return Log(
         interval=interval,
+        volts=applied,
+        theta=theta,
+        force=force,
         unmeasured=np.flatnonzero(unmeasured),
         angle_step=angle_step(*(found[name][known[name]] for name in ANGLES)),
         remarks=tuple(remarks),
     )
 
 
-def _log_of(columns: Mapping[str, Array], **others: Any) -> Log:
-    volts, theta, force = (
-        np.column_stack([columns[name] for name in names]) for names in (VOLTS, ANGLES, FORCES)
-    )
-    return Log(volts=volts, theta=theta, force=force, **others)
+def _stacked(columns: Mapping[str, Array]) -> Iterator[Array]:
+    """Yield voltages, angles and forces, shapes (rows, 4), (rows, 2) and (rows, 2)."""
+    for names in (VOLTS, ANGLES, FORCES):
+        yield np.column_stack([columns[name] for name in names])

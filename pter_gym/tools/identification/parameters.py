@@ -1,9 +1,10 @@
 # pyright: standard
-"""A machine as coordinates for an optimiser, and the numbers that a user reads."""
+"""The coordinates of the search, the machine that they are, and the numbers that a user reads."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +14,13 @@ from pter_gym.params import MIN_POSITIVE, Machine, TorqueCurve
 Array = NDArray[np.float64]
 
 
-class Coordinate(NamedTuple):
-    """One searched number: the reported one that is unknown without it, and a small change of it.
+class Search(NamedTuple):
+    """How a coordinate is searched.
 
-    Then the largest standard error with which it counts as seen at all, its bounds, and why a log
-    does not show it.
+    A small change of it, the largest standard error with which it counts as seen at all, its
+    bounds, and why a log does not show it.
     """
 
-    quantity: str
     step: float
     max_error: float
     low: float
@@ -29,58 +29,103 @@ class Coordinate(NamedTuple):
 
 
 _STEP = "no voltage was stepped while a clutch slipped, or the rows are too coarse"
-_FRICTION, _OFFSET = (
-    f"the log hardly shows {what}"
-    for what in ("the friction of this axis", "a constant torque on this axis")
+_SCALE, _INERTIA, _DRY, _VISCOUS, _OFFSET = (
+    Search(*numbers, f"the log hardly shows {what}")
+    for numbers, what in (
+        ((0.01, 0.25, -6.0, 6.0), "this clutch slipping"),
+        ((0.01, 0.25, -6.0, 5.0), "the inertia of this link"),
+        ((0.05, 2.0, 0.0, 100.0), "the friction of this axis"),
+        ((0.02, 1.0, 0.0, 100.0), "the friction of this axis"),
+        ((0.05, 2.0, -100.0, 100.0), "a constant torque on this axis"),
+    )
 )
 
-COORDINATES = (
-    Coordinate("inertia_a", 0.01, 0.25, -6.0, 5.0, "the log hardly shows the inertia of link A"),
-    Coordinate("inertia_b", 0.01, 0.25, -6.0, 5.0, "the log hardly shows the inertia of link B"),
-    Coordinate("coupling", 0.01, 0.25, -0.95, 0.95, "the log hardly shows the axes' coupling"),
-    *(
-        Coordinate(f"scale_{x}", 0.01, 0.25, -6.0, 6.0, f"the log hardly shows clutch {x} slipping")
-        for x in range(1, 5)
-    ),
-    Coordinate("curvature", 0.1, math.inf, -20.0, 1e3, "torque is straight where clutches slipped"),
-    Coordinate("knee", 0.1, 2.0, 0.0, 1e3, "clutches slipped at one voltage above the knee only"),
-    Coordinate("breakaway_ratio", 0.01, 0.15, 0.6, 4.0, "the log hardly shows breakaways"),
-    Coordinate("time_constant", 0.02, 0.25, math.log(3e-3), math.log(2.0), _STEP),
-    Coordinate("delay", 0.5e-3, 5e-3, -0.01, 0.1, _STEP),
-    *(Coordinate(name, 0.05, 2.0, 0.0, 100.0, _FRICTION) for name in ("dry_a", "dry_b")),
-    *(Coordinate(name, 0.02, 1.0, 0.0, 100.0, _FRICTION) for name in ("viscous_a", "viscous_b")),
-    Coordinate("off_state", 0.02, 1.0, 0.0, 100.0, "the log hardly shows torque without voltage"),
-    Coordinate("stribeck", 0.02, 0.3, 0.0, 3.0, "the log hardly shows how torque varies with slip"),
-    Coordinate("fall_ratio", 0.02, 0.25, math.log(0.1), math.log(10.0), _STEP),
-    *(Coordinate(name, 0.05, 2.0, -100.0, 100.0, _OFFSET) for name in ("offset_a", "offset_b")),
-    Coordinate("force_delay", 0.5e-3, 5e-3, -0.1, 0.1, "the log hardly shows when forces act"),
-)
-"""Logarithms of inertias, of slopes of the four torque curves and of the time constant; the
-coupling over √(M11·M22); the quadratic segment's share [V] of the torque over the slope at the
-highest voltage; its knee [V]; T_s/T_k; the delay [s]; the friction of each axis over its inertia,
-dry [rad/s²] and viscous [1/s]; the off-state torque [N·m]; the Stribeck velocity [rad/s]; the
-logarithm of the time constant of a falling torque over that of a rising one; a constant torque on
-each axis over its inertia [rad/s²]; how late forces are recorded [s]."""
 
-COUNT = len(COORDINATES)
-INERTIA_A, INERTIA_B, COUPLING = 0, 1, 2
-SLOPES = (3, 4, 5, 6)
-EXTRA, KNEE, RATIO, TIME_CONSTANT, DELAY = 7, 8, 9, 10, 11
-DRY, VISCOUS = (12, 13), (14, 15)
-OFF_STATE, STRIBECK, FALL_RATIO = 16, 17, 18
-OFFSET, FORCE_DELAY = (19, 20), 21
+class Coordinates(NamedTuple):
+    """What is searched, each under the name of the reported number that is unknown without it.
 
-CLUTCH_TERMS = (OFF_STATE, STRIBECK, FALL_RATIO)
-TERMS = (*CLUTCH_TERMS, *OFFSET, FORCE_DELAY)
+    Logarithms of the slopes of the four torque curves; the quadratic segment's share [V] of the
+    torque over the slope at the highest voltage, and its knee [V]; T_s/T_k; the logarithm of the
+    time constant; the delay [s]; the off-state torque [N·m]; the Stribeck velocity [rad/s]; the
+    logarithm of the time constant of a falling torque over that of a rising one. Then logarithms of
+    the inertias; the coupling over √(M11·M22); the friction of each axis over its inertia, dry
+    [rad/s²] and viscous [1/s]; a constant torque on each axis over its inertia [rad/s²]; how late
+    forces are recorded [s].
+    """
+
+    scale_1: Annotated[float, _SCALE]
+    scale_2: Annotated[float, _SCALE]
+    scale_3: Annotated[float, _SCALE]
+    scale_4: Annotated[float, _SCALE]
+    curvature: Annotated[
+        float, Search(0.1, math.inf, -20.0, 1e3, "torque is straight where clutches slipped")
+    ]
+    knee: Annotated[
+        float, Search(0.1, 2.0, 0.0, 1e3, "clutches slipped at one voltage above the knee only")
+    ]
+    breakaway_ratio: Annotated[
+        float, Search(0.01, 0.15, 0.6, 4.0, "the log hardly shows breakaways")
+    ]
+    time_constant: Annotated[float, Search(0.02, 0.25, math.log(3e-3), math.log(2.0), _STEP)]
+    delay: Annotated[float, Search(0.5e-3, 5e-3, -0.01, 0.1, _STEP)]
+    off_state: Annotated[
+        float, Search(0.02, 1.0, 0.0, 100.0, "the log hardly shows torque without voltage")
+    ]
+    stribeck: Annotated[
+        float, Search(0.02, 0.3, 0.0, 3.0, "the log hardly shows how torque varies with slip")
+    ]
+    fall_ratio: Annotated[float, Search(0.02, 0.25, math.log(0.1), math.log(10.0), _STEP)]
+    inertia_a: Annotated[float, _INERTIA]
+    inertia_b: Annotated[float, _INERTIA]
+    coupling: Annotated[
+        float, Search(0.01, 0.25, -0.95, 0.95, "the log hardly shows the axes' coupling")
+    ]
+    dry_a: Annotated[float, _DRY]
+    dry_b: Annotated[float, _DRY]
+    viscous_a: Annotated[float, _VISCOUS]
+    viscous_b: Annotated[float, _VISCOUS]
+    offset_a: Annotated[float, _OFFSET]
+    offset_b: Annotated[float, _OFFSET]
+    force_delay: Annotated[
+        float, Search(0.5e-3, 5e-3, -0.1, 0.1, "the log hardly shows when forces act")
+    ]
+
+
+SEARCHES: dict[str, Search] = {
+    name: hint.__metadata__[0]
+    for name, hint in get_type_hints(Coordinates, include_extras=True).items()
+}
+"""How each coordinate is searched, by name."""
+
+NAMES = tuple(SEARCHES)
+COUNT = len(NAMES)
+AT = {name: place for place, name in enumerate(NAMES)}
+"""Place of each coordinate in an array."""
+
+SCALES = NAMES[:4]
+CLUTCH_TERMS = ("off_state", "stribeck", "fall_ratio")
+CLUTCH_NAMES = NAMES[: NAMES.index("fall_ratio") + 1]
+TERMS = (*CLUTCH_TERMS, "offset_a", "offset_b", "force_delay")
 """Coordinates that the paper's machine does not have: searched only if a log asks for them."""
 
-STEPS = np.array([each.step for each in COORDINATES])
-MAX_ERRORS = np.array([each.max_error for each in COORDINATES])
-LOWEST = np.array([each.low for each in COORDINATES])
+STEPS, MAX_ERRORS, LOWEST = (
+    np.array([getattr(each, field) for each in SEARCHES.values()])
+    for field in ("step", "max_error", "low")
+)
 
 CONTROL_PERIOD, USUAL_STRIBECK, ROOM = 0.01, 0.1, 0.5
 """Control step by which delays are judged [s], Stribeck velocity by which lower ones are [rad/s],
 and least distance from the knee to the highest voltage [V]."""
+
+
+def places(names: Iterable[str]) -> list[int]:
+    """Return the places of coordinates in an array."""
+    return [AT[name] for name in names]
+
+
+def along(name: str, size: float) -> Array:
+    """Return the change of one coordinate by so much, shape (22,)."""
+    return size * np.eye(COUNT)[AT[name]]
 
 
 @dataclass(frozen=True)
@@ -99,7 +144,7 @@ class Shape:
 
     def machine(self, p: Array) -> Machine:
         """Return the machine at coordinates."""
-        before, slopes = self.start.clutch, np.exp(p[list(SLOPES)])
+        c, before, slopes = Coordinates(*p.tolist()), self.start.clutch, np.exp(p[:4])
         slope = float(slopes[list(self.live)].mean()) if self.live else before.dynamic.slope
         scale = list(self.start.clutch_scale)
         for x in self.live:
@@ -108,68 +153,87 @@ class Shape:
             knee = self.kept_knee
             curvature = slope * before.dynamic.curvature / before.dynamic.slope
         else:
-            knee = float(p[KNEE])
-            curvature = slope * float(p[EXTRA]) / max(self.top - knee, 0.5 * ROOM) ** 2
+            knee = c.knee
+            curvature = slope * c.curvature / max(self.top - knee, 0.5 * ROOM) ** 2
         if curvature < 0.0:  # what falls within the log must not fall below zero slope beyond it
             curvature = max(curvature, -0.49 * slope / max(before.voltage_max - knee, 1e-6))
-        dynamic = TorqueCurve(
-            slope=slope, knee=knee, curvature=curvature, off_state=float(p[OFF_STATE])
-        )
+        dynamic = TorqueCurve(slope=slope, knee=knee, curvature=curvature, off_state=c.off_state)
         clutch = replace(
             before,
             dynamic=dynamic,
-            breakaway=dynamic.scaled(float(p[RATIO])),
-            time_constant=math.exp(p[TIME_CONSTANT]),
-            stribeck=float(p[STRIBECK]),
-            fall_ratio=math.exp(p[FALL_RATIO]),
+            breakaway=dynamic.scaled(c.breakaway_ratio),
+            time_constant=math.exp(c.time_constant),
+            stribeck=c.stribeck,
+            fall_ratio=math.exp(c.fall_ratio),
         )
-        inertia_a, inertia_b = math.exp(p[INERTIA_A]), math.exp(p[INERTIA_B])
+        inertia_a, inertia_b = math.exp(c.inertia_a), math.exp(c.inertia_b)
         arm = replace(
             self.start.arm,
             inertia_a=inertia_a,
             inertia_b=inertia_b,
-            coupling=float(p[COUPLING]) * math.sqrt(inertia_a * inertia_b),
-            dry_a=float(p[DRY[0]]) * inertia_a,
-            dry_b=float(p[DRY[1]]) * inertia_b,
-            viscous_a=float(p[VISCOUS[0]]) * inertia_a,
-            viscous_b=float(p[VISCOUS[1]]) * inertia_b,
+            coupling=c.coupling * math.sqrt(inertia_a * inertia_b),
+            dry_a=c.dry_a * inertia_a,
+            dry_b=c.dry_b * inertia_b,
+            viscous_a=c.viscous_a * inertia_a,
+            viscous_b=c.viscous_b * inertia_b,
         )
-        delay = max(float(p[DELAY]), 0.0)
+        delay = max(c.delay, 0.0)
         return replace(self.start, arm=arm, clutch=clutch, clutch_scale=tuple(scale), delay=delay)
 
     def offsets(self, p: Array) -> tuple[float, float]:
         """Return the constant torques on the axes at coordinates [N·m]."""
-        return float(p[OFFSET[0]] * np.exp(p[0])), float(p[OFFSET[1]] * np.exp(p[1]))
+        c = Coordinates(*p.tolist())
+        return c.offset_a * math.exp(c.inertia_a), c.offset_b * math.exp(c.inertia_b)
 
     def coordinates(self, machine: Machine, delay: float = 0.0) -> Array:
         """Return the coordinates of a machine; a knee beyond the log is moved into it."""
         arm, clutch, curve = machine.arm, machine.clutch, machine.clutch.dynamic
         inside = curve.knee <= self.top - ROOM
         knee = curve.knee if inside else max(0.5 * self.top, 0.0)
-        found = [
-            *(math.log(arm.inertia_a), math.log(arm.inertia_b)),
-            arm.coupling / math.sqrt(arm.inertia_a * arm.inertia_b),
-            *(math.log(max(curve.slope * scale, MIN_POSITIVE)) for scale in machine.clutch_scale),
-            curve.curvature / curve.slope * (self.top - knee) ** 2 if inside else 0.0,
-            *(knee, clutch.breakaway.slope / curve.slope, math.log(clutch.time_constant), delay),
-            *(arm.dry_a / arm.inertia_a, arm.dry_b / arm.inertia_b),
-            *(arm.viscous_a / arm.inertia_a, arm.viscous_b / arm.inertia_b),
-            *(curve.off_state, clutch.stribeck, math.log(clutch.fall_ratio)),
-            *(0.0, 0.0, 0.0),
-        ]
-        return np.array(found).clip(LOWEST, self.highest)
+        slopes = (math.log(max(curve.slope * k, MIN_POSITIVE)) for k in machine.clutch_scale)
+        found = Coordinates(
+            *slopes,
+            curvature=curve.curvature / curve.slope * (self.top - knee) ** 2 if inside else 0.0,
+            knee=knee,
+            breakaway_ratio=clutch.breakaway.slope / curve.slope,
+            time_constant=math.log(clutch.time_constant),
+            delay=delay,
+            off_state=curve.off_state,
+            stribeck=clutch.stribeck,
+            fall_ratio=math.log(clutch.fall_ratio),
+            inertia_a=math.log(arm.inertia_a),
+            inertia_b=math.log(arm.inertia_b),
+            coupling=arm.coupling / math.sqrt(arm.inertia_a * arm.inertia_b),
+            dry_a=arm.dry_a / arm.inertia_a,
+            dry_b=arm.dry_b / arm.inertia_b,
+            viscous_a=arm.viscous_a / arm.inertia_a,
+            viscous_b=arm.viscous_b / arm.inertia_b,
+            offset_a=0.0,
+            offset_b=0.0,
+            force_delay=0.0,
+        )
+        return self.within(np.array(found))
 
     @property
     def highest(self) -> Array:
         """Upper bounds of the coordinates."""
-        bounds = np.array([each.high for each in COORDINATES])
-        bounds[KNEE] = max(self.top - ROOM, 1e-3)
+        bounds = np.array([each.high for each in SEARCHES.values()])
+        bounds[AT["knee"]] = max(self.top - ROOM, 1e-3)
         return bounds
+
+    def within(self, p: Array) -> Array:
+        """Return coordinates within their bounds."""
+        return p.clip(LOWEST, self.highest)
+
+    def around(self, p: Array, name: str, share: float) -> tuple[Array, Array]:
+        """Return coordinates with one a share of its step above, and below, within bounds."""
+        change = along(name, share * SEARCHES[name].step)
+        return self.within(p + change), self.within(p - change)
 
     def quantities(self, p: Array) -> "list[Quantity]":
         """Return the reported numbers at coordinates."""
-        delays = float(p[DELAY]), float(p[FORCE_DELAY])
-        return quantities(self.machine(p), delays[0], self.top, self.offsets(p), delays[1])
+        c = Coordinates(*p.tolist())
+        return quantities(self.machine(p), c.delay, self.top, self.offsets(p), c.force_delay)
 
 
 class Quantity(NamedTuple):
@@ -198,14 +262,14 @@ def quantities(
     """
     arm, clutch, curve = machine.arm, machine.clutch, machine.clutch.dynamic
     low = curve.torque(0.25 * top)
-    numbers: list[Quantity] = []
+    found: list[Quantity] = []
 
-    def add(name: str, unit: str, value: float, *places: str, least: float = 0.0) -> None:
-        numbers.append(Quantity(name, unit, value, max(abs(value), least), places))
+    def add(name: str, unit: str, value: float, *fields: str, least: float = 0.0) -> None:
+        found.append(Quantity(name, unit, value, max(abs(value), least), fields))
 
-    both, (offset_a, offset_b) = math.sqrt(arm.inertia_a * arm.inertia_b), offsets
     add("inertia_a", "kg·m²", arm.inertia_a, "arm.inertia_a")
     add("inertia_b", "kg·m²", arm.inertia_b, "arm.inertia_b")
+    both = math.sqrt(arm.inertia_a * arm.inertia_b)
     add("coupling", "kg·m²", arm.coupling, "arm.coupling", least=both)
     for percent in (25, 50, 75, 100):
         add(f"torque_{percent}", "N·m", curve.torque(0.01 * percent * top))
@@ -214,19 +278,19 @@ def quantities(
     add("curvature", "N·m/V²", curve.curvature, "clutch.dynamic.curvature")
     breakaway = "clutch.breakaway.slope", "clutch.breakaway.curvature"
     add("breakaway_ratio", "1", clutch.breakaway.slope / curve.slope, *breakaway)
-    for x, scale in enumerate(machine.clutch_scale[: len(machine.clutches)], 1):
-        add(f"scale_{x}", "1", scale, "clutch_scale")
+    for name, scale in zip(SCALES, machine.clutch_scale[: len(machine.clutches)], strict=False):
+        add(name, "1", scale, "clutch_scale")
     add("time_constant", "s", clutch.time_constant, "clutch.time_constant")
     add("delay", "s", delay, "delay", least=CONTROL_PERIOD)
-    add("dry_a", "N·m", arm.dry_a, "arm.dry_a", least=low)
-    add("dry_b", "N·m", arm.dry_b, "arm.dry_b", least=low)
-    add("viscous_a", "N·m·s", arm.viscous_a, "arm.viscous_a", least=low)
-    add("viscous_b", "N·m·s", arm.viscous_b, "arm.viscous_b", least=low)
+    for kind, unit in (("dry", "N·m"), ("viscous", "N·m·s")):
+        for axis in "ab":
+            name = f"{kind}_{axis}"
+            add(name, unit, getattr(arm, name), f"arm.{name}", least=low)
     off_state = "clutch.dynamic.off_state", "clutch.breakaway.off_state"
     add("off_state", "N·m", curve.off_state, *off_state, least=low)
     add("stribeck", "rad/s", clutch.stribeck, "clutch.stribeck", least=USUAL_STRIBECK)
     add("fall_ratio", "1", clutch.fall_ratio, "clutch.fall_ratio")
-    add("offset_a", "N·m", offset_a, least=low)
-    add("offset_b", "N·m", offset_b, least=low)
+    add("offset_a", "N·m", offsets[0], least=low)
+    add("offset_b", "N·m", offsets[1], least=low)
     add("force_delay", "s", force_delay, least=CONTROL_PERIOD)
-    return numbers
+    return found

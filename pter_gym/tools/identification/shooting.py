@@ -18,27 +18,19 @@ from pter_gym._physics.arm import Motion
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of, initial_state, scratch
 from pter_gym._physics.step import arrangement_from, paper_clutches as no_arrangement
 from pter_gym.gradients._tangent import substep_tangents
-from pter_gym.tools.identification import parameters as at
-from pter_gym.tools.identification.parameters import Shape
+from pter_gym.tools.identification.parameters import AT, CLUTCH_NAMES, COUNT, NAMES, Shape
 
 Array = NDArray[np.float64]
 
 MAX_SUBSTEP = 0.5e-3
 """Longest substep of the simulator in a window [s]."""
 
-ORDER = (
-    *(*at.SLOPES, at.EXTRA, at.KNEE, at.RATIO, at.TIME_CONSTANT, at.DELAY),
-    *(at.OFF_STATE, at.STRIBECK, at.FALL_RATIO),
-    *(*range(at.SLOPES[0]), *at.DRY, *at.VISCOUS, *at.OFFSET, at.FORCE_DELAY),
-)
-"""Coordinates in the order of the kernel's lanes: those of the clutches come first."""
+DELAY_LANE, FORCE_LANE = AT["delay"], AT["force_delay"]
+TORQUE_LANES = len(CLUTCH_NAMES)
+"""Lanes in which clutches have tangents: the first ones, in whole vectors."""
 
-DELAY_LANE, FORCE_LANE = ORDER.index(at.DELAY), ORDER.index(at.FORCE_DELAY)
-TORQUE_LANES = 12
-"""Lanes in which clutches have tangents: those of the clutches' coordinates, in whole vectors."""
-
-LANES = len(ORDER) + 4
-"""All lanes: the last four are the derivatives by a window's start."""
+LANES = COUNT + 4
+"""A lane for each coordinate; the last four are the derivatives by a window's start."""
 
 SMALL = 1e-4
 """Steps of differences of smooth formulas, over the usual ones: right to about 10⁻⁹."""
@@ -118,14 +110,13 @@ def differentiate(
     Shapes (windows, length, 2), (windows, length, 2, 22) and (windows, length, 2, 4).
     """
     tangents = np.zeros((BODY_WIDTH, LANES))
-    volts = inputs.delayed_volts(float(p[at.DELAY]))[0][0]
-    for lane, i in enumerate(ORDER):
-        change = SMALL * at.STEPS[i] * np.eye(at.COUNT)[i]
-        high, low = ((p + e * change).clip(at.LOWEST, shape.highest) for e in (1.0, -1.0))
+    volts = inputs.delayed_volts(float(p[AT["delay"]]))[0][0]
+    for lane, name in enumerate(NAMES):
+        high, low = shape.around(p, name, SMALL)
         bodies = [_body(shape, near, inputs, volts)[:, 0] for near in (high, low)]
-        tangents[:, lane] = (bodies[0] - bodies[1]) / (high[i] - low[i])
+        tangents[:, lane] = (bodies[0] - bodies[1]) / (high[lane] - low[lane])
     angles, by = _run(shape, p, tangents, inputs, starts, length)
-    return angles, by[..., np.argsort(ORDER)], by[..., len(ORDER) :]
+    return angles, by[..., :COUNT], by[..., COUNT:]
 
 
 def _body(shape: Shape, p: Array, inputs: LogInputs, volts: Array) -> Array:
@@ -142,8 +133,8 @@ def _body(shape: Shape, p: Array, inputs: LogInputs, volts: Array) -> Array:
 def _run(
     shape: Shape, p: Array, tangents: Array, inputs: LogInputs, starts: Array, length: int
 ) -> tuple[Array, Array]:
-    volts = inputs.delayed_volts(float(p[at.DELAY]))
-    force = inputs.early_force(float(p[at.FORCE_DELAY]))
+    volts = inputs.delayed_volts(float(p[AT["delay"]]))
+    force = inputs.early_force(float(p[AT["force_delay"]]))
     record = np.empty((len(starts), length, 2))
     by = np.empty((*record.shape, tangents.shape[1]))
     _kernel(paper_clutches=shape.start.has_paper_clutches)(

@@ -1,18 +1,20 @@
 # pyright: standard
 """How well the model describes a log: ρ, the grade, and what may be wrong with the log."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.fit import BLOCK, Fit
 from pter_gym.tools.identification.log import Log, angle_step
+from pter_gym.tools.identification.parameters import AT, SCALES, places
+from pter_gym.tools.identification.score_tests import Difference
 from pter_gym.tools.identification.windows import GAIN
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 EXACT, SIMULATION, NEITHER = "exact", "good for simulation", "neither"
 """Grades: noise explains the residuals; the model leaves little of the force; neither is so."""
@@ -28,15 +30,18 @@ NEGLIGIBLE = 0.005
 SMOOTH = 0.02
 """Time over which residuals are averaged for ρ [s]: errors of forces are smoother."""
 
-MAX_FAR, MAX_DIFFERING = 0.1, 0.25
-"""Largest shares of windows that noise does not explain under an exact model, as some breakaways
-are chance, and of numbers that differ between parts of the log."""
+MAX_FAR = 0.1
+"""Largest share of windows that noise does not explain under an exact model, as some breakaways are
+chance."""
 
 SHOWS_BREAKAWAY = 0.02
 """Change of the breakaway ratio that moves an angle by its noise in windows with a breakaway."""
 
 MAX_EXACT_RHO, MAX_RHO = 0.01, 0.03
 """Largest shares of the force that models leave which are exact, and good for simulation."""
+
+SURE = 2.0
+"""Standard errors of ρ² between ρ and the ends of what may be left."""
 
 OTHER_SIZE, MAX_LISTED = 2.0, 3
 """Factor from the start to all inertias and torques that questions the unit of forces; differences
@@ -54,12 +59,13 @@ class Verdict:
     far, far_breakaways
         Share of them, and of those with a breakaway, whose residuals noise does not explain: a
         wrong law near the breakaway goes into the ratio and leaves little.
-    rho
-        Share of what the force does to the angles that the model leaves.
+    rho, rho_low, rho_high
+        Share of what the force does to the angles that the model leaves, and the ends of its 95 %
+        interval.
     enough
         Whether there are more independent stretches than numbers to identify.
-    differing, differences
-        Share of the searched numbers that differ between parts of the log, and between which.
+    differences
+        The searched numbers that differ between parts of the log.
     left
         Root mean square of the angles that the model leaves in each window [rad].
     hints
@@ -71,20 +77,20 @@ class Verdict:
     far: float
     far_breakaways: float
     rho: float
+    rho_low: float
+    rho_high: float
     enough: bool
-    differing: float
-    differences: Mapping[str, str]
+    differences: Sequence[Difference]
     left: Array
     hints: tuple[str, ...] = ()
 
     @property
     def grade(self) -> str:
-        """One of ``EXACT``, ``SIMULATION`` and ``NEITHER``."""
-        if not self.enough or self.differing > MAX_DIFFERING:
+        """One of ``EXACT``, ``SIMULATION`` and ``NEITHER``: by what is surely left, and may be."""
+        if not self.enough or self.rho_low > MAX_RHO:
             return NEITHER
-        if self.far <= MAX_FAR and self.rho <= MAX_EXACT_RHO:
-            return EXACT
-        return SIMULATION if self.rho <= MAX_RHO else NEITHER
+        exact = self.far <= MAX_FAR and self.rho_high <= MAX_EXACT_RHO
+        return EXACT if exact else SIMULATION
 
     @property
     def sentence(self) -> str:
@@ -92,18 +98,17 @@ class Verdict:
         if not self.enough:
             return f"Nothing is identified: {self.windows} usable windows are too few."
         left = f"it leaves {100 * self.rho:.2g} % of the hand's force unexplained"
+        left += f" ({100 * self.rho_low:.2g} to {100 * self.rho_high:.2g} %)"
         left += f" ({self.gaps} windows with gaps are left out)" if self.gaps else ""
         if self.grade == EXACT:
             far = f"in {100 * self.far:.0f} % of {self.windows} windows, residuals exceed noise"
             return f"The model is exact: {far}; {left}."
         if self.grade == SIMULATION:
             return f"The model is good for simulation: {left}, in {self.windows} windows."
-        if self.differing > MAX_DIFFERING:
-            left += f", and {100 * self.differing:.0f} % of the numbers differ between parts of it"
-        return f"The model does not describe the log, so nothing is identified: {left}."
+        return f"The model does not describe the log: {left}."
 
 
-def judge(fit: Fit, differences: Mapping[str, str], log: Log) -> Verdict:
+def judge(fit: Fit, differences: Sequence[Difference], log: Log) -> Verdict:
     """Return the verdict on a fit, given which numbers differ between which parts of the log."""
     windows, used, residual = fit.windows, fit.windows.used, fit.here.residual
     driven = fit.change(fit.p, windows.harder) / GAIN
@@ -120,25 +125,42 @@ def judge(fit: Fit, differences: Mapping[str, str], log: Log) -> Verdict:
     left, noise, effect = squares(1)
     noise += windows.noise**2
     far = left > FAR**2 * (noise + NEGLIGIBLE**2 * effect)
-    moved = SHOWS_BREAKAWAY * np.abs(fit.here.jacobian[:, :, at.RATIO]).max(axis=1)
-    breakaways = used & (moved > windows.noise) & (at.RATIO in fit.free)
+    breaks = np.abs(fit.here.jacobian[:, :, AT["breakaway_ratio"]]).max(axis=1)
+    breakaways = used & (SHOWS_BREAKAWAY * breaks > windows.noise)
+    breakaways &= "breakaway_ratio" in fit.free
     unexplained = left > FAR**2 * noise
     rows, encoder = max(1, round(SMOOTH / log.interval)), log.angle_step or angle_step(*log.theta.T)
     left, noise, effect, rounding = squares(rows, fit.rounding(encoder))
     noise += rounding + max(windows.noise**2 - encoder**2 / 12.0, 0.0) / rows
-    remains, whole = (float((fit.trust * each)[used].sum()) for each in (left - noise, effect))
+    low, middle, high = share_left(*(used * fit.share * each for each in (left - noise, effect)))
     verdict = Verdict(
         windows=int(used.sum()),
         gaps=windows.gaps,
         far=float(far[used].mean()) if used.any() else 1.0,
         far_breakaways=float(unexplained[breakaways].mean()) if breakaways.any() else 0.0,
-        rho=float(np.sqrt(max(remains, 0.0) / max(whole, 1e-300))),
+        rho=middle,
+        rho_low=low,
+        rho_high=high,
         enough=int(used.sum()) // BLOCK > len(fit.free),
-        differing=len(differences) / max(len(fit.free), 1),
         differences=differences,
         left=np.sqrt(np.maximum(left - noise, 0.0)),
     )
     return replace(verdict, hints=tuple(_hints(fit, log, verdict)))
+
+
+def share_left(left: Array, whole: Array) -> tuple[float, float, float]:
+    """Return the lower end of ρ, ρ, and its upper end, by squares in windows less those of noise.
+
+    The error is that of a ratio of sums over pairs of neighbouring windows.
+    """
+    total = max(float(whole.sum()), 1e-300)
+    squared = float(left.sum()) / total
+    pairs = np.add.reduceat(left - squared * whole, np.arange(0, len(left), BLOCK))
+    error = SURE * float(np.linalg.norm(pairs)) / total
+    middle = max(squared, 0.0)
+    ends = max(middle - error, 0.0), middle, middle + error
+    low, rho, high = (float(np.sqrt(each)) for each in ends)
+    return low, rho, high
 
 
 def _mean_squares(angles: Array, rows: int, length: int) -> Array:
@@ -152,12 +174,12 @@ def _hints(fit: Fit, log: Log, verdict: Verdict) -> Iterator[str]:
     """Yield what may be wrong with a log."""
     if differences := verdict.differences:
         more = len(differences) - MAX_LISTED
-        listed = [f"{name} differs {where}" for name, where in differences.items()][:MAX_LISTED]
+        listed = [f"{each.name} differs {each.where}" for each in differences][:MAX_LISTED]
         where = "; ".join(listed) + (f", and {more} more" if more > 0 else "")
         yield f"Numbers differ between parts of the log, so their intervals are wider: {where}."
     if 0.0 < log.volts.max() <= 1.0:
         yield f"No voltage is above {log.volts.max():.3g} V: are V1 to V4 volts, or shares?"
-    sizes = [i for i in (at.INERTIA_A, at.INERTIA_B, *at.SLOPES) if i in fit.free]
+    sizes = places(n for n in ("inertia_a", "inertia_b", *SCALES) if n in fit.free)
     ratios = np.exp((fit.p - fit.shape.coordinates(fit.shape.start))[sizes])
     if sizes and (ratios.min() > OTHER_SIZE or ratios.max() < 1.0 / OTHER_SIZE):
         yield (

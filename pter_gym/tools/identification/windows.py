@@ -15,7 +15,6 @@ from pter_gym.tools.identification.shooting import MAX_SUBSTEP, LogInputs, make_
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-_NDIMAGE: Any = ndimage
 _SIGNAL: Any = signal
 
 DURATION = 0.2
@@ -189,7 +188,7 @@ def _holding(
     width = 2 * motion.half + 1
     error = motion.noise * np.sqrt(12.0 / width) / (width * log.interval)
     slowest = 6.0 * error + 2e-3
-    near = _NDIMAGE.maximum_filter1d(slip, width, axis=0, mode="nearest")
+    near = ndimage.maximum_filter1d(slip, width, axis=0, mode="nearest")
     held = engaged & (slip < slowest) & (near < 4.0 * slowest)
     return held, (engaged & (slip < 2.0 * slowest) & ~held).any(axis=1)
 

@@ -14,7 +14,7 @@ from pter_gym.params import BASELINE, Arm, Clutch, Machine, TorqueCurve, find_ma
 from pter_gym.params._files import format_machine
 from pter_gym.tools.identification import Identification, Log, identify, quantities, write_log
 from pter_gym.tools.identification.identifying import ASSUMED
-from pter_gym.tools.identification.parameters import COORDINATES, COUNT, FORCE_DELAY, STEPS, Shape
+from pter_gym.tools.identification.parameters import AT, COUNT, NAMES, STEPS, Shape
 from pter_gym.tools.identification.shooting import LogInputs, differentiate, make_inputs, predict
 from pter_gym.tools.identification.verdict import EXACT
 from pter_gym.tools.identification.windows import lagged
@@ -88,7 +88,7 @@ def crossing(clutches: str, lag: str) -> tuple[Shape, np.ndarray, LogInputs, np.
         [rng.uniform(0.4, 1.0, 4), rng.uniform(2.0, 2.5, 4), rng.normal(0.0, 0.5, (4, 2))]
     )
     other = np.zeros(COUNT)
-    other[[19, FORCE_DELAY]] = 0.3, 1.3e-3
+    other[[AT["offset_a"], AT["force_delay"]]] = 0.3, 1.3e-3
     return (
         shape,
         shape.coordinates(machine, 3.3e-3) + other,
@@ -122,11 +122,7 @@ def test_windows_have_the_derivatives_of_central_differences(clutches: str, lag:
         e = step * np.eye(len(p))[i]
         difference = (predicted(p + e, starts) - predicted(p - e, starts)) / (2.0 * step)
         np.testing.assert_allclose(
-            by_p[..., i],
-            difference,
-            rtol=1e-4,
-            atol=400 * 1e-16 / step + 1e-7,
-            err_msg=COORDINATES[i].quantity,
+            by_p[..., i], difference, rtol=1e-4, atol=400 * 1e-16 / step + 1e-7, err_msg=NAMES[i]
         )
     for j, e in enumerate(1e-6 * np.eye(4)):
         difference = (predicted(p, starts + e) - predicted(p, starts - e)) / 2e-6

@@ -7,7 +7,6 @@ and its noise on accelerations does not matter for one.
 """
 
 from itertools import product
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +15,8 @@ from scipy import optimize
 from pter_gym._physics.arm import cos_difference, joint_torque, motion_of, velocity_torque
 from pter_gym._physics.model import model_of
 from pter_gym.params import Machine
-from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.log import Log
-from pter_gym.tools.identification.parameters import Shape
+from pter_gym.tools.identification.parameters import AT, SCALES, Shape, places
 from pter_gym.tools.identification.windows import (
     ENGAGED,
     SLIPPING,
@@ -30,13 +28,11 @@ from pter_gym.tools.identification.windows import (
 
 Array = NDArray[np.float64]
 
-_LINEAR: Any = np.linalg
-_OPTIMIZE: Any = optimize
-
-TIME_CONSTANTS = np.geomspace(0.02, 0.3, 8)
+TIME_CONSTANTS = np.geomspace(0.02, 0.3, 8).tolist()
 DELAYS = (0.0, 0.01, 0.02)
 KNEES = (0.3, 0.45, 0.6, 0.7, 0.8, 0.88)
-"""What is tried: lags and delays [s], knees over the highest voltage at which a clutch slipped."""
+"""Candidate lags and delays [s], and knees as fractions of the highest voltage at which a clutch
+slipped."""
 
 MIN_ROWS, EVERY = 50, 0.006
 """Fewest rows for a regression, and time between those that are used [s]."""
@@ -44,6 +40,15 @@ MIN_ROWS, EVERY = 50, 0.006
 RIDGE, NEGLIGIBLE = 1e-10, 1e-3
 """What keeps normal equations positive definite, over their diagonal; share of the load below which
 a term counts as none."""
+
+LINEAR = (
+    *("inertia_a", "inertia_b", "coupling", "dry_a", "dry_b", "viscous_a", "viscous_b"),
+    *(*SCALES, "curvature"),
+)
+"""Unknowns of the regression, in SI units."""
+
+SIGNED = [LINEAR.index("coupling"), LINEAR.index("curvature")]
+"""Those that may be negative."""
 
 
 def first_estimate(log: Log, motion: Smoothed, shape: Shape) -> Array:
@@ -56,36 +61,38 @@ def first_estimate(log: Log, motion: Smoothed, shape: Shape) -> Array:
     signs = np.sign(omega @ w.T)
     inertial, load = _inertial(log, motion, shape, rows)
     axes = [_both(values * axis) for values in (np.sign(omega), omega) for axis in ([1, 0], [0, 1])]
-    best, grid, found = np.inf, (0.0, 0.0, 0.0), np.zeros(12)
-    for time_constant, delay, share in product(TIME_CONSTANTS, DELAYS, KNEES):
-        volts = np.roll(log.volts, round(delay / log.interval), axis=0)
-        beyond = np.maximum(volts - share * shape.top, 0.0) ** 2
-        linear, above = (signs * lagged(log, v, time_constant)[rows] for v in (volts, beyond))
+    best, (lag, delay, share), found = np.inf, (0.0, 0.0, 0.0), dict.fromkeys(LINEAR, 0.0)
+    for tried in product(TIME_CONSTANTS, DELAYS, KNEES):
+        volts = np.roll(log.volts, round(tried[1] / log.interval), axis=0)
+        beyond = np.maximum(volts - tried[2] * shape.top, 0.0) ** 2
+        linear, above = (signs * lagged(log, v, tried[0])[rows] for v in (volts, beyond))
         slopes = [_both(linear[:, [x]] * w[x]) for x in range(4)]
         table = np.column_stack([*inertial, *axes, *slopes, _both(above @ w)])
         size = np.linalg.norm(table, axis=0) + 1e-12
-        signed = [2, table.shape[1] - 1]  # coupling and curvature may be negative
-        columns = np.column_stack([table / size, -table[:, signed] / size[signed], load])
+        columns = np.column_stack([table / size, -table[:, SIGNED] / size[SIGNED], load])
         normal = columns.T @ columns
         ridge = RIDGE * np.diag(np.diag(normal) + 1e-300)
-        triangle: Array = _LINEAR.cholesky(normal + ridge).T  # far shorter than the columns
-        positive, left = _OPTIMIZE.nnls(triangle[:, :-1], triangle[:, -1])
+        triangle = np.linalg.cholesky(normal + ridge).T  # far shorter than the columns
+        positive, left = optimize.nnls(triangle[:, :-1], triangle[:, -1])
         if left < best:
-            positive[signed] -= positive[len(size) :]
+            positive[SIGNED] -= positive[len(size) :]
             positive[np.abs(positive) < NEGLIGIBLE * np.linalg.norm(load)] = 0.0
-            best, grid, found = left, (time_constant, delay, share), positive[: len(size)] / size
-    inertias, friction, slopes, curvature = np.split(found, [3, 7, 11])
-    for link in np.flatnonzero(inertias[:2] > 0.0):
-        p[link] = np.log(inertias[link])
-        p[[at.DRY[link], at.VISCOUS[link]]] = friction[[link, link + 2]] / inertias[link]
-    if min(inertias[:2]) > 0.0:
-        p[at.COUPLING] = np.clip(inertias[2] / np.sqrt(inertias[0] * inertias[1]), -0.8, 0.8)
-    for place, slope in zip(at.SLOPES, slopes, strict=True):
-        p[place] = np.log(slope) if slope > 0.0 else p[place]
-    p[at.TIME_CONSTANT], p[at.DELAY], p[at.KNEE] = np.log(grid[0]), grid[1], grid[2] * shape.top
-    extra = np.clip(curvature[0] / np.exp(p[list(at.SLOPES)]).mean(), -0.5 / shape.top, 50.0)
-    p[at.EXTRA] = extra * ((1.0 - grid[2]) * shape.top) ** 2
-    return p.clip(at.LOWEST, shape.highest)
+            best, (lag, delay, share) = left, tried
+            found = dict(zip(LINEAR, (positive[: len(size)] / size).tolist(), strict=True))
+    for axis in "ab":
+        if (inertia := found[f"inertia_{axis}"]) > 0.0:
+            p[AT[f"inertia_{axis}"]] = np.log(inertia)
+            for kind in ("dry", "viscous"):
+                p[AT[f"{kind}_{axis}"]] = found[f"{kind}_{axis}"] / inertia
+    if (both := found["inertia_a"] * found["inertia_b"]) > 0.0:
+        p[AT["coupling"]] = np.clip(found["coupling"] / np.sqrt(both), -0.8, 0.8)
+    for name in SCALES:
+        p[AT[name]] = np.log(found[name]) if found[name] > 0.0 else p[AT[name]]
+    p[places(("time_constant", "delay", "knee"))] = np.log(lag), delay, share * shape.top
+    curvature = found["curvature"] / np.exp(p[places(SCALES)]).mean()
+    quadratic = float(np.clip(curvature, -0.5 / shape.top, 50.0))
+    p[AT["curvature"]] = quadratic * ((1.0 - share) * shape.top) ** 2
+    return shape.within(p)
 
 
 def _slipping_rows(log: Log, motion: Smoothed, start: Machine) -> NDArray[np.int64]:
@@ -110,8 +117,8 @@ def _inertial(
     """Return the columns of inertias and coupling, and the load that all columns carry [N·m]."""
     theta, omega, alpha = motion.theta[rows], motion.omega[rows], motion.alpha[rows]
     arm, q = model_of(shape.start).arm._replace(coupling=1.0), motion_of(theta, omega)
-    cos: Any = cos_difference(q)
+    cos = np.asarray(cos_difference(q))
     coupling = cos[:, None] * alpha[:, ::-1] + np.stack(velocity_torque(arm, q), axis=-1)
-    force: Any = smooth_force(log, log.force)[rows].T
-    load = np.stack(joint_torque(arm, q, *force), axis=-1)
+    force_x, force_y = smooth_force(log, log.force)[rows].T
+    load = np.stack(joint_torque(arm, q, force_x, force_y), axis=-1)
     return [_both(alpha * [1.0, 0.0]), _both(alpha * [0.0, 1.0]), _both(coupling)], _both(load)

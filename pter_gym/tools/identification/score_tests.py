@@ -9,22 +9,19 @@ and those of each coordinate in one part of the log only: a number that differs 
 none of the machine's.
 """
 
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.fit import Fit, jackknife, scaled
 from pter_gym.tools.identification.log import Log
-from pter_gym.tools.identification.parameters import COORDINATES
+from pter_gym.tools.identification.parameters import AT, LOWEST, SEARCHES, TERMS, along, places
 from pter_gym.tools.identification.windows import ENGAGED, Smoothed, lagged, slip_rows
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-
-_LINEAR: Any = np.linalg
 
 SIGNIFICANT = 4.5
 """Amount over its standard error from which it counts: 200 tests mistake one log in 700."""
@@ -41,7 +38,7 @@ class Amount(NamedTuple):
 
     value: float
     error: float
-    along: Array
+    instead: Array
 
     @property
     def significance(self) -> float:
@@ -49,9 +46,22 @@ class Amount(NamedTuple):
         return self.value / self.error
 
 
-def test_of(fit: Fit) -> Callable[[Array], Amount]:
+class Difference(NamedTuple):
+    """A number that differs between parts of the log: where, and how far it moves the coordinates.
+
+    ``change`` is the smaller of what its own value in the part and what the rest of the log would
+    change, shape (free,).
+    """
+
+    name: str
+    where: str
+    significance: float
+    change: Array
+
+
+def score_test(fit: Fit) -> Callable[[Array], Amount]:
     """Return a test of changes of the angles (windows, 2·length), at a fit as it is now."""
-    (residual, jacobian), factors, windows = fit.weighed(), fit.factors()[:, None], fit.windows
+    (residual, jacobian), factors, windows = fit.weighed(), fit.factors[:, None], fit.windows
     inputs = (windows.finer, *windows.shaken)
     stepped, *shaken = (factors * fit.change(fit.p, each) for each in inputs)
     columns = jacobian.reshape(-1, jacobian.shape[2])
@@ -59,96 +69,96 @@ def test_of(fit: Fit) -> Callable[[Array], Amount]:
 
     def test(angles: Array) -> Amount:
         change = factors * angles
-        along: Array = _LINEAR.solve(normal, columns.T @ change.ravel() / size) / size
-        own = change - (columns @ along).reshape(change.shape)
+        instead = np.linalg.solve(normal, columns.T @ change.ravel() / size) / size
+        own = change - (columns @ instead).reshape(change.shape)
         weights = np.sum(own**2, axis=1)
         total = float(weights.sum())
         if total <= 1e-9 * float(np.sum(change**2)):
-            return Amount(0.0, np.inf, along)
+            return Amount(0.0, np.inf, instead)
         noise = weights @ (factors[:, 0] * windows.noise) ** 2 + np.sum(own * stepped) ** 2
         noise += np.sum(np.mean(np.sum(own * np.stack(shaken), axis=2) ** 2, axis=0))
         value = -float(np.sum(own * residual)) / total
         changes, _ = jackknife(residual + value * own, own[:, :, None])
         error = max(np.sqrt(noise) / total, np.linalg.norm(changes))
-        return Amount(value, float(error), along)
+        return Amount(value, float(error), instead)
 
     return test
 
 
-def admit_terms(fit: Fit, kept: dict[int, str]) -> None:
+def admit_terms(fit: Fit, kept: dict[str, str]) -> None:
     """Search the terms that the residuals ask for, the most significant first; keep the others.
 
     Adds to ``kept`` why they are: from which size on the log would show them.
     """
-    waiting = [i for i in at.TERMS if i not in fit.free and i not in kept]
+    waiting = [name for name in TERMS if name not in fit.free and name not in kept]
     while waiting:
-        test, tests = test_of(fit), dict[tuple[int, float], Amount]()
-        for i in waiting:
-            if i == at.STRIBECK:
+        test, tests = score_test(fit), dict[tuple[str, float], Amount]()
+        for name in waiting:
+            if name == "stribeck":
                 for size in STRIBECKS:
-                    tests[i, size] = test(fit.change(fit.p + size * np.eye(at.COUNT)[i]))
+                    tests[name, size] = test(fit.change(fit.p + along(name, size)))
             else:
-                tests[i, 1.0] = test(fit.here.jacobian[:, :, i])
-        asked = {each: _asked(each[0], amount) for each, amount in tests.items()}
-        i, size = max(asked, key=lambda each: asked[each])
-        if asked[i, size] < SIGNIFICANT:
-            kept |= {i: _unseen(fit, i, tests) for i in waiting}
+                tests[name, 1.0] = test(fit.here.jacobian[:, :, AT[name]])
+        # a significance below 0 counts only for terms that may be negative
+        asked = {
+            (name, size): abs(amount.significance)
+            if LOWEST[AT[name]] < 0.0
+            else amount.significance
+            for (name, size), amount in tests.items()
+        }
+        name, size = max(asked, key=lambda each: asked[each])
+        if asked[name, size] < SIGNIFICANT:
+            kept |= {each: _why_unseen(fit, each, tests) for each in waiting}
             return
-        fit.p[i] += size if i == at.STRIBECK else tests[i, size].value
-        fit.p = fit.p.clip(at.LOWEST, fit.shape.highest)
-        fit.free = sorted([*fit.free, i])
+        fit.p[AT[name]] += size if name == "stribeck" else tests[name, size].value
+        fit.p = fit.shape.within(fit.p)
+        fit.free.append(name)
         fit.search()
-        waiting.remove(i)
+        waiting.remove(name)
 
 
-def _asked(i: int, amount: Amount) -> float:
-    """Return how significantly residuals ask for a term, some of which cannot be negative."""
-    return abs(amount.significance) if at.LOWEST[i] < 0.0 else amount.significance
-
-
-def _unseen(fit: Fit, i: int, tests: dict[tuple[int, float], Amount]) -> str:
+def _why_unseen(fit: Fit, name: str, tests: Mapping[tuple[str, float], Amount]) -> str:
     """Return why a term is kept, by the tests."""
-    errors = {size: amount.error for (term, size), amount in tests.items() if term == i}
-    if i == at.STRIBECK:
+    errors = {size: amount.error for (term, size), amount in tests.items() if term == name}
+    if name == "stribeck":
         shown = min((v for v, error in errors.items() if SIGNIFICANT * error <= 1.0), default=9.0)
     else:
         shown = SIGNIFICANT * errors[1.0]
-    if not shown < COORDINATES[i].max_error:
-        return COORDINATES[i].unseen
-    unit = {at.STRIBECK: "rad/s", at.FALL_RATIO: "% from 1", at.FORCE_DELAY: "ms"}.get(i, "N·m")
-    scale = {at.FALL_RATIO: 1e2, at.FORCE_DELAY: 1e3}
-    scale |= dict(zip(at.OFFSET, np.exp(fit.p[:2]), strict=True))
-    return f"the log does not ask for it, and would show {scale.get(i, 1.0) * shown:.2g} {unit}"
+    if not shown < SEARCHES[name].max_error:
+        return SEARCHES[name].unseen
+    inertias = np.exp(fit.p[places(("inertia_a", "inertia_b"))])
+    scale, unit = {
+        "stribeck": (1.0, "rad/s"),
+        "fall_ratio": (1e2, "% from 1"),
+        "force_delay": (1e3, "ms"),
+        "off_state": (1.0, "N·m"),
+        "offset_a": (inertias[0], "N·m"),
+        "offset_b": (inertias[1], "N·m"),
+    }[name]
+    return f"the log does not ask for it, and would show {scale * shown:.2g} {unit}"
 
 
-def find_differences(fit: Fit, log: Log, motion: Smoothed) -> dict[str, str]:
-    """Return numbers that differ between parts of the log, and where, most significant first.
-
-    Adds to the fit's spread how far coordinates would go if the number had a value of its own in
-    the part that tells less of it.
-    """
-    differences: list[tuple[float, str, str]] = []
-    parts = list(_parts(fit, log, motion))
+def compare_parts(fit: Fit, parts: Mapping[str, Flags]) -> list[Difference]:
+    """Return the numbers that differ between parts of the log, the most significant first."""
     if not (fit.free and parts):
-        return {}
-    test = test_of(fit)
-    for column, i in enumerate(fit.free):
-        angles = fit.here.jacobian[:, :, i]
-        tests = [(name, test(angles * part[:, None])) for name, part in parts]
-        name, amount = max(tests, key=lambda each: abs(each[1].significance))
-        if abs(amount.significance) >= SIGNIFICANT:
-            differences.append((abs(amount.significance), COORDINATES[i].quantity, name))
-            own = np.eye(len(fit.free))[column] - amount.along
-            change = np.zeros(at.COUNT)
-            change[fit.free] = amount.value * min(
-                own, amount.along, key=lambda way: abs(float(way[column]))
-            )
-            fit.spread = fit.spread + np.outer(change, change)
-    return {quantity: name for _, quantity, name in sorted(differences, reverse=True)}
+        return []
+    test, found = score_test(fit), list[Difference]()
+    for name, way in zip(fit.free, np.eye(len(fit.free)), strict=True):
+        angles = fit.here.jacobian[:, :, AT[name]]
+        tests = {where: test(angles * part[:, None]) for where, part in parts.items()}
+        where, amount = max(tests.items(), key=lambda each: abs(each[1].significance))
+        if (size := abs(amount.significance)) >= SIGNIFICANT:
+            moved = min(way - amount.instead, amount.instead, key=lambda each: abs(each @ way))
+            found.append(Difference(name, where, size, amount.value * moved))
+    return sorted(found, key=lambda each: -each.significance)
+
+
+def parts_of(fit: Fit, log: Log, motion: Smoothed) -> dict[str, Flags]:
+    """Return parts of the windows, by name, in which the model must hold as in the others."""
+    return dict(_parts(fit, log, motion))
 
 
 def _parts(fit: Fit, log: Log, motion: Smoothed) -> Iterator[tuple[str, Flags]]:
-    """Yield parts of the windows, with their names, in which the model must hold as in others."""
     windows, machine = fit.windows, fit.shape.machine(fit.p)
     rows = windows.first[:, None] + np.arange(windows.length + 1)
     behind = lagged(log, log.volts, machine.clutch.time_constant)
