@@ -16,7 +16,7 @@ from oracle.mismatched import late
 from oracle.recorded import RecordedMachine, record
 from pter_gym.params import BASELINE
 from pter_gym.tools.identification import Identification, Log, identify
-from pter_gym.tools.identification.verdict import EXACT, NEITHER
+from pter_gym.tools.identification.verdict import EXACT, NEITHER, SIMULATION, share_left
 from pter_gym.tools.identification.windows import smooth
 
 RUBBING = RecordedMachine(dry=(0.4, 0.3), viscous=(0.2, 0.1))
@@ -70,6 +70,31 @@ def test_a_machine_outside_the_model_is_not_explained(machine: RecordedMachine):
     found = identify(record(machine), BASELINE)
     assert found.verdict.grade == NEITHER
     assert "identified" not in states(found)
+
+
+@pytest.mark.slow
+def test_numbers_that_hold_are_given_where_others_suffer():
+    """Residual magnetism of 3 % makes dry friction of the axes grow; the inertias are right."""
+    machine = replace(RUBBING, remanence=0.03)
+    found = identify(record(machine), BASELINE)
+    assert found.verdict.grade == SIMULATION
+    assert "dry_a differs between the halves of the log" in found.verdict.hints[0]
+    told = {finding.quantity.name: finding for finding in found.findings}
+    assert told["inertia_a"].status == told["inertia_b"].status == "identified"
+    for name, true in true_values(machine).items():
+        assert told[name].low <= true <= told[name].high, name
+
+
+def test_what_may_be_left_has_an_error_of_its_own():
+    """A log with ten times the noise in the same windows shows less, and never a better model."""
+    rng = np.random.default_rng(0)
+    whole, left = np.ones(400), np.full(400, 4e-4)
+    low, rho, high = share_left(left, whole)
+    assert (low, rho, high) == pytest.approx((0.02, 0.02, 0.02))
+    noisy = share_left(left + 4e-3 * rng.standard_normal(400), whole)
+    assert noisy[0] < 0.02 < noisy[2]
+    nothing = share_left(-left, whole)
+    assert nothing[:2] == (0.0, 0.0)
 
 
 @pytest.mark.slow
