@@ -72,7 +72,7 @@ def test_labels_follow_one_rule():
     """A claim that every machine meets would follow from the equations; one that was in the
     calibration's objective is a calibration, whatever its number."""
     left = {statement.id: statement for statement in STATEMENTS}
-    for setup in [without_coupling(), *map(other_setup, (0, 2, 4, 34, 44))]:
+    for setup in [without_coupling(), *map(other_setup, (0, 6))]:
         left = {
             claim.statement.id: claim.statement
             for claim in check(Experiments(setup), left.values())
