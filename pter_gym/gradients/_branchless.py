@@ -128,6 +128,13 @@ def _parsed(function: FunctionType) -> ast.Module:
     return tree
 
 
+Columns = Any
+"""Rows of numbers (rows, N) of any kind, as a stage reads and writes them."""
+
+Stage = Callable[..., Any]
+"""A function of ``Columns`` and the number of a column."""
+
+
 class Column:
     """A column of an array, as a stage reads and writes it, of any kind of number.
 
