@@ -17,7 +17,7 @@ from pter_gym._commands.main import main
 from pter_gym.envs import PathFollowingVectorEnv
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.paths import Circle
-from pter_gym.policies import read_policy
+from pter_gym.policies import _files, read_policy
 from pter_gym.scenarios import PACES
 
 pytestmark = pytest.mark.agents
@@ -132,13 +132,14 @@ def test_settings_are_checked() -> None:
         replace(arguments(1), seed=-1)
 
 
-@pytest.mark.parametrize("hidden", [[8] * 8, [1024] * 7])
+@pytest.mark.parametrize(("hidden", "most"), [([8] * 8, 1 << 24), ([8], 1000)])
 def test_unexportable_trainings_are_refused_at_once(
-    hidden: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    hidden: list[int], most: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from pter_agents.ppo import PPO, train
 
     monkeypatch.setattr(PPO, "advance", lambda _: pytest.fail("it trains"))
+    monkeypatch.setattr(_files, "MAX_FILE", most)
     with pytest.raises(ParameterError, match=r"hidden|layers"):
         train(arguments(1, "ppo", hidden=hidden), tmp_path / "run")
     assert not (tmp_path / "run" / "run.json").exists()
@@ -178,7 +179,7 @@ def test_a_loss_that_is_not_finite_raises() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("algorithm", ["ppo", "residual"])
+@pytest.mark.parametrize("algorithm", ["ppo", pytest.param("residual", marks=pytest.mark.long)])
 def test_an_exported_policy_acts_as_in_training(algorithm: str) -> None:
     import jax
 
@@ -281,7 +282,7 @@ def test_circles_are_frequent_in_training_and_as_the_scenario_has_them_elsewhere
     from pter_gym.scenarios.distributions import Draws
 
     def share(draws: Draws) -> float:
-        return float(np.mean([isinstance(task.path, Circle) for _, task in draws.pairs(600)]))
+        return float(np.mean([isinstance(task.path, Circle) for _, task in draws.pairs(150)]))
 
     for scenario in ("paths", "all"):
         given = replace(arguments(1), scenario=scenario)

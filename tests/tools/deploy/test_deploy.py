@@ -128,16 +128,8 @@ def held_policy() -> Any:
     return replace(policy, interface=replace(policy.interface, frame_skip=3))
 
 
-LAWS = (
-    "impedance",
-    "torque-feedback",
-    "single-dof",
-    "velocity-ratio",
-    "locked",
-    *TUNED,
-    "ppo-standard",
-    "residual",
-)
+LAWS = ("impedance", "torque-feedback", "velocity-ratio", "single-dof-tuned", "residual")
+MORE_LAWS = sorted({"single-dof", "locked", *TUNED, "ppo-standard"} - {*LAWS})
 SMALLER = [
     ("torque-feedback-tuned", "float", "float"),
     ("residual", "float", "float"),
@@ -147,7 +139,12 @@ SMALLER = [
 
 @needs_compiler
 @pytest.mark.parametrize(
-    ("name", "numbers", "weights"), [*((name, "double", "float") for name in LAWS), *SMALLER]
+    ("name", "numbers", "weights"),
+    [
+        *((name, "double", "float") for name in LAWS),
+        *(pytest.param(name, "double", "float", marks=pytest.mark.long) for name in MORE_LAWS),
+        *SMALLER,
+    ],
 )
 def test_a_program_gives_pythons_actions_on_ten_thousand_observations(
     name: str, numbers: Any, weights: Any, recorded: Any, tmp_path: Path
