@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pter_gym._internal.checks import builtin, is_finite
 from pter_gym._internal.files import TABLE_ENDINGS, FilePath, has_ending
@@ -28,6 +29,7 @@ from pter_gym.paths._arcs import (
 )
 from pter_gym.paths._names import PATH_NAMES
 
+Complexes = NDArray[np.complex128]
 Points = tuple[tuple[float, float], ...]
 
 MAX_POINTS = 4096
@@ -185,7 +187,7 @@ class Spline(Path):
         return found[-1]
 
 
-def smoothed(knots: Sequence[float], points: Any, distance: float) -> Any:
+def smoothed(knots: Sequence[float], points: Complexes, distance: float) -> Complexes:
     """Return waypoints x + iy, (N,), moved by a root mean square distance in x and in y [m].
 
     A natural cubic spline through them has the smallest integral of squared second derivatives
@@ -204,9 +206,9 @@ def smoothed(knots: Sequence[float], points: Any, distance: float) -> Any:
     squares[1, 1:] = middle[:-1] * left[1:] + right[:-1] * middle[1:]
     squares[0, 2:] = right[:-2] * left[2:]
 
-    def moves(log_weight: float) -> Any:
+    def moves(log_weight: float) -> Complexes:
         weight = math.exp(log_weight)
-        second = cast(Any, linalg.solveh_banded(spline + weight * squares, weight * bends))
+        second = cast("Complexes", linalg.solveh_banded(spline + weight * squares, weight * bends))
         moved = np.zeros_like(points)
         for k, factor in enumerate((left, middle, right)):
             moved[k : k + len(second)] += factor * second
@@ -219,7 +221,7 @@ def smoothed(knots: Sequence[float], points: Any, distance: float) -> Any:
         return points
     if excess(WEIGHTS[1]) <= 0.0:
         return points - moves(WEIGHTS[1])
-    return points - moves(cast(Any, optimize.brentq(excess, *WEIGHTS, xtol=1e-9)))
+    return points - moves(cast("float", optimize.brentq(excess, *WEIGHTS, xtol=1e-9)))
 
 
 @dataclass(frozen=True, kw_only=True)
