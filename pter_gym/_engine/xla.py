@@ -19,6 +19,7 @@ import numba
 import numpy as np
 from jax import lax, numpy as jnp
 from jax.core import Tracer
+from jax.sharding import SingleDeviceSharding
 from numba import types
 from numpy.typing import NDArray
 
@@ -385,22 +386,24 @@ def words_of(numbers: NDArray[Any]) -> jax.Array:
 
 
 def on_cpu(arrays: Any) -> Any:
-    """Return arrays on JAX's CPU device, where kernels run; what is traced stays as it is.
+    """Return arrays on JAX's CPU device, where kernels run.
 
-    Where the CPU is JAX's default, they stay too. Elsewhere they are committed to it, so
-    what is computed with them, also in ``jit``, is computed there.
+    Where the CPU is JAX's default, they stay as they are, and where a mesh has devices of its own.
+    Elsewhere they are committed to it, so what is computed with them is computed there; where they
+    are traced, so is all of the ``jit``.
 
     Raises
     ------
     ParameterError
         If JAX has no CPU device.
     """
-    if jax.default_backend() == "cpu":
+    if jax.default_backend() == "cpu" or not jax.sharding.get_abstract_mesh().empty:
         return arrays
-    cpu, tracer = cpu_device(), cast("type", Tracer)
+    here, tracer = SingleDeviceSharding(cpu_device()), cast("type", Tracer)
 
     def placed(array: Any) -> Any:
-        return array if isinstance(array, tracer) else jax.device_put(array, cpu)
+        place = lax.with_sharding_constraint if isinstance(array, tracer) else jax.device_put
+        return place(array, here)
 
     return jax.tree.map(placed, arrays)
 

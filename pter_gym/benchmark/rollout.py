@@ -95,9 +95,14 @@ def _recorded(
 
 
 def bind_to(policy: AnyPolicy, episodes: Episodes) -> Policy:
-    """Return a policy bound to the nominal machine of episodes, with the sensors that it needs."""
+    """Return a policy bound to the nominal machine of episodes, with the sensors that it needs.
+
+    Raises a ParameterError also if it cannot act at their control period.
+    """
     layout = observation_layout(episodes.machines[0], sensors_of(policy))
-    return bind(policy, episodes.nominal, layout)
+    acting = bind(policy, episodes.nominal, layout)
+    acting.check_period(episodes.tasks[0].control_period)
+    return acting
 
 
 def evaluate(

@@ -7,7 +7,8 @@ layout)``, which returns a policy for a nominal machine and the observations tha
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from functools import partial
+from typing import Any, NamedTuple, Protocol, Self, SupportsIndex, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -69,6 +70,10 @@ class Policy:
         The compiled law, if it is one.
     name
         Its name in errors and warnings.
+    control_period
+        The only control period at which it may act [s]; None for any.
+    made
+        Makes it again in another process, for ``pickle``.
     """
 
     layout: Layout
@@ -78,6 +83,24 @@ class Policy:
     any_frame_skip: bool = True
     law: CompiledLaw | None = None
     name: str = "policy"
+    control_period: float | None = None
+    made: "Callable[[], Policy] | None" = None
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> str | tuple[Any, ...]:
+        """Return how it is made, since what acts cannot be pickled."""
+        return (self.made, ()) if self.made else super().__reduce_ex__(protocol)
+
+    def __deepcopy__(self, memo: object) -> Self:
+        """Return itself, which nothing changes."""
+        return self
+
+    def check_period(self, period: float) -> None:
+        """Raise a ParameterError unless it may act at a control period [s]."""
+        if self.control_period not in (None, period):
+            raise ParameterError(
+                f"control_period must be that of the policy, {self.control_period:g} s, "
+                f"got {period:g}"
+            )
 
     def volts(self, observations: Observations, memory: Any, machine: Machine) -> Volts:
         """Return what ``act`` does, within the range of a machine's drive, (N, clutches).
@@ -123,6 +146,7 @@ class Policy:
         memory: type[Any] = Memory,
         more_memory: int = 0,
         frame_skip: int | None = None,
+        control_period: float | None = None,
     ) -> "Policy":
         """Return the policy that a compiled law is.
 
@@ -143,6 +167,8 @@ class Policy:
             Numbers that follow this record.
         frame_skip
             Control steps for which the voltages are held; by default, any number will do.
+        control_period
+            The only control period at which it may act [s]; by default, any will do.
         """
         numbers, scales = np.asarray(gains, np.float64), layout.scales
         clutches, top = len(machine.clutches), machine.clutch.voltage_max
@@ -177,6 +203,18 @@ class Policy:
             1 if frame_skip is None else whole_number("frame_skip", frame_skip),
             frame_skip is None,
             CompiledLaw(function, numbers),
+            control_period=control_period,
+            made=partial(
+                cls.of_law,
+                function,
+                numbers,
+                machine,
+                layout,
+                memory=memory,
+                more_memory=more_memory,
+                frame_skip=frame_skip,
+                control_period=control_period,
+            ),
         )
 
     @classmethod
@@ -221,7 +259,8 @@ class Policy:
 
         name: str = getattr(function, "__name__", type(function).__name__)
         skip = 1 if frame_skip is None else whole_number("frame_skip", frame_skip)
-        return cls(layout, act, begin, skip, frame_skip is None, name=name)
+        made = partial(cls.of_function, function, layout, start=start, frame_skip=frame_skip)
+        return cls(layout, act, begin, skip, frame_skip is None, name=name, made=made)
 
 
 AnyPolicy = Controller | Policy | Callable[[Observations], Any]

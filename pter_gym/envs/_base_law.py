@@ -24,7 +24,7 @@ from pter_gym.tasks.path_following._telemetry import COLUMN, COLUMNS
 REACH = 8.0
 """Default voltage of a correction of 1 [V]."""
 
-PAY: Any = [*COLUMN.terms, COLUMN.reward]
+PAY = [int(column) for column in (*COLUMN.terms, COLUMN.reward)]
 """Columns of the telemetry that add up over the control steps of an action."""
 
 Mask = NDArray[np.bool_]

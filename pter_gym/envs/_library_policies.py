@@ -1,6 +1,8 @@
 """Models trained with learning libraries, as policies; none of these libraries is imported here."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, NamedTuple, get_args
 
@@ -98,17 +100,20 @@ def from_actions(
         If it is not an environment of this package, a wrapper changes observations or actions, or
         ``frame_skip`` is not a whole number ≥ 1.
     """
-
-    def predict(observations: Observations, **_: Any) -> tuple[Any, None]:
-        actions = act(observations)
-        return (actions.detach().cpu().numpy() if hasattr(actions, "detach") else actions), None
-
     spaces_of = {
         name: getattr(env, f"single_{name}", getattr(env, name, None))
         for name in ("observation_space", "action_space")
     }
-    model = SimpleNamespace(predict=predict, **spaces_of)
+    model = SimpleNamespace(predict=partial(_predict, act), **spaces_of)
     return from_sb3(model, frame_skip=frame_skip, env=env)
+
+
+def _predict(
+    act: Callable[[Observations], Any], observations: Observations, **_: object
+) -> tuple[Any, None]:
+    """Return what a function returns as ``predict`` of a model does."""
+    actions = act(observations)
+    return (actions.detach().cpu().numpy() if hasattr(actions, "detach") else actions), None
 
 
 class LibraryPolicy:
@@ -126,6 +131,7 @@ class LibraryPolicy:
         self, model: Any, normalise: Normalise, frame_skip: int, env: Any, base: Any = None
     ) -> None:
         (layout,) = attributes(env, "observation_layout")
+        (self._control_period,) = attributes(env, "control_period")
         machine = nominal_machine(attributes(env, "nominal_machine"))
         self._bounds = bounds_of_actions(env, layout, machine)
         self._clutches = len(machine.clutches)
@@ -158,7 +164,9 @@ class LibraryPolicy:
         clutches = [clutch.row for clutch in machine.clutches]
         accepted = f"{self._clutches}, as the model's actions"
         require(len(clutches) == self._clutches, machine, "clutches", accepted, got=clutches)
-        return self._policy(machine, layout)
+        made = partial(self.bind, machine, layout)
+        policy = self._policy(machine, layout)
+        return replace(policy, control_period=self._control_period, made=made)
 
     def _policy(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy whose actions stand for voltages."""
@@ -261,14 +269,16 @@ def _has_statistics(wrapper: Any) -> bool:
 def _normalising(wrapper: Any) -> Normalise:
     """Return a function that normalises as a wrapper does, whose statistics it does not change."""
     if wrapper is None:
-        return lambda obs: obs
+        return np.asarray
     if not _has_statistics(wrapper):
         raise ParameterError(
             f"vec_normalize must be a VecNormalize or a NormalizeObservation, got {wrapper!r}"
         )
     if hasattr(wrapper, "normalize_obs"):
         return wrapper.normalize_obs
-    statistics = wrapper.obs_rms
-    return lambda obs: ((obs - statistics.mean) / np.sqrt(statistics.var + wrapper.epsilon)).astype(
-        np.float32
-    )
+    return partial(_normalised, wrapper.obs_rms, wrapper.epsilon)
+
+
+def _normalised(statistics: Any, epsilon: float, obs: Observations) -> Observations:
+    scaled = (obs - statistics.mean) / np.sqrt(statistics.var + epsilon)
+    return scaled.astype(np.float32)

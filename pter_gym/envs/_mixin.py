@@ -176,6 +176,11 @@ class WorldsMixin:
         return self.batch.frame_skip
 
     @property
+    def control_period(self) -> float:
+        """Time between two control steps [s]."""
+        return self.batch.task.control_period
+
+    @property
     def observation_layout(self) -> Layout:
         """Names, units and scales of the observation's entries."""
         return self.batch.layout

@@ -56,8 +56,8 @@ class ActingPolicy:
     ------
     ParameterError
         If the environment is not one of this package, a wrapper changes observations or actions, or
-        the policy needs something that the observations lack, or another ``frame_skip``, or the
-        environment has a base.
+        the policy needs something that the observations lack, or another ``frame_skip`` or
+        ``control_period``, or the environment has a base.
     """
 
     def __init__(self, policy: AnyPolicy, env: Any) -> None:
@@ -82,6 +82,8 @@ class ActingPolicy:
                 f"env must have the frame_skip of the policy, {frame_skip}, got {skip}: "
                 f"make it with frame_skip={frame_skip}"
             )
+        for period in attributes(env, "control_period"):
+            self._policy.check_period(period)
         self._episodes = np.arange(self._worlds)
         self._memory = self._policy.start(self._worlds)
 

@@ -4,9 +4,9 @@
 kernel, and ``jax.jit`` and ``jax.lax.scan`` take them as they are. A world with seed s goes through
 the same episodes, bit for bit, as one of ``gymnasium.make_vec`` with that seed.
 
-Worlds run on the CPU. If JAX has a GPU too, networks may use it: ``default_params`` are committed
-to the CPU, so a function that ``jit`` compiles runs there if it gets them, or a state, as an
-argument. Actions that were committed to the GPU are brought over with ``jax.device_put``.
+Worlds run on the CPU, and so does a function with a step that ``jit`` compiles. If JAX has a GPU
+too, networks may use it in functions of their own; what was committed to the GPU is brought over
+with ``jax.device_put``.
 """
 
 from functools import cache, partial

@@ -6,7 +6,7 @@ to a base law's voltages (a residual policy), or they are the environments' norm
 actions.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -23,6 +23,7 @@ from pter_gym.params import (
     require_number,
     require_whole,
 )
+from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.tasks.path_following._actions import volts_of
 
 MAX_DELAY = 64
@@ -94,6 +95,8 @@ class Interface:
         Largest voltage of the clutches that it was trained with [V].
     clutches
         Rows of W of these clutches.
+    control_period
+        Control period of its training [s].
     """
 
     inputs: tuple[Input, ...]
@@ -105,12 +108,13 @@ class Interface:
     frame_skip: int = 1
     voltage_max: float = BASELINE.clutch.voltage_max
     clutches: Rows = clutch_rows(BASELINE)
+    control_period: float = field(default=PathFollowing.control_period, metadata={"later": True})
 
     def __post_init__(self) -> None:
         """Check each field by itself."""
         known = {type(each) for each in self.inputs} == {Input} and len(self.inputs) <= MAX_INPUTS
         require(known, self, "inputs", f"1 to {MAX_INPUTS} inputs")
-        for name in ("reach", "voltage_max"):
+        for name in ("reach", "voltage_max", "control_period"):
             require_number(self, name, above=0.0)
         require_kind(self, "base", PaceSchedule, type(None))
         require_flag(self, "normalised")

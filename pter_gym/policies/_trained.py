@@ -130,6 +130,7 @@ class TrainedPolicy:
             layout,
             more_memory=memory_width(network) - LAW_WIDTH,
             frame_skip=interface.frame_skip,
+            control_period=interface.control_period,
         )
 
     def _gains(

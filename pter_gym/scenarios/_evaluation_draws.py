@@ -18,11 +18,13 @@ FRESH, FRESH_RESETS, FRESH_ORDER = 20261121, 20261122, 20261123
 """Where the seeds of a seed's test episodes begin, of their resets, and of their order."""
 
 
-Episode = tuple[Machine, PathFollowing, str]
+StratifiedPair = tuple[Machine, PathFollowing, str]
 """A machine, a task, and the stratum within which bootstrap intervals resample."""
 
 
-def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -> list[Episode]:
+def evaluation_draws(
+    scenario: Scenario, fresh: tuple[int, str] | None = None
+) -> list[StratifiedPair]:
     """Return test episodes of a scenario, always the same for the same seed.
 
     The phases of the hand's sines are drawn here, so the reset's seed only determines the sensor
@@ -51,7 +53,7 @@ def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -
     for place, k in reversed(list(enumerate(order))):
         free.setdefault(in_order[int(k)][2], []).append(place)
     rng = _fresh_rng(FRESH, scenario, fresh)
-    episodes: dict[int, Episode] = {}
+    episodes: dict[int, StratifiedPair] = {}
     while len(episodes) < len(in_order):
         episode = _finished(scenario, draws.draw(rng), rng)
         if places := free.get(episode[2]):
@@ -65,7 +67,7 @@ def fresh_reset_seeds(scenario: Scenario, fresh: tuple[int, str]) -> list[int]:
     return rng.integers(2**63, size=scenario.episodes).tolist()
 
 
-def _finished(scenario: Scenario, pair: Pair, rng: np.random.Generator) -> Episode:
+def _finished(scenario: Scenario, pair: Pair, rng: np.random.Generator) -> StratifiedPair:
     """Return a pair with its stratum and with the phases that its hand would draw on a reset."""
     machine, task = pair
     if isinstance(task.hand, (MultiSineHand, HumanArm)) and task.hand.random_phases:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
-from typing import Any, Generic, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Generic, Protocol, TypeGuard, TypeVar, cast
 
 import numpy as np
 
@@ -29,7 +29,11 @@ from pter_gym.scenarios._paces import find_pace
 from pter_gym.tasks.path_following import PathFollowing, check_machine
 from pter_gym.tasks.path_following._specification import check_motion
 
-Drawn = TypeVar("Drawn")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Drawn = TypeVar("Drawn", bound="DataclassInstance")
+Value_co = TypeVar("Value_co", covariant=True)
 Pair = tuple[Machine, PathFollowing]
 
 TRIES = 200
@@ -40,31 +44,35 @@ ROOM = 1.5
 its start."""
 
 
-class Distribution(Protocol):
+class Distribution(Protocol[Value_co]):
     """A distribution that a value is drawn from."""
 
-    def draw(self, rng: np.random.Generator) -> Any:
+    def draw(self, rng: np.random.Generator) -> Value_co:
         """Return a value drawn with a generator."""
         ...
 
-    def extremes(self) -> Sequence[Any]:
+    def extremes(self) -> Sequence[Value_co]:
         """Return the extreme values of the distribution."""
         ...
 
 
-def drawn(value: Any, rng: np.random.Generator) -> Any:
+def _is_distribution(value: object) -> TypeGuard[Distribution[object]]:
+    return hasattr(value, "draw")
+
+
+def drawn(value: object, rng: np.random.Generator) -> object:
     """Return a draw from a distribution or from each entry of a tuple, or the value itself."""
     if isinstance(value, tuple):
-        return tuple(drawn(item, rng) for item in cast("tuple[Any, ...]", value))
-    return value.draw(rng) if hasattr(value, "draw") else value
+        return tuple(drawn(item, rng) for item in cast("tuple[object, ...]", value))
+    return value.draw(rng) if _is_distribution(value) else value
 
 
-def extremes(value: Any) -> Sequence[Any]:
+def extremes(value: object) -> Sequence[object]:
     """Return a distribution's extremes, tuples of all first and all last ones, or the value."""
     if isinstance(value, tuple):
-        ends = [extremes(item) for item in cast("tuple[Any, ...]", value)]
+        ends = [extremes(item) for item in cast("tuple[object, ...]", value)]
         return [tuple(values[place] for values in ends) for place in (0, -1)]
-    return value.extremes() if hasattr(value, "draw") else [value]
+    return value.extremes() if _is_distribution(value) else [value]
 
 
 @dataclass(frozen=True)
@@ -107,8 +115,8 @@ class LogUniform(_Range):
 class Shared:
     """A tuple of ``count`` products: one shared factor times an individual factor each."""
 
-    common: Distribution
-    individual: Distribution
+    common: Distribution[float]
+    individual: Distribution[float]
     count: int
 
     def draw(self, rng: np.random.Generator) -> tuple[float, ...]:
@@ -129,17 +137,17 @@ class Shared:
 class OneOf:
     """One of several values, distributions or tuples of them, all equally likely."""
 
-    options: tuple[Any, ...]
+    options: tuple[object, ...]
 
     def __post_init__(self) -> None:
         """Check that there is an option."""
         require(len(self.options) > 0, self, "options", "at least one option")
 
-    def draw(self, rng: np.random.Generator) -> Any:
+    def draw(self, rng: np.random.Generator) -> object:
         """Return an option, or a draw from it."""
         return drawn(self.options[int(rng.integers(len(self.options)))], rng)
 
-    def extremes(self) -> Sequence[Any]:
+    def extremes(self) -> Sequence[object]:
         """Return the extremes of all options."""
         return [end for option in self.options for end in extremes(option)]
 
@@ -161,7 +169,7 @@ class Vary(Generic[Drawn]):
         fields together. The message names the field.
     """
 
-    def __init__(self, template: Drawn, **fields: Any) -> None:
+    def __init__(self, template: Drawn, **fields: object) -> None:
         self.template = template
         self.fields = fields
         known = getattr(template, "__dataclass_fields__", {})
@@ -174,17 +182,14 @@ class Vary(Generic[Drawn]):
 
     def draw(self, rng: np.random.Generator) -> Drawn:
         """Return the template with its drawn fields."""
-        return cast(
-            Drawn,
-            replace(cast(Any, self.template), **{k: drawn(v, rng) for k, v in self.fields.items()}),
-        )
+        return replace(self.template, **{k: drawn(v, rng) for k, v in self.fields.items()})
 
     def extremes(self) -> Sequence[Drawn]:
         """Return draws with one field at an end, and with all at their first and last ends."""
         ends = {name: extremes(field) for name, field in self.fields.items()}
         variants = [{name: end} for name, values in ends.items() for end in values]
         variants += [{name: values[place] for name, values in ends.items()} for place in (0, -1)]
-        return [cast(Drawn, replace(cast(Any, self.template), **change)) for change in variants]
+        return [replace(self.template, **change) for change in variants]
 
     @property
     def middle(self) -> Drawn:
@@ -192,13 +197,13 @@ class Vary(Generic[Drawn]):
         known = {
             name: middle(value, getattr(self.template, name)) for name, value in self.fields.items()
         }
-        return cast(Drawn, replace(cast(Any, self.template), **known))
+        return replace(self.template, **known)
 
     def __eq__(self, other: object) -> bool:
         """Return whether both draw the same fields of the same dataclass from the same values."""
         if not isinstance(other, Vary):
             return NotImplemented
-        theirs = cast("Vary[Any]", other)
+        theirs = cast("Vary[DataclassInstance]", other)
         ours = (self.template, *self.fields.items())
         return ours == (theirs.template, *theirs.fields.items())
 
@@ -212,10 +217,10 @@ class Vary(Generic[Drawn]):
         return f"Vary({self.template!r}{fields})"
 
 
-def middle(value: Any, usual: Any) -> Any:
+def middle(value: object, usual: object) -> object:
     """Return a value; of a ``Vary`` its middle, and of what else draws several values the usual."""
     if isinstance(value, Vary):
-        return cast("Vary[Any]", value).middle
+        return cast("Vary[DataclassInstance]", value).middle
     first, *others = extremes(value)
     return usual if any(other != first for other in others) else first
 
@@ -245,7 +250,7 @@ class Draws(Checked):
     def __post_init__(self) -> None:
         """Check the draws that are mixed in."""
         super().__post_init__()
-        also, instead = cast(Any, self.also), cast("object", self.instead)
+        also, instead = cast("object", self.also), cast("object", self.instead)
         components = cast("tuple[object, ...]", also) if isinstance(also, tuple) else (also,)
         mixed = all(isinstance(draws, Draws) for draws in components)
         require(mixed, self, "also", "a tuple of Draws")
@@ -264,13 +269,14 @@ class Draws(Checked):
         Of a ``MachineSpread`` that is its machine, of a ``Vary`` its template, of mixed draws that
         of the first part.
         """
-        return middle(self.machine if self.instead is None else self.instead, BASELINE)
+        machine = middle(self.machine if self.instead is None else self.instead, BASELINE)
+        return cast("Machine", machine)
 
     def map_components(self, change: "Callable[[Draws], Draws]") -> "Draws":
         """Return these draws and those mixed in, each changed by a function."""
         return replace(change(self), also=tuple(map(change, self.also)))
 
-    def with_task(self, **values: Any) -> "Draws":
+    def with_task(self, **values: object) -> "Draws":
         """Return draws whose tasks have other values in fields that are not drawn.
 
         Raises
@@ -291,7 +297,7 @@ class Draws(Checked):
 
         return self.map_components(changed) if values else self
 
-    def at_pace(self, pace: "float | str | Distribution | None") -> "Draws":
+    def at_pace(self, pace: "float | str | Distribution[object] | None") -> "Draws":
         """Return draws at a commanded pace [m/s], its name or its distribution; None: as drawn.
 
         Raises
@@ -301,7 +307,7 @@ class Draws(Checked):
         """
         if pace is None:
             return self
-        commanded = pace if hasattr(pace, "draw") else find_pace(cast("float | str", pace))
+        commanded = pace if _is_distribution(pace) else find_pace(cast("float | str", pace))
 
         def changed(draws: Draws) -> Draws:
             varied = draws.varied_task
@@ -311,7 +317,7 @@ class Draws(Checked):
         return self.map_components(changed)
 
     def pairs(
-        self, n: int = 512, seed: int = 0, pace: "float | str | Distribution | None" = None
+        self, n: int = 512, seed: int = 0, pace: "float | str | Distribution[object] | None" = None
     ) -> list[Pair]:
         """Return ``n`` pairs, the same for the same seed.
 
@@ -339,11 +345,13 @@ class Draws(Checked):
             weighted = [draws for draws in (self, *self.also) for _ in range(draws.weight)]
             return replace(weighted[int(rng.integers(len(weighted)))], also=()).draw(rng)
         for attempt in range(TRIES):
-            machine, task = drawn(self.machine, rng), drawn(self.task, rng)
-            machine = machine if self.instead is None else drawn(self.instead, rng)
-            for name, value, kind in (("machine", machine, Machine), ("task", task, PathFollowing)):
+            parts = {"machine": drawn(self.machine, rng), "task": drawn(self.task, rng)}
+            if self.instead is not None:
+                parts["machine"] = drawn(self.instead, rng)
+            for name, kind in (("machine", Machine), ("task", PathFollowing)):
                 accepted = f"a {kind.__name__}, or draw one"
-                require(isinstance(value, kind), self, name, accepted)
+                require(isinstance(parts[name], kind), self, name, accepted)
+            machine, task = cast("Pair", (*parts.values(),))
             margin = ROOM * task.singularity_margin
             try:
                 check_machine(replace(task, singularity_margin=margin), machine)

@@ -1,5 +1,7 @@
 """A base under the action: bits, contracts, storage and errors at all doors."""
 
+import copy
+import pickle
 import warnings
 from typing import Any
 
@@ -10,6 +12,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
 import pter_gym
+from pter_gym.benchmark import from_actions
 from pter_gym.envs import PathFollowingEnv, PathFollowingVectorEnv
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.tasks.path_following import COLUMN
@@ -111,6 +114,50 @@ def test_a_world_that_begins_again_leaves_the_law_of_the_others() -> None:
     found = np.concatenate([rows[1][0], rows[1][1][1:]])[:, ~chosen]
     np.testing.assert_array_equal(found, others)
     np.testing.assert_array_equal(np.array(rows[1][1])[:, chosen], np.array(rows[1][0])[:, chosen])
+
+
+COPIES = (copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each)))
+
+
+@pytest.mark.parametrize("again", COPIES, ids=["deepcopy", "pickle"])
+def test_copies_of_the_worlds_go_on_alike(again: Any) -> None:
+    env = PathFollowingVectorEnv(WORLDS, base=BASE, **SHORT)
+    env.reset(seed=0)
+    for given in actions(3):
+        env.step(given)
+    other = again(env)
+    for given in actions(3, 1):
+        np.testing.assert_array_equal(env.step(given)[0], other.step(given)[0])
+
+
+def volts_of_rows(obs: np.ndarray) -> np.ndarray:
+    return np.abs(obs[:, :4])
+
+
+def no_correction(obs: np.ndarray) -> np.ndarray:
+    return np.zeros((len(obs), 4), np.float32)
+
+
+POLICIES: dict[str, Any] = {
+    "a network": lambda: "residual",
+    "a law": lambda: BASE,
+    "random": lambda: "random",
+    "a function": lambda: volts_of_rows,
+    "a model": lambda: from_actions(no_correction, PathFollowingEnv(frame_skip=1)),
+    "with a base": lambda: from_actions(no_correction, PathFollowingEnv(base=BASE)),
+}
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+@pytest.mark.parametrize("again", COPIES, ids=["deepcopy", "pickle"])
+def test_copies_of_a_loaded_policy_act_alike(policy: str, again: Any) -> None:
+    env = PathFollowingEnv(scenario="standard", contexts=8, frame_skip=1)
+    obs, _ = env.reset(seed=0)
+    law = pter_gym.load_policy(POLICIES[policy](), env)
+    law(obs)
+    other = again(law)
+    for _ in range(2):
+        np.testing.assert_array_equal(law(obs), other(obs))
 
 
 def test_checkers_are_silent() -> None:

@@ -22,18 +22,24 @@ WORLDS = 45
 """Two blocks, the second one not full."""
 
 KINDS: dict[str, dict[str, Any]] = {
-    "standard": {"env_id": "PTER/Standard-v0"},
-    "held": {"env_id": "PTER/Standard-v0", "frame_skip": 3, "observe_context": True},
-    "all that is stored": {"env_id": "PTER/Everything-v0", "pace": "brisk", "sensors": "force"},
-    "one task": {
-        "task": PathFollowing(path=Sine(), truncation_error=0.05),
+    "standard": {"env_id": "PTER/Standard-v0", "contexts": 8},
+    "all that is stored, held": {
+        "env_id": "PTER/Everything-v0",
+        "contexts": 8,
+        "pace": "brisk",
+        "sensors": "force",
+        "frame_skip": 3,
+        "observe_context": True,
+    },
+    "one task with a corridor": {
+        "task": PathFollowing(path=Sine(), truncation_error=0.05, free_left=0.01, free_right=0.01),
         "max_episode_steps": 60,
         "action_unit": "volt",
     },
     "other clutches": {"machine": "two-brakes", "action_unit": "volt"},
-    "a corridor": {"env_id": "PTER/Corridor-v0"},
     "a base": {
         "env_id": "PTER/Standard-v0",
+        "contexts": 8,
         "base": "single-dof-tuned",
         "reach": 24.0,
         "max_episode_steps": 60,
@@ -53,17 +59,11 @@ def many(env: Any) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("kind", "wide"),
-    [
-        *(
-            pytest.param(kind, False, marks=pytest.mark.long if kind == "other clutches" else ())
-            for kind in KINDS
-        ),
-        ("standard", True),
-    ],
+    "kind",
+    [pytest.param(x, marks=pytest.mark.long if x == "other clutches" else ()) for x in KINDS],
 )
-def test_worlds_have_the_bits_of_the_vector_environment(kind: str, wide: bool) -> None:
-    with jax.enable_x64(wide):
+def test_worlds_have_the_bits_of_the_vector_environment(kind: str) -> None:
+    with jax.enable_x64(kind == "standard"):
         env, params = make(**KINDS[kind])
         worlds = vector(**KINDS[kind])
         space, rng = worlds.single_action_space, np.random.default_rng(4)
@@ -101,7 +101,7 @@ def test_worlds_have_the_bits_of_the_vector_environment(kind: str, wide: bool) -
 
 
 def test_one_world_is_a_row_of_many_and_vmap_may_be_nested() -> None:
-    env, params = make("PTER/Hands-v0")
+    env, params = make("PTER/Hands-v0", contexts=8)
     keys = jax.random.split(jax.random.key(3), 6)
     actions = jnp.linspace(0.0, 8.0, 24).reshape(6, 4)
     ones = [
@@ -118,7 +118,7 @@ def test_one_world_is_a_row_of_many_and_vmap_may_be_nested() -> None:
 
 
 def test_many_actions_may_be_tried_from_one_state() -> None:
-    env, _ = make("PTER/Standard-v0")
+    env, _ = make("PTER/Standard-v0", contexts=8)
     _, state = env.reset(jax.random.key(1))
     actions = jnp.linspace(0.0, 24.0, 12).reshape(3, 4)
     tried = jax.vmap(env.step, in_axes=(None, None, 0))(None, state, actions)
@@ -140,7 +140,7 @@ def test_a_seed_of_64_bits_is_passed_in_halves() -> None:
 
 
 def test_states_are_updated_in_place_when_they_are_donated() -> None:
-    env, params = make("PTER/Standard-v0")
+    env, params = make("PTER/Standard-v0", contexts=8)
     _, state = jax.vmap(env.reset)(jax.random.split(jax.random.key(0), 256))
     where = state.world.unsafe_buffer_pointer()
     step = jax.jit(
@@ -152,7 +152,7 @@ def test_states_are_updated_in_place_when_they_are_donated() -> None:
 
 
 def test_actions_beyond_the_bounds_are_clipped_and_others_are_told() -> None:
-    env, _ = make("PTER/Standard-v0")
+    env, _ = make("PTER/Standard-v0", contexts=8)
     _, state = env.reset(jax.random.key(2))
     wild, tame = (env.step(None, state, jnp.full(4, value)) for value in (50.0, 1.0))
     for one, other in zip(*map(jax.tree.leaves, (wild, tame)), strict=True):
@@ -165,8 +165,8 @@ def test_actions_beyond_the_bounds_are_clipped_and_others_are_told() -> None:
 
 
 def test_constants_shared_by_worlds_are_an_argument() -> None:
-    env, params = make("PTER/Standard-v0")
-    other, changed = make("PTER/Standard-v0", context_seed=1)
+    env, params = make("PTER/Standard-v0", contexts=8)
+    other, changed = make("PTER/Standard-v0", contexts=8, context_seed=1)
     key, action = jax.random.key(5), jnp.zeros(4)
     _, state = env.reset(key, changed)
     np.testing.assert_array_equal(
@@ -243,7 +243,11 @@ action = jax.device_put(np.ones(env.num_actions, np.float32), gpu)
 _, after, *_ = env.step(key, state, action)
 _, compiled = jax.jit(env.reset)(jax.random.key(0), params)
 _, again, *_ = jax.jit(env.step)(None, compiled, jax.device_put(action, here), params)
-for array in jax.tree.leaves((params, obs, state, after, compiled, again)):
+closed = jax.jit(lambda key: env.reset(key, params))(jax.random.key(0))
+nothing = np.zeros(env.num_actions, np.float32)
+many = jax.jit(jax.vmap(lambda key: env.step(None, env.reset(key)[1], nothing)))
+closed = closed, many(jax.random.split(jax.random.key(0), 3))
+for array in jax.tree.leaves((params, obs, state, after, compiled, again, closed)):
     assert array.devices() == {here}, array.devices()
 np.testing.assert_array_equal(after.world, again.world)
 """
@@ -295,8 +299,8 @@ def test_an_action_of_another_shape_or_type_is_refused(action: Any) -> None:
 
 
 def test_states_and_params_of_other_environments_are_refused() -> None:
-    env, _ = make("PTER/Standard-v0")
-    other, params = make("PTER/Everything-v0", sensors="force")
+    env, _ = make("PTER/Standard-v0", contexts=8)
+    other, params = make("PTER/Everything-v0", contexts=8, sensors="force")
     _, state = env.reset(jax.random.key(0))
     with pytest.raises(ParameterError, match="state must be"):
         env.step(None, other.reset(jax.random.key(0))[1], jnp.zeros(4))
@@ -307,7 +311,7 @@ def test_states_and_params_of_other_environments_are_refused() -> None:
 
 
 def test_damaged_worlds_return_nan_and_change_no_other() -> None:
-    env, _ = make("PTER/Standard-v0")
+    env, _ = make("PTER/Standard-v0", contexts=8)
     _, state = env.reset(jax.random.key(0))
     rng, n = np.random.default_rng(0), 70
     worlds = np.repeat(np.asarray(state.world)[None], n, 0)

@@ -1,7 +1,9 @@
 """Policies in environments: reset by their user, actions in the environment's unit, errors."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -12,12 +14,13 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
 
 import pter_gym
-from pter_gym.benchmark import find_policy
+from pter_gym.benchmark import find_policy, run_scenario
 from pter_gym.controllers import Policy, bind
 from pter_gym.envs._mixin import nominal_machine
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL
 from pter_gym.paths import Circle
+from pter_gym.policies import read_policy, write_policy
 from pter_gym.tasks.path_following import STARTS, PathFollowing, observation_layout
 from pter_gym.tasks.path_following._actions import action_of, volts_of
 
@@ -179,6 +182,24 @@ def test_a_policy_with_another_frame_skip_is_refused() -> None:
     policy.frame_skip = 1
     with pytest.raises(ParameterError, match="frame_skip=1"):
         pter_gym.load_policy(policy, gymnasium.make("PTER/Standard-v0"))
+
+
+def test_a_trained_policy_acts_at_its_own_control_period_alone(tmp_path: Path) -> None:
+    task = PathFollowing(control_period=0.02, pace=0.5)
+    env = gymnasium.make(ID, task=task, frame_skip=1)
+    trained = read_policy("residual")
+    for act in (
+        lambda: pter_gym.load_policy(trained, env),
+        lambda: run_scenario(task, {"residual": trained}, episodes=1),
+    ):
+        with pytest.raises(ParameterError, match=r"control_period must be .* 0.01 s, got 0.02"):
+            act()
+    pter_gym.load_policy("impedance", env)
+    interface = replace(trained.interface, control_period=0.02)
+    file = write_policy(replace(trained, interface=interface), tmp_path / "slower")
+    pter_gym.load_policy(file, env)(env.reset(seed=0)[0])
+    with pytest.raises(ParameterError, match=r"0.02 s, got 0.01"):
+        pter_gym.load_policy(file, gymnasium.make(ID))
 
 
 BAD_ENVIRONMENTS: dict[str, Callable[[], Any]] = {

@@ -153,7 +153,7 @@ def source_of(
     functions_by_name: dict[str, Any] = {
         "title": f"The policy {name} for the passive arm PTER.",
         "real": numbers,
-        "period": repr(PathFollowing.control_period),
+        "period": repr(bound.control_period or PathFollowing.control_period),
         "top": repr(top),
         "hold": bound.frame_skip,
         "memory": bound.start(1).shape[1],

@@ -62,6 +62,7 @@ def hil(
     from pter_gym.benchmark import find_policy
     from pter_gym.benchmark.episodes import find_episodes
     from pter_gym.benchmark.results import check_table
+    from pter_gym.benchmark.rollout import bind_to
     from pter_gym.scenarios import find_scenario
     from pter_gym.tools.hil.line import SerialLine
     from pter_gym.tools.hil.session import Partner
@@ -82,6 +83,8 @@ def hil(
     paced = tuple(replace(task, control_period=1.0 / rate) for task in episode_set.tasks)
     if any((task.free_left, task.free_right) != (0.0, 0.0) for task in paced):
         raise ParameterError("scenario must have paths without a free band, which C does not know")
+    driven = replace(episode_set, tasks=paced, time_limits=())
+    bind_to(controller, driven)  # raises where it cannot act at this rate
     other = Partner(SerialLine(partner, baud), deadline, real_time=real_time)
     records: list[list[Array]] = [[] for _ in paced]
     try:
@@ -91,7 +94,7 @@ def hil(
             other.drive(machine, task, seed, record)
     finally:
         other.line.close()
-        report(records, replace(episode_set, tasks=paced, time_limits=()), controller, csv)
+        report(records, driven, controller, csv)
         say(timing(other))
         same = options(scenario=scenario, pace=pace)
         conclude([], f"pter benchmark --policies {quote(policy)}{same}")
