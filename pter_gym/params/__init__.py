@@ -41,7 +41,7 @@ from pter_gym.params._named import (
     paper_machines,
     with_friction,
 )
-from pter_gym.params._spread import MachineSpread, middle_of
+from pter_gym.params._spread import MachineSpread
 
 __all__ = [
     "ACTUATORS",
@@ -68,7 +68,6 @@ __all__ = [
     "find_machines",
     "is_machine_file",
     "load_machine",
-    "middle_of",
     "paper_machines",
     "parameter",
     "require",

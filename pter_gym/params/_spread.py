@@ -107,11 +107,6 @@ class MachineSpread(Checked):
         return [self.machine]
 
 
-def middle_of(machine: Machine | MachineSpread) -> Machine:
-    """Return a machine, or the one in the middle of several."""
-    return machine.machine if isinstance(machine, MachineSpread) else machine
-
-
 class Number(NamedTuple):
     """A number of a machine: its value, and the least that its field accepts."""
 

@@ -21,7 +21,7 @@ from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.benchmark.scores import ScenarioRun
 from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import unknown_name
-from pter_gym.params import BASELINE, Machine, MachineSpread, middle_of
+from pter_gym.params import BASELINE, Machine, MachineSpread
 from pter_gym.policies.tuned import with_gains
 from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.tools.device.data_sheet import find_device
@@ -147,7 +147,7 @@ def examine_device(
         If Optuna, which searches for gains, is not installed.
     """
     device = find_device(machine) if isinstance(machine, str) else machine
-    own = middle_of(device)
+    own = device.machine if isinstance(device, MachineSpread) else device
     if pace not in PACES:
         raise unknown_name("pace", pace, PACES)
     trials, count = whole_number("trials", trials), whole_number("episodes", episodes)
