@@ -106,6 +106,14 @@ class WorldsMixin:
         The control law that actions correct, with its gains, or None.
     reach
         What an action of 1 adds to the base's voltage [V]; None without a base.
+    frame_skip
+        Control steps for which an action is held.
+    control_period
+        Time between two control steps [s].
+    observation_layout
+        Names, units and scales of the observation's entries.
+    telemetry_layout
+        Names and units of the entries of the telemetry in the info.
     """
 
     worlds: "Worlds"
@@ -113,6 +121,10 @@ class WorldsMixin:
     gains: str
     base: "Controller | None"
     reach: float | None
+    frame_skip: int
+    control_period: float
+    observation_layout: Layout
+    telemetry_layout: Layout = TELEMETRY
     metadata: dict[str, Any]
     _spec: EnvSpec | None = None
     _from_files: dict[str, object]
@@ -149,7 +161,9 @@ class WorldsMixin:
         self.worlds = worlds = find_worlds(fields, **given)
         self.gains, self.base, self.reach = worlds.gains, worlds.base, worlds.reach
         self.batch = batch = worlds.batch(num_envs, max_episode_steps, telemetry, num_threads)
-        rate = 1.0 / (batch.frame_skip * batch.task.control_period)
+        self.frame_skip, self.observation_layout = batch.frame_skip, batch.layout
+        self.control_period = batch.task.control_period
+        rate = 1.0 / (self.frame_skip * self.control_period)
         self.metadata = {**self.metadata, "render_fps": max(1, round(rate))}
         return (
             spaces.Box(-BOUND, BOUND, (len(batch.layout),), np.float32),
@@ -169,26 +183,6 @@ class WorldsMixin:
         given = {} if spec is None else {**spec.kwargs, **self._from_files}
         kwargs = {name: each(_to_plain, value) for name, value in given.items()}
         self._spec = spec and replace(_storable(spec), kwargs=kwargs)
-
-    @property
-    def frame_skip(self) -> int:
-        """Control steps for which an action is held."""
-        return self.batch.frame_skip
-
-    @property
-    def control_period(self) -> float:
-        """Time between two control steps [s]."""
-        return self.batch.task.control_period
-
-    @property
-    def observation_layout(self) -> Layout:
-        """Names, units and scales of the observation's entries."""
-        return self.batch.layout
-
-    @property
-    def telemetry_layout(self) -> Layout:
-        """Names and units of the entries of the telemetry in the info."""
-        return TELEMETRY
 
     @property
     def nominal_machine(self) -> Machine:
