@@ -180,6 +180,15 @@ def test_boards_hold_runs_on_the_same_episodes() -> None:
     assert all(len(board.standings) == 1 for board in boards)
 
 
+def test_episodes_are_resampled_within_their_strata() -> None:
+    run = with_error("mine", 0.01)
+    errors = np.where(np.arange(40) < 20, 1.0, 3.0) * run.scores["path_error_m"]
+    strata = (*20 * ["near"], *20 * ["far"])
+    run = replace(run, scores={**run.scores, "path_error_m": errors}, strata=strata)
+    (standing,) = rank([run]).standings
+    assert standing.error == mean_interval(errors, strata) != mean_interval(errors)
+
+
 # --- the table ---
 
 
