@@ -27,7 +27,9 @@ MAX_SUBSTEPS = 10_000
 def divided(machine: Machine | str | None, period: float) -> tuple[Machine, int]:
     """Return a machine whose substeps fill a control step of a period [s], and their number."""
     machine = find_machine(machine)
-    require(machine.clutch.fade == 0.0, machine.clutch, "fade", "0: heat has no derivatives")
+    clutch = machine.clutch
+    require(clutch.fade == 0.0, clutch, "fade", "0: heat has no derivatives")
+    require(clutch.band == "vanishing", clutch, "band", '"vanishing": creep has no derivatives')
     if not 0.0 < period <= MAX_SUBSTEPS * machine.substep:
         raise ParameterError(
             f"period must be > 0 s and at most {MAX_SUBSTEPS * machine.substep:g} s, got {period!r}"

@@ -81,6 +81,10 @@ class DifferentiableEnv(jax_env.JaxEnv):
             raise ParameterError(
                 "machine must have the paper's clutches for a step to be differentiated"
             )
+        if any(machine.clutch.band == "printed" for machine, _ in env.batch.pairs):
+            raise ParameterError(
+                'machine must have clutches of band "vanishing" for a step to be differentiated'
+            )
         if env.batch.kernel_arrays()["worlds"].shape[1] != BASIC_ROWS:
             raise ParameterError(
                 "hand must be a push and sines, and sensing ideal, for a step to be "

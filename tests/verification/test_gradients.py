@@ -506,6 +506,13 @@ def test_bad_input_is_refused(field: str, value: Any):
         gradients.rollout(**{**drawn(BASELINE, 3, seed=0), "hand_force": np.zeros(2), field: value})
 
 
+@pytest.mark.parametrize("changes", [{"fade": 0.1}, {"band": "printed"}])
+def test_clutches_that_fade_or_creep_are_refused(changes: dict[str, Any]):
+    machine = replace(BASELINE, clutch=replace(BASELINE.clutch, **changes))
+    with pytest.raises(ParameterError, match="derivatives"):
+        gradients.rollout(**{**drawn(BASELINE, 3, seed=0), "machine": machine})
+
+
 def test_bad_derivatives_are_refused():
     run = gradients.rollout(**drawn(BASELINE, 3, seed=0))
     for field, value in (("tip", np.ones((4, 2))), ("theta", np.ones(2))):
