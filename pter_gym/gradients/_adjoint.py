@@ -17,7 +17,7 @@ from pter_gym._compiled.compiler import compile_kernel, inlined, outlined
 from pter_gym._compiled.records import load, store, width
 from pter_gym._physics.arm import Load, PerLink
 from pter_gym._physics.clutch import PerClutch, Torques
-from pter_gym._physics.open_loop import BODY, scratch
+from pter_gym._physics.open_loop import BODY, Array, scratch
 from pter_gym._physics.order import CYCLE, is_kick, is_whole, stage_count
 from pter_gym._physics.step import (
     MAX_PARTS,
@@ -28,6 +28,7 @@ from pter_gym._physics.step import (
     share_before_switch,
     substep_on,
 )
+from pter_gym.gradients._branchless import Columns, Stage
 from pter_gym.gradients._tracing import adjoint_of
 
 FIRST, LAST = int(BODY.motion.theta_a), int(BODY.lagged_volts.x4) + 1
@@ -41,7 +42,7 @@ _STATE, _STEADY = LAST - FIRST, width(Torques)
 
 
 @inlined
-def load_on(body: Any, i: int) -> Load:
+def load_on(body: Columns, i: int) -> Load:
     """Return what acts on the arm."""
     return load(body, BODY.load, i)
 
@@ -63,17 +64,17 @@ class Kick(NamedTuple):
         that one does.
     """
 
-    whole: Any
-    find: Any
-    share: Any
+    whole: Stage
+    find: Stage
+    share: Stage
 
 
-def kick_stages(arrangement_at: Any) -> Kick:
+def kick_stages(arrangement_at: Stage) -> Kick:
     """Return a kick's stages for the clutches of ``arrangement_at``."""
     find, _, _ = kick_stages_on(BODY, load_on, arrangement_at)
 
     @outlined
-    def share(w: Any, i: int) -> float:
+    def share(w: Columns, i: int) -> float:
         return share_before_switch(
             load(w, BODY.motion, i),
             load(w, BODY.omega, i),
@@ -94,7 +95,7 @@ _drift_half, _drift_whole = (adjoint_of(drift, "h", constants=(whole,)) for whol
 
 
 @inlined
-def _drift_adjoint(body: Any, bar: Any, h: float, whole: bool, aims: bool) -> None:
+def _drift_adjoint(body: Columns, bar: Columns, h: float, whole: bool, aims: bool) -> None:
     """Pull adjoints back through a drift, and through the aim before it if there is one."""
     if whole:
         _drift_whole(body, 0, bar, h)
@@ -108,14 +109,14 @@ def _drift_adjoint(body: Any, bar: Any, h: float, whole: bool, aims: bool) -> No
 
 
 @inlined
-def _take_adjoint(bar: Any) -> None:
+def _take_adjoint(bar: Columns) -> None:
     """Pull adjoints back from the velocities after a kick to those that ``find`` stores."""
     bar[BODY.omega.a, 0] += bar[OMEGA.a, 0]
     bar[BODY.omega.b, 0] += bar[OMEGA.b, 0]
     store(bar, OMEGA, 0, PerLink(0.0, 0.0))
 
 
-def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
+def kick_adjoints(stages: Kick) -> tuple[Stage, Stage]:
     """Return the adjoint of a kick that was not divided, and that of any.
 
     Each takes a column with the motion before the kick, which has it again afterwards, ``bar`` and
@@ -125,15 +126,15 @@ def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
     find_adjoint, share_adjoint = adjoint_of(find, "h"), adjoint_of(share)
 
     @inlined
-    def whole_adjoint(w: Any, i: int, bar: Any, span: float) -> float:
+    def whole_adjoint(w: Columns, i: int, bar: Columns, span: float) -> float:
         _take_adjoint(bar)
         return find_adjoint(w, i, bar, span)
 
-    def with_rest(rest_adjoint: Any) -> Any:
+    def with_rest(rest_adjoint: Stage) -> Stage:
         """Return the adjoint of a kick whose rest, after its first part, has another adjoint."""
 
         @outlined
-        def kick_adjoint(w: Any, i: int, bar: Any, span: float) -> float:
+        def kick_adjoint(w: Columns, i: int, bar: Columns, span: float) -> float:
             before = load(w, OMEGA, i)
             find(w, i, span)
             part = share(w, i) if w[BODY.switches, i] != 0.0 else 1.0
@@ -158,18 +159,18 @@ def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
 
 
 @inlined
-def lags(body: Any) -> bool:
+def lags(body: Columns) -> bool:
     """Return whether the voltage lags, so that steady torques change within a control step."""
     return body[BODY.machine.voltage_decay.rise, 0] != 0.0
 
 
 @inlined
-def _set_load(body: Any, force: Any, target: Any) -> None:
+def _set_load(body: Columns, force: Array, target: Array) -> None:
     store(body, BODY.load, 0, Load(force[0], force[1], 0.0, 0.0, target[0], target[1]))
 
 
 @inlined
-def _bring_back(body: Any, kept: Any) -> None:
+def _bring_back(body: Columns, kept: Array) -> None:
     """Bring back the state before a stage, and what clutches tend to in it."""
     for row in range(_STATE):
         body[FIRST + row, 0] = kept[row]
@@ -177,11 +178,11 @@ def _bring_back(body: Any, kept: Any) -> None:
         body[BODY.steady.breakaway.x1 + row, 0] = kept[_STATE + row]
 
 
-def _forward_on(kick: Any) -> Any:
+def _forward_on(kick: Stage) -> Stage:
     """Return ``forward`` through a control step whose kicks are ``kick``."""
 
     @inlined
-    def forward(body: Any, h: float, force: Any, target: Any, tape: Any) -> None:
+    def forward(body: Columns, h: float, force: Array, target: Array, tape: Array) -> None:
         """Move a body, which has its command, through a control step with substeps of h [s].
 
         ``tape`` (stages, entries) gets the state before each stage, what clutches tend to in it,
@@ -208,20 +209,20 @@ def _forward_on(kick: Any) -> Any:
     return forward
 
 
-def _backward_on(stages: Kick) -> Any:
+def _backward_on(stages: Kick) -> Stage:
     """Return ``backward`` through a control step with those kicks."""
     whole_adjoint, kick_adjoint = kick_adjoints(stages)
 
     @inlined
     def backward(
-        body: Any,
-        bar: Any,
+        body: Columns,
+        bar: Columns,
         h: float,
-        force: Any,
-        target: Any,
-        tape: Any,
-        by_force: Any,
-        by_target: Any,
+        force: Array,
+        target: Array,
+        tape: Array,
+        by_force: Array,
+        by_target: Array,
     ) -> None:
         """Pull adjoints back through a control step, from what ``forward`` has kept of it."""
         count = len(force)
@@ -246,10 +247,10 @@ def _backward_on(stages: Kick) -> Any:
 
 
 _ROWS, _LAYERS = types.float64[:, ::1], types.float64[:, :, ::1]
-_INPUTS: Any = _ROWS, _ROWS, _LAYERS, _LAYERS, types.float64
+_INPUTS = _ROWS, _ROWS, _LAYERS, _LAYERS, types.float64
 
-FORWARD_TYPES: Any = types.none(*_INPUTS, _ROWS)
-BACKWARD_TYPES: Any = types.none(*_INPUTS, _ROWS, _ROWS, _ROWS, _LAYERS, _LAYERS, _ROWS)
+FORWARD_TYPES = types.none(*_INPUTS, _ROWS)
+BACKWARD_TYPES = types.none(*_INPUTS, _ROWS, _ROWS, _ROWS, _LAYERS, _LAYERS, _ROWS)
 """Types of the arguments of the kernels."""
 
 forward_step: Any = None
@@ -257,8 +258,10 @@ backward_step: Any = None
 """What the kernels below call; ``compile_kernel`` binds these names."""
 
 
-def _build_forward(digest: str) -> Any:
-    def forward(start: Any, volts: Any, force: Any, target: Any, h: float, states: Any) -> None:
+def _build_forward(digest: str) -> Stage:
+    def forward(
+        start: Array, volts: Array, force: Array, target: Array, h: float, states: Array
+    ) -> None:
         """Fill the states at the control instants, (steps + 1, entries)."""
         _ = digest
         body = scratch(start)
@@ -276,18 +279,18 @@ def _build_forward(digest: str) -> Any:
     return forward
 
 
-def _build_backward(digest: str) -> Any:
+def _build_backward(digest: str) -> Stage:
     def backward(
-        start: Any,
-        volts: Any,
-        force: Any,
-        target: Any,
+        start: Array,
+        volts: Array,
+        force: Array,
+        target: Array,
         h: float,
-        states: Any,
-        by_states: Any,
-        by_volts: Any,
-        by_force: Any,
-        by_target: Any,
+        states: Array,
+        by_states: Array,
+        by_volts: Array,
+        by_force: Array,
+        by_target: Array,
         bar: Any,
     ) -> None:
         """Fill the adjoints of the inputs, and of a body's entries, by those of the states."""
@@ -314,7 +317,7 @@ def _build_backward(digest: str) -> Any:
 
 
 @cache
-def kernels(*, has_paper_clutches: bool) -> tuple[Any, Any]:
+def kernels(*, has_paper_clutches: bool) -> tuple[Stage, Stage]:
     """Return ``forward`` and ``backward`` of rollouts, for the paper's or declared clutches."""
     stages = kick_stages(paper_clutches if has_paper_clutches else arrangement_from(BODY))
     forward, backward = _forward_on(stages.whole), _backward_on(stages)

@@ -10,10 +10,13 @@ import inspect
 import textwrap
 from collections.abc import Callable, Mapping
 from types import FunctionType
-from typing import Any
+from typing import Any, Protocol
 
 from pter_gym._compiled.records import entrywise
 from pter_gym._compiled.source import compile_source
+
+Stage = Callable[..., Any]
+"""A function of the simulator on columns, or one that is made from it."""
 
 _REWRITTEN = tuple(
     f"pter_gym.{room}"
@@ -70,7 +73,7 @@ def _call(name: str, *arguments: ast.expr) -> ast.Call:
     return ast.Call(ast.Name(name, ast.Load()), list(arguments), [])
 
 
-def branchless(function: Any, meaning: Mapping[str, Any], cache: dict[Any, Any]) -> Any:
+def branchless(function: Stage, meaning: Mapping[str, Any], cache: dict[Any, Stage]) -> Stage:
     """Return a function of the simulator, and all that it calls, for any kind of number.
 
     Parameters
@@ -128,11 +131,15 @@ def _parsed(function: FunctionType) -> ast.Module:
     return tree
 
 
-Columns = Any
-"""Rows of numbers (rows, N) of any kind, as a stage reads and writes them."""
+class Columns(Protocol):
+    """Numbers by row and column, as a stage reads and writes them: an array, or a ``Column``."""
 
-Stage = Callable[..., Any]
-"""A function of ``Columns`` and the number of a column."""
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+
+    def __getitem__(self, place: tuple[Any, Any], /) -> Any: ...
+
+    def __setitem__(self, place: tuple[Any, Any], value: Any, /) -> None: ...
 
 
 class Column:

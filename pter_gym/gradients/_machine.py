@@ -40,7 +40,7 @@ def divided(machine: Machine | str | None, period: float) -> tuple[Machine, int]
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # in the branch of a hand that has no damping
-def by_machine(machine: Machine, bar: Columns) -> dict[str, float]:
+def by_machine(machine: Machine, bar: Any) -> dict[str, float]:
     """Return derivatives by a machine's parameters, from those by a body's (entries, 1)."""
     places = numbers_of(machine)
     rows = BODY_WIDTH + len(places)

@@ -257,7 +257,7 @@ def gradient_of(inputs: Inputs, states: Array, by_states: Array) -> Gradient:
     volts, force, target = (
         np.empty_like(each) for each in (inputs.volts, inputs.hand_force, inputs.hand_target)
     )
-    bar: Any = np.empty((BODY_WIDTH, 1))
+    bar = np.empty((BODY_WIDTH, 1))
     arguments = (
         inputs.body,
         inputs.volts,
@@ -267,7 +267,7 @@ def gradient_of(inputs: Inputs, states: Array, by_states: Array) -> Gradient:
     )
     _, backward = kernels(has_paper_clutches=inputs.machine.has_paper_clutches)
     backward(*arguments, states, by_states, volts, force, target, bar)
-    first: Any = bar[FIRST:LAST, 0].copy()
+    first = bar[FIRST:LAST, 0].copy()
     cos, sin = states[0, UNITS][::2], states[0, UNITS][1::2]
     first[0:2] += cos * first[UNITS][1::2] - sin * first[UNITS][::2]
     return Gradient(volts, force, target, _state_of(first), by_machine(inputs.machine, bar))

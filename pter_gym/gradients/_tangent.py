@@ -4,14 +4,13 @@
 Each tangent is a lane, and all lanes share the numbers of the substep itself.
 """
 
-from typing import Any
-
 from pter_gym._compiled.compiler import inlined, outlined
 from pter_gym._compiled.records import flat, load, store
 from pter_gym._physics.open_loop import BODY
 from pter_gym._physics.order import CYCLE, DRIFTS_WHOLE, is_kick, stage_count
 from pter_gym._physics.step import MAX_PARTS, MIN_PART
 from pter_gym.gradients._adjoint import OMEGA, Kick, aim, drift, kick_stages, lags
+from pter_gym.gradients._branchless import Columns, Stage
 from pter_gym.gradients._tracing import tangent_of
 
 LANES = "dot.shape[1]"
@@ -38,7 +37,7 @@ KICK = MOTION | TORQUES | frozenset(
 )  # fmt: skip
 
 
-def substep_tangents(arrangement_at: Any, torque_lanes: int) -> Any:
+def substep_tangents(arrangement_at: Stage, torque_lanes: int) -> Stage:
     """Return a substep with tangents, for machines with the clutches of ``arrangement_at``.
 
     Parameters
@@ -63,7 +62,7 @@ def substep_tangents(arrangement_at: Any, torque_lanes: int) -> Any:
     turn = tangent_of(drift, "h", constants=(whole,), active=MOTION, lanes=LANES)
 
     @inlined
-    def advance(body: Any, dot: Any, h: float, aims: bool) -> None:
+    def advance(body: Columns, dot: Columns, h: float, aims: bool) -> None:
         for stage in range(stage_count(1)):
             if is_kick(stage):
                 kick(body, dot, h)
@@ -76,16 +75,16 @@ def substep_tangents(arrangement_at: Any, torque_lanes: int) -> Any:
     return advance
 
 
-def stages_in_span(stages: Kick) -> tuple[Any, Any]:
+def stages_in_span(stages: Kick) -> tuple[Stage, Stage]:
     """Return a kick over the span in the column as a stage, and a divided kick's next part."""
     find_over, share = stages.find, stages.share
 
     @inlined
-    def find(w: Any, i: int) -> None:
+    def find(w: Columns, i: int) -> None:
         find_over(w, i, w[BODY.span, i])
 
     @inlined
-    def take_part(w: Any, i: int) -> None:
+    def take_part(w: Columns, i: int) -> None:
         """Take the kick up to the first change, and find the rest of it."""
         span = w[BODY.span, i]
         first = share(w, i) * span
@@ -96,21 +95,21 @@ def stages_in_span(stages: Kick) -> tuple[Any, Any]:
     return find, take_part
 
 
-def _kick_tangents(arrangement_at: Any) -> Any:
+def _kick_tangents(arrangement_at: Stage) -> Stage:
     """Return ``kick(body, dot, h)``: a kick of h [s] with tangents, divided at each switch."""
     stages = kick_stages(arrangement_at)
     share = stages.share
     find, part = (tangent_of(stage, active=KICK, lanes=LANES) for stage in stages_in_span(stages))
 
     @outlined
-    def divide(body: Any, dot: Any) -> None:
+    def divide(body: Columns, dot: Columns) -> None:
         for _ in range(MAX_PARTS - 1):
             if body[BODY.switches, 0] == 0.0 or not share(body, 0) < 1.0 - MIN_PART:
                 break
             part(body, 0, dot)
 
     @inlined
-    def kick(body: Any, dot: Any, h: float) -> None:
+    def kick(body: Columns, dot: Columns, h: float) -> None:
         body[BODY.span, 0] = h
         for j in range(dot.shape[1]):
             dot[BODY.span, j] = 0.0

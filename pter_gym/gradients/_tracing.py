@@ -19,7 +19,7 @@ from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import resolve
 from pter_gym._physics.open_loop import BODY
-from pter_gym.gradients._branchless import Column, branchless
+from pter_gym.gradients._branchless import Column, Stage, branchless
 from pter_gym.gradients._friction import resolve_adjoint, resolve_tangent
 
 
@@ -27,8 +27,8 @@ from pter_gym.gradients._friction import resolve_adjoint, resolve_tangent
 class _Trace:
     """Operations in their order: what each one makes, its kind, and of what."""
 
-    steps: list[tuple[tuple["_Value", ...], str, tuple[Any, ...]]] = field(
-        default_factory=list[tuple[tuple["_Value", ...], str, tuple[Any, ...]]]
+    steps: list[tuple[tuple["_Value", ...], str, tuple[object, ...]]] = field(
+        default_factory=list[tuple[tuple["_Value", ...], str, tuple[object, ...]]]
     )
     count: int = 0
 
@@ -36,14 +36,14 @@ class _Trace:
         self.count += 1
         return _Value(self, f"x{self.count}")
 
-    def note(self, kind: str, *of: Any, results: int = 1) -> Any:
+    def note(self, kind: str, *of: object, results: int = 1) -> Any:
         made = tuple(self.new() for _ in range(results))
         self.steps.append((made, kind, of))
         return made if results > 1 else made[0]
 
 
-def _operator(kind: str, *, swapped: bool = False) -> Any:
-    def operate(x: "_Value", y: Any) -> Any:
+def _operator(kind: str, *, swapped: bool = False) -> Stage:
+    def operate(x: "_Value", y: "Number") -> "Number":
         return x.trace.note(kind, y, x) if swapped else x.trace.note(kind, x, y)
 
     return operate
@@ -59,13 +59,13 @@ class _Value:
     def __repr__(self) -> str:
         return self.name
 
-    def __neg__(self) -> Any:
+    def __neg__(self) -> "_Value":
         return self.trace.note("neg", self)
 
-    def __abs__(self) -> Any:
+    def __abs__(self) -> "_Value":
         return self.trace.note("abs", self)
 
-    def __pow__(self, power: float) -> Any:
+    def __pow__(self, power: float) -> "_Value":
         assert power == 2
         return self.trace.note("*", self, self)
 
@@ -87,37 +87,41 @@ class _Value:
     __and__, __or__ = _operator("&"), _operator("|")
 
 
-def _where(condition: Any, x: Any, y: Any) -> Any:
+Number = _Value | float
+"""A value of a trace, or one that does not vary."""
+
+
+def _where(condition: "_Value | bool", x: "Number", y: "Number") -> "Number":
     if not isinstance(condition, _Value):
         return x if condition else y
     return condition.trace.note("where", condition, x, y)
 
 
-def _not(condition: Any) -> Any:
+def _not(condition: "_Value | bool") -> "_Value | bool":
     return (
         condition.trace.note("not", condition) if isinstance(condition, _Value) else not condition
     )
 
 
-def _min(*values: Any) -> Any:
+def _min(*values: "Number") -> "Number":
     least = values[0]
     for value in values[1:]:
         least = _where(value < least, value, least)
     return least
 
 
-def _divide(x: Any, y: Any) -> Any:
+def _divide(x: "Number", y: "Number") -> "Number":
     return x / y
 
 
-def _noted(kind: str) -> Any:
-    def function(*values: "_Value") -> Any:
+def _noted(kind: str) -> Stage:
+    def function(*values: "_Value") -> "_Value":
         return values[0].trace.note(kind, *values)
 
     return function
 
 
-_MEANING: dict[str, Any] = {
+_MEANING: dict[str, object] = {
     "_where": _where,
     "_not": _not,
     "_divide": _divide,
@@ -157,19 +161,19 @@ That is linear in g with the operand's derivative as its factor, so it is also w
 tangent g adds to that of the operation. """
 
 
-def _traced(*given: Any) -> Any:
+def _traced(*given: object) -> tuple[_Value, _Value]:
     """Note the friction problem; it has ``resolve_adjoint`` and ``resolve_tangent``."""
     trace: _Trace = next(each.trace for each in flat(given) if isinstance(each, _Value))
     return trace.note("resolve", *given, results=2)
 
 
-_RULES: dict[Any, Any] = {getattr(resolve, "py_func", resolve): _traced}
+_RULES: dict[Any, Stage] = {getattr(resolve, "py_func", resolve): _traced}
 """Functions that a trace notes as one operation."""
 
 _NUMBERS = 9
 """How many numbers ``resolve`` takes that have derivatives, the first."""
 
-_NAMES: dict[str, Any] = {
+_NAMES: dict[str, object] = {
     each.__name__: each
     for each in (math, resolve, resolve_adjoint, resolve_tangent, PerClutch, Arrangement)
 }
@@ -183,7 +187,7 @@ _ENERGIES = flat(BODY.energy)
 class _Stage:
     """A stage of a substep as a trace: what it reads, computes, writes and returns."""
 
-    def __init__(self, stage: Any, scalars: tuple[str, ...], constants: tuple[Any, ...]) -> None:
+    def __init__(self, stage: Stage, scalars: tuple[str, ...], constants: tuple[bool, ...]) -> None:
         self.trace = trace = _Trace()
         self.read: dict[int, _Value] = {}
         self.scalars = tuple(_Value(trace, name) for name in scalars)
@@ -204,7 +208,7 @@ class _Stage:
         ]
 
 
-def adjoint_of(stage: Any, *scalars: str, constants: tuple[Any, ...] = ()) -> Any:
+def adjoint_of(stage: Stage, *scalars: str, constants: tuple[bool, ...] = ()) -> Stage:
     """Return the vector–Jacobian product of a stage of a substep, compiled.
 
     Parameters
@@ -243,12 +247,12 @@ def adjoint_of(stage: Any, *scalars: str, constants: tuple[Any, ...] = ()) -> An
 
 
 def tangent_of(
-    stage: Any,
+    stage: Stage,
     *scalars: str,
-    constants: tuple[Any, ...] = (),
+    constants: tuple[bool, ...] = (),
     active: Collection[float],
     lanes: int | str,
-) -> Any:
+) -> Stage:
     """Return a stage of a substep with its Jacobian–vector products, compiled.
 
     Parameters
@@ -271,7 +275,7 @@ def tangent_of(
     inner = [f"d{value} = dot[{row}, j]" for row, value in recording.read.items() if row in active]
     active_names = {value.name for row, value in recording.read.items() if row in active}
 
-    def dot(value: Any) -> str:
+    def dot(value: object) -> str:
         return f"d{value}" if isinstance(value, _Value) and value.name in active_names else ""
 
     for results, kind, of in recording.trace.steps:
@@ -303,12 +307,12 @@ def tangent_of(
     return _compiled("tangent", ("dot", *scalars), lines)
 
 
-def _compiled(name: str, arguments: tuple[str, ...], lines: list[str]) -> Any:
+def _compiled(name: str, arguments: tuple[str, ...], lines: list[str]) -> Stage:
     header = f"def {name}({', '.join(('w', 'i', *arguments))}):"
     return inlined(compile_source("\n    ".join([header, *lines]), name, dict(_NAMES)))
 
 
-def _forward(made: tuple[_Value, ...], kind: str, of: tuple[Any, ...]) -> str:
+def _forward(made: tuple[_Value, ...], kind: str, of: tuple[object, ...]) -> str:
     left = ", ".join(map(repr, made))
     if kind == "resolve":
         return f"{left} = resolve({', '.join(map(repr, of))})"
@@ -321,14 +325,16 @@ class _Adjoints:
     def __init__(self) -> None:
         self.pulls: dict[str, list[str]] = {}
 
-    def add(self, value: Any, pull: str) -> None:
+    def add(self, value: object, pull: str) -> None:
         if isinstance(value, _Value):
             self.pulls.setdefault(value.name, []).append(pull)
 
     def of(self, value: _Value) -> list[str]:
         return self.pulls.get(value.name, [])
 
-    def through(self, results: tuple[_Value, ...], kind: str, of: tuple[Any, ...]) -> Iterator[str]:
+    def through(
+        self, results: tuple[_Value, ...], kind: str, of: tuple[object, ...]
+    ) -> Iterator[str]:
         """Yield the lines that pull adjoints of results back through an operation."""
         if not any(map(self.of, results)) or not (kind in _PULLS or kind == "resolve"):
             return

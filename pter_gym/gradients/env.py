@@ -7,7 +7,7 @@ observation as functions of JAX made from their source.
 """
 
 from functools import partial
-from typing import Any, Literal, NamedTuple, cast, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -29,17 +29,8 @@ from pter_gym._physics.open_loop import BODY, BODY_WIDTH
 from pter_gym._physics.order import KICK_FIRST, is_kick, is_whole, stage_count
 from pter_gym.envs import jax as jax_env
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.gradients._branchless import Column, branchless
-from pter_gym.gradients.jax import (
-    MEANING,
-    custom_vmap,
-    first_order,
-    floats_of,
-    jax,
-    jnp,
-    lax,
-    rolling,
-)
+from pter_gym.gradients._branchless import Column, Stage, branchless
+from pter_gym.gradients.jax import MEANING, first_order, floats_of, jax, jnp, lax, rolling
 from pter_gym.paths._projection import foot_on, neighbour, project, segment_at
 from pter_gym.tasks.path_following._observation import BOUND
 
@@ -163,23 +154,23 @@ _whole = MEANING["int"]
 def _project(constants: Any, first: Any, count: Any, segment: Any, x: Any, y: Any) -> Any:
     """Return a point's projection onto a chain of arcs; the walk to its arc has no derivative."""
 
-    def turn(segment: Any, direction: Any) -> Any:
+    def turn(segment: Any, direction: jax.Array | int) -> jax.Array:
         arc = segment_at(constants, first, segment)
         s = _twin(foot_on)(arc, segment, *lax.stop_gradient((x, y))).arc_length
         return _twin(neighbour)(arc, segment, count, s, direction)
 
-    def walk(at: Any) -> Any:
+    def walk(at: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
         return at[0] + at[1], turn(at[0] + at[1], at[1])
 
     segment, _ = lax.while_loop(lambda at: at[1] != 0, walk, (segment, turn(segment, 0)))
     return _twin(foot_on)(segment_at(constants, first, segment), segment, x, y)
 
 
-def _clipped(volts: PerClutch, most: Any) -> PerClutch:
-    return PerClutch(*(jnp.clip(each, 0.0, most) for each in volts))
+def _clipped(volts: PerClutch, most: jax.Array) -> PerClutch:
+    return volts._make(jnp.clip(each, 0.0, most) for each in volts)
 
 
-_MADE: dict[Any, Any] = {clipped: _clipped, getattr(project, "py_func", project): _project}
+_MADE: dict[Any, Stage] = {clipped: _clipped, getattr(project, "py_func", project): _project}
 _twin = partial(branchless, meaning=MEANING, cache=_MADE)
 """Returns the twin of a function of the simulator, made once."""
 
@@ -187,17 +178,17 @@ _twin = partial(branchless, meaning=MEANING, cache=_MADE)
 class _Words:
     """Words as an array of numbers, of which few are looked at."""
 
-    def __init__(self, words: Any) -> None:
+    def __init__(self, words: jax.Array) -> None:
         self.words = words
 
-    def __getitem__(self, first: Any) -> Any:
+    def __getitem__(self, first: jax.Array) -> jax.Array:
         return self.part(first, 1)[0]
 
-    def part(self, first: Any, count: int) -> Any:
+    def part(self, first: jax.Array, count: int) -> jax.Array:
         return floats_of(lax.dynamic_slice_in_dim(self.words, 2 * first, 2 * count))
 
 
-def _following(config: Config, frame_skip: int) -> Any:
+def _following(config: Config, frame_skip: int) -> Stage:
     """Return the function of JAX whose derivative is that of a step.
 
     From a world's numbers, an action and the constants, it returns the numbers, the observation and
@@ -226,23 +217,25 @@ def _following(config: Config, frame_skip: int) -> Any:
         )
         volts, push = jnp.stack(load(w, ROW.command, 0)), jnp.stack(force)
         states = roll(column, volts[None], push[None], jnp.zeros_like(push)[None])
-        state = cast("list[Any]", jnp.unstack(states[1]))
+        state = jnp.unstack(states[1])
         after = Column(dict(enumerate(state, int(BODY.motion.theta_a))))
         for name in ("motion", "torques", "lagged_volts"):
             store(w, getattr(ROW, name), 0, load(after, getattr(BODY, name), 0))
 
-    def follow(numbers: Any, action: Any, constants: _Words) -> Any:
-        context: Any = jnp.unstack(
+    def follow(
+        numbers: jax.Array, action: jax.Array, constants: _Words
+    ) -> tuple[jax.Array, jax.Array, jax.Array]:
+        context = jnp.unstack(
             constants.part(_whole(numbers[ROW.context_at]), CONSTANTS.end - CONSTANTS.first)
         )
 
-        def world(numbers: Any) -> Column:
+        def world(numbers: jax.Array) -> Column:
             w = Column({}, given=lambda _: 0.0)
             w.rows |= enumerate(jnp.unstack(numbers))
             w.rows |= enumerate(context, CONSTANTS.first)
             return w
 
-        def hold(numbers: Any, _: Any) -> Any:
+        def hold(numbers: jax.Array, _: None) -> tuple[jax.Array, jax.Array]:
             w = world(numbers)
             most = w[ROW.machine.voltage_max, 0]
             _twin(take_command)(
@@ -274,30 +267,30 @@ def _refuse() -> None:
     )
 
 
-@custom_vmap
-def _zero_unless(passes: Any) -> Any:
+@jax.custom_batching.custom_vmap
+def _zero_unless(passes: jax.Array) -> jax.Array:
     """Return zero, or raise an error if a derivative passes through the end of an episode."""
-    zero: Any = np.float32(0.0)
-    return cast(Any, lax).cond(passes, lambda: jax.pure_callback(_refuse, zero), lambda: zero)
+    zero = np.float32(0.0)
+    return lax.cond(passes, lambda: jax.pure_callback(_refuse, zero), lambda: zero)
 
 
 @_zero_unless.def_vmap
-def _(size: int, _: Any, passes: Any) -> Any:
-    zero: Any = _zero_unless(passes.any())
+def _(size: int, _: list[bool], passes: jax.Array) -> tuple[jax.Array, bool]:
+    zero = _zero_unless(passes.any())
     return jnp.broadcast_to(zero, size), True
 
 
-def _advancing(advance: Any, config: Config, frame_skip: int, episode_end: EpisodeEnd) -> Any:
+def _advancing(advance: Stage, config: Config, frame_skip: int, episode_end: EpisodeEnd) -> Stage:
     """Return a step as a function of a world's numbers, an action, its state and shared data."""
     follow = _following(config, frame_skip)
 
     @first_order
-    def run(numbers: Any, action: Any, state: Any, shared: Any) -> Any:
+    def run(numbers: jax.Array, action: jax.Array, state: Any, shared: jax_env.EnvParams) -> Any:
         del numbers
         (world, episode), *rest = advance(state, action, shared)
         return DifferentiableEnvState(world, episode, floats_of(world)), *rest
 
-    def keep(numbers: Any, action: Any, state: Any, shared: Any) -> Any:
+    def keep(numbers: jax.Array, action: jax.Array, state: Any, shared: jax_env.EnvParams) -> Any:
         result = run(numbers, action, state, shared)
         flags = result[-1]
         return result, (
@@ -310,26 +303,25 @@ def _advancing(advance: Any, config: Config, frame_skip: int, episode_end: Episo
     def pull(residuals: Any, by: Any) -> Any:
         *inputs, constants, over = residuals
         by_state, by_obs, by_final, by_reward, _ = by
-        zero: Any = np.float32(0.0)
+        zero = np.float32(0.0)
         if episode_end == "raise":
             ends = by_state.numbers, by_obs, by_final, by_reward
             passes = over & jnp.any(jnp.concatenate([jnp.ravel(entry) != 0.0 for entry in ends]))
-            if isinstance(passes, cast(Any, jax).core.Tracer):
+            if isinstance(passes, jax_env.Tracer):
                 zero = _zero_unless(passes)
             elif passes:
                 _refuse()
 
-        def unless_over(entry: Any) -> Any:
+        def unless_over(entry: jax.Array) -> jax.Array:
             return jnp.where(over, zero, entry)
 
-        def near(numbers: Any, action: Any) -> Any:
+        def near(numbers: jax.Array, action: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
             return follow(numbers, action, _Words(constants))
 
-        back: Any = cast(Any, jax).vjp(near, *inputs)[1]
+        back = jax.vjp(near, *inputs)[1]
         by_found = by_state.numbers, by_obs[: int(config.entries)], by_reward
         return *map(unless_over, back(tuple(map(unless_over, by_found)))), None, None
 
-    custom: Any = jax.custom_vjp
-    step = custom(run)
+    step = jax.custom_vjp(run)
     step.defvjp(keep, pull)
     return step

@@ -8,13 +8,13 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pter_gym.errors import ParameterError, needs_extra
 
 try:
     import jax
-    from jax import lax, numpy as _numpy
-    from jax.custom_batching import custom_vmap as _custom_vmap
+    from jax import lax, numpy as jnp
 
     from pter_gym._engine import xla as _xla
     from pter_gym._engine.xla import cpu_device, on_cpu, rounded, words_of
@@ -25,24 +25,21 @@ from pter_gym._compiled.addresses import caller, export
 from pter_gym._compiled.compiler import compiled
 from pter_gym._compiled.records import flat
 from pter_gym._physics.model import arrangement_of, model_of
-from pter_gym._physics.open_loop import BODY, BODY_WIDTH, State
+from pter_gym._physics.open_loop import BODY, BODY_WIDTH, Array, State
 from pter_gym.gradients._adjoint import BACKWARD_TYPES, FIRST, FORWARD_TYPES, LAST, kernels
-from pter_gym.gradients._branchless import branchless
+from pter_gym.gradients._branchless import Stage, branchless
 from pter_gym.gradients._machine import divided, with_any_numbers
 from pter_gym.gradients._rollout import STATE, tip_motion
 from pter_gym.params import Machine
 from pter_gym.params._spread import numbers_of
 
-jnp: Any = _numpy
-custom_vmap: Any = _custom_vmap
-_XLA: Any = _xla
-_double_rows = _XLA._double_rows
+_double_rows = _xla._double_rows
 
 STRENGTH = slice(BODY.strength.x1, BODY.strength.x4 + 1)
 """Rows of what heat leaves of the torques."""
 
 
-def _divide(x: Any, y: Any) -> Any:
+def _divide(x: jax.Array, y: jax.Array) -> jax.Array:
     """Return x/y, finite in a branch that is not taken, as its derivative has to be."""
     return x / jnp.where(y == 0.0, 1.0, y)
 
@@ -54,16 +51,16 @@ def _chosen(condition: Any, x: Any, y: Any) -> Any:
     return jax.tree.map(partial(jnp.where, condition), x, y)
 
 
-def _whole(x: Any) -> Any:
+def _whole(x: ArrayLike) -> jax.Array:
     return jnp.asarray(x).astype(jnp.int32)
 
 
-def _root(x: Any) -> Any:
+def _root(x: jax.Array) -> jax.Array:
     """Return √x, at 0 with the derivative 0."""
     return jnp.where(x == 0.0, 0.0, jnp.sqrt(jnp.where(x == 0.0, 1.0, x)))
 
 
-def _least(*given: Any) -> Any:
+def _least(*given: jax.Array) -> jax.Array:
     """Return the least number, with the derivative of the first of equal ones."""
     return reduce(lambda least, each: jnp.where(each < least, each, least), given)
 
@@ -80,12 +77,11 @@ MEANING: dict[str, Any] = {
 """What functions of the simulator need to be functions of JAX; see ``branchless``."""
 
 
-def first_order(function: Any) -> Any:
+def first_order(function: Stage) -> Stage:
     """Return a function that raises a ParameterError where it is differentiated itself."""
-    custom: Any = jax.custom_jvp
-    once = custom(function)
+    once = jax.custom_jvp(function)
 
-    def refuse(*_: Any) -> None:
+    def refuse(*_: Any) -> Any:
         raise ParameterError(
             "derivatives must be first ones in reverse mode (jax.grad, jax.vjp, jax.jacrev)"
         )
@@ -143,9 +139,9 @@ def make_rollout(
     def rollout(
         state: State | dict[str, Any],
         volts: Any,
-        hand_force: Any,
-        hand_target: Any = (0.0, 0.0),
-        numbers: dict[str, Any] | None = None,
+        hand_force: ArrayLike,
+        hand_target: ArrayLike = (0.0, 0.0),
+        numbers: dict[str, ArrayLike] | None = None,
     ) -> JaxMotion:
         fields = vars(state) if isinstance(state, State) else state
         at = {
@@ -190,7 +186,7 @@ def _motion(states: jax.Array, arm: Any) -> JaxMotion:
     )
 
 
-def _floats(name: str, values: Any, shape: tuple[int, ...]) -> jax.Array:
+def _floats(name: str, values: ArrayLike, shape: tuple[int, ...]) -> jax.Array:
     array = jnp.asarray(values)
     if array.dtype.kind not in "fiu":
         raise ParameterError(f"{name} must be an array of numbers, got {array.dtype}")
@@ -199,7 +195,7 @@ def _floats(name: str, values: Any, shape: tuple[int, ...]) -> jax.Array:
     return array.astype(jnp.result_type(float))
 
 
-def _spread(name: str, values: Any, shape: tuple[int, int, int]) -> jax.Array:
+def _spread(name: str, values: ArrayLike, shape: tuple[int, int, int]) -> jax.Array:
     found = np.shape(values)
     accepted = (shape[-1:], shape[::2], shape)
     if found not in accepted:
@@ -208,19 +204,18 @@ def _spread(name: str, values: Any, shape: tuple[int, int, int]) -> jax.Array:
     return jnp.broadcast_to(array[:, None] if array.ndim == 2 else array, shape)
 
 
-def rolling(has_paper_clutches: bool, substep: float) -> Any:
+def rolling(has_paper_clutches: bool, substep: float) -> Stage:
     """Return a function of body, voltages, forces and targets: states at control instants."""
     names = {name: _registered(name, has_paper_clutches) for name in ("forward", "backward")}
     h = words_of(np.array([substep]))
 
     def call(
-        name: str, shapes: tuple[tuple[int, ...], ...], arguments: tuple[Any, ...]
-    ) -> tuple[Any, ...]:
-        ffi: Any = jax.ffi
+        name: str, shapes: tuple[tuple[int, ...], ...], arguments: tuple[jax.Array, ...]
+    ) -> tuple[jax.Array, ...]:
         results = tuple(
             jax.ShapeDtypeStruct((2 * math.prod(shape),), jnp.uint32) for shape in shapes
         )
-        buffers = ffi.ffi_call(names[name], results, vmap_method="broadcast_all")(
+        buffers = jax.ffi.ffi_call(names[name], results, vmap_method="broadcast_all")(
             h, *map(_words, arguments)
         )
         return tuple(
@@ -228,21 +223,20 @@ def rolling(has_paper_clutches: bool, substep: float) -> Any:
         )
 
     @first_order
-    def run(body: Any, volts: Any, force: Any, target: Any) -> Any:
+    def run(body: jax.Array, volts: jax.Array, force: jax.Array, target: jax.Array) -> jax.Array:
         return call("forward", ((len(volts) + 1, LAST - FIRST),), (body, volts, force, target))[0]
 
     @first_order
-    def back(*arguments: Any) -> Any:
+    def back(*arguments: jax.Array) -> tuple[jax.Array, ...]:
         return call("backward", tuple(each.shape for each in arguments[:4]), arguments)
 
-    custom: Any = jax.custom_vjp
-    roll = custom(run)
+    roll = jax.custom_vjp(run)
 
-    def keep(*arguments: Any) -> Any:
+    def keep(*arguments: jax.Array) -> tuple[jax.Array, tuple[jax.Array, ...]]:
         states = run(*arguments)
         return states, (*arguments, states)
 
-    def pull(residuals: Any, by_states: Any) -> Any:
+    def pull(residuals: tuple[jax.Array, ...], by_states: jax.Array) -> tuple[jax.Array, ...]:
         return back(*residuals, by_states)
 
     roll.defvjp(keep, pull)
@@ -278,12 +272,12 @@ def _registered(name: str, has_paper_clutches: bool) -> str:
         "backward": (backward, BACKWARD_TYPES, _backward_handler),
     }[name]
     export(kernel, signature, symbol := f"{called}_kernel")
-    _XLA.register(called, handler(caller(signature, symbol)))
+    _xla.register(called, handler(caller(signature, symbol)))
     return called
 
 
 @compiled
-def _rollout(buffers: int, first: int, i: int) -> tuple[Any, Any, Any, Any]:
+def _rollout(buffers: int, first: int, i: int) -> tuple[Array, Array, Array, Array]:
     """Return body, voltages, forces and targets of rollout ``i``, in buffers from ``first`` on."""
     body, volts = _double_rows(buffers, first)[i], _double_rows(buffers, first + 1)[i]
     force, target = _double_rows(buffers, first + 2)[i], _double_rows(buffers, first + 3)[i]
@@ -298,13 +292,13 @@ def _rollout(buffers: int, first: int, i: int) -> tuple[Any, Any, Any, Any]:
 
 
 @compiled
-def _states(buffers: int, number: int, i: int) -> Any:
+def _states(buffers: int, number: int, i: int) -> Array:
     """Return the states of rollout ``i`` at the control instants."""
     states = _double_rows(buffers, number)[i]
     return states.reshape((len(states) // (LAST - FIRST), LAST - FIRST))
 
 
-def _forward_handler(forward: Any) -> Any:
+def _forward_handler(forward: Stage) -> Stage:
     """Return what simulates.
 
     Its arguments are the substep, bodies, voltages, forces and targets; its result states.
@@ -319,7 +313,7 @@ def _forward_handler(forward: Any) -> Any:
     return handler
 
 
-def _backward_handler(backward: Any) -> Any:
+def _backward_handler(backward: Stage) -> Stage:
     """Return what pulls adjoints back.
 
     Its arguments are those of the other call, the states, and their adjoints; its results are the
