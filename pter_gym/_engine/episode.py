@@ -10,6 +10,7 @@ from pter_gym._compiled.philox import uniform4
 from pter_gym._compiled.records import entrywise, load, read, store, write
 from pter_gym._engine.step import (
     clipped,
+    hand_force,
     locate,
     observe,
     passive_force,
@@ -254,10 +255,12 @@ def gripping(draw: float) -> float:
 
 @outlined
 def record_reset(w: Any, i: int, telemetry: Any, t: int, world: int, constants: Any) -> None:
-    """Write the telemetry (T, N, K) of a world that is not stepping: its pose, the rest zero."""
+    """Write the telemetry (T, N, K) of a world that is not stepping, 0 but for pose and force."""
     for column in range(telemetry.shape[2]):
         telemetry[t, world, column] = 0.0
-    record_pose(w, i, telemetry[t, world], 0.0, constants)
+    row = telemetry[t, world]
+    record_pose(w, i, row, 0.0, constants)
+    write(row, COLUMN.force, to_world(hand_force(w, i), load(w, ROW.foot.heading, i)))
 
 
 @inlined

@@ -51,7 +51,6 @@ from pter_gym._engine.world import (
     Pay,
 )
 from pter_gym._physics.arm import Vector
-from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.step import Energy, count_nonzero
 
 _WORLDS, _TELEMETRY = types.float64[:, :, ::1], types.float64[:, :, ::1]
@@ -122,7 +121,6 @@ def _clear(w: Any, worlds: Any) -> None:
         for i in range(worlds.shape[2]):
             w[row, i] = 0.0
     for i in range(worlds.shape[2]):
-        store(w, ROW.last_command, i, PerClutch(0.0, 0.0, 0.0, 0.0))
         store(w, ROW.start_velocity, i, Vector(0.0, 0.0))
         store(w, ROW.energy, i, Energy(0.0, 0.0, 0.0, 0.0))
 
@@ -299,10 +297,11 @@ def _build_reset(digest: str) -> Any:
             fetch_world(w, i, worlds, world)
             if chosen[world]:
                 start_episode(w, i, words[world, 0], words[world, 1], config, constants)
-                put_back(w, i, worlds, world)
             else:
                 take_context(w, i, constants)
             observe(w, i, config, constants)
+            if chosen[world]:
+                put_back(w, i, worlds, world)
             write_observation(w, i, obs, world, config, constants)
             if telemetry.shape[0] > 0:
                 record_reset(w, i, telemetry, 0, world, constants)

@@ -37,7 +37,6 @@ from pter_gym._physics.arm import (
 )
 from pter_gym._physics.clutch import PerClutch, faded, heated, product
 from pter_gym._physics.friction import slip_velocities
-from pter_gym._physics.order import KICK_FIRST
 from pter_gym._physics.scalars import clamp
 from pter_gym._physics.step import (
     Energy,
@@ -111,7 +110,6 @@ def given_volts(actions: Any, world: int, low: float, high: float, voltage_max: 
 @inlined
 def take_command(w: Any, i: int, volts: PerClutch) -> None:
     """Take the command of a control step, and keep from the one before what a reward needs."""
-    store(w, ROW.last_command, i, load(w, ROW.command, i))
     store(w, ROW.command, i, clipped(volts, w[ROW.machine.voltage_max, i]))
     v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
     store(w, ROW.start_velocity, i, Vector(v_x, v_y))
@@ -327,9 +325,7 @@ def judge_step(w: Any, i: int, period: float, max_steps: float) -> None:
         pace_ratio=ratio,
         acceleration=math.sqrt(acceleration.x * acceleration.x + acceleration.y * acceleration.y),
         volts=load(w, ROW.command, i),
-        last_volts=load(w, ROW.last_command, i),
         voltage_max=w[ROW.machine.voltage_max, i],
-        energy=load(w, ROW.energy, i),
         failed=failed,
     )
     terms = reward_terms(task.weight, outcome, period)
@@ -467,7 +463,10 @@ def observe_reading(w: Any, i: int, constants: Any) -> None:
 
 @inlined
 def scale_entries(w: Any, first: int, last: int, config: Any) -> None:
-    """Bring the observations in columns ``first`` … ``last`` − 1 to their scales, within ±BOUND."""
+    """Bring the observations in columns ``first`` … ``last`` − 1 to their scales, within ±BOUND.
+
+    Each passes here once a control step, and once at a reset.
+    """
     for k in range(ENTRIES):
         inverse_scale = config[_FIRST_INVERSE_SCALE + k]
         for i in range(first, last):
@@ -531,8 +530,6 @@ def _mover(arrangement_at: Any) -> Any:
         h, count = config[CONFIG.substep], int(config[CONFIG.substeps])
         for i in range(lanes):
             set_strengths(w, i, h * count)
-            if KICK_FIRST:
-                push_tip(w, i, guides)
         control_step(
             w, lanes, h, count, count_nonzero(w, ROW.machine.voltage_decay.rise, lanes) > 0, guides
         )

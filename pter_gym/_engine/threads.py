@@ -2,6 +2,7 @@
 
 import os
 import time
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
@@ -41,12 +42,16 @@ class Threads:
 
         It is called in all threads at once. An interrupt (Ctrl-C) waits for all.
         """
-        queue = iter(shares)
+        left = deque(shares)  # whose pops are safe between threads, also without the GIL
         finished_shares: list[Share] = []
         results: list[int] = []
 
         def work() -> None:
-            for share in queue:
+            while True:
+                try:
+                    share = left.popleft()
+                except IndexError:
+                    return
                 try:
                     results.append(call(*share))
                 finally:

@@ -105,7 +105,6 @@ class Pay(NamedTuple):
 class Scratch(NamedTuple):
     """What a control step works with; nothing of it lasts."""
 
-    last_command: Annotated[PerClutch, Entry("V", "command before the last")]
     start_velocity: Annotated[Vector, Entry("m/s", "the tip's velocity at the start of the step")]
     energy: Energy
     strength: Annotated[

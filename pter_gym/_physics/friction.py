@@ -146,6 +146,8 @@ def resolve(
     """
     if arrangement is not None:
         return resolve_any(m11, m12, m22, p_a, p_b, c, arrangement)
+    # p·d along each line, what is left of it by the other clutches' friction h(d), and so whether
+    # the minimum on the line moves
     q1 = p_b
     q2 = p_a
     q3 = p_a + p_b
@@ -163,6 +165,7 @@ def resolve(
     moves3 = excess3 > 0.0
     moves4 = excess4 > 0.0
 
+    # the speed of that minimum, and the multiplier's sign there: 0 if the line's clutch can hold it
     s1 = g1 * excess1 / m22
     s2 = g2 * excess2 / m11
     s3 = g3 * excess3 / (m11 + 2.0 * m12 + m22)
@@ -172,6 +175,7 @@ def resolve(
     side3 = side(0.5 * (q4 - s3 * (m11 - m22) - g3 * (c.x1 - c.x2)), c.x3)
     side4 = side(0.5 * (q3 - s4 * (m11 - m22) - g4 * (c.x1 - c.x2)), c.x4)
 
+    # the sector beside the lines: each clutch slips to the side that its line tells
     rest1, rest2, rest3, rest4 = rest_sides(g1, g2, g3, g4, moves1, moves2, moves3)
     f1 = c.x1 * (side1 if moves1 else rest1)
     f2 = c.x2 * (side2 if moves2 else rest2)
@@ -184,6 +188,8 @@ def resolve(
     omega_a = (m22 * free_a - m12 * free_b) / det
     omega_b = (m11 * free_b - m12 * free_a) / det
 
+    # at most one clutch sticks in motion, by its multiplier or, in a sector's solution on the wrong
+    # side of its line, by rounding
     stuck1 = moves1 & (side1 == 0.0)
     stuck2 = moves2 & (side2 == 0.0)
     stuck3 = moves3 & (side3 == 0.0)
@@ -193,6 +199,7 @@ def resolve(
     stuck2 = stuck2 | (sector & moves2 & (side2 * omega_b < 0.0))
     stuck3 = stuck3 | (sector & moves3 & (side3 * (omega_a - omega_b) < 0.0))
     stuck4 = stuck4 | (sector & moves4 & (side4 * (omega_a + omega_b) < 0.0))
+    # a stuck clutch's line is met exactly: not by the sector's formula
     omega_a = 0.0 if stuck1 else (s2 if stuck2 else (s3 if stuck3 else (s4 if stuck4 else omega_a)))
     omega_b = (
         s1 if stuck1 else (0.0 if stuck2 else (s3 if stuck3 else (-s4 if stuck4 else omega_b)))

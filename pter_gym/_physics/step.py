@@ -434,6 +434,7 @@ def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> t
 
     @inlined
     def kick(w: Any, lanes: int, h: float) -> None:
+        # a vectorised loop over all machines; the few that need parts go through them one by one
         for i in range(lanes):
             find(w, i, h)
         if count_nonzero(w, at.switches, lanes) > 0:
@@ -454,7 +455,7 @@ def no_hands(w: Any, lanes: int, h: float, whole: bool, guides: bool) -> None:
 def control_step_on(
     at: Any, load_on: Any, arrangement_at: Any = paper_clutches, move_hands: Any = no_hands
 ) -> Any:
-    """Return what moves machines through a control step, in substeps of the order ``ORDER``.
+    """Return what moves machines through a control step, in substeps.
 
     Parameters
     ----------
@@ -479,6 +480,7 @@ def control_step_on(
                 kick(w, lanes, h)
             else:
                 whole = is_whole(stage, count)
+                # at constant voltages, torques tend to what the first drift has found
                 if aims | (stage < CYCLE):
                     for i in range(lanes):
                         aim(w, i, whole)
@@ -499,12 +501,15 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
         threshold = w[at.machine.slip_threshold, i]
         q = load(w, at.motion, i)
         arm = load(w, at.machine.arm, i)
+        # what the arm would do without friction
         impact = free_motion(q, arm, load_on(w, i), h)
         arrangement = arrangement_at(w, i)
+        # Karnopp's rule: torque limits by the slip before
         before = slip_velocities(q.omega_a, q.omega_b, arrangement)
         sliding = load(w, at.machine.sliding, i)
         capacity = capacities(before, threshold, torques, sliding)
         capacity = with_dry(capacity, arm.dry_a, arm.dry_b, arrangement)
+        # all clutches' friction at once
         most = product(h, capacity)
         omega_a, omega_b = resolve(
             impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, most, arrangement
@@ -545,6 +550,7 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
         edge = machine.slip_threshold
         least = least_torques(most, load(w, at.torques, i), machine, arrangement)
         m11, m12, m22, p_a, p_b = impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b
+        # where the clutches' potential is least, and the torques that balance there
         omega_a, omega_b, slip = creeping(
             m11, m12, m22, p_a, p_b, edge, product(h, least), product(h, most), arrangement
         )

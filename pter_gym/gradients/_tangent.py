@@ -7,7 +7,7 @@ Each tangent is a lane, and all lanes share the numbers of the substep itself.
 from pter_gym._compiled.compiler import inlined, outlined
 from pter_gym._compiled.records import flat, load, store
 from pter_gym._physics.open_loop import BODY
-from pter_gym._physics.order import CYCLE, DRIFTS_WHOLE, is_kick, stage_count
+from pter_gym._physics.order import CYCLE, is_kick, stage_count
 from pter_gym._physics.step import MAX_PARTS, MIN_PART
 from pter_gym.gradients._adjoint import OMEGA, Kick, aim, drift, kick_stages, lags
 from pter_gym.gradients._branchless import Columns, Stage
@@ -56,10 +56,10 @@ def substep_tangents(arrangement_at: Stage, torque_lanes: int) -> Stage:
         and the load. ``aims`` says whether commands may have changed.
     """
     kick = _kick_tangents(arrangement_at)
-    first, whole = f"min({torque_lanes}, {LANES})", DRIFTS_WHOLE
-    aim_torques = tangent_of(aim, constants=(whole,), active=TORQUES, lanes=first)
-    relax = tangent_of(drift, "h", constants=(whole,), active=TORQUES, lanes=first)
-    turn = tangent_of(drift, "h", constants=(whole,), active=MOTION, lanes=LANES)
+    first = f"min({torque_lanes}, {LANES})"
+    aim_torques = tangent_of(aim, constants=(False,), active=TORQUES, lanes=first)
+    relax = tangent_of(drift, "h", constants=(False,), active=TORQUES, lanes=first)
+    turn = tangent_of(drift, "h", constants=(False,), active=MOTION, lanes=LANES)
 
     @inlined
     def advance(body: Columns, dot: Columns, h: float, aims: bool) -> None:

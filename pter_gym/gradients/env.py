@@ -26,7 +26,7 @@ from pter_gym._engine.step import (
 from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANTS, FLAG, ROW, Config
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH
-from pter_gym._physics.order import KICK_FIRST, is_kick, is_whole, stage_count
+from pter_gym._physics.order import is_kick, is_whole, stage_count
 from pter_gym.envs import jax as jax_env
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.gradients._branchless import Column, Stage, branchless
@@ -201,8 +201,6 @@ def _following(config: Config, frame_skip: int) -> Stage:
     def move(w: Column) -> None:
         """Move the arm by a control step."""
         force = []
-        if KICK_FIRST:
-            _twin(push_tip)(w, 0, False)
         for stage in range(stage_count(count)):
             if is_kick(stage):
                 force.append(jnp.stack(load(w, ROW.force, 0)))

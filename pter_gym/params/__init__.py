@@ -28,7 +28,6 @@ from pter_gym.params._machine import (
     Lag,
     Machine,
     TorqueCurve,
-    require_paper_clutches,
     tip_mass,
 )
 from pter_gym.params._named import (
@@ -75,7 +74,6 @@ __all__ = [
     "require_kind",
     "require_number",
     "require_numbers",
-    "require_paper_clutches",
     "require_whole",
     "save_machine",
     "tip_mass",

@@ -282,12 +282,6 @@ class Machine(Checked):
         )
 
 
-def require_paper_clutches(machine: Machine, why: str) -> None:
-    """Raise a ParameterError unless W is the paper's."""
-    rows = [clutch.row for clutch in machine.clutches]
-    require(machine.has_paper_clutches, machine, "clutches", f"the paper's four: {why}", got=rows)
-
-
 def tip_mass(arm: Arm) -> float:
     """Return the smallest effective mass of the tip over all poses and directions [kg].
 

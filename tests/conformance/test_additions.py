@@ -11,19 +11,19 @@ CHANGED = """
 import sys
 from importlib.machinery import PathFinder, SourceFileLoader
 
-MODULE, CHANGES = {module!r}, {changes!r}
+CHANGES = {changes!r}
 
 class Changed(SourceFileLoader):
     def get_code(self, name):
         text = self.get_data(self.path).decode()
-        for line, more in CHANGES.items():
+        for line, more in CHANGES[name].items():
             assert text.count(line) == 1, line
             text = text.replace(line, line + more)
         return self.source_to_code(text.encode(), self.path)
 
 class Finder:
     def find_spec(name, path, target=None):
-        if name == MODULE:
+        if name in CHANGES:
             spec = PathFinder.find_spec(name, path)
             spec.loader = Changed(name, spec.origin)
             return spec
@@ -32,9 +32,9 @@ sys.meta_path.insert(0, Finder)
 """
 
 
-def run(module: str, changes: dict[str, str], test: str) -> None:
-    """Run a test where lines of a module are followed by others."""
-    code = CHANGED.format(module=f"pter_gym.{module}", changes=changes) + test
+def run(changes: dict[str, dict[str, str]], test: str) -> None:
+    """Run a test where lines of modules are followed by others."""
+    code = CHANGED.format(changes={f"pter_gym.{name}": x for name, x in changes.items()}) + test
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
@@ -74,7 +74,49 @@ def test_an_entry_is_observed_with_the_sensors_that_it_needs_and_moves_no_other(
     changes = {line: entry.format(sensors) for sensors, line in lines.items()}
     values = "\n        of_encoders=7.0,\n        of_torque=8.0,\n        of_force=9.0,"
     changes["        pace_error=at.speed.along / pace - 1.0,"] = values
-    run("tasks.path_following._observation", changes, OBSERVED)
+    run({"tasks.path_following._observation": changes}, OBSERVED)
+
+
+REMEMBERED = """
+import numpy as np
+from pter_gym._engine.batch import Batch
+from pter_gym.params import BASELINE
+from pter_gym.tasks.path_following import PathFollowing, Sensing
+
+for sensing in (Sensing(), Sensing(velocity_noise=0.1, delay=1)):
+    batch = Batch(BASELINE, PathFollowing(sensing=sensing), 2)
+    obs = [batch.reset([0, 1])[0].copy()]
+    obs += [batch.step(np.full((2, 4), 3.0)).obs.copy() for _ in range(5)]
+    at = [batch.layout.index(name) for name in ("omega_a", "turned")]
+    omega, turned = np.moveaxis(np.array(obs)[..., at] * batch.layout.scales[at], -1, 0)
+    assert (omega[-1] != 0.0).all()
+    np.testing.assert_allclose(turned, np.cumsum(omega, axis=0), rtol=1e-5)
+"""
+
+
+def test_an_entry_with_state_sees_what_the_others_show_once_a_step() -> None:
+    """A sum of a velocity, as CONTRIBUTING says: of noisy and late readings where sensors are."""
+    entry = '    volts: Annotated[PerClutch, Entry("V", "last voltage", largest_voltage)]'
+    loop = '    Each passes here once a control step, and once at a reset.\n    """\n'
+    summed = "    for i in range(first, last):\n        "
+    summed += "w[ROW.sum_omega, i] = w[ROW.seen.turned, i] = turned(load(w, ROW.seen, i), "
+    function = "\n\ndef turned(seen, last):\n    return last + seen.omega_a\n"
+    observation = {
+        entry: '\n    turned: Annotated[float, Entry("rad/s", "sum of a velocity")]',
+        "        pace_error=at.speed.along / pace - 1.0,": "\n        turned=0.0,",
+        "force=measured.force,  # pyright: ignore[reportCallIssue]\n    )\n": function,
+    }
+    changes = {
+        "_engine.world": {'over the commanded pace")\n    ]': "\n    sum_omega: float"},
+        "_engine.step": {
+            loop: summed + "w[ROW.sum_omega, i])\n",
+            "from pter_gym.tasks.path_following._pace import recent_pace\n": (
+                "from pter_gym.tasks.path_following._observation import turned\n"
+            ),
+        },
+        "tasks.path_following._observation": observation,
+    }
+    run(changes, REMEMBERED)
 
 
 CLEARED = """
@@ -107,4 +149,4 @@ def test_a_row_is_cleared_by_a_reset_if_its_record_is() -> None:
         'in others it is zero and is not stored."""\n': "\n    first_extra: float",
         '    heat: Annotated[PerClutch, Entry("J", "heat")]': "\n    last_extra: float",
     }
-    run("_engine.world", changes, CLEARED)
+    run({"_engine.world": changes}, CLEARED)

@@ -13,7 +13,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.paths import Circle, Line
 from pter_gym.tasks.path_following import PathFollowing, Sensing
-from pter_gym.tasks.path_following._position import Band, beyond_band
+from pter_gym.tasks.path_following._position import FreeBand, beyond_band
 from pter_gym.tasks.path_following._telemetry import COLUMN
 
 
@@ -22,8 +22,8 @@ from pter_gym.tasks.path_following._telemetry import COLUMN
     [(0.0, 0.0), (0.02, 0.0), (-0.03, 0.0), (0.025, 0.005), (-0.05, -0.02), (0.019, 0.0)],
 )
 def test_the_error_counts_from_the_edge_of_the_band(offset: float, beyond: float):
-    assert beyond_band(offset, Band(right=0.03, left=0.02)) == pytest.approx(beyond, abs=1e-15)
-    assert beyond_band(offset, Band(0.0, 0.0)) == offset
+    assert beyond_band(offset, FreeBand(right=0.03, left=0.02)) == pytest.approx(beyond, abs=1e-15)
+    assert beyond_band(offset, FreeBand(0.0, 0.0)) == offset
 
 
 def test_telemetry_observation_and_reward_count_from_the_band():

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from pter_gym._compiled.records import load, store
+from pter_gym._engine.batch import Batch
 from pter_gym._engine.episode import place, spread
 from pter_gym._engine.step import gaussians, hand_force, take_reading
 from pter_gym._engine.world import ROW, ROWS, Target
@@ -27,7 +28,6 @@ from pter_gym._physics.arm import (
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.model import model_of
 from pter_gym._physics.stability import MAX_SUBSTEPS, largest_energy, largest_travel
-from pter_gym._physics.step import Energy
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.hands._model import (
@@ -43,6 +43,7 @@ from pter_gym.params import BASELINE, Clutch, Hand, TorqueCurve
 from pter_gym.paths import Arc, Line, Polyline
 from pter_gym.paths._projection import Foot
 from pter_gym.tasks.path_following import (
+    COLUMN,
     TELEMETRY,
     PathFollowing,
     Reason,
@@ -63,7 +64,13 @@ from pter_gym.tasks.path_following._observation import (
     observation,
 )
 from pter_gym.tasks.path_following._pace import ALLOWANCE, in_start_up, start_up_allowance
-from pter_gym.tasks.path_following._position import Band, PathState, PathVector, to_path, to_world
+from pter_gym.tasks.path_following._position import (
+    FreeBand,
+    PathState,
+    PathVector,
+    to_path,
+    to_world,
+)
 from pter_gym.tasks.path_following._reward import (
     Outcome,
     Terms,
@@ -305,9 +312,7 @@ def test_each_reward_term_is_scaled_by_its_weight(failed: bool):
         pace_ratio=0.5,
         acceleration=4.0,
         volts=volts,
-        last_volts=volts,
         voltage_max=20.0,
-        energy=Energy(*(0.0,) * len(Energy._fields)),
         failed=failed,
     )
     none = Terms(*(0.0,) * len(Terms._fields))
@@ -390,7 +395,7 @@ def test_an_observation_has_the_declared_entries():
     def seen(offset: float) -> Any:
         foot = Foot(0.3, offset, unit(0.2), 7.0, 2.0)
         measured = Measurement(q, foot, torque, force)
-        return observation(measured, arm, Band(0.003, 0.001), 1.5, 0.4, volts)
+        return observation(measured, arm, FreeBand(0.003, 0.001), 1.5, 0.4, volts)
 
     v_x, v_y = tip_velocity(arm, q)
     speed = complex(v_x, v_y) / cmath.exp(0.2j)
@@ -638,3 +643,13 @@ def test_a_torque_curve_is_told_at_the_largest_voltage():
     assert told.breakaway_factor == pytest.approx(
         scale * 6.0 / BASELINE.clutch.breakaway.torque(6.0)
     )
+
+
+def test_a_reset_tells_the_force_that_it_shows() -> None:
+    """In world axes, and along and across the path."""
+    batch = Batch(BASELINE, PathFollowing(), 4, sensors="force")
+    obs, telemetry = batch.reset([0, 1, 2, 3])
+    at = [batch.layout.index(f"force_{name}") for name in ("along", "across")]
+    shown = np.hypot(*(obs[:, at] * batch.layout.scales[at]).T)
+    assert np.hypot(*telemetry[:, [*COLUMN.force]].T) == pytest.approx(shown, rel=1e-6)
+    assert (shown > 1.0).all()

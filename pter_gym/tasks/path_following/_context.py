@@ -11,7 +11,7 @@ from pter_gym.hands import HandModel
 from pter_gym.params import BASELINE, Machine
 from pter_gym.tasks.path_following._model import PathModel, SensingModel, StartModel, TaskModel
 from pter_gym.tasks.path_following._observation import FORCE_SCALE
-from pter_gym.tasks.path_following._position import Band
+from pter_gym.tasks.path_following._position import FreeBand
 from pter_gym.tasks.path_following._reward import PACE_WINDOW, Terms
 from pter_gym.tasks.path_following._specification import (
     IDEAL_SENSING,
@@ -124,7 +124,7 @@ def task_model(
     weights: Any = vars(task.reward)
     numbers: dict[str, Any] = {
         "path": PathModel(*arcs, task.path.length),
-        "free": Band(right=task.free_right, left=task.free_left),
+        "free": FreeBand(right=task.free_right, left=task.free_left),
         "pace_decay": -math.expm1(-task.control_period / PACE_WINDOW),
         "energy_max": energy_max,
         "starts": StartModel(**vars(task.starts)),

@@ -3,7 +3,7 @@
 from typing import Annotated, NamedTuple
 
 from pter_gym._compiled.records import Entry
-from pter_gym.tasks.path_following._position import Band
+from pter_gym.tasks.path_following._position import FreeBand
 from pter_gym.tasks.path_following._reward import Terms
 
 
@@ -49,7 +49,7 @@ class TaskModel(NamedTuple):
     """Constants of one task."""
 
     path: Annotated[PathModel, Entry()]
-    free: Band
+    free: FreeBand
     pace: Annotated[float, Entry("m/s", "commanded mean speed along the path")]
     pace_decay: Annotated[
         float, Entry("1", "part of a new speed in the mean that the reward judges")

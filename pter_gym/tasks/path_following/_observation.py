@@ -15,7 +15,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.hands._model import unit_vector
 from pter_gym.params import Machine, find_machine
 from pter_gym.paths._projection import Foot, project
-from pter_gym.tasks.path_following._position import Band, PathVector, path_state
+from pter_gym.tasks.path_following._position import FreeBand, PathVector, path_state
 
 Sensors = Literal["encoders", "torque", "force"]
 """What is measured: each kind has the sensors of those before it, too."""
@@ -168,7 +168,7 @@ def measurement_of(
 def observation(
     measured: Measurement,
     arm: Linkage,
-    free: Band,
+    free: FreeBand,
     path_length: float,
     pace: float,
     volts: PerClutch,

@@ -16,7 +16,7 @@ class PathVector(NamedTuple):
     across: Annotated[float, Entry("", "{} across the path, positive to its left")]
 
 
-class Band(NamedTuple):
+class FreeBand(NamedTuple):
     """The band along the path within which the tip is free: a virtual fixture.
 
     Without width it is the path.
@@ -26,7 +26,7 @@ class Band(NamedTuple):
     left: Annotated[float, Entry("m", "width of the free band to the left of the path")]
 
 
-NO_BAND = Band(0.0, 0.0)
+NO_BAND = FreeBand(0.0, 0.0)
 
 
 class PathState(NamedTuple):
@@ -45,7 +45,7 @@ class PathState(NamedTuple):
 
 
 @inlined
-def path_state(foot: Foot, v_x: float, v_y: float, free: Band) -> PathState:
+def path_state(foot: Foot, v_x: float, v_y: float, free: FreeBand) -> PathState:
     """Return the tip's state relative to its path, from its projection and velocity [m/s]."""
     speed = to_path(Vector(v_x, v_y), foot.heading)
     beyond = beyond_band(foot.normal_error, free)
@@ -55,7 +55,7 @@ def path_state(foot: Foot, v_x: float, v_y: float, free: Band) -> PathState:
 
 
 @inlined
-def beyond_band(offset: float, free: Band) -> float:
+def beyond_band(offset: float, free: FreeBand) -> float:
     """Return how far the tip is beyond the free band [m], from its offset to the path's left."""
     return offset - clamp(offset, -free.right, free.left)
 

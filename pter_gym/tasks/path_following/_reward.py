@@ -7,7 +7,6 @@ from typing import Annotated, Any, NamedTuple
 from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import Entry
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.step import Energy
 from pter_gym.params import Checked, parameter
 from pter_gym.tasks.path_following._position import PathState
 
@@ -54,10 +53,8 @@ class Outcome(NamedTuple):
         ``PACE_WINDOW``.
     acceleration
         Mean acceleration of the tip over the control step [m/s²].
-    volts, last_volts, voltage_max
-        Voltages of this control step and the previous one, and their limit [V].
-    energy
-        Work of the hand and the clutches in the control step [J].
+    volts, voltage_max
+        Voltages of this control step, and their limit [V].
     failed
         Whether the tip has left the workspace or missed the end of the path.
     """
@@ -70,9 +67,7 @@ class Outcome(NamedTuple):
     pace_ratio: float
     acceleration: float
     volts: PerClutch
-    last_volts: PerClutch
     voltage_max: float
-    energy: Energy
     failed: bool
 
 
