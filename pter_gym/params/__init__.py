@@ -20,16 +20,7 @@ from pter_gym.params._files import (
     load_machine,
     save_machine,
 )
-from pter_gym.params._machine import (
-    Arm,
-    Band,
-    Clutch,
-    Hand,
-    Lag,
-    Machine,
-    TorqueCurve,
-    tip_mass,
-)
+from pter_gym.params._machine import Arm, Band, Clutch, Hand, Lag, Machine, TorqueCurve, tip_mass
 from pter_gym.params._named import (
     ACTUATORS,
     ARRANGEMENTS,
