@@ -53,10 +53,6 @@ def make_folder(path: FilePath, field: str = "out") -> None:
 class Terminal(Console):
     """A console on which only rich moves the cursor: text is shown, whatever is in it."""
 
-    def out(self, *objects: Any, **options: Any) -> None:
-        """Print without markup and line breaks."""
-        super().out(*(printable(str(each)) for each in objects), **options)
-
     def print(self, *objects: Any, **options: Any) -> None:
         """Print text and tables."""
         shown = (printable(each) if isinstance(each, str) else each for each in objects)
@@ -83,7 +79,7 @@ def terminal(*, errors: bool = False) -> Console:
 
 def say(text: str) -> None:
     """Print text as it is, without rich's markup and line breaks."""
-    terminal().out(text, highlight=False)
+    terminal().out(text)
 
 
 def shorten(text: str, width: int) -> str:

@@ -1,16 +1,14 @@
 """The style of all figures: sizes, colours, units on every axis, legends, and files."""
 
 import io
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
-from functools import wraps
 from math import ceil
 from pathlib import Path
-from typing import Any, NamedTuple, ParamSpec
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -25,8 +23,6 @@ from pter_gym.errors import ParameterError
 from pter_gym.units import to_inch_pounds, to_inches
 
 Array = NDArray[np.float64]
-
-Arguments = ParamSpec("Arguments")
 
 WIDTH, SMALL = 7.16, 7.5
 """Width of a figure [in], that of two columns of a journal; size of the smallest text [pt]."""
@@ -70,7 +66,7 @@ STYLE = Path(__file__).with_suffix(".mplstyle")
 
 
 @contextmanager
-def _style_applied() -> Generator[None]:
+def _style() -> Generator[None]:
     """Apply the style to Matplotlib's defaults, and restore the user's settings afterwards."""
     with mpl.rc_context():
         mpl.rcdefaults()
@@ -78,15 +74,8 @@ def _style_applied() -> Generator[None]:
         yield
 
 
-def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
-    """Decorate a function that makes a figure so that it uses the style."""
-
-    @wraps(draw)
-    def in_style(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure:
-        with _style_applied():
-            return draw(*args, **kwargs)
-
-    return in_style
+styled = _style()
+"""Decorator of functions that make a figure in the style; in a ``with`` statement, once only."""
 
 
 def label(axes: Axes, x: str, y: str) -> None:
@@ -116,13 +105,12 @@ def scaled(factor: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
     return lambda value: value * factor, lambda value: value / factor
 
 
-def legend_below(
-    figure: Figure, handles: Sequence[Artist], names: Sequence[str], note: str | None = None
-) -> None:
-    """Add a legend below all axes, in as many columns as fit, and make room for it.
+def legend_of(figure: Figure, axes: Axes, note: str | None = None) -> None:
+    """Add a legend below all panels, in as many columns as fit, and make room for it.
 
-    The note is written above its entries.
+    It has everything with a label in one panel; the note is written above its entries.
     """
+    handles, names = axes.get_legend_handles_labels()
     renderer, columns = FigureCanvasAgg(figure).get_renderer(), min(len(names), 6)
     while True:
         legend = figure.legend(
@@ -134,11 +122,6 @@ def legend_below(
         legend.remove()
         columns = ceil(len(names) / ceil(len(names) / (columns - 1)))
     figure.set_figheight(figure.get_figheight() + box.height / figure.dpi)
-
-
-def legend_of(figure: Figure, axes: Axes, note: str | None = None) -> None:
-    """Show a legend below all panels, with everything that has a label in one of them."""
-    legend_below(figure, *axes.get_legend_handles_labels(), note)
 
 
 def name_lines(figure: Figure, axes: Axes, note: str | None = None) -> None:
@@ -202,20 +185,22 @@ def percent(share: float, digits: int = 0, *, signed: bool = False) -> str:
     return f"{100.0 * share:{'+' if signed else ''}z.{digits}f}".replace("-", "−") + " %"
 
 
+METADATA: dict[str, dict[str, None]] = {
+    ".png": {"Software": None},
+    ".pdf": {"Creator": None, "Producer": None, "CreationDate": None},
+}
+"""What files do not hold, by their endings, so that the same figure gives the same bytes."""
+
+
 def png(figure: Figure) -> bytes:
-    """Return a figure as the content of a PNG file; the same figure gives the same bytes."""
-    return _encode(figure, "png", {"Software": None})
+    """Return a figure as the content of a PNG file."""
+    return _encoded(figure, ".png")
 
 
-def pdf(figure: Figure) -> bytes:
-    """Return a figure as the content of a vector PDF; the same figure gives the same bytes."""
-    return _encode(figure, "pdf", {"Creator": None, "Producer": None, "CreationDate": None})
-
-
-def _encode(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:
+def _encoded(figure: Figure, suffix: str) -> bytes:
     buffer = io.BytesIO()
-    with _style_applied():
-        figure.savefig(buffer, format=kind, metadata=metadata)
+    with _style():
+        figure.savefig(buffer, format=suffix[1:], metadata=METADATA[suffix])
     return buffer.getvalue()
 
 
@@ -228,8 +213,7 @@ def save(figure: Figure, path: FilePath) -> Path:
         If the path ends in neither ``.png`` nor ``.pdf``.
     """
     file = expand_path("path", path)
-    encode = {".png": png, ".pdf": pdf}.get(file.suffix.lower())
-    if encode is None:
+    if (suffix := file.suffix.lower()) not in METADATA:
         raise ParameterError(f"path must end in .png or .pdf, got {str(path)!r}")
-    write_bytes_atomic(file, encode(figure))
+    write_bytes_atomic(file, _encoded(figure, suffix))
     return file

@@ -111,13 +111,14 @@ def record_episodes(
         If a name is unknown, or a number is out of range.
     """
     left, seed = whole_number("steps", steps), whole_number("seed", seed, at_least=0)
-    episodes = _episodes(scenario, name_of_actor(scenario, level), seed)
-    episodes_so_far: list[RecordedEpisode] = []
-    while left > 0:
-        episodes_so_far.append(next(episodes))
-        left -= len(episodes_so_far[-1].rewards)
-        on_steps(len(episodes_so_far[-1].rewards))
-    return episodes_so_far
+    recorded: list[RecordedEpisode] = []
+    for episode in _episodes(scenario, name_of_actor(scenario, level), seed):
+        recorded.append(episode)
+        left -= len(episode.rewards)
+        on_steps(len(episode.rewards))
+        if left <= 0:
+            break
+    return recorded
 
 
 def _episodes(scenario: str, actor: str, seed: int) -> Iterator[RecordedEpisode]:
@@ -129,7 +130,7 @@ def _episodes(scenario: str, actor: str, seed: int) -> Iterator[RecordedEpisode]
     envs: Any = gymnasium.make_vec(name, WORLDS, autoreset_mode=AutoresetMode.DISABLED, **arguments)
     act, begin = acting_in(envs, actor, seed)
     following = seed * EPISODES_OF_A_SEED
-    seeds: list[int] = list(range(following, following + WORLDS))
+    seeds = list(range(following, following + WORLDS))
     rows: list[list[Any]] = [[] for _ in seeds]
     waiting: dict[int, RecordedEpisode] = {}
     obs = envs.reset(seed=seeds)[0]
@@ -143,13 +144,11 @@ def _episodes(scenario: str, actor: str, seed: int) -> Iterator[RecordedEpisode]
         if not over.any():
             continue
         for world in np.flatnonzero(over).tolist():
-            observed, *columns, distances = (
-                np.array(column) for column in zip(*rows[world], strict=True)
-            )
+            observed, *columns, distances = map(np.array, zip(*rows[world], strict=True))
             observed = np.concatenate([observed, after[world : world + 1]])
-            arrived, distance = bool(infos["is_success"][world]), float(distances.mean())
+            arrived = bool(infos["is_success"][world])
             waiting[seeds[world]] = RecordedEpisode(
-                seeds[world], observed, *columns, arrived=arrived, distance=distance
+                seeds[world], observed, *columns, arrived, float(distances.mean())
             )
             seeds[world], rows[world] = max(seeds) + 1, []
         new_seeds = [

@@ -70,10 +70,8 @@ def write_dataset(
     ident = f"pter/{scenario}/{level}-v0"
     target = (get_dataset_path() if folder is None else expand_path("out", folder)) / ident
     name, arguments = environment_of(scenario, seed)
-    env, judged = (
-        gymnasium.make(name, **arguments),
-        gymnasium.make(name, **arguments, starts="rest"),
-    )
+    env = gymnasium.make(name, **arguments)
+    judged = gymnasium.make(name, **arguments, starts="rest")
     metadata = {
         "dataset_id": ident,
         "minari_version": minari.__version__,
@@ -86,7 +84,14 @@ def write_dataset(
         "ref_min_score": reference_score(scenario, "random", seed),
         "ref_max_score": reference_score(scenario, "expert", seed),
         "num_episodes_average_score": REFERENCE_EPISODES,
-        "summary": summary_of(episodes),
+        "summary": {
+            "steps": sum(len(episode.rewards) for episode in episodes),
+            "episodes": len(episodes),
+            # means, and the ends of their 95 % intervals
+            "mean_return": list(mean_interval([float(each.rewards.sum()) for each in episodes])),
+            "arrived": list(mean_interval([float(each.arrived) for each in episodes])),
+            "distance_m": list(mean_interval([each.distance for each in episodes])),
+        },
     }
     target = target.absolute()  # Minari loses its files where a path is relative
     fields = RecordedEpisode._fields[:-2]  # Minari's, without what only the summary needs
@@ -127,14 +132,3 @@ def replaced(folder: Path) -> Generator[Path]:
         ) from error
     finally:
         tidy()
-
-
-def summary_of(episodes: Sequence[RecordedEpisode]) -> dict[str, Any]:
-    """Return counts and scores of episodes; a score is a mean and the ends of its 95 % interval."""
-    return {
-        "steps": sum(len(episode.rewards) for episode in episodes),
-        "episodes": len(episodes),
-        "mean_return": list(mean_interval([float(episode.rewards.sum()) for episode in episodes])),
-        "arrived": list(mean_interval([float(episode.arrived) for episode in episodes])),
-        "distance_m": list(mean_interval([episode.distance for episode in episodes])),
-    }

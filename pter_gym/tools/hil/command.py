@@ -1,5 +1,6 @@
 """``pter hil``: a controller on its own hardware drives the simulated arm."""
 
+from itertools import zip_longest
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
@@ -108,18 +109,16 @@ def report(records: "list[list[Array]]", episodes: Any, controller: Any, csv: Pa
     from pter_gym.benchmark.rollout import evaluate
     from pter_gym.benchmark.scores import score_episodes
 
-    steps = [np.array(record) for record in records if len(record) > 1]
-    if not steps:
+    begun = [record for record in records if len(record) > 1]
+    if not begun:
         return
-    first = episodes.first(len(steps))
-    telemetry = np.full((max(map(len, steps)), len(steps), steps[0].shape[1]), np.nan)
-    for k, rows in enumerate(steps):
-        telemetry[: len(rows), k] = rows
+    first = episodes.first(len(begun))
+    telemetry = np.array([*zip_longest(*begun, fillvalue=np.full_like(begun[0][0], np.nan))])
     top = first.machines[0].clutch.voltage_max
     own = score_episodes(telemetry, first.tasks, voltage_max=top)
     python = evaluate(controller, first, 1)
     same = np.all([own[name] == python[name] for name in own], axis=0)
-    for k in range(len(steps)):
+    for k in range(len(begun)):
         ours, theirs = (1e3 * each["path_error_m"][k] for each in (own, python))
         say(
             f"episode {k + 1}: path error {ours:.4f} mm, {theirs:.4f} mm in Python, "
@@ -127,7 +126,7 @@ def report(records: "list[list[Array]]", episodes: Any, controller: Any, csv: Pa
             f"{'arrived' if own['completed'][k] else 'ended'} after {own['duration_s'][k]:.2f} s"
         )
     if csv:
-        write_trajectories({f"episode {k}": rows for k, rows in enumerate(steps, 1)}, csv)
+        write_trajectories({f"episode {k}": np.array(rows) for k, rows in enumerate(begun, 1)}, csv)
         say(f"wrote {csv}")
 
 

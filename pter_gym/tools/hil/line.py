@@ -45,9 +45,9 @@ def payload_of(frame: bytes) -> bytes | None:
         at += code
         if code <= RUN and at < len(frame):
             data.append(0)
-    payload, check = bytes(data[:-4]), int.from_bytes(data[-4:], "little")
-    whole = len(data) >= 4 and at == len(frame)
-    return payload if whole and zlib.crc32(payload) == check else None
+    payload, check = bytes(data[:-4]), bytes(data[-4:])
+    is_whole = at == len(frame) and zlib.crc32(payload).to_bytes(4, "little") == check
+    return payload if is_whole else None
 
 
 class SerialLine:

@@ -82,7 +82,7 @@ class Partner:
 
     def __init__(self, line: SerialLine, deadline: float, *, real_time: bool) -> None:
         self.line, self.deadline, self.real_time = line, deadline, real_time
-        self.latencies: list[float] = []
+        self.latencies = list[float]()
         self.missed = 0
 
     def drive(self, machine: Machine, task: PathFollowing, seed: int, rows: list[Array]) -> None:

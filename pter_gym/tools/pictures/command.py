@@ -79,10 +79,9 @@ def watch(
     telemetry: dict[str, Any] = {}
     with waiting("simulating"):
         for name, policy in by_name.items():
-            episode = record_episode(
+            telemetry[name] = record_episode(
                 policy, machine_of_episode, task, seed, nominal=definition.nominal
-            )
-            telemetry[name] = episode.telemetry
+            ).telemetry
             say(f"{name}: {summary(telemetry[name])}")
     smooth = smooth or smoothing_for(definition)
     same = options(scenario=scenario, pace=pace, path=path, smooth=smooth)
@@ -92,12 +91,14 @@ def watch(
     if out:
         with progress_bar() as progress:
             bar = progress.add_task("drawing", total=1.0)
-
-            def show(share: float) -> None:
-                progress.update(bar, completed=share)
-
             film.write_film(
-                machine_of_episode, task, telemetry, out, speed=speed, size=size, on_progress=show
+                machine_of_episode,
+                task,
+                telemetry,
+                out,
+                speed=speed,
+                size=size,
+                on_progress=lambda share: progress.update(bar, completed=share),
             )
     elif not csv:
         film.show_film(

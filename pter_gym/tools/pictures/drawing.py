@@ -28,7 +28,6 @@ INK, MUTED = "#1f2328", "#646b75"
 WORKSPACE, WORKSPACE_EDGE, FREE, FREE_EDGE = "#eff5fb", "#d3e3f1", "#dcefe0", "#a9d6b3"
 PATH = "#3b4048"
 LINK_A, LINK_B, FORCE, TRAIL = palette.PICTURE.values()
-PARALLEL_A, PARALLEL_B = palette.tint(LINK_A), palette.tint(LINK_B)
 LEGEND = {
     "path": PATH,
     "tip's trail": TRAIL,
@@ -107,10 +106,10 @@ def workspace(task: PathFollowing) -> Array:
 
 def band(path: Path, right: float, left: float, behind: float = 0.0) -> Array:
     """Return the outline [m], shape (K, 2), of a band along a path from ``behind`` its start."""
-    x, y, heading, _ = path.arcs.at(np.linspace(0.0, path.length, 129))
-    x = np.append(x[0] - behind * np.cos(heading[0]), x)
-    y = np.append(y[0] - behind * np.sin(heading[0]), y)
-    heading = np.append(heading[0], heading)
+    sampled = path.arcs.at(np.linspace(0.0, path.length, 129))
+    x, y, heading, _ = (np.append(each[0], each) for each in sampled)
+    x[0] -= behind * np.cos(heading[0])
+    y[0] -= behind * np.sin(heading[0])
     points, normal = np.stack([x, y], axis=1), np.stack([-np.sin(heading), np.cos(heading)], axis=1)
     return np.vstack([points + left * normal, (points - right * normal)[::-1]])
 
@@ -239,8 +238,8 @@ class Canvas:
         )
 
 
-def _enlarged(points: ArrayLike) -> list[tuple[float, ...]]:
-    return [tuple(point) for point in (SUPERSAMPLING * np.asarray(points)).tolist()]
+def _enlarged(points: ArrayLike) -> list[float]:
+    return (SUPERSAMPLING * np.asarray(points)).ravel().tolist()
 
 
 def text_width(text: str, size: float) -> float:
@@ -256,6 +255,12 @@ def shortened(name: str, size: float, width: float) -> str:
         kept -= 1
         shown = shorten(text, kept)
     return shown
+
+
+def apart(places: Array, line: float, most: float) -> Array:
+    """Return ascending places of labels, moved a ``line`` apart and, if they fit, to ``most``."""
+    lines = line * np.arange(len(places))
+    return np.minimum(np.maximum.accumulate(places - lines) + lines, most + lines - lines[-1])
 
 
 def drawable(text: str) -> str:
@@ -276,16 +281,12 @@ def _has(character: str) -> bool:
     return bytes(font.getmask(character)) != bytes(font.getmask("\uffff"))
 
 
-def _font(size: float) -> ImageFont.FreeTypeFont:
-    return _load_font(round(SUPERSAMPLING * max(size, MIN_TEXT)))
-
-
 @lru_cache
-def _load_font(size: int) -> ImageFont.FreeTypeFont:
+def _font(size: float) -> ImageFont.FreeTypeFont:
     """Load the typeface of the figures from Matplotlib's files, without importing Matplotlib."""
     package: Any = find_spec("matplotlib")
     fonts = FilePath(package.origin).parent / "mpl-data" / "fonts" / "ttf"
-    return ImageFont.truetype(fonts / "DejaVuSans.ttf", size)
+    return ImageFont.truetype(fonts / "DejaVuSans.ttf", round(SUPERSAMPLING * max(size, MIN_TEXT)))
 
 
 # --- the picture ---
@@ -305,27 +306,27 @@ class Picture:
     def __init__(self, subject: Subject, width: int, height: int) -> None:
         self.subject, self._extent = subject, (width, height)
         self._machine, task, name = subject
-        has_legend = height >= MIN_HEIGHT_WITH_LEGEND
-        self._has_text = width >= MIN_SIZE_WITH_TEXT[0] and height >= MIN_SIZE_WITH_TEXT[1]
+        has_text = width >= MIN_SIZE_WITH_TEXT[0] and height >= MIN_SIZE_WITH_TEXT[1]
         self._unit = unit = 0.9 * math.sqrt(min(width / TILE_WIDTH, height / TILE_HEIGHT))
         self._has_bars = width >= MIN_WIDTH_WITH_BARS
         card = STATE_HEIGHT + BARS_HEIGHT * self._has_bars
         self._panel = Box(0, height - (LINE + card + 2 * GAP) * unit, width, height)
         margin = 0.03 * min(width, height)
         scene = Box(margin, margin, width - margin, height - margin)
-        if self._has_text:
+        has_legend = has_text and height >= MIN_HEIGHT_WITH_LEGEND
+        if has_text:
             margin = MARGIN * unit
             top, bottom = (1 + has_legend) * LINE * unit, self._panel.low - 0.5 * margin
             scene = Box(margin, top, width - margin, bottom)
         self.view = fit(task, self._machine.arm, scene)
         room = min((scene.right - scene.left) / 508, (scene.high - scene.low) / 532)
         self._stroke = room**STROKE_GROWTH
-        self._size = BODY * unit if self._has_text else 0.0
+        self._size = BODY * unit * has_text
         self._background = Canvas.blank(width, height)
         self._draw_background(task)
-        if self._has_text:
+        if has_text:
             self._draw_captions(name, scene)
-        if self._has_text and has_legend:
+        if has_legend:
             self._draw_legend(scene, has_band(task))
         clutch = self._machine.clutch
         self._torque_max = max(
@@ -336,13 +337,10 @@ class Picture:
         """Return a telemetry row as pixels; ``trail`` holds past tips [m], shape (K, 2)."""
         canvas = self._background.copy()
         canvas.line(self.view.pixels(np.reshape(trail, (-1, 2))), TRAIL, max(3 * self._stroke, 1.5))
-        pivots = [
-            self.view.pixels(pivot)
-            for pivot in five_bar(self._machine.arm, *map(float, row[[*COLUMN.theta]]))
-        ]
+        pivots = self.view.pixels(five_bar(self._machine.arm, *row[[*COLUMN.theta]].tolist()))
         self._draw_arm(canvas, pivots)
         self._draw_handle(canvas, pivots[3], row[[*COLUMN.force]])
-        if self._has_text:
+        if self._size:
             self._draw_readings(canvas, row)
         return canvas.pixels()
 
@@ -352,13 +350,14 @@ class Picture:
     def _draw_background(self, task: PathFollowing) -> None:
         """Draw the workspace, the path with its start and end, and the stand of the drive."""
         canvas, unit = self._background, self._stroke
-        outline = self.view.pixels(workspace(task))
-        canvas.polygon(outline, WORKSPACE)
-        canvas.line(np.vstack([outline, outline[:1]]), WORKSPACE_EDGE, 1.0)
+        outlines = [(workspace(task), WORKSPACE, WORKSPACE_EDGE)]
         if has_band(task):
-            outline = self.view.pixels(band(task.path, task.free_right, task.free_left))
-            canvas.polygon(outline, FREE)
-            canvas.line(np.vstack([outline, outline[:1]]), FREE_EDGE, 1.0)
+            free = band(task.path, task.free_right, task.free_left)
+            outlines.append((free, FREE, FREE_EDGE))
+        for outline, fill, edge in outlines:
+            points = self.view.pixels(outline)
+            canvas.polygon(points, fill)
+            canvas.line(np.vstack([points, points[:1]]), edge, 1.0)
         points = self.view.pixels(task.path.sampled(129))
         canvas.line(points, PATH, max(1.5 * unit, 1.0))
         canvas.ring(points[0], 5 * unit, 2 * unit, PATH)
@@ -394,16 +393,14 @@ class Picture:
                 canvas.text(text, x + 1.9 * size, y, size, INK)
                 x = end + 1.3 * size
 
-    def _draw_arm(self, canvas: Canvas, pivots: list[Array]) -> None:
+    def _draw_arm(self, canvas: Canvas, pivots: Array) -> None:
         """Draw the five bars from the pixels of their pivots, and the links' names."""
         base, elbow_a, elbow_b, tip = pivots
         unit, size = self._stroke, self._size
-        canvas.bar(elbow_b, tip, 8 * unit, PARALLEL_A)
-        canvas.bar(elbow_a, tip, 8 * unit, PARALLEL_B)
-        for name, elbow, other, colour in (
-            ("B", elbow_b, elbow_a, LINK_B),
-            ("A", elbow_a, elbow_b, LINK_A),
-        ):
+        canvas.bar(elbow_b, tip, 8 * unit, palette.tint(LINK_A))
+        canvas.bar(elbow_a, tip, 8 * unit, palette.tint(LINK_B))
+        links = ("B", elbow_b, elbow_a, LINK_B), ("A", elbow_a, elbow_b, LINK_A)
+        for name, elbow, other, colour in links:
             canvas.bar(base, elbow, 14 * unit, colour)
             if size:
                 away = (base - other) / math.hypot(*(base - other))  # out of the parallelogram
@@ -500,9 +497,16 @@ def clutch_states(row: Any, machine: Machine) -> list[str]:
     idle = (row[[*COLUMN.volts]] == 0.0) & (row[[*COLUMN.torque]] == 0.0)
     mode = int(row[COLUMN.mode])
     stuck = rows[mode - 1] if ClutchMode.TWO_DOF < mode < ClutchMode.ZERO_DOF else None
-    holds = [mode == ClutchMode.ZERO_DOF or slip == stuck for slip in rows]
-    states = ["released" if idle[x] else "stuck" if holds[x] else "slipping" for x in range(4)]
-    return ["absent" if slip is None else state for slip, state in zip(rows, states, strict=True)]
+    return [
+        "absent"
+        if slip is None
+        else "released"
+        if is_idle
+        else "stuck"
+        if mode == ClutchMode.ZERO_DOF or slip == stuck
+        else "slipping"
+        for slip, is_idle in zip(rows, idle, strict=True)
+    ]
 
 
 def _signed(value: float) -> str:

@@ -4,6 +4,8 @@ import io
 import math
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import closing
+from itertools import cycle
 from pathlib import Path
 from shutil import which
 from types import MappingProxyType
@@ -13,13 +15,28 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from pter_gym._internal import palette
 from pter_gym._internal.files import write_bytes_atomic
 from pter_gym.errors import DependencyError, ParameterError, StorageError, needs_extra
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
-from pter_gym.tools.pictures.drawing import Array, Picture, Subject
+from pter_gym.tools.pictures.drawing import (
+    GROOVE,
+    INK,
+    MUTED,
+    SMALL,
+    Array,
+    Box,
+    Canvas,
+    Picture,
+    Subject,
+    aim,
+    apart,
+    has_band,
+    shortened,
+    text_width,
+)
 from pter_gym.tools.pictures.size import HEIGHT, WIDTH, check_size
-from pter_gym.tools.pictures.strip import MAX_SHARE, MIN_HEIGHT, ErrorStrip, strip_height
 from pter_gym.tools.pictures.viewer import Window
 
 TILE, MAX_SIZE = (360, 405), (1920, 1080)
@@ -32,6 +49,15 @@ RATES = MappingProxyType({".webp": 12.5, ".mp4": 50.0, ".png": 50.0})
 """Endings of files, and frames per second of a film in one."""
 
 WINDOW_RATE = 50.0
+
+STRIP_WIDTH, STRIP_HEIGHT, LINE = 720, 132, 15
+"""Size [px] of a strip of errors whose text has its normal size; height of a line of text in it."""
+
+MIN_STRIP, MAX_SHARE = 60, 0.3
+"""Least height of a strip [px], and the largest share of a film's height."""
+
+STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+"""Distances [mm] between the marks of the scale, of which there are three at most."""
 
 
 class Film:
@@ -73,20 +99,19 @@ class Film:
         names = [name for name in episodes if arms is None or name in arms]
         self.size = width, height = check_size(*(size or default_size(len(names), len(episodes))))
         strip = min(strip_height(len(episodes)), round(MAX_SHARE * height))
-        self._strip = ErrorStrip(task, episodes, width, strip) if strip >= MIN_HEIGHT else None
+        self._strip = ErrorStrip(task, episodes, width, strip) if strip >= MIN_STRIP else None
         height -= strip if self._strip else 0
-        self.rate = rate
-        self._step = speed / rate
-        self._episodes = [episodes[name] for name in names]
+        self.rate, self._step = rate, speed / rate
         rows, columns = grid(len(names))
-        x = np.linspace(0, width, columns + 1).round().astype(int)
-        y = np.linspace(0, height, rows + 1).round().astype(int)
-        self._pictures: list[tuple[int, int, Picture]] = []
-        for k, name in enumerate(names):
-            row, column = divmod(k, columns)
-            size = int(np.diff(x)[column]), int(np.diff(y)[row])
-            picture = Picture(Subject(machine, task, name), *size)
-            self._pictures.append((int(x[column]), int(y[row]), picture))
+        x, y = (
+            np.linspace(0, length, count + 1).round().astype(int).tolist()
+            for length, count in ((width, columns), (height, rows))
+        )
+        self._tiles: list[tuple[int, int, Picture, Any]] = []
+        for (row, column), name in zip(np.ndindex(rows, columns), names, strict=False):
+            extent = x[column + 1] - x[column], y[row + 1] - y[row]
+            picture = Picture(Subject(machine, task, name), *extent)
+            self._tiles.append((x[column], y[row], picture, episodes[name]))
         duration = max(float(telemetry[-1, COLUMN.time]) for telemetry in episodes.values())
         self._count = 1 + math.ceil(duration / self._step - 1e-9)
 
@@ -98,15 +123,112 @@ class Film:
         """Return a frame as a new array (height, width, 3); beyond the last, the last."""
         time = min(frame, self._count - 1) * self._step
         whole = np.full((*reversed(self.size), 3), 255, np.uint8)
-        for (left, top, picture), telemetry in zip(self._pictures, self._episodes, strict=True):
-            row = int(np.searchsorted(telemetry[:, COLUMN.time], time + 1e-9, side="right")) - 1
-            pixels = picture.draw(telemetry[row], telemetry[: row + 1, [*COLUMN.tip]])
+        for left, top, picture, telemetry in self._tiles:
+            past = telemetry[: count_until(time, telemetry[:, COLUMN.time])]
+            pixels = picture.draw(past[-1], past[:, [*COLUMN.tip]])
             pixels[: 1 if top else 0] = pixels[:, : 1 if left else 0] = 227
             whole[top : top + len(pixels), left : left + pixels.shape[1]] = pixels
         if self._strip:
             pixels = self._strip.draw(time)
             whole[-len(pixels) :] = pixels
         return whole
+
+
+class ErrorStrip:
+    """Draws |normal error| of episodes, thin, and its mean so far, bold, with names and means.
+
+    Parameters
+    ----------
+    task
+        What the episodes have in common.
+    episodes
+        Telemetry of each policy by its name, as ``Film`` takes it.
+    width, height
+        Size of the strip [px].
+
+    Attributes
+    ----------
+    errors, means
+        Distance from the path and its mean so far [mm] of each episode, (T + 1,).
+    """
+
+    def __init__(
+        self, task: PathFollowing, episodes: Mapping[str, Any], width: int, height: int
+    ) -> None:
+        self._unit = unit = min(width / STRIP_WIDTH, height / STRIP_HEIGHT, 2.0)
+        self._colours = dict(zip(sorted(episodes), cycle(palette.BESIDE_ARM), strict=False))
+        self._times = {name: rows[:, COLUMN.time] for name, rows in episodes.items()}
+        self.errors = {
+            name: 1e3 * np.abs(rows[:, COLUMN.normal_error]) for name, rows in episodes.items()
+        }
+        self.means = {
+            name: np.cumsum(e) / np.arange(1, len(e) + 1) for name, e in self.errors.items()
+        }
+        duration = max(float(times[-1]) for times in self._times.values())
+        self._top = 1.05 * max(1.0, *(float(errors.max()) for errors in self.errors.values()))
+        low, high = 1.4 * LINE * unit, height - 1.3 * LINE * unit
+        self._plot = plot = Box(44 * unit, low, width - 205 * unit, high)
+        width_of_plot = plot.right - plot.left
+        self._x = {
+            name: plot.left + width_of_plot * times / max(duration, 1e-9)
+            for name, times in self._times.items()
+        }
+        self._background = Canvas.blank(width, height)
+        self._draw_scale(aim(task), np.inf if has_band(task) else 1e3 * task.error_max, duration)
+
+    def draw(self, time: float) -> NDArray[np.uint8]:
+        """Return the strip at a time [s] as pixels, shape (height, width, 3)."""
+        canvas, plot, unit = self._background.copy(), self._plot, self._unit
+        counts = {name: count_until(time, times) for name, times in self._times.items()}
+        for thick, values, soften in ((1.3, self.errors, palette.tint), (2.6, self.means, str)):
+            for name, count in counts.items():
+                points = np.column_stack([self._x[name], self._y(values[name])])[:count]
+                canvas.line(points, soften(self._colours[name]), max(thick * unit, 1.0))
+        ends = {name: float(self.means[name][count - 1]) for name, count in counts.items()}
+        ranked = sorted(ends, key=ends.__getitem__, reverse=True)
+        heights = apart(self._y(np.array([ends[name] for name in ranked])), LINE * unit, plot.high)
+        x, right, size = plot.right + 8 * unit, plot.right + 199 * unit, SMALL * unit
+        for name, y in zip(ranked, heights, strict=True):
+            number = f"{ends[name]:.1f} mm"
+            room = right - x - text_width(number, size) - 6 * unit
+            label = shortened(name if len(ends) > 1 else "mean", size, room)
+            canvas.text(label, x, y, size, self._colours[name])
+            canvas.text(number, right, y, size, self._colours[name], "r")
+        return canvas.pixels()
+
+    def _draw_scale(self, aim: str, limit: float, duration: float) -> None:
+        """Draw lines at round distances and, if an error exceeds it, at the workspace's edge."""
+        canvas, plot, unit = self._background, self._plot, self._unit
+        line, size = LINE * unit, SMALL * unit
+        canvas.box(0.0, 0.0, plot.right + 205 * unit, 1.0, GROOVE)
+        title = f"distance from {aim} [mm]; bold: its mean so far"
+        canvas.text(title, plot.left, 0.7 * line, size, INK)
+        step = next((step for step in STEPS if 3 * step > self._top), STEPS[-1])
+        for value in np.arange(0.0, self._top, step):
+            y = self._y(value)
+            canvas.box(plot.left, y - 0.5, plot.right, y + 0.5, GROOVE if value else MUTED)
+            canvas.text(f"{value:g}", plot.left - 6 * unit, y, size, MUTED, "r")
+        if limit < self._top:
+            y = self._y(limit)
+            canvas.box(plot.left, y - 0.5, plot.right, y + 0.5, INK)
+            text = f"edge of the workspace, {limit:.3g} mm"
+            canvas.text(text, plot.left + 4, y + 0.5 * line, size, INK)
+        y = plot.high + 0.65 * line
+        canvas.text("0 s", plot.left, y, size, MUTED)
+        canvas.text(f"{duration:.1f} s", plot.right, y, size, MUTED, "r")
+
+    def _y(self, error: Array | float) -> Any:
+        return self._plot.high - (self._plot.high - self._plot.low) * error / self._top
+
+
+def count_until(time: float, times: Array) -> int:
+    """Return how many of ascending times are not later than a time [s]."""
+    return int(np.searchsorted(times, time + 1e-9, side="right"))
+
+
+def strip_height(count: int) -> int:
+    """Return the preferred height [px] of the strip of ``count`` policies."""
+    return max(STRIP_HEIGHT, LINE * (count + 2))
 
 
 def grid(count: int) -> tuple[int, int]:
@@ -186,15 +308,10 @@ def write_film(
 
 def show_film(film: Film, title: str) -> None:
     """Show a film in a window, looping until it is closed; needs a display."""
-    window = Window(film.size, film.rate, title)
-    count = len(film) + round(PAUSE * film.rate)
-    frame = 0
-    try:
+    frames = cycle(range(len(film) + round(PAUSE * film.rate)))
+    with closing(Window(film.size, film.rate, title)) as window:
         while window.is_open():
-            window.show(film.pixels(frame))
-            frame = (frame + 1) % count
-    finally:
-        window.close()
+            window.show(film.pixels(next(frames)))
 
 
 def encode_webp(

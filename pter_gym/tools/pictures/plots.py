@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+from numpy.typing import NDArray
 
 from pter_gym._internal.terminal import shorten
 from pter_gym.benchmark.boards import PACE_ERROR, Leaderboard, Standing
@@ -26,8 +26,7 @@ from pter_gym.tools.figures import (
     save,
     styled,
 )
-from pter_gym.tools.pictures.drawing import WORKSPACE, drawable
-from pter_gym.tools.pictures.strip import apart
+from pter_gym.tools.pictures.drawing import WORKSPACE, apart, drawable
 
 MAX_NAME = 60
 """Most characters of a name in a picture."""
@@ -48,12 +47,6 @@ def draw_scenario(boards: Sequence[Leaderboard], folder: Path) -> list[Path]:
     ]
 
 
-def _x_at(line: Line2D, y: float) -> float:
-    """Return where a rising line reaches a height."""
-    x, heights = (np.asarray(each, np.float64) for each in (line.get_xdata(), line.get_ydata()))
-    return float(np.interp(y, heights, x))
-
-
 @styled
 def profiles(boards: Sequence[Leaderboard]) -> Figure:
     """Return the performance profiles of a scenario: the share of episodes within an error.
@@ -65,7 +58,8 @@ def profiles(boards: Sequence[Leaderboard]) -> Figure:
     every = [standing.errors.ravel() for board in boards for standing in board.standings]
     low, high = (max(float(end(np.concatenate(every))), 1e-5) for end in (np.min, np.max))
     thresholds = np.geomspace(0.9 * low, 1.1 * high, 200)
-    by_policy, curves = _looks(boards), dict[str, Line2D]()
+    millimetres = thresholds / MILLIMETRE
+    by_policy, curves = _looks(boards), dict[str, tuple[NDArray[np.float64], str]]()
     for axes, board in zip(panels, boards, strict=True):
         axes.set_title(title_of_pace(board.pace))
         for standing in board.standings:
@@ -73,22 +67,20 @@ def profiles(boards: Sequence[Leaderboard]) -> Figure:
             shares = np.searchsorted(errors, thresholds, side="right") / len(errors)
             colour, _, dashes = by_policy[standing.policy]
             alpha = FAINT if standing.reason else 1.0
-            (line,) = axes.plot(
-                thresholds / MILLIMETRE, shares, color=colour, linestyle=dashes, alpha=alpha
-            )
+            axes.plot(millimetres, shares, color=colour, linestyle=dashes, alpha=alpha)
             if axes is panels[-1]:
-                curves[titled(standing.policy, [standing])] = line
+                curves[titled(standing.policy, [standing])] = shares, colour
         axes.set_xscale("log")
         plain_ticks(axes, "x")
         axes.set_xlabel("path error [mm]")
     panels[0].set_ylabel("share of episodes within it")
     # each curve is labelled at a height of its own
-    shares = np.linspace(0.95, 0.05, len(curves))
+    heights: list[float] = np.linspace(0.95, 0.05, len(curves)).tolist()
     ends = {
-        name: (_x_at(line, float(share)), float(share))
-        for share, (name, line) in zip(shares, curves.items(), strict=True)
+        name: (float(np.interp(height, shares, millimetres)), height)
+        for height, (name, (shares, _)) in zip(heights, curves.items(), strict=True)
     }
-    label_ends(panels[-1], ends, {name: str(line.get_color()) for name, line in curves.items()})
+    label_ends(panels[-1], ends, {name: colour for name, (_, colour) in curves.items()})
     board_note(figure, boards[0], "dashed: control laws; faint: not ranked")
     return figure
 
@@ -100,9 +92,8 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
     axes = figure.add_subplot()
     for board in boards:
         pace = find_pace(board.pace)
-        axes.axvspan(
-            pace * (1.0 - PACE_ERROR), pace * (1.0 + PACE_ERROR), color=WORKSPACE, zorder=0
-        )
+        low, high = pace * (1.0 - PACE_ERROR), pace * (1.0 + PACE_ERROR)
+        axes.axvspan(low, high, color=WORKSPACE, zorder=0)
         axes.axvline(pace, color=REFERENCE, linewidth=1.0, linestyle=":", zorder=1)
     ends, colours = dict[str, tuple[float, float]](), dict[str, str]()
     for name, (colour, marker, dashes) in _looks(boards).items():
@@ -116,17 +107,14 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
         axes.plot(x, y[:, 0], color=colour, linestyle=dashes, linewidth=1.2, alpha=0.6)
         spread = np.maximum([y[:, 0] - y[:, 1], y[:, 2] - y[:, 0]], 0.0)
         axes.errorbar(x, y[:, 0], spread, fmt="none", ecolor=colour, elinewidth=1.2)
+        look: dict[str, Any] = {
+            "color": colour,
+            "marker": marker,
+            "markersize": 6.0,
+            "linestyle": "none",
+        }
         for at, error, standing in zip(x, y[:, 0], standings, strict=True):
-            face = "white" if standing.reason else colour
-            axes.plot(
-                at,
-                error,
-                color=colour,
-                marker=marker,
-                markersize=6.0,
-                markerfacecolor=face,
-                linestyle="none",
-            )
+            axes.plot(at, error, **look, markerfacecolor="white" if standing.reason else colour)
         title = titled(name, standings)
         ends[title], colours[title] = max(zip(x.tolist(), y[:, 0].tolist(), strict=True)), colour
     axes.set_xscale("log")
@@ -142,11 +130,6 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
 
 
 # --- names, legends, ticks ---
-
-
-def shown(name: str) -> str:
-    """Return a policy's name for pictures, short enough."""
-    return plain(shorten(drawable(name), MAX_NAME))
 
 
 def plain(text: str) -> str:
@@ -199,32 +182,27 @@ def label_ends(
     figure: Any = axes.figure
     to_axes = axes.transData + axes.transAxes.inverted()
     heights = {name: float(to_axes.transform(end)[1]) for name, end in ends.items()}
-    names, line = (
-        sorted(heights, key=heights.__getitem__),
-        1.3 * SMALL / (58.0 * figure.get_figheight()),
-    )
+    names = sorted(heights, key=heights.__getitem__)
+    line = 1.3 * SMALL / (58.0 * figure.get_figheight())
     places = apart(np.array([heights[name] for name in names]), line, 1.0)
     for name, place in zip(names, places, strict=True):
-        lead = {
-            "arrowstyle": "-",
-            "color": colours[name],
-            "linewidth": 0.7,
-            "alpha": 0.6,
-            "shrinkB": 4.0,
-        }
-        text: dict[str, Any] = {
-            "color": colours[name],
-            "fontsize": SMALL,
-            "va": "center",
-            "annotation_clip": False,
-        }
+        colour = colours[name]
         axes.annotate(
-            shown(name),
+            plain(shorten(drawable(name), MAX_NAME)),
             ends[name],
             (1.03, place),
             textcoords="axes fraction",
-            arrowprops=lead,
-            **text,
+            arrowprops={
+                "arrowstyle": "-",
+                "color": colour,
+                "linewidth": 0.7,
+                "alpha": 0.6,
+                "shrinkB": 4.0,
+            },
+            color=colour,
+            fontsize=SMALL,
+            va="center",
+            annotation_clip=False,
         )
 
 

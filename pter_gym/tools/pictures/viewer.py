@@ -12,7 +12,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.errors import ParameterError, needs_extra
+from pter_gym.errors import ParameterError, needs_extra, unknown_name
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
 from pter_gym.tools.pictures.drawing import Array, Picture, Subject
@@ -58,7 +58,7 @@ class Viewer:
         height: int = HEIGHT,
     ) -> None:
         if mode not in get_args(Mode):
-            raise ParameterError(f"mode must be one of {', '.join(get_args(Mode))}, got {mode!r}")
+            raise unknown_name("mode", mode, get_args(Mode))
         self._size = check_size(width, height)
         self._rate = 1.0 / task.control_period
         self._mode = mode
@@ -96,7 +96,7 @@ class Viewer:
         if self._picture is None or self._picture.subject != self._subject:
             self._picture = Picture(self._subject, *self._size)
         pixels = self._picture.draw(telemetry_row, trail)
-        return pixels if self._window is None else self._window.show(pixels)
+        return self._window.show(pixels) if self._window else pixels
 
     def _is_shown(self) -> bool:
         """Return whether there is a window; it opens at first, or else there is one warning."""
@@ -106,11 +106,11 @@ class Viewer:
             except ParameterError as error:
                 gymnasium.logger.warn(f"nothing is shown: {error}")
                 self._display = False
-        return self._window is not None and self._window.is_open()
+        return bool(self._window and self._window.is_open())
 
     def close(self) -> None:
         """Close the window, if there is one. May be called again."""
-        if self._window is not None:
+        if self._window:
             self._window.close()
 
 
@@ -142,7 +142,7 @@ class WorldsViewer:
         self._pairs = pairs
         self._size = check_size(width, height)
         self._pictures: dict[int, Picture] = {}
-        self._rows: Any = np.zeros((count, len(TELEMETRY)))
+        self._rows = np.zeros((count, len(TELEMETRY)))
         self._trails: list[list[Array]] = [[] for _ in range(count)]
 
     @property
@@ -153,10 +153,10 @@ class WorldsViewer:
     def update(self, rows: Array, worlds: NDArray[np.bool_] | None = None) -> None:
         """Record telemetry (N, len(TELEMETRY)) of all worlds, or of those that were reset."""
         for world in range(len(rows)) if worlds is None else np.flatnonzero(worlds).tolist():
-            self._rows[world] = rows[world]
-            if self._rows[world, COLUMN.time] == 0.0:
+            self._rows[world] = row = rows[world]
+            if row[COLUMN.time] == 0.0:
                 self._trails[world] = []
-            self._trails[world].append(self._rows[world, [*COLUMN.tip]])
+            self._trails[world].append(row[[*COLUMN.tip]])
 
     def draw(self, numbers: Sequence[int]) -> tuple[NDArray[np.uint8], ...]:
         """Return a picture of each world, uint8 (height, width, 3), from the number of its pair."""
@@ -185,14 +185,10 @@ class Window:
     def is_open(self) -> bool:
         """Handle events; return False once the window is closed by its button, Escape or code."""
         pygame = self._pygame
-        if pygame.display.get_surface() is None:
-            self._open = False
-        events = pygame.event.get() if self._open else ()
-        if any(
-            e.type == pygame.QUIT or (e.type == pygame.KEYDOWN and e.key == pygame.K_ESCAPE)
-            for e in events
-        ):
-            self.close()
+        self._open = self._open and pygame.display.get_surface() is not None
+        for event in pygame.event.get() if self._open else ():
+            if event.type == pygame.QUIT or getattr(event, "key", None) == pygame.K_ESCAPE:
+                self.close()
         return self._open
 
     def show(self, picture: NDArray[np.uint8]) -> None:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Any
+from typing import Annotated
 
 import tyro
 
@@ -86,9 +86,19 @@ def tune(
         def show(finished: int, best: float) -> None:
             progress.update(task, completed=finished, description=f"{title}: {1000 * best:.1f} mm")
 
-        settings: Any = {"trials": trials, "episodes": episodes, "storage": storage, "seed": seed}
-        settings |= {"machine": machine, "path": path, "smooth": 1e-3 * smooth}
-        tuned = search(law, scenario, pace, **settings, on_trial=show)
+        tuned = search(
+            law,
+            scenario,
+            pace,
+            trials=trials,
+            episodes=episodes,
+            storage=storage,
+            seed=seed,
+            machine=machine,
+            path=path,
+            smooth=1e-3 * smooth,
+            on_trial=show,
+        )
     gains = ", ".join(f"{name}={gain!r}" for name, gain in tuned.gains.items())
     called = law.rpartition(":")[2]
     if not is_code(law):
@@ -98,10 +108,9 @@ def tune(
     say(f"on other episodes: {tuned.assessment}")
     smooth = smooth or smoothing_for(definition)
     same = options(scenario=scenario, pace=pace, path=path, smooth=smooth)
-    mine = law if out is None else str(out)
     if out is not None:
         add_gains(tuned, out)
     conclude(
-        [] if out is None else [out],
-        f"pter benchmark --policies {quote(mine)} single-dof-tuned{same}",
+        [out] if out else [],
+        f"pter benchmark --policies {quote(str(out or law))} single-dof-tuned{same}",
     )

@@ -50,10 +50,7 @@ def add_gains(found: TunedGains, path: FilePath) -> None:
 def format_table(table: GainsTable) -> str:
     """Return tuned gains as TOML, in the order of scenarios, laws and paces."""
     blocks = [HEADING]
-    names = list(SCENARIOS)
-    for scenario in sorted(
-        table, key=lambda name: names.index(name) if name in names else len(names)
-    ):
+    for scenario in sorted(table, key=lambda name: [*SCENARIOS, name].index(name)):
         for controller, paces in table[scenario].items():
             for pace in sorted(paces, key=find_pace):
                 lines = [f"{name} = {_as_toml(value)}\n" for name, value in paces[pace].items()]

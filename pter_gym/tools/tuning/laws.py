@@ -17,9 +17,6 @@ from pter_gym.policies.tuned import TUNED
 
 Gains = dict[str, float | bool]
 
-SEARCH = "search"
-"""Attribute of a law: by the name of a gain its range, ``(low, high)``, or ``(False, True)``."""
-
 BRAKING, DAMPING = "braking", "damping_tangential"
 """Of a guiding law, the force [N] that is searched, and the damper that it stands for."""
 
@@ -40,10 +37,8 @@ class Range:
         return self.low > 0.0
 
 
-SWITCH = (False, True)
-"""A gain that is on or off."""
-
 Space = dict[str, Range | tuple[bool, bool]]
+"""By the name of a gain its range, or ``(False, True)`` if it is on or off."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +61,7 @@ class TunableLaw:
     law: Any
     pace: float
     space: Space
-    known: tuple[tuple[float, Any], ...] = ()
+    known: tuple[tuple[float, Any], ...]
 
     @property
     def key(self) -> str:
@@ -77,9 +72,8 @@ class TunableLaw:
         return f"{self.name} {hashlib.sha256(Path(source).read_bytes()).hexdigest()[:16]}"
 
     def starts(self) -> list[Gains]:
-        """Return the points where its search begins: the known gains, or its own."""
-        known = self.known or ((self.pace, self.law),)
-        return [self._point(law, pace) for pace, law in known]
+        """Return the points of the search that are nearest to the known gains."""
+        return [self._point(law, pace) for pace, law in self.known]
 
     def gains(self, point: Mapping[str, float | bool]) -> Gains:
         """Return the gains of a point, with ``DIGITS`` significant digits."""
@@ -94,7 +88,6 @@ class TunableLaw:
         return cast(AnyPolicy, replace(self.law, **gains))
 
     def _point(self, law: Any, pace: float) -> Gains:
-        """Return the point of the search that is nearest to the gains of a law for a pace [m/s]."""
         gains = {item.name: getattr(law, item.name) for item in fields(law)}
         if BRAKING in self.space:
             gains[BRAKING] = gains[DAMPING] * pace * (1.0 - gains["pace_fraction"])
@@ -117,21 +110,18 @@ def find_law(name: str, pace: float, scenario: str) -> TunableLaw:
     if not is_code(name) and name not in CONTROLLERS:
         raise unknown_name("law", name, (*CONTROLLERS, "FILE.py:Law"))
     law: Any = find_policy(name) if is_code(name) else CONTROLLERS[name]()
-    search = getattr(law, SEARCH, None)
+    search = getattr(law, "search", None)
     if not is_dataclass(law) or not isinstance(search, Mapping) or not search:
         raise ParameterError(
-            f"law must be a dataclass with {SEARCH} = {{'gain': (low, high), …}}, "
+            "law must be a dataclass with search = {'gain': (low, high), …}, "
             f"which {name!r}, a {type(law).__name__}, is not"
         )
-    gains = [item.name for item in fields(law)]
-    gains += [BRAKING] if isinstance(law, Guided) else []
+    gains = [item.name for item in fields(law)] + [BRAKING] * isinstance(law, Guided)
     ranges = cast("Mapping[str, Any]", search).items()
     space = {gain: _space(gain, given, gains) for gain, given in ranges}
-    known: list[AnyPolicy] = []
-    if name + SUFFIX in TUNED:
-        known.append(find_policy(name + SUFFIX, scenario))
-    if not is_code(name):
-        known.append(find_policy(name))
+    tuned = name + SUFFIX
+    known: list[Any] = [find_policy(tuned, scenario)] if tuned in TUNED else []
+    known.append(law if is_code(name) else find_policy(name))
     return TunableLaw(name, law, pace, space, tuple(_nearest(each, pace) for each in known))
 
 
@@ -143,15 +133,15 @@ def _nearest(policy: Any, pace: float) -> tuple[float, Any]:
 
 def _space(gain: str, given: Any, known: list[str]) -> Range | tuple[bool, bool]:
     if gain not in known:
-        raise unknown_name(SEARCH, gain, known)
+        raise unknown_name("search", gain, known)
     match given:
         case (False, True):
-            return SWITCH
+            return False, True
         case (low, high) if is_finite(low) and is_finite(high) and low < high:
             return Range(low, high)
         case _:
             raise ParameterError(
-                f"{SEARCH}[{gain!r}] must be (low, high) or (False, True), got {given!r:.100}"
+                f"search[{gain!r}] must be (low, high) or (False, True), got {given!r:.100}"
             )
 
 

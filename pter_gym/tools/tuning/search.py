@@ -4,6 +4,7 @@ import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -139,14 +140,10 @@ def tune(
     for start in law.starts():
         study.enqueue_trial(start, skip_if_exists=True)
 
-    def judge(trial: Any) -> float:
-        return _judge(trial, law, rungs)
-
+    best = _scored(study, "COMPLETE")
     try:
-        while (finished := len(_scored(study, "COMPLETE", "PRUNED"))) < trials or not _scored(
-            study, "COMPLETE"
-        ):
-            study.optimize(judge, n_trials=1)
+        while (finished := len(_scored(study, "COMPLETE", "PRUNED"))) < trials or not best:
+            study.optimize(partial(_judge, law=law, rungs=rungs), n_trials=1)
             best = _scored(study, "COMPLETE")
             on_trial(finished + 1, best[0].value if best else math.inf)
     except OSError as error:
@@ -154,7 +151,7 @@ def tune(
             f"storage {str(journal)!r} cannot be written: {error.strerror or error}"
         ) from error
     final = training_episodes(definition, pace, episodes, 2 * seed + 1)
-    finalists = [law.gains(trial.params) for trial in _scored(study, "COMPLETE")[:FINALISTS]]
+    finalists = [law.gains(trial.params) for trial in best[:FINALISTS]]
     judged = [(assess([law.with_gains(gains)], final), gains) for gains in finalists]
     assessment, gains = min(judged, key=lambda pair: pair[0].value)
     return TunedGains(
@@ -195,25 +192,19 @@ def _open_study(path: Path, name: str, seed: int) -> Any:
     optuna = load_optuna()
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=1, reduction_factor=REDUCTION)
+    unreadable = OSError, ValueError, LookupError, AssertionError  # of Optuna for other files
     try:
-        storage = open_journal(path)
         study = optuna.create_study(
-            storage=storage, study_name=name, load_if_exists=True, pruner=pruner
+            storage=open_journal(path), study_name=name, load_if_exists=True, pruner=pruner
         )
-    except (
-        OSError,
-        ValueError,
-        LookupError,
-        AssertionError,
-    ) as error:  # what Optuna raises for other files
+    except unreadable as error:
         raise ParameterError(
             f"storage must be a journal file of Optuna's, got {str(path)!r}: {error}"
         ) from None
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+    own = seed + 1000003 * len(study.get_trials(deepcopy=False))  # another for each that resumes
+    with warnings.catch_warnings(action="ignore", category=optuna.exceptions.ExperimentalWarning):
         study.sampler = optuna.samplers.CmaEsSampler(
-            seed=(seed + 1000003 * len(study.get_trials(deepcopy=False)))
-            % 2**32,  # others for each that resumes
+            seed=own % 2**32,
             n_startup_trials=STARTUP_TRIALS,
             consider_pruned_trials=True,
             warn_independent_sampling=False,  # switches are drawn at random

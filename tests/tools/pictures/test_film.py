@@ -11,8 +11,7 @@ from PIL import Image
 from pter_gym.errors import DependencyError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
-from pter_gym.tools.pictures.film import PAUSE, RATES, Film, check_suffix, write_film
-from pter_gym.tools.pictures.strip import ErrorStrip
+from pter_gym.tools.pictures.film import PAUSE, RATES, ErrorStrip, Film, check_suffix, write_film
 
 SIZE = (161, 121)
 """Odd: only an mp4 may change it."""
