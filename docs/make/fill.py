@@ -17,7 +17,7 @@ from typing import NamedTuple
 import boards
 import made
 import tyro
-from markup import DOCS, README, ROOT
+from markup import DOCS, README, ROOT, with_marks
 
 from pter_gym._internal.files import write_text_atomic
 from pter_gym._internal.plugins import COMMANDS, registered
@@ -42,7 +42,7 @@ class Block(NamedTuple):
         """Return what the block should contain."""
         name, *arguments = self.asked.split()
         if self.source == "board":
-            return f"{boards.BOARDS[name](results, *arguments).strip()}\n"
+            return with_marks(f"{boards.BOARDS[name](results, *arguments).strip()}\n")
         up = "../" * len(self.page.relative_to(DOCS).parts[1:]) if self.page != README else "docs/"
         return f"{made.MADE[name](*arguments).strip().replace('](/', f']({up}')}\n"
 

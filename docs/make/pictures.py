@@ -9,6 +9,7 @@ episode, `paper` the paper's figures and claims.
 """
 
 import itertools
+import json
 import re
 import shutil
 from collections.abc import Callable
@@ -20,11 +21,11 @@ import boards
 import gymnasium
 import numpy as np
 import tyro
-from markup import IMAGES
+from markup import IMAGES, RECORD, digests
 from matplotlib.figure import Figure
 
 import pter_gym
-from pter_gym._internal.files import write_bytes_atomic
+from pter_gym._internal.files import write_bytes_atomic, write_text_atomic
 from pter_gym.benchmark import Episodes, evaluate, find_policy
 from pter_gym.benchmark.boards import in_order
 from pter_gym.benchmark.rollout import record_episode
@@ -52,6 +53,9 @@ EPISODE = {"paths": 5, "hands": 3, "materials": 8, "everything": 15, "tremor": 1
 RATE = 12.5  # frames in a second, in real time
 MARKERS = "os^DvPX<>p*dh"
 
+SEEN = set[str]()
+"""Names of the policies that the present picture shows."""
+
 
 def policy_names() -> list[str]:
     """Return the policies of the leaderboards: trained, tuned, the paper's, and the simplest."""
@@ -68,6 +72,7 @@ def error_against_pace(results: Path) -> Figure:
     found = boards.boards_of(results, "standard")
     rows = in_order(list(found.values()))
     names = [name for name in policy_names() if name not in FALLING and name in rows]
+    SEEN.update(names)
     figure = Figure(figsize=(WIDTH, 4.0))
     axes, ends, colours = figure.add_subplot(), dict[str, tuple[float, float]](), dict[str, str]()
     paces = np.array(list(PACES.values()))
@@ -162,6 +167,7 @@ def what_is_drawn(scenario: str, machine: Machine, task: PathFollowing) -> str:
 
 def telemetry(name: str, scenario: str, machine: Machine, task: PathFollowing) -> np.ndarray:
     """Return the telemetry of the episode that is shown."""
+    SEEN.add(name)
     policy = find_policy(name, scenario=scenario)
     return record_episode(policy, machine, task, FILM_SEED).telemetry
 
@@ -232,7 +238,11 @@ def main(names: tyro.conf.Positional[tuple[str, ...]] = (), results: Path | None
         path = IMAGES / "error-against-pace.png"
         drawn[path.name] = lambda: write_bytes_atomic(path, png(error_against_pace(results)))
     for name in names or drawn:
+        SEEN.clear()
         drawn[name]()
+        record = json.loads(RECORD.read_text("utf-8")) | {name: digests(" ".join(SEEN))}
+        record = {each: shown for each, shown in sorted(record.items()) if shown}
+        write_text_atomic(RECORD, json.dumps(record, indent=2) + "\n")
         print(f"wrote {IMAGES / name}")
 
 

@@ -1,14 +1,16 @@
 """Generated blocks of the pages say what the code declares."""
 
+import json
 import re
 from importlib.metadata import EntryPoint
+from pathlib import Path
 from typing import get_args
 
 import boards
 import fill
 import made
 import pytest
-from markup import DOCS
+from markup import DOCS, IMAGES, MARK, RECORD, ROOT, digests
 
 from pter_gym._commands.main import commands
 from pter_gym.envs._single import PathFollowingEnv
@@ -28,6 +30,38 @@ def test_a_block_is_up_to_date_and_has_its_pictures(block: fill.Block) -> None:
     assert block.make() == block.content
     for picture in re.findall(r"\]\((\S*images/\S+)\)", block.content):
         assert (block.page.parent / picture).is_file()
+
+
+def test_a_picture_shows_the_policies_that_ship() -> None:
+    """`python docs/make/pictures.py NAME` draws it and writes the record."""
+    record = json.loads(RECORD.read_text("utf-8"))
+    films = {f"moving/{path.name}" for path in (IMAGES / "moving").glob("*.webp")}
+    without = {f"moving/{name}.webp" for name in made.pictures.FIXTURES}
+    assert set(record) == films - without | {"policies", "error-against-pace.png"}
+    for name, shown in record.items():
+        assert shown == digests(" ".join(shown)), name
+
+
+NUMBER = re.compile(r'^(?:\||    (?!pter )| *").*\d\.\d.*$', re.MULTILINE)
+"""A row of a table, or a line of what a command or a cell prints."""
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        ROOT / "README.md",
+        *sorted(DOCS.rglob("*.md")),
+        *sorted((ROOT / "notebooks").glob("*.ipynb")),
+    ],
+    ids=lambda path: path.stem,
+)
+def test_what_a_page_prints_of_a_policy_is_of_the_file_that_ships(page: Path) -> None:
+    """`python docs/make/fill.py --results FOLDER` writes boards; the rest is marked by hand."""
+    text = page.read_text("utf-8")
+    printed = digests("\n".join(NUMBER.findall(text)))
+    marks = set(MARK.findall(text))
+    assert {name for name, _ in marks} >= set(printed)
+    assert all(digest == digests(name).get(name) for name, digest in marks)
 
 
 @pytest.mark.parametrize(
