@@ -11,7 +11,7 @@ from pter_gym._compiled.addresses import table_of
 from pter_gym._compiled.compiler import COMPILES
 from pter_gym._compiled.records import flat, read
 from pter_gym._engine.kernels import advance_kernel, alone_kernel, reset_kernel
-from pter_gym._engine.storage import Storage, listed
+from pter_gym._engine.storage import Array, Mask, Storage, listed
 from pter_gym._engine.threads import Threads
 from pter_gym._engine.world import FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
 from pter_gym._internal.checks import whole_number
@@ -22,17 +22,14 @@ from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Sensors, ob
 from pter_gym.tasks.path_following._specification import PathFollowing, held_machine, substeps
 from pter_gym.tasks.path_following._telemetry import COLUMNS
 
-Array = NDArray[np.float64]
 Observations = NDArray[np.float32]
 ActionUnit = Literal["volt", "normalised"]
-Outputs = tuple[Observations, Array, Array, NDArray[np.bool_]]
-"""Observations, telemetry, rewards and flags, which a kernel fills."""
 
 NO_LIMIT = float("inf")
 
 
 class Returns(NamedTuple):
-    """What a step returns: fresh arrays, except ``final_obs``.
+    """What a step returns, in the kernel's order: fresh arrays, except ``final_obs``.
 
     Attributes
     ----------
@@ -52,9 +49,9 @@ class Returns(NamedTuple):
 
     obs: Observations
     final_obs: Observations
-    rewards: NDArray[np.float64]
-    flags: NDArray[np.bool_]
-    telemetry: NDArray[np.float64]
+    rewards: Array
+    flags: Mask
+    telemetry: Array
 
 
 class Batch(Storage):
@@ -132,10 +129,9 @@ class Batch(Storage):
         self.layout = observation_layout(
             self.machine, sensors, OBSERVED_CONTEXT if observe_context else None
         )
-        voltage_max = self.machine.clutch.voltage_max
-        self.action_low, self.action_high = (
-            (0.0, voltage_max) if action_unit == "volt" else (-1.0, 1.0)
-        )
+        self.action_low, self.action_high = -1.0, 1.0
+        if action_unit == "volt":
+            self.action_low, self.action_high = 0.0, self.machine.clutch.voltage_max
         self.frame_skip = whole_number("frame_skip", frame_skip)
         self._entries = len(self.layout)
         shared = self._shared(observe_context, max_steps)
@@ -147,12 +143,7 @@ class Batch(Storage):
         self._declared = not self.machine.has_paper_clutches
         self._records = int(telemetry)
         self._final_obs = np.empty((0, self._entries), np.float32)
-        self._outputs: Outputs = (
-            np.empty((1, self._entries), np.float32),
-            np.empty((1, 1, COLUMNS)),
-            np.empty(1),
-            np.empty((FLAGS, 1), np.bool_),
-        )
+        self._alone_returns = self._empty_returns(1, 1)
         self._alone: Any = None
 
     def _shared(self, observe_context: bool, max_steps: int | None) -> Config:
@@ -173,7 +164,7 @@ class Batch(Storage):
         )
 
     def reset(
-        self, seeds: Sequence[int | None] | None = None, chosen: NDArray[np.bool_] | None = None
+        self, seeds: Sequence[int | None] | None = None, chosen: Mask | None = None
     ) -> tuple[Observations, Array]:
         """Start new episodes.
 
@@ -224,25 +215,19 @@ class Batch(Storage):
         """
         n = self.num_worlds
         self._slots[:, : self.num_actions] = checked_actions(actions, (n, self.num_actions))
-        obs = np.empty((n, self._entries), np.float32)
-        rewards = np.empty(n)
-        flags = np.empty((FLAGS, n), np.bool_)
-        telemetry = np.empty((self._records * (2 if ended == SAME_STEP else 1), n, COLUMNS))
-        if ended == NEXT_STEP and not self._seeded.all():
-            raise ResetNeededError(
-                f"world {self._seeded.argmin()} needs a reset: it was never reset"
-            )
+        if ended == NEXT_STEP:
+            self._check_seeded()
         if ended == SAME_STEP and not len(self._final_obs):
-            self._final_obs = np.empty_like(obs)
+            self._final_obs = np.empty((n, self._entries), np.float32)
+        returns = self._empty_returns(n, self._records * (2 if ended == SAME_STEP else 1))
         if ended == SKIP:
-            obs.fill(0.0)
-            rewards.fill(0.0)
-            flags.fill(False)
-            telemetry.fill(np.nan)
-        refused = self._run((obs, telemetry, rewards, flags), ended)
+            for part in (returns.obs, returns.rewards, returns.flags):
+                part.fill(0)
+            returns.telemetry.fill(np.nan)
+        refused = self._run(returns, ended)
         if refused >= 0:
             self._raise_refusal(refused)
-        return Returns(obs, self._final_obs, rewards, flags, telemetry)
+        return returns
 
     def step_alone(self, action: ArrayLike) -> tuple[Observations, Array, float, bool, bool, bool]:
         """Advance a batch of one world, as ``step`` with ``REFUSE`` does, with less around it.
@@ -263,7 +248,7 @@ class Batch(Storage):
         refused = self._step_alone()
         if refused >= 0:
             self._raise_refusal(refused)
-        obs, telemetry, rewards, flags = self._outputs
+        obs, _, rewards, flags, telemetry = self._alone_returns
         (terminated,), (truncated,), (success,) = flags.tolist()
         return obs[0].copy(), telemetry[0, 0].copy(), rewards.item(), terminated, truncated, success
 
@@ -271,28 +256,26 @@ class Batch(Storage):
         """Return the arrays by name that kernels get, and which worlds have begun; no copies."""
         return {**self._changing, "config": self._config, "constants": self._constants}
 
-    def _arrays(self, outputs: Outputs) -> tuple[NDArray[Any], ...]:
-        """Return the arrays that the step kernel gets, in its order."""
-        obs, telemetry, rewards, flags = outputs
-        return (
-            self._worlds,
-            self._words,
-            self._slots,
-            obs,
+    def _empty_returns(self, worlds: int, layers: int) -> Returns:
+        """Return what a step of so many worlds fills, with so many layers of telemetry."""
+        return Returns(
+            np.empty((worlds, self._entries), np.float32),
             self._final_obs,
-            rewards,
-            flags,
-            telemetry,
-            self._config,
-            self._constants,
+            np.empty(worlds),
+            np.empty((FLAGS, worlds), np.bool_),
+            np.empty((layers, worlds, COLUMNS)),
         )
 
-    def _run(self, outputs: Outputs, ended: int) -> int:
+    def _arrays(self, returns: Returns) -> tuple[NDArray[Any], ...]:
+        """Return the arrays that the step kernel gets, in its order."""
+        return self._worlds, self._words, self._slots, *returns, self._config, self._constants
+
+    def _run(self, returns: Returns, ended: int) -> int:
         """Run the kernel over all blocks, on one thread or several.
 
         Return the first world whose step is refused, or −1.
         """
-        kernel, arrays = advance_kernel(self._declared), self._arrays(outputs)
+        kernel, arrays = advance_kernel(self._declared), self._arrays(returns)
         shares = self._threads.shares(len(self._worlds))
         if len(shares) == 1:
             return kernel(*arrays, ended, *shares[0])
@@ -305,11 +288,6 @@ class Batch(Storage):
         """Stop the threads, if there are any."""
         self._threads.close()
 
-    def _row(self, world: int) -> Any:
-        """Return what is stored of a world, (rows,)."""
-        width = self._worlds.shape[2]
-        return self._worlds[world // width, :, world % width]
-
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy keeps: its arrays will be elsewhere."""
         return {**self.__dict__, "_alone": None}
@@ -317,16 +295,16 @@ class Batch(Storage):
     def _step_alone(self) -> int:
         """Run the kernel for the only world; return 0 if its step is refused, or −1."""
         if not COMPILES:
-            return self._run(self._outputs, REFUSE)
+            return self._run(self._alone_returns, REFUSE)
         if self._alone is None:
-            arrays = self._arrays(self._outputs)
+            arrays = self._arrays(self._alone_returns)
             table = table_of(arrays)
             self._alone = table.ctypes.data, table, arrays
         return alone_kernel(self._declared)(self._alone[0])
 
     def _raise_refusal(self, world: int) -> NoReturn:
         """Raise what ``step`` raises for a world whose step is refused."""
-        if self._row(world)[ROW.alive] == 0.0:
+        if self._rows[world, int(ROW.alive)] == 0.0:
             raise ResetNeededError(
                 f"world {world} needs a reset: it was never reset or its episode has ended"
             )
@@ -341,11 +319,7 @@ def checked_actions(actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[Any]:
     """Return actions as an array of real numbers of a shape, or raise an ActionError."""
     try:
         array = np.asarray(actions)
-    except (
-        ValueError,
-        TypeError,
-        RuntimeError,
-    ) as error:  # ragged, or a tensor that is not plain CPU memory
+    except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor not on the CPU
         raise ActionError(f"action must be an array of numbers: {error}") from None
     if array.shape != shape:
         raise ActionError(f"action must have the shape {shape}, got {array.shape}")

@@ -24,6 +24,7 @@ from pter_gym.tasks.path_following._specification import (
 )
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Pair = tuple[Machine, PathFollowing]
 
 _STATE_NAMES = [leaf.name for leaf in leaves(type(STATE))]
@@ -42,7 +43,7 @@ def listed(
                 f"{field} must be a {kind.__name__} or a sequence of them, got {items!r:.200}"
             )
     lengths = {len(items) for items in (machines, tasks) if isinstance(items, Sequence)}
-    lengths |= set() if num_worlds is None else {num_worlds}
+    lengths = lengths if num_worlds is None else {*lengths, num_worlds}
     lengths = lengths or {1}
     if len(lengths) > 1 or min(lengths) < 1:
         raise ParameterError(
@@ -91,11 +92,9 @@ def constants_of(pairs: Sequence[Pair]) -> Array:
 def check_shared(pairs: Sequence[Pair]) -> None:
     """Check that machines and tasks fit together and share what a batch's worlds must share."""
     first, goal = pairs[0]
+    limits = first.substep, first.clutch.voltage_max
     for machine, task in pairs:
-        if (machine.substep, machine.clutch.voltage_max) != (
-            first.substep,
-            first.clutch.voltage_max,
-        ):
+        if (machine.substep, machine.clutch.voltage_max) != limits:
             raise ParameterError("machines of one batch must share substep and clutch.voltage_max")
         if machine.has_paper_clutches != first.has_paper_clutches:
             raise ParameterError("Machine.clutches of one batch must all be the paper's, or none")
@@ -165,9 +164,7 @@ class Storage:
         self._words = np.zeros((self.num_worlds, 2), np.uint64)
         self._seeded = np.zeros(self.num_worlds, np.bool_)
 
-    def next_words(
-        self, seeds: Sequence[int | None] | None, chosen: NDArray[np.bool_]
-    ) -> NDArray[np.uint64]:
+    def next_words(self, seeds: Sequence[int | None] | None, chosen: Mask) -> NDArray[np.uint64]:
         """Return seed and episode count of each world after a reset of the chosen ones, (N, 2)."""
         words = self._words.copy()
         seeded_now = np.zeros(self.num_worlds, np.bool_)
@@ -178,12 +175,11 @@ class Storage:
                 if seed is not None and not 0 <= seed < 2**64:
                     raise ParameterError(f"seeds must lie within [0, 2⁶⁴), got {seed!r}")
             seeded_now = chosen & np.array([seed is not None for seed in seeds])
-            words[seeded_now, 0] = np.array(
-                [0 if seed is None else seed for seed in seeds], np.uint64
-            )[seeded_now]
+            words[seeded_now, 0] = np.array([seed or 0 for seed in seeds], np.uint64)[seeded_now]
             words[seeded_now, 1] = 0
-        words[chosen & ~seeded_now & self._seeded, 1] += np.uint64(1)
-        fresh = chosen & ~seeded_now & ~self._seeded
+        others = chosen & ~seeded_now
+        words[others & self._seeded, 1] += np.uint64(1)
+        fresh = others & ~self._seeded
         words[fresh, 0] = np.frombuffer(os.urandom(8 * int(fresh.sum())), np.uint64)
         return words
 
@@ -208,11 +204,8 @@ class Storage:
         """
         for name, mine in self._changing.items():
             part = state.get(name)
-            if (
-                not isinstance(part, np.ndarray)
-                or part.shape != mine.shape
-                or part.dtype != mine.dtype
-            ):
+            expected = mine.shape, mine.dtype
+            if not isinstance(part, np.ndarray) or (part.shape, part.dtype) != expected:
                 raise ParameterError(
                     f"state[{name!r}] must be an array of {mine.dtype} with the shape {mine.shape}"
                 )
@@ -228,9 +221,8 @@ class Storage:
 
     def get_worlds(self) -> WorldState:
         """Return a copy of each world's state, whose numbers are float64 (N,)."""
-        stored = self._worlds.transpose(1, 0, 2).reshape(self._worlds.shape[1], -1)
         columns = np.zeros((STORED_ROWS, self.num_worlds))
-        columns[: len(stored)] = stored[:, : self.num_worlds]
+        columns[: self._worlds.shape[1]] = self._rows.T
         return read(columns, STATE, 0)
 
     def set_worlds(self, state: WorldState) -> None:
@@ -260,10 +252,7 @@ class Storage:
         ResetNeededError
             If a world was never reset.
         """
-        if not self._seeded.all():
-            raise ResetNeededError(
-                f"world {self._seeded.argmin()} needs a reset: it was never reset"
-            )
+        self._check_seeded()
         worlds = self._worlds.copy()
         block, lane = np.divmod(np.arange(self.num_worlds), worlds.shape[2])
         for name, row, value in zip(_STATE_NAMES, flat(STATE), flat(state), strict=True):
@@ -279,35 +268,46 @@ class Storage:
             raise ParameterError("state must be in motion that machines and tasks can hold")
         self._worlds[:] = worlds
 
+    def _check_seeded(self) -> None:
+        """Raise a ResetNeededError if a world was never reset."""
+        if not self._seeded.all():
+            raise ResetNeededError(
+                f"world {self._seeded.argmin()} needs a reset: it was never reset"
+            )
+
     def _fits(self, worlds: Any) -> bool:
         """Return whether rows from elsewhere point at what exists here, in motion that is held."""
         of_draws = [int(ROW.draws_from), int(ROW.draws)]
-        numbers = (worlds[:, ROW.context_at] - worlds[:, ROW.draws_from]) / CONTEXT_WIDTH
-        if not np.array_equal(worlds[:, of_draws], self._worlds[:, of_draws]) or not (
-            np.isin(numbers, np.arange(int(worlds[:, ROW.draws].max()))).all()
-            and ((worlds[:, ROW.step] >= 0.0) & (worlds[:, ROW.step] < 2.0**31)).all()
+        at, step = worlds[:, ROW.context_at], worlds[:, ROW.step]
+        numbers = (at - worlds[:, ROW.draws_from]) / CONTEXT_WIDTH
+        if not (
+            np.array_equal(worlds[:, of_draws], self._worlds[:, of_draws])
+            and np.isin(numbers, np.arange(int(worlds[:, ROW.draws].max()))).all()
+            and ((step >= 0.0) & (step < 2.0**31)).all()
         ):
             return False
-        places = worlds[:, ROW.context_at].astype(np.intp)
+        places, segments = at.astype(np.intp), worlds[:, ROW.foot.segment]
         arm: Any = read(self._constants, CONTEXT.machine.arm, places)
-        motions: Any = [worlds[:, row] for row in ROW.motion]
-        energy = kinetic_energy(arm, Motion(*motions))
-        slow = (energy <= self._constants[places + CONTEXT.task.energy_max]) | (
-            worlds[:, ROW.alive] == 0.0
-        )
-        segments, arcs = (
-            worlds[:, ROW.foot.segment],
-            self._constants[places + CONTEXT.task.path.arcs],
+        energy = kinetic_energy(arm, Motion(*(worlds[:, row] for row in ROW.motion)))
+        is_held = energy <= self._constants[places + CONTEXT.task.energy_max]
+        is_on_path = (segments >= 0.0) & (
+            segments < self._constants[places + CONTEXT.task.path.arcs]
         )
         return bool(
-            slow.all()
-            and ((segments >= 0.0) & (segments < arcs) & (segments == segments.round())).all()
+            (is_held | (worlds[:, ROW.alive] == 0.0)).all()
+            and (is_on_path & (segments == segments.round())).all()
         )
+
+    @property
+    def _rows(self) -> Array:
+        """What is stored of each world, (N, rows)."""
+        stored = self._worlds.shape[1]
+        return self._worlds.transpose(0, 2, 1).reshape(-1, stored)[: self.num_worlds]
 
     @property
     def context(self) -> list[int]:
         """The number of each world's present pair of machine and task in ``pairs``."""
-        numbers = self._worlds[:, ROW.context_at].reshape(-1)[: self.num_worlds] / CONTEXT_WIDTH
+        numbers = self._rows[:, int(ROW.context_at)] / CONTEXT_WIDTH
         return numbers.astype(np.intp).tolist()
 
     def truth(self) -> Array:
@@ -316,9 +316,7 @@ class Storage:
         In no particular units and order, and without the limit of the energy, which follows from
         the rest; for critics, which may know more than the policies that they judge.
         """
-        worlds = self._worlds.transpose(0, 2, 1).reshape(-1, self._worlds.shape[1])[
-            : self.num_worlds
-        ]
+        worlds = self._rows
         entries = np.delete(np.arange(CONTEXT_WIDTH), int(CONTEXT.task.energy_max))
-        context = worlds[:, ROW.context_at, None].astype(np.intp) + entries
+        context = worlds[:, int(ROW.context_at), None].astype(np.intp) + entries
         return np.concatenate([worlds, self._constants[context]], axis=1)

@@ -5,21 +5,25 @@ part of the worlds' state. ``corrected`` says how base and correction are joined
 in trained policies.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pter_gym._compiled.layout import Field, Layout
 from pter_gym._engine.batch import Batch, Observations, Returns, checked_actions
+from pter_gym._engine.storage import Array, Mask
 from pter_gym._engine.world import FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP
 from pter_gym.controllers import CONTROLLERS, Controller
 from pter_gym.controllers._network import BASE_INPUTS
-from pter_gym.errors import ActionError, ParameterError, ResetNeededError
+from pter_gym.errors import ActionError, ParameterError
 from pter_gym.params import SLOTS, Machine
 from pter_gym.policies._interface import corrected
 from pter_gym.policies.tuned import find_paced, find_tuned
 from pter_gym.tasks.path_following._telemetry import COLUMN, COLUMNS
+
+if TYPE_CHECKING:
+    import jax
 
 REACH = 8.0
 """Default voltage of a correction of 1 [V]."""
@@ -27,7 +31,8 @@ REACH = 8.0
 PAY = [int(column) for column in (*COLUMN.terms, COLUMN.reward)]
 """Columns of the telemetry that add up over the control steps of an action."""
 
-Mask = NDArray[np.bool_]
+
+Numbers = TypeVar("Numbers", Observations, "jax.Array")
 
 
 def find_base_law(base: object, scenario: str) -> Controller:
@@ -77,21 +82,21 @@ class BaseLaw:
         self._reach, self._voltage_max = reach, machine.clutch.voltage_max
         self._clutches = len(machine.clutches)
 
-    def start(self, worlds: int) -> NDArray[np.float64]:
+    def start(self, worlds: int) -> Array:
         """Return the law's memory in worlds whose episodes begin, (N, M)."""
         return self.policy.start(worlds, [0] * worlds)
 
-    def volts(self, obs: Observations, memory: NDArray[np.float64]) -> NDArray[np.float32]:
+    def volts(self, obs: Observations, memory: Array) -> Observations:
         """Return the law's voltages [V], float32 (N, 4), and change its memory."""
         volts = np.zeros((len(obs), SLOTS), np.float32)
         volts[:, : self._clutches] = self.policy.act(np.ascontiguousarray(obs), memory)
         return volts
 
-    def seen(self, obs: Any, base: Any) -> Any:
+    def seen(self, obs: Numbers, base: Numbers) -> Numbers:
         """Return observations, float32 (N, entries), that end with the law's voltages."""
         return obs.__array_namespace__().concat([obs, base * self._inverse_scale], axis=1)
 
-    def corrected(self, actions: Any, base: Any) -> Any:
+    def corrected(self, actions: Numbers, base: Numbers) -> Numbers:
         """Return the voltages [V] of actions, float32 (N, clutches), on those of the law."""
         return corrected(actions, base[:, : self._clutches], self._reach, self._voltage_max)
 
@@ -135,10 +140,8 @@ class CorrectedBatch(Batch):
         """Advance all worlds by ``frame_skip`` control periods, as ``Batch`` does."""
         n = self.num_worlds
         alive: Mask = self._worlds[:, ROW.alive].reshape(-1)[:n] != 0.0
-        if ended == NEXT_STEP and not self._seeded.all():
-            raise ResetNeededError(
-                f"world {self._seeded.argmin()} needs a reset: it was never reset"
-            )
+        if ended == NEXT_STEP:
+            self._check_seeded()
         if ended in (REFUSE, SAME_STEP) and not alive.all():
             self._raise_refusal(int(alive.argmin()))
         given = self._checked(actions, alive)
@@ -178,7 +181,7 @@ class CorrectedBatch(Batch):
         (terminated,), (truncated,), (success,) = flags.tolist()
         return obs[0], telemetry[0, 0], rewards.item(), terminated, truncated, success
 
-    def _checked(self, actions: ArrayLike, alive: Mask) -> NDArray[np.float32]:
+    def _checked(self, actions: ArrayLike, alive: Mask) -> Observations:
         """Return actions as float32, or raise an ActionError if one that counts is wrong."""
         given = checked_actions(actions, (self.num_worlds, self.num_actions)).astype(np.float32)
         slack = 4.0 * float(np.spacing(np.float32(self.action_high)))

@@ -10,7 +10,8 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from pter_gym._engine import world
-from pter_gym._engine.batch import Array, Observations, Returns
+from pter_gym._engine.batch import Observations, Returns
+from pter_gym._engine.storage import Array, Mask
 from pter_gym._engine.world import WorldState
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.computer import available_cores, available_memory
@@ -18,8 +19,6 @@ from pter_gym._internal.plugins import load_artist
 from pter_gym.envs._mixin import Arguments, WorldsMixin
 from pter_gym.errors import ParameterError
 from pter_gym.tasks.path_following._telemetry import COLUMNS
-
-Mask = NDArray[np.bool_]
 
 _ENDED = {
     AutoresetMode.NEXT_STEP: world.NEXT_STEP,

@@ -9,13 +9,14 @@ too, networks may use it in functions of their own; what was committed to the GP
 with ``jax.device_put``.
 """
 
+from collections.abc import Sequence
 from functools import cache, partial
-from typing import Any, NamedTuple, Self, cast
+from typing import Any, NamedTuple, Protocol, Self, cast
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pter_gym.errors import ActionError, ParameterError, needs_extra
 
@@ -107,6 +108,11 @@ class LawParams(NamedTuple):
 
 Info = dict[str, jax.Array]
 
+Arrays = Sequence[jax.Array]
+
+Advanced = tuple[AnyState, jax.Array, jax.Array, jax.Array, jax.Array]
+"""State, observation, last observation, reward and flags after a step."""
+
 
 class JaxEnv:
     """Pure functions of one world; make one with ``make``.
@@ -142,29 +148,26 @@ class JaxEnv:
         self._batch = env.batch if isinstance(env.batch, CorrectedBatch) else None
         self._no_volts = env.batch.action_low
         if self._batch is not None:
-            law: Any = self._batch.law.policy.law
+            base = self._batch.law
+            law = base.policy.law
+            assert law is not None
             self._law = _following(register_law(law.function))
-            self._law_params = LawParams(
-                words_of(self._batch.law.policy.layout.scales), words_of(law.gains)
-            )
-            self._blank = words_of(self._batch.law.start(1)[0])
+            self._law_params = LawParams(words_of(base.policy.layout.scales), words_of(law.gains))
+            self._blank = words_of(base.start(1)[0])
             self._no_volts = 0.0
 
     @classmethod
     def from_id(cls, env_id: str, keywords: dict[str, Any], **own: Any) -> Self:
         """Return the environment of an id, with keywords of ``make`` and those of this class."""
-        fixed: dict[str, Any] = {
-            "autoreset_mode": "SAME_STEP",
-            "telemetry": False,
-            "num_threads": 1,
-            "num_envs": 1,
-        }
+        fixed: dict[str, Any] = {"autoreset_mode": "SAME_STEP", "num_envs": 1}
+        fixed |= {"telemetry": False, "num_threads": 1}
         for name in (*fixed, "render_mode"):
             if name in keywords:
                 raise ParameterError(f"{name} must not be given: JAX has its own way")
         if not env_id.startswith("PTER/"):
             raise ParameterError(f"env_id must be an id of PTER, got {env_id!r}")
-        return cls(cast(Any, gymnasium.make_vec(env_id, **fixed, **keywords).unwrapped), **own)
+        env = gymnasium.make_vec(env_id, **fixed, **keywords).unwrapped
+        return cls(cast(PathFollowingVectorEnv, env), **own)
 
     def reset(self, key: jax.Array, params: EnvParams | None = None) -> tuple[jax.Array, AnyState]:
         """Return a world's first observation, float32 (len(observation_layout),), and its state.
@@ -174,7 +177,7 @@ class JaxEnv:
         return self.reset_to_seed(jax.random.bits(on_cpu(key), (2,), jnp.uint32), params)
 
     def reset_to_seed(
-        self, seed: int | jax.Array | NDArray[Any], params: EnvParams | None = None
+        self, seed: int | jax.Array | NDArray[np.uint32], params: EnvParams | None = None
     ) -> tuple[jax.Array, AnyState]:
         """Return what ``gymnasium.make_vec`` has of a world after a reset with a seed.
 
@@ -266,16 +269,16 @@ class JaxEnv:
         """Return the observation space, one of Gymnasium's."""
         return cast(spaces.Box, self.env.single_observation_space)
 
-    def _advance(self, state: AnyState, given: jax.Array, shared: EnvParams) -> Any:
-        """Return state, observation, last observation, reward and flags after a step."""
+    def _advance(self, state: AnyState, given: jax.Array, shared: EnvParams) -> Advanced:
+        """Return what a step makes of a world."""
         if self._batch is None:
             return self._control(state, given, shared)
         law = self._batch.law
 
-        def correct(before: Any, _: None) -> tuple[Any, None]:
-            state = before[0]
+        def correct(before: Advanced, _: None) -> tuple[Advanced, None]:
+            state = cast(CorrectedState, before[0])
             volts = law.corrected(given[None], state.base[None])[0]
-            (world, episode), obs, last, reward, flags = self._control(state, volts, shared)
+            (world, episode, *_), obs, last, reward, flags = self._control(state, volts, shared)
             base, memory = self._follow(last, state.memory)
             final, over = self._seen(last, base), _is_over(flags)
             first, fresh = self._follow(obs, self._blank)
@@ -288,14 +291,14 @@ class JaxEnv:
         start = state, unseen, unseen, jnp.zeros((), jnp.float32), jnp.zeros(FLAGS, bool)
         return lax.scan(correct, start, length=self.frame_skip)[0]
 
-    def _control(self, state: AnyState, given: jax.Array, shared: EnvParams) -> Any:
+    def _control(self, state: AnyState, given: jax.Array, shared: EnvParams) -> Advanced:
         """Return what ``_advance`` does, after a step of the kernel."""
         empty = jnp.full(SLOTS - self.num_actions, self._no_volts, given.dtype)
         own = *state[:2], jnp.concatenate([given, empty])
-        world, episode, *rest = _one(self._step, own, shared)
-        return EnvState(world, episode), *rest
+        world, episode, obs, last, reward, flags = _one(self._step, own, shared)
+        return EnvState(world, episode), obs, last, reward, flags
 
-    def _follow(self, obs: jax.Array, memory: jax.Array) -> Any:
+    def _follow(self, obs: jax.Array, memory: jax.Array) -> Arrays:
         """Return the base's voltages and memory after an observation."""
         return _one(self._law, (obs, memory), self._law_params)
 
@@ -306,7 +309,7 @@ class JaxEnv:
 
     def _check_state(self, state: AnyState) -> None:
         """Raise a ParameterError unless a state is as large as this environment's."""
-        expected: list[Any] = [(self._empty.shape, jnp.uint32), ((4,), jnp.uint32)]
+        expected = [(self._empty.shape, jnp.uint32), ((4,), jnp.uint32)]
         if self._batch is not None:
             expected += [(self._blank.shape, jnp.uint32), ((SLOTS,), jnp.float32)]
         parts = state[: len(expected)]
@@ -351,10 +354,10 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
     return env, env.default_params
 
 
-def seed_words(seed: Any) -> jax.Array:
+def seed_words(seed: int | jax.Array | NDArray[np.uint32]) -> jax.Array:
     """Return a seed as words, uint32 () or (2,), or raise a ParameterError."""
     traced = isinstance(seed, Tracer)
-    words = cast(Any, seed if traced else np.asarray(seed))
+    words = cast("jax.Array", seed if traced else np.asarray(seed))
     whole = jnp.issubdtype(words.dtype, jnp.integer) and words.shape in ((), (2,))
     if not whole or not (traced or ((words >= 0) & (words < 2**32)).all()):
         raise ParameterError(
@@ -364,7 +367,7 @@ def seed_words(seed: Any) -> jax.Array:
     return jnp.asarray(words.astype(np.uint32))
 
 
-def checked_action(action: Any, shape: tuple[int, ...]) -> jax.Array:
+def checked_action(action: ArrayLike, shape: tuple[int, ...]) -> jax.Array:
     """Return an action as float32, or raise an ActionError if its shape or type is another."""
     try:
         numbers = jnp.asarray(action)
@@ -378,30 +381,35 @@ def checked_action(action: Any, shape: tuple[int, ...]) -> jax.Array:
     return numbers.astype(jnp.float32)
 
 
-def shapes_of(tree: Any) -> str:
+def shapes_of(tree: object) -> str:
     """Return the shapes and types in a tree, for a message."""
     return f"{[(str(jnp.result_type(part)), jnp.shape(part)) for part in jax.tree.leaves(tree)]}"
 
 
-def _many(run: Any) -> Any:
+class _Call(Protocol):
+    """A function of a tuple of per-world arrays, worlds first, and what all worlds share."""
+
+    def __call__(self, own: Arrays, shared: Any, /) -> Arrays: ...
+
+
+def _many(run: _Call) -> _Call:
     """Return a function of many worlds whose ``vmap`` is itself, on more worlds.
 
-    Its arguments are a tuple of per-world arrays, worlds first, and what all worlds share.
-    ``lax.cond`` maps the latter too, in equal rows; where rows differ, observations and rewards are
-    NaN.
+    ``lax.cond`` maps what all worlds share too, in equal rows; where rows differ, observations and
+    rewards are NaN.
     """
     call = custom_vmap(run)
 
     @call.def_vmap
-    def _(size: int, mapped: Any, own: Any, shared: Any) -> Any:
-        repeated = [
-            x if has_axis else x[None] for x, has_axis in zip(shared, mapped[1], strict=True)
-        ]
+    def _(
+        size: int, mapped: tuple[Sequence[bool], Sequence[bool]], own: Arrays, shared: Any
+    ) -> tuple[Arrays, Sequence[bool]]:
+        repeated = [x if has else x[None] for x, has in zip(shared, mapped[1], strict=True)]
         same = jnp.array([(x == x[:1]).all() for x in repeated]).all()
-        spread = [
+        spread = (
             x if has_axis else jnp.broadcast_to(x, (size, *x.shape))
             for x, has_axis in zip(own, mapped[0], strict=True)
-        ]
+        )
         results = call(
             tuple(x.reshape(-1, *x.shape[2:]) for x in spread), shared._make(x[0] for x in repeated)
         )
@@ -418,35 +426,33 @@ def _is_over(flags: jax.Array) -> jax.Array:
     return flags[FLAG.terminated] | flags[FLAG.truncated]
 
 
-def _one(call: Any, own: Any, shared: EnvParams | LawParams) -> Any:
+def _one(call: _Call, own: Arrays, shared: EnvParams | LawParams) -> Arrays:
     """Return the results of one world."""
-    return (x[0] for x in call(tuple(x[None] for x in own), shared))
+    return [x[0] for x in call(tuple(x[None] for x in own), shared)]
 
 
 def _called(
-    name: str, own: Any, shared: EnvParams, *further: Any, **options: Any
-) -> tuple[jax.Array, ...]:
+    name: str, own: Arrays, shared: EnvParams, *further: jax.ShapeDtypeStruct, **options: Any
+) -> Arrays:
     """Return worlds, episodes and observations after a call of the kernel, and further results."""
     entries = (shared.config.size - 2 * CONFIG_WIDTH) // 2
     state = [jax.ShapeDtypeStruct(x.shape, x.dtype) for x in own[:2]]
     obs = jax.ShapeDtypeStruct((len(own[0]), entries), jnp.float32)
-    ffi: Any = jax.ffi
-    return tuple(
-        ffi.ffi_call(name, (*state, obs, *(further and (obs, *further))), **options)(*own, *shared)
-    )
+    results = *state, obs, *(further and (obs, *further))
+    return tuple(jax.ffi.ffi_call(name, results, **options)(*own, *shared))
 
 
 @_many
-def _reset(own: Any, shared: EnvParams) -> Any:
+def _reset(own: Arrays, shared: EnvParams) -> Arrays:
     return _called(RESET, own, shared)
 
 
 @cache
-def _stepping(name: str) -> Any:
+def _stepping(name: str) -> _Call:
     """Return what steps worlds by the call of a name."""
 
     @_many
-    def step(own: Any, shared: EnvParams) -> Any:
+    def step(own: Arrays, shared: EnvParams) -> Arrays:
         rewards = jax.ShapeDtypeStruct((len(own[0]),), jnp.float32)
         flags = jax.ShapeDtypeStruct((len(own[0]), FLAGS), jnp.bool_)
         return _called(name, own, shared, rewards, flags, input_output_aliases={0: 0, 1: 1})
@@ -455,11 +461,11 @@ def _stepping(name: str) -> Any:
 
 
 @cache
-def _following(name: str) -> Any:
+def _following(name: str) -> _Call:
     """Return what lets the law of a name act in worlds."""
 
     @_many
-    def follow(own: Any, shared: LawParams) -> Any:
+    def follow(own: Arrays, shared: LawParams) -> Arrays:
         obs, memory = own
         return call_law(name, obs, *shared, memory)
 
