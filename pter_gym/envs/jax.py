@@ -278,12 +278,12 @@ class JaxEnv:
         def correct(before: Advanced, _: None) -> tuple[Advanced, None]:
             state = cast(CorrectedState, before[0])
             volts = law.corrected(given[None], state.base[None])[0]
-            (world, episode, *_), obs, last, reward, flags = self._control(state, volts, shared)
+            stepped, obs, last, reward, flags = self._control(state, volts, shared)
             base, memory = self._follow(last, state.memory)
             final, over = self._seen(last, base), _is_over(flags)
             first, fresh = self._follow(obs, self._blank)
             base, memory = jnp.where(over, first, base), jnp.where(over, fresh, memory)
-            state = CorrectedState(world, episode, memory, base)
+            state = CorrectedState(*stepped[:2], memory, base)
             after = state, self._seen(obs, base), final, before[3] + reward, flags
             return jax.tree.map(partial(jnp.where, _is_over(before[4])), before, after), None
 
