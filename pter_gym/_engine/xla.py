@@ -8,10 +8,10 @@ words, so JAX needs no 64-bit types for it.
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import jax
 import jaxlib
@@ -52,6 +52,15 @@ _TYPE, _METADATA = 1, 3
 _METADATA_TYPE = 1
 _VERSION, _TRAITS = 3, 4
 
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Words = NDArray[np.uint64]
+Flags = NDArray[np.bool_]
+Tree = TypeVar("Tree")
+
+Handler = Callable[[int, int], None]
+"""What a call runs: a compiled function of the addresses of its arguments and results."""
+
 _numba: Any = numba
 _njit: Any = numba.njit(nogil=True, error_model="numpy")
 
@@ -74,13 +83,13 @@ def _dimension(buffers: int, number: int, axis: int) -> int:
 
 
 @_njit
-def _doubles(buffers: int, number: int) -> Any:
+def _doubles(buffers: int, number: int) -> Floats:
     """Return a buffer of 32-bit words as numbers of 64 bits."""
     return _numba.carray(double(_data(buffers, number)), (_dimension(buffers, number, 0) // 2,))
 
 
 @_njit
-def _double_rows(buffers: int, number: int) -> Any:
+def _double_rows(buffers: int, number: int) -> Floats:
     """Return a buffer of 32-bit words (…, 2 n) as rows of numbers of 64 bits, (rows, n)."""
     rows = 1
     for axis in range(whole(whole(buffers)[number])[_RANK] - 1):
@@ -91,19 +100,19 @@ def _double_rows(buffers: int, number: int) -> Any:
 
 
 @_njit
-def _singles(buffers: int, number: int, n: int, width: int) -> Any:
+def _singles(buffers: int, number: int, n: int, width: int) -> Singles:
     """Return a buffer as numbers of 32 bits, (n, width)."""
     return _numba.carray(single(_data(buffers, number)), (n, width))
 
 
 @_njit
-def _flags(buffers: int, number: int, n: int) -> Any:
+def _flags(buffers: int, number: int, n: int) -> Flags:
     """Return a buffer as flags, (n, FLAGS)."""
     return _numba.carray(flag(_data(buffers, number)), (n, FLAGS))
 
 
 @_njit
-def _gather(block: Any, words: Any, rows: int, seeds: int, first: int) -> None:
+def _gather(block: Floats, words: Words, rows: int, seeds: int, first: int) -> None:
     """Read the worlds from ``first`` on into a block: rows to lanes."""
     stored = _numba.carray(double(rows), ((first + len(words)) * block.shape[1],))
     counts = _numba.carray(unsigned(seeds), ((first + len(words)) * 2,))
@@ -115,7 +124,7 @@ def _gather(block: Any, words: Any, rows: int, seeds: int, first: int) -> None:
 
 
 @_njit
-def _scatter(block: Any, words: Any, rows: int, seeds: int, first: int) -> None:
+def _scatter(block: Floats, words: Words, rows: int, seeds: int, first: int) -> None:
     """Write a block back: lanes to rows."""
     stored = _numba.carray(double(rows), ((first + len(words)) * block.shape[1],))
     counts = _numba.carray(unsigned(seeds), ((first + len(words)) * 2,))
@@ -133,7 +142,7 @@ def _is_place(number: float, end: float) -> bool:
 
 
 @_njit
-def _has_contexts(world: Any, constants: Any) -> bool:
+def _has_contexts(world: Floats, constants: Floats) -> bool:
     """Return whether the contexts that a world has and draws from are in the constants."""
     if len(constants) < CONTEXT_WIDTH:
         return False
@@ -144,7 +153,7 @@ def _has_contexts(world: Any, constants: Any) -> bool:
 
 
 @_njit
-def _goes_on(world: Any, constants: Any) -> bool:
+def _goes_on(world: Floats, constants: Floats) -> bool:
     """Return whether a world can make a step: it has begun, and is somewhere on its path."""
     if not _has_contexts(world, constants) or world[ALIVE] != 1.0:
         return False
@@ -153,14 +162,14 @@ def _goes_on(world: Any, constants: Any) -> bool:
 
 
 @_njit
-def _stand_in(world: Any) -> None:
+def _stand_in(world: Floats) -> None:
     """Put a world that goes on with any constants in place of one that does not."""
     world[:] = 0.0
     world[DRAWS], world[ALIVE] = 1.0, 1.0
 
 
 @_njit
-def _replace_unsound(block: Any, goes: Any, lanes: int, constants: Any) -> None:
+def _replace_unsound(block: Floats, goes: Flags, lanes: int, constants: Floats) -> None:
     """Say which worlds of a block go on, and put others in place of those that do not."""
     for i in range(LANES):
         goes[i] = i < lanes and _goes_on(block[0, :, i], constants)
@@ -182,7 +191,7 @@ def _opened(address: int, version: int) -> tuple[int, int]:
     return frame[_ARGUMENTS], frame[_RESULTS]
 
 
-def _build_call(digest: str) -> Any:
+def _build_call(digest: str) -> Callable[[int], int]:
     def call(address: int) -> int:
         _ = digest
         arguments, results = _opened(address, version)
@@ -197,9 +206,9 @@ _KEPT: list[Any] = []
 """Calls whose addresses XLA has."""
 
 
-def register(name: str, handler: Any) -> None:
+def register(name: str, handler: Handler) -> None:
     """Compile a call of ``handler(arguments, results)``, addresses of buffers, and tell XLA."""
-    call = compile_kernel(_build_call, handle=handler, version=_installed_version())
+    call: Any = compile_kernel(_build_call, handle=handler, version=_installed_version())
     signature = (types.int64,)
     call.compile(signature)
     variant = call.overloads[signature]
@@ -219,7 +228,7 @@ def _installed_version() -> int:
     return major | minor << 32
 
 
-def _step_handler(advance: Any) -> Any:
+def _step_handler(advance: Callable[..., object]) -> Handler:
     """Return what advances worlds.
 
     Its arguments are worlds, seeds and episodes, actions, config and constants; its results worlds,
@@ -277,7 +286,7 @@ def _step_handler(advance: Any) -> Any:
     return step
 
 
-def _reset_handler(start: Any) -> Any:
+def _reset_handler(start: Callable[..., object]) -> Handler:
     """Return what starts worlds.
 
     Its arguments are worlds that have not begun, seeds and episodes, config and constants; its
@@ -310,7 +319,7 @@ def _reset_handler(start: Any) -> Any:
     return reset
 
 
-def _law_handler(law: Any) -> Any:
+def _law_handler(law: Callable[..., Any]) -> Handler:
     """Return what follows a controller's law.
 
     Its arguments are observations, scales and gains, and what the law keeps of each world; its
@@ -358,7 +367,7 @@ def register_law(law: Callable[..., Any]) -> str:
 
 def call_law(
     name: str, obs: jax.Array, scales: jax.Array, gains: jax.Array, memory: jax.Array
-) -> Any:
+) -> Sequence[jax.Array]:
     """Return the voltages [V] of a law, float32 (N, 4), and its memory after them.
 
     Parameters
@@ -376,8 +385,7 @@ def call_law(
         jax.ShapeDtypeStruct((len(obs), 4), jnp.float32),
         jax.ShapeDtypeStruct(memory.shape, memory.dtype),
     )
-    ffi: Any = jax.ffi
-    return ffi.ffi_call(name, results)(obs, scales, gains, memory)
+    return jax.ffi.ffi_call(name, results)(obs, scales, gains, memory)
 
 
 def words_of(numbers: NDArray[Any]) -> jax.Array:
@@ -385,7 +393,7 @@ def words_of(numbers: NDArray[Any]) -> jax.Array:
     return jnp.asarray(on_cpu(np.ascontiguousarray(numbers).view(np.uint32)))
 
 
-def on_cpu(arrays: Any) -> Any:
+def on_cpu(arrays: Tree) -> Tree:
     """Return arrays on JAX's CPU device, where kernels run.
 
     Where the CPU is JAX's default, they stay as they are, and where a mesh has devices of its own.
@@ -401,7 +409,7 @@ def on_cpu(arrays: Any) -> Any:
         return arrays
     here, tracer = SingleDeviceSharding(cpu_device()), cast("type", Tracer)
 
-    def placed(array: Any) -> Any:
+    def placed(array: jax.Array) -> jax.Array:
         place = lax.with_sharding_constraint if isinstance(array, tracer) else jax.device_put
         return place(array, here)
 
@@ -410,9 +418,8 @@ def on_cpu(arrays: Any) -> Any:
 
 def cpu_device() -> Any:
     """Return JAX's first CPU device, or raise a ParameterError if it has none."""
-    found: Any = jax
     try:
-        return found.local_devices(backend="cpu")[0]
+        return jax.local_devices(backend="cpu")[0]
     except RuntimeError as error:
         raise ParameterError(
             "JAX's platforms must include cpu, on which the worlds run, as "

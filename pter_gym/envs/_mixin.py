@@ -180,9 +180,12 @@ class WorldsMixin:
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        given = {} if spec is None else {**spec.kwargs, **self._from_files}
-        kwargs = {name: each(_to_plain, value) for name, value in given.items()}
-        self._spec = spec and replace(_storable(spec), kwargs=kwargs)
+        self._spec = None
+        if spec is not None:
+            parts = {item.name: getattr(spec, item.name) for item in fields(spec) if item.init}
+            given = {**spec.kwargs, **self._from_files}
+            parts["kwargs"] = {name: each(_to_plain, value) for name, value in given.items()}
+            self._spec = WorldsSpec(**parts)
 
     @property
     def nominal_machine(self) -> Machine:
@@ -215,22 +218,22 @@ class Worlds:
         What these were drawn from, for episodes to draw from; None where each world has its own.
     gains
         The scenario whose gains suit them.
-    sensors, observe_context, action_unit, frame_skip
-        As ``Batch`` takes them.
+    frame_skip
+        Control steps for which an action is held.
     base, reach
         The law that actions correct, and by how many volts at most; or None.
+    options
+        Further arguments of ``Batch``.
     """
 
     machines: "Machine | Sequence[Machine]"
     tasks: "PathFollowing | Sequence[PathFollowing]"
     draws: "Draws | None"
     gains: str
-    sensors: Sensors
-    observe_context: bool
-    action_unit: ActionUnit
     frame_skip: int
     base: "Controller | None"
     reach: float | None
+    options: Mapping[str, Any]
 
     @property
     def nominal(self) -> Machine:
@@ -261,13 +264,11 @@ class Worlds:
             self.tasks,
             num_worlds,
             draws=self.draws is not None,
-            sensors=self.sensors,
-            observe_context=self.observe_context,
-            action_unit=self.action_unit,
             frame_skip=self.frame_skip,
             max_steps=steps,
             telemetry=telemetry,
             num_threads=num_threads,
+            **self.options,
         )
 
 
@@ -285,12 +286,11 @@ def find_worlds(
     scenario: "str | Scenario | Draws | None" = None,
     contexts: int | None = None,
     context_seed: int | None = None,
-    sensors: Sensors = "torque",
     action_unit: ActionUnit = "normalised",
-    observe_context: bool = False,
     frame_skip: int | None = None,
     base: "str | Controller | None" = None,
     reach: float | None = None,
+    **options: Any,
 ) -> Worlds:
     """Return what the arguments of an environment describe; ``fields`` are those of its task."""
     fields = {
@@ -336,12 +336,10 @@ def find_worlds(
         tasks=tasks,
         draws=draws,
         gains=gains,
-        sensors=sensors,
-        observe_context=observe_context,
-        action_unit=action_unit,
         frame_skip=1 if frame_skip is None else whole_number("frame_skip", frame_skip),
         base=base,
         reach=reach,
+        options={"action_unit": action_unit, **options},
     )
 
 
@@ -378,11 +376,6 @@ def _has_file(value: object) -> bool:
     """Return whether a path or a machine, or one of several, is given by a file."""
     names = value if _is_several(value) else (value,)
     return any(has_ending(name, *TABLE_ENDINGS, ".toml") for name in names)
-
-
-def _storable(spec: EnvSpec) -> EnvSpec:
-    """Return a spec as a ``WorldsSpec``."""
-    return WorldsSpec(**{item.name: getattr(spec, item.name) for item in fields(spec) if item.init})
 
 
 def _to_plain(value: Any) -> Any:

@@ -51,21 +51,22 @@ def find_machine(machine: Machine | FilePath | None) -> Machine:
     DataError
         If a file is damaged, incomplete or out of range.
     """
-    machine_named: object = builtin(machine)
-    if machine_named is None:
+    given: object = builtin(machine)
+    if given is None:
         return BASELINE
-    if isinstance(machine_named, Machine):
-        return machine_named
-    if isinstance(machine_named, str) and machine_named in MACHINES:
-        return MACHINES[machine_named]
-    if isinstance(machine_named, str) and machine_named in ACTUATORS:
-        return replace(BASELINE, clutch=ACTUATORS[machine_named].clutch)
-    if is_machine_file(machine_named):
-        return load_machine(cast("str", machine_named))
+    if isinstance(given, Machine):
+        return given
+    name = given if isinstance(given, str) else ""
+    if name in MACHINES:
+        return MACHINES[name]
+    if name in ACTUATORS:
+        return replace(BASELINE, clutch=ACTUATORS[name].clutch)
+    if is_machine_file(name):
+        return load_machine(name)
     names = (*MACHINES, *ACTUATORS)
     raise ParameterError(
         f"machine must be a Machine, one of {', '.join(names)} or the path of a file (.toml), "
-        f"got {machine_named!r:.200}{nearest(machine_named, names)}"
+        f"got {given!r:.200}{nearest(given, names)}"
     )
 
 

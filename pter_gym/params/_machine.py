@@ -246,15 +246,13 @@ class Machine(Checked):
             )
             and len({clutch.name for clutch in clutches}) == len(clutches)
         )
-        accepted = f"1 to {SLOTS} Connections with different names"
-        require(fits, self, "clutches", accepted)
+        require(fits, self, "clutches", f"1 to {SLOTS} Connections with different names")
         rows = self.slot_rows
         accepted = f"of at least two different rows, if there are {SLOTS}"
         require(len({*rows}) > 1, self, "clutches", accepted)
         ratios = sorted({b for a, b in rows if a != 0.0})
         apart = all(high - low >= 0.01 * max(abs(low), abs(high)) for low, high in pairwise(ratios))
-        accepted = "of rows that are equal or differ by 1 % at least"
-        require(apart, self, "clutches", accepted)
+        require(apart, self, "clutches", "of rows that are equal or differ by 1 % at least")
         for name, brake in (("dry_a", BRAKE_A), ("dry_b", BRAKE_B)):
             there = getattr(self.arm, name) == 0.0 or brake.row in rows
             accepted = f"0 where {SLOTS} clutches leave no slot to a brake ({brake.name})"
@@ -270,16 +268,13 @@ class Machine(Checked):
     @property
     def slot_scale(self) -> tuple[float, ...]:
         """The ratios of the slots' torques to those of the curves, 0 where there is no clutch."""
-        return tuple(
-            scale if x < len(self.clutches) else 0.0 for x, scale in enumerate(self.clutch_scale)
-        )
+        there = len(self.clutches)
+        return self.clutch_scale[:there] + (0.0,) * (SLOTS - there)
 
     @property
     def has_paper_clutches(self) -> bool:
         """Whether W is the paper's."""
-        return tuple(clutch.row for clutch in self.clutches) == tuple(
-            clutch.row for clutch in PAPER_CLUTCHES
-        )
+        return [clutch.row for clutch in self.clutches] == [c.row for c in PAPER_CLUTCHES]
 
 
 def tip_mass(arm: Arm) -> float:

@@ -151,12 +151,9 @@ def gains_for(tasks: "Iterable[PathFollowing]") -> str:
     from pter_gym.hands import MultiSineHand
     from pter_gym.tasks.path_following import PathFollowing
 
-    kinds = {(isinstance(task.hand, MultiSineHand), task.path) for task in tasks}
-    pushes, on_the_line = (
-        all(pushes for pushes, _ in kinds),
-        all(path == PathFollowing.path for _, path in kinds),
-    )
-    if on_the_line:
+    tasks = [*tasks]
+    pushes = all(isinstance(task.hand, MultiSineHand) for task in tasks)
+    if all(task.path == PathFollowing.path for task in tasks):
         return "standard" if pushes else "hands"
     return "paths" if pushes else "everything"
 

@@ -251,8 +251,8 @@ class Draws(Checked):
         """Check the draws that are mixed in."""
         super().__post_init__()
         also, instead = cast("object", self.also), cast("object", self.instead)
-        components = cast("tuple[object, ...]", also) if isinstance(also, tuple) else (also,)
-        mixed = all(isinstance(draws, Draws) for draws in components)
+        components = cast("tuple[object, ...]", also)
+        mixed = isinstance(also, tuple) and all(isinstance(draws, Draws) for draws in components)
         require(mixed, self, "also", "a tuple of Draws")
         fixed = instead is None or isinstance(instead, Machine | MachineSpread)
         require(fixed, self, "instead", "a Machine, a MachineSpread or None")

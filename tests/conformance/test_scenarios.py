@@ -142,6 +142,7 @@ def test_distributions_stay_within_their_ends() -> None:
         (lambda: Draws(task=PathFollowing()).pairs(0), "n must be a whole number"),
         (lambda: Draws(task=PathFollowing()).pairs(1, -1), "seed"),
         (lambda: Draws(task=PathFollowing(), also=(1,)), r"Draws\.also"),  # type: ignore[arg-type]
+        (lambda: Draws(task=PathFollowing(), also=Draws(task=PathFollowing())), r"Draws\.also"),  # type: ignore[arg-type]
         (lambda: Draws(task=PathFollowing(), instead=1), r"Draws\.instead"),  # type: ignore[arg-type]
         (lambda: Draws(task=Vary(Line())).pairs(1), r"Draws\.task"),  # type: ignore[arg-type]
         (lambda: Draws(task=PathFollowing()).pairs(1, 0, "fast"), "pace"),
