@@ -27,9 +27,7 @@ MAX_SUBSTEPS = 10_000
 def divided(machine: Machine | str | None, period: float) -> tuple[Machine, int]:
     """Return a machine whose substeps fill a control step of a period [s], and their number."""
     machine = find_machine(machine)
-    clutch = machine.clutch
-    require(clutch.fade == 0.0, clutch, "fade", "0: heat has no derivatives")
-    require(clutch.band == "vanishing", clutch, "band", '"vanishing": creep has no derivatives')
+    require(machine.clutch.fade == 0.0, machine.clutch, "fade", "0: heat has no derivatives")
     if not 0.0 < period <= MAX_SUBSTEPS * machine.substep:
         raise ParameterError(
             f"period must be > 0 s and at most {MAX_SUBSTEPS * machine.substep:g} s, got {period!r}"
@@ -37,6 +35,14 @@ def divided(machine: Machine | str | None, period: float) -> tuple[Machine, int]
     count = math.ceil(period / machine.substep * (1.0 - 1e-9))
     substep = period / count
     return machine if substep == machine.substep else replace(machine, substep=substep), count
+
+
+def kind_of(*machines: Machine) -> dict[str, bool]:
+    """Return what ``kernels`` asks of machines."""
+    return {
+        "has_paper_clutches": machines[0].has_paper_clutches,
+        "creeps": any(machine.clutch.band == "printed" for machine in machines),
+    }
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # in the branch of a hand that has no damping

@@ -30,6 +30,7 @@ from pter_gym._physics.order import is_kick, is_whole, stage_count
 from pter_gym.envs import jax as jax_env
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.gradients._branchless import Column, Stage, branchless
+from pter_gym.gradients._machine import kind_of
 from pter_gym.gradients.jax import MEANING, first_order, floats_of, jax, jnp, lax, rolling
 from pter_gym.paths._projection import foot_on, neighbour, project, segment_at
 from pter_gym.tasks.path_following._observation import BOUND
@@ -72,10 +73,6 @@ class DifferentiableEnv(jax_env.JaxEnv):
             raise ParameterError(
                 "machine must have the paper's clutches for a step to be differentiated"
             )
-        if any(machine.clutch.band == "printed" for machine, _ in env.batch.pairs):
-            raise ParameterError(
-                'machine must have clutches of band "vanishing" for a step to be differentiated'
-            )
         if env.batch.kernel_arrays()["worlds"].shape[1] != BASIC_ROWS:
             raise ParameterError(
                 "hand must be a push and sines, and sensing ideal, for a step to be "
@@ -86,7 +83,9 @@ class DifferentiableEnv(jax_env.JaxEnv):
         super().__init__(env)
         config = np.asarray(self.default_params.config).view(np.float64)
         loaded = load(config[:, None], CONFIG, 0)
-        self._advance_one = _advancing(super()._advance, loaded, self.frame_skip, episode_end)
+        roll = rolling(loaded.substep, **kind_of(*(machine for machine, _ in env.batch.pairs)))
+        follow = _following(loaded, self.frame_skip, roll)
+        self._advance_one = _advancing(super()._advance, follow, loaded, episode_end)
 
     def reset_to_seed(self, seed: Any, params: Any = None) -> tuple[jax.Array, Any]:
         """Return what ``JaxEnv.reset_to_seed`` does, and the world's numbers."""
@@ -188,7 +187,7 @@ class _Words:
         return floats_of(lax.dynamic_slice_in_dim(self.words, 2 * first, 2 * count))
 
 
-def _following(config: Config, frame_skip: int) -> Stage:
+def _following(config: Config, frame_skip: int, roll: Stage) -> Stage:
     """Return the function of JAX whose derivative is that of a step.
 
     From a world's numbers, an action and the constants, it returns the numbers, the observation and
@@ -196,7 +195,6 @@ def _following(config: Config, frame_skip: int) -> Stage:
     """
     count = int(config.substeps)
     period = config.substep * count
-    roll = rolling(True, config.substep)
 
     def move(w: Column) -> None:
         """Move the arm by a control step."""
@@ -278,9 +276,8 @@ def _(size: int, _: list[bool], passes: jax.Array) -> tuple[jax.Array, bool]:
     return jnp.broadcast_to(zero, size), True
 
 
-def _advancing(advance: Stage, config: Config, frame_skip: int, episode_end: EpisodeEnd) -> Stage:
+def _advancing(advance: Stage, follow: Stage, config: Config, episode_end: EpisodeEnd) -> Stage:
     """Return a step as a function of a world's numbers, an action, its state and shared data."""
-    follow = _following(config, frame_skip)
 
     @first_order
     def run(numbers: jax.Array, action: jax.Array, state: Any, shared: jax_env.EnvParams) -> Any:
