@@ -144,12 +144,11 @@ def creeping_adjoint(
     q_a, q_b = momentum_bar(m11, m12, m22, d_a, d_b, by_a, by_b, free)
     c = sliding_torque(free, slip_velocities(q_a, q_b, arrangement))
     left_a, left_b = by_a - m11 * q_a - m12 * q_b, by_b - m12 * q_a - m22 * q_b
-    return (
-        *(-q_a * omega_a, -q_a * omega_b - q_b * omega_a, -q_b * omega_b, q_a, q_b),
-        (left_a * omega_a + left_b * omega_b) / edge,
-        *inner_torque(slip, edge, c, 0.0),
-        *inner_torque(slip, edge, 0.0, c),
-    )
+    by_edge = (left_a * omega_a + left_b * omega_b) / edge
+    by11, by12, by22 = -q_a * omega_a, -q_a * omega_b - q_b * omega_a, -q_b * omega_b
+    d1, d2, d3, d4 = inner_torque(slip, edge, c, 0.0)
+    e1, e2, e3, e4 = inner_torque(slip, edge, 0.0, c)
+    return by11, by12, by22, q_a, q_b, by_edge, d1, d2, d3, d4, e1, e2, e3, e4
 
 
 @inlined
