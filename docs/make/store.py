@@ -110,7 +110,7 @@ def _cruising_pace(controller: Impedance, chosen: Episodes) -> float:
     travel = Recorded(
         rollout(controller, chosen).telemetry, chosen.tasks, BASELINE.clutch.voltage_max
     )
-    return float(travel.cruising_pace().mean())
+    return float(travel.mean_pace(first=1).mean())
 
 
 if __name__ == "__main__":

@@ -83,7 +83,7 @@ def benchmark(
     look_at(policies=names, paces=paces, path=path, smooth=smooth, machine=machine)
 
     from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
-    from pter_gym.benchmark.boards import EPISODE_SET, boards_text, in_order, leaderboards
+    from pter_gym.benchmark.boards import EPISODE_SET, boards_text, in_order
 
     definition = scenario_on(scenario, machine, path, smooth)
     results = ResultsFolder(out)
@@ -102,12 +102,9 @@ def benchmark(
         )
         progress.remove_task(task)
         boards = [
-            board
-            for board in leaderboards(results.runs())
-            if EPISODE_SET(board) == EPISODE_SET(runs[0])
+            board for board in results.summarise() if EPISODE_SET(board) == EPISODE_SET(runs[0])
         ]
         say(boards_text(boards, details=details))
-        results.summarise()
         progress.add_task("drawing", total=None)
         files = [results.summary]
         if artist := registered(PICTURES).get("scenario"):

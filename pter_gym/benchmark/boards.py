@@ -107,7 +107,7 @@ class Standing:
 
     def as_json(self) -> dict[str, Any]:
         """Return its entry in ``benchmark.json``, in SI."""
-        reason = None if self.reason is None else str(self.reason)
+        reason = self.reason and str(self.reason)
         means = {name: mean for name, mean in self.scores.items() if name != "path_error_m"}
         return {"rank": self.rank, "reason": reason, "path_error_m": self.error._asdict(), **means}
 
@@ -152,12 +152,8 @@ def leaderboards(runs: Iterable[ScenarioRun]) -> tuple[Leaderboard, ...]:
     groups: dict[tuple[Any, ...], list[ScenarioRun]] = {}
     for run in runs:
         groups.setdefault((*EPISODE_SET(run), find_pace(run.pace)), []).append(run)
-
-    def place(group: tuple[Any, ...]) -> tuple[Any, ...]:
-        *names, episodes, seed, pace = group
-        return *names, episodes, -1 if seed is None else seed, pace
-
-    return tuple(rank(groups[group]) for group in sorted(groups, key=place))
+    ordered = sorted(groups, key=lambda group: [-1 if part is None else part for part in group])
+    return tuple(rank(groups[group]) for group in ordered)
 
 
 def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:

@@ -263,15 +263,7 @@ class Travel:
         """Return the mean pace error of the segments."""
         return pace_errors(self.relative_times, self.finished).mean(axis=0)
 
-    def mean_pace(self) -> Array:
-        """Return the mean speed along the path [m/s]; 0 where the tip never left the start."""
-        return self._mean_pace(0)
-
-    def cruising_pace(self) -> Array:
-        """Return the mean speed along the path after its first segment [m/s]; 0 without any."""
-        return self._mean_pace(1)
-
-    def _mean_pace(self, first: int) -> Array:
+    def mean_pace(self, first: int = 0) -> Array:
         """Return the mean speed along the path from a segment on [m/s]; 0 without any time."""
         distance = np.minimum(self.furthest[-1], self.length) - self.length / SEGMENTS * first
         time = self.passed[-1] - (self.passed[1] if first else 0.0)

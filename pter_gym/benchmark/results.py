@@ -8,6 +8,7 @@ import io
 import json
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -58,7 +59,7 @@ class ResultsFolder:
         with locked(self.path / LOCK):
             for run in runs:
                 write_run(self.path, run)
-            while (path := run_path(self.path, runs[0], number)).is_file():
+            while (path := run_path(self.path, replace(runs[0], training_seed=number))).is_file():
                 path.unlink(missing_ok=True)
                 number += 1
 
@@ -82,11 +83,10 @@ class ResultsFolder:
         return boards
 
 
-def run_path(folder: FilePath, run: ScenarioRun, training_seed: int | None = None) -> Path:
-    """Return the file of a run in a folder of results, by default of its own training seed."""
-    number = run.training_seed if training_seed is None else training_seed
+def run_path(folder: FilePath, run: ScenarioRun) -> Path:
+    """Return the file of a run in a folder of results."""
     fresh = "" if run.seed is None else f"-seed{run.seed}"
-    trained = f"-training{number}" if number else ""
+    trained = f"-training{run.training_seed}" if run.training_seed else ""
     own = f"-{run.digest}" if run.digest else ""
     name = f"{run.scenario}-{run.pace}-{run.policy}-{run.episodes}{fresh}{trained}{own}"
     return expand_path("folder", folder) / "runs" / f"{quote(name, safe=' ')}.json"
@@ -210,17 +210,14 @@ def run_scenario(
     by_name = find_policies(policies, scenario.whose_gains)
     if episodes is not None:
         sets = {pace: full.first(episodes) for pace, full in sets.items()}
-    folder = (
-        results if results is None or isinstance(results, ResultsFolder) else ResultsFolder(results)
-    )
-    if folder:
-        folder.make()
+    if results is not None:
+        results = results if isinstance(results, ResultsFolder) else ResultsFolder(results)
+        results.make()
     for policy in (each for versions in by_name.values() for each in versions):
         check_acting(policy, next(iter(sets.values())))
     runs: list[ScenarioRun] = []
     for pace, episode_set in sets.items():
         for name, versions in by_name.items():
-            scores_by_seed = [evaluate(policy, episode_set, num_threads) for policy in versions]
             trained = [
                 ScenarioRun(
                     scenario.name,
@@ -229,13 +226,13 @@ def run_scenario(
                     number,
                     seed,
                     episode_set.strata,
-                    scores,
+                    evaluate(policy, episode_set, num_threads),
                     digest=scenario.digest,
                 )
-                for number, scores in enumerate(scores_by_seed)
+                for number, policy in enumerate(versions)
             ]
-            if folder:
-                folder.add(trained)
+            if results:
+                results.add(trained)
             runs += trained
             on_progress(f"{name}, {pace}")
     return tuple(runs)

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym._internal.files import FilePath
 from pter_gym.benchmark.boards import over_limits
@@ -64,34 +63,27 @@ def rollout(
         Sensors of the observations; by default those that the policy needs. It sees no others.
     """
     acting = bind_to(policy, episodes)
-    with episodes.worlds(sensors or sensors_of(policy)) as batch:
-        telemetry, obs = _recorded(acting, episodes, batch, columns)
-    for world, limit in enumerate(episodes.time_limits):
-        telemetry[limit + 1 :, world] = np.nan
-        obs[limit + 1 :, world] = 0.0
-    return Rollout(telemetry, obs)
-
-
-def _recorded(
-    acting: Policy, episodes: Episodes, batch: Batch, columns: slice | list[int]
-) -> Rollout:
-    """Return what happens in the worlds of a batch, beyond the limits of some episodes too."""
-    obs, telemetry = batch.reset(episodes.seeds)
     memory = acting.start(len(episodes), [seed % NUMBERS for seed in episodes.seeds])
     volts = np.empty(0)
-    rows, observations = [telemetry[:, columns]], [obs]
     limits = np.array(episodes.time_limits)
     running = limits > 0
-    while running.any():
-        steps = len(observations) - 1
-        if steps % acting.frame_skip == 0:
-            entries = np.ascontiguousarray(obs[:, : len(acting.layout)])
-            volts = acting.volts(entries, memory, episodes.machines[0])
-        obs, _, _, (terminated, truncated, _), (telemetry,) = batch.step(volts, SKIP)
-        rows.append(telemetry[:, columns])
-        observations.append(obs)
-        running &= ~(terminated | truncated) & (steps + 1 < limits)
-    return Rollout(np.stack(rows), np.stack(observations))
+    with episodes.worlds(sensors or sensors_of(policy)) as batch:
+        obs, telemetry = batch.reset(episodes.seeds)
+        rows, observations = [telemetry[:, columns]], [obs]
+        while running.any():
+            steps = len(observations) - 1
+            if steps % acting.frame_skip == 0:
+                entries = np.ascontiguousarray(obs[:, : len(acting.layout)])
+                volts = acting.volts(entries, memory, episodes.machines[0])
+            obs, _, _, (terminated, truncated, _), (telemetry,) = batch.step(volts, SKIP)
+            rows.append(telemetry[:, columns])
+            observations.append(obs)
+            running &= ~(terminated | truncated) & (steps + 1 < limits)
+    recorded = Rollout(np.stack(rows), np.stack(observations))
+    for world, limit in enumerate(episodes.time_limits):
+        recorded.telemetry[limit + 1 :, world] = np.nan
+        recorded.obs[limit + 1 :, world] = 0.0
+    return recorded
 
 
 def bind_to(policy: AnyPolicy, episodes: Episodes) -> Policy:

@@ -71,11 +71,7 @@ def from_sb3(
     (base,), (skip,) = attributes(env, "base"), attributes(env, "frame_skip")
     if frame_skip is not None:
         skip = whole_number("frame_skip", frame_skip)
-    return (
-        LibraryPolicy(model, normalise, skip, env)
-        if base is None
-        else CorrectingPolicy(model, normalise, skip, env, base)
-    )
+    return LibraryPolicy(model, normalise, skip, env, base)
 
 
 def from_actions(
@@ -128,7 +124,7 @@ class LibraryPolicy:
     """
 
     def __init__(
-        self, model: Any, normalise: Normalise, frame_skip: int, env: Any, base: Any = None
+        self, model: Any, normalise: Normalise, hold: int, env: Any, base: Controller | None
     ) -> None:
         (layout,) = attributes(env, "observation_layout")
         (self._control_period,) = attributes(env, "control_period")
@@ -146,7 +142,9 @@ class LibraryPolicy:
             raise ParameterError(f"model.action_space must be that of env, {expected}, got {space}")
         self._names = layout.names[: len(layout) - (0 if base is None else SLOTS)]
         self.sensors = _sensors_of(self._names)
-        self._model, self._normalise, self.frame_skip = model, normalise, frame_skip
+        self._model, self._normalise, self._base, self._hold = model, normalise, base, hold
+        (self._reach,) = attributes(env, "reach")
+        self.frame_skip = hold if base is None else 1
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy for a machine and a layout.
@@ -165,10 +163,14 @@ class LibraryPolicy:
         accepted = f"{self._clutches}, as the model's actions"
         require(len(clutches) == self._clutches, machine, "clutches", accepted, got=clutches)
         made = partial(self.bind, machine, layout)
-        policy = self._policy(machine, layout)
+        policy = (
+            self._acting(machine, layout)
+            if self._base is None
+            else self._correcting(BaseLaw(self._base, machine, layout, self._reach), layout)
+        )
         return replace(policy, control_period=self._control_period, made=made)
 
-    def _policy(self, machine: Machine, layout: Layout) -> Policy:
+    def _acting(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy whose actions stand for voltages."""
         top = machine.clutch.voltage_max
 
@@ -195,19 +197,8 @@ class LibraryPolicy:
             memory[world] = _Kept(after)
         return actions
 
-
-class CorrectingPolicy(LibraryPolicy):
-    """A model whose actions correct a base: the law acts at every control step."""
-
-    def __init__(
-        self, model: Any, normalise: Normalise, frame_skip: int, env: Any, base: Controller
-    ) -> None:
-        super().__init__(model, normalise, frame_skip, env, base)
-        (self._reach,) = attributes(env, "reach")
-        self._base, self._hold, self.frame_skip = base, frame_skip, 1
-
-    def _policy(self, machine: Machine, layout: Layout) -> Policy:
-        base = BaseLaw(self._base, machine, layout, self._reach)
+    def _correcting(self, base: BaseLaw, layout: Layout) -> Policy:
+        """Return the policy whose actions correct a base, which acts at every control step."""
         laws, actions = len(base.start(1)[0]), self._clutches
 
         def act(observations: Observations, memory: Any) -> Any:
