@@ -101,11 +101,12 @@ class LibraryTremor:
 
 def _entries(kind: type[Any], tables: dict[str, dict[str, Any]]) -> Mapping[str, Any]:
     """Return the entries of one kind by name."""
-    entries = {
-        name: {key: tuple_of(value) for key, value in table.items()}
-        for name, table in tables.items()
-    }
-    return MappingProxyType({name: kind(name=name, **entry) for name, entry in entries.items()})
+    return MappingProxyType(
+        {
+            name: kind(name=name, **{key: tuple_of(value) for key, value in table.items()})
+            for name, table in tables.items()
+        }
+    )
 
 
 _LIBRARY = read_toml(Path(__file__).parents[1] / "presets" / "hands.toml", "hands")

@@ -207,17 +207,11 @@ class RecordedForces(Operator):
         ParameterError
             If there are more than ``MAX_INSTANTS``.
         """
-        longest = MAX_INSTANTS * period
-        require(
-            self.times[-1] <= longest,
-            self,
-            "times",
-            f"in seconds, up to {longest:g} s",
-            got=self.times[-1],
-        )
-        instants = period * np.arange(math.ceil(self.times[-1] / period) + 1)
-        return np.stack(
-            [np.interp(instants, self.times, force) for force in (self.along, self.across)], axis=1
+        longest, end = MAX_INSTANTS * period, self.times[-1]
+        require(end <= longest, self, "times", f"in seconds, up to {longest:g} s", got=end)
+        instants = period * np.arange(math.ceil(end / period) + 1)
+        return np.column_stack(
+            [np.interp(instants, self.times, force) for force in (self.along, self.across)]
         )
 
 
@@ -233,13 +227,10 @@ def read_forces(file: FilePath) -> RecordedForces:
     """
     units = {"time": "s", "along": "N", "across": "N"}
     columns, lines = read_table(file, tuple(units), unit=units)
-    times, along, across = (tuple(columns[name].tolist()) for name in ("time", "along", "across"))
+    times, along, across = (tuple(columns[name].tolist()) for name in units)
     if fault := fault_in(times, lambda k: f"line {lines[k]}"):
         raise ParameterError(f"{file}, {fault}")
-    interval, end = (
-        float(np.median(np.diff(times))) if len(times) > 1 else 0.0,
-        max(times, default=0.0),
-    )
+    interval, end = float(np.median(np.diff(times))) if len(times) > 1 else 0.0, max(times)
     if interval > MAX_INTERVAL or end > MAX_DURATION:
         raise ParameterError(
             f"{file}: time must have rows at most {MAX_INTERVAL:g} s apart and end within "
@@ -255,14 +246,10 @@ def fault_in(times: Sequence[float], label: Callable[[int], str]) -> str | None:
         return "there is no time"
     if times[0] != 0.0:
         return f"{label(0)}: time must begin at 0, got {times[0]:.9g}"
-    falls = (k for k in range(1, len(times)) if not times[k - 1] < times[k])
-    return next(
-        (
-            f"{label(k)}: time {times[k]:.9g} does not rise from that of {label(k - 1)}"
-            for k in falls
-        ),
-        None,
-    )
+    for k in range(1, len(times)):
+        if not times[k - 1] < times[k]:
+            return f"{label(k)}: time {times[k]:.9g} does not rise from that of {label(k - 1)}"
+    return None
 
 
 def with_sines(hand: MultiSineHand | HumanArm, substep: float) -> HandModel:

@@ -47,14 +47,10 @@ def force_per_torque(machine: Machine, theta: ArrayLike) -> Array:
         The machine, and the angles of its links, (…, 2) [rad].
     """
     arm, q, arrangement = model_of(machine).arm, motion_of(theta), optional_arrangement(machine)
-    slips: list[Array] = []
     with np.errstate(divide="ignore", invalid="ignore"):
-        for velocity in (Vector(1.0, 0.0), Vector(0.0, 1.0)):
-            along = moving(arm, q, velocity)
-            slips.append(
-                np.stack(slip_velocities(along.omega_a, along.omega_b, arrangement), axis=-1)
-            )
-    return np.stack(slips, axis=-1)
+        moved = [moving(arm, q, Vector(*velocity)) for velocity in ((1.0, 0.0), (0.0, 1.0))]
+        slips = [slip_velocities(along.omega_a, along.omega_b, arrangement) for along in moved]
+    return np.stack([np.stack(each, axis=-1) for each in slips], axis=-1)
 
 
 def torque_limits(machine: Machine, slip: ArrayLike) -> tuple[Array, Array]:
@@ -113,9 +109,8 @@ def force_region(machine: Machine, theta: ArrayLike, tip_velocity: ArrayLike = A
     against = np.where(slip > 0.0, -1.0, 1.0)[..., None] * per_torque
     middle = (0.5 * (least + largest)[..., None] * against).sum(axis=-2)
     half = 0.5 * (largest - least)[..., None] * against
-    upwards = np.where(
-        (half[..., 1:] < 0.0) | ((half[..., 1:] == 0.0) & (half[..., :1] < 0.0)), -half, half
-    )
+    x, y = half[..., :1], half[..., 1:]
+    upwards = np.where((y < 0.0) | ((y == 0.0) & (x < 0.0)), -half, half)
     order = np.argsort(np.arctan2(upwards[..., 1], upwards[..., 0]), axis=-1)
     edges = 2.0 * np.take_along_axis(upwards, order[..., None], axis=-2)
     up = (middle - upwards.sum(axis=-2))[..., None, :] + np.cumsum(edges, axis=-2)

@@ -65,25 +65,19 @@ class Arcs:
     @property
     def length(self) -> float:
         """Total arc length [m]."""
-        return float(self.table[-1, int(SEGMENT.start)] + self.table[-1, int(SEGMENT.length)])
+        *_, start, length = self.table[-1].tolist()
+        return start + length
 
     @property
     def max_curvature(self) -> float:
         """Largest absolute curvature [1/m]."""
         return float(np.abs(self.table[:, int(SEGMENT.curvature)]).max())
 
-    def numbers_at(self, s: ArrayLike) -> NDArray[np.intp]:
-        """Return the numbers of the arcs at arc lengths [m] of any shape."""
-        return np.searchsorted(
-            self.table[1:, int(SEGMENT.start)], np.asarray(s, np.float64), side="right"
-        )
-
     def at(self, s: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """Return x, y [m], heading [rad] and curvature [1/m] at arc lengths [m], also outside."""
         lengths = np.asarray(s, np.float64)
-        x, y, cos, sin, curvature, start, _ = np.moveaxis(
-            self.table[self.numbers_at(lengths)], -1, 0
-        )
+        numbers = np.searchsorted(self.table[1:, int(SEGMENT.start)], lengths, side="right")
+        x, y, cos, sin, curvature, start, _ = np.moveaxis(self.table[numbers], -1, 0)
         along = lengths - start
         half = 0.5 * curvature * along
         chord = along * np.sinc(half / np.pi)
@@ -180,11 +174,8 @@ def chain(pieces: Sequence[Piece]) -> Arcs:
         count = arcs_needed(curvature, length)
         step = length / count
         for _ in range(count):
-            rows.append(
-                ArcSegment(
-                    point.real, point.imag, heading.real, heading.imag, curvature, start, step
-                )
-            )
+            place = point.real, point.imag, heading.real, heading.imag
+            rows.append(ArcSegment(*place, curvature, start, step))
             point, heading = end_of(point, heading, curvature, step)
             start += step
     return Arcs(np.array(rows))
@@ -265,7 +256,9 @@ def _fit(curve: ParametricCurve, begin: float, end: float) -> Iterator[Piece]:
     (p, dp), (q, dq) = curve(begin), curve(end)
     pair = biarc(p, dp / abs(dp), q, dq / abs(dq))
     inner = [curve(begin + (end - begin) * k / (_CHECKS + 1))[0] for k in range(1, _CHECKS + 1)]
-    if abs(q - p) < _MIN_SPAN or max(_distance(pair, point) for point in inner) <= TOLERANCE:
+    if abs(q - p) < _MIN_SPAN or all(
+        any(_distance_from_arc(piece, point) <= TOLERANCE for piece in pair) for point in inner
+    ):
         yield from pair
     else:
         middle = 0.5 * (begin + end)
@@ -273,12 +266,8 @@ def _fit(curve: ParametricCurve, begin: float, end: float) -> Iterator[Piece]:
         yield from _fit(curve, middle, end)
 
 
-def _distance(pair: tuple[Piece, Piece], point: complex) -> float:
-    """Return the distance of a point from a pair of short arcs."""
-    return min(_distance_from_arc(piece, point) for piece in pair)
-
-
 def _distance_from_arc(piece: Piece, point: complex) -> float:
+    """Return the distance of a point from a short arc, infinite where its foot is beyond it."""
     begin, heading, curvature, length = piece
     local = (point - begin) * heading.conjugate()
     radial = abs(1.0 - curvature * local.imag + 1j * curvature * local.real)

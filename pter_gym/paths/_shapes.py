@@ -55,26 +55,33 @@ MAX_EVALUATIONS = 1 << 18
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line(Path):
-    """A straight path (paper section IV-A: "spanning the width of the workspace")."""
+class _Directed(Path):
+    """A path that a point and a direction there place."""
 
     x: float = parameter("m", _ACROSS, **WITHIN, default=-0.6064)
     y: float = parameter("m", _ACROSS, **WITHIN, default=0.7809)
     direction: float = parameter("rad", "chosen: along the x axis", default=0.0)
+
+    @property
+    def _start(self) -> tuple[complex, complex]:
+        return complex(self.x, self.y), cmath.rect(1.0, self.direction)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line(_Directed):
+    """A straight path (paper section IV-A: "spanning the width of the workspace")."""
+
     length: float = parameter("m", _ACROSS, **SIZE, default=0.9829)  # pyright: ignore[reportIncompatibleMethodOverride]
 
     def make_arcs(self) -> Arcs:
         """Return one straight segment."""
-        return chain([(complex(self.x, self.y), cmath.rect(1.0, self.direction), 0.0, self.length)])
+        return chain([(*self._start, 0.0, self.length)])
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arc(Path):
+class Arc(_Directed):
     """A circular arc from a point in a direction; it turns left with a positive angle."""
 
-    x: float = parameter("m", _ACROSS, **WITHIN, default=-0.6064)
-    y: float = parameter("m", _ACROSS, **WITHIN, default=0.7809)
-    direction: float = parameter("rad", "chosen: along the x axis", default=0.0)
     radius: float = parameter("m", "chosen", above=0.0, default=0.4)
     angle: float = parameter(
         "rad", "chosen", at_least=-2.0 * math.pi, at_most=2.0 * math.pi, default=-1.0
@@ -88,8 +95,7 @@ class Arc(Path):
     def make_arcs(self) -> Arcs:
         """Return the chain of one arc."""
         curvature = math.copysign(1.0 / self.radius, self.angle)
-        start = complex(self.x, self.y), cmath.rect(1.0, self.direction)
-        return chain([(*start, curvature, self.radius * abs(self.angle))])
+        return chain([(*self._start, curvature, self.radius * abs(self.angle))])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,12 +119,9 @@ class Circle(Path):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sine(Path):
+class Sine(_Directed):
     """A sine about a straight axis: ``amplitude·sin(2π·periods·ξ/extent)`` to its left at ξ."""
 
-    x: float = parameter("m", _ACROSS, **WITHIN, default=-0.6064)
-    y: float = parameter("m", _ACROSS, **WITHIN, default=0.7809)
-    direction: float = parameter("rad", "chosen: along the x axis", default=0.0)
     extent: float = parameter("m", _ACROSS, **SIZE, default=0.9829)
     amplitude: float = parameter("m", "chosen", **WITHIN, default=0.03)
     periods: float = parameter("1", "chosen", above=0.0, at_most=20.0, default=1.0)
@@ -126,7 +129,7 @@ class Sine(Path):
     def make_arcs(self) -> Arcs:
         """Return arcs through points of the sine."""
         wave = 2.0 * math.pi * self.periods / self.extent
-        begin, axis = complex(self.x, self.y), cmath.rect(1.0, self.direction)
+        begin, axis = self._start
 
         def curve(along: float) -> tuple[complex, complex]:
             angle = wave * along
@@ -135,9 +138,8 @@ class Sine(Path):
                 axis * complex(1.0, self.amplitude * wave * math.cos(angle)),
             )
 
-        return _fitted(
-            self, curve, np.linspace(0.0, self.extent, math.ceil(4.0 * self.periods) + 1).tolist()
-        )
+        knots = np.linspace(0.0, self.extent, math.ceil(4.0 * self.periods) + 1)
+        return _fitted(self, curve, knots.tolist())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,34 +243,24 @@ class Polyline(Path):
         """Return alternating lines and arcs."""
         corners = [complex(*point) for point in self.points]
         headings = [(b - a) / abs(b - a) for a, b in pairwise(corners)]
+        turns = [*(cmath.phase(b / a) for a, b in pairwise(headings)), 0.0]
+        ends = zip(corners[1:], headings, [*headings[1:], headings[-1]], turns, strict=True)
         pieces: list[Piece] = []
         begin = corners[0]
-        for corner, heading, following in zip(corners[1:-1], headings, headings[1:], strict=False):
-            turn = cmath.phase(following / heading)
+        for corner, heading, following, turn in ends:
             cut = self.radius * math.tan(0.5 * abs(turn))
             straight = ((corner - begin) * heading.conjugate()).real - cut
-            self._fits(straight, turn)
+            require(
+                straight >= 0.0 and abs(turn) < math.pi - 1e-6,
+                self,
+                "radius",
+                "small enough for the rounded corners to fit between the points",
+            )
             pieces.append((begin, heading, 0.0, straight))
-            if turn != 0.0:
-                pieces.append(
-                    (
-                        corner - cut * heading,
-                        heading,
-                        math.copysign(1.0 / self.radius, turn),
-                        self.radius * abs(turn),
-                    )
-                )
+            curvature = math.copysign(1.0 / self.radius, turn)
+            pieces.append((corner - cut * heading, heading, curvature, self.radius * abs(turn)))
             begin = corner + cut * following
-        straight = ((corners[-1] - begin) * headings[-1].conjugate()).real
-        self._fits(straight, 0.0)
-        pieces.append((begin, headings[-1], 0.0, straight))
         return chain([piece for piece in pieces if piece[3] > 0.0])
-
-    def _fits(self, straight: float, turn: float) -> None:
-        fits = straight >= 0.0 and abs(turn) < math.pi - 1e-6
-        require(
-            fits, self, "radius", "small enough for the rounded corners to fit between the points"
-        )
 
 
 def _fitted(

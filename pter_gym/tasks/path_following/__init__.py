@@ -5,39 +5,8 @@ What a user states is in ``_specification``, and the numbers that kernels make o
 ``_ending`` when an episode is over, ``_observation`` what is seen, ``_telemetry`` what is recorded.
 """
 
-from pter_gym.tasks.path_following._observation import OBS, Sensors, observation_layout
-from pter_gym.tasks.path_following._reward import RewardWeights
-from pter_gym.tasks.path_following._specification import (
-    AT_REST,
-    IDEAL_SENSING,
-    MAX_DELAY,
-    STARTS,
-    PathFollowing,
-    Sensing,
-    Starts,
-    check_machine,
-    find_starts,
-    substeps,
-)
-from pter_gym.tasks.path_following._telemetry import COLUMN, TELEMETRY, Reason, reason_of
+import lazy_loader
 
-__all__ = [
-    "AT_REST",
-    "COLUMN",
-    "IDEAL_SENSING",
-    "MAX_DELAY",
-    "OBS",
-    "STARTS",
-    "TELEMETRY",
-    "PathFollowing",
-    "Reason",
-    "RewardWeights",
-    "Sensing",
-    "Sensors",
-    "Starts",
-    "check_machine",
-    "find_starts",
-    "observation_layout",
-    "reason_of",
-    "substeps",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(  # pyright: ignore[reportUnknownVariableType]
+    __name__, __file__
+)

@@ -121,14 +121,13 @@ def task_model(
     energy_max
         Kinetic energy that the arm may have [J].
     """
-    weights: Any = vars(task.reward)
     numbers: dict[str, Any] = {
         "path": PathModel(*arcs, task.path.length),
         "free": FreeBand(right=task.free_right, left=task.free_left),
         "pace_decay": -math.expm1(-task.control_period / PACE_WINDOW),
         "energy_max": energy_max,
         "starts": StartModel(**vars(task.starts)),
-        "weight": Terms(**weights),
+        "weight": Terms(**vars(task.reward)),
         "sensing": SensingModel(**vars(sensing), is_ideal=float(sensing == IDEAL_SENSING)),
     }
     return TaskModel(

@@ -3,7 +3,6 @@
 All entries are in their units.
 """
 
-import math
 from dataclasses import replace
 from enum import StrEnum
 from typing import Annotated, Any, NamedTuple
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import Entry, layout_of, rows, width
-from pter_gym._physics.arm import Motion, PerLink, UnitVector, Vector
+from pter_gym._physics.arm import PerLink, UnitVector, Vector, motion_of
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.step import Energy
 from pter_gym.errors import ParameterError
@@ -103,20 +102,9 @@ def reason_of(
     limits = context_of(task, find_machine(machine), (0, 0), (0, 0)).task
     if row[COLUMN.terminated] == 0.0:
         return None
-    theta_a, theta_b = row[COLUMN.theta.a], row[COLUMN.theta.b]
-    q = Motion(
-        theta_a,
-        theta_b,
-        0.0,
-        0.0,
-        math.cos(theta_a),
-        math.sin(theta_a),
-        math.cos(theta_b),
-        math.sin(theta_b),
-    )
     error, standing = row[COLUMN.normal_error], PathVector(0.0, 0.0)
     at = PathState(row[COLUMN.arc_length], error, error, UnitVector(1.0, 0.0), 0.0, standing)
-    end = ending(at, q, row[COLUMN.kinetic_energy], limits)
+    end = ending(at, motion_of(row[[*COLUMN.theta]]), row[COLUMN.kinetic_energy], limits)
     order = (
         (Reason.ARRIVED, end.arrived),
         (Reason.TOO_FAST, end.too_fast),

@@ -64,10 +64,7 @@ def measure_rendering(own: Machine, law: AnyPolicy, pace: str) -> Rendering:
     free, stiff = _free_impedance(own, theta), _stiffness_of_wall(own, law, pace)
     wide = math.isfinite(free) and stiff > 0.0
     return Rendering(
-        least_steering_n=float(forces.least_steering),
-        largest_steering_n=float(forces.largest_steering),
-        least_resisting_n=float(forces.least_resisting),
-        largest_resisting_n=float(forces.largest_resisting),
+        **{f"{name}_n": float(force) for name, force in forces._asdict().items()},
         free_impedance=free,
         apparent_stiffness=stiff,
         z_width_db=z_width(stiff, free, FREQUENCY) if wide else math.nan,

@@ -84,10 +84,12 @@ def make_promise(
     pairs = [(machine, task) for machine in drawn for task in some.tasks]
     every = Episodes.of_pairs(scenario, draws_of_log, pairs, some.seeds * draws)
     scores = evaluate(policy, every)
-    errors = np.sort(scores["path_error_m"].reshape(draws, episodes).mean(axis=1))
-    parts = [slice(k * episodes, (k + 1) * episodes) for k in range(draws)]
-    each = [{name: values[part] for name, values in scores.items()} for part in parts]
-    ranked = [reason_unranked(of_one, find_pace(pace)) is None for of_one in each]
+    each = {name: values.reshape(draws, episodes) for name, values in scores.items()}
+    errors = np.sort(each["path_error_m"].mean(axis=1))
+    ranked = [
+        reason_unranked({name: values[k] for name, values in each.items()}, find_pace(pace)) is None
+        for k in range(draws)
+    ]
     limit = errors[order_of(draws) - 1]
     return Promise(scenario, name, draws, float(limit), float(np.mean(ranked)))
 

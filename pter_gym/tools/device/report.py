@@ -1,12 +1,12 @@
 """The examination of a device, as data and as a page."""
 
-import html
 import json
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from html import escape
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, expand_path, write_text_atomic
@@ -93,7 +93,7 @@ class DeviceReport:
 
     def as_json(self) -> dict[str, Any]:
         """Return the report as plain data, None for a number that is not finite."""
-        content = {
+        content: dict[str, Any] = {
             "version": __version__,
             "device": self.device,
             "pace": self.pace,
@@ -104,7 +104,7 @@ class DeviceReport:
             "gains": self.gains,
             "boards": [board.as_json() for board in self.boards],
         }
-        return _finite(content)
+        return json.loads(json.dumps(content), parse_constant=lambda _: None)
 
 
 def examine_device(
@@ -159,12 +159,15 @@ def examine_device(
     for scenario, law in SCENARIOS.items():
         on_progress(f"tuning {law} for {scenario}")
         storage = folder / "gains.journal"
-        gains[scenario] = tune(
-            law, scenario, pace, trials=trials, storage=storage, machine=own
-        ).gains
-        tuned[scenario] = with_gains(law, gains[scenario])
+        found = tune(law, scenario, pace, trials=trials, storage=storage, machine=own)
+        gains[scenario] = found.gains
+        tuned[scenario] = with_gains(law, found.gains)
         named = {f"{law}-tuned": tuned[scenario], FREE: find_policy(FREE), **(policies or {})}
-        runs += _runs(named, scenario, pace, own, count)
+        some = find_episodes(scenario, pace, SEED, own).first(count)
+        runs += [
+            ScenarioRun(scenario, pace, title, 0, SEED, some.strata, evaluate(policy, some))
+            for title, policy in named.items()
+        ]
     on_progress("measuring forces")
     rendering = measure_rendering(own, tuned["wall"], pace)
     usual = measure_rendering(BASELINE, find_policy("impedance-tuned", "wall"), pace)
@@ -185,17 +188,6 @@ def examine_device(
     return report
 
 
-def _runs(
-    policies: dict[str, AnyPolicy], scenario: str, pace: str, own: Machine, count: int
-) -> list[ScenarioRun]:
-    """Return the runs of policies on test episodes with a machine."""
-    episodes = find_episodes(scenario, pace, SEED, own).first(count)
-    return [
-        ScenarioRun(scenario, pace, name, 0, SEED, episodes.strata, evaluate(policy, episodes))
-        for name, policy in policies.items()
-    ]
-
-
 def _draw(
     report: DeviceReport, own: Machine, tuned: dict[str, AnyPolicy], folder: Path
 ) -> dict[str, str]:
@@ -214,15 +206,6 @@ def _draw(
             )
             captions[f"{scenario}.webp"] = f"The tuned law on a training episode of {scenario}."
     return captions
-
-
-def _finite(value: Any) -> Any:
-    """Return plain data with None in place of numbers that are not finite."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in cast("dict[str, Any]", value).items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in cast("list[Any]", value)]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 ROWS = {
@@ -254,20 +237,20 @@ def page(report: DeviceReport, pictures: dict[str, str]) -> str:
             for key, (text, unit) in ROWS.items()
         ],
     )
-    promises = "".join(f"<p>{html.escape(promise.sentence)}</p>" for promise in report.promises)
+    promises = "".join(f"<p>{escape(promise.sentence)}</p>" for promise in report.promises)
     boards = "".join(_board(board) for board in report.boards)
     figures = "".join(
-        f'<figure><img src="{html.escape(name)}" alt="">'
-        f"<figcaption>{html.escape(caption)}</figcaption></figure>"
+        f'<figure><img src="{escape(name)}" alt="">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
         for name, caption in pictures.items()
     )
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width">'
-        f"<title>{html.escape(report.device)}</title><style>{STYLE}</style>"
-        f"<h1>{html.escape(report.device)}</h1><p>{html.escape(report.verdict)}</p>{promises}"
+        f"<title>{escape(report.device)}</title><style>{STYLE}</style>"
+        f"<h1>{escape(report.device)}</h1><p>{escape(report.verdict)}</p>{promises}"
         f"<h2>What it can render</h2>{rendering}"
-        f"<h2>Tuned laws, pace {html.escape(report.pace)}</h2>{boards}"
+        f"<h2>Tuned laws, pace {escape(report.pace)}</h2>{boards}"
         f"<h2>Pictures</h2>{figures}<p>pter_gym {__version__}; the numbers are in "
         "<a href='device.json'>device.json</a>.</p></html>\n"
     )
@@ -286,13 +269,13 @@ def _board(board: Leaderboard) -> str:
         for standing in board.standings
     ]
     heads = ("policy", "path error", "completed", "resisting force", "peak force", "rank")
-    return f"<h3>{html.escape(board.scenario)}</h3>{_table(heads, rows)}"
+    return f"<h3>{escape(board.scenario)}</h3>{_table(heads, rows)}"
 
 
 def _table(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    head = "".join(f"<th>{html.escape(cell)}</th>" for cell in heads)
+    head = "".join(f"<th>{escape(cell)}</th>" for cell in heads)
     body = "".join(
-        f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in rows
+        f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows
     )
     return f"<table><tr>{head}</tr>{body}</table>"
 

@@ -126,11 +126,7 @@ class Claim:
         """Return one entry of ``claims.json``."""
         s = self.statement
         return {
-            "id": s.id,
-            "section": s.section,
-            "figure": s.figure,
-            "paper": s.paper,
-            "claim": s.claim,
+            **{key: getattr(s, key) for key in ("id", "section", "figure", "paper", "claim")},
             "what": s.measured,
             "measured": self.value if math.isfinite(self.value) else None,
             "unit": s.unit,
@@ -142,13 +138,27 @@ class Claim:
         }
 
 
+_TABLE = read_toml(Path(__file__).with_name("claims.toml"), "claims")
+
+STATEMENTS = tuple(
+    Statement(
+        **entry
+        | {
+            key: _TABLE["texts"].get(entry[key], entry[key])
+            for key in {"note", "reason"} & entry.keys()
+        }
+    )
+    for entry in _TABLE["claims"]
+)
+"""The statements, in the order of the paper."""
+
+
 def check(
-    experiments: Experiments, statements: Iterable[Statement] | None = None
+    experiments: Experiments, statements: Iterable[Statement] = STATEMENTS
 ) -> tuple[Claim, ...]:
     """Check statements, by default all, against experiments with Table I's three machines."""
-    chosen = STATEMENTS if statements is None else statements
     return tuple(
-        Claim(each, float(MEASURES[each.measure](experiments, **each.of))) for each in chosen
+        Claim(each, float(MEASURES[each.measure](experiments, **each.of))) for each in statements
     )
 
 
@@ -171,10 +181,9 @@ def _locked_torque_trend(experiments: Experiments) -> float:
 
 def _velocity_share(experiments: Experiments) -> float:
     test = experiments.single_dof[0]
-    run, locked = test.trajectory, float(test.locked_torque[-1])
-    _, v2 = velocity_torque(
-        model_of(experiments.setup.baseline).arm, motion_of(run.theta[-1], run.omega[-1])
-    )
+    run, locked = test.trajectory, test.locked_torque[-1]
+    arm = model_of(experiments.setup.baseline).arm
+    _, v2 = velocity_torque(arm, motion_of(run.theta[-1], run.omega[-1]))
     return v2 / locked if locked != 0.0 else math.nan
 
 
@@ -183,9 +192,8 @@ def _weakest_slips(experiments: Experiments) -> float:
 
 
 def _peak_ratio(experiments: Experiments, model: str) -> float:
-    return holding_torque(experiments.setup.machines[model]) / holding_torque(
-        experiments.setup.machines[BASELINE]
-    )
+    machines = experiments.setup.machines
+    return holding_torque(machines[model]) / holding_torque(machines[BASELINE])
 
 
 def _trend_over_time_constant(experiments: Experiments, quantity: str) -> float:
@@ -198,8 +206,8 @@ def _table_entry(experiments: Experiments, model: str, column: int) -> float:
 
 
 def _jump_ratio(experiments: Experiments, model: str, other: str) -> float:
-    jumps = {name: each.jump * each.dynamic for name, each in experiments.reversals.items()}
-    return jumps[model] / jumps[other]
+    own, its = (experiments.reversals[name] for name in (model, other))
+    return own.jump * own.dynamic / (its.jump * its.dynamic)
 
 
 def _table_ratio(experiments: Experiments, model: str, other: str, column: int) -> float:
@@ -207,9 +215,8 @@ def _table_ratio(experiments: Experiments, model: str, other: str, column: int) 
 
 
 def _worst_error_ratio(experiments: Experiments, model: str, other: str) -> float:
-    return (
-        experiments.sweeps[model].position_error / experiments.sweeps[other].position_error
-    ).max()
+    sweeps = experiments.sweeps
+    return (sweeps[model].position_error / sweeps[other].position_error).max()
 
 
 def _peak_share(experiments: Experiments, model: str, column: int) -> float:
@@ -251,30 +258,13 @@ def _line_following_ratio(experiments: Experiments) -> float:
     return with_feedback / without
 
 
-_FUNCTIONS: tuple[Callable[..., float], ...] = (
-    *(
-        _locked_torque_trend,
-        _velocity_share,
-        _weakest_slips,
-        _peak_ratio,
+MEASURES: dict[str, Callable[..., float]] = {
+    function.__name__.removeprefix("_"): function
+    for function in (
+        *(_locked_torque_trend, _velocity_share, _weakest_slips, _peak_ratio, _jump_ratio),
+        *(_table_entry, _table_ratio, _worst_error_ratio, _peak_share, _trend_over_gain),
+        *(_plateau_width, _saturation_begins, _best_gain, _line_following_ratio),
         _trend_over_time_constant,
-    ),
-    *(_jump_ratio, _table_entry, _table_ratio, _worst_error_ratio, _peak_share),
-    *(_trend_over_gain, _plateau_width, _saturation_begins, _best_gain, _line_following_ratio),
-)
-
-MEASURES = {function.__name__.removeprefix("_"): function for function in _FUNCTIONS}
+    )
+}
 """From the experiments to the number of a claim; a column is one of Table I, from 0."""
-
-
-def _read() -> tuple[Statement, ...]:
-    """Return the statements of ``claims.toml``."""
-    table = read_toml(Path(__file__).with_name("claims.toml"), "claims")
-    for entry in table["claims"]:
-        for key in {"note", "reason"} & entry.keys():
-            entry[key] = table["texts"].get(entry[key], entry[key])
-    return tuple(Statement(**entry) for entry in table["claims"])
-
-
-STATEMENTS = _read()
-"""The statements, in the order of the paper."""

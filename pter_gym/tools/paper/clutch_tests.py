@@ -30,7 +30,7 @@ def resolved(machine: Machine, longest: float = RESOLUTION) -> Machine:
 
 
 def tip(machine: Machine, theta: ArrayLike) -> Array:
-    """Return the tip position [m], shape (2,), at angles [rad]."""
+    """Return the tip position [m], (2, …), at angles [rad], (…, 2)."""
     return np.array(arm.tip_position(model_of(machine).arm, arm.motion_of(theta)))
 
 
@@ -38,7 +38,7 @@ def tip_force(machine: Machine, theta: ArrayLike, joint_torque: ArrayLike) -> Ar
     """Return the tip force [N], (2,), that loads the links with torques [N·m] at angles [rad]."""
     at = model_of(machine).arm, arm.motion_of(theta)
     columns = [arm.joint_torque(*at, 1.0, 0.0), arm.joint_torque(*at, 0.0, 1.0)]
-    return np.linalg.solve(np.array(columns).T, np.asarray(joint_torque, float))
+    return np.linalg.solve(np.transpose(columns), np.asarray(joint_torque, float))
 
 
 def holding_torque(machine: Machine, volts: float | None = None) -> float:
@@ -117,22 +117,17 @@ def single_dof(machine: Machine) -> tuple[SingleDofTest, ...]:
 
 
 def _single_dof_test(machine: Machine, clutch: int, locked: int) -> SingleDofTest:
-    link, breakaway = 1 if locked == 1 else 0, BREAKAWAY_SMALL_VOLTAGE
-    volts = np.zeros(4)
-    volts[clutch - 1] = machine.clutch.breakaway.voltage(breakaway)
+    link, volts = int(locked == 1), np.zeros(4)
+    volts[clutch - 1] = machine.clutch.breakaway.voltage(BREAKAWAY_SMALL_VOLTAGE)
     volts[locked - 1] = machine.clutch.voltage_max
-    pair: Array = W[[clutch - 1, locked - 1]]
-    direction: Array = np.eye(2)[link]
-    shares = np.linalg.solve(pair.T, direction)
-    share = abs(float(shares[0]))
+    direction = np.eye(2)[link]
+    share = abs(float(np.linalg.solve(W[[clutch - 1, locked - 1]].T, direction)[0]))
     time = machine.substep * (np.arange(float(round(MAX_DURATION / machine.substep))) + 0.5)
-    ramp = breakaway / share / RAMP_TIME * time
-    torque = ramp[:, None] * direction
+    ramp = BREAKAWAY_SMALL_VOLTAGE / share / RAMP_TIME * time
+    torque = np.outer(ramp, direction)
     start = initial_state(machine, POSE, volts=volts)
-    turned: Array = np.abs(simulate(machine, start, volts, (0.0, 0.0), torque).theta - POSE).max(
-        axis=1
-    )
-    end = int(np.searchsorted(turned, MAX_TURN))
+    turned = np.abs(simulate(machine, start, volts, (0.0, 0.0), torque).theta - POSE)
+    end = int(np.searchsorted(turned.max(axis=1), MAX_TURN))
     run = simulate(machine, start, volts, (0.0, 0.0), torque[:end])
     line, allowed = (
         _line(machine, locked, turns) for turns in (LINE_TURNS, run.theta[:, link] - POSE[link])
@@ -143,12 +138,7 @@ def _single_dof_test(machine: Machine, clutch: int, locked: int) -> SingleDofTes
 
 def _line(machine: Machine, locked: int, turns: Array) -> Array:
     """Return tip positions [m], (K, 2), with a clutch locked and a link turned by angles [rad]."""
-    return np.array(
-        [
-            tip(machine, np.add(POSE, np.multiply(turn, friction.LINES[locked - 1])))
-            for turn in turns
-        ]
-    )
+    return tip(machine, POSE + np.outer(turns, friction.LINES[locked - 1])).T
 
 
 # --- the step response ---
@@ -189,9 +179,8 @@ def step_response(machine: Machine) -> StepResponse:
         volts = np.zeros((steps, 4))
         volts[lead:, x] = STEP_VOLTS
         force = tip_force(machine, POSE, 1.2 * final * W[x])
-        torque[x] = np.abs(
-            simulate(machine, initial_state(machine, POSE), volts, force).torque[:, x]
-        )
+        run = simulate(machine, initial_state(machine, POSE), volts, force)
+        torque[x] = np.abs(run.torque[:, x])
     time = machine.substep * (np.arange(float(steps)) + 0.5 - lead)
     return StepResponse(tau, final, time, torque, -final * np.expm1(-np.maximum(time, 0.0) / tau))
 
@@ -243,12 +232,9 @@ def _bench_test(machine: Machine, volts: float) -> tuple[float, float]:
     machine = resolved(machine)
     applied = (volts, machine.clutch.voltage_max, 0.0, 0.0)
     rate = holding_torque(machine, volts) * machine.substep / RAMP_TIME
-    torque = (
-        rate * (np.arange(round(1.1 * RAMP_TIME / machine.substep)) + 0.5)[:, None] * [1.0, 0.0]
-    )
-    run = simulate(
-        machine, initial_state(machine, POSE, volts=applied), applied, (0.0, 0.0), torque
-    )
+    ramp = rate * (np.arange(round(1.1 * RAMP_TIME / machine.substep)) + 0.5)
+    start = initial_state(machine, POSE, volts=applied)
+    run = simulate(machine, start, applied, (0.0, 0.0), np.outer(ramp, [1.0, 0.0]))
     generated = np.abs(run.torque[:, 0])
     first = int(np.flatnonzero(run.slip_velocity[:, 0])[0])
     slip = np.abs(run.slip_velocity[first:-1, 0])
@@ -314,7 +300,7 @@ def reversals(machines: Mapping[str, Machine]) -> dict[str, Reversal]:
     first = next(iter(machines.values()))
     volts = first.clutch.breakaway.voltage(BREAKAWAY_SMALL_VOLTAGE)
     largest = max(holding_torque(machine, volts) for machine in machines.values())
-    force = tip_force(first, POSE, np.array([MARGIN * largest, 0.0]))
+    force = tip_force(first, POSE, (MARGIN * largest, 0.0))
     return {name: _reversal(machine, volts, force) for name, machine in machines.items()}
 
 
@@ -322,9 +308,8 @@ def _reversal(machine: Machine, volts: float, force: Array) -> Reversal:
     machine, applied = resolved(machine, FINE), (volts, 0.0, 0.0, 0.0)
     forces = np.zeros((round(0.25 / machine.substep), 2))
     forces[round(FORCE_TIME / machine.substep) :] = force
-    run = simulate(
-        machine, initial_state(machine, POSE, (REVERSAL_SPEED, 0.0), applied), applied, forces
-    )
+    start = initial_state(machine, POSE, (REVERSAL_SPEED, 0.0), applied)
+    run = simulate(machine, start, applied, forces)
     moving = np.flatnonzero(run.slip_velocity[:, 0])  # zeros have no sign
     index = int(moving[np.flatnonzero(np.diff(np.sign(run.slip_velocity[moving, 0])))[0]])
     dynamic = machine.clutch.dynamic.torque(volts)
@@ -373,7 +358,7 @@ def _load(machine: Machine, random: np.random.Generator) -> tuple[float, float, 
     direction = np.array([np.cos(angle), np.sin(angle)])
     limit = largest_load(np.maximum(state.torque_breakaway, state.torque_dynamic), direction)
     ramp = limit * np.linspace(0.98, 1.02, 81)
-    run = simulate(machine, state, volts, (0.0, 0.0), ramp[:, None] * direction)
+    run = simulate(machine, state, volts, (0.0, 0.0), np.outer(ramp, direction))
     first = int(np.flatnonzero(run.omega.any(axis=1))[0])
     weakest = int(np.argmin(state.torque_breakaway))
     return limit, float(ramp[first]), bool(run.slip_velocity[first, weakest] != 0.0)

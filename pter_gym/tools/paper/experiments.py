@@ -44,15 +44,12 @@ class Experiments:
     table1 = _once(lambda experiments: path_tests.table1(experiments.sweeps))
     """Table I in the paper's units."""
 
-    sweeps_equal_peak = _once(
-        lambda experiments: path_tests.time_constant_sweep(
-            path_tests.with_equal_peaks(experiments.setup)
+    table1_equal_peak = _once(
+        lambda experiments: path_tests.table1(
+            path_tests.time_constant_sweep(path_tests.with_equal_peaks(experiments.setup))
         )
     )
-    """Those if every material reached the baseline's largest torque."""
-
-    table1_equal_peak = _once(lambda experiments: path_tests.table1(experiments.sweeps_equal_peak))
-    """Table I from them."""
+    """Table I if every material reached the baseline's largest torque."""
 
     reversals = _once(lambda experiments: clutch_tests.reversals(experiments.setup.machines))
     """Fig. 9."""

@@ -6,11 +6,29 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from pter_gym.benchmark.measures import column
-from pter_gym.tools import figures as style
-from pter_gym.tools.figures import MILLIMETRE, label, legend_of, name_lines, styled
+from pter_gym.tools.figures import (
+    CLUTCH_COLOURS,
+    COLOURS,
+    DASHES,
+    MARKERS,
+    MILLIMETRE,
+    MUTED,
+    REFERENCE,
+    SMALL,
+    WIDTH,
+    inch_pounds_right,
+    inches_above,
+    inches_right,
+    label,
+    legend_of,
+    name_lines,
+    numbered,
+    percent,
+    scaled,
+    styled,
+)
 from pter_gym.tools.paper.claims import COLUMNS, NAMES, TABLE_TOLERANCE
 from pter_gym.tools.paper.clutch_tests import (
     FORCE_TIME,
@@ -21,18 +39,14 @@ from pter_gym.tools.paper.clutch_tests import (
     SingleDofTest,
     StepResponse,
 )
-from pter_gym.tools.paper.experiments import Experiments
 from pter_gym.tools.paper.parameters import BREAKAWAY_SMALL_VOLTAGE, TIME_CONSTANT
 from pter_gym.tools.paper.path_tests import BEST_GAIN, PAPER_TABLE, PLATEAU_FROM, GainSweep, Sweep
 from pter_gym.tools.paper.standard_test import Result
 from pter_gym.units import INCH, to_inch_pounds
 
-Array = NDArray[np.float64]
-
-FIRST: dict[str, Any] = {"color": style.COLOURS[0], "linestyle": "-"}
-SECOND: dict[str, Any] = {"color": style.COLOURS[1], "linestyle": style.DASHES[1]}
+SECOND: dict[str, Any] = {"color": COLOURS[1], "linestyle": DASHES[1]}
 GUIDE: dict[str, Any] = {"color": "#8b929c", "linestyle": ":", "linewidth": 1.0}
-"""Looks of the first and second line of a panel, and of lines beside the data."""
+"""Looks of the second line of a panel, and of lines beside the data."""
 
 ZOOM = 8.0
 """Half the time that a close-up of a reversal shows [ms]."""
@@ -42,7 +56,7 @@ def mark(
     axes: Axes, text: str, position: tuple[float, float], offset: tuple[float, float], **looks: Any
 ) -> None:
     """Write a remark at a position in the data, moved by an offset in points."""
-    looks = {"color": style.MUTED, "fontsize": style.SMALL, "annotation_clip": False, **looks}
+    looks = {"color": MUTED, "fontsize": SMALL, "annotation_clip": False, **looks}
     axes.annotate(text, position, offset, textcoords="offset points", **looks)
 
 
@@ -51,32 +65,28 @@ def name_of(machine: str) -> str:
     return NAMES.get(machine, machine.replace("_", " ")).removeprefix("the ")
 
 
+def _panels(height: float, *shape: int, **options: Any) -> tuple[Figure, Any]:
+    """Return a figure of a height [in], and its panel or a grid of them."""
+    figure = Figure(figsize=(WIDTH, height))
+    return figure, figure.subplots(*shape, **options)
+
+
 @styled
 def single_dof_paths(result: Sequence[SingleDofTest]) -> Figure:
     """Return Figure 3 for each clutch: the tip's path on the line that a locked clutch allows."""
-    figure = Figure(figsize=(style.WIDTH, 5.8))
-    grid = figure.subplots(2, 2)
+    figure, grid = _panels(5.8, 2, 2)
     for k, (axes, test) in enumerate(zip(grid.flat, result, strict=True)):
-        tip = test.trajectory.tip_position
-        axes.plot(
-            *test.line.T, color=style.MUTED, linestyle="--", linewidth=1.2, label="single-DOF line"
-        )
-        axes.plot(*tip.T, color=style.COLOURS[0], linewidth=3.0, label="path of the tip")
-        axes.plot(
-            *tip[0],
-            color=style.COLOURS[0],
-            marker="o",
-            markersize=6.5,
-            linestyle="none",
-            label="start",
-        )
+        tip = test.trajectory.tip_position.T
+        axes.plot(*test.line.T, "--", color=MUTED, linewidth=1.2, label="single-DOF line")
+        axes.plot(*tip, linewidth=3.0, label="path of the tip")
+        axes.plot(*tip[:, 0], "o", color=COLOURS[0], markersize=6.5, label="start")
         axes.set_aspect("equal", adjustable="datalim")
         axes.set_title(f"clutch {test.clutch}, clutch {test.locked} locked")
         label(axes, "x [m]", "y [m]")
         if k < 2:
-            style.inches_above(axes, "x")
+            inches_above(axes, "x")
         if k % 2:
-            style.inches_right(axes, "y")
+            inches_right(axes, "y")
     name_lines(figure, grid[0, 0])
     return figure
 
@@ -84,31 +94,23 @@ def single_dof_paths(result: Sequence[SingleDofTest]) -> Figure:
 @styled
 def single_dof_torques(result: Sequence[SingleDofTest]) -> Figure:
     """Return Fig. 4 for each clutch: torques over time while the input torque rises."""
-    figure = Figure(figsize=(style.WIDTH, 5.4))
-    grid = figure.subplots(2, 2)
+    figure, grid = _panels(5.4, 2, 2)
     level = BREAKAWAY_SMALL_VOLTAGE
     for k, (axes, test) in enumerate(zip(grid.flat, result, strict=True)):
         time = test.trajectory.time
-        axes.plot(
-            time,
-            test.input_torque,
-            color=style.MUTED,
-            linestyle="-",
-            linewidth=1.2,
-            label="input torque",
-        )
-        axes.plot(time, test.torque, color=style.COLOURS[0], label="clutch under test")
+        axes.plot(time, test.input_torque, color=MUTED, linewidth=1.2, label="input torque")
+        axes.plot(time, test.torque, label="clutch under test")
         axes.plot(time, np.abs(test.locked_torque), **SECOND, label="locked clutch")
-        axes.axhline(level, color=style.REFERENCE, linestyle=":", linewidth=1.0)
+        axes.axhline(level, color=REFERENCE, linestyle=":", linewidth=1.0)
         mark(axes, f"{to_inch_pounds(level):.1f} in·lbf", (0.0, level), (4.0, 4.0))
         axes.set(
             xlim=(0.0, time[-1]),
             ylim=(0.0, 2.6 * level),
             title=f"clutch {test.clutch}, clutch {test.locked} locked",
         )
-        label(axes, "time [s]" if k > 1 else "", "torque [N·m]" if k % 2 == 0 else "")
+        label(axes, "time [s]" if k > 1 else "", "" if k % 2 else "torque [N·m]")
         if k % 2:
-            style.inch_pounds_right(axes)
+            inch_pounds_right(axes)
     name_lines(figure, grid[0, 1])
     return figure
 
@@ -116,29 +118,20 @@ def single_dof_torques(result: Sequence[SingleDofTest]) -> Figure:
 @styled
 def clutch_step(result: StepResponse) -> Figure:
     """Return the step response of the four clutches and a first-order response."""
-    figure = Figure(figsize=(style.WIDTH, 3.1))
-    axes = figure.add_subplot()
+    figure, axes = _panels(3.1)
     time, tau, every = result.time, result.time_constant, max(len(result.time) // 18, 1)
     axes.plot(
-        time,
-        result.first_order,
-        color=style.REFERENCE,
-        alpha=0.3,
-        linewidth=5.0,
-        label="first order",
+        time, result.first_order, color=REFERENCE, alpha=0.3, linewidth=5.0, label="first order"
     )
     for k, torque in enumerate(result.torque):
-        dots: dict[str, Any] = {
-            "marker": style.MARKERS[k],
-            "markersize": 4.5,
-            "markevery": (k * every // 4, every),
-        }
         axes.plot(
             time,
             torque,
-            color=style.CLUTCH_COLOURS[k],
+            color=CLUTCH_COLOURS[k],
             linestyle="none",
-            **dots,
+            marker=MARKERS[k],
+            markersize=4.5,
+            markevery=(k * every // 4, every),
             label=f"clutch {k + 1}",
         )
     rise = (1.0 - np.exp(-1.0)) * result.final
@@ -146,7 +139,7 @@ def clutch_step(result: StepResponse) -> Figure:
     mark(axes, f"63 % at τ = {tau:g} s", (tau, rise), (8.0, -10.0))
     axes.set(xlim=(time[0], time[-1]), ylim=(0.0, 1.08 * result.final))
     label(axes, "time since the step [s]", "generated torque [N·m]")
-    style.inch_pounds_right(axes, "generated torque")
+    inch_pounds_right(axes, "generated torque")
     legend_of(figure, axes, f"voltage steps to {STEP_VOLTS:.2f} V under a constant tip force")
     return figure
 
@@ -154,32 +147,34 @@ def clutch_step(result: StepResponse) -> Figure:
 @styled
 def torque_over_voltage(result: Mapping[str, MaterialCurves]) -> Figure:
     """Return Fig. 5: breakaway and dynamic torque of clutch 1, one panel per material."""
-    figure = Figure(figsize=(style.WIDTH, 3.1))
-    panels = figure.subplots(1, len(result), sharey=True, squeeze=False)[0]
-    dots: dict[str, Any] = {
-        "linestyle": "none",
-        "markerfacecolor": "white",
-        "clip_on": False,
-        "zorder": 3.0,
-    }
-    first = {**FIRST, **dots, "marker": "o", "markersize": 7.5}
-    slipping = {**SECOND, **dots, "marker": "s", "markersize": 4.0}
-    for k, (axes, (name, curves)) in enumerate(zip(panels, result.items(), strict=True)):
-        axes.axvspan(0.0, MEASURED_FROM, color=style.REFERENCE, alpha=0.07, linewidth=0.0)
-        axes.plot(curves.volts, curves.breakaway, **FIRST, label="breakaway $T_s$")
+    figure, grid = _panels(3.1, 1, len(result), sharey=True, squeeze=False)
+    panels = grid[0]
+    dots: dict[str, Any] = {"markerfacecolor": "white", "clip_on": False, "zorder": 3.0}
+    for axes, (name, curves) in zip(panels, result.items(), strict=True):
+        axes.axvspan(0.0, MEASURED_FROM, color=REFERENCE, alpha=0.07, linewidth=0.0)
+        axes.plot(curves.volts, curves.breakaway, label="breakaway $T_s$")
         axes.plot(curves.volts, curves.dynamic, **SECOND, label="dynamic $T_k$")
-        axes.plot(curves.volts, curves.bench_breakaway, **first)
-        axes.plot(curves.volts, curves.bench_dynamic, **slipping)
-        axes.set(xlim=(0.0, curves.volts[-1]), title=name_of(name))
+        axes.plot(
+            curves.volts, curves.bench_breakaway, "o", color=COLOURS[0], markersize=7.5, **dots
+        )
+        axes.plot(curves.volts, curves.bench_dynamic, "s", color=COLOURS[1], markersize=4.0, **dots)
+        axes.set(xlim=(0.0, curves.volts[-1]), title=name_of(name), xlabel="voltage [V]")
         axes.set_ylim(bottom=0.0)
-        label(axes, "voltage [V]", "torque [N·m]" if k == 0 else "")
-    text, transform = f"not measured below {MEASURED_FROM:g} V", panels[0].get_xaxis_transform()
-    looks: dict[str, Any] = {"rotation": 90.0, "ha": "center", "va": "top", "transform": transform}
-    panels[0].text(
-        MEASURED_FROM / 2.0, 0.97, text, color=style.MUTED, fontsize=style.SMALL, **looks
+    first = panels[0]
+    first.set_ylabel("torque [N·m]")
+    first.text(
+        MEASURED_FROM / 2.0,
+        0.97,
+        f"not measured below {MEASURED_FROM:g} V",
+        color=MUTED,
+        fontsize=SMALL,
+        rotation=90.0,
+        ha="center",
+        va="top",
+        transform=first.get_xaxis_transform(),
     )
-    style.inch_pounds_right(panels[-1])
-    name_lines(figure, panels[0], "bench test: circles at the first slip, squares while slipping")
+    inch_pounds_right(panels[-1])
+    name_lines(figure, first, "bench test: circles at the first slip, squares while slipping")
     return figure
 
 
@@ -189,21 +184,24 @@ def reversal_torques(result: Mapping[str, Reversal]) -> Figure:
 
     The close-up is relative to the dynamic torque.
     """
-    figure = Figure(figsize=(style.WIDTH, 3.8))
+    figure = Figure(figsize=(WIDTH, 3.8))
     count = len(result)
     grid = figure.add_gridspec(count, 2, width_ratios=(1.7, 1.0), wspace=0.06)
     whole = figure.add_subplot(grid[:, 0])
     for k, (name, reversal) in enumerate(result.items()):
-        colour, _, dashes = style.numbered(k)
-        whole.plot(
-            reversal.trajectory.time,
-            reversal.torque,
-            color=colour,
-            linestyle=dashes,
-            label=name_of(name),
-        )
+        colour, _, dashes = numbered(k)
+        time, torque = reversal.trajectory.time, reversal.torque
+        whole.plot(time, torque, color=colour, linestyle=dashes, label=name_of(name))
         close = figure.add_subplot(grid[k, 1])
-        _close_up(close, reversal, colour)
+        for level in (-1.0, 1.0):
+            close.axhline(level, **GUIDE)
+        since = 1e3 * (time - time[reversal.index])
+        shown = np.abs(since) < ZOOM + 1.0
+        ratio = torque[shown] / reversal.dynamic
+        close.plot(since[shown], ratio, color=colour, drawstyle="steps-pre")
+        close.set(xlim=(-ZOOM, ZOOM), ylim=(-1.5, 1.5), yticks=[-1.0, 0.0, 1.0])
+        jump, at = f"jump {percent(reversal.jump)}", close.transAxes
+        close.text(0.97, 0.62, jump, transform=at, ha="right", va="center", color=colour)
         if k < count - 1:
             close.tick_params(labelbottom=False)
         else:
@@ -211,35 +209,18 @@ def reversal_torques(result: Mapping[str, Reversal]) -> Figure:
         if k == count // 2:
             close.set_ylabel("torque / dynamic torque")
     label(whole, "time [s]", "torque of clutch 1 [N·m]")
-    style.inch_pounds_right(whole)
+    inch_pounds_right(whole)
     first = next(iter(result.values()))
     force = f"the force at the tip steps to {first.force:.0f} N at {FORCE_TIME:g} s"
     name_lines(figure, whole, f"clutch 1 at {first.volts:.2f} V; {force}")
     return figure
 
 
-def _close_up(axes: Axes, reversal: Reversal, colour: str) -> None:
-    time = 1e3 * (reversal.trajectory.time - reversal.trajectory.time[reversal.index])
-    ratio, shown = reversal.torque / reversal.dynamic, np.abs(time) < ZOOM + 1.0
-    for level in (-1.0, 1.0):
-        axes.axhline(level, **GUIDE)
-    axes.plot(
-        time[shown], ratio[shown], color=colour, linestyle="-", drawstyle="steps-pre", linewidth=1.5
-    )
-    axes.set(xlim=(-ZOOM, ZOOM), ylim=(-1.5, 1.5), yticks=[-1.0, 0.0, 1.0])
-    jump = f"jump {style.percent(reversal.jump)}"
-    axes.text(0.97, 0.62, jump, transform=axes.transAxes, ha="right", va="center", color=colour)
-
-
 @styled
 def error_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
     """Return Fig. 7: the average position error over the time constant."""
-    figure = Figure(figsize=(style.WIDTH, 3.4))
-    axes = figure.add_subplot()
-    _draw_sweeps(
-        axes, sweeps, lambda sweep: sweep.position_error / MILLIMETRE, "average position error [mm]"
-    )
-    style.inches_right(axes, "average position error", MILLIMETRE)
+    figure, axes = _panels(3.4)
+    _draw_sweeps(axes, sweeps, "position_error", "average position error", "mm", MILLIMETRE)
     mark(axes, "manufacturer", (TIME_CONSTANT, 0.0), (4.0, 5.0))
     name_lines(figure, axes)
     return figure
@@ -248,12 +229,8 @@ def error_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
 @styled
 def peak_acceleration_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
     """Return Fig. 8: the peak acceleration of the tip over the time constant."""
-    figure = Figure(figsize=(style.WIDTH, 3.4))
-    axes = figure.add_subplot()
-    _draw_sweeps(
-        axes, sweeps, lambda sweep: sweep.peak_acceleration, "peak tip acceleration [m/s²]"
-    )
-    style.inches_right(axes, "peak tip acceleration", per="/s²")
+    figure, axes = _panels(3.4)
+    _draw_sweeps(axes, sweeps, "peak_acceleration", "peak tip acceleration", "m/s²")
     mark(axes, "manufacturer", (TIME_CONSTANT, 0.0), (4.0, 5.0))
     name_lines(figure, axes)
     return figure
@@ -262,75 +239,65 @@ def peak_acceleration_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
 @styled
 def way_and_speed_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
     """Return the tip's path length and mean speed over the time constant (section IV-C.1)."""
-    figure = Figure(figsize=(style.WIDTH, 3.1))
-    length_axes, right = figure.subplots(1, 2)
-    _draw_sweeps(length_axes, sweeps, lambda sweep: sweep.path_length, "path length of the tip [m]")
-    _draw_sweeps(right, sweeps, lambda sweep: sweep.tip_speed, "mean tip speed [m/s]")
-    length_axes.set_ylim(auto=True)
-    length_axes.relim()
-    length_axes.autoscale(axis="y")
-    style.inches_right(length_axes, "path length of the tip")
-    style.inches_right(right, "mean tip speed", per="/s")
+    figure, (left, right) = _panels(3.1, 1, 2)
+    _draw_sweeps(left, sweeps, "path_length", "path length of the tip", "m")
+    _draw_sweeps(right, sweeps, "tip_speed", "mean tip speed", "m/s")
+    left.set_ylim(auto=True)
+    left.relim()
+    left.autoscale(axis="y")
     name_lines(figure, right)
     return figure
 
 
 def _draw_sweeps(
-    axes: Axes, sweeps: Mapping[str, Sweep], value: Callable[[Sweep], Array], name: str
+    axes: Axes, sweeps: Mapping[str, Sweep], quantity: str, name: str, unit: str, size: float = 1.0
 ) -> None:
+    """Draw a quantity of each sweep, in a unit of a size [m], and in inches on the right."""
     axes.axvline(TIME_CONSTANT, **GUIDE)
     for k, (machine, sweep) in enumerate(sweeps.items()):
-        time, values, (colour, marker, dashes) = (
-            sweep.time_constant,
-            value(sweep),
-            style.numbered(k),
+        _, marker, dashes = numbered(k)
+        time, values, lost = sweep.time_constant, getattr(sweep, quantity) / size, ~sweep.completed
+        axes.plot(
+            time, values, linestyle=dashes, marker=marker, linewidth=1.2, label=name_of(machine)
         )
-        looks: dict[str, Any] = {
-            "color": colour,
-            "linestyle": dashes,
-            "marker": marker,
-            "linewidth": 1.2,
-        }
-        axes.plot(time, values, **looks, label=name_of(machine))
-        lost = ~sweep.completed
-        axes.plot(time[lost], values[lost], color=style.REFERENCE, marker="x", linestyle="none")
+        axes.plot(time[lost], values[lost], "x", color=REFERENCE)
     axes.set_ylim(bottom=0.0)
-    label(axes, "time constant of the clutches [s]", name)
+    label(axes, "time constant of the clutches [s]", f"{name} [{unit}]")
+    inches_right(axes, name, size, unit.lstrip("m"))
 
 
 @styled
 def table_comparison(table: Mapping[str, tuple[float, ...]]) -> Figure:
     """Return Table I as a picture: the paper's numbers with their tolerance, and ours."""
-    figure = Figure(figsize=(style.WIDTH, 2.9))
-    panels = figure.subplots(1, 3, sharey=True)
+    figure, panels = _panels(2.9, 1, 3, sharey=True)
     rows = range(len(PAPER_TABLE))
     ours, published = (
-        np.array([table[model] for model in PAPER_TABLE]),
-        np.array(list(PAPER_TABLE.values())),
+        np.array([numbers[model] for model in PAPER_TABLE]).T for numbers in (table, PAPER_TABLE)
     )
-    dots: dict[str, Any] = {"linestyle": "none", "markersize": 6.5}
-    diamonds = dots | {
-        "color": style.REFERENCE,
-        "marker": "D",
-        "markerfacecolor": "white",
-        "capsize": 4.0,
-    }
-    name = f"paper ± {style.percent(TABLE_TOLERANCE)}"
-    for axes, (title, unit), our, paper in zip(panels, COLUMNS, ours.T, published.T, strict=True):
+    name = f"paper ± {percent(TABLE_TOLERANCE)}"
+    for axes, (title, unit), our, paper in zip(panels, COLUMNS, ours, published, strict=True):
         axes.errorbar(
-            paper, rows, xerr=TABLE_TOLERANCE * paper, elinewidth=1.2, **diamonds, label=name
+            paper,
+            rows,
+            xerr=TABLE_TOLERANCE * paper,
+            fmt="D",
+            color=REFERENCE,
+            elinewidth=1.2,
+            markerfacecolor="white",
+            markersize=6.5,
+            capsize=4.0,
+            label=name,
         )
-        axes.plot(our, rows, color=style.COLOURS[0], marker="o", **dots, label="simulated")
+        axes.plot(our, rows, "o", color=COLOURS[0], markersize=6.5, label="simulated")
         for row in rows:
-            text = style.percent(our[row] / paper[row] - 1.0, 1, signed=True)
-            mark(axes, text, (our[row], row), (0.0, 8.0), ha="center", color=style.COLOURS[0])
+            text = percent(our[row] / paper[row] - 1.0, 1, signed=True)
+            mark(axes, text, (our[row], row), (0.0, 8.0), ha="center", color=COLOURS[0])
         axes.set_xlim(0.0, 1.15 * axes.get_xlim()[1])
         axes.set_ylim(len(rows) - 0.5, -0.6)
-        axes.set_yticks(rows, [name_of(model) for model in PAPER_TABLE])
+        axes.set_yticks(rows, map(name_of, PAPER_TABLE))
         axes.set_xlabel(f"{title} [{unit}]")
-        axes.secondary_xaxis("top", functions=style.scaled(INCH)).set_xlabel(
-            f"[{unit.replace('in', 'm')}]"
-        )
+        metres = f"[{unit.replace('in', 'm')}]"
+        axes.secondary_xaxis("top", functions=scaled(INCH)).set_xlabel(metres)
     legend_of(figure, panels[0])
     return figure
 
@@ -338,72 +305,64 @@ def table_comparison(table: Mapping[str, tuple[float, ...]]) -> Figure:
 @styled
 def error_over_gain(result: GainSweep) -> Figure:
     """Return Figure 10: position error and saturation over the gain of the torque feedback."""
-    figure = Figure(figsize=(style.WIDTH, 4.4))
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
-    looks: dict[str, Any] = {"linestyle": "-", "linewidth": 1.2, "clip_on": False}
-    above.plot(result.gain, result.position_error / MILLIMETRE, marker="o", markersize=5.0, **looks)
+    figure, panels = _panels(4.4, 2, 1, sharex=True, height_ratios=(2.2, 1.0))
+    above, below = panels
+    looks: dict[str, Any] = {"linewidth": 1.2, "clip_on": False}
+    above.plot(result.gain, result.position_error / MILLIMETRE, marker="o", **looks)
     below.plot(
-        result.gain,
-        100.0 * result.saturated,
-        color=style.COLOURS[1],
-        marker="s",
-        markersize=4.5,
-        **looks,
+        result.gain, 100.0 * result.saturated, color=COLOURS[1], marker="s", markersize=4.5, **looks
     )
-    for axes in (above, below):
+    for axes in panels:
         axes.axvline(BEST_GAIN, **GUIDE)
-        axes.axvspan(
-            PLATEAU_FROM, result.gain[-1], color=style.REFERENCE, alpha=0.06, linewidth=0.0
-        )
+        axes.axvspan(PLATEAU_FROM, result.gain[-1], color=REFERENCE, alpha=0.06, linewidth=0.0)
         axes.set_xlim(result.gain[0], result.gain[-1])
         axes.set_ylim(bottom=0.0)
-    below.set_ylim(top=max(105.0 * float(result.saturated.max()), 5.0))
+    below.set_ylim(top=max(105.0 * result.saturated.max(), 5.0))
     mark(above, f"the paper's best gain, {BEST_GAIN:g}", (BEST_GAIN, 0.0), (4.0, 5.0))
     mark(above, "the paper: about constant here", (PLATEAU_FROM, above.get_ylim()[1]), (4.0, -11.0))
     label(above, "", "average position error [mm]")
     label(below, "gain $K_p$ [V/(in·lbf)]", "saturated\ncommands [%]")
-    style.inches_right(above, "average position error", MILLIMETRE)
-    above.secondary_xaxis("top", functions=style.scaled(to_inch_pounds(1.0))).set_xlabel(
-        "gain $K_p$ [V/(N·m)]"
-    )
+    inches_right(above, "average position error", MILLIMETRE)
+    top = above.secondary_xaxis("top", functions=scaled(to_inch_pounds(1.0)))
+    top.set_xlabel("gain $K_p$ [V/(N·m)]")
     return figure
 
 
 @styled
 def followed_lines(result: Result) -> Figure:
     """Return Figure 11: the tip's distance from the line, without and with torque feedback."""
-    figure = Figure(figsize=(style.WIDTH, 2.8))
-    axes = figure.add_subplot()
-    axes.axhline(
-        0.0, color=style.REFERENCE, linestyle="-", linewidth=4.0, alpha=0.3, label="desired line"
-    )
+    figure, axes = _panels(2.8)
+    axes.axhline(0.0, color=REFERENCE, linewidth=4.0, alpha=0.3, label="desired line")
     names = "without torque feedback", f"with torque feedback, $K_p$ = {BEST_GAIN:g} V/(in·lbf)"
     for (run,), name in zip(result.runs.values(), names, strict=True):
         average = f"{run.score.path_average_error_m / MILLIMETRE:.1f} mm on average"
-        arc_length, error = (
+        axes.plot(
             column(run.telemetry, "arc_length"),
-            column(run.telemetry, "normal_error"),
+            column(run.telemetry, "normal_error") / MILLIMETRE,
+            label=f"{name}: {average}",
         )
-        axes.plot(arc_length, error / MILLIMETRE, label=f"{name}: {average}")
     axes.set_xlim(0.0, result.task.path.length)
     label(axes, "distance along the line [m]", "distance from the line [mm]")
-    style.inches_above(axes, "distance along the line")
-    style.inches_right(axes, "distance from the line", MILLIMETRE)
+    inches_above(axes, "distance along the line")
+    inches_right(axes, "distance from the line", MILLIMETRE)
     name_lines(figure, axes, f"line-following test, τ = {TIME_CONSTANT:g} s")
     return figure
 
 
-PICTURES: dict[str, Callable[[Experiments], Figure]] = {
-    "fig3": lambda experiments: single_dof_paths(experiments.single_dof),
-    "fig4": lambda experiments: single_dof_torques(experiments.single_dof),
-    "step": lambda experiments: clutch_step(experiments.step_response),
-    "fig5": lambda experiments: torque_over_voltage(experiments.torque_curves),
-    "fig7": lambda experiments: error_over_time_constant(experiments.sweeps),
-    "fig8": lambda experiments: peak_acceleration_over_time_constant(experiments.sweeps),
-    "fig8_way_and_speed": lambda experiments: way_and_speed_over_time_constant(experiments.sweeps),
-    "table1": lambda experiments: table_comparison(experiments.table1),
-    "fig9": lambda experiments: reversal_torques(experiments.reversals),
-    "fig10": lambda experiments: error_over_gain(experiments.gain_sweep),
-    "fig11": lambda experiments: followed_lines(experiments.line_following),
+PICTURES: dict[str, tuple[Callable[[Any], Figure], str]] = {
+    "fig3": (single_dof_paths, "single_dof"),
+    "fig4": (single_dof_torques, "single_dof"),
+    "step": (clutch_step, "step_response"),
+    "fig5": (torque_over_voltage, "torque_curves"),
+    "fig7": (error_over_time_constant, "sweeps"),
+    "fig8": (peak_acceleration_over_time_constant, "sweeps"),
+    "fig8_way_and_speed": (way_and_speed_over_time_constant, "sweeps"),
+    "table1": (table_comparison, "table1"),
+    "fig9": (reversal_torques, "reversals"),
+    "fig10": (error_over_gain, "gain_sweep"),
+    "fig11": (followed_lines, "line_following"),
 }
-"""How each picture is drawn, by its file's name: that of the output, perhaps with ``_…``."""
+"""What draws each picture, and what it draws: an attribute of ``Experiments``.
+
+Keys are names of files: that of the output, perhaps with ``_…``.
+"""

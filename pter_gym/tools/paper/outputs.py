@@ -49,9 +49,9 @@ def make_outputs(
     names = list(outputs)
     files: dict[str, bytes] = {}
     for name in names:
-        for stem, draw in PICTURES.items():
+        for stem, (draw, result) in PICTURES.items():
             if stem.partition("_")[0] == name:
-                figure = draw(experiments)
+                figure = draw(getattr(experiments, result))
                 files[f"{stem}.png"] = style.png(figure)
                 if pdf:
                     files[f"{stem}.pdf"] = style.pdf(figure)

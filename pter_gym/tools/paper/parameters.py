@@ -34,8 +34,6 @@ PAPER_MACHINES = paper_machines(machine_from(STUDY["machine"]), **STUDY["delrin"
 STANDARD_TASK = PathFollowing(path=Line(**STUDY["path"]), hand=eq5(**STUDY["hand"]))
 """The paper's standard test."""
 
-_GAINS = {name: tuple_of(value) for name, value in STUDY["controller"].items()}
-
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
@@ -63,7 +61,9 @@ class Setup:
 
     machines: Mapping[str, Machine] = field(default_factory=lambda: dict(PAPER_MACHINES))
     task: PathFollowing = STANDARD_TASK
-    controller: TorqueFeedback = TorqueFeedback(**_GAINS)
+    controller: TorqueFeedback = TorqueFeedback(
+        **{name: tuple_of(value) for name, value in STUDY["controller"].items()}
+    )
     own_table: bool = False
     table_error: float = STUDY["runs"]["table_error"]
     delrin_table: float = STUDY["runs"]["delrin_table"]

@@ -78,34 +78,38 @@ def time_constant_sweep(
     The time constants of the clutches [s] are those of the setup by default.
     """
     taus = setup.time_constants if time_constants is None else time_constants
-    machines = setup.machines.items()
     return {
         name: sweep_of(*run_with_gains(setup, machine, [0.0], taus).runs.values())
-        for name, machine in machines
+        for name, machine in setup.machines.items()
     }
 
 
 def sweep_of(runs: Sequence[Run]) -> Sweep:
     """Return the scores of runs at several time constants."""
     return Sweep(
-        time_constant=np.array([run.time_constant for run in runs]),
-        position_error=np.array([run.score.path_average_error_m for run in runs]),
-        tip_speed=np.array([run.score.mean_speed_m_s for run in runs]),
-        tip_acceleration=np.array([run.score.mean_acceleration_m_s2 for run in runs]),
-        peak_acceleration=np.array([run.score.peak_acceleration_m_s2 for run in runs]),
-        path_length=np.array([run.score.path_length_m for run in runs]),
-        completed=np.array([run.score.completed for run in runs]),
+        np.array([run.time_constant for run in runs]),
+        *(
+            np.array([getattr(run.score, name) for run in runs])
+            for name in (
+                "path_average_error_m",
+                "mean_speed_m_s",
+                "mean_acceleration_m_s2",
+                "peak_acceleration_m_s2",
+                "path_length_m",
+                "completed",
+            )
+        ),
     )
 
 
 def table1(sweeps: Mapping[str, Sweep]) -> dict[str, tuple[float, ...]]:
     """Return Table I in the paper's units, averages over all runs, by the machine's name."""
-    rows = {
-        name: (each.position_error, each.tip_speed, each.tip_acceleration)
-        for name, each in sweeps.items()
-    }
     return {
-        name: tuple(float(values.mean()) / INCH for values in row) for name, row in rows.items()
+        name: tuple(
+            float(values.mean()) / INCH
+            for values in (each.position_error, each.tip_speed, each.tip_acceleration)
+        )
+        for name, each in sweeps.items()
     }
 
 

@@ -56,10 +56,10 @@ def csv_text(columns: Columns) -> str:
     return buffer.getvalue()
 
 
-def _cell(value: Any) -> str:
+def _cell(value: Any) -> Any:
     if isinstance(value, float):
         return "" if math.isnan(value) else f"{value:.9g}"
-    return str(int(value)) if isinstance(value, bool) else str(value)
+    return int(value) if isinstance(value, bool) else value
 
 
 def stacked(parts: Iterable[Columns]) -> Columns:
@@ -136,11 +136,10 @@ def reversals(experiments: Experiments) -> Columns:
 
 def lines(experiments: Experiments) -> Columns:
     """Fig. 11: the tip with and without feedback."""
-    names = {"time": "time_s", "tip_x": "tip_x_m", "tip_y": "tip_y_m", "arc_length": "arc_length_m"}
-    names["normal_error"] = "normal_error_m"
+    names = "time_s", "tip_x_m", "tip_y_m", "arc_length_m", "normal_error_m"
     return stacked(
         {"gain_v_per_in_lbf": float(gain)}
-        | {names[name]: column(run.telemetry, name) for name in names}
+        | {name: column(run.telemetry, name.rpartition("_")[0]) for name in names}
         for gain, (run,) in experiments.line_following.runs.items()
     )
 
@@ -154,13 +153,11 @@ def table1(experiments: Experiments) -> dict[str, dict[str, float]]:
 
 def table1_columns(experiments: Experiments) -> Columns:
     """Table I next to the paper's."""
-    columns: dict[str, ArrayLike] = {"model": list(experiments.table1)}
-    ours, published = (
-        np.array(list(experiments.table1.values())),
-        np.array([PAPER_TABLE[name] for name in experiments.table1]),
-    )
+    table = experiments.table1
+    columns: dict[str, ArrayLike] = {"model": list(table)}
     for k, key in enumerate(TABLE_KEYS):
-        columns |= {key: ours[:, k], f"paper_{key}": published[:, k]}
+        columns[key] = [row[k] for row in table.values()]
+        columns[f"paper_{key}"] = [PAPER_TABLE[name][k] for name in table]
     return columns
 
 
