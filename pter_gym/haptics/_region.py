@@ -176,10 +176,9 @@ def force_extremes(
         [np.broadcast_to(even, (*stuck.shape[:-1], directions)), stuck, stuck + np.pi], axis=-1
     )
     ranges = force_range(machine, angles, speed * np.stack([np.cos(at), np.sin(at)], axis=-1))
-    either = np.maximum(ranges.left, ranges.right)
     return ForceExtremes(
         ranges.resisting.min(axis=-1),
         ranges.resisting.max(axis=-1),
         ranges.steering.min(axis=-1),
-        either.max(axis=-1),
+        np.maximum(ranges.left, ranges.right).max(axis=-1),
     )

@@ -77,21 +77,20 @@ def make_promise(
     """
     if whole_number("draws", draws) < MIN_DRAWS:
         raise ParameterError(f"draws must be at least {MIN_DRAWS}, got {draws}")
-    draws_of_log = find_scenario(scenario, machines).draws
     some = find_episodes(scenario, pace, SEED, machines.machine).first(episodes)
     rng = np.random.default_rng(SEED)
     drawn = [machines.draw(rng) for _ in range(draws)]
     pairs = [(machine, task) for machine in drawn for task in some.tasks]
-    every = Episodes.of_pairs(scenario, draws_of_log, pairs, some.seeds * draws)
-    scores = evaluate(policy, every)
+    of_log = find_scenario(scenario, machines).draws
+    scores = evaluate(policy, Episodes.of_pairs(scenario, of_log, pairs, some.seeds * draws))
     each = {name: values.reshape(draws, episodes) for name, values in scores.items()}
     errors = np.sort(each["path_error_m"].mean(axis=1))
     ranked = [
         reason_unranked({name: values[k] for name, values in each.items()}, find_pace(pace)) is None
         for k in range(draws)
     ]
-    limit = errors[order_of(draws) - 1]
-    return Promise(scenario, name, draws, float(limit), float(np.mean(ranked)))
+    limit = float(errors[order_of(draws) - 1])
+    return Promise(scenario, name, draws, limit, float(np.mean(ranked)))
 
 
 def order_of(draws: int) -> int:

@@ -238,7 +238,7 @@ def page(report: DeviceReport, pictures: dict[str, str]) -> str:
         ],
     )
     promises = "".join(f"<p>{escape(promise.sentence)}</p>" for promise in report.promises)
-    boards = "".join(_board(board) for board in report.boards)
+    boards = "".join(map(_board, report.boards))
     figures = "".join(
         f'<figure><img src="{escape(name)}" alt="">'
         f"<figcaption>{escape(caption)}</figcaption></figure>"

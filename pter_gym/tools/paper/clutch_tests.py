@@ -221,10 +221,11 @@ def _torque_curves(machine: Machine) -> MaterialCurves:
     volts, bench = np.linspace(0.0, top, 241), np.full((2, 241), np.nan)
     for k in np.searchsorted(volts, np.linspace(min(MEASURED_FROM, top), top, 6)):
         bench[:, k] = _bench_test(machine, float(volts[k]))
-    breakaway, dynamic = (
-        [curve.torque(float(v)) for v in volts] for curve in (clutch.breakaway, clutch.dynamic)
+    curves = (
+        np.array([curve.torque(float(v)) for v in volts])
+        for curve in (clutch.breakaway, clutch.dynamic)
     )
-    return MaterialCurves(volts, np.array(breakaway), np.array(dynamic), *bench)
+    return MaterialCurves(volts, *curves, *bench)
 
 
 def _bench_test(machine: Machine, volts: float) -> tuple[float, float]:

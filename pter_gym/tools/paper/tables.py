@@ -56,7 +56,7 @@ def csv_text(columns: Columns) -> str:
     return buffer.getvalue()
 
 
-def _cell(value: Any) -> Any:
+def _cell(value: object) -> object:
     if isinstance(value, float):
         return "" if math.isnan(value) else f"{value:.9g}"
     return int(value) if isinstance(value, bool) else value
