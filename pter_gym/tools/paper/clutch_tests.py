@@ -120,7 +120,7 @@ def _single_dof_test(machine: Machine, clutch: int, locked: int) -> SingleDofTes
     link, volts = int(locked == 1), np.zeros(4)
     volts[clutch - 1] = machine.clutch.breakaway.voltage(BREAKAWAY_SMALL_VOLTAGE)
     volts[locked - 1] = machine.clutch.voltage_max
-    direction = np.eye(2)[link]
+    direction: Array = np.eye(2)[link]
     share = abs(float(np.linalg.solve(W[[clutch - 1, locked - 1]].T, direction)[0]))
     time = machine.substep * (np.arange(float(round(MAX_DURATION / machine.substep))) + 0.5)
     ramp = BREAKAWAY_SMALL_VOLTAGE / share / RAMP_TIME * time
