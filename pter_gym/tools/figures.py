@@ -194,10 +194,11 @@ METADATA: dict[str, dict[str, None]] = {
 
 def png(figure: Figure) -> bytes:
     """Return a figure as the content of a PNG file."""
-    return _encoded(figure, ".png")
+    return encoded(figure, ".png")
 
 
-def _encoded(figure: Figure, suffix: str) -> bytes:
+def encoded(figure: Figure, suffix: str) -> bytes:
+    """Return a figure as the content of a file that ends in a key of ``METADATA``."""
     buffer = io.BytesIO()
     with _style():
         figure.savefig(buffer, format=suffix[1:], metadata=METADATA[suffix])
@@ -215,5 +216,5 @@ def save(figure: Figure, path: FilePath) -> Path:
     file = expand_path("path", path)
     if (suffix := file.suffix.lower()) not in METADATA:
         raise ParameterError(f"path must end in .png or .pdf, got {str(path)!r}")
-    write_bytes_atomic(file, _encoded(figure, suffix))
+    write_bytes_atomic(file, encoded(figure, suffix))
     return file

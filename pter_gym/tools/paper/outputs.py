@@ -41,7 +41,7 @@ def make_outputs(
     With ``pdf`` each picture is a PDF file too. ``on_progress`` is called with an output's name
     when it is done, and finally with ``claims``.
     """
-    from pter_gym.tools import figures as style
+    from pter_gym.tools.figures import encoded
     from pter_gym.tools.paper.claims import STATEMENTS, check
     from pter_gym.tools.paper.figures import PICTURES
     from pter_gym.tools.paper.tables import COLUMNS, csv_text, table1
@@ -52,9 +52,8 @@ def make_outputs(
         for stem, (draw, result) in PICTURES.items():
             if stem.partition("_")[0] == name:
                 figure = draw(getattr(experiments, result))
-                files[f"{stem}.png"] = style.png(figure)
-                if pdf:
-                    files[f"{stem}.pdf"] = style.pdf(figure)
+                for suffix in (".png", ".pdf")[: 1 + pdf]:
+                    files[stem + suffix] = encoded(figure, suffix)
         files[f"{name}.csv"] = csv_text(COLUMNS[name](experiments)).encode()
         if name == "table1":
             files["table1.json"] = _json(table1(experiments))
