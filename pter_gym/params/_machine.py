@@ -103,8 +103,8 @@ class Clutch(Checked):
     torque, and H decays with the time constant ``cooling``.
 
     Within the stick band it holds up to T_s. Where T_k exceeds T_s, Eq. 2 as printed lets it creep
-    at the edge of the band, δω, under a load between the two (``band`` "printed"); as the band
-    vanishes, that load holds it ("vanishing").
+    at the edge of the band, δω, under a load between the two (``band`` "printed", without
+    ``stribeck``, which has no such edge); as the band vanishes, that load holds it ("vanishing").
     """
 
     breakaway: TorqueCurve = parameter(
@@ -146,6 +146,10 @@ class Clutch(Checked):
                 f"monotone up to voltage_max = {self.voltage_max:g} V",
                 got=curve,
             )
+        falls = self.band == "printed" and self.stribeck > 0.0
+        require(
+            not falls, self, "stribeck", "0 with band='printed', whose torque is T_k from δω on"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Generic, Protocol, TypeGuard, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeGuard, TypeVar, cast
 
 import numpy as np
 
@@ -137,7 +137,7 @@ class Shared:
 class OneOf:
     """One of several values, distributions or tuples of them, all equally likely."""
 
-    options: tuple[object, ...]
+    options: tuple[Any, ...]
 
     def __post_init__(self) -> None:
         """Check that there is an option."""
@@ -169,7 +169,7 @@ class Vary(Generic[Drawn]):
         fields together. The message names the field.
     """
 
-    def __init__(self, template: Drawn, **fields: object) -> None:
+    def __init__(self, template: Drawn, **fields: Any) -> None:
         self.template = template
         self.fields = fields
         known = getattr(template, "__dataclass_fields__", {})

@@ -120,16 +120,17 @@ def actuated(draw) -> DrivenArm:
     fade."""
     world = draw(worlds())
     clutch, off_state = world.machine.clutch, draw(between(0.0, 2.0))
+    stribeck = draw(st.one_of(st.just(0.0), between(1e-3, 2.0)))
     clutch = replace(
         clutch,
         dynamic=replace(clutch.dynamic, off_state=off_state),
         breakaway=replace(clutch.breakaway, off_state=draw(between(0.5, 1.5)) * off_state),
-        stribeck=draw(st.one_of(st.just(0.0), between(1e-3, 2.0))),
+        stribeck=stribeck,
         viscous=draw(between(0.0, 2.0)),
         fall_ratio=draw(between(0.1, 10.0)),
         fade=draw(st.one_of(st.just(0.0), between(1e-3, 1.0))),
         cooling=draw(between(0.01, 100.0)),
-        band=draw(st.sampled_from(("vanishing", "printed"))),
+        band="vanishing" if stribeck else draw(st.sampled_from(("vanishing", "printed"))),
     )
     hand = Hand(
         mass=1.5,

@@ -173,6 +173,7 @@ def test_an_anisotropic_hand_moves_the_arm_as_its_matrices_say():
         lambda: replace(BASELINE.clutch, fall_ratio=0.0),
         lambda: replace(BASELINE.clutch, fade=math.nan),
         lambda: replace(BASELINE.clutch, band="both"),
+        lambda: replace(BASELINE.clutch, band="printed", stribeck=0.1),
         lambda: Hand(damping=1.0, damping_anisotropy=(0.8, 0.8)),
         lambda: Hand(stiffness=1.0, stiffness_anisotropy=(0.1,)),
     ],

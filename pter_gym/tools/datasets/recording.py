@@ -146,9 +146,9 @@ def _episodes(scenario: str, actor: str, seed: int) -> Iterator[RecordedEpisode]
         for world in np.flatnonzero(over).tolist():
             observed, *columns, distances = map(np.array, zip(*rows[world], strict=True))
             observed = np.concatenate([observed, after[world : world + 1]])
-            arrived = bool(infos["is_success"][world])
+            arrived, distance = bool(infos["is_success"][world]), float(distances.mean())
             waiting[seeds[world]] = RecordedEpisode(
-                seeds[world], observed, *columns, arrived, float(distances.mean())
+                seeds[world], observed, *columns, arrived=arrived, distance=distance
             )
             seeds[world], rows[world] = max(seeds) + 1, []
         new_seeds = [
