@@ -135,7 +135,7 @@ class Film:
 
 
 class ErrorStrip:
-    """Draws |normal error| of episodes, thin, and its mean so far, bold, with names and means.
+    """Draws distances from the path, thin, and their means so far, bold, with names and means.
 
     Parameters
     ----------
