@@ -40,7 +40,7 @@ class Experiment:
     Attributes
     ----------
     levels
-        Voltages of the steps [V].
+        Voltages of the steps [V]: in random order, with the first one again.
     on, off
         How long a clutch is on, and then off [s].
     free
@@ -55,7 +55,7 @@ class Experiment:
         Of that motion in x and y [Hz].
     """
 
-    levels: tuple[float, ...] = (3.0, 6.0, 9.0, 12.0, 15.0, 18.0, 20.0, 22.0)
+    levels: tuple[float, ...] = (12.0, 3.0, 20.0, 6.0, 22.0, 9.0, 18.0, 15.0, 12.0)
     on: float = 1.1
     off: float = 0.3
     free: float = 5.0

@@ -22,7 +22,7 @@ HEAT = 60.0
 
 Sensors = Callable[[Log], Log]
 
-SHORT = Experiment(levels=(4.0, 8.0, 12.0, 16.0), on=0.9, off=0.25, free=4.0)
+SHORT = Experiment(levels=(8.0, 16.0, 4.0, 12.0), on=0.9, off=0.25, free=4.0)
 
 
 def as_they_are(log: Log) -> Log:

@@ -87,7 +87,7 @@ class RecordedMachine:
 
 def record(
     machine: RecordedMachine,
-    levels: tuple[float, ...] = (4.0, 8.0, 12.0, 16.0),
+    levels: tuple[float, ...] = (8.0, 16.0, 4.0, 12.0),
     seed: int = 0,
     interval: float = 2e-3,
 ) -> Log:

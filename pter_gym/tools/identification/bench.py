@@ -14,8 +14,8 @@ from pter_gym._internal.files import FilePath, expand_path
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError
 from pter_gym.params import Clutch, TorqueCurve
-from pter_gym.tools.identification.fit import BLOCK, jackknife, scaled
-from pter_gym.tools.identification.identifying import MAX_REL_HALF_WIDTH, TIED, Finding
+from pter_gym.tools.identification.fit import BLOCK, TIED, correlations, jackknife, scaled
+from pter_gym.tools.identification.identifying import MAX_REL_HALF_WIDTH, Finding
 from pter_gym.tools.identification.log import MAX_FILE, in_seconds, unwrapped
 from pter_gym.tools.identification.parameters import Quantity
 
@@ -201,15 +201,14 @@ def _errors(
     parts = left[:whole].reshape(BLOCK * BLOCKS, -1)
     changes, information = jackknife(parts, jacobian[:whole].reshape(*parts.shape, -1))
     normal, size = scaled(information)
-    covariance = np.linalg.inv(normal) / np.outer(size, size)
-    naive = np.diag(covariance) * max(float(np.mean(left**2)), 1e-12)
+    naive = np.diag(np.linalg.inv(normal)) / size**2 * max(float(np.mean(left**2)), 1e-12)
     quantile = float(stats.t.ppf(0.975, BLOCKS - len(free)))
     halves = quantile * np.sqrt(np.maximum(np.sum(changes**2, axis=0), naive))
-    deviations = np.sqrt(np.diag(covariance))
-    shared = np.abs(covariance) / np.outer(deviations, deviations) > TIED
     tied = {
-        name: [other for other, each in zip(free, row, strict=True) if each and other != name]
-        for name, row in zip(free, shared, strict=True)
+        name: [
+            other for other, each in zip(free, row, strict=True) if each > TIED and other != name
+        ]
+        for name, row in zip(free, correlations(information), strict=True)
     }
     return dict(zip(free, halves.tolist(), strict=True)), tied
 

@@ -56,6 +56,9 @@ PRIOR = 4.0
 """How far from the first estimate the search expects a coordinate, over its ``max_error``: what no
 window shows stays near it."""
 
+TIED = 0.9
+"""Correlation of errors from which a log shows two coordinates only together."""
+
 BLOCK = 2
 """Windows whose gradients count as one error."""
 
@@ -267,8 +270,15 @@ class Fit:
         diagonal = np.diag_indices_from(covariance)
         covariance[diagonal] = np.maximum(np.diag(covariance), variance * naive)
         unseen = size * STEPS[places(self.free)] < 1.0
+        covariance[unseen], covariance[:, unseen] = 0.0, 0.0
         covariance[unseen, unseen] = UNSEEN
         return covariance, float(stats.t.ppf(0.975, max(len(changes) - len(self.free), 1)))
+
+    def tied_to(self, name: str) -> set[str]:
+        """Return the free coordinates that the log shows only together with one."""
+        columns = self.weighed()[1].reshape(-1, len(self.free))
+        shared = correlations(columns.T @ columns)[self.free.index(name)] > TIED
+        return {each for each, too in zip(self.free, shared, strict=True) if too and each != name}
 
     def bias(self, slopes: Array, left: Array) -> Array:
         """Return how far errors of the model can have moved numbers, if all windows agree.
@@ -296,6 +306,12 @@ def scaled(information: Array, least: float = SINGULAR) -> tuple[Array, Array]:
     """Return a matrix over the roots of its diagonal, made regular, and these roots."""
     size = np.sqrt(np.maximum(np.diag(information), 1e-30))
     return information / np.outer(size, size) + least * np.eye(len(size)), size
+
+
+def correlations(information: Array) -> Array:
+    """Return the sizes of the correlations of coordinates, of which there is some information."""
+    inverse = np.linalg.inv(scaled(information)[0])
+    return np.abs(inverse) / np.sqrt(np.outer(np.diag(inverse), np.diag(inverse)))
 
 
 def jackknife(residual: Array, jacobian: Array) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, MachineSpread, find_machine
 from pter_gym.params._spread import numbers_of
 from pter_gym.tools.identification.first_estimate import first_estimate
-from pter_gym.tools.identification.fit import Fit
+from pter_gym.tools.identification.fit import UNSEEN, Fit
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import (
     AT,
@@ -46,8 +46,11 @@ NORMAL = 1.96
 EXPECTED_STEPS = 60
 """About how many steps of progress an identification takes."""
 
-TIED = 0.9
-"""Correlation of errors from which a log shows two coordinates only together."""
+TORQUES = {
+    *("torque_25", "torque_50", "torque_75", "torque_100"),
+    *("slope", "knee", "curvature", "off_state"),
+}
+"""Numbers that heat changes."""
 
 ASSUMED = "chosen: stated to pter identify, or that of its start"
 """Provenance of what is not estimated."""
@@ -263,8 +266,7 @@ def _keep_unseen(fit: Fit, kept: dict[str, str], before: Array) -> set[str]:
     """
     tied: set[str] = set()
     while fit.free:
-        covariance, _ = fit.covariance()
-        errors = dict(zip(fit.free, np.sqrt(np.diag(covariance)), strict=True))
+        errors = dict(zip(fit.free, np.sqrt(np.diag(fit.covariance()[0])), strict=True))
         least = max(2.0 * errors.get("curvature", math.inf), 0.01 * fit.shape.top)
         if "curvature" in fit.free and not abs(fit.p[AT["curvature"]]) > least:
             kept |= dict.fromkeys(("curvature", "knee"), SEARCHES["curvature"].unseen)
@@ -276,12 +278,7 @@ def _keep_unseen(fit: Fit, kept: dict[str, str], before: Array) -> set[str]:
             worst = max(excess, key=lambda name: excess[name])
             if excess[worst] <= 1.0:
                 break
-            shared = np.abs(covariance[fit.free.index(worst)]) / errors[worst]
-            together = {
-                name
-                for name, each in zip(fit.free, shared, strict=True)
-                if name != worst and each > TIED * errors[name]
-            }
+            together = fit.tied_to(worst) if errors[worst] ** 2 < UNSEEN else set()
             kept[worst] = SEARCHES[worst].unseen
             if together:
                 kept[worst] += f"; only together with {', '.join(sorted(together))}"
@@ -324,6 +321,7 @@ def _results(
     halves = np.hypot(quantile * np.sqrt(variances), wide)
     unsure = tied | {each.name for each in verdict.differences}
     unsure |= {"breakaway_ratio"} if verdict.far_breakaways > MAX_FAR else set()
+    unsure |= TORQUES if verdict.one_way or unsure.intersection(SCALES) else set()
     unsure |= {q.name for q in here} if verdict.grade == NEITHER else set()
     start = quantities(shape.start, 0.0, shape.top)
     findings: list[Finding] = []

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pter_gym.tools.identification.fit import Fit, jackknife, scaled
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import AT, LOWEST, SEARCHES, TERMS, along, places
-from pter_gym.tools.identification.windows import ENGAGED, Smoothed, lagged, slip_rows
+from pter_gym.tools.identification.windows import ENGAGED, Smoothed, comes_again, lagged, slip_rows
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -172,6 +172,7 @@ def _parts(fit: Fit, log: Log, motion: Smoothed) -> Iterator[tuple[str, Flags]]:
     parts = {name: each > np.median(each[windows.used]) for name, each in halves.items()}
     parts["with the direction of slip"] = (behind * slip)[rows].sum(axis=(1, 2)) > 0.0
     parts["where torques fall"] = ((behind - log.volts)[rows] > ENGAGED).any(axis=(1, 2))
+    parts["where a voltage comes again"] = comes_again(log)[rows].any(axis=1)
     for x in range(4):
         parts[f"where clutch {x + 1} is on"] = (behind[rows, x] > ENGAGED).any(axis=1)
     for name, part in parts.items():

@@ -11,7 +11,7 @@ from pter_gym.tools.identification.fit import BLOCK, Fit
 from pter_gym.tools.identification.log import Log, angle_step
 from pter_gym.tools.identification.parameters import AT, SCALES, places
 from pter_gym.tools.identification.score_tests import Difference
-from pter_gym.tools.identification.windows import GAIN
+from pter_gym.tools.identification.windows import GAIN, has_one_way
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -66,6 +66,8 @@ class Verdict:
         Whether there are more independent stretches than numbers to identify.
     differences
         The searched numbers that differ between parts of the log.
+    one_way
+        Whether clutches slipped while their voltages only rose, or only fell.
     left
         Root mean square of the angles that the model leaves in each window [rad].
     hints
@@ -81,6 +83,7 @@ class Verdict:
     rho_high: float
     enough: bool
     differences: Sequence[Difference]
+    one_way: bool
     left: Array
     hints: tuple[str, ...] = ()
 
@@ -143,6 +146,7 @@ def judge(fit: Fit, differences: Sequence[Difference], log: Log) -> Verdict:
         rho_high=high,
         enough=int(used.sum()) // BLOCK > len(fit.free),
         differences=differences,
+        one_way=bool(fit.shape.live) and has_one_way(log),
         left=np.sqrt(np.maximum(left - noise, 0.0)),
     )
     return replace(verdict, hints=tuple(_hints(fit, log, verdict)))
@@ -177,6 +181,8 @@ def _hints(fit: Fit, log: Log, verdict: Verdict) -> Iterator[str]:
         listed = [f"{each.name} differs {each.where}" for each in differences][:MAX_LISTED]
         where = "; ".join(listed) + (f", and {more} more" if more > 0 else "")
         yield f"Numbers differ between parts of the log, so their intervals are wider: {where}."
+    if verdict.one_way:
+        yield "Voltages only rise or fall, so heat may hide in the torque curve: repeat the first."
     if 0.0 < log.volts.max() <= 1.0:
         yield f"No voltage is above {log.volts.max():.3g} V: are V1 to V4 volts, or shares?"
     sizes = places(n for n in ("inertia_a", "inertia_b", *SCALES) if n in fit.free)

@@ -45,6 +45,9 @@ SUBSTEP = 1.02 * MAX_SUBSTEP
 MIN_SEEN = 0.1
 """How long clutches have to slip at a voltage for the log to show it [s]."""
 
+SAME, APART = 0.1, 0.5
+"""Voltages of neighbouring rows that are one step, and those of two steps that are two [V]."""
+
 
 @dataclass(frozen=True)
 class Smoothed:
@@ -145,6 +148,38 @@ def experience(log: Log, motion: Smoothed, start: Machine) -> tuple[Array, float
     _, counts = np.unique(np.round(2.0 * log.volts[settled]), return_counts=True)
     levels = int((counts * log.interval >= MIN_SEEN).sum())
     return log.interval * slips.sum(axis=0), float(nearest.min()) if len(nearest) else top, levels
+
+
+def steps_of(log: Log) -> list[list[tuple[NDArray[np.int64], float]]]:
+    """Return, for each clutch, the rows and the voltage [V] of the steps in which it was on."""
+    rows, least = np.arange(len(log.volts)), MIN_SEEN / log.interval
+    found: list[list[tuple[NDArray[np.int64], float]]] = []
+    for volts in log.volts.T:
+        parts = np.split(rows, np.flatnonzero(np.abs(np.diff(volts)) > SAME) + 1)
+        steps = [(each, float(np.median(volts[each]))) for each in parts if len(each) >= least]
+        found.append([(each, level) for each, level in steps if level > ENGAGED])
+    return found
+
+
+def has_one_way(log: Log) -> bool:
+    """Return whether the voltages of each clutch only rise, or only fall, from step to step.
+
+    Clutches that lose torque as they warm then look like clutches with another torque curve.
+    """
+    changes = [np.diff([level for _, level in steps]) for steps in steps_of(log)]
+    ways = [(each.max(initial=0.0) > APART, each.min(initial=0.0) < -APART) for each in changes]
+    return any(map(any, ways)) and not any(map(all, ways))
+
+
+def comes_again(log: Log) -> Flags:
+    """Return the rows at which a clutch has a voltage as before another one, shape (rows,)."""
+    again = np.zeros(len(log.volts), np.bool_)
+    for steps in steps_of(log):
+        levels = np.array([level for _, level in steps])
+        for k, (rows, level) in enumerate(steps):
+            other = np.flatnonzero(np.abs(levels[:k] - level) > APART)
+            again[rows] = (np.abs(levels[: other.max(initial=0)] - level) < SAME).any()
+    return again
 
 
 def cut(log: Log, motion: Smoothed, start: Machine, time_constant: float) -> Windows:
