@@ -1,7 +1,9 @@
 """Compile the simulator's kernels to WebAssembly, with their tables (pter_gym/tools/web/static).
 
 Numba translates the kernels to unoptimised LLVM code, LLVM compiles that to a WebAssembly object,
-and Zig (the package ``ziglang``) links it with the mathematical functions in ``functions.zig``.
+and Zig (the package ``ziglang``) links it with the mathematical functions in ``functions.zig``. A
+module whose object is that of the one before stays: a change of the tables alone, such as another
+weight of the reward, needs no Zig.
 """
 
 import os
@@ -63,10 +65,13 @@ KINDS: dict[Any, str] = {numba.types.int32: "i32", numba.types.float64: "double"
 
 def main(folder: Path) -> None:
     """Write the module and its tables to a folder."""
-    module = linked(object_code())
-    text = as_text(module)
-    write_bytes_atomic(folder / MODULE.name, module)
-    write_text_atomic(folder / TABLES.name, text)
+    code, tables_path, module_path = object_code(), folder / TABLES.name, folder / MODULE.name
+    parts = hashlib.sha256(code + FUNCTIONS.read_bytes()).hexdigest()
+    before = json.loads(tables_path.read_text("utf-8")) if tables_path.exists() else {}
+    module = module_path.read_bytes() if before.get("parts") == parts else linked(code)
+    text = as_text(module, parts)
+    write_bytes_atomic(module_path, module)
+    write_text_atomic(tables_path, text)
     print(f"{MODULE.name}: {len(module)} bytes, {TABLES.name}: {len(text.encode())} bytes")
 
 
@@ -88,10 +93,14 @@ def linked(code: bytes) -> bytes:
         return module.read_bytes()
 
 
-def as_text(module: bytes) -> str:
-    """Return a module's tables as JSON, with hashes of the module and of what it is made of."""
+def as_text(module: bytes, parts: str) -> str:
+    """Return a module's tables as JSON, with hashes of the module, its parts and its sources."""
     content = tables()
-    hashes = {"module": hashlib.sha256(module).hexdigest(), "sources": digest(content)}
+    hashes = {
+        "module": hashlib.sha256(module).hexdigest(),
+        "parts": parts,
+        "sources": digest(content),
+    }
     return (
         json.dumps(
             {**hashes, **content}, ensure_ascii=False, separators=(",", ":"), allow_nan=False
