@@ -36,6 +36,7 @@ from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.tools.figures import WIDTH, label, png, styled
+from pter_gym.tools.pictures.drawing import POLICY_COLOURS
 from pter_gym.tools.pictures.plots import label_ends, plain_ticks, titled
 
 FALLING = ("free", "locked", "random")
@@ -82,7 +83,11 @@ def error_against_pace(results: Path) -> Figure:
         at = paces * 1.022 ** (place - 0.5 * (len(names) - 1))
         value, low, high = 1000 * np.array([each.error for each in standings]).T
         (line,) = axes.plot(
-            at, value, marker=marker, linestyle="--" if name in {*CONTROLLERS, *TUNED} else "-"
+            at,
+            value,
+            color=POLICY_COLOURS[name],
+            marker=marker,
+            linestyle="--" if name in {*CONTROLLERS, *TUNED} else "-",
         )
         title, colour = titled(name, standings), str(line.get_color())
         ends[title], colours[title] = (float(at[-1]), float(value[-1])), colour

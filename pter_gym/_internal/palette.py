@@ -26,8 +26,11 @@ LINES = (
 )
 """Colours of lines of data, in this order."""
 
-BESIDE_ARM = (BLACK, BRICK, CORNFLOWER, SAGE, PLUM, SLATE, NAVY, MAROON, ULTRAMARINE)
-"""Colours of lines of data below an arm's picture, none of which is that of a link or a force."""
+POLICIES = (
+    *(BLACK, BRICK, CORNFLOWER, SAGE, PLUM, SLATE, NAVY, MAROON, ULTRAMARINE),
+    *(VERMILLION, PURPLE, SKY_BLUE, ORANGE, GREEN, BLUE),
+)
+"""Colours of policies; the first nine are not those of a link or a force in an arm's picture."""
 
 
 def clutch_name(row: tuple[float, float]) -> str:

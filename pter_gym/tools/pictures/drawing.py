@@ -4,8 +4,10 @@ Drawn with Pillow, which takes milliseconds.
 """
 
 import math
+from collections.abc import Iterable
 from functools import cache, lru_cache
 from importlib.util import find_spec
+from itertools import cycle
 from pathlib import Path as FilePath
 from typing import Any, Literal, NamedTuple
 
@@ -16,8 +18,11 @@ from PIL import Image, ImageDraw, ImageFont
 from pter_gym._internal import palette
 from pter_gym._internal.terminal import shorten
 from pter_gym._physics.friction import ClutchMode
+from pter_gym.controllers import CONTROLLERS
 from pter_gym.params import Arm, Machine
 from pter_gym.paths import Path
+from pter_gym.policies import shipped_policies
+from pter_gym.policies.tuned import TUNED
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.tools.pictures.size import TILE_HEIGHT, TILE_WIDTH
 
@@ -36,6 +41,10 @@ LEGEND = {
     "workspace": WORKSPACE_EDGE,
 }
 """Entries of the legend; those that find no room are left out from the end."""
+
+POLICIES = (*sorted(shipped_policies(), reverse=True), *TUNED, *CONTROLLERS)
+POLICY_COLOURS = dict(zip(POLICIES, palette.POLICIES, strict=False))
+"""Colours of the package's policies in all pictures."""
 
 BADGES = {
     "stuck": (INK, "#ffffff"),
@@ -86,6 +95,14 @@ class FiveBar(NamedTuple):
     elbow_a: Array
     elbow_b: Array
     tip: Array
+
+
+def policy_colours(names: Iterable[str]) -> dict[str, str]:
+    """Return a colour for each policy: the package's have their own, all others what is left."""
+    every = sorted(set(names))
+    taken = {POLICY_COLOURS[name] for name in every if name in POLICY_COLOURS}
+    others = cycle(colour for colour in palette.POLICIES if colour not in taken)
+    return {name: POLICY_COLOURS.get(name) or next(others) for name in every}
 
 
 def five_bar(arm: Arm, theta_a: float, theta_b: float) -> FiveBar:

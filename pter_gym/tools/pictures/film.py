@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from pter_gym._internal import palette
 from pter_gym._internal.files import write_bytes_atomic
+from pter_gym._internal.palette import tint
 from pter_gym.errors import DependencyError, ParameterError, StorageError, needs_extra
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
@@ -33,6 +33,7 @@ from pter_gym.tools.pictures.drawing import (
     aim,
     apart,
     has_band,
+    policy_colours,
     shortened,
     text_width,
 )
@@ -156,7 +157,7 @@ class ErrorStrip:
         self, task: PathFollowing, episodes: Mapping[str, Any], width: int, height: int
     ) -> None:
         self._unit = unit = min(width / STRIP_WIDTH, height / STRIP_HEIGHT, 2.0)
-        self._colours = dict(zip(sorted(episodes), cycle(palette.BESIDE_ARM), strict=False))
+        self._colours = policy_colours(episodes)
         self._times = {name: rows[:, COLUMN.time] for name, rows in episodes.items()}
         self.errors = {
             name: 1e3 * np.abs(rows[:, COLUMN.normal_error]) for name, rows in episodes.items()
@@ -180,7 +181,7 @@ class ErrorStrip:
         """Return the strip at a time [s] as pixels, shape (height, width, 3)."""
         canvas, plot, unit = self._background.copy(), self._plot, self._unit
         counts = {name: count_until(time, times) for name, times in self._times.items()}
-        for thick, values, soften in ((1.3, self.errors, palette.tint), (2.6, self.means, str)):
+        for thick, values, soften in ((1.3, self.errors, tint), (2.6, self.means, str)):
             for name, count in counts.items():
                 points = np.column_stack([self._x[name], self._y(values[name])])[:count]
                 canvas.line(points, soften(self._colours[name]), max(thick * unit, 1.0))

@@ -26,7 +26,7 @@ from pter_gym.tools.figures import (
     save,
     styled,
 )
-from pter_gym.tools.pictures.drawing import WORKSPACE, apart, drawable
+from pter_gym.tools.pictures.drawing import WORKSPACE, apart, drawable, policy_colours
 
 MAX_NAME = 60
 """Most characters of a name in a picture."""
@@ -168,10 +168,11 @@ def _pace_ticks(axes: Axes, paces: Mapping[str, float]) -> None:
 
 def _looks(boards: Sequence[Leaderboard]) -> dict[str, Look]:
     """Return a look for each policy, dashed for a control law."""
-    found = looks(sorted({standing.policy for board in boards for standing in board.standings}))
+    names = {standing.policy for board in boards for standing in board.standings}
+    colours = policy_colours(names)
     return {
-        name: look._replace(dashes="--" if name in {*CONTROLLERS, *TUNED} else "-")
-        for name, look in found.items()
+        name: Look(colour, look.marker, "--" if name in {*CONTROLLERS, *TUNED} else "-")
+        for (name, colour), look in zip(colours.items(), looks(colours).values(), strict=True)
     }
 
 

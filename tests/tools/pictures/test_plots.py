@@ -15,9 +15,17 @@ from pter_gym.benchmark import leaderboards, run_scenario
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing
-from pter_gym.tools.figures import looks, name_lines, save
+from pter_gym.tools.figures import name_lines, save
 from pter_gym.tools.pictures import plots
-from pter_gym.tools.pictures.drawing import Picture, Subject, drawable, shortened, text_width
+from pter_gym.tools.pictures.drawing import (
+    POLICY_COLOURS,
+    Picture,
+    Subject,
+    drawable,
+    policy_colours,
+    shortened,
+    text_width,
+)
 
 POLICIES, PACES = ["impedance", "free", "locked"], ["slow", "medium"]
 
@@ -25,6 +33,12 @@ POLICIES, PACES = ["impedance", "free", "locked"], ["slow", "medium"]
 @pytest.fixture(scope="module")
 def scored():
     return leaderboards(run_scenario("standard", POLICIES, PACES, episodes=6))
+
+
+def test_a_policy_has_one_colour_in_all_pictures_and_no_other_policy_has_it():
+    few, many = policy_colours(["residual", "mine"]), policy_colours([*POLICY_COLOURS, "mine"])
+    assert few["residual"] == many["residual"] == POLICY_COLOURS["residual"]
+    assert len(set(many.values())) == len(many)
 
 
 def test_profiles_show_each_policy_at_each_pace(scored):
@@ -36,7 +50,7 @@ def test_profiles_show_each_policy_at_each_pace(scored):
             np.testing.assert_allclose(
                 shares, (standing.errors[0] <= 1e-3 * x[:, None]).mean(axis=1)
             )
-            assert line.get_color() == looks(sorted(POLICIES))[standing.policy].colour
+            assert line.get_color() == policy_colours([standing.policy])[standing.policy]
 
 
 def test_errors_are_drawn_at_the_paces_that_were_reached(scored):
