@@ -7,7 +7,7 @@ import numpy as np
 
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark.episodes import Episodes
-from pter_gym.benchmark.rollout import Rollout, rollout
+from pter_gym.benchmark.rollout import RecordedEpisodes, record_episodes
 from pter_gym.controllers import Policy
 from pter_gym.params import BASELINE, Machine
 
@@ -18,12 +18,12 @@ def run(
     seeds: Sequence[int],
     limits: Sequence[int],
     nominal: Machine = BASELINE,
-) -> Rollout:
+) -> RecordedEpisodes:
     """Let a policy act in episodes of a batch's machines and tasks."""
     machines, tasks = zip(*(batch.pairs[pair] for pair in batch.context), strict=True)
     strata = ("",) * len(tasks)
     episodes = Episodes("", machines, tasks, tuple(seeds), strata, nominal, tuple(limits))
-    return rollout(policy, episodes)
+    return record_episodes(policy, episodes)
 
 
 def simulate(

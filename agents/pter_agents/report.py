@@ -10,7 +10,7 @@ from matplotlib.patheffects import withStroke
 from pter_agents.draws import PaceScores, is_ranked, validate, validation_episodes
 from pter_agents.settings import TrainingArguments
 from pter_gym.benchmark import find_policy
-from pter_gym.benchmark.rollout import rollout
+from pter_gym.benchmark.rollout import record_episodes
 from pter_gym.controllers import Controller
 from pter_gym.scenarios import PACES
 from pter_gym.tools.figures import MILLIMETRE, MUTED, SMALL, WIDTH, looks, styled
@@ -95,6 +95,7 @@ def film(policy: Controller, arguments: TrainingArguments, path: Path) -> Path:
     episode = validation_episodes(arguments)[pace][:1]
     shown = {arguments.algorithm: policy, LAWS[-1]: find_policy(LAWS[-1], arguments.gains)}
     telemetry = {
-        name: rollout(law, episode, sensors="force").telemetry[:, 0] for name, law in shown.items()
+        name: record_episodes(law, episode, sensors="force").telemetry[:, 0]
+        for name, law in shown.items()
     }
     return write_film(episode.machines[0], episode.tasks[0], telemetry, path)

@@ -10,7 +10,7 @@ from pter_gym._internal.files import write_text_atomic
 from pter_gym.benchmark import episodes as stored
 from pter_gym.benchmark.episodes import Episodes
 from pter_gym.benchmark.measures import Recorded
-from pter_gym.benchmark.rollout import rollout
+from pter_gym.benchmark.rollout import record_episodes
 from pter_gym.controllers import Impedance, TorqueFeedback
 from pter_gym.params import BASELINE
 from pter_gym.policies import tuned
@@ -108,7 +108,7 @@ def solve_table() -> dict[str, dict[str, dict[str, float]]]:
 
 def _cruising_pace(controller: Impedance, chosen: Episodes) -> float:
     travel = Recorded(
-        rollout(controller, chosen).telemetry, chosen.tasks, BASELINE.clutch.voltage_max
+        record_episodes(controller, chosen).telemetry, chosen.tasks, BASELINE.clutch.voltage_max
     )
     return float(travel.mean_pace(first=1).mean())
 

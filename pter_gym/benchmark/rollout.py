@@ -27,7 +27,7 @@ NUMBERS = 2**53
 """A law's memory counts episodes by their seeds, in whole numbers that a float64 holds exactly."""
 
 
-class Rollout(NamedTuple):
+class RecordedEpisodes(NamedTuple):
     """What a policy did in N episodes, from their resets on: T control steps.
 
     Attributes
@@ -42,13 +42,13 @@ class Rollout(NamedTuple):
     obs: Observations
 
 
-def rollout(
+def record_episodes(
     policy: AnyPolicy,
     episodes: Episodes,
     *,
     columns: slice | list[int] = slice(None),
     sensors: Sensors | None = None,
-) -> Rollout:
+) -> RecordedEpisodes:
     """Let a policy act in episodes until each has ended or has come to its time limit.
 
     Parameters
@@ -79,7 +79,7 @@ def rollout(
             rows.append(telemetry[:, columns])
             observations.append(obs)
             running &= ~(terminated | truncated) & (steps + 1 < limits)
-    recorded = Rollout(np.stack(rows), np.stack(observations))
+    recorded = RecordedEpisodes(np.stack(rows), np.stack(observations))
     for world, limit in enumerate(episodes.time_limits):
         recorded.telemetry[limit + 1 :, world] = np.nan
         recorded.obs[limit + 1 :, world] = 0.0
@@ -105,7 +105,7 @@ def evaluate(
     Parameters
     ----------
     policy, episodes
-        As in ``rollout``.
+        As in ``record_episodes``.
     num_threads
         Threads that share the episodes of a compiled law; scores do not depend on their number.
     ranking
@@ -115,7 +115,7 @@ def evaluate(
 
     def evaluate_chunk(chunk: Episodes) -> Scores:
         columns = [*RANKED] if ranking else slice(None)
-        telemetry = rollout(acting, chunk, columns=columns, sensors=sensors).telemetry
+        telemetry = record_episodes(acting, chunk, columns=columns, sensors=sensors).telemetry
         if ranking:
             travel = Travel(telemetry, chunk.tasks)
             return {
@@ -179,7 +179,7 @@ def record_episode(
 ) -> Episode:
     """Return an episode in a world of its own, with the benchmark's time limit."""
     episode = Episodes("", (machine,), (task,), (seed,), ("",), nominal)
-    run = rollout(policy, episode, sensors="force")
+    run = record_episodes(policy, episode, sensors="force")
     telemetry = run.telemetry[:, 0]
     volts = telemetry[1:, np.array(COLUMN.volts, int)]
     return Episode(telemetry, run.obs[:, 0], volts.astype(np.float32))

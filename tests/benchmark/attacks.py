@@ -10,7 +10,7 @@ from pter_gym._compiled.layout import Layout
 from pter_gym.benchmark import PACES, training_episodes
 from pter_gym.benchmark.boards import reason_unranked
 from pter_gym.benchmark.measures import SEGMENTS
-from pter_gym.benchmark.rollout import rollout
+from pter_gym.benchmark.rollout import record_episodes
 from pter_gym.benchmark.scores import Scores
 from pter_gym.controllers import Policy
 from pter_gym.params import BASELINE, Machine
@@ -133,7 +133,7 @@ class Course:
         self.layout = observation_layout(BASELINE, "torque")
 
     def telemetry(self, policy: Any) -> Array:
-        return rollout(policy, self.episodes).telemetry
+        return record_episodes(policy, self.episodes).telemetry
 
     def ranked(self, scores: Scores) -> bool:
         return reason_unranked(scores, self.pace) is None

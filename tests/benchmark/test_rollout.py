@@ -10,7 +10,7 @@ import pytest
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, Assessment, Episodes, evaluate, find_policy, training_episodes
 from pter_gym.benchmark.episodes import ENTRIES
-from pter_gym.benchmark.rollout import rollout
+from pter_gym.benchmark.rollout import record_episodes
 from pter_gym.controllers import Free, Impedance, Locked, PaceSchedule, Policy, Random, bind
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
@@ -53,18 +53,18 @@ def released(observations: Any) -> Any:
 
 def test_a_function_moves_as_the_compiled_law() -> None:
     drawn = episodes("standard", "brisk")
-    plain, law = (rollout(policy, drawn).telemetry for policy in (released, Free()))
+    plain, law = (record_episodes(policy, drawn).telemetry for policy in (released, Free()))
     np.testing.assert_array_equal(plain, law)
 
 
 def test_a_rollout_stops_when_all_have_ended_or_reached_their_own_limits() -> None:
     drawn = episodes("standard", "brisk")
-    telemetry = rollout(Locked(), drawn).telemetry
+    telemetry = record_episodes(Locked(), drawn).telemetry
     lasted = np.isfinite(telemetry[..., COLUMN.time]).sum(axis=0) - 1
     np.testing.assert_array_equal(lasted, drawn.time_limits)
     assert len(telemetry) == max(drawn.time_limits) + 1
     short = replace(drawn, time_limits=(5, 7, 6))
-    recorded = rollout(Locked(), short, columns=[0, 1])
+    recorded = record_episodes(Locked(), short, columns=[0, 1])
     assert recorded.telemetry.shape == (8, 3, 2)
     np.testing.assert_array_equal(np.isfinite(recorded.telemetry[..., 0]).sum(axis=0), [6, 8, 7])
     np.testing.assert_array_equal((recorded.obs != 0.0).any(axis=-1).sum(axis=0), [6, 8, 7])
@@ -123,7 +123,7 @@ def test_random_voltages_differ_in_all_episodes_and_repeat() -> None:
 
     def first_volts(policy: Any) -> Any:
         short = replace(drawn, time_limits=(3,) * 66)
-        return rollout(policy, short).telemetry[1, :, [*COLUMN.volts]].T
+        return record_episodes(policy, short).telemetry[1, :, [*COLUMN.volts]].T
 
     volts = first_volts(Random(seed=1))
     assert len({row.tobytes() for row in volts}) == 66
@@ -143,7 +143,7 @@ def test_a_policy_with_a_memory_has_it_from_whoever_loops() -> None:
     policy = Policy.of_function(count, layout, start=lambda worlds: np.zeros((worlds, 1)))
     drawn = replace(episodes("standard", "brisk"), time_limits=(4, 4, 4))
     for _ in range(2):
-        volts = rollout(policy, drawn).telemetry[1:, :, COLUMN.volts.x1]
+        volts = record_episodes(policy, drawn).telemetry[1:, :, COLUMN.volts.x1]
         np.testing.assert_array_equal(volts, [[1.0] * 3, [2.0] * 3, [3.0] * 3, [4.0] * 3])
 
 
@@ -154,4 +154,4 @@ def test_a_function_with_a_state_of_its_own_is_refused() -> None:
         def __call__(self, observations: Any) -> Any: ...
 
     with pytest.raises(ParameterError, match="remember nothing"):
-        rollout(Counting(), episodes("standard", "brisk"))
+        record_episodes(Counting(), episodes("standard", "brisk"))

@@ -9,7 +9,7 @@ from benchmark.test_reward import CLEARLY, discounted, judge, policies, sight
 from pter_gym.benchmark import PACES
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.episodes import Episodes
-from pter_gym.benchmark.rollout import rollout
+from pter_gym.benchmark.rollout import record_episodes
 from pter_gym.benchmark.scores import score_episodes
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
@@ -62,7 +62,7 @@ def searched(course: Course, discount: float, seed: int) -> Array:
     for _ in range(CANDIDATES // POPULATION):
         points = np.array([search.ask() for _ in range(POPULATION)])
         networks = Networks(points, EPISODES)
-        telemetry = rollout(networks, episodes, columns=[COLUMN.reward]).telemetry
+        telemetry = record_episodes(networks, episodes, columns=[COLUMN.reward]).telemetry
         rewards = np.nan_to_num(telemetry[1:, :, 0])
         found = [discounted(part, discount) for part in np.split(rewards, POPULATION, axis=1)]
         search.tell([(point, -value) for point, value in zip(points, found, strict=True)])

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.benchmark.episodes import Episodes
-from pter_gym.benchmark.rollout import rollout
+from pter_gym.benchmark.rollout import record_episodes
 from pter_gym.benchmark.scores import Score, score
 from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import ParameterError
@@ -86,7 +86,7 @@ def run_standard_test(
     )
     runs: dict[str, tuple[Run, ...]] = {}
     for name, policy in policies.items():
-        telemetry = rollout(policy, episodes).telemetry
+        telemetry = record_episodes(policy, episodes).telemetry
         recorded = (rows[np.isfinite(rows[:, COLUMN.time])] for rows in telemetry.swapaxes(0, 1))
         runs[name] = tuple(
             Run(tau, score(rows, task), rows)
