@@ -197,12 +197,21 @@ def recorded(file: Path, unit: float = 1.0) -> str:
 def test_a_noisy_path_is_told_and_smoothed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    line = ["watch", "residual", "--csv", str(tmp_path / "a.csv"), "--path"]
+    line = [
+        "watch",
+        "residual",
+        "--machine",
+        "baseline",
+        "--csv",
+        str(tmp_path / "a.csv"),
+        "--path",
+    ]
     path = recorded(tmp_path / "noisy.csv")
     assert main([*line, path]) == 0
     printed = capsys.readouterr().out
     assert "--smooth" in printed.partition("next:")[0]
     assert "--smooth" in printed.partition("next:")[2]
+    assert "--machine baseline" in printed.partition("next:")[2]
     assert main([*line, path, "--smooth", "3"]) == 0
     printed = capsys.readouterr().out
     assert "arrived" in printed

@@ -84,7 +84,7 @@ def watch(
             ).telemetry
             say(f"{name}: {summary(telemetry[name])}")
     smooth = smooth or smoothing_for(definition)
-    same = options(scenario=scenario, pace=pace, path=path, smooth=smooth)
+    same = options(scenario=scenario, pace=pace, path=path, machine=machine, smooth=smooth)
     following = f"pter benchmark --policies {quote(','.join(names))}{same}"
     if csv:
         write_trajectories(telemetry, csv)

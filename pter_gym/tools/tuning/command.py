@@ -107,7 +107,7 @@ def tune(
     say(f"{called}({gains})\n")
     say(f"on other episodes: {tuned.assessment}")
     smooth = smooth or smoothing_for(definition)
-    same = options(scenario=scenario, pace=pace, path=path, smooth=smooth)
+    same = options(scenario=scenario, pace=pace, path=path, machine=machine, smooth=smooth)
     if out is not None:
         add_gains(tuned, out)
     conclude(
