@@ -136,6 +136,13 @@ def _scatter(block: Floats, words: Words, rows: int, seeds: int, first: int) -> 
 
 
 @_njit
+def _copy(into: Any, row: Any) -> None:
+    """Copy a row; an assignment of arrays compiles for seconds, for what it says of shapes."""
+    for k in range(len(row)):
+        into[k] = row[k]
+
+
+@_njit
 def _is_place(number: float, end: float) -> bool:
     """Return whether a context begins at a place in the constants."""
     return 0.0 <= number < end and number % CONTEXT_WIDTH == 0.0
@@ -262,7 +269,8 @@ def _step_handler(advance: Callable[..., object]) -> Handler:
                 last_obs[first : first + lanes],
             )
             _gather(block, mine, _data(arguments, 0), _data(arguments, 1), first)
-            clipped[:lanes] = actions[first : first + lanes]
+            for i in range(lanes):
+                _copy(clipped[i], actions[first + i])
             _replace_unsound(block, goes, lanes, constants)
             outputs = obs_here, last, earned[:lanes], flags_here, telemetry, config, constants
             advance((block, mine, clipped[:lanes], *outputs, ended, first_block, last_block))
@@ -279,9 +287,10 @@ def _step_handler(advance: Callable[..., object]) -> Handler:
                     )
             _scatter(block, mine, _data(results, 0), _data(results, 1), first)
             for i in range(lanes):
-                rewards[first + i, 0], flags[first + i] = earned[i], flags_here[:, i]
+                rewards[first + i, 0] = earned[i]
+                _copy(flags[first + i], flags_here[:, i])
                 if not (flags_here[TERMINATED, i] or flags_here[TRUNCATED, i]):
-                    last[i] = obs_here[i]
+                    _copy(last[i], obs_here[i])
 
     return step
 
@@ -336,7 +345,7 @@ def _law_handler(law: Callable[..., Any]) -> Handler:
         scales, gains = _doubles(arguments, 1), _doubles(arguments, 2)
         before, memory = _double_rows(arguments, 3), _double_rows(results, 1)
         for world in range(n):
-            memory[world] = before[world]
+            _copy(memory[world], before[world])
             write(volts[world], CLUTCHES, law(obs[world], scales, gains, memory[world]))
 
     return follow

@@ -262,7 +262,8 @@ def body_of(machine: Machine, state: State) -> Array:
 def scratch(body: Any) -> Any:
     """Return a copy of a ``body_of`` with a constant shape, so its entries stay in registers."""
     copy = np.empty((BODY_WIDTH, 1))
-    copy[:] = body
+    for row in range(BODY_WIDTH):  # an array's assignment compiles for seconds
+        copy[row, 0] = body[row, 0]
     return copy
 
 
@@ -363,7 +364,8 @@ def _build(digest: str) -> Any:
             )
             advance(body, PerClutch(volts[k, 0], volts[k, 1], volts[k, 2], volts[k, 3]), on, h)
             write(record[k], COLUMN, row_of(body))
-        start[:] = body
+        for row in range(BODY_WIDTH):
+            start[row, 0] = body[row, 0]
 
     return kernel
 

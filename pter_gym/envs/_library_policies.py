@@ -203,7 +203,8 @@ class LibraryPolicy:
 
         def act(observations: Observations, memory: Any) -> Any:
             state, held, age = memory["state"], memory["action"], memory["age"]
-            volts = base.volts(observations, memory["law"])
+            kept = np.ascontiguousarray(memory["law"])  # whose rows are apart there: another kernel
+            volts, memory["law"] = base.volts(observations, kept), kept
             if (age % self._hold == 0).any():
                 now = self._actions(base.seen(observations, volts), state)
                 decides = age % self._hold == 0

@@ -227,7 +227,9 @@ def test_bad_arguments_are_refused(wrong: dict[str, Any], message: str) -> None:
 
 BESIDE_A_GPU = """
 import os
-os.environ["XLA_FLAGS"] = "--xla_force_host_platform_device_count=2"
+os.environ["XLA_FLAGS"] = (
+    os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
+)
 import jax
 import numpy as np
 

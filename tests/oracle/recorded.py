@@ -189,7 +189,7 @@ def _hand(numbers, t, arm, speed, phases, middle):
     return HAND[0] * (to_x - x) - HAND[1] * v_x, HAND[0] * (to_y - y) - HAND[1] * v_y
 
 
-@numba.njit
+@numba.njit(cache=True)
 def _run(numbers, ratios, volts, phases, per_row):
     (
         l_a,

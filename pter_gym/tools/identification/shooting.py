@@ -197,7 +197,9 @@ def _build(digest: str) -> Any:
         body = scratch(machine)
         # rows of a width that the compiler knows: lanes of two rows are known to be apart
         dot: Any = np.empty((BODY_WIDTH, LANES))[:, : tangents.shape[1]]
-        dot[:] = tangents
+        for entry in range(BODY_WIDTH):
+            for j in range(tangents.shape[1]):
+                dot[entry, j] = tangents[entry, j]
         k = 0
         for window in range(record.shape[0]):
             start = starts[window]
