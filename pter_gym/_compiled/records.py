@@ -17,7 +17,16 @@ import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import update_wrapper
-from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    NamedTuple,
+    Protocol,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from numba import types
 from numba.extending import overload
@@ -88,6 +97,15 @@ def joined(name: str, *kinds: type[Any]) -> Any:
     return record
 
 
+class Table(Protocol):
+    """An array as compiled code reads and writes it: by places that a record holds."""
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+    def __getitem__(self, at: Any, /) -> float: ...
+    def __setitem__(self, at: Any, value: float, /) -> None: ...
+
+
 class Leaf(NamedTuple):
     """One number of a record: its name, and what says what it is, the outermost entry first."""
 
@@ -137,19 +155,19 @@ def flat(value: Any) -> tuple[Any, ...]:
     )
 
 
-def load(w: Any, at: R, i: Any) -> R:
+def load(w: Any, at: R, i: int) -> R:
     """Read a record from column ``i`` of an array (rows, worlds); ``at`` holds its row numbers."""
     places: Any = at
     return type(places)(*(load(w, row, i) for row in places)) if isinstance(at, tuple) else w[at, i]
 
 
-def store(w: Any, at: R, i: Any, value: R) -> None:
+def store(w: Table, at: R, i: int, value: R) -> None:
     """Write a record to column ``i`` of an array (rows, worlds); ``at`` holds its row numbers."""
     for row, part in zip(flat(at), flat(value), strict=True):
         w[row, i] = part
 
 
-def read(array: Any, at: R, first: Any) -> R:
+def read(array: Any, at: R, first: int) -> R:
     """Read a record that begins at ``first`` in an array; ``at`` holds its places from there."""
     places: Any = at
     return (
@@ -159,7 +177,7 @@ def read(array: Any, at: R, first: Any) -> R:
     )
 
 
-def write(array: Any, at: R, value: R) -> None:
+def write(array: Table, at: R, value: R) -> None:
     """Write a record to an array (numbers,); ``at`` holds its places."""
     for place, part in zip(flat(at), flat(value), strict=True):
         array[place] = part

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from numba import types
 from numba.np import numpy_support
+from numpy.typing import NDArray
 
 from pter_gym._compiled.addresses import caller, double, export, flag, single, unsigned, whole
 from pter_gym._compiled.compiler import compile_kernel, compiled, entry_of, inlined
-from pter_gym._compiled.records import entrywise, load, store
+from pter_gym._compiled.records import Table, entrywise, load, store
 from pter_gym._engine.episode import (
     end_step,
     fetch_world,
@@ -95,7 +96,7 @@ def _scratch() -> Any:
 
 
 @inlined
-def _first_refused(worlds: Any, actions: Any, low: float, high: float, ended: int) -> int:
+def _first_refused(worlds: Table, actions: Table, low: float, high: float, ended: int) -> int:
     """Return the first world whose step is refused, or −1."""
     width = worlds.shape[2]
     for world in range(actions.shape[0]):
@@ -107,7 +108,7 @@ def _first_refused(worlds: Any, actions: Any, low: float, high: float, ended: in
 
 
 @inlined
-def _gather(w: Any, worlds: Any, b: int) -> None:
+def _gather(w: Table, worlds: Table, b: int) -> None:
     """Read the stored rows of all lanes of a block."""
     for row in range(worlds.shape[1]):
         for i in range(worlds.shape[2]):
@@ -115,7 +116,7 @@ def _gather(w: Any, worlds: Any, b: int) -> None:
 
 
 @inlined
-def _clear(w: Any, worlds: Any) -> None:
+def _clear(w: Table, worlds: Table) -> None:
     """Set to zero what is not stored, and what commands set: lanes without a world have none."""
     for row in range(worlds.shape[1], STORED_ROWS):
         for i in range(worlds.shape[2]):
@@ -126,7 +127,7 @@ def _clear(w: Any, worlds: Any) -> None:
 
 
 @inlined
-def _take_contexts(w: Any, width: int, constants: Any, present: float) -> float:
+def _take_contexts(w: Table, width: int, constants: Table, present: float) -> float:
     """Read the constants of all lanes; those of ``present`` are there.
 
     Return whose they are, or −1 for several.
@@ -151,7 +152,7 @@ def _take_contexts(w: Any, width: int, constants: Any, present: float) -> float:
 
 
 @inlined
-def _scatter_alive(w: Any, lanes: int, worlds: Any, b: int) -> None:
+def _scatter_alive(w: Table, lanes: int, worlds: Table, b: int) -> None:
     """Write the lanes that are alive back to their block."""
     if count_nonzero(w, ROW.alive, lanes) == lanes:
         for row in range(worlds.shape[1]):
@@ -164,7 +165,7 @@ def _scatter_alive(w: Any, lanes: int, worlds: Any, b: int) -> None:
 
 
 @inlined
-def _after_resets(w: Any, lanes: int, present: float) -> float:
+def _after_resets(w: Table, lanes: int, present: float) -> float:
     """Return ``present``, or −1 where a lane may have drawn other constants."""
     for i in range(lanes):
         present = present if w[ROW.draws, i] == 1.0 else -1.0
@@ -172,7 +173,7 @@ def _after_resets(w: Any, lanes: int, present: float) -> float:
 
 
 @inlined
-def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high: float) -> None:
+def _begin_given(w: Table, lanes: int, actions: Table, begin: int, low: float, high: float) -> None:
     """Begin a control step with the actions of the worlds from ``begin`` on."""
     for i in range(lanes):
         take_command(
@@ -189,7 +190,7 @@ def added(x: float, y: float) -> float:
 
 @inlined
 def _close(
-    w: Any, worlds: Any, b: int, lanes: int, a: Arrays, ended: int, k: int, held: int
+    w: Table, worlds: Table, b: int, lanes: int, a: Arrays, ended: int, k: int, held: int
 ) -> None:
     """End a control step of a block, and write back the worlds that ended.
 
@@ -220,16 +221,16 @@ def _close(
 
 def _build_advance(digest: str) -> Any:
     def advance(
-        worlds: Any,
-        words: Any,
-        actions: Any,
-        obs: Any,
-        final_obs: Any,
-        rewards: Any,
-        flags: Any,
-        telemetry: Any,
-        config: Any,
-        constants: Any,
+        worlds: Table,
+        words: NDArray[np.uint64],
+        actions: Table,
+        obs: Table,
+        final_obs: Table,
+        rewards: Table,
+        flags: Table,
+        telemetry: NDArray[np.float64],
+        config: Table,
+        constants: Table,
         ended: int,
         first: int,
         last: int,
@@ -288,7 +289,13 @@ def _build_alone(digest: str) -> Any:
 
 def _build_reset(digest: str) -> Any:
     def reset(
-        worlds: Any, words: Any, chosen: Any, obs: Any, telemetry: Any, config: Any, constants: Any
+        worlds: Table,
+        words: NDArray[np.uint64],
+        chosen: Table,
+        obs: Table,
+        telemetry: NDArray[np.float64],
+        config: Table,
+        constants: Table,
     ) -> None:
         _ = digest
         w = _scratch()  # of the same type as above, for which all functions are compiled already

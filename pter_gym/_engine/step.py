@@ -10,10 +10,11 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import inlined, outlined
 from pter_gym._compiled.philox import uniform4
-from pter_gym._compiled.records import entrywise, load, read, rows, store, width
+from pter_gym._compiled.records import Table, entrywise, load, read, rows, store, width
 from pter_gym._engine.world import (
     CONFIG,
     CONFIG_WIDTH,
@@ -92,7 +93,9 @@ def clipped(volts: float, voltage_max: float) -> float:
 
 
 @inlined
-def is_refused(alive: float, actions: Any, low: float, high: float, ended: int, world: int) -> bool:
+def is_refused(
+    alive: float, actions: Table, low: float, high: float, ended: int, world: int
+) -> bool:
     """Return whether a world has ended and must not, or its action is not within the bounds."""
     refused = False
     for clutch in range(4):
@@ -101,14 +104,16 @@ def is_refused(alive: float, actions: Any, low: float, high: float, ended: int, 
 
 
 @inlined
-def given_volts(actions: Any, world: int, low: float, high: float, voltage_max: float) -> PerClutch:
+def given_volts(
+    actions: Table, world: int, low: float, high: float, voltage_max: float
+) -> PerClutch:
     """Return the voltages [V] of an action."""
     given = PerClutch(actions[world, 0], actions[world, 1], actions[world, 2], actions[world, 3])
     return volts_of_each(given, low, high, voltage_max)
 
 
 @inlined
-def take_command(w: Any, i: int, volts: PerClutch) -> None:
+def take_command(w: Table, i: int, volts: PerClutch) -> None:
     """Take the command of a control step, and keep from the one before what a reward needs."""
     store(w, ROW.command, i, clipped(volts, w[ROW.machine.voltage_max, i]))
     v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
@@ -120,13 +125,13 @@ def take_command(w: Any, i: int, volts: PerClutch) -> None:
 
 
 @inlined
-def plans(w: Any, i: int) -> bool:
+def plans(w: Table, i: int) -> bool:
     """Return whether the hand of a world has a recording or an intent."""
     return (w[ROW.hand.record_count, i] > 0.0) | (w[ROW.hand.intent_speed, i] > 0.0)
 
 
 @outlined
-def plan_hand(w: Any, i: int, constants: Any, period: float, count: float) -> None:
+def plan_hand(w: Table, i: int, constants: Table, period: float, count: float) -> None:
     """Plan what the hand does by itself in the next control step of ``count`` substeps."""
     if w[ROW.hand.record_count, i] > 0.0:
         store(w, ROW.drive, i, recorded(w, i, constants, count))
@@ -135,7 +140,7 @@ def plan_hand(w: Any, i: int, constants: Any, period: float, count: float) -> No
 
 
 @inlined
-def recorded(w: Any, i: int, constants: Any, count: float) -> Drive:
+def recorded(w: Table, i: int, constants: Table, count: float) -> Drive:
     """Return the recorded forces of the next control step."""
     last = int(w[ROW.hand.record_count, i]) - 1
     now = int(w[ROW.step, i])
@@ -148,7 +153,7 @@ def recorded(w: Any, i: int, constants: Any, count: float) -> Drive:
 
 
 @inlined
-def intended(w: Any, i: int, constants: Any, period: float) -> Target:
+def intended(w: Table, i: int, constants: Table, period: float) -> Target:
     """Move the intended point on by a control step; return where it was, and its velocity."""
     hand = load(w, ROW.hand, i)
     path = load(w, ROW.task.path, i)
@@ -166,7 +171,7 @@ def intended(w: Any, i: int, constants: Any, period: float) -> Target:
 
 
 @inlined
-def move_hand(w: Any, i: int, h: float, whole: bool, guides: bool) -> None:
+def move_hand(w: Table, i: int, h: float, whole: bool, guides: bool) -> None:
     """Advance what the hand does by itself by half a substep or a whole one."""
     half_turn = load(w, ROW.hand.half_turn, i)
     sines = advance_sines(load(w, ROW.sines, i), half_turn)
@@ -182,7 +187,7 @@ def move_hand(w: Any, i: int, h: float, whole: bool, guides: bool) -> None:
 
 
 @inlined
-def active_force(w: Any, i: int, guides: bool) -> PathVector:
+def active_force(w: Table, i: int, guides: bool) -> PathVector:
     """Return the hand's push, disturbance and recorded force [N], without spring and damper."""
     along = w[ROW.hand.push, i]
     across = sum_of_sines(load(w, ROW.hand.amplitude, i), load(w, ROW.sines, i))
@@ -193,7 +198,7 @@ def active_force(w: Any, i: int, guides: bool) -> PathVector:
 
 
 @inlined
-def push_tip(w: Any, i: int, guides: bool) -> None:
+def push_tip(w: Table, i: int, guides: bool) -> None:
     """Find the force on the tip [N] without the spring and without damping of the tip's velocity.
 
     The directions along and across the path are those at the control instant.
@@ -217,7 +222,7 @@ def passive_force(arm: Linkage, q: Motion, target: Target) -> Vector:
 
 
 @inlined
-def hand_force(w: Any, i: int) -> PathVector:
+def hand_force(w: Table, i: int) -> PathVector:
     """Return the hand's force on the tip along and across the path at a control instant [N]."""
     arm = load(w, ROW.machine.arm, i)
     q = load(w, ROW.motion, i)
@@ -230,14 +235,14 @@ def hand_force(w: Any, i: int) -> PathVector:
 
 
 @inlined
-def set_strengths(w: Any, i: int, period: float) -> None:
+def set_strengths(w: Table, i: int, period: float) -> None:
     """Find what friction drift and heat have made of the clutches' torques by now."""
     factor = clamp(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
     store(w, ROW.strength, i, faded(load(w, ROW.heat, i), w[ROW.machine.fade, i], factor))
 
 
 @inlined
-def load_on(w: Any, i: int) -> Load:
+def load_on(w: Table, i: int) -> Load:
     """Return what the hand of a world does to the arm."""
     force = load(w, ROW.force, i)
     to = load(w, ROW.target.position, i)
@@ -245,7 +250,7 @@ def load_on(w: Any, i: int) -> Load:
 
 
 @inlined
-def move_hands(w: Any, lanes: int, h: float, whole: bool, guides: bool) -> None:
+def move_hands(w: Table, lanes: int, h: float, whole: bool, guides: bool) -> None:
     """Advance the hands of the first ``lanes`` worlds, and find their forces for the next kick."""
     for i in range(lanes):
         move_hand(w, i, h, whole, guides)
@@ -254,12 +259,12 @@ def move_hands(w: Any, lanes: int, h: float, whole: bool, guides: bool) -> None:
 
 
 @inlined
-def no_arrangements(w: Any, lanes: int, constants: Any) -> None:
+def no_arrangements(w: Table, lanes: int, constants: Table) -> None:
     """Leave the paper's clutches as they are."""
 
 
 @inlined
-def take_arrangements(w: Any, lanes: int, constants: Any) -> None:
+def take_arrangements(w: Table, lanes: int, constants: Table) -> None:
     """Read the arrangement of the first ``lanes`` worlds."""
     for i in range(lanes):
         store(
@@ -271,7 +276,7 @@ def take_arrangements(w: Any, lanes: int, constants: Any) -> None:
 
 
 @inlined
-def locate(w: Any, i: int, constants: Any) -> None:
+def locate(w: Table, i: int, constants: Table) -> None:
     """Project the tip onto the path."""
     x, y = tip_position(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
     path = load(w, ROW.task.path, i)
@@ -284,14 +289,14 @@ def locate(w: Any, i: int, constants: Any) -> None:
 
 
 @inlined
-def present_state(w: Any, i: int) -> PathState:
+def present_state(w: Table, i: int) -> PathState:
     """Return the state of a world's tip relative to its path."""
     v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
     return path_state(load(w, ROW.foot, i), v_x, v_y, load(w, ROW.task.free, i))
 
 
 @inlined
-def tip_acceleration(w: Any, i: int, period: float) -> Vector:
+def tip_acceleration(w: Table, i: int, period: float) -> Vector:
     """Return the mean acceleration of the tip over a control step [m/s²]."""
     v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
     return Vector(
@@ -300,7 +305,7 @@ def tip_acceleration(w: Any, i: int, period: float) -> Vector:
 
 
 @inlined
-def judge_step(w: Any, i: int, period: float, max_steps: float) -> None:
+def judge_step(w: Table, i: int, period: float, max_steps: float) -> None:
     """Count the step, and find the reward and whether the episode ends.
 
     A world that had ended stays so.
@@ -341,7 +346,7 @@ def judge_step(w: Any, i: int, period: float, max_steps: float) -> None:
 
 
 @inlined
-def was_alive(w: Any, i: int) -> bool:
+def was_alive(w: Table, i: int) -> bool:
     """Return whether a world that ``judge_step`` has judged was alive before the step."""
     return w[ROW.began, i] != 0.0
 
@@ -394,7 +399,9 @@ def measured_velocity(
 
 
 @outlined
-def take_first_readings(w: Any, i: int, seed: np.uint64, episode: np.uint64, period: float) -> None:
+def take_first_readings(
+    w: Table, i: int, seed: np.uint64, episode: np.uint64, period: float
+) -> None:
     """Read the sensors where an episode begins, as if the arm had coasted there."""
     q, resolution = load(w, ROW.motion, i), w[ROW.task.sensing.angle_resolution, i]
     before = coasted(PerLink(q.theta_a, q.theta_b), PerLink(q.omega_a, q.omega_b), period)
@@ -404,7 +411,7 @@ def take_first_readings(w: Any, i: int, seed: np.uint64, episode: np.uint64, per
 
 
 @outlined
-def take_reading(w: Any, i: int, seed: np.uint64, episode: np.uint64, period: float) -> None:
+def take_reading(w: Table, i: int, seed: np.uint64, episode: np.uint64, period: float) -> None:
     """Read the sensors of a world, and keep the readings before."""
     for age in range(MAX_DELAY, 0, -1):
         store(w, ROW.readings[age], i, load(w, ROW.readings[age - 1], i))
@@ -426,7 +433,7 @@ def take_reading(w: Any, i: int, seed: np.uint64, episode: np.uint64, period: fl
 
 
 @inlined
-def store_observation(w: Any, i: int, measured: Measurement) -> None:
+def store_observation(w: Table, i: int, measured: Measurement) -> None:
     """Store the present observation that a measurement gives, in SI units."""
     seen = observation(
         measured,
@@ -440,7 +447,7 @@ def store_observation(w: Any, i: int, measured: Measurement) -> None:
 
 
 @inlined
-def observe_world(w: Any, i: int) -> None:
+def observe_world(w: Table, i: int) -> None:
     """Find the present observation as ideal sensors see it."""
     store_observation(
         w,
@@ -452,7 +459,7 @@ def observe_world(w: Any, i: int) -> None:
 
 
 @outlined
-def observe_reading(w: Any, i: int, constants: Any) -> None:
+def observe_reading(w: Table, i: int, constants: Table) -> None:
     """Find the present observation from what the sensors read, now or earlier."""
     reading = load(w, ROW.readings[int(w[ROW.task.sensing.delay, i])], i)
     arm, path = load(w, ROW.machine.arm, i), load(w, ROW.task.path, i)
@@ -462,7 +469,7 @@ def observe_reading(w: Any, i: int, constants: Any) -> None:
 
 
 @inlined
-def scale_entries(w: Any, first: int, last: int, config: Any) -> None:
+def scale_entries(w: Table, first: int, last: int, config: Table) -> None:
     """Bring the observations in columns ``first`` … ``last`` − 1 to their scales, within ±BOUND.
 
     Each passes here once a control step, and once at a reset.
@@ -474,7 +481,7 @@ def scale_entries(w: Any, first: int, last: int, config: Any) -> None:
 
 
 @inlined
-def observe(w: Any, i: int, config: Any, constants: Any) -> None:
+def observe(w: Table, i: int, config: Table, constants: Table) -> None:
     """Find the present observation of a world with any sensors."""
     if w[ROW.task.sensing.is_ideal, i] != 0.0:
         observe_world(w, i)
@@ -484,7 +491,9 @@ def observe(w: Any, i: int, config: Any, constants: Any) -> None:
 
 
 @inlined
-def write_observation(w: Any, i: int, obs: Any, world: int, config: Any, constants: Any) -> None:
+def write_observation(
+    w: Table, i: int, obs: Table, world: int, config: Table, constants: Table
+) -> None:
     """Write the observation, and the context if that is observed, to a row of ``obs``."""
     plain = int(config[CONFIG.entries])
     for k in range(ENTRIES):  # not over the entries: compilers unroll what they can count
@@ -503,14 +512,14 @@ def _mover(arrangement_at: Any) -> Any:
     control_step = control_step_on(ROW, load_on, arrangement_at, move_hands)
 
     @inlined
-    def heat_clutches(w: Any, i: int, period: float) -> None:
+    def heat_clutches(w: Table, i: int, period: float) -> None:
         """Add the heat of a control step, from torques and slip velocities at its end."""
         q, heat, cooling = load(w, ROW.motion, i), load(w, ROW.heat, i), w[ROW.machine.cooling, i]
         slip = slip_velocities(q.omega_a, q.omega_b, arrangement_at(w, i))
         store(w, ROW.heat, i, heated(heat, product(load(w, ROW.torque, i), slip), period, cooling))
 
     @inlined
-    def sense_torques(w: Any, i: int) -> None:
+    def sense_torques(w: Table, i: int) -> None:
         """Find the torques [N·m] that the clutches generate now."""
         q, machine, torques = (
             load(w, ROW.motion, i),
@@ -522,7 +531,7 @@ def _mover(arrangement_at: Any) -> Any:
         )
 
     @inlined
-    def move(w: Any, lanes: int, config: Any, guides: bool) -> None:
+    def move(w: Table, lanes: int, config: Table, guides: bool) -> None:
         """Move the worlds in the first ``lanes`` columns through a control step.
 
         ``guides`` says that hands may have more than a push and sines, and that clutches may fade.
@@ -550,13 +559,13 @@ move_worlds, move_declared = _mover(paper_clutches), _mover(arrangement_from(ROW
 
 @inlined
 def conclude_step(
-    w: Any,
+    w: Table,
     width: int,
     lanes: int,
-    words: Any,
+    words: NDArray[np.uint64],
     first: int,
-    config: Any,
-    constants: Any,
+    config: Table,
+    constants: Table,
     with_extras: bool,
 ) -> None:
     """Find the result of a control step: place, reward, end, the hand's next plan, observation.

@@ -1,8 +1,11 @@
 """One world as one record: its entries are the rows of a kernel's array."""
 
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
-from pter_gym._compiled.records import Entry, joined, rows, width
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._compiled.records import Entry, Table, joined, rows, width
 from pter_gym._physics.arm import Motion, PerLink, Vector
 from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch, Torques
@@ -221,11 +224,11 @@ class Arrays(NamedTuple):
         Contexts, arcs of paths, recorded forces.
     """
 
-    words: Any
-    obs: Any
-    final_obs: Any
-    rewards: Any
-    flags: Any
-    telemetry: Any
-    config: Any
-    constants: Any
+    words: NDArray[np.uint64]
+    obs: Table
+    final_obs: Table
+    rewards: Table
+    flags: Table
+    telemetry: NDArray[np.float64]
+    config: Table
+    constants: Table
