@@ -97,7 +97,7 @@ def joined(name: str, *kinds: type[Any]) -> Any:
     return record
 
 
-class Table(Protocol):
+class Records(Protocol):
     """An array as compiled code reads and writes it: by places that a record holds."""
 
     @property
@@ -161,7 +161,7 @@ def load(w: Any, at: R, i: int) -> R:
     return type(places)(*(load(w, row, i) for row in places)) if isinstance(at, tuple) else w[at, i]
 
 
-def store(w: Table, at: R, i: int, value: R) -> None:
+def store(w: Any, at: R, i: int, value: R) -> None:
     """Write a record to column ``i`` of an array (rows, worlds); ``at`` holds its row numbers."""
     for row, part in zip(flat(at), flat(value), strict=True):
         w[row, i] = part
@@ -177,7 +177,7 @@ def read(array: Any, at: R, first: int) -> R:
     )
 
 
-def write(array: Table, at: R, value: R) -> None:
+def write(array: Records, at: R, value: R) -> None:
     """Write a record to an array (numbers,); ``at`` holds its places."""
     for place, part in zip(flat(at), flat(value), strict=True):
         array[place] = part

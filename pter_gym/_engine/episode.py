@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import inlined, outlined
 from pter_gym._compiled.philox import uniform4
-from pter_gym._compiled.records import Table, entrywise, load, read, store, write
+from pter_gym._compiled.records import Records, entrywise, load, read, store, write
 from pter_gym._engine.step import (
     clipped,
     hand_force,
@@ -75,7 +75,7 @@ RELEASED = 0.2
 
 
 @inlined
-def fetch_world(w: Table, i: int, worlds: Table, world: int) -> None:
+def fetch_world(w: Records, i: int, worlds: Records, world: int) -> None:
     """Read what changes of a world into column ``i``, zero for what its block does not store."""
     width = worlds.shape[2]
     for row in range(STORED_ROWS):
@@ -83,7 +83,7 @@ def fetch_world(w: Table, i: int, worlds: Table, world: int) -> None:
 
 
 @inlined
-def put_back(w: Table, i: int, worlds: Table, world: int) -> None:
+def put_back(w: Records, i: int, worlds: Records, world: int) -> None:
     """Write column ``i`` to the block of a world."""
     width = worlds.shape[2]
     for row in range(worlds.shape[1]):
@@ -91,7 +91,7 @@ def put_back(w: Table, i: int, worlds: Table, world: int) -> None:
 
 
 @outlined
-def take_context(w: Table, i: int, constants: Table) -> None:
+def take_context(w: Records, i: int, constants: Records) -> None:
     """Read the constants of a world, where the world says that they begin."""
     first = int(w[ROW.context_at, i])
     for row in range(CONSTANTS.first, CONSTANTS.end):
@@ -103,7 +103,7 @@ def take_context(w: Table, i: int, constants: Table) -> None:
 
 @outlined
 def start_episode(
-    w: Table, i: int, seed: np.uint64, episode: np.uint64, config: Table, constants: Table
+    w: Records, i: int, seed: np.uint64, episode: np.uint64, config: Records, constants: Records
 ) -> None:
     """Start an episode: at rest at the path's start unless the task says otherwise.
 
@@ -150,7 +150,7 @@ def start_episode(
 
 
 @inlined
-def clear(w: Table, i: int, span: Span) -> None:
+def clear(w: Records, i: int, span: Span) -> None:
     """Set the rows of a record to zero."""
     for row in range(span.first, span.end):
         w[row, i] = 0.0
@@ -163,7 +163,7 @@ def spread(draw: float, half_range: float) -> float:
 
 
 @inlined
-def place(w: Table, i: int, point: Vector, heading: UnitVector, offset: float) -> None:
+def place(w: Records, i: int, point: Vector, heading: UnitVector, offset: float) -> None:
     """Put the arm at rest with the tip ``offset`` [m] to the left of a point of the path."""
     x = point.x - offset * heading.sin
     y = point.y + offset * heading.cos
@@ -171,7 +171,7 @@ def place(w: Table, i: int, point: Vector, heading: UnitVector, offset: float) -
 
 
 @outlined
-def explore(w: Table, i: int, seed: np.uint64, episode: np.uint64, constants: Table) -> None:
+def explore(w: Records, i: int, seed: np.uint64, episode: np.uint64, constants: Records) -> None:
     """Begin an episode as ``Starts`` says: some moving, some gripped, the others as they are."""
     kind, along, aside, speed = uniform4(seed, _START_STREAM, _KIND, episode)
     grips = uniform4(seed, _START_STREAM, _GRIPS, episode)
@@ -190,7 +190,7 @@ def explore(w: Table, i: int, seed: np.uint64, episode: np.uint64, constants: Ta
 
 
 @inlined
-def beside(w: Table, i: int, along: float, offset: float, constants: Table) -> Foot:
+def beside(w: Records, i: int, along: float, offset: float, constants: Records) -> Foot:
     """Put the tip at rest beside the path and return its projection.
 
     ``along`` is a share of ``COVERED`` of the path, ``offset`` the distance from it [m], taken as 0
@@ -214,7 +214,7 @@ def beside(w: Table, i: int, along: float, offset: float, constants: Table) -> F
 
 
 @inlined
-def set_going(w: Table, i: int, foot: Foot, speed: PathVector) -> None:
+def set_going(w: Records, i: int, foot: Foot, speed: PathVector) -> None:
     """Give the tip a speed relative to the commanded pace."""
     pace = w[ROW.task.pace, i]
     velocity = to_world(PathVector(pace * speed.along, pace * speed.across), foot.heading)
@@ -223,14 +223,14 @@ def set_going(w: Table, i: int, foot: Foot, speed: PathVector) -> None:
 
 
 @inlined
-def grip(w: Table, i: int, shares: PerClutch) -> None:
+def grip(w: Records, i: int, shares: PerClutch) -> None:
     """Set the clutches as if settled at fractions of the largest voltage."""
     most = w[ROW.machine.voltage_max, i]
     settle(w, i, clipped(product(shares, most), most))
 
 
 @inlined
-def settle(w: Table, i: int, volts: PerClutch) -> None:
+def settle(w: Records, i: int, volts: PerClutch) -> None:
     """Set the clutches as if settled at voltages [V]."""
     machine = load(w, ROW.machine, i)
     store(w, ROW.command, i, volts)
@@ -255,7 +255,7 @@ def gripping(draw: float) -> float:
 
 @outlined
 def record_reset(
-    w: Table, i: int, telemetry: NDArray[np.float64], t: int, world: int, constants: Table
+    w: Records, i: int, telemetry: NDArray[np.float64], t: int, world: int, constants: Records
 ) -> None:
     """Write the telemetry (T, N, K) of a world that is not stepping, 0 but for pose and force."""
     for column in range(telemetry.shape[2]):
@@ -266,7 +266,7 @@ def record_reset(
 
 
 @inlined
-def record_pose(w: Table, i: int, row: Table, time: float, constants: Table) -> None:
+def record_pose(w: Records, i: int, row: Records, time: float, constants: Records) -> None:
     """Write what the telemetry of a world, (K,), says of the pose, of machine and task."""
     arm = load(w, ROW.machine.arm, i)
     q = load(w, ROW.motion, i)
@@ -295,13 +295,13 @@ def record_pose(w: Table, i: int, row: Table, time: float, constants: Table) -> 
 
 @outlined
 def record_step(
-    w: Table,
+    w: Records,
     i: int,
     telemetry: NDArray[np.float64],
     t: int,
     world: int,
     period: float,
-    constants: Table,
+    constants: Records,
 ) -> None:
     """Write the telemetry (T, N, K) of a control step."""
     row = telemetry[t, world]
@@ -327,7 +327,7 @@ def record_step(
 
 
 @inlined
-def total_force(w: Table, i: int) -> Vector:
+def total_force(w: Records, i: int) -> Vector:
     """Return the whole force of the hand on the tip at a control instant [N]."""
     arm = load(w, ROW.machine.arm, i)
     q = load(w, ROW.motion, i)
@@ -342,7 +342,7 @@ def total_force(w: Table, i: int) -> Vector:
 
 
 @inlined
-def next_episode(w: Table, i: int, world: int, a: Arrays) -> None:
+def next_episode(w: Records, i: int, world: int, a: Arrays) -> None:
     """Start the next episode of a world's seed, and write its first observation and telemetry."""
     a.words[world, 1] += _ONE
     start_episode(w, i, a.words[world, 0], a.words[world, 1], a.config, a.constants)
@@ -353,7 +353,7 @@ def next_episode(w: Table, i: int, world: int, a: Arrays) -> None:
 
 
 @inlined
-def end_step(w: Table, i: int, world: int, a: Arrays, ended: int) -> None:
+def end_step(w: Records, i: int, world: int, a: Arrays, ended: int) -> None:
     """Write what a control step of one world returns, and begin its next episode as ``ended`` says.
 
     The world was judged and observed. Its rows of the arrays are written; with SAME_STEP the final

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.addresses import caller, double, export, flag, single, unsigned, whole
 from pter_gym._compiled.compiler import compile_kernel, compiled, entry_of, inlined
-from pter_gym._compiled.records import Table, entrywise, load, store
+from pter_gym._compiled.records import Records, entrywise, load, store
 from pter_gym._engine.episode import (
     end_step,
     fetch_world,
@@ -96,7 +96,7 @@ def _scratch() -> Any:
 
 
 @inlined
-def _first_refused(worlds: Table, actions: Table, low: float, high: float, ended: int) -> int:
+def _first_refused(worlds: Records, actions: Records, low: float, high: float, ended: int) -> int:
     """Return the first world whose step is refused, or −1."""
     width = worlds.shape[2]
     for world in range(actions.shape[0]):
@@ -108,7 +108,7 @@ def _first_refused(worlds: Table, actions: Table, low: float, high: float, ended
 
 
 @inlined
-def _gather(w: Table, worlds: Table, b: int) -> None:
+def _gather(w: Records, worlds: Records, b: int) -> None:
     """Read the stored rows of all lanes of a block."""
     for row in range(worlds.shape[1]):
         for i in range(worlds.shape[2]):
@@ -116,7 +116,7 @@ def _gather(w: Table, worlds: Table, b: int) -> None:
 
 
 @inlined
-def _clear(w: Table, worlds: Table) -> None:
+def _clear(w: Records, worlds: Records) -> None:
     """Set to zero what is not stored, and what commands set: lanes without a world have none."""
     for row in range(worlds.shape[1], STORED_ROWS):
         for i in range(worlds.shape[2]):
@@ -127,7 +127,7 @@ def _clear(w: Table, worlds: Table) -> None:
 
 
 @inlined
-def _take_contexts(w: Table, width: int, constants: Table, present: float) -> float:
+def _take_contexts(w: Records, width: int, constants: Records, present: float) -> float:
     """Read the constants of all lanes; those of ``present`` are there.
 
     Return whose they are, or −1 for several.
@@ -152,7 +152,7 @@ def _take_contexts(w: Table, width: int, constants: Table, present: float) -> fl
 
 
 @inlined
-def _scatter_alive(w: Table, lanes: int, worlds: Table, b: int) -> None:
+def _scatter_alive(w: Records, lanes: int, worlds: Records, b: int) -> None:
     """Write the lanes that are alive back to their block."""
     if count_nonzero(w, ROW.alive, lanes) == lanes:
         for row in range(worlds.shape[1]):
@@ -165,7 +165,7 @@ def _scatter_alive(w: Table, lanes: int, worlds: Table, b: int) -> None:
 
 
 @inlined
-def _after_resets(w: Table, lanes: int, present: float) -> float:
+def _after_resets(w: Records, lanes: int, present: float) -> float:
     """Return ``present``, or −1 where a lane may have drawn other constants."""
     for i in range(lanes):
         present = present if w[ROW.draws, i] == 1.0 else -1.0
@@ -173,7 +173,9 @@ def _after_resets(w: Table, lanes: int, present: float) -> float:
 
 
 @inlined
-def _begin_given(w: Table, lanes: int, actions: Table, begin: int, low: float, high: float) -> None:
+def _begin_given(
+    w: Records, lanes: int, actions: Records, begin: int, low: float, high: float
+) -> None:
     """Begin a control step with the actions of the worlds from ``begin`` on."""
     for i in range(lanes):
         take_command(
@@ -190,7 +192,7 @@ def added(x: float, y: float) -> float:
 
 @inlined
 def _close(
-    w: Table, worlds: Table, b: int, lanes: int, a: Arrays, ended: int, k: int, held: int
+    w: Records, worlds: Records, b: int, lanes: int, a: Arrays, ended: int, k: int, held: int
 ) -> None:
     """End a control step of a block, and write back the worlds that ended.
 
@@ -221,16 +223,16 @@ def _close(
 
 def _build_advance(digest: str) -> Any:
     def advance(
-        worlds: Table,
+        worlds: Records,
         words: NDArray[np.uint64],
-        actions: Table,
-        obs: Table,
-        final_obs: Table,
-        rewards: Table,
-        flags: Table,
+        actions: Records,
+        obs: Records,
+        final_obs: Records,
+        rewards: Records,
+        flags: Records,
         telemetry: NDArray[np.float64],
-        config: Table,
-        constants: Table,
+        config: Records,
+        constants: Records,
         ended: int,
         first: int,
         last: int,
@@ -289,13 +291,13 @@ def _build_alone(digest: str) -> Any:
 
 def _build_reset(digest: str) -> Any:
     def reset(
-        worlds: Table,
+        worlds: Records,
         words: NDArray[np.uint64],
-        chosen: Table,
-        obs: Table,
+        chosen: Records,
+        obs: Records,
         telemetry: NDArray[np.float64],
-        config: Table,
-        constants: Table,
+        config: Records,
+        constants: Records,
     ) -> None:
         _ = digest
         w = _scratch()  # of the same type as above, for which all functions are compiled already

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import inlined, outlined
 from pter_gym._compiled.philox import uniform4
-from pter_gym._compiled.records import Table, entrywise, load, read, rows, store, width
+from pter_gym._compiled.records import Records, entrywise, load, read, rows, store, width
 from pter_gym._engine.world import (
     CONFIG,
     CONFIG_WIDTH,
@@ -94,7 +94,7 @@ def clipped(volts: float, voltage_max: float) -> float:
 
 @inlined
 def is_refused(
-    alive: float, actions: Table, low: float, high: float, ended: int, world: int
+    alive: float, actions: Records, low: float, high: float, ended: int, world: int
 ) -> bool:
     """Return whether a world has ended and must not, or its action is not within the bounds."""
     refused = False
@@ -105,7 +105,7 @@ def is_refused(
 
 @inlined
 def given_volts(
-    actions: Table, world: int, low: float, high: float, voltage_max: float
+    actions: Records, world: int, low: float, high: float, voltage_max: float
 ) -> PerClutch:
     """Return the voltages [V] of an action."""
     given = PerClutch(actions[world, 0], actions[world, 1], actions[world, 2], actions[world, 3])
@@ -113,7 +113,7 @@ def given_volts(
 
 
 @inlined
-def take_command(w: Table, i: int, volts: PerClutch) -> None:
+def take_command(w: Records, i: int, volts: PerClutch) -> None:
     """Take the command of a control step, and keep from the one before what a reward needs."""
     store(w, ROW.command, i, clipped(volts, w[ROW.machine.voltage_max, i]))
     v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
@@ -125,13 +125,13 @@ def take_command(w: Table, i: int, volts: PerClutch) -> None:
 
 
 @inlined
-def plans(w: Table, i: int) -> bool:
+def plans(w: Records, i: int) -> bool:
     """Return whether the hand of a world has a recording or an intent."""
     return (w[ROW.hand.record_count, i] > 0.0) | (w[ROW.hand.intent_speed, i] > 0.0)
 
 
 @outlined
-def plan_hand(w: Table, i: int, constants: Table, period: float, count: float) -> None:
+def plan_hand(w: Records, i: int, constants: Records, period: float, count: float) -> None:
     """Plan what the hand does by itself in the next control step of ``count`` substeps."""
     if w[ROW.hand.record_count, i] > 0.0:
         store(w, ROW.drive, i, recorded(w, i, constants, count))
@@ -140,7 +140,7 @@ def plan_hand(w: Table, i: int, constants: Table, period: float, count: float) -
 
 
 @inlined
-def recorded(w: Table, i: int, constants: Table, count: float) -> Drive:
+def recorded(w: Records, i: int, constants: Records, count: float) -> Drive:
     """Return the recorded forces of the next control step."""
     last = int(w[ROW.hand.record_count, i]) - 1
     now = int(w[ROW.step, i])
@@ -153,7 +153,7 @@ def recorded(w: Table, i: int, constants: Table, count: float) -> Drive:
 
 
 @inlined
-def intended(w: Table, i: int, constants: Table, period: float) -> Target:
+def intended(w: Records, i: int, constants: Records, period: float) -> Target:
     """Move the intended point on by a control step; return where it was, and its velocity."""
     hand = load(w, ROW.hand, i)
     path = load(w, ROW.task.path, i)
@@ -171,7 +171,7 @@ def intended(w: Table, i: int, constants: Table, period: float) -> Target:
 
 
 @inlined
-def move_hand(w: Table, i: int, h: float, whole: bool, guides: bool) -> None:
+def move_hand(w: Records, i: int, h: float, whole: bool, guides: bool) -> None:
     """Advance what the hand does by itself by half a substep or a whole one."""
     half_turn = load(w, ROW.hand.half_turn, i)
     sines = advance_sines(load(w, ROW.sines, i), half_turn)
@@ -187,7 +187,7 @@ def move_hand(w: Table, i: int, h: float, whole: bool, guides: bool) -> None:
 
 
 @inlined
-def active_force(w: Table, i: int, guides: bool) -> PathVector:
+def active_force(w: Records, i: int, guides: bool) -> PathVector:
     """Return the hand's push, disturbance and recorded force [N], without spring and damper."""
     along = w[ROW.hand.push, i]
     across = sum_of_sines(load(w, ROW.hand.amplitude, i), load(w, ROW.sines, i))
@@ -198,7 +198,7 @@ def active_force(w: Table, i: int, guides: bool) -> PathVector:
 
 
 @inlined
-def push_tip(w: Table, i: int, guides: bool) -> None:
+def push_tip(w: Records, i: int, guides: bool) -> None:
     """Find the force on the tip [N] without the spring and without damping of the tip's velocity.
 
     The directions along and across the path are those at the control instant.
@@ -222,7 +222,7 @@ def passive_force(arm: Linkage, q: Motion, target: Target) -> Vector:
 
 
 @inlined
-def hand_force(w: Table, i: int) -> PathVector:
+def hand_force(w: Records, i: int) -> PathVector:
     """Return the hand's force on the tip along and across the path at a control instant [N]."""
     arm = load(w, ROW.machine.arm, i)
     q = load(w, ROW.motion, i)
@@ -235,14 +235,14 @@ def hand_force(w: Table, i: int) -> PathVector:
 
 
 @inlined
-def set_strengths(w: Table, i: int, period: float) -> None:
+def set_strengths(w: Records, i: int, period: float) -> None:
     """Find what friction drift and heat have made of the clutches' torques by now."""
     factor = clamp(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
     store(w, ROW.strength, i, faded(load(w, ROW.heat, i), w[ROW.machine.fade, i], factor))
 
 
 @inlined
-def load_on(w: Table, i: int) -> Load:
+def load_on(w: Records, i: int) -> Load:
     """Return what the hand of a world does to the arm."""
     force = load(w, ROW.force, i)
     to = load(w, ROW.target.position, i)
@@ -250,7 +250,7 @@ def load_on(w: Table, i: int) -> Load:
 
 
 @inlined
-def move_hands(w: Table, lanes: int, h: float, whole: bool, guides: bool) -> None:
+def move_hands(w: Records, lanes: int, h: float, whole: bool, guides: bool) -> None:
     """Advance the hands of the first ``lanes`` worlds, and find their forces for the next kick."""
     for i in range(lanes):
         move_hand(w, i, h, whole, guides)
@@ -259,12 +259,12 @@ def move_hands(w: Table, lanes: int, h: float, whole: bool, guides: bool) -> Non
 
 
 @inlined
-def no_arrangements(w: Table, lanes: int, constants: Table) -> None:
+def no_arrangements(w: Records, lanes: int, constants: Records) -> None:
     """Leave the paper's clutches as they are."""
 
 
 @inlined
-def take_arrangements(w: Table, lanes: int, constants: Table) -> None:
+def take_arrangements(w: Records, lanes: int, constants: Records) -> None:
     """Read the arrangement of the first ``lanes`` worlds."""
     for i in range(lanes):
         store(
@@ -276,7 +276,7 @@ def take_arrangements(w: Table, lanes: int, constants: Table) -> None:
 
 
 @inlined
-def locate(w: Table, i: int, constants: Table) -> None:
+def locate(w: Records, i: int, constants: Records) -> None:
     """Project the tip onto the path."""
     x, y = tip_position(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
     path = load(w, ROW.task.path, i)
@@ -289,14 +289,14 @@ def locate(w: Table, i: int, constants: Table) -> None:
 
 
 @inlined
-def present_state(w: Table, i: int) -> PathState:
+def present_state(w: Records, i: int) -> PathState:
     """Return the state of a world's tip relative to its path."""
     v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
     return path_state(load(w, ROW.foot, i), v_x, v_y, load(w, ROW.task.free, i))
 
 
 @inlined
-def tip_acceleration(w: Table, i: int, period: float) -> Vector:
+def tip_acceleration(w: Records, i: int, period: float) -> Vector:
     """Return the mean acceleration of the tip over a control step [m/s²]."""
     v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
     return Vector(
@@ -305,7 +305,7 @@ def tip_acceleration(w: Table, i: int, period: float) -> Vector:
 
 
 @inlined
-def judge_step(w: Table, i: int, period: float, max_steps: float) -> None:
+def judge_step(w: Records, i: int, period: float, max_steps: float) -> None:
     """Count the step, and find the reward and whether the episode ends.
 
     A world that had ended stays so.
@@ -346,7 +346,7 @@ def judge_step(w: Table, i: int, period: float, max_steps: float) -> None:
 
 
 @inlined
-def was_alive(w: Table, i: int) -> bool:
+def was_alive(w: Records, i: int) -> bool:
     """Return whether a world that ``judge_step`` has judged was alive before the step."""
     return w[ROW.began, i] != 0.0
 
@@ -400,7 +400,7 @@ def measured_velocity(
 
 @outlined
 def take_first_readings(
-    w: Table, i: int, seed: np.uint64, episode: np.uint64, period: float
+    w: Records, i: int, seed: np.uint64, episode: np.uint64, period: float
 ) -> None:
     """Read the sensors where an episode begins, as if the arm had coasted there."""
     q, resolution = load(w, ROW.motion, i), w[ROW.task.sensing.angle_resolution, i]
@@ -411,7 +411,7 @@ def take_first_readings(
 
 
 @outlined
-def take_reading(w: Table, i: int, seed: np.uint64, episode: np.uint64, period: float) -> None:
+def take_reading(w: Records, i: int, seed: np.uint64, episode: np.uint64, period: float) -> None:
     """Read the sensors of a world, and keep the readings before."""
     for age in range(MAX_DELAY, 0, -1):
         store(w, ROW.readings[age], i, load(w, ROW.readings[age - 1], i))
@@ -433,7 +433,7 @@ def take_reading(w: Table, i: int, seed: np.uint64, episode: np.uint64, period: 
 
 
 @inlined
-def store_observation(w: Table, i: int, measured: Measurement) -> None:
+def store_observation(w: Records, i: int, measured: Measurement) -> None:
     """Store the present observation that a measurement gives, in SI units."""
     seen = observation(
         measured,
@@ -447,7 +447,7 @@ def store_observation(w: Table, i: int, measured: Measurement) -> None:
 
 
 @inlined
-def observe_world(w: Table, i: int) -> None:
+def observe_world(w: Records, i: int) -> None:
     """Find the present observation as ideal sensors see it."""
     store_observation(
         w,
@@ -459,7 +459,7 @@ def observe_world(w: Table, i: int) -> None:
 
 
 @outlined
-def observe_reading(w: Table, i: int, constants: Table) -> None:
+def observe_reading(w: Records, i: int, constants: Records) -> None:
     """Find the present observation from what the sensors read, now or earlier."""
     reading = load(w, ROW.readings[int(w[ROW.task.sensing.delay, i])], i)
     arm, path = load(w, ROW.machine.arm, i), load(w, ROW.task.path, i)
@@ -469,7 +469,7 @@ def observe_reading(w: Table, i: int, constants: Table) -> None:
 
 
 @inlined
-def scale_entries(w: Table, first: int, last: int, config: Table) -> None:
+def scale_entries(w: Records, first: int, last: int, config: Records) -> None:
     """Bring the observations in columns ``first`` … ``last`` − 1 to their scales, within ±BOUND.
 
     Each passes here once a control step, and once at a reset.
@@ -481,7 +481,7 @@ def scale_entries(w: Table, first: int, last: int, config: Table) -> None:
 
 
 @inlined
-def observe(w: Table, i: int, config: Table, constants: Table) -> None:
+def observe(w: Records, i: int, config: Records, constants: Records) -> None:
     """Find the present observation of a world with any sensors."""
     if w[ROW.task.sensing.is_ideal, i] != 0.0:
         observe_world(w, i)
@@ -492,7 +492,7 @@ def observe(w: Table, i: int, config: Table, constants: Table) -> None:
 
 @inlined
 def write_observation(
-    w: Table, i: int, obs: Table, world: int, config: Table, constants: Table
+    w: Records, i: int, obs: Records, world: int, config: Records, constants: Records
 ) -> None:
     """Write the observation, and the context if that is observed, to a row of ``obs``."""
     plain = int(config[CONFIG.entries])
@@ -512,14 +512,14 @@ def _mover(arrangement_at: Any) -> Any:
     control_step = control_step_on(ROW, load_on, arrangement_at, move_hands)
 
     @inlined
-    def heat_clutches(w: Table, i: int, period: float) -> None:
+    def heat_clutches(w: Records, i: int, period: float) -> None:
         """Add the heat of a control step, from torques and slip velocities at its end."""
         q, heat, cooling = load(w, ROW.motion, i), load(w, ROW.heat, i), w[ROW.machine.cooling, i]
         slip = slip_velocities(q.omega_a, q.omega_b, arrangement_at(w, i))
         store(w, ROW.heat, i, heated(heat, product(load(w, ROW.torque, i), slip), period, cooling))
 
     @inlined
-    def sense_torques(w: Table, i: int) -> None:
+    def sense_torques(w: Records, i: int) -> None:
         """Find the torques [N·m] that the clutches generate now."""
         q, machine, torques = (
             load(w, ROW.motion, i),
@@ -531,7 +531,7 @@ def _mover(arrangement_at: Any) -> Any:
         )
 
     @inlined
-    def move(w: Table, lanes: int, config: Table, guides: bool) -> None:
+    def move(w: Records, lanes: int, config: Records, guides: bool) -> None:
         """Move the worlds in the first ``lanes`` columns through a control step.
 
         ``guides`` says that hands may have more than a push and sines, and that clutches may fade.
@@ -559,13 +559,13 @@ move_worlds, move_declared = _mover(paper_clutches), _mover(arrangement_from(ROW
 
 @inlined
 def conclude_step(
-    w: Table,
+    w: Records,
     width: int,
     lanes: int,
     words: NDArray[np.uint64],
     first: int,
-    config: Table,
-    constants: Table,
+    config: Records,
+    constants: Records,
     with_extras: bool,
 ) -> None:
     """Find the result of a control step: place, reward, end, the hand's next plan, observation.

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._compiled.records import Entry, Table, joined, rows, width
+from pter_gym._compiled.records import Entry, Records, joined, rows, width
 from pter_gym._physics.arm import Motion, PerLink, Vector
 from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch, Torques
@@ -225,10 +225,10 @@ class Arrays(NamedTuple):
     """
 
     words: NDArray[np.uint64]
-    obs: Table
-    final_obs: Table
-    rewards: Table
-    flags: Table
+    obs: Records
+    final_obs: Records
+    rewards: Records
+    flags: Records
     telemetry: NDArray[np.float64]
-    config: Table
-    constants: Table
+    config: Records
+    constants: Records

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pter_gym._compiled.compiler import compile_kernel, compiled, inlined, outlined
-from pter_gym._compiled.records import Table, load, rows, store, width, write
+from pter_gym._compiled.records import Records, load, rows, store, width, write
 from pter_gym._physics.arm import (
     Load,
     PerLink,
@@ -268,7 +268,7 @@ def scratch(body: NDArray[np.float64]) -> Any:
 
 
 @inlined
-def _load_on(body: Table, i: int) -> Load:
+def _load_on(body: Records, i: int) -> Load:
     return load(body, BODY.load, i)
 
 
@@ -277,7 +277,7 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
     control_step = control_step_on(BODY, _load_on, arrangement_at)
 
     @inlined
-    def advance(body: Table, command: PerClutch, on: Load, h: float) -> None:
+    def advance(body: Records, command: PerClutch, on: Load, h: float) -> None:
         """Advance a ``body_of`` by a substep of h [s] at a command [V] under a load."""
         store(body, BODY.command, 0, command)
         store(body, BODY.load, 0, on)
@@ -288,7 +288,7 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
             heat_clutches(body, h)
 
     @outlined
-    def heat_clutches(body: Table, h: float) -> None:
+    def heat_clutches(body: Records, h: float) -> None:
         """Add what a substep has dissipated to the clutches' heat, and fade their torques."""
         q, impact, capacity = (
             load(body, BODY.motion, 0),
@@ -306,7 +306,7 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
         store(body, BODY.strength, 0, faded(heat, body[BODY.machine.fade, 0], 1.0))
 
     @inlined
-    def row_of(body: Table) -> Row:
+    def row_of(body: Records) -> Row:
         """Return what to record of a machine after a substep."""
         arm = load(body, BODY.machine.arm, 0)
         q = load(body, BODY.motion, 0)
@@ -344,10 +344,10 @@ def _functions(arrangement_at: Any) -> tuple[Any, Any]:
 def _build(digest: str) -> Any:
     def kernel(
         start: NDArray[np.float64],
-        volts: Table,
-        hand_force: Table,
-        joint_torque: Table,
-        hand_target: Table,
+        volts: Records,
+        hand_force: Records,
+        joint_torque: Records,
+        hand_target: Records,
         h: float,
         record: NDArray[np.float64],
     ) -> None:

@@ -10,7 +10,7 @@ holds in each.
 from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.compiler import inlined, outlined
-from pter_gym._compiled.records import Entry, Table, entrywise, load, store
+from pter_gym._compiled.records import Entry, Records, entrywise, load, store
 from pter_gym._physics.arm import (
     Linkage,
     Load,
@@ -145,7 +145,7 @@ def free_motion(q: Motion, arm: Linkage, on: Load, h: float) -> Impact:
 
 
 @inlined
-def count_nonzero(w: Table, row: float, lanes: int) -> int:
+def count_nonzero(w: Records, row: float, lanes: int) -> int:
     """Return how many of the first columns of an array are not zero in a row."""
     count = 0
     for i in range(lanes):
@@ -368,7 +368,7 @@ def turning_energy(before: Motion, after: Motion, arm: Linkage) -> float:
 
 
 @inlined
-def paper_clutches(w: Table, i: int) -> None:
+def paper_clutches(w: Records, i: int) -> None:
     """Return None, the arrangement of the paper's clutches: its branches compile to nothing."""
 
 
@@ -376,7 +376,7 @@ def arrangement_from(at: Any) -> Any:
     """Return a function of an array and a column that returns a machine's ``Arrangement``."""
 
     @inlined
-    def declared(w: Table, i: int) -> Arrangement:
+    def declared(w: Records, i: int) -> Arrangement:
         return load(w, at.arrangement, i)
 
     return declared
@@ -412,7 +412,7 @@ def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> t
     """
 
     @inlined
-    def aim(w: Table, i: int, whole: bool) -> None:
+    def aim(w: Records, i: int, whole: bool) -> None:
         machine = load(w, at.machine, i)
         decay = whole_decay(machine.voltage_decay) if whole else machine.voltage_decay
         lagged = relax(load(w, at.lagged_volts, i), load(w, at.command, i), decay)
@@ -421,7 +421,7 @@ def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> t
         store(w, at.steady, i, scaled(steady, machine.scale, load(w, at.strength, i)))
 
     @inlined
-    def drift(w: Table, i: int, h: float, whole: bool) -> None:
+    def drift(w: Records, i: int, h: float, whole: bool) -> None:
         half = load(w, at.machine.torque_decay, i)
         decay = whole_decay(half) if whole else half
         store(w, at.torques, i, relax(load(w, at.torques, i), load(w, at.steady, i), decay))
@@ -433,7 +433,7 @@ def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> t
     find, take, divide = kick_stages_on(at, load_on, arrangement_at)
 
     @inlined
-    def kick(w: Table, lanes: int, h: float) -> None:
+    def kick(w: Records, lanes: int, h: float) -> None:
         # a vectorised loop over all machines; the few that need parts go through them one by one
         for i in range(lanes):
             find(w, i, h)
@@ -448,7 +448,7 @@ def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> t
 
 
 @inlined
-def no_hands(w: Table, lanes: int, h: float, whole: bool, guides: bool) -> None:
+def no_hands(w: Records, lanes: int, h: float, whole: bool, guides: bool) -> None:
     """Leave the loads as they are."""
 
 
@@ -474,7 +474,9 @@ def control_step_on(
     aim, drift, kick = substep_on(at, load_on, arrangement_at)
 
     @inlined
-    def control_step(w: Table, lanes: int, h: float, count: int, aims: bool, guides: bool) -> None:
+    def control_step(
+        w: Records, lanes: int, h: float, count: int, aims: bool, guides: bool
+    ) -> None:
         for stage in range(stage_count(count)):
             if is_kick(stage):
                 kick(w, lanes, h)
@@ -495,7 +497,7 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
     """Return what makes a kick of the machine in column ``i`` of an array; see ``substep_on``."""
 
     @inlined
-    def find(w: Table, i: int, h: float) -> None:
+    def find(w: Records, i: int, h: float) -> None:
         """Find the velocities after a kick of a time h, and whether a clutch switches in it."""
         torques = load(w, at.torques, i)
         threshold = w[at.machine.slip_threshold, i]
@@ -523,7 +525,7 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
         w[at.switches, i] = 1.0 if switch else 0.0
 
     @inlined
-    def take(w: Table, i: int) -> None:
+    def take(w: Records, i: int) -> None:
         """Move on at the velocities that were found, and add up the energies."""
         omega = load(w, at.omega, i)
         q = load(w, at.motion, i)
@@ -538,7 +540,7 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
         w[at.energy.residual, i] += energy.residual
 
     @outlined
-    def creep(w: Table, i: int) -> None:
+    def creep(w: Records, i: int) -> None:
         """Find a kick again where clutches may creep, by the torques that keep them at the edge.
 
         With these as their capacities, the solution is that of the usual friction problem.
@@ -562,7 +564,7 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
         store(w, at.omega, i, PerLink(omega_a, omega_b))
 
     @outlined
-    def divide(w: Table, i: int) -> None:
+    def divide(w: Records, i: int) -> None:
         """Take a kick in parts, each up to the next switch of a clutch, but for the last."""
         creep(w, i)
         for _ in range(MAX_PARTS - 1):

@@ -9,7 +9,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from pter_gym._compiled.compiler import inlined
-from pter_gym._compiled.records import Entry, Table, read, width
+from pter_gym._compiled.records import Entry, Records, read, width
 from pter_gym._physics.arm import UnitVector
 from pter_gym.paths._arcs import SEGMENT, ArcSegment
 
@@ -27,7 +27,7 @@ class Foot(NamedTuple):
 
 
 @inlined
-def segment_at(constants: Table, first: int, segment: int) -> ArcSegment:
+def segment_at(constants: Records, first: int, segment: int) -> ArcSegment:
     """Read an arc of the chain that begins at ``first`` in the constants."""
     return read(constants, SEGMENT, first + segment * SEGMENT_WIDTH)
 
@@ -73,7 +73,7 @@ def neighbour(arc: ArcSegment, segment: int, count: int, s: float, direction: in
 
 
 @inlined
-def project(constants: Table, first: int, count: int, segment: int, x: float, y: float) -> Foot:
+def project(constants: Records, first: int, count: int, segment: int, x: float, y: float) -> Foot:
     """Project a point (x, y) [m] onto a chain of ``count`` arcs, from the arc that it was on.
 
     Beyond the ends of the chain, its first and last arc are extended.
@@ -91,7 +91,7 @@ def project(constants: Table, first: int, count: int, segment: int, x: float, y:
 
 
 @inlined
-def segment_of(constants: Table, first: int, count: int, s: float) -> int:
+def segment_of(constants: Records, first: int, count: int, s: float) -> int:
     """Return the number of the arc that contains an arc length [m]."""
     low = 0
     high = count - 1
@@ -105,7 +105,7 @@ def segment_of(constants: Table, first: int, count: int, s: float) -> int:
 
 
 @inlined
-def point_at(constants: Table, first: int, count: int, s: float) -> tuple[float, float]:
+def point_at(constants: Records, first: int, count: int, s: float) -> tuple[float, float]:
     """Return the point (x, y) [m] at an arc length [m]; first and last arc are extended."""
     arc = segment_at(constants, first, segment_of(constants, first, count, s))
     along = s - arc.start
