@@ -74,7 +74,7 @@ def test_a_model_acts_as_in_its_own_environment(kind: str, unit: Any) -> None:
 
 @pytest.mark.parametrize("skip", [1, 3])
 def test_a_model_corrects_a_law_as_in_its_own_environment(skip: int) -> None:
-    own: dict[str, Any] = {"base": "impedance", "reach": 3.7, "frame_skip": skip}
+    own: dict[str, Any] = {"base": "single-dof-tuned", "reach": 3.7, "frame_skip": skip}
     venv = vec_env.VecNormalize(make_sb3_vec_env(2, **own), clip_obs=3.0)
     model = KINDS["PPO"](venv).learn(64)
     task, seeds = PathFollowing(start_offset=0.01), [5, 6, 7]

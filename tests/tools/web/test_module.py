@@ -125,10 +125,10 @@ def test_worlds_of_all_scenarios_have_the_bits_of_the_native_ones(
     functions: Path, tmp_path: Path
 ) -> None:
     """State, observation, reward, flags and telemetry at each step, and the laws' voltages."""
-    found = compared(functions, tmp_path, 1000)
+    found = compared(functions, tmp_path, 2500)
     assert found["different"] == []
-    assert found["steps"] == 1000 * 8 * len(SCENARIOS) >= 50_000
-    assert found["episodes"] > 400
+    assert found["steps"] == 2500 * 8 * len(SCENARIOS) >= 100_000
+    assert found["episodes"] > 1000
 
 
 @pytest.mark.long
