@@ -11,8 +11,7 @@ from pter_gym._engine.batch import Batch
 from pter_gym._engine.kernels import alone_kernel
 from pter_gym._physics import open_loop
 from pter_gym.controllers import Free
-from pter_gym.gradients import rollout
-from pter_gym.params import BASELINE, MACHINES, Machine
+from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing
 from rollouts import simulate
 
@@ -29,15 +28,14 @@ def main(part: str) -> None:
         alone_kernel(False)
         run_extending()  # after the others: laws share what they have compiled
         if find_spec("jax"):
-            from pter_gym._engine.xla import register_calls
+            from pter_gym._engine.xla import register_calls, register_law
 
             register_calls()
-        move(BASELINE)
+            assert policy.law is not None
+            register_law(policy.law.function)
     else:
-        alone_kernel(True)
-        move(MACHINES["two-brakes"])
         state = open_loop.initial_state(BASELINE, (0.5, 2.0))
-        rollout(BASELINE, state, np.zeros((1, 4)), np.zeros(2)).gradient(theta=np.zeros((2, 2)))
+        open_loop.simulate(BASELINE, state, np.zeros(4), np.zeros(2), duration=BASELINE.substep)
         if find_spec("pter_gym.tools.identification"):
             from pter_gym.tools.identification.parameters import Shape
             from pter_gym.tools.identification.shooting import make_inputs, predict
@@ -46,12 +44,6 @@ def main(part: str) -> None:
             shape = Shape(BASELINE, 22.0)
             p = shape.coordinates(BASELINE)
             predict(shape, p, inputs, np.array([[0.5, 2.0, 0.0, 0.0]]), 2)
-
-
-def move(machine: Machine) -> None:
-    """Compile the open loop for the clutches of a machine."""
-    state = open_loop.initial_state(machine, (0.5, 2.0))
-    open_loop.simulate(machine, state, np.zeros(4), np.zeros(2), duration=machine.substep)
 
 
 def compile_all() -> None:

@@ -160,8 +160,8 @@ def test_machines_about_one_come_back_and_are_drawn_with_their_covariance(tmp_pa
     save_machine(spread(), tmp_path / "m.toml", origin="chosen: by hand")
     assert find_machines(tmp_path / "m.toml") == spread()
     assert load_machine(tmp_path / "m.toml") == BASELINE
-    rng = np.random.default_rng(0)
-    machines = [spread().draw(rng) for _ in range(4000)]
+    rng, about = np.random.default_rng(0), spread()
+    machines = [about.draw(rng) for _ in range(4000)]
     numbers = np.array([(m.arm.inertia_a, m.clutch_scale[0], m.arm.dry_a) for m in machines])
     found = np.cov(numbers[:, :2].T)
     np.testing.assert_allclose(found, np.array(spread().covariance)[:2, :2], rtol=0.1)

@@ -50,7 +50,7 @@ def test_a_script_trains(script: str, tmp_path: Path, monkeypatch: pytest.Monkey
     assert examine({script: policy}, episodes=2).keys() == {script, "free", "locked", "random"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_study_ranks_each_seed_of_what_it_chose(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

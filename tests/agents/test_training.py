@@ -111,7 +111,7 @@ def test_a_learning_curve_has_a_column_for_each_pace_and_lines_for_the_laws() ->
         assert axes.get_yscale() == "log"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_film_shows_the_policy_beside_a_law(tmp_path: Path) -> None:
     from pter_agents.report import film
 

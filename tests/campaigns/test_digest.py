@@ -48,7 +48,13 @@ def mathematics() -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", SCENARIOS)
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        pytest.param(x, marks=() if x in ("Paths", "Tremor", "Everything") else pytest.mark.long)
+        for x in SCENARIOS
+    ],
+)
 def test_the_bits_are_those_that_are_stored(scenario: str) -> None:
     stored = json.loads(STORED.read_text("utf-8"))
     if stored["mathematics"] != mathematics():

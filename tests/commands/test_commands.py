@@ -115,10 +115,10 @@ def test_a_laws_warning_is_one_line(
 
 
 def test_benchmark_takes_a_machine(tmp_path: Path) -> None:
-    line = "benchmark --policies random --paces brisk --episodes 2 --no-film --machine two-brakes"
-    assert main([*line.split(), "--out", str(tmp_path)]) == 0
+    line = "benchmark --policies random --paces brisk --no-film --machine delrin_experimental"
+    assert main([*line.split(), "--episodes", "2", "--out", str(tmp_path)]) == 0
     (run,) = ResultsFolder(tmp_path).runs()
-    assert (run.scenario, run.seed) == ("standard-with-two-brakes", 0)
+    assert (run.scenario, run.seed) == ("standard-with-delrin_experimental", 0)
 
 
 def test_help_survives_a_command_whose_package_is_gone(

@@ -401,7 +401,9 @@ def digest() -> str:
     return content.hexdigest()
 
 
-@pytest.mark.parametrize("setting", ["", "NUMBA_DISABLE_JIT=1"])
+@pytest.mark.parametrize(
+    "setting", [pytest.param("", marks=pytest.mark.long), "NUMBA_DISABLE_JIT=1"]
+)
 def test_another_process_has_the_same_bits(setting: str) -> None:
     folder = str(Path(__file__).parents[1])
     code = (

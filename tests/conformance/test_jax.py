@@ -104,9 +104,8 @@ def test_one_world_is_a_row_of_many_and_vmap_may_be_nested() -> None:
     env, params = make("PTER/Hands-v0", contexts=8)
     keys = jax.random.split(jax.random.key(3), 6)
     actions = jnp.linspace(0.0, 8.0, 24).reshape(6, 4)
-    ones = [
-        env.step(None, env.reset(key)[1], action) for key, action in zip(keys, actions, strict=True)
-    ]
+    alone = jax.jit(lambda key, action: env.step(None, env.reset(key)[1], action))
+    ones = [alone(key, action) for key, action in zip(keys, actions, strict=True)]
     flat = many(env)(None, jax.vmap(env.reset)(keys)[1], actions, params)
     grid = jax.vmap(many(env), in_axes=(None, 0, 0, None))
     states = jax.vmap(jax.vmap(env.reset))(keys.reshape(2, 3))[1]
@@ -255,6 +254,7 @@ np.testing.assert_array_equal(after.world, again.world)
 """
 
 
+@pytest.mark.long
 def test_beside_a_gpu_worlds_run_on_the_cpu() -> None:
     """A second device of the CPU stands for the GPU that JAX takes by default."""
     subprocess.run([sys.executable, "-c", BESIDE_A_GPU], check=True)

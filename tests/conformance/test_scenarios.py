@@ -290,6 +290,7 @@ def test_one_machine_is_known_at_every_door(draws: Draws, expected: Machine) -> 
     assert known == [expected] * 7
 
 
+@pytest.mark.long
 def test_a_law_that_knows_two_brakes_runs_on_draws_about_them() -> None:
     machine = Vary(MACHINES["two-brakes"], clutch_scale=(Uniform(0.9, 1.1),) * 4)
     (run,) = run_scenario(

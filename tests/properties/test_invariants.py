@@ -20,7 +20,7 @@ DETERMINISTIC = settings(
     derandomize=True,
     deadline=None,
     database=None,
-    max_examples=150,
+    max_examples=75,
     suppress_health_check=[HealthCheck.too_slow],
 )
 PAPERS = [machine for machine in MACHINES.values() if machine.has_paper_clutches]

@@ -10,7 +10,11 @@ numbers up to P = |p| + Σ c·|W_x|. So
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -65,7 +69,7 @@ DECLARED = {name: MACHINES[name] for name in ARRANGEMENTS} | {
 
 @pytest.fixture(scope="module")
 def given_problems() -> Arranged:
-    return problems(np.random.default_rng(20261125), 40_000)
+    return problems(np.random.default_rng(20261125), 10_000)
 
 
 def rounding(given: Arranged, omega: np.ndarray) -> np.ndarray:
@@ -137,13 +141,17 @@ def storm(machine: Machine, seed: int, steps: int = 400) -> Any:
     return simulate(machine, start, volts, force, torque)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", DECLARED)
 def test_motion_is_passive_and_its_energy_closes(name: str) -> None:
-    machine = DECLARED[name]
+    check_motion(DECLARED[name], 4, 400)
+
+
+def check_motion(machine: Machine, seeds: int, steps: int) -> None:
     rows = np.array(machine.slot_rows)
     there = np.array(machine.slot_scale) > 0.0
-    for seed in range(4):
-        run = storm(machine, seed)
+    for seed in range(seeds):
+        run = storm(machine, seed, steps)
         told = run.hand_work - run.dissipated - run.numerical_loss + run.residual
         terms = (
             run.kinetic_energy,
@@ -168,11 +176,13 @@ def test_motion_is_passive_and_its_energy_closes(name: str) -> None:
         assert np.array_equal(run.mode, np.where(rest, ClutchMode.ZERO_DOF, first))
 
 
+@pytest.mark.long
 def test_clutches_of_any_ratio_do_stick() -> None:
     modes = np.concatenate([storm(MACHINES["couplings-1-2"], seed).mode for seed in range(4)])
     assert {*ClutchMode} == {*modes}
 
 
+@pytest.mark.long
 def test_two_equal_clutches_are_one_of_twice_the_torque() -> None:
     """Sums of two torques are rounded once more; the velocities of 60 substeps grow apart by far
     less than 1e-9."""
@@ -192,6 +202,7 @@ def test_two_equal_clutches_are_one_of_twice_the_torque() -> None:
         assert np.array_equal(double.mode, one.mode)
 
 
+@pytest.mark.long
 def test_dry_friction_holds_an_axis_without_a_clutch() -> None:
     machine = DECLARED["dry axes without brakes"]
     start = initial_state(machine, (0.5, 2.0))
@@ -204,31 +215,36 @@ def test_dry_friction_holds_an_axis_without_a_clutch() -> None:
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", DECLARED)
 def test_worlds_move_as_in_open_loop_and_alone_as_in_a_batch(name: str) -> None:
     """Episodes with random voltages: passive, and no world knows the others."""
-    machine, count = DECLARED[name], 9
+    check_worlds(DECLARED[name], 9, 60)
+
+
+def check_worlds(machine: Machine, count: int, steps: int) -> None:
     batch, alone = Batch(machine, PathFollowing(), count), Batch(machine, PathFollowing(), 1)
     batch.reset([*range(count)])
-    alone.reset([4])
+    alone.reset([count // 2])
     rng = np.random.default_rng(5)
-    for _ in range(60):
+    for _ in range(steps):
         actions = rng.uniform(0.0, 24.0, (count, 4)) * rng.integers(0, 2, (count, 4))
         actions = actions[:, : batch.num_actions]
         told = batch.step(actions, SKIP)
-        mine = actions[4]
+        mine = actions[count // 2]
         other = alone.step(mine[None], SKIP)
         rows = told.telemetry[0]
         power, dissipated = rows[:, [*COLUMN.power]], rows[:, COLUMN.energy.dissipated]
         assert not (power > 0.0).any()
         assert not (dissipated < 0.0).any()
         moved = [*COLUMN.theta, *COLUMN.tip_velocity, *COLUMN.torque]
-        assert np.array_equal(rows[4, moved], other.telemetry[0, 0, moved], equal_nan=True)
+        assert np.array_equal(rows[count // 2, moved], other.telemetry[0, 0, moved], equal_nan=True)
 
 
 # --- environments and laws ---
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [2, 3])
 def test_environments_take_an_entry_for_each_clutch(count: int) -> None:
     name = {2: "two-brakes", 3: "brakes-and-coupling"}[count]
@@ -245,6 +261,7 @@ def test_environments_take_an_entry_for_each_clutch(count: int) -> None:
     assert told == pytest.approx([*volts, *[0.0] * (SLOTS - count)])
 
 
+@pytest.mark.long
 @pytest.mark.agents
 def test_stable_baselines3_steps_as_the_vector_environment() -> None:
     door = pytest.importorskip("pter_gym.envs.sb3", exc_type=ImportError)
@@ -256,25 +273,53 @@ def test_stable_baselines3_steps_as_the_vector_environment() -> None:
     np.testing.assert_array_equal(worlds.step(actions)[0], envs.step(actions)[0])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", DECLARED)
 @pytest.mark.parametrize(
     "law", [Impedance(), TorqueFeedback(), SingleDof(), VelocityRatio(), Locked(), Random()]
 )
 def test_laws_command_only_what_is_there(name: str, law: Any) -> None:
-    machine = DECLARED[name]
-    batch = Batch(machine, PathFollowing(), 4)
-    rows = rollouts.simulate(batch, law.bind(machine, batch.layout), [*range(4)], 150)
+    check_law(DECLARED[name], law, 4, 150)
+
+
+def check_law(machine: Machine, law: Any, count: int, steps: int) -> None:
+    batch = Batch(machine, PathFollowing(), count)
+    rows = rollouts.simulate(batch, law.bind(machine, batch.layout), [*range(count)], steps)
     volts = rows[..., [*COLUMN.volts]]
     there = np.array(machine.slot_scale) > 0.0
     assert not np.nan_to_num(volts[..., ~there]).any()
     assert np.nan_to_num(volts[..., there]).any()
 
 
+@pytest.mark.long
 def test_single_dof_lines_engage_a_coupling_of_any_ratio() -> None:
     machine = replace(BASELINE, clutches=FOUR_COUPLINGS)
     batch = Batch(machine, PathFollowing(), 16)
     rows = rollouts.simulate(batch, SingleDof().bind(machine, batch.layout), [*range(16)], 200)
     assert np.nan_to_num(rows[..., [*COLUMN.volts]]).max(axis=(0, 1)).astype(bool).sum() >= 2
+
+
+WITHOUT_KERNELS = """
+from verification.test_arrangements import *
+
+for machine in DECLARED.values():
+    check_motion(machine, 1, 60)
+for name in ("couplings-1-2", "light hand", "dry axes without brakes"):
+    check_worlds(DECLARED[name], 2, 3)
+    check_law(DECLARED[name], SingleDof(), 1, 6)
+"""
+
+
+def test_the_functions_of_the_kernels_do_the_same() -> None:
+    """Few steps of those tests above that are long: the kernels take half a minute to compile."""
+    environment = {
+        **os.environ,
+        "NUMBA_DISABLE_JIT": "1",
+        "PYTHONPATH": os.pathsep.join(
+            [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
+        ),
+    }
+    subprocess.run([sys.executable, "-c", WITHOUT_KERNELS], env=environment, check=True)
 
 
 # --- declarations ---
@@ -343,6 +388,7 @@ def test_mismatched_clutches_are_refused(made: Any) -> None:
         made()
 
 
+@pytest.mark.long
 def test_worlds_of_different_clutches_share_a_batch() -> None:
     several = [MACHINES["double-brakes"], MACHINES["couplings-1-2"], MACHINES["couplings-2-1"]]
     together = Batch(several, PathFollowing())

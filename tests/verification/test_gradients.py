@@ -254,6 +254,9 @@ ALL |= {
     for kind in ("as it is", "with a hand", "other clutches")
 }
 
+COVERED = ("as it is", "as it is, creeping", "other clutches")
+"""What "with a hand", creeping or not, and "other clutches, creeping" have in them."""
+
 STIFF = replace(
     ALL["with a hand"], hand=Hand(mass=0.3, damping=900.0, damping_anisotropy=(0.3, -0.2))
 )
@@ -301,7 +304,9 @@ def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("steps", [8, pytest.param(30, marks=pytest.mark.long)])
-@pytest.mark.parametrize("kind", ALL)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.long if kind in COVERED else ()) for kind in ALL]
+)
 def test_a_rollout_has_the_gradient_of_paired_rollouts(kind: str, steps: int, uncompiled: None):
     """By all that goes in, over control steps of sticking and slipping in which no pair has another
     order of events.
@@ -368,7 +373,7 @@ def test_a_rollout_has_the_gradient_of_paired_rollouts(kind: str, steps: int, un
             assert gradient.machine[place] == pytest.approx(moved, rel=1e-4, abs=1e-4), place
 
 
-def test_a_rollout_moves_as_the_simulator_does():
+def test_a_rollout_moves_as_the_simulator_does(uncompiled: None):
     """The same substeps, but that half-drifts between kicks are one: 120 substeps of rounding."""
     given = drawn(BASELINE, 30, seed=5)
     run = gradients.rollout(**given)
@@ -384,6 +389,7 @@ def test_a_rollout_moves_as_the_simulator_does():
     np.testing.assert_array_equal(again.theta[0], run.theta[-1])
 
 
+@pytest.mark.long
 def test_kernels_compute_what_their_functions_do(request: pytest.FixtureRequest):
     """But for the last bits of hypot: 8 control steps multiply them by less than 10⁶."""
     run = gradients.rollout(**drawn(ALL["with a hand"], 8, seed=3))
@@ -403,7 +409,7 @@ def parts_of(body: Any) -> int:
     return 1 if body[BODY.span, 0] == SUBSTEP else 2
 
 
-def test_whole_numbers_in_a_machine_are_numbers():
+def test_whole_numbers_in_a_machine_are_numbers(uncompiled: None):
     def gradient(machine: Machine) -> gradients.Gradient:
         made = gradients.rollout(
             machine, initial_state(machine, (0.5, 2.0)), np.full((3, 4), 5.0), np.array([5.0, 3.0])
@@ -529,14 +535,14 @@ def test_clutches_that_fade_are_refused():
         gradients.rollout(**{**drawn(BASELINE, 3, seed=0), "machine": machine})
 
 
-def test_bad_derivatives_are_refused():
+def test_bad_derivatives_are_refused(uncompiled: None):
     run = gradients.rollout(**drawn(BASELINE, 3, seed=0))
     for field, value in (("tip", np.ones((4, 2))), ("theta", np.ones(2))):
         with pytest.raises(ParameterError, match=field):
             run.gradient(**{field: value})
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_second_derivatives_are_refused() -> None:
     jax = pytest.importorskip("jax")
     from pter_gym.gradients.jax import make_rollout
@@ -550,14 +556,14 @@ def test_second_derivatives_are_refused() -> None:
         jax.hessian(reached)(jax.numpy.ones(2))
 
 
-def test_a_diverging_motion_raises():
+def test_a_diverging_motion_raises(uncompiled: None):
     given = drawn(BASELINE, 3, seed=0)
     fast = replace(given["state"], omega=np.array([1e200, 1e200]))
     with pytest.raises(DivergenceError):
         gradients.rollout(**{**given, "state": fast})
 
 
-def test_where_the_torques_are_settled_the_derivative_is_that_of_rising_ones():
+def test_where_the_torques_are_settled_the_derivative_is_that_of_rising_ones(uncompiled: None):
     """At a constant voltage the lag has a kink where a fall takes longer than a rise.
 
     The gradient is the limit at voltages that slowly rise, so that of a shift of all steps is the

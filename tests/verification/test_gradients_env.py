@@ -76,18 +76,8 @@ def test_a_step_has_the_bits_of_jax_env(wide: bool) -> None:
         np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "wide"),
-    [
-        ("paths", True),
-        pytest.param("standard", False, marks=pytest.mark.long),
-        *(
-            pytest.param(kind, True, marks=pytest.mark.long)
-            for kind in ("standard", "materials", "voltages")
-        ),
-    ],
-)
+@pytest.mark.long
+@pytest.mark.parametrize(("kind", "wide"), [("standard", False), *((kind, True) for kind in KINDS)])
 def test_the_gradient_by_a_policy_is_that_of_paired_runs(kind: str, wide: bool) -> None:
     """For each world along a random direction of its gains, four steps long, where no run ends.
 
@@ -132,7 +122,7 @@ def test_the_gradient_by_a_policy_is_that_of_paired_runs(kind: str, wide: bool) 
     assert np.median(bound[usable] / np.abs(found[usable])) < 0.02
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_end_of_an_episode_cuts_the_gradient() -> None:
     env, _ = make("PTER/Standard-v0", max_episode_steps=2, episode_end="constant")
     _, state = env.reset_to_seed(3)

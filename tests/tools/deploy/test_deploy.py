@@ -24,7 +24,7 @@ from pter_gym._physics.arm import links_at
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.rollout import evaluate, record_episode
-from pter_gym.controllers import PerClutch, Policy, bind, compiled
+from pter_gym.controllers import CONTROLLERS, PerClutch, Policy, bind, compiled
 from pter_gym.controllers._laws import built_in
 from pter_gym.errors import ParameterError, StorageError
 from pter_gym.params import BASELINE, MACHINES, find_machine
@@ -128,8 +128,8 @@ def held_policy() -> Any:
     return replace(policy, interface=replace(policy.interface, frame_skip=3))
 
 
-LAWS = ("impedance", "torque-feedback", "velocity-ratio", "single-dof-tuned", "residual")
-MORE_LAWS = sorted({"single-dof", "locked", *TUNED, "ppo-standard"} - {*LAWS})
+LAWS = ("impedance", "single-dof-tuned", "residual")
+MORE_LAWS = sorted({*CONTROLLERS, *TUNED, "ppo-standard"} - {*LAWS, "free", "random"})
 SMALLER = [
     ("torque-feedback-tuned", "float", "float"),
     ("residual", "float", "float"),

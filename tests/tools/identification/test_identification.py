@@ -189,7 +189,7 @@ def test_a_combination_that_the_log_leaves_open_is_named(monkeypatch: pytest.Mon
     constant = lambda _experiment, times, _clutches: np.tile([5.0, 0, 0, 0], (len(times), 1))  # noqa: E731
     monkeypatch.setattr(Experiment, "voltages", constant)
     machine = replace(BASELINE, arm=replace(OTHER.arm, dry_a=0.3))
-    log = record_log(machine, replace(SHORT, levels=(6.0, 14.0)), Recorder(delay=0.006))
+    log = record_log(machine, replace(SHORT, levels=(6.0,)), Recorder(delay=0.006))
     found = identify(log, BASELINE)
     told = {finding.quantity.name: finding for finding in found.findings}
     assert found.verdict.grade == EXACT

@@ -324,7 +324,7 @@ def test_the_command_names_what_is_wrong(
     assert said in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_uneven_log_gives_the_machine_back(tmp_path: Path):
     """A relative angle in degrees, a clock that wanders and loses rows, joined with an even log."""
     machine = replace(

@@ -8,8 +8,6 @@ from pter_gym.params import BASELINE
 from pter_gym.tools.identification import Identification, identify
 from pter_gym.tools.identification.verdict import EXACT
 
-IN_THE_GATE = ("Stribeck 0.1 rad/s",)
-
 STIFF = 0.02
 """Of a number's scale: what the stiff springs of the oracle may change."""
 
@@ -28,11 +26,8 @@ def wrong(case: Mismatch, found: Identification) -> dict[str, str]:
     return said
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=[] if name in IN_THE_GATE else pytest.mark.long) for name in CASES],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("name", CASES)
 def test_wrong_values_are_never_called_identified(name: str):
     case = CASES[name]
     found = identify(case.log(), BASELINE)

@@ -75,7 +75,7 @@ def test_a_machine_outside_the_model_is_not_explained(machine: RecordedMachine):
     assert "identified" not in states(found)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_numbers_that_hold_are_given_where_others_suffer():
     """Residual magnetism of 3 % makes dry friction of the axes grow; the inertias are right."""
     machine = replace(RUBBING, remanence=0.03)
@@ -88,7 +88,7 @@ def test_numbers_that_hold_are_given_where_others_suffer():
         assert told[name].low <= true <= told[name].high, name
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_heat_is_told_where_a_voltage_comes_again():
     """A clutch that loses 0.2 % of its torque per joule: 5 to 9 % of it in this log."""
     found = identify(record(WARMING, (12.0, 4.0, 16.0, 12.0)), BASELINE)
@@ -143,7 +143,7 @@ def test_what_may_be_left_has_an_error_of_its_own():
     assert nothing[:2] == (0.0, 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_breakaways_are_judged_by_themselves():
     """Where one clutch has a ratio of its own, the clutch is named, and the ratio is uncertain."""
     found = identify(record(RecordedMachine(ratios=(1.1, 1.0, 1.0, 1.0)), RISING), BASELINE)

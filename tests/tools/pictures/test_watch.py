@@ -98,26 +98,18 @@ def test_a_window_shows_the_film_where_there_is_a_display(
 @pytest.mark.parametrize(
     "command",
     [
-        ["watch", "free", "--pace", "brisk", "--out", "film.webp"],
-        [
-            "benchmark",
-            "--policies",
-            "free",
-            "--paces",
-            "brisk",
-            "--episodes",
-            "1",
-            "--no-film",
-            "--out",
-            "results",
-        ],
+        "watch free --pace brisk --out film.webp",
+        pytest.param(
+            "benchmark --policies free --paces brisk --episodes 1 --no-film --out results",
+            marks=pytest.mark.long,
+        ),
     ],
 )
-def test_commands_ignore_the_backend_of_a_notebook(command: list[str], here: Path):
+def test_commands_ignore_the_backend_of_a_notebook(command: str, here: Path):
     """It is for the notebook's Matplotlib; here, one whose package is not installed."""
     if find_spec("ipympl"):
         pytest.skip("ipympl is installed")
-    program = [sys.executable, "-m", "pter_gym._commands.main", *command]
+    program = [sys.executable, "-m", "pter_gym._commands.main", *command.split()]
     environment = {**os.environ, "MPLBACKEND": "module://ipympl.backend_nbagg"}
     result = subprocess.run(
         program, cwd=here, env=environment, capture_output=True, text=True, check=False
