@@ -15,9 +15,10 @@ from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError
 from pter_gym.params import Clutch, TorqueCurve
 from pter_gym.tools.identification.fit import BLOCK, TIED, correlations, jackknife, scaled
-from pter_gym.tools.identification.identifying import MAX_REL_HALF_WIDTH, Finding
+from pter_gym.tools.identification.identifying import Finding
 from pter_gym.tools.identification.log import MAX_FILE, in_seconds, unwrapped
 from pter_gym.tools.identification.parameters import Quantity
+from pter_gym.tools.identification.verdict import MAX_REL_HALF_WIDTH
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ Intervals come from a jackknife, to first order: how far the coordinates would g
 of neighbouring windows. Residuals of one window are one error that grows, and not many errors.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -134,6 +134,15 @@ class Fit:
             before = float(self.p[AT["breakaway_ratio"]])
             tried = [self.p + along("breakaway_ratio", ratio - before) for ratio in RATIOS]
             self.p = min([self.p, *tried], key=self._misfit)
+
+    def choose_from(self, starts: Iterable[Array]) -> None:
+        """Search from each of some coordinates, and take what leaves least."""
+        found = list[tuple[float, Array]]()
+        for self.p in starts:
+            self._minimise()
+            left = self.weights * self.share * np.mean(self.here.residual**2, axis=1)
+            found.append((float(left.sum()), self.p))
+        self.p = min(found, key=lambda each: each[0])[1]
 
     def _misfit(self, p: Array) -> float:
         """Return a sum over the windows that no lone window rules."""

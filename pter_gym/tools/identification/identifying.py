@@ -28,13 +28,16 @@ from pter_gym.tools.identification.parameters import (
     quantities,
 )
 from pter_gym.tools.identification.score_tests import admit_terms, compare_parts, parts_of
-from pter_gym.tools.identification.verdict import MAX_FAR, NEGLIGIBLE, NEITHER, Verdict, judge
+from pter_gym.tools.identification.verdict import (
+    MAX_FAR,
+    MAX_REL_HALF_WIDTH,
+    NEITHER,
+    Verdict,
+    judge,
+)
 from pter_gym.tools.identification.windows import SLIPPING, Smoothed, cut, experience, smooth
 
 Array = NDArray[np.float64]
-
-MAX_REL_HALF_WIDTH = 0.05
-"""Half of the 95 % interval over the scale, up to which a number counts as identified."""
 
 MIN_SLIPPING, MIN_LEVELS = 0.3, 3
 """How long a clutch has to slip in all for its torque to be identified [s]; fewest voltages that
@@ -316,12 +319,13 @@ def _results(
         covariance = covariance + np.outer(each.change, each.change)
     slopes = _slopes(fit, lambda p: [q.value for q in shape.quantities(p)])
     variances = np.einsum("qi,ij,qj->q", slopes, covariance, slopes).clip(0.0)
-    share = max(2.0 * verdict.rho_high, NEGLIGIBLE)  # of its scale, for errors of the model
-    wide = np.maximum([share * q.scale for q in here], fit.bias(slopes, verdict.left))
+    wide = np.maximum([verdict.share * q.scale for q in here], fit.bias(slopes, verdict.left))
     halves = np.hypot(quantile * np.sqrt(variances), wide)
     unsure = tied | {each.name for each in verdict.differences}
     unsure |= {"breakaway_ratio"} if verdict.far_breakaways > MAX_FAR else set()
-    unsure |= TORQUES if verdict.one_way or unsure.intersection(SCALES) else set()
+    if unsure.intersection(SCALES):  # the others are relative to a mean that is none
+        unsure |= {*SCALES, *TORQUES}
+    unsure |= TORQUES if verdict.one_way else set()
     unsure |= {q.name for q in here} if verdict.grade == NEITHER else set()
     start = quantities(shape.start, 0.0, shape.top)
     findings: list[Finding] = []

@@ -110,9 +110,11 @@ def admit_terms(fit: Fit, kept: dict[str, str]) -> None:
         if asked[name, size] < SIGNIFICANT:
             kept |= {each: _why_unseen(fit, each, tests) for each in waiting}
             return
-        fit.p[AT[name]] += size if name == "stribeck" else tests[name, size].value
-        fit.p = fit.shape.within(fit.p)
         fit.free.append(name)
+        if name == "stribeck":  # another ratio of breakaway to dynamic torque explains half of it
+            fit.choose_from([fit.p + along(name, each) for each in STRIBECKS])
+        else:
+            fit.p = fit.shape.within(fit.p + along(name, tests[name, size].value))
         fit.search()
         waiting.remove(name)
 

@@ -40,6 +40,9 @@ SHOWS_BREAKAWAY = 0.02
 MAX_EXACT_RHO, MAX_RHO = 0.01, 0.03
 """Largest shares of the force that models leave which are exact, and good for simulation."""
 
+MAX_REL_HALF_WIDTH = 0.05
+"""Half of the 95 % interval over the scale, up to which a number counts as identified."""
+
 SURE = 2.0
 """Standard errors of ρ² between ρ and the ends of what may be left."""
 
@@ -94,6 +97,11 @@ class Verdict:
             return NEITHER
         exact = self.far <= MAX_FAR and self.rho_high <= MAX_EXACT_RHO
         return EXACT if exact else SIMULATION
+
+    @property
+    def share(self) -> float:
+        """Least half of an interval over the scale of its number, for errors of the model."""
+        return max(2.0 * self.rho_high, NEGLIGIBLE)
 
     @property
     def sentence(self) -> str:
@@ -196,4 +204,9 @@ def _hints(fit: Fit, log: Log, verdict: Verdict) -> Iterator[str]:
         yield (
             "Check the signs of F_x and F_y and their frame, the order of axes and clutches, "
             "--degrees, --relative-b, and that all columns have one clock."
+        )
+    elif verdict.enough and verdict.share > MAX_REL_HALF_WIDTH:
+        yield (
+            f"Up to {100 * verdict.rho_high:.2g} % of the force is unexplained, too much to call a "
+            "number identified: the machine has something that the model lacks."
         )

@@ -70,9 +70,11 @@ def test_a_machine_of_the_models_kind_is_explained(machine: RecordedMachine):
 @pytest.mark.long
 @pytest.mark.parametrize("machine", BROKEN.values(), ids=BROKEN)
 def test_a_machine_outside_the_model_is_not_explained(machine: RecordedMachine):
+    """What surely is left is below 3 % of the force, and what may be left widens all intervals."""
     found = identify(record(machine), BASELINE)
-    assert found.verdict.grade == NEITHER
+    assert found.verdict.grade == SIMULATION
     assert "identified" not in states(found)
+    assert "of the force is unexplained" in found.verdict.hints[-1]
 
 
 @pytest.mark.long
