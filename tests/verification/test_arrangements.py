@@ -241,6 +241,22 @@ def check_worlds(machine: Machine, count: int, steps: int) -> None:
         assert np.array_equal(rows[count // 2, moved], other.telemetry[0, 0, moved], equal_nan=True)
 
 
+@pytest.mark.long
+def test_a_strong_coupling_leaves_a_world_the_line_of_its_own_ratio() -> None:
+    check_lines()
+
+
+def check_lines() -> None:
+    """Two of the four couplings are stuck after eight steps, the arm moves on."""
+    for slot in (0, 3):
+        batch = Batch(DECLARED["four couplings"], PathFollowing(), 1)
+        batch.reset([1])
+        for _ in range(8):
+            row = batch.step(24.0 * np.eye(4)[slot : slot + 1], SKIP).telemetry[0, 0]
+        assert row[COLUMN.mode] == 1 + slot
+        assert row[[*COLUMN.tip_velocity]].any()
+
+
 # --- environments and laws ---
 
 
@@ -307,6 +323,7 @@ for machine in DECLARED.values():
 for name in ("couplings-1-2", "light hand", "dry axes without brakes"):
     check_worlds(DECLARED[name], 2, 3)
     check_law(DECLARED[name], SingleDof(), 1, 6)
+check_lines()
 """
 
 
