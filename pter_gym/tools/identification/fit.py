@@ -269,7 +269,11 @@ class Fit:
         return self._projected(self.here.by_start, off[:, :, None])[0][:, :, 0]
 
     def covariance(self) -> tuple[Array, float]:
-        """Return the covariance of the free coordinates, and the quantile of 95 % intervals."""
+        """Return the covariance of the free coordinates, and the quantile of 95 % intervals.
+
+        No variance is less than noise of the forces makes: with few breakaways, a jackknife finds
+        too little.
+        """
         residual, jacobian = self.weighed()
         changes, information = jackknife(residual, jacobian)
         normal, size = scaled(information, 1e-10)
@@ -277,7 +281,11 @@ class Fit:
         naive = np.diag(np.linalg.inv(normal)) / size**2
         variance = np.sum(residual**2) / max(self.weights.sum() * residual.shape[1], 1.0)
         diagonal = np.diag_indices_from(covariance)
-        covariance[diagonal] = np.maximum(np.diag(covariance), variance * naive)
+        by_force = [self.factors[:, None] * self.change(self.p, w) for w in self.windows.shaken]
+        pulls = np.einsum("wij,swi->sj", jacobian, by_force) / size
+        shaken = np.mean(np.square(np.linalg.solve(normal, pulls.T).T / size), axis=0)
+        floor = np.maximum(variance * naive, shaken)
+        covariance[diagonal] = np.maximum(np.diag(covariance), floor)
         unseen = size * STEPS[places(self.free)] < 1.0
         covariance[unseen], covariance[:, unseen] = 0.0, 0.0
         covariance[unseen, unseen] = UNSEEN
