@@ -37,7 +37,7 @@ ARM = replace(
     viscous_b=0.1,
 )
 MACHINE = replace(BASELINE, arm=ARM, clutch_scale=(0.9, 1.1, 1.05, 0.95))
-SHORT = Experiment(levels=(6.0, 14.0, 20.5, 22.0), on=0.9, off=0.25, free=4.0)
+SHORT = Experiment(levels=(20.5, 6.0, 22.0, 14.0, 20.5), on=0.9, off=0.25, free=4.0)
 DELAY = 0.012
 
 

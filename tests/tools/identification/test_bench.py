@@ -88,7 +88,7 @@ def at_one_speed(_: np.ndarray) -> np.ndarray:
     [
         (without_stribeck, {"stribeck", "breakaway_ratio"}),
         (at_one_voltage, {"off_state", "time_constant", "fall_ratio", "dead_time"}),
-        (at_one_speed, {"viscous", "stribeck"}),
+        (at_one_speed, {"stribeck"}),
     ],
 )
 def test_what_the_log_does_not_tell_is_kept_and_named(log: Callable, untold: set[str]):
@@ -96,9 +96,11 @@ def test_what_the_log_does_not_tell_is_kept_and_named(log: Callable, untold: set
     findings = identified(log(bench_rows())).findings
     kept = {f.quantity.name: f for f in findings if f.reason}
     assert untold <= kept.keys()
+    if log is at_one_speed:  # one of the two, which are told equally badly
+        assert kept.keys() & {"viscous", "off_state"}
     tied = " ".join(f.reason.partition("only together with")[2] for f in kept.values())
     assert not [f for f in findings if f.status == "identified" and f.quantity.name in tied]
-    for name in untold & {"stribeck", "viscous", "time_constant", "fall_ratio"}:
+    for name in kept.keys() & {"stribeck", "viscous", "time_constant", "fall_ratio"}:
         f = kept[name]
         assert f.status == "kept"
         assert f.low == f.high == f.quantity.value == getattr(start, name)
