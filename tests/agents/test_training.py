@@ -325,3 +325,55 @@ def test_advantages_are_those_of_a_plain_loop() -> None:
     none: Any = None
     rows = RolloutBuffer(none, none, none, *map(np.asarray, (rewards, ends, finals)))
     np.testing.assert_allclose(estimate(rows, values, 0.9, 0.8), expected, atol=1e-5)
+
+
+def test_the_loss_is_that_of_a_plain_loop() -> None:
+    from pter_agents.ppo import PPO, Samples
+
+    model = PPO(arguments(1, "ppo"))
+    s, weights, rng, deviation = model._settings, model.state.weights, np.random.default_rng(0), 0.3
+    inputs = rng.standard_normal((64, len(weights.value[0][0]))).astype(np.float32)
+    drawn = rng.standard_normal((64, 4)).astype(np.float32)
+    means, values = np.asarray(weights.act(inputs)), np.asarray(weights.value_of(inputs))
+    targets = means + deviation * (drawn + 0.3 * rng.standard_normal((64, 4))).astype(np.float32)
+    advantages, returns = rng.standard_normal((2, 64)).astype(np.float32)
+    gains, missed = list[float](), list[float]()
+    for k in range(64):
+        now, then = -0.5 * ((targets[k] - means[k]) / deviation) ** 2, -0.5 * drawn[k] ** 2
+        ratio = float(np.exp((now - then).sum()))
+        bounded = min(max(ratio, 1.0 - s.clip), 1.0 + s.clip)
+        gains.append(min(ratio * advantages[k], bounded * advantages[k]))
+        missed.append((values[k] - returns[k]) ** 2)
+    samples: Any = Samples(inputs, targets, drawn, advantages, returns)
+    expected = s.value_weight * np.mean(missed) - np.mean(gains)
+    assert model._loss(weights, samples, deviation) == pytest.approx(expected, rel=1e-4)
+
+
+def test_noise_lasts_until_an_episode_ends_and_advantages_are_even_over_all_parts() -> None:
+    import jax
+    from jax.sharding import PartitionSpec as Spec
+
+    from pter_agents.ppo import PART, PPO, RolloutBuffer
+
+    model = PPO(arguments(1, "ppo", episode=20))
+    s, (weights, _, carry) = model._settings, model.state
+    drawn = np.random.default_rng(0).standard_normal((50, s.worlds, 4)).astype(np.float32)
+    after, rows = jax.jit(model.collect)(model.worlds.shared, weights, carry, drawn, 0.3)
+    noise, ends = np.zeros((s.worlds, 4), np.float32), np.asarray(rows.ends)
+    for fresh, ended in zip(drawn, ends, strict=True):
+        noise = np.where(ended[:, None], 0.0, s.persistence * noise + 0.3 * fresh)
+    np.testing.assert_allclose(after.noise, noise, atol=1e-5)
+    assert ends.any(axis=0).all()
+    assert (np.asarray(rows.finals)[~ends] == 0.0).all()
+
+    worlds, own = Spec(PART), Spec(None, PART)
+    samples = jax.shard_map(
+        model._samples_of,
+        mesh=model._split.mesh,
+        in_specs=(Spec(), worlds, RolloutBuffer(own, own, own, own, own, own)),  # pyright: ignore[reportArgumentType]
+        out_specs=worlds,
+        check_vma=False,
+    )(weights, after, rows)
+    even = np.asarray(samples.advantages)
+    assert even.mean() == pytest.approx(0.0, abs=1e-5)
+    assert even.std(ddof=1) == pytest.approx(1.0, rel=1e-4)
