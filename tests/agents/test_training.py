@@ -11,7 +11,7 @@ from PIL import Image
 
 from pter_agents.exporting import export
 from pter_agents.runs import RunFolder
-from pter_agents.settings import SMOKE, TrainingArguments, load_settings
+from pter_agents.settings import PARTS, SMOKE, TrainingArguments, load_settings
 from pter_gym import load_policy
 from pter_gym._commands.main import main
 from pter_gym.envs import PathFollowingVectorEnv
@@ -353,7 +353,7 @@ def test_noise_lasts_until_an_episode_ends_and_advantages_are_even_over_all_part
     import jax
     from jax.sharding import PartitionSpec as Spec
 
-    from pter_agents.ppo import PART, PPO, RolloutBuffer
+    from pter_agents.ppo import PART, PPO, RolloutBuffer, estimate
 
     model = PPO(arguments(1, "ppo", episode=20))
     s, (weights, _, carry) = model._settings, model.state
@@ -364,7 +364,9 @@ def test_noise_lasts_until_an_episode_ends_and_advantages_are_even_over_all_part
         noise = np.where(ended[:, None], 0.0, s.persistence * noise + 0.3 * fresh)
     np.testing.assert_allclose(after.noise, noise, atol=1e-5)
     assert ends.any(axis=0).all()
-    assert (np.asarray(rows.finals)[~ends] == 0.0).all()
+    finals = np.asarray(rows.finals)
+    assert (finals[~ends] == 0.0).all()
+    assert (finals[ends] != 0.0).mean() > 0.5  # the others arrive
 
     worlds, own = Spec(PART), Spec(None, PART)
     samples = jax.shard_map(
@@ -374,6 +376,27 @@ def test_noise_lasts_until_an_episode_ends_and_advantages_are_even_over_all_part
         out_specs=worlds,
         check_vma=False,
     )(weights, after, rows)
-    even = np.asarray(samples.advantages)
-    assert even.mean() == pytest.approx(0.0, abs=1e-5)
-    assert even.std(ddof=1) == pytest.approx(1.0, rel=1e-4)
+    values = np.asarray(weights.value_of(rows.inputs))
+    last = np.asarray(weights.value_of(model.worlds.inputs(after.worlds)))
+    seen = np.concatenate([values, last[None]])
+    advantages = np.asarray(estimate(rows, seen, s.discount, s.trace))
+    even = (advantages - advantages.mean()) / advantages.std(ddof=1)
+    halves = [each.reshape(-1) for each in np.split(even, PARTS, axis=1)]
+    np.testing.assert_allclose(samples.advantages, np.concatenate(halves), atol=1e-4)
+    halves = [each.reshape(-1) for each in np.split(advantages + values, PARTS, axis=1)]
+    np.testing.assert_allclose(samples.returns, np.concatenate(halves), atol=1e-4)
+
+
+def test_nothing_is_expected_after_a_termination() -> None:
+    import jax
+
+    from pter_agents.ppo import PPO
+
+    model = PPO(arguments(1, "ppo", starts="rest", persistence=0.0))
+    weights, _, carry = model.state
+    weight, bias = weights.policy[-1]
+    weights.policy[-1] = weight, bias - 100.0  # 0 V: the arm misses the end of the path
+    drawn = np.zeros((150, model._settings.worlds, 4), np.float32)
+    _, rows = jax.jit(model.collect)(model.worlds.shared, weights, carry, drawn, 0.0)
+    assert np.asarray(rows.ends).any(axis=0).all()
+    assert (np.asarray(rows.finals) == 0.0).all()
