@@ -360,9 +360,11 @@ def test_noise_lasts_until_an_episode_ends_and_advantages_are_even_over_all_part
     drawn = np.random.default_rng(0).standard_normal((50, s.worlds, 4)).astype(np.float32)
     after, rows = jax.jit(model.collect)(model.worlds.shared, weights, carry, drawn, 0.3)
     noise, ends = np.zeros((s.worlds, 4), np.float32), np.asarray(rows.ends)
-    for fresh, ended in zip(drawn, ends, strict=True):
-        noise = np.where(ended[:, None], 0.0, s.persistence * noise + 0.3 * fresh)
+    for each, ended in zip(drawn, ends, strict=True):
+        noise = np.where(ended[:, None], 0.0, s.persistence * noise + 0.3 * each)
     np.testing.assert_allclose(after.noise, noise, atol=1e-5)
+    fresh = np.asarray(rows.targets) - np.asarray(weights.act(rows.inputs))
+    np.testing.assert_allclose(fresh, 0.3 * drawn, atol=1e-5)
     assert ends.any(axis=0).all()
     finals = np.asarray(rows.finals)
     assert (finals[~ends] == 0.0).all()
