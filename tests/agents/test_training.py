@@ -166,12 +166,15 @@ def test_a_diverging_loss_stops_and_names_the_last_good_checkpoint(
     assert steps == given.steps // 2
 
 
-def test_a_loss_that_is_not_finite_raises() -> None:
+def test_a_step_is_as_long_as_the_learning_rate_and_a_loss_that_is_not_finite_raises() -> None:
     from pter_agents.ppo import PPO
 
-    given = arguments(1, "ppo")
-    model = PPO(given)
+    model = PPO(arguments(1, "ppo", learning_rate=1e-7, learning_rate_end=1e-7))
+    before = model.get_state()
+    model.advance()
     state = model.get_state()
+    moved = [np.abs(state[name] - old).max() for name, old in before.items() if "weights" in name]
+    assert 0.0 < max(moved) < 1e-5
     next(array for name, array in state.items() if ".value" in name)[:] = np.nan
     model.set_state(state, 0)
     with pytest.raises(FloatingPointError):
