@@ -14,10 +14,11 @@ from time import perf_counter
 
 import tyro
 
-from pter_agents.draws import PaceScores, is_ranked, validate, validation_episodes
+from pter_agents.draws import PaceScores, validate, validation_episodes
 from pter_agents.ppo import PPO
 from pter_agents.settings import TrainingArguments, load_settings
 from pter_gym.benchmark import find_policy, run_scenario
+from pter_gym.benchmark.boards import is_ranked
 
 VALIDATE_EVERY = 16
 """Rollouts between two validations."""

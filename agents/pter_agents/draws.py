@@ -12,7 +12,6 @@ from typing import Any
 
 from pter_agents.settings import ALL, TrainingArguments
 from pter_gym.benchmark import Episodes, evaluate
-from pter_gym.benchmark.boards import reason_unranked
 from pter_gym.controllers import AnyPolicy
 from pter_gym.params import BASELINE, Machine, MachineSpread
 from pter_gym.paths import Arc, Circle, Line, Sine
@@ -233,8 +232,3 @@ def validate(policy: AnyPolicy, episodes: Mapping[str, Episodes]) -> PaceScores:
     return {
         pace: {name: float(found[name].mean()) for name in SCORES} for pace, found in scores.items()
     }
-
-
-def is_ranked(scores: Mapping[str, float]) -> bool:
-    """Return whether mean scores at a pace suffice for a rank."""
-    return reason_unranked({"mean_pace_m_s": 0.0, **scores}, 1.0) is None

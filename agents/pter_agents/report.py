@@ -7,9 +7,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from pter_agents.draws import PaceScores, is_ranked, validate, validation_episodes
+from pter_agents.draws import PaceScores, validate, validation_episodes
 from pter_agents.settings import TrainingArguments
 from pter_gym.benchmark import find_policy
+from pter_gym.benchmark.boards import is_ranked
 from pter_gym.benchmark.rollout import record_episodes
 from pter_gym.controllers import Controller
 from pter_gym.scenarios import PACES

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load as load_tensors, save as save_tensors
 
-from pter_agents.draws import PaceScores, is_ranked
+from pter_agents.draws import PaceScores
 from pter_agents.settings import TrainingArguments, arguments_from
 from pter_gym._internal.files import FilePath, expand_path, write_bytes_atomic, write_text_atomic
 from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
+from pter_gym.benchmark.boards import is_ranked
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.policies import Interface, TrainedPolicy
 from pter_gym.policies._files import RUN, interface_codec

@@ -213,6 +213,11 @@ def over_limits(scores: Mapping[str, float]) -> dict[str, float]:
     }
 
 
+def is_ranked(means: Mapping[str, float]) -> bool:
+    """Return whether mean scores are within the limits of a rank, whatever their intervals."""
+    return all(excess <= 0.0 for excess in over_limits(means).values())
+
+
 def reason_unranked(
     scores: Mapping[str, ArrayLike], pace: float, strata: Sequence[Hashable] = ()
 ) -> MissedLimit | None:

@@ -16,7 +16,7 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._internal.checks import builtin, names_in, whole_number
+from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, expand_path, has_ending, write_text_atomic
 from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
@@ -27,7 +27,7 @@ from pter_gym.benchmark.policies import Policies, find_policies
 from pter_gym.benchmark.rollout import check_acting, evaluate
 from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.scenarios import PACES, Scenario, find_scenario, name_of_pace
+from pter_gym.scenarios import PACES, Scenario, find_scenario, name_of_pace, names_of_paces
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
 NAMES = ("version", "scenario", "digest", "pace", "policy", "training_seed", "seed")
@@ -200,13 +200,9 @@ def run_scenario(
     if paces is None:
         paces = scenario.pace if isinstance(scenario, PathFollowing) else tuple(PACES)
     scenario = find_scenario(scenario)
-    several: Any = builtin(paces)
-    pace_names = names_in("paces", [several] if isinstance(several, int | float) else several)
+    pace_names = names_of_paces(paces)
     seed = 0 if seed is None and scenario.digest else seed
-    sets = {
-        pace: find_episodes(scenario, pace, seed)
-        for pace in (name_of_pace(name, "paces") for name in pace_names)
-    }
+    sets = {pace: find_episodes(scenario, pace, seed) for pace in pace_names}
     by_name = find_policies(policies, scenario.whose_gains)
     if episodes is not None:
         sets = {pace: full.first(episodes) for pace, full in sets.items()}

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pter_gym._engine.world import SKIP
 from pter_gym._internal.files import FilePath
-from pter_gym.benchmark.boards import over_limits
+from pter_gym.benchmark.boards import is_ranked, over_limits
 from pter_gym.benchmark.episodes import Episodes, training_episodes
 from pter_gym.benchmark.measures import RANKED, Travel
 from pter_gym.benchmark.policies import Policies, find_policies
@@ -221,6 +221,11 @@ class Assessment(NamedTuple):
         return self.path_error_m + PENALTY * sum(
             max(0.0, over[name] + kept) for name, kept in RESERVE.items()
         )
+
+    @property
+    def ranked(self) -> bool:
+        """Whether the means are within the limits of a rank."""
+        return is_ranked(self._asdict())
 
     def __str__(self) -> str:
         """Return the scores as text."""

@@ -19,7 +19,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine, find_machine
 from pter_gym.params._fields import check_number
 from pter_gym.paths import Path, find_path
-from pter_gym.scenarios import Scenario, find_pace, find_scenario
+from pter_gym.scenarios import PACES, Scenario, find_pace, find_scenario, name_of_pace
 from pter_gym.scenarios._suite import gains_for
 from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import (
@@ -192,6 +192,16 @@ class WorldsMixin:
         """The machine that laws are bound to; see ``Worlds.nominal``."""
         return self.worlds.nominal
 
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario that scores a policy trained here; see ``Worlds.scenario``."""
+        return self.worlds.scenario
+
+    @property
+    def paces(self) -> tuple[str, ...]:
+        """Names of commanded paces; see ``Worlds.paces``."""
+        return self.worlds.paces
+
 
 def nominal_machine(machines: set[Machine]) -> Machine:
     """Return the only machine, or the paper's with clutches and largest voltage of several."""
@@ -216,6 +226,8 @@ class Worlds:
         As ``Batch`` takes them.
     draws
         What these were drawn from, for episodes to draw from; None where each world has its own.
+    source
+        The scenario that these draws are from; None without one.
     gains
         The scenario whose gains suit them.
     frame_skip
@@ -229,6 +241,7 @@ class Worlds:
     machines: "Machine | Sequence[Machine]"
     tasks: "PathFollowing | Sequence[PathFollowing]"
     draws: "Draws | None"
+    source: Scenario | None
     gains: str
     frame_skip: int
     base: "Controller | None"
@@ -246,6 +259,30 @@ class Worlds:
             return self.draws.middle
         machines = self.machines
         return machines if isinstance(machines, Machine) else nominal_machine({*machines})
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario that scores a policy trained here.
+
+        That of a task has episodes that begin at rest and aren't truncated. Raises a ParameterError
+        where worlds have machines or tasks of their own.
+        """
+        if self.source is not None:
+            return self.source
+        machine, task = self.machines, self.tasks
+        if not isinstance(machine, Machine) or not isinstance(task, PathFollowing):
+            raise ParameterError("machine and task must be one for all worlds, to be scored")
+        untruncated = PathFollowing.truncation_error
+        return find_scenario(
+            replace(task, starts=STARTS["rest"], truncation_error=untruncated), machine
+        )
+
+    @property
+    def paces(self) -> tuple[str, ...]:
+        """Names of commanded paces: the one of all episodes, otherwise those of the benchmark."""
+        tasks = (self.tasks,) if isinstance(self.tasks, PathFollowing) else self.tasks
+        first, *others = {task.pace for task in tasks}
+        return tuple(PACES) if others else (name_of_pace(first),)
 
     def batch(
         self, num_worlds: int, max_episode_steps: int | None, telemetry: bool, num_threads: int
@@ -304,19 +341,19 @@ def find_worlds(
     if scenario is None:
         if contexts is not None or context_seed is not None:
             raise ParameterError("contexts and context_seed must be given with a scenario")
-        machines, draws = each(find_machine, machine), None
+        machines, draws, source = each(find_machine, machine), None, None
         tasks = _task_with(fields) if task is None else task
         gains = gains_for(_checked_tasks(tasks))
     else:
         if isinstance(scenario, str | Scenario):
             fields.setdefault("starts", STARTS["path"])
         one = cast("Machine | FilePath | None", machine)
-        scenario = find_scenario(scenario, one, fields.pop("path", None))
+        source = find_scenario(scenario, one, fields.pop("path", None))
         count = whole_number("contexts", 512 if contexts is None else contexts)
         seed = whole_number("context_seed", context_seed or 0, at_least=0)
-        draws = scenario.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
+        draws = source.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
         machines, tasks = zip(*draws.pairs(count, seed), strict=True)
-        gains = scenario.whose_gains
+        gains = source.whose_gains
         if frame_skip is None and base is None:
             frame_skip = FRAME_SKIP
     if base is not None:
@@ -335,6 +372,7 @@ def find_worlds(
         machines=machines,
         tasks=tasks,
         draws=draws,
+        source=source,
         gains=gains,
         frame_skip=1 if frame_skip is None else whole_number("frame_skip", frame_skip),
         base=base,

@@ -1,21 +1,32 @@
-"""A ``VecEnv`` of Stable-Baselines3 over many worlds in one compiled call."""
+"""For Stable-Baselines3: a ``VecEnv`` over many worlds, and a callback that assesses a policy."""
 
+import pickle
 import time
-from collections.abc import Iterable
-from typing import Any, cast
+from collections.abc import Iterable, Mapping
+from io import BytesIO
+from statistics import fmean
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from pter_gym._internal.checks import whole_number
+from pter_gym._internal.files import FilePath, expand_path, write_files_atomic
+from pter_gym._internal.terminal import make_folder
+from pter_gym.benchmark import Assessment, assess, from_sb3, training_episodes
+from pter_gym.benchmark.rollout import UNSEEN, check_acting
 from pter_gym.errors import ParameterError, needs_extra
+from pter_gym.scenarios import find_pace, names_of_paces
 
 try:
+    from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import VecEnv
 except ImportError as error:
     raise ImportError(str(needs_extra("pter_gym.envs.sb3", "agents"))) from error
 
+from pter_gym.envs._policies import attributes
 from pter_gym.envs._vector import PathFollowingVectorEnv
 
 Indices = int | Iterable[int] | None
@@ -130,3 +141,154 @@ def make_sb3_vec_env(num_envs: int, **arguments: Any) -> PterVecEnv:
     return PterVecEnv(
         PathFollowingVectorEnv(num_envs, autoreset_mode=mode, telemetry=False, **arguments)
     )
+
+
+class ModelAssessment(NamedTuple):
+    """A model's assessments by pace, after so many steps."""
+
+    steps: int
+    paces: Mapping[str, Assessment]
+
+    @property
+    def path_error_m(self) -> float:
+        """Mean path error over the paces [m], by which leaderboards order policies."""
+        return fmean(each.path_error_m for each in self.paces.values())
+
+    @property
+    def merit(self) -> tuple[int, float]:
+        """What orders models, the best first: paces without a rank, then the path error [m]."""
+        return sum(not each.ranked for each in self.paces.values()), self.path_error_m
+
+    def __str__(self) -> str:
+        """Return steps and path errors as text."""
+        errors = (
+            f"{pace} {1e3 * each.path_error_m:5.1f} mm{'' if each.ranked else ' (unranked)'}"
+            for pace, each in self.paces.items()
+        )
+        return "   ".join((f"{self.steps:>10,} steps", *errors))
+
+
+class PathErrorCallback(BaseCallback):
+    """Assesses the model as the benchmark scores policies, and keeps the best one.
+
+    It does so before a training, every ``eval_freq`` steps and after it, on held-out training
+    episodes of the environment's scenario and machine, as ``benchmark.examine`` draws them: they
+    begin at rest, whatever ``starts``, ``reward`` and workspace training has. Test episodes are not
+    read. The model acts as in ``from_sb3(model)``, with the statistics of a ``VecNormalize`` and
+    with the law under its actions. Training is the same with and without it.
+
+    For each pace the model's logger gets ``path_error_mm/PACE``, ``completed/PACE``, the share of
+    the episodes in which the end was reached, and ``ranked/PACE``, 1 where the means are within the
+    leaderboard's limits; ``path_error_mm/mean`` is the mean over the paces. TensorBoard and CSV
+    show them.
+
+    The best model is ranked at the most paces, and among those has the smallest mean path error.
+
+    Parameters
+    ----------
+    eval_freq
+        Steps between two assessments, of all worlds together, as ``total_timesteps`` counts them.
+    best_model_save_path
+        Folder for the best model, ``best_model.zip``, and the statistics of a ``VecNormalize``,
+        ``vecnormalize.pkl``; written atomically. It is made if missing. By default none is kept.
+    paces
+        Paces to assess it at, names or speeds [m/s]; by default the one of all training episodes,
+        or else the benchmark's three.
+    episodes
+        Episodes at each pace.
+    verbose
+        Whether to print each assessment.
+
+    Attributes
+    ----------
+    assessments : list of ModelAssessment
+        All assessments, in order: ``steps``, and ``paces`` with the ``Assessment`` at each.
+
+    Raises
+    ------
+    ParameterError
+        If an argument is out of range; and before the training, if the folder cannot be written
+        to, or the environment isn't one that ``from_sb3`` knows, or has worlds of several scenarios
+        or with tasks of their own.
+    """
+
+    def __init__(
+        self,
+        eval_freq: int = 100_000,
+        best_model_save_path: FilePath | None = None,
+        *,
+        paces: Iterable[str | float] | str | float | None = None,
+        episodes: int = 64,
+        verbose: int = 1,
+    ) -> None:
+        super().__init__(verbose)
+        self.eval_freq = whole_number("eval_freq", eval_freq)
+        self.best_model_save_path = best_model_save_path
+        if best_model_save_path is not None:
+            self.best_model_save_path = expand_path("best_model_save_path", best_model_save_path)
+        self.assessments: list[ModelAssessment] = []
+        self._paces = None if paces is None else names_of_paces(paces)
+        self._count = whole_number("episodes", episodes)
+
+    @property
+    def best(self) -> ModelAssessment:
+        """The assessment of the best model so far."""
+        return min(self.assessments, key=lambda each: each.merit)
+
+    def _init_callback(self) -> None:
+        env, policy = self.training_env, from_sb3(self.model)
+        scenario, *others = attributes(env, "scenario")
+        if others:
+            raise ParameterError("env must have one scenario in all worlds to be assessed")
+        known = {pace for paces in attributes(env, "paces") for pace in paces}
+        self._episodes = {
+            pace: training_episodes(scenario, pace, self._count, UNSEEN)
+            for pace in self._paces or sorted(known, key=find_pace)
+        }
+        for drawn in self._episodes.values():
+            check_acting(policy, drawn)
+        if self.best_model_save_path is not None:
+            make_folder(self.best_model_save_path, "best_model_save_path")
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_start(self) -> None:
+        if self.num_timesteps // self.eval_freq != self._assessed // self.eval_freq:
+            self._assess()
+
+    def _on_training_end(self) -> None:
+        if self.num_timesteps != self._assessed:
+            self._assess()
+
+    @property
+    def _assessed(self) -> int:
+        """Steps before the latest assessment, −1 without one."""
+        return self.assessments[-1].steps if self.assessments else -1
+
+    def _assess(self) -> None:
+        """Assess the model, log and print it, and store it if it is the best so far."""
+        policy = from_sb3(self.model)
+        paces = {pace: assess([policy], drawn) for pace, drawn in self._episodes.items()}
+        latest = ModelAssessment(self.num_timesteps, paces)
+        self.assessments.append(latest)
+        for pace, each in paces.items():
+            self.logger.record(f"path_error_mm/{pace}", 1e3 * each.path_error_m)
+            self.logger.record(f"completed/{pace}", each.completed)
+            self.logger.record(f"ranked/{pace}", int(each.ranked))
+        self.logger.record("path_error_mm/mean", 1e3 * latest.path_error_m)
+        self.logger.record("time/total_timesteps", latest.steps, exclude="tensorboard")
+        self.logger.dump(latest.steps)
+        if self.verbose:
+            print(latest)  # noqa: T201  (as Stable-Baselines3 does)
+        if self.best_model_save_path is not None and self.best is latest:
+            self._save(self.best_model_save_path)
+
+    def _save(self, folder: FilePath) -> None:
+        """Write the model, and the statistics that normalise its observations."""
+        stored = BytesIO()
+        self.model.save(stored)
+        files = {"best_model.zip": stored.getvalue()}
+        if statistics := self.model.get_vec_normalize_env():
+            files["vecnormalize.pkl"] = pickle.dumps(statistics)
+        write_files_atomic(folder, files)

@@ -3,7 +3,7 @@
 from types import MappingProxyType
 from typing import Any
 
-from pter_gym._internal.checks import builtin, is_finite
+from pter_gym._internal.checks import builtin, is_finite, names_in
 from pter_gym.errors import ParameterError, unknown_name
 
 PACES = MappingProxyType({"slow": 0.12, "medium": 0.25, "brisk": 0.5})
@@ -40,6 +40,13 @@ def name_of_pace(pace: float | str, field: str = "pace") -> str:
     """Return the name of a commanded pace, or its speed as text; raises as ``find_pace``."""
     speed = find_pace(pace, field)
     return next((name for name, named in PACES.items() if named == speed), str(speed))
+
+
+def names_of_paces(paces: object) -> list[str]:
+    """Return the names of paces, also of a single one; raises as ``find_pace``."""
+    several: Any = builtin(paces)
+    listed = names_in("paces", [several] if isinstance(several, int | float) else several)
+    return [name_of_pace(pace, "paces") for pace in listed]
 
 
 def title_of_pace(pace: str) -> str:

@@ -1,8 +1,13 @@
-"""Stable-Baselines3's ``VecEnv`` over the batch: contract, wrappers, algorithms, same episodes."""
+"""Stable-Baselines3's ``VecEnv`` over the batch: contract, wrappers, algorithms, same episodes.
 
+And the callback that assesses a model.
+"""
+
+import csv
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -10,7 +15,7 @@ import numpy as np
 import pytest
 
 import pter_gym
-from pter_gym.benchmark import from_sb3
+from pter_gym.benchmark import Assessment, examine, from_sb3
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE
@@ -35,7 +40,7 @@ TASK = PathFollowing(
 def make(count: int = COUNT, **options: Any) -> Any:
     from pter_gym.envs.sb3 import make_sb3_vec_env
 
-    return make_sb3_vec_env(count, task=TASK, **{"max_episode_steps": LIMIT, **options})
+    return make_sb3_vec_env(count, **{"task": TASK, "max_episode_steps": LIMIT, **options})
 
 
 def actions(steps: int = 250, count: int = COUNT) -> np.ndarray:
@@ -223,3 +228,134 @@ def test_models_of_stable_baselines_bring_that_of_their_environment(kind: str) -
         from_sb3(model, frame_skip=0)
     with pytest.raises(ParameterError, match="frame_skip"):
         pter_gym.load_policy(from_sb3(model), gymnasium.make("PTER/PathFollowing-v0"))
+
+
+KINDS: dict[str, dict[str, Any]] = {
+    "PPO": {"n_steps": 16, "batch_size": 16},
+    "SAC": {"learning_starts": 8, "batch_size": 8},
+}
+
+
+def small(kind: str, env: Any) -> Any:
+    """A model with a small network."""
+    options = {"policy_kwargs": {"net_arch": [8]}, "device": "cpu", "seed": 0, **KINDS[kind]}
+    return getattr(algorithms, kind)("MlpPolicy", env, **options)
+
+
+ASSESSED: dict[str, dict[str, Any]] = {
+    "PPO": {"scenario": "standard", "machine": "pter-clutch", "starts": "path", "error_max": 0.1},
+    "SAC": {"scenario": "standard", "base": "single-dof-tuned", "pace": "brisk"},
+}
+
+
+def parameters(model: Any) -> dict[str, Any]:
+    return {name: each.clone() for name, each in model.policy.state_dict().items()}
+
+
+@pytest.mark.parametrize("kind", ["PPO", "SAC"])
+def test_a_callback_assesses_as_the_benchmark_does(kind: str, tmp_path: Path) -> None:
+    from pter_gym.envs.sb3 import PathErrorCallback, make_sb3_vec_env
+
+    given, trained = ASSESSED[kind], list[Any]()
+    callback = PathErrorCallback(40, tmp_path / "best", episodes=2, verbose=0)
+    for callbacks in (None, callback):
+        venv = vec_env.VecNormalize(make_sb3_vec_env(2, **given), clip_obs=3.0)
+        model = small(kind, venv)
+        model.set_logger(algorithms.common.logger.configure(str(tmp_path), ["csv", "tensorboard"]))
+        trained.append(parameters(model.learn(96, callbacks)))
+        model.logger.close()
+    for name, values in trained[0].items():
+        assert values.equal(trained[1][name]), name
+    latest = callback.assessments[-1]
+    steps = [each.steps for each in callback.assessments]
+    assert steps == ([0, 64, 96] if kind == "PPO" else [0, 40, 80, 96])
+    paces = ("slow", "medium", "brisk") if kind == "PPO" else ("brisk",)
+    assert tuple(latest.paces) == paces
+    with (tmp_path / "progress.csv").open() as text:
+        (*_, logged) = csv.DictReader(text)
+    for pace, found in latest.paces.items():
+        draws = {"scenario": "standard", "pace": pace, "machine": given.get("machine")}
+        assert found == examine({"mine": from_sb3(model, venv)}, **draws, episodes=2)["mine"]
+        assert float(logged[f"path_error_mm/{pace}"]) == 1000 * found.path_error_m
+        assert float(logged[f"completed/{pace}"]) == found.completed
+        assert float(logged[f"ranked/{pace}"]) == found.ranked
+    assert float(logged["path_error_mm/mean"]) == 1000 * latest.path_error_m
+    events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    read = events.EventAccumulator(str(tmp_path)).Reload()
+    points = read.Scalars(f"path_error_mm/{paces[0]}")
+    assert [point.step for point in points] == steps
+    again = vec_env.VecNormalize.load(
+        str(tmp_path / "best" / "vecnormalize.pkl"), make_sb3_vec_env(2, **given)
+    )
+    best = type(model).load(tmp_path / "best" / "best_model", again)
+    error = examine({"mine": from_sb3(best)}, **draws, episodes=2)["mine"]
+    assert error == callback.best.paces[pace]
+
+
+def test_the_best_model_is_kept_and_not_the_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Ranked models come first, then the smallest error."""
+    from pter_gym.envs import sb3
+
+    model = small("PPO", sb3.make_sb3_vec_env(2, scenario="standard"))
+    results = iter([(5, 0.3), (40, 0.0), (20, 0.0), (30, 0.0), (1, 0.16)])
+    known: list[dict[str, Any]] = []
+
+    def given(*_: object) -> Assessment:
+        known.append(parameters(model))
+        error, uneven = next(results)
+        return Assessment(1e-3 * error, 1.0, 0.0, uneven)
+
+    monkeypatch.setattr(sb3, "assess", given)
+    callback = sb3.PathErrorCallback(1, tmp_path, paces=0.3)
+    model.learn(4 * 32, callback)
+    assert callback.best is callback.assessments[2]
+    assert next(results, None) is None
+    assert [path.name for path in tmp_path.iterdir()] == ["best_model.zip"]
+    kept = parameters(algorithms.PPO.load(tmp_path / "best_model"))
+    assert all(kept[name].equal(values) for name, values in known[2].items())
+    assert not all(kept[name].equal(values) for name, values in known[3].items())
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[1] == "        32 steps   0.3  40.0 mm"
+    assert printed[-1].endswith("0.3   1.0 mm (unranked)")
+
+
+def test_a_task_is_assessed_from_rest_to_its_end() -> None:
+    env = make(task=replace(TASK, starts=STARTS["path"], truncation_error=0.03, pace=0.3))
+    (scenario, *_), (paces, *_) = env.get_attr("scenario"), env.get_attr("paces")
+    assert scenario.draws.varied_task.template == replace(TASK, pace=0.3)
+    assert paces == ("0.3",)
+
+
+def test_what_cannot_be_assessed_is_refused_before_training(tmp_path: Path) -> None:
+    from pter_gym.envs.sb3 import PathErrorCallback, make_sb3_vec_env
+
+    wrong: dict[str, Any] = {
+        "eval_freq": 0,
+        "episodes": 2.5,
+        "paces": ("slow", "fast"),
+        "best_model_save_path": "",
+    }
+    for name, value in wrong.items():
+        with pytest.raises(ParameterError, match=name):
+            PathErrorCallback(**{name: value})
+    (tmp_path / "file").touch()
+    names = ("standard", "paths")
+    kinds: list[Any] = [
+        lambda name=name: gymnasium.make("PTER/Standard-v0", scenario=name) for name in names
+    ]
+    refused = {
+        "best_model_save_path": (
+            make_sb3_vec_env(2, scenario="standard"),
+            {"best_model_save_path": tmp_path / "file"},
+        ),
+        "one for all worlds": (make(2, task=[TASK, TASK]), {}),
+        "one scenario": (vec_env.DummyVecEnv(kinds), {}),
+        "VecFrameStack": (vec_env.VecFrameStack(make_sb3_vec_env(2), 2), {}),
+    }
+    for message, (env, given) in refused.items():
+        model = small("PPO", env)
+        with pytest.raises(ParameterError, match=message):
+            model.learn(32, PathErrorCallback(**given))
+        assert model.num_timesteps == 0

@@ -19,6 +19,7 @@ from pter_gym.benchmark.boards import (
     MissedLimit,
     boards_text,
     in_order,
+    is_ranked,
     leaderboards,
     print_boards,
     rank,
@@ -89,6 +90,8 @@ def test_limits_are_inclusive(name: str, limit: float, beyond: float) -> None:
     reason = reason_unranked({**scores, name: np.full(200, limit + beyond)}, 0.25)
     assert reason is not None
     assert reason.score == pytest.approx(limit + beyond, abs=1e-12)
+    assert is_ranked({**fine, name: limit})
+    assert not is_ranked({**fine, name: limit + beyond})
 
 
 @pytest.mark.parametrize(("lost", "ranked"), [(5, True), (7, True), (8, False)])

@@ -32,10 +32,13 @@ CORE = (
     ("envs",),
     ("gradients",),
     ("benchmark",),
-    ("_load_policy",),
+    ("_load_policy", "envs.sb3"),
     ("_commands",),
 )
-"""Rooms of the core from the ground up: a room imports those of earlier rows, and no neighbour."""
+"""Rooms of the core from the ground up: a room imports those of earlier rows, and no neighbour.
+
+A module that is named here is a room of its own.
+"""
 
 LEVEL = {room: level for level, rooms in enumerate(CORE) for room in rooms}
 
@@ -75,7 +78,8 @@ IMPORTS = {name: set(imports_of(name)) - {name} for name in MODULES}
 
 def room_of(module: str) -> str:
     """The room of a module of the package: `pter_gym._physics.arm` is in `_physics`."""
-    return module.split(".")[1] if "." in module else "__init__"
+    within = module.partition(".")[2]
+    return within if within in LEVEL else within.partition(".")[0] or "__init__"
 
 
 def tool_of(module: str) -> str:
