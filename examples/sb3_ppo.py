@@ -5,7 +5,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 from pter_gym.benchmark import from_sb3, print_boards, run_scenario
-from pter_gym.envs.sb3 import make_sb3_vec_env
+from pter_gym.envs.sb3 import PathErrorCallback, make_sb3_vec_env
 from pter_gym.tasks.path_following import RewardWeights
 
 SEED, FIRST, SECOND = 0, 1_250_000, 2_750_000
@@ -32,9 +32,10 @@ def worlds(**weights):
 
 torch.set_num_threads(1)
 model = PPO("MlpPolicy", worlds(), n_steps=64, batch_size=1024, gae_lambda=0.98, seed=SEED)
-model.learn(FIRST, progress_bar=True)
+callback = PathErrorCallback(250_000)
+model.learn(FIRST, callback, progress_bar=True)
 model.set_env(worlds(tracking=50, precision=50, effort=0))  # pays for the last millimetres
 model.set_random_seed(SEED)
-model.learn(SECOND, Anneal(), reset_num_timesteps=False, progress_bar=True)
+model.learn(SECOND, [Anneal(), callback], reset_num_timesteps=False, progress_bar=True)
 policies = {"mine": from_sb3(model), "tuned law": "torque-feedback-tuned"}
 print_boards(run_scenario("standard", policies, seed=0))

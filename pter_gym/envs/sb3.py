@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, expand_path, write_files_atomic
 from pter_gym._internal.terminal import make_folder
-from pter_gym.benchmark import Assessment, assess, from_sb3, training_episodes
+from pter_gym.benchmark import Assessment, Episodes, assess, from_sb3, training_episodes
 from pter_gym.benchmark.rollout import UNSEEN, check_acting
 from pter_gym.errors import ParameterError, needs_extra
 from pter_gym.scenarios import find_pace, names_of_paces
@@ -203,6 +203,8 @@ class PathErrorCallback(BaseCallback):
     ----------
     assessments : list of ModelAssessment
         All assessments, in order: ``steps``, and ``paces`` with the ``Assessment`` at each.
+    held_out : dict of str to Episodes
+        The episodes by pace, from the beginning of a training on.
 
     Raises
     ------
@@ -227,6 +229,7 @@ class PathErrorCallback(BaseCallback):
         if best_model_save_path is not None:
             self.best_model_save_path = expand_path("best_model_save_path", best_model_save_path)
         self.assessments: list[ModelAssessment] = []
+        self.held_out: dict[str, Episodes] = {}
         self._paces = None if paces is None else names_of_paces(paces)
         self._count = whole_number("episodes", episodes)
 
@@ -241,11 +244,11 @@ class PathErrorCallback(BaseCallback):
         if others:
             raise ParameterError("env must have one scenario in all worlds to be assessed")
         known = {pace for paces in attributes(env, "paces") for pace in paces}
-        self._episodes = {
+        self.held_out = {
             pace: training_episodes(scenario, pace, self._count, UNSEEN)
             for pace in self._paces or sorted(known, key=find_pace)
         }
-        for drawn in self._episodes.values():
+        for drawn in self.held_out.values():
             check_acting(policy, drawn)
         if self.best_model_save_path is not None:
             make_folder(self.best_model_save_path, "best_model_save_path")
@@ -269,7 +272,7 @@ class PathErrorCallback(BaseCallback):
     def _assess(self) -> None:
         """Assess the model, log and print it, and store it if it is the best so far."""
         policy = from_sb3(self.model)
-        paces = {pace: assess([policy], drawn) for pace, drawn in self._episodes.items()}
+        paces = {pace: assess([policy], drawn) for pace, drawn in self.held_out.items()}
         latest = ModelAssessment(self.num_timesteps, paces)
         self.assessments.append(latest)
         for pace, each in paces.items():
