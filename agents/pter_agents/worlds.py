@@ -16,16 +16,14 @@ from numpy.typing import NDArray
 
 from pter_agents.draws import training_draws
 from pter_agents.settings import NO_BASE, TrainingArguments
-from pter_gym._engine.world import ROW
-from pter_gym._engine.xla import rounded, words_of
+from pter_gym._engine.xla import words_of
 from pter_gym.controllers import PaceSchedule
 from pter_gym.controllers._network import INPUT_LIMIT
 from pter_gym.envs._base_law import find_base_law
 from pter_gym.envs._vector import PathFollowingVectorEnv
-from pter_gym.envs.jax import AnyState, EnvParams, JaxEnv
+from pter_gym.envs.jax import AnyState, EnvParams, JaxEnv, truth_of
 from pter_gym.policies import Input, Interface
 from pter_gym.policies._interface import clutch_rows, input_names, input_values
-from pter_gym.tasks.path_following._context import CONTEXT
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
 """Chosen scales [m, 1, m/s]: random actions make these far larger than a good policy does."""
@@ -34,9 +32,6 @@ SAMPLE_WORLDS, SAMPLE_STEPS = 256, 200
 
 DEVIATION = 0.4
 """Standard deviation of the random actions."""
-
-CONTEXT_AT, ENERGY_MAX = int(ROW.context_at), int(CONTEXT.task.energy_max)
-
 
 Numbers = Sequence[float] | NDArray[Any]
 
@@ -73,11 +68,11 @@ class SharedConstants(NamedTuple):
 
 
 class RolloutState(NamedTuple):
-    """What changes, worlds first: the environment, the policy's inputs at each of the last steps,
-    the latest first, their averages, and the current inputs of the value network alone."""
+    """What changes, worlds first: the environment, the policy's inputs now and at each earlier step
+    that it sees, their averages, and the current inputs of the value network alone."""
 
     env: AnyState
-    rows: jax.Array
+    seen: jax.Array
     means: jax.Array
     known: jax.Array
 
@@ -108,10 +103,12 @@ class JaxWorlds:
     def __init__(self, arguments: TrainingArguments) -> None:
         s = arguments.settings
         self.env = env = _make_env(arguments, s.worlds)
-        self._env, self._layout = JaxEnv(env), env.observation_layout
+        self._env = JaxEnv(env)
+        forgets = replace(arguments, settings=replace(s, history=()))
+        present = _make_env(forgets, SAMPLE_WORLDS)
+        self._layout = present.observation_layout
         self._pace = self._layout.names.index("pace")
-        self._ages = np.array((0, *s.history))
-        inputs, truth = _sample(_make_env(arguments, SAMPLE_WORLDS), arguments.seed)
+        inputs, truth = _sample(present, arguments.seed)
         nominal = env.nominal_machine
         self.interface = Interface(
             inputs,
@@ -147,7 +144,7 @@ class JaxWorlds:
         count, inputs = len(obs), len(shared.present.entries)
         state = RolloutState(
             env,
-            jnp.zeros((count, int(self._ages[-1]) + 1, inputs)),
+            jnp.zeros((count, 1 + len(self.interface.history), inputs)),
             jnp.zeros((count, len(shared.shares), inputs)),
             _truth(shared, env.world),
         )
@@ -169,7 +166,7 @@ class JaxWorlds:
 
     def inputs(self, state: RolloutState) -> jax.Array:
         """Return the networks' inputs, (N, size): the policy's, then the value network's own."""
-        seen = jnp.concatenate([state.rows[:, self._ages], state.means], axis=1)
+        seen = jnp.concatenate([state.seen, state.means], axis=1)
         return jnp.concatenate([seen.reshape(len(seen), -1), state.known], axis=1)
 
     def last_inputs(
@@ -181,28 +178,17 @@ class JaxWorlds:
     def _see(
         self, shared: SharedConstants, state: RolloutState, obs: jax.Array, fresh: jax.Array
     ) -> RolloutState:
-        """Add an observation to the past; in a new world, the past equals this observation."""
-        values = input_values(obs * shared.obs_scales, self._layout)
-        present = shared.present.inputs(values[:, shared.present.entries])[:, None]
-        rows = jnp.concatenate([present, state.rows[:, :-1]], axis=1)
-        means = state.means + shared.shares[:, None] * (present - state.means)
-        column = fresh[:, None, None]
-        return state._replace(
-            rows=jnp.where(column, present, rows), means=jnp.where(column, present, means)
-        )
+        """Take an observation in; in a new world, its averages equal it."""
+        instants = obs.reshape(-1, len(self._layout)) * shared.obs_scales
+        values = input_values(instants, self._layout)[:, shared.present.entries]
+        seen = shared.present.inputs(values).reshape(state.seen.shape)
+        means = state.means + shared.shares[:, None] * (seen[:, :1] - state.means)
+        return state._replace(seen=seen, means=jnp.where(fresh[:, None, None], seen[:, :1], means))
 
 
 def _truth(shared: SharedConstants, world: jax.Array) -> jax.Array:
     """Return the inputs of the value network alone: entries of ``Batch.truth``."""
-    rows, entries = world.shape[1] // 2, shared.truth.entries
-    own = jnp.minimum(entries, rows - 1)
-    state = rounded(
-        jnp.stack([world[:, 2 * own], world[:, 2 * own + 1]], axis=-1).reshape(len(world), -1)
-    )
-    at = rounded(world[:, 2 * CONTEXT_AT : 2 * CONTEXT_AT + 2]).astype(jnp.int32)
-    number = jnp.maximum(entries - rows, 0)
-    context = shared.constants[at + number + (number >= ENERGY_MAX)]
-    return shared.truth.inputs(jnp.where(entries < rows, state, context))
+    return shared.truth.inputs(truth_of(world, shared.constants, shared.truth.entries))
 
 
 def _make_env(arguments: TrainingArguments, count: int) -> PathFollowingVectorEnv:
@@ -216,6 +202,7 @@ def _make_env(arguments: TrainingArguments, count: int) -> PathFollowingVectorEn
         context_seed=arguments.seed,
         base=None if alone else find_base_law(s.base, arguments.gains),
         reach=None if alone else s.reach,
+        history=[s.frame_skip * steps for steps in s.history],
         max_episode_steps=s.episode,
         frame_skip=s.frame_skip,
         autoreset_mode=AutoresetMode.SAME_STEP,

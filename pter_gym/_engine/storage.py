@@ -2,20 +2,38 @@
 
 import os
 from collections.abc import Sequence
-from functools import lru_cache
+from dataclasses import replace
+from functools import cached_property, lru_cache
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._compiled.records import flat, leaves, read
-from pter_gym._engine.world import BASIC_ROWS, LANES, ROW, STATE, STORED_ROWS, WorldState
+from pter_gym._compiled.layout import Field, Layout
+from pter_gym._compiled.records import flat, layout_of, leaves, read, record_fields
+from pter_gym._engine.world import (
+    ADDRESSES,
+    BASIC_ROWS,
+    LANES,
+    ROW,
+    STATE,
+    STORED_ROWS,
+    Addresses,
+    WorldState,
+)
 from pter_gym._physics.arm import Motion, kinetic_energy
 from pter_gym.errors import ParameterError, ResetNeededError
 from pter_gym.hands import Operator
 from pter_gym.params import Machine
 from pter_gym.paths import Path
-from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, context_of
+from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, Context, context_of
+from pter_gym.tasks.path_following._observation import (
+    FORCE_SCALE,
+    OMEGA_SCALE,
+    SPEED_SCALE,
+    TORQUE_SCALE,
+    observation_layout,
+)
 from pter_gym.tasks.path_following._specification import (
     IDEAL_SENSING,
     PathFollowing,
@@ -26,6 +44,17 @@ from pter_gym.tasks.path_following._specification import (
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Pair = tuple[Machine, PathFollowing]
+
+_UNIT_SCALES = {
+    "rad/s": OMEGA_SCALE,
+    "m/s": SPEED_SCALE,
+    "N": FORCE_SCALE,
+    "N·m": TORQUE_SCALE,
+    "N/m": 300.0,
+    "N·s/m": 20.0,
+    "J": 10.0,
+}
+"""Usual sizes of what is true of a world and neither observed nor has a scale of its own."""
 
 _STATE_NAMES = [leaf.name for leaf in leaves(type(STATE))]
 
@@ -320,3 +349,38 @@ class Storage:
         entries = np.delete(np.arange(CONTEXT_WIDTH), int(CONTEXT.task.energy_max))
         context = worlds[:, int(ROW.context_at), None].astype(np.intp) + entries
         return np.concatenate([worlds, self._constants[context]], axis=1)
+
+    @cached_property
+    def privileged_entries(self) -> NDArray[np.intp]:
+        """Entries of ``truth`` that say something of the world: no addresses, nor ``alive``."""
+        rows = self._worlds.shape[1]
+        places = rows + int(CONTEXT.hand.record_first), rows + int(CONTEXT.task.path.first)
+        others = [*range(ADDRESSES.end), int(ROW.alive), *places]
+        return np.delete(np.arange(rows + CONTEXT_WIDTH - 1), others)
+
+    @property
+    def privileged_layout(self) -> Layout:
+        """Names, units and scales of what ``privileged`` returns, which is in their units."""
+        machine = self.pairs[0][0]
+        observed = observation_layout(machine, "force").fields
+        scales = _UNIT_SCALES | {"V": machine.clutch.voltage_max}
+        scales |= {field.name: field.scale for field in observed}
+
+        def scaled(field: Field) -> Field:
+            usual = scales.get(field.name, scales.get(field.unit, 1.0))
+            return replace(field, scale=usual if field.scale == 1.0 else field.scale)
+
+        stored = self._worlds.shape[1] - ADDRESSES.end
+        state = map(scaled, layout_of(WorldState).fields[:stored])
+        context = [
+            replace(field, name=f"{name}_{field.name}")
+            for name, _, kind in record_fields(Context)
+            for field in map(scaled, layout_of(kind).fields)
+        ]
+        del context[int(CONTEXT.task.energy_max)]
+        fields = *layout_of(Addresses).fields, *state, *context
+        return Layout(tuple(fields[entry] for entry in self.privileged_entries))
+
+    def privileged(self) -> Array:
+        """Return what ``privileged_layout`` describes, (N, entries)."""
+        return self.truth()[:, self.privileged_entries]

@@ -71,7 +71,7 @@ class Kept(NamedTuple):
     command: Annotated[PerClutch, Entry("V", "last command")]
     torque: Annotated[PerClutch, Entry("N·m", "last generated torque")]
     sines: Annotated[Sines, Entry("1", "the present phase")]
-    step: Annotated[float, Entry("1", "control steps since the reset")]
+    step: Annotated[float, Entry("1", "control steps since the reset", 1000.0)]
     alive: Annotated[float, Entry("1", "1 while the episode goes on")]
     foot: Foot
     reached: Annotated[float, Entry("m", "largest arc length so far")]

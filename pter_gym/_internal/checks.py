@@ -4,6 +4,7 @@ import operator
 import os
 import sys
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import Any, cast
 
 from pter_gym.errors import ParameterError
@@ -18,6 +19,13 @@ def whole_number(field: str, value: Any, *, at_least: int = 1) -> int:
     if number < at_least or isinstance(value, bool):
         raise ParameterError(f"{field} must be a whole number ≥ {at_least}, got {value!r}")
     return number
+
+
+def are_rising(steps: object, largest: int) -> bool:
+    """Return whether these are rising whole numbers from 1 to the largest, in a tuple."""
+    if not isinstance(steps, tuple) or any(type(step) is not int for step in steps):
+        return False
+    return all(a < b for a, b in pairwise((0, *cast("tuple[int, ...]", steps), largest + 1)))
 
 
 def builtin(value: Any) -> Any:

@@ -16,6 +16,7 @@ from pter_gym._compiled.layout import Layout
 from pter_gym._internal.checks import whole_number
 from pter_gym.controllers import Controller, Policy
 from pter_gym.envs._base_law import BaseLaw
+from pter_gym.envs._history import History
 from pter_gym.envs._mixin import nominal_machine
 from pter_gym.envs._policies import attributes, bounds_of_actions, check_wrappers
 from pter_gym.errors import ParameterError
@@ -47,7 +48,8 @@ def from_sb3(
     env
         The environment in which the model was trained, or one like it; by default, the one attached
         to the model, otherwise that of ``vec_normalize``. It says what observations and actions
-        mean, and which law a model corrects that was trained with ``base``.
+        mean, which law a model corrects that was trained with ``base``, and which earlier
+        observations it sees that was trained with ``history``.
 
     Raises
     ------
@@ -140,11 +142,13 @@ class LibraryPolicy:
         expected = spaces.Box(*self._bounds, (self._clutches,), np.float32)
         if (space := getattr(model, "action_space", None)) != expected:
             raise ParameterError(f"model.action_space must be that of env, {expected}, got {space}")
-        self._names = layout.names[: len(layout) - (0 if base is None else SLOTS)]
+        (self._history,) = attributes(env, "history")
+        entries = len(layout) // (1 + len(self._history))
+        self._names = layout.names[: entries - (0 if base is None else SLOTS)]
         self.sensors = _sensors_of(self._names)
         self._model, self._normalise, self._base, self._hold = model, normalise, base, hold
         (self._reach,) = attributes(env, "reach")
-        self.frame_skip = hold if base is None else 1
+        self.frame_skip = 1 if self._history or base is not None else hold
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy for a machine and a layout.
@@ -163,26 +167,29 @@ class LibraryPolicy:
         accepted = f"{self._clutches}, as the model's actions"
         require(len(clutches) == self._clutches, machine, "clutches", accepted, got=clutches)
         made = partial(self.bind, machine, layout)
+        base = self._base and BaseLaw(self._base, machine, layout, self._reach)
         policy = (
-            self._acting(machine, layout)
-            if self._base is None
-            else self._correcting(BaseLaw(self._base, machine, layout, self._reach), layout)
+            self._following(base, layout, machine)
+            if self._history or base is not None
+            else self._acting(machine, layout)
         )
         return replace(policy, control_period=self._control_period, made=made)
 
     def _acting(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy whose actions stand for voltages."""
-        top = machine.clutch.voltage_max
 
         def act(observations: Observations, memory: Any) -> Any:
-            actions = self._actions(observations, memory)
-            clipped: Any = np.clip(np.asarray(actions, np.float64), *self._bounds)
-            return volts_of(clipped, *self._bounds, top)
+            return self._volts(self._actions(observations, memory), machine)
 
         def start(worlds: int) -> NDArray[np.object_]:
             return np.zeros(worlds, object)
 
         return Policy.of_function(act, layout, start=start, frame_skip=self.frame_skip)
+
+    def _volts(self, actions: Any, machine: Machine) -> Any:
+        """Return the voltages [V] of actions, which are clipped."""
+        clipped: Any = np.clip(np.asarray(actions, np.float64), *self._bounds)
+        return volts_of(clipped, *self._bounds, machine.clutch.voltage_max)
 
     def _actions(self, observations: Observations, memory: Any) -> Any:
         """Return the model's actions, and keep its state in the memory, objects (N,)."""
@@ -197,20 +204,23 @@ class LibraryPolicy:
             memory[world] = _Kept(after)
         return actions
 
-    def _correcting(self, base: BaseLaw, layout: Layout) -> Policy:
-        """Return the policy whose actions correct a base, which acts at every control step."""
-        laws, actions = len(base.start(1)[0]), self._clutches
+    def _following(self, base: BaseLaw | None, layout: Layout, machine: Machine) -> Policy:
+        """Return the policy that looks at every control step, for a history or a base."""
+        laws, actions = 0 if base is None else len(base.start(1)[0]), self._clutches
+        history = History(self._history, layout if base is None else base.layout)
 
         def act(observations: Observations, memory: Any) -> Any:
             state, held, age = memory["state"], memory["action"], memory["age"]
-            kept = np.ascontiguousarray(memory["law"])  # whose rows are apart there: another kernel
-            volts, memory["law"] = base.volts(observations, kept), kept
-            if (age % self._hold == 0).any():
-                now = self._actions(base.seen(observations, volts), state)
-                decides = age % self._hold == 0
-                held[decides] = np.asarray(now, np.float32)[decides]
+            volts = None if base is None else base.volts(observations, memory["law"])
+            seen = observations if base is None else base.seen(observations, volts)
+            memory["latest"] = history.after(memory["latest"], seen, age == 0)
+            decides = age % self._hold == 0
+            if decides.any():
+                held[decides] = self._actions(history.seen(memory["latest"]), state)[decides]
             age += 1
-            return base.corrected(held, volts)
+            if base is None:
+                return self._volts(held, machine)
+            return base.corrected(held.astype(np.float32), volts)
 
         def start(worlds: int) -> Any:
             kept = np.zeros(
@@ -218,11 +228,13 @@ class LibraryPolicy:
                 [
                     ("state", object),
                     ("law", np.float64, (laws,)),
-                    ("action", np.float32, (actions,)),
+                    ("latest", np.float32, history.shape),
+                    ("action", np.float64, (actions,)),
                     ("age", np.int64),
                 ],
             )
-            kept["law"] = base.start(worlds)
+            if base is not None:
+                kept["law"] = base.start(worlds)
             return kept
 
         return Policy.of_function(act, layout, start=start, frame_skip=None)

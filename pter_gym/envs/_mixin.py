@@ -15,6 +15,7 @@ from pter_gym._engine.batch import ActionUnit, Batch
 from pter_gym._internal.checks import builtin, whole_number
 from pter_gym._internal.codec import TYPE
 from pter_gym._internal.files import TABLE_ENDINGS, FilePath, has_ending
+from pter_gym.envs._history import checked_history
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine, find_machine
 from pter_gym.params._fields import check_number
@@ -66,6 +67,8 @@ class Arguments(TypedDict, total=False):
     frame_skip: int | None
     base: "str | Controller | None"
     reach: float | None
+    history: Sequence[int]
+    privileged: bool
 
 
 class WorldsSpec(EnvSpec):
@@ -106,6 +109,8 @@ class WorldsMixin:
         The control law that actions correct, with its gains, or None.
     reach
         What an action of 1 adds to the base's voltage [V]; None without a base.
+    history
+        Control steps ago of what observations end with.
     frame_skip
         Control steps for which an action is held.
     control_period
@@ -121,6 +126,7 @@ class WorldsMixin:
     gains: str
     base: "Controller | None"
     reach: float | None
+    history: tuple[int, ...]
     frame_skip: int
     control_period: float
     observation_layout: Layout
@@ -160,6 +166,7 @@ class WorldsMixin:
         fields = {name: given.pop(name) for name in _FIELDS if name in given}
         self.worlds = worlds = find_worlds(fields, **given)
         self.gains, self.base, self.reach = worlds.gains, worlds.base, worlds.reach
+        self.history = worlds.history
         self.batch = batch = worlds.batch(num_envs, max_episode_steps, telemetry, num_threads)
         self.frame_skip, self.observation_layout = batch.frame_skip, batch.layout
         self.control_period = batch.task.control_period
@@ -186,6 +193,11 @@ class WorldsMixin:
             given = {**spec.kwargs, **self._from_files}
             parts["kwargs"] = {name: each(_to_plain, value) for name, value in given.items()}
             self._spec = WorldsSpec(**parts)
+
+    @property
+    def privileged_layout(self) -> Layout:
+        """Names, units and scales of what ``info["privileged"]`` holds."""
+        return self.batch.privileged_layout
 
     @property
     def nominal_machine(self) -> Machine:
@@ -234,6 +246,10 @@ class Worlds:
         Control steps for which an action is held.
     base, reach
         The law that actions correct, and by how many volts at most; or None.
+    history
+        Control steps ago of what observations end with.
+    privileged
+        Whether infos hold what no sensor shows.
     options
         Further arguments of ``Batch``.
     """
@@ -246,6 +262,8 @@ class Worlds:
     frame_skip: int
     base: "Controller | None"
     reach: float | None
+    history: tuple[int, ...]
+    privileged: bool
     options: Mapping[str, Any]
 
     @property
@@ -292,10 +310,13 @@ class Worlds:
         if steps is not None:
             steps = self.frame_skip * whole_number("max_episode_steps", steps)
         batch: Callable[..., Batch] = Batch
-        if self.base is not None and self.reach is not None:
-            from pter_gym.envs._base_law import CorrectedBatch
+        if self.base is not None or self.history or self.privileged:
+            from pter_gym.envs._agent_batch import AgentBatch
 
-            batch = partial(CorrectedBatch, self.base, self.nominal, self.reach)
+            nominal = None if self.base is None else self.nominal
+            batch = partial(
+                AgentBatch, self.base, nominal, self.reach, self.history, self.privileged
+            )
         return batch(
             self.machines,
             self.tasks,
@@ -327,6 +348,8 @@ def find_worlds(
     frame_skip: int | None = None,
     base: "str | Controller | None" = None,
     reach: float | None = None,
+    history: Sequence[int] = (),
+    privileged: bool = False,
     **options: Any,
 ) -> Worlds:
     """Return what the arguments of an environment describe; ``fields`` are those of its task."""
@@ -377,6 +400,8 @@ def find_worlds(
         frame_skip=1 if frame_skip is None else whole_number("frame_skip", frame_skip),
         base=base,
         reach=reach,
+        history=checked_history(history),
+        privileged=privileged,
         options={"action_unit": action_unit, **options},
     )
 

@@ -149,6 +149,13 @@ class ActingPolicy:
         return actions[0] if self._single else actions
 
 
+INSTEAD = dict.fromkeys(
+    ("FrameStackObservation", "VecFrameStack", "TimeAwareObservation"),
+    "; instead make the environment with history=(1, 2, 3), the control steps to look back",
+)
+"""What to use in place of some wrappers."""
+
+
 def attributes(env: Any, name: str) -> set[Any]:
     """Return the distinct values of an attribute of the unwrapped environments."""
     base = getattr(env, "unwrapped", env)
@@ -215,7 +222,8 @@ def _changes(kind: Any, *, is_vec_wrapper: bool = False) -> bool:
 
 def _refuse(wrapper: str) -> None:
     raise ParameterError(
-        f"env must pass on observations and actions as they are: its wrapper {wrapper} changes them"
+        "env must pass on observations and actions as they are: "
+        f"its wrapper {wrapper} changes them{INSTEAD.get(wrapper, '')}"
     )
 
 

@@ -124,6 +124,15 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
       voltages, `base_1` to `base_4`, and with a scenario actions are held for one control step by
       default.
     - `reach`: what an action of 1 adds to the base's voltage, 8 V by default.
+    - `history`: rising numbers of control steps, such as `(1, 3, 10)`. The observation ends with
+      what was observed so long ago, a whole observation for each, whose entries are called
+      `normal_error[-3]`. They are control steps (of 10 ms) whatever `frame_skip` is, so the agent
+      also sees observations within its last action. Before the start of an episode lies its first
+      observation.
+    - `privileged`: whether `info["privileged"]` holds what no sensor shows: the exact state of arm,
+      clutches and hand, and the constants of machine, hand and task, in the order and units of
+      `env.unwrapped.privileged_layout`, which also has scales. It is for value networks in
+      training; a policy never gets it.
     - `render_mode`: `"human"` (needs the extra `render`) or `"rgb_array"`.
     - `width`, `height`: size of the pictures, 840 × 600 pixels by default.
 
@@ -189,7 +198,7 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
             if len(self.batch.pairs) > 1:
                 self._viewer.look_at(self.machine, self.task)
             self._show(telemetry[0])
-        return obs[0], {"telemetry": telemetry[0], "is_success": False}
+        return obs[0], self._info(telemetry[0], success=False)
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Advance by ``frame_skip`` control periods.
@@ -205,7 +214,7 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
         obs, row, reward, terminated, truncated, success = self.batch.step_alone(action)
         if self._viewer is not None:
             self._show(row)
-        return obs, reward, terminated, truncated, {"telemetry": row, "is_success": success}
+        return obs, reward, terminated, truncated, self._info(row, success=success)
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture (height, width, 3) with ``rgb_array``; ``human`` shows each step."""
@@ -222,6 +231,10 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
         """Close the window, if there is one."""
         if self._viewer is not None:
             self._viewer.close()
+
+    def _info(self, telemetry: NDArray[np.float64], *, success: bool) -> dict[str, Any]:
+        told = {"privileged": self.batch.privileged()[0]} if self.worlds.privileged else {}
+        return {"telemetry": telemetry, "is_success": success, **told}
 
     def _show(self, row: Any) -> None:
         self._rows.append(row)

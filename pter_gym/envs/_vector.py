@@ -1,7 +1,7 @@
 """The native vector environment: many worlds in one compiled call, with Gymnasium's semantics."""
 
 from collections.abc import Sequence
-from typing import Any, Literal, Unpack, cast
+from typing import TYPE_CHECKING, Any, Literal, Unpack, cast
 
 import gymnasium
 import numpy as np
@@ -16,9 +16,13 @@ from pter_gym._engine.world import WorldState
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.computer import available_cores, available_memory
 from pter_gym._internal.plugins import load_artist
+from pter_gym.envs._history import checked_history
 from pter_gym.envs._mixin import Arguments, WorldsMixin
 from pter_gym.errors import ParameterError
 from pter_gym.tasks.path_following._telemetry import COLUMNS
+
+if TYPE_CHECKING:
+    from pter_gym.envs._agent_batch import AgentBatch
 
 _ENDED = {
     AutoresetMode.NEXT_STEP: world.NEXT_STEP,
@@ -34,8 +38,9 @@ class PathFollowingVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverr
 
     A world with seed s goes through the same episodes, bit for bit, as a single environment that is
     reset with seed s, whatever the number of worlds and threads. ``infos`` holds ``telemetry`` (N,
-    len(telemetry_layout)) and ``is_success`` (N,) with their masks, and with
-    ``AutoresetMode.SAME_STEP`` the final entries that Gymnasium defines.
+    len(telemetry_layout)), on request ``privileged`` (N, len(privileged_layout)), and
+    ``is_success`` (N,), with their masks, and with ``AutoresetMode.SAME_STEP`` the final entries
+    that Gymnasium defines.
 
     Parameters
     ----------
@@ -81,7 +86,7 @@ class PathFollowingVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverr
         self.autoreset_mode = find_autoreset_mode(autoreset_mode)
         self.num_envs = whole_number("num_envs", num_envs)
         self.max_episode_steps = None if max_episode_steps == -1 else max_episode_steps
-        check_memory(self.num_envs, telemetry)
+        check_memory(self.num_envs, telemetry, checked_history(arguments.get("history", ())))
         self.metadata = {"render_modes": ["rgb_array"], "autoreset_mode": self.autoreset_mode}
         self.single_observation_space, self.single_action_space = self._make_worlds(
             self.num_envs,
@@ -129,7 +134,8 @@ class PathFollowingVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverr
         obs, telemetry = self.batch.reset(self._seeds(seed), chosen)
         if self._viewer:
             self._viewer.update(telemetry, chosen)
-        return obs, self._infos(chosen, telemetry, np.zeros(self.num_envs, np.bool_))
+        success = np.zeros(self.num_envs, np.bool_)
+        return obs, self._infos(chosen, telemetry, success, self._truth())
 
     def step(self, actions: Any) -> tuple[Observations, Array, Mask, Mask, dict[str, Any]]:
         """Advance all worlds by ``frame_skip`` control periods.
@@ -149,7 +155,7 @@ class PathFollowingVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverr
         telemetry = returns.telemetry[:1].reshape(-1, COLUMNS)
         if self._viewer:
             self._viewer.update(telemetry)
-        infos = self._infos(np.ones(self.num_envs, np.bool_), telemetry, success)
+        infos = self._infos(np.ones(self.num_envs, np.bool_), telemetry, success, self._truth())
         if self.autoreset_mode == AutoresetMode.SAME_STEP:
             self._add_final(infos, returns, terminated | truncated)
         return returns.obs, returns.rewards, terminated, truncated, infos
@@ -189,11 +195,18 @@ class PathFollowingVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverr
         """
         self.batch.set_worlds(state)
 
-    def _infos(self, mask: Mask, telemetry: Array, success: Mask) -> dict[str, Any]:
+    def _infos(
+        self, mask: Mask, telemetry: Array, success: Mask, truth: Array | None
+    ) -> dict[str, Any]:
         infos: dict[str, Any] = {"is_success": success, "_is_success": mask}
         if self._records:
             infos |= {"telemetry": telemetry, "_telemetry": mask.copy()}
+        if truth is not None:
+            infos |= {"privileged": truth, "_privileged": mask.copy()}
         return infos
+
+    def _truth(self) -> Array | None:
+        return self.batch.privileged() if self.worlds.privileged else None
 
     def _add_final(self, infos: dict[str, Any], returns: Returns, ended: Mask) -> None:
         """Add final observations and infos; the rest of ``infos`` belongs to the reset."""
@@ -206,10 +219,14 @@ class PathFollowingVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverr
         telemetry = returns.telemetry[1:].reshape(-1, COLUMNS)
         if len(telemetry):
             telemetry = np.where(ended[:, None], telemetry, 0.0)
+        truth = None
+        if self.worlds.privileged:
+            last = cast("AgentBatch", self.batch).last_truth
+            truth = np.where(ended[:, None], last, 0.0)
         infos |= {
             "final_obs": final_obs,
             "_final_obs": ended,
-            "final_info": self._infos(ended.copy(), telemetry, success & ended),
+            "final_info": self._infos(ended.copy(), telemetry, success & ended, truth),
             "_final_info": ended.copy(),
         }
 
@@ -255,13 +272,15 @@ def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     )
 
 
-BYTES_PER_WORLD, BYTES_OF_TELEMETRY = 1800, 2000
-"""Measured memory of a world and its share of the returns of two steps, and of telemetry [B]."""
+BYTES_PER_WORLD, BYTES_OF_TELEMETRY, BYTES_PER_STEP = 1800, 2000, 400
+"""Measured memory of a world and its share of the returns of two steps, of telemetry, and of each
+control step of a history [B]."""
 
 
-def check_memory(worlds: int, telemetry: bool) -> None:
+def check_memory(worlds: int, telemetry: bool, history: tuple[int, ...]) -> None:
     """Raise a ParameterError if this many worlds would not fit into memory."""
-    most = available_memory() // (BYTES_PER_WORLD + BYTES_OF_TELEMETRY * telemetry)
+    remembered = BYTES_PER_STEP * max((0, *history))
+    most = available_memory() // (BYTES_PER_WORLD + BYTES_OF_TELEMETRY * telemetry + remembered)
     if worlds > most:
         raise ParameterError(
             f"num_envs must be ≤ {most}, which fit into this machine's memory, got {worlds}"

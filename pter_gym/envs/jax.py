@@ -35,16 +35,20 @@ try:
         on_cpu,
         register_calls,
         register_law,
+        rounded,
         words_of,
     )
 except ImportError as error:
     raise ImportError(str(needs_extra("pter_gym.envs.jax", "jax"))) from error
 
 from pter_gym._compiled.layout import Layout
-from pter_gym._engine.world import CONFIG_WIDTH, FLAG, FLAGS
-from pter_gym.envs._base_law import CorrectedBatch
+from pter_gym._engine.world import CONFIG_WIDTH, FLAG, FLAGS, ROW
+from pter_gym.envs._agent_batch import AgentBatch
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.params import SLOTS
+from pter_gym.tasks.path_following._context import CONTEXT
+
+CONTEXT_AT, ENERGY_MAX = int(ROW.context_at), int(CONTEXT.task.energy_max)
 
 
 class EnvState(NamedTuple):
@@ -62,8 +66,8 @@ class EnvState(NamedTuple):
     episode: jax.Array
 
 
-class CorrectedState(NamedTuple):
-    """An ``EnvState`` with what changes in a law that actions correct.
+class AgentState(NamedTuple):
+    """An ``EnvState`` with what changes in a law that actions correct, and in a history.
 
     Attributes
     ----------
@@ -73,15 +77,18 @@ class CorrectedState(NamedTuple):
         The law's memory, uint32 (M,).
     base
         Its voltages [V], float32 (4,).
+    latest
+        The latest observations, float32 (steps, entries).
     """
 
     world: jax.Array
     episode: jax.Array
     memory: jax.Array
     base: jax.Array
+    latest: jax.Array
 
 
-AnyState = EnvState | CorrectedState
+AnyState = EnvState | AgentState
 
 
 class EnvParams(NamedTuple):
@@ -145,23 +152,28 @@ class JaxEnv:
         arrays = env.batch.kernel_arrays()
         self.default_params = EnvParams(words_of(arrays["config"]), words_of(arrays["constants"]))
         self._empty = words_of(arrays["worlds"][0, :, 0])
-        self._batch = env.batch if isinstance(env.batch, CorrectedBatch) else None
+        self._batch = env.batch if isinstance(env.batch, AgentBatch) else None
         self._no_volts = env.batch.action_low
         if self._batch is not None:
-            base = self._batch.law
-            law = base.policy.law
-            assert law is not None
-            self._law = _following(register_law(law.function))
-            self._law_params = LawParams(words_of(base.policy.layout.scales), words_of(law.gains))
-            self._blank = words_of(base.start(1)[0])
-            self._no_volts = 0.0
+            base, memory = self._batch.law, jnp.zeros(0, jnp.uint32)
+            if base is not None:
+                law = base.policy.law
+                assert law is not None
+                self._law = _following(register_law(law.function))
+                scales = words_of(base.policy.layout.scales)
+                self._law_params = LawParams(scales, words_of(law.gains))
+                memory = words_of(base.start(1)[0])
+                self._no_volts = 0.0
+            volts = jnp.zeros(SLOTS, jnp.float32)
+            latest = jnp.zeros(self._batch.history.shape, jnp.float32)
+            self._blank = on_cpu((memory, volts, latest))
 
     @classmethod
     def from_id(cls, env_id: str, keywords: dict[str, Any], **own: Any) -> Self:
         """Return the environment of an id, with keywords of ``make`` and those of this class."""
         fixed: dict[str, Any] = {"autoreset_mode": "SAME_STEP", "num_envs": 1}
         fixed |= {"telemetry": False, "num_threads": 1}
-        for name in (*fixed, "render_mode"):
+        for name in (*fixed, "render_mode", "privileged"):
             if name in keywords:
                 raise ParameterError(f"{name} must not be given: JAX has its own way")
         if not env_id.startswith("PTER/"):
@@ -199,8 +211,7 @@ class JaxEnv:
         world, episode, obs = _one(_reset, (self._empty, episode), self._shared(params))
         if self._batch is None:
             return obs, EnvState(world, episode)
-        base, memory = self._follow(obs, self._blank)
-        return self._seen(obs, base), CorrectedState(world, episode, memory, base)
+        return self._see(self._batch, self._begun(world, episode), obs, begins=True)
 
     def step(
         self,
@@ -228,7 +239,8 @@ class JaxEnv:
         observation, state
             After a reset where the episode has ended.
         reward
-            float32 (). With a base, the rewards of the control steps are rounded one by one.
+            float32 (). With a base or a history, the rewards of the control steps are rounded one
+            by one.
         terminated, truncated
             bool ().
         info
@@ -261,6 +273,22 @@ class JaxEnv:
         }
         return obs, state, reward, terminated, truncated, info
 
+    def privileged(self, state: AnyState, params: EnvParams | None = None) -> jax.Array:
+        """Return what no sensor shows of a world, float32 (len(env.privileged_layout),).
+
+        It is in that layout's units and rounded toward zero; where an episode has just ended, it is
+        of the next one.
+
+        Raises
+        ------
+        ParameterError
+            If state or params are of an environment of another kind.
+        """
+        self._check_state(state)
+        constants = rounded(on_cpu(self._shared(params).constants))
+        entries = jnp.asarray(self.env.batch.privileged_entries, jnp.int32)
+        return truth_of(on_cpu(state.world)[None], constants, entries)[0]
+
     def action_space(self, params: EnvParams | None = None) -> spaces.Box:  # noqa: ARG002  (as gymnax has it)
         """Return the action space, one of Gymnasium's."""
         return cast(spaces.Box, self.env.single_action_space)
@@ -273,23 +301,22 @@ class JaxEnv:
         """Return what a step makes of a world."""
         if self._batch is None:
             return self._control(state, given, shared)
-        law = self._batch.law
+        batch = self._batch
 
-        def correct(before: Advanced, _: None) -> tuple[Advanced, None]:
-            state = cast(CorrectedState, before[0])
-            volts = law.corrected(given[None], state.base[None])[0]
-            stepped, obs, last, reward, flags = self._control(state, volts, shared)
-            base, memory = self._follow(last, state.memory)
-            final, over = self._seen(last, base), _is_over(flags)
-            first, fresh = self._follow(obs, self._blank)
-            base, memory = jnp.where(over, first, base), jnp.where(over, fresh, memory)
-            state = CorrectedState(*stepped[:2], memory, base)
-            after = state, self._seen(obs, base), final, before[3] + reward, flags
+        def control(before: Advanced, _: None) -> tuple[Advanced, None]:
+            state, law = cast(AgentState, before[0]), batch.law
+            volts = given if law is None else law.corrected(given[None], state.base[None])[0]
+            (world, episode), obs, last, reward, flags = self._control(state, volts, shared)
+            state = state._replace(world=world, episode=episode)
+            final, state = self._see(batch, state, last, begins=False)
+            new = self._see(batch, self._begun(world, episode), obs, begins=True)
+            obs, state = jax.tree.map(partial(jnp.where, _is_over(flags)), new, (final, state))
+            after = state, obs, final, before[3] + reward, flags
             return jax.tree.map(partial(jnp.where, _is_over(before[4])), before, after), None
 
         unseen = jnp.zeros(len(self.observation_layout), jnp.float32)
         start = state, unseen, unseen, jnp.zeros((), jnp.float32), jnp.zeros(FLAGS, bool)
-        return lax.scan(correct, start, length=self.frame_skip)[0]
+        return lax.scan(control, start, length=self.frame_skip)[0]
 
     def _control(self, state: AnyState, given: jax.Array, shared: EnvParams) -> Advanced:
         """Return what ``_advance`` does, after a step of the kernel."""
@@ -298,20 +325,26 @@ class JaxEnv:
         world, episode, obs, last, reward, flags = _one(self._step, own, shared)
         return EnvState(world, episode), obs, last, reward, flags
 
-    def _follow(self, obs: jax.Array, memory: jax.Array) -> Arrays:
-        """Return the base's voltages and memory after an observation."""
-        return _one(self._law, (obs, memory), self._law_params)
+    def _begun(self, world: jax.Array, episode: jax.Array) -> AgentState:
+        """Return the state of a world whose episode begins, before it has seen anything."""
+        return AgentState(world, episode, *self._blank)
 
-    def _seen(self, obs: jax.Array, base: jax.Array) -> jax.Array:
-        """Return an observation that ends with the base's voltages."""
-        assert self._batch is not None
-        return self._batch.law.seen(obs[None], base[None])[0]
+    def _see(
+        self, batch: AgentBatch, state: AgentState, obs: jax.Array, *, begins: bool
+    ) -> tuple[jax.Array, AgentState]:
+        """Return what an agent sees after an observation, and the state."""
+        if batch.law is not None:
+            base, memory = _one(self._law, (obs, state.memory), self._law_params)
+            state = state._replace(base=base, memory=memory)
+            obs = batch.law.seen(obs[None], base[None])[0]
+        latest = batch.history.after(state.latest[None], obs[None], jnp.array([begins]))
+        return batch.history.seen(latest)[0], state._replace(latest=latest[0])
 
     def _check_state(self, state: AnyState) -> None:
         """Raise a ParameterError unless a state is as large as this environment's."""
         expected = [(self._empty.shape, jnp.uint32), ((4,), jnp.uint32)]
         if self._batch is not None:
-            expected += [(self._blank.shape, jnp.uint32), ((SLOTS,), jnp.float32)]
+            expected += [(part.shape, part.dtype) for part in self._blank]
         parts = state[: len(expected)]
         if [(jnp.shape(part), jnp.result_type(part)) for part in parts] != expected:
             raise ParameterError(
@@ -343,7 +376,7 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
         An id of ``PTER``, as ``gymnasium.make`` takes it.
     **keywords
         As there: those of the scenario, and ``sensors``, ``action_unit``, ``observe_context``,
-        ``frame_skip`` and ``max_episode_steps``.
+        ``frame_skip``, ``base``, ``reach``, ``history`` and ``max_episode_steps``.
 
     Raises
     ------
@@ -352,6 +385,21 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
     """
     env = JaxEnv.from_id(env_id, keywords)
     return env, env.default_params
+
+
+def truth_of(world: jax.Array, constants: jax.Array, entries: jax.Array) -> jax.Array:
+    """Return some entries of ``Batch.truth``, float32 (N, entries).
+
+    ``world`` holds the words of N worlds, and ``constants`` float32 (K,) what they share.
+    """
+    rows = world.shape[1] // 2
+    own = jnp.minimum(entries, rows - 1)
+    words = jnp.stack([world[:, 2 * own], world[:, 2 * own + 1]], axis=-1)
+    state = rounded(words.reshape(len(world), -1))
+    at = rounded(world[:, 2 * CONTEXT_AT : 2 * CONTEXT_AT + 2]).astype(jnp.int32)
+    number = jnp.maximum(entries - rows, 0)
+    context = constants[at + number + (number >= ENERGY_MAX)]
+    return jnp.where(entries < rows, state, context)
 
 
 def seed_words(seed: int | jax.Array | NDArray[np.uint32]) -> jax.Array:

@@ -37,7 +37,9 @@ class PterVecEnv(VecEnv):
 
     A world that ends is reset at once; ``infos[i]`` then holds ``terminal_observation``,
     ``TimeLimit.truncated``, ``is_success``, and ``episode`` with return, length and time as from
-    ``VecMonitor``, which isn't needed.
+    ``VecMonitor``, which isn't needed. With ``privileged=True``, ``infos[i]["privileged"]`` is from
+    before such a reset, like ``terminal_observation``, and that of the new episode is in
+    ``reset_infos[i]``.
     """
 
     def __init__(self, env: PathFollowingVectorEnv) -> None:
@@ -58,9 +60,9 @@ class PterVecEnv(VecEnv):
         self._reset_options()
         if not isinstance(options, list) or any(cast("list[Any]", options)):
             raise ParameterError(f"options must be empty, got {options!r:.200}")
-        obs, _ = self.env.reset(seed=seeds)
+        obs, infos = self.env.reset(seed=seeds)
         self._returns[:] = self._lengths[:] = 0
-        self.reset_infos = [{} for _ in range(self.num_envs)]
+        self.reset_infos = [_truth_in(infos, world) for world in range(self.num_envs)]
         return obs
 
     def step_async(self, actions: NDArray[np.float32]) -> None:
@@ -74,7 +76,8 @@ class PterVecEnv(VecEnv):
         obs, rewards, terminated, truncated, infos = self.env.step(self._actions)
         done = terminated | truncated
         listed: list[dict[str, Any]] = [
-            {"TimeLimit.truncated": False} for _ in range(self.num_envs)
+            {"TimeLimit.truncated": False, **_truth_in(infos, world)}
+            for world in range(self.num_envs)
         ]
         self._returns += rewards
         self._lengths += 1
@@ -91,8 +94,9 @@ class PterVecEnv(VecEnv):
                         "l": int(self._lengths[world]),
                         "t": elapsed,
                     },
+                    **_truth_in(infos["final_info"], world),
                 }
-                self.reset_infos[world] = {}
+                self.reset_infos[world] = _truth_in(infos, world)
             self._returns[done] = self._lengths[done] = 0
         return obs, rewards.astype(np.float32), done, listed
 
@@ -124,6 +128,11 @@ class PterVecEnv(VecEnv):
     def env_is_wrapped(self, wrapper_class: Any, indices: Indices = None) -> list[bool]:
         """Return whether it is ``Monitor``, whose records ``infos`` hold, for each world."""
         return [wrapper_class is Monitor for _ in self._get_indices(indices)]
+
+
+def _truth_in(infos: dict[str, Any], world: int) -> dict[str, Any]:
+    """Return a world's share of what infos hold that no sensor shows."""
+    return {"privileged": infos["privileged"][world]} if "privileged" in infos else {}
 
 
 def make_sb3_vec_env(num_envs: int, **arguments: Any) -> PterVecEnv:

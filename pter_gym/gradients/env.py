@@ -69,6 +69,8 @@ class DifferentiableEnv(jax_env.JaxEnv):
             raise unknown_name("episode_end", episode_end, get_args(EpisodeEnd))
         if env.base is not None:
             raise ParameterError("base must be None for a step to be differentiated")
+        if env.history:
+            raise ParameterError("history must be () for a step to be differentiated")
         if not env.batch.machine.has_paper_clutches:
             raise ParameterError(
                 "machine must have the paper's clutches for a step to be differentiated"

@@ -7,10 +7,10 @@ actions.
 """
 
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any
 
 from pter_gym._compiled.layout import Layout
+from pter_gym._internal.checks import are_rising
 from pter_gym._physics.arm import UnitVector, Vector, components
 from pter_gym.controllers import PaceSchedule
 from pter_gym.controllers._network import BASE_INPUTS, DERIVED
@@ -122,16 +122,8 @@ class Interface:
         require(absolute, self, "normalised", "False with a base controller")
         require_whole(self, "frame_skip")
         for name, largest in (("history", MAX_DELAY), ("averages", MAX_AVERAGE)):
-            steps: tuple[int, ...] = getattr(self, name)
-            accepted = f"rising whole numbers from 1 to {largest}"
-            whole = type(steps) is tuple and all(type(step) is int for step in steps)
-            require(
-                whole and all(a < b for a, b in pairwise((0, *steps, largest + 1))),
-                self,
-                name,
-                accepted,
-                got=steps,
-            )
+            steps, accepted = getattr(self, name), f"rising whole numbers from 1 to {largest}"
+            require(are_rising(steps, largest), self, name, accepted, got=steps)
         require_kind(self, "clutches", tuple)
         for row in self.clutches:
             require(

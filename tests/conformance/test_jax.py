@@ -44,6 +44,20 @@ KINDS: dict[str, dict[str, Any]] = {
         "reach": 24.0,
         "max_episode_steps": 60,
     },
+    "a history of sensors with delay": {
+        "env_id": "PTER/Everything-v0",
+        "contexts": 8,
+        "sensors": "encoders",
+        "history": (1, 3, 10),
+        "max_episode_steps": 20,
+    },
+    "a base and a history": {
+        "env_id": "PTER/Standard-v0",
+        "contexts": 8,
+        "base": "single-dof-tuned",
+        "history": (2, 7),
+        "max_episode_steps": 30,
+    },
     "a base, held": {"base": "impedance", "frame_skip": 3, "max_episode_steps": 20},
 }
 
@@ -82,7 +96,8 @@ def test_worlds_have_the_bits_of_the_vector_environment(kind: str) -> None:
         for t, action in enumerate(actions):
             obs, rewards, terminated, truncated, infos = worlds.step(action)
             np.testing.assert_array_equal(found[0][t], obs)
-            sums = env.env.base is not None and env.frame_skip > 1  # of rounded rewards
+            by_steps = env.env.base is not None or env.env.history
+            sums = by_steps and env.frame_skip > 1  # of rounded rewards
             rounded = 2.0**-24 * (2 * env.frame_skip if sums else 0)
             np.testing.assert_allclose(found[1][t], rewards.astype(np.float32), rounded, rounded)
             np.testing.assert_array_equal(found[2][t], terminated)
@@ -98,6 +113,22 @@ def test_worlds_have_the_bits_of_the_vector_environment(kind: str) -> None:
                 assert told["is_success"][world] == infos["final_info"]["is_success"][world]
             ended += int(done.sum())
         assert ended > WORLDS
+
+
+@pytest.mark.parametrize("scenario", ["Standard", "Everything"])
+def test_the_truth_is_that_of_the_vector_environment(scenario: str) -> None:
+    """Rounded to 32 bits toward zero, and to 0 where it is tiny."""
+    env, params = make(f"PTER/{scenario}-v0", contexts=8)
+    worlds = vector(f"PTER/{scenario}-v0", contexts=8, privileged=True)
+    _, state = jax.vmap(env.reset_to_seed)(7 + np.arange(WORLDS))
+    _, infos = worlds.reset(seed=7)
+    for _ in range(3):
+        found = jax.vmap(env.privileged, in_axes=(0, None))(state, params)
+        np.testing.assert_allclose(found, infos["privileged"], rtol=2.0**-23, atol=1e-37)
+        *_, infos = worlds.step(np.zeros((WORLDS, 4), np.float32))
+        _, state, *_ = many(env)(None, state, jnp.zeros((WORLDS, 4)), params)
+    with pytest.raises(ParameterError, match="privileged must not be given"):
+        make(privileged=True)
 
 
 def test_one_world_is_a_row_of_many_and_vmap_may_be_nested() -> None:

@@ -66,5 +66,5 @@ class TaskModel(NamedTuple):
     friction_drift: Annotated[
         float, Entry("1/s", "relative change of all clutch torques in a second")
     ]
-    weight: Annotated[Terms, Entry("", "weight")]
+    weight: Annotated[Terms, Entry("", "weight", 100.0)]
     sensing: SensingModel
