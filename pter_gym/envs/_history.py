@@ -58,7 +58,9 @@ class History:
         self.shape = max((0, *steps)) + 1, len(layout)
         self._ages = np.array((0, *steps))
 
-    def after(self, latest: Numbers, obs: Numbers, begins: Numbers) -> Numbers:
+    def after(
+        self, latest: Numbers, obs: Numbers, begins: "NDArray[np.bool_] | jax.Array"
+    ) -> Numbers:
         """Return the latest observations after another one, the newest first.
 
         Where an episode ``begins``, (N,), all of them are its first observation.

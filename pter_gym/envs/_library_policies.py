@@ -167,7 +167,8 @@ class LibraryPolicy:
         accepted = f"{self._clutches}, as the model's actions"
         require(len(clutches) == self._clutches, machine, "clutches", accepted, got=clutches)
         made = partial(self.bind, machine, layout)
-        base = self._base and BaseLaw(self._base, machine, layout, self._reach)
+        law, reach = self._base, self._reach
+        base = None if law is None else BaseLaw(law, machine, layout, reach)
         policy = (
             self._following(base, layout, machine)
             if self._history or base is not None
@@ -211,14 +212,16 @@ class LibraryPolicy:
 
         def act(observations: Observations, memory: Any) -> Any:
             state, held, age = memory["state"], memory["action"], memory["age"]
-            volts = None if base is None else base.volts(observations, memory["law"])
-            seen = observations if base is None else base.seen(observations, volts)
+            seen, volts = observations, None
+            if base is not None:
+                volts = base.volts(observations, memory["law"])
+                seen = base.seen(observations, volts)
             memory["latest"] = history.after(memory["latest"], seen, age == 0)
             decides = age % self._hold == 0
             if decides.any():
                 held[decides] = self._actions(history.seen(memory["latest"]), state)[decides]
             age += 1
-            if base is None:
+            if base is None or volts is None:
                 return self._volts(held, machine)
             return base.corrected(held.astype(np.float32), volts)
 

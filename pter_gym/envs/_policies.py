@@ -149,7 +149,7 @@ class ActingPolicy:
         return actions[0] if self._single else actions
 
 
-INSTEAD = dict.fromkeys(
+INSTEAD: dict[str, str] = dict.fromkeys(
     ("FrameStackObservation", "VecFrameStack", "TimeAwareObservation"),
     "; instead make the environment with history=(1, 2, 3), the control steps to look back",
 )

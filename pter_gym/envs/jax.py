@@ -306,7 +306,8 @@ class JaxEnv:
         def control(before: Advanced, _: None) -> tuple[Advanced, None]:
             state, law = cast(AgentState, before[0]), batch.law
             volts = given if law is None else law.corrected(given[None], state.base[None])[0]
-            (world, episode), obs, last, reward, flags = self._control(state, volts, shared)
+            stepped, obs, last, reward, flags = self._control(state, volts, shared)
+            world, episode = stepped[:2]
             state = state._replace(world=world, episode=episode)
             final, state = self._see(batch, state, last, begins=False)
             new = self._see(batch, self._begun(world, episode), obs, begins=True)
