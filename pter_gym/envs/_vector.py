@@ -191,7 +191,7 @@ class PathFollowingVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverr
     def set_worlds(self, state: WorldState) -> None:
         """Put all worlds into states, such as one that was seen; see ``Batch.set_worlds``.
 
-        With a base, the law's memory stays as it is.
+        With a base or a history, what these remember stays as it is.
         """
         self.batch.set_worlds(state)
 
