@@ -214,7 +214,8 @@ class LibraryPolicy:
             state, held, age = memory["state"], memory["action"], memory["age"]
             seen, volts = observations, None
             if base is not None:
-                volts = base.volts(observations, memory["law"])
+                law = np.ascontiguousarray(memory["law"])  # rows apart need another kernel
+                volts, memory["law"] = base.volts(observations, law), law
                 seen = base.seen(observations, volts)
             memory["latest"] = history.after(memory["latest"], seen, age == 0)
             decides = age % self._hold == 0
