@@ -353,7 +353,7 @@ class Storage:
     @cached_property
     def privileged_entries(self) -> NDArray[np.intp]:
         """Entries of ``truth`` that say something of the world: no addresses, nor ``alive``."""
-        rows = self._worlds.shape[1]
+        rows: int = self._worlds.shape[1]
         places = rows + int(CONTEXT.hand.record_first), rows + int(CONTEXT.task.path.first)
         others = [*range(ADDRESSES.end), int(ROW.alive), *places]
         return np.delete(np.arange(rows + CONTEXT_WIDTH - 1), others)
@@ -378,8 +378,8 @@ class Storage:
             for field in map(scaled, layout_of(kind).fields)
         ]
         del context[int(CONTEXT.task.energy_max)]
-        fields = *layout_of(Addresses).fields, *state, *context
-        return Layout(tuple(fields[entry] for entry in self.privileged_entries))
+        fields: list[Field] = [*layout_of(Addresses).fields, *state, *context]
+        return Layout(tuple(fields[int(entry)] for entry in self.privileged_entries))
 
     def privileged(self) -> Array:
         """Return what ``privileged_layout`` describes, (N, entries)."""

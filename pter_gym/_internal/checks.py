@@ -23,9 +23,9 @@ def whole_number(field: str, value: Any, *, at_least: int = 1) -> int:
 
 def are_rising(steps: object, largest: int) -> bool:
     """Return whether these are rising whole numbers from 1 to the largest, in a tuple."""
-    if not isinstance(steps, tuple) or any(type(step) is not int for step in steps):
-        return False
-    return all(a < b for a, b in pairwise((0, *cast("tuple[int, ...]", steps), largest + 1)))
+    numbers: tuple[Any, ...] = cast("Any", steps) if isinstance(steps, tuple) else (None,)
+    whole = all(type(number) is int for number in numbers)
+    return whole and all(a < b for a, b in pairwise((0, *numbers, largest + 1)))
 
 
 def builtin(value: Any) -> Any:
