@@ -206,7 +206,12 @@ def packages(session: nox.Session) -> None:
     render = "import sys, rattler_build as r; r.Stage0Recipe.from_file(sys.argv[1]).render()"
     session.run("python", "-c", render, str(ROOT / "docs" / "conda" / "recipe.yaml"))
     place = copy(session, "ray")
-    session.install("-q", *PINNED, "-e", str(place), "ray==2.60.0")
-    program = str(place / "examples" / "ray_rollouts.py")
+    # the extra `rllib` of Ray wants another version of Gymnasium than is pinned
+    rllib = ("ray==2.60.0", "dm-tree", "lz4", "pyarrow", "ormsgpack", "scipy")
+    session.install("-q", *PINNED, "-e", f"{place}[agents]", *rllib)
     outside = {"TMPDIR": gettempdir()}  # Ray's workers refuse a folder within an environment
-    session.run("python", program, "--worlds", "16", env=outside)
+    for program, *options in (
+        ("examples/ray_rollouts.py",),
+        ("agents/libraries/rllib_ppo.py", "--workers", "2", "--horizon", "32", "--steps", "2048"),
+    ):
+        session.run("python", str(place / program), "--worlds", "16", *options, env=outside)
