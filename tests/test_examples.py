@@ -22,7 +22,7 @@ SHORTER = {
 RUN = [
     pytest.param(path, id=path.stem, marks=MARKS.get(path.stem, ()))
     for path in EXAMPLES
-    if path.stem not in {"ray_rollouts", "sb3_asymmetric", "sb3_base", "sb3_plain", "sb3_ppo"}
+    if path.stem != "ray_rollouts" and not path.stem.startswith("sb3_")
 ]
 
 

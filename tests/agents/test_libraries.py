@@ -50,15 +50,19 @@ def test_a_script_trains(script: str, tmp_path: Path, monkeypatch: pytest.Monkey
     assert examine({script: policy}, episodes=2).keys() == {script, "free", "locked", "random"}
 
 
-@pytest.mark.long
-def test_the_study_ranks_each_seed_of_what_it_chose(
+@pytest.mark.slow
+def test_the_study_shows_each_seed_and_trains_none_twice(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     study = load_script(FOLDER.parent / "stock" / "study.py").study
-    study(("A2C",), seeds=2, seconds=0.2, out=tmp_path)
-    shown = capsys.readouterr().out
-    assert shown.count("mm on training episodes") == 3
-    assert all(shown.count(f"– A2C {seed} ") == 1 for seed in (1, 2)), shown
+    out, picture = tmp_path / "curves.csv", tmp_path / "curves.png"
+    study(("A2C",), (1,), decisions=2048, assessments=2, out=out)
+    first = out.read_text("utf-8")
+    assert len(first.splitlines()) == 1 + 3 + 1  # before, after half and all of it, and the test
+    study(("A2C",), (1, 2), decisions=2048, assessments=2, out=out, picture=picture)
+    assert out.read_text("utf-8").startswith(first)
+    assert "| A2C | 0 of 2 |" in capsys.readouterr().out
+    assert picture.stat().st_size > 10_000
 
 
 @pytest.mark.slow
