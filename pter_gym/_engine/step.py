@@ -324,7 +324,7 @@ def judge_step(w: Records, i: int, period: float, max_steps: float) -> None:
     outcome = Outcome(
         at=at,
         advance=w[ROW.advance, i],
-        reached=reached,
+        earned=w[ROW.earned, i],
         path_length=task.path.length,
         pace=task.pace,
         pace_ratio=ratio,
@@ -336,6 +336,7 @@ def judge_step(w: Records, i: int, period: float, max_steps: float) -> None:
     terms = reward_terms(task.weight, outcome, period)
     truncated = is_astray(at, terminated, task) | (step >= max_steps)
     w[ROW.pace_ratio, i] = ratio
+    w[ROW.earned, i] += terms.tracking + terms.precision
     store(w, ROW.terms, i, terms)
     w[ROW.reward, i] = total(terms)
     w[ROW.alive, i] = 1.0 if (w[ROW.began, i] != 0.0) & (not terminated) & (not truncated) else 0.0

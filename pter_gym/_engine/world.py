@@ -75,6 +75,7 @@ class Kept(NamedTuple):
     alive: Annotated[float, Entry("1", "1 while the episode goes on")]
     foot: Foot
     reached: Annotated[float, Entry("m", "largest arc length so far")]
+    earned: Annotated[float, Entry("1", "what tracking and precision have paid so far")]
     pace_ratio: Annotated[
         float, Entry("1", "recent mean of the pace along the path, over the commanded pace")
     ]

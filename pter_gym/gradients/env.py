@@ -44,7 +44,7 @@ class DifferentiableEnvState(NamedTuple):
     world, episode
         Those of ``pter_gym.envs.jax.EnvState``.
     numbers
-        ``world`` as floating-point numbers (51,): angles, velocities, torques and so on,
+        ``world`` as floating-point numbers (52,): angles, velocities, torques and so on,
         in the order of ``pter_gym._engine.world.World``. A step does not read them.
     """
 

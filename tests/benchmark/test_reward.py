@@ -46,19 +46,21 @@ AGREEING = 0.96
 they score: on ``paths``, ``single-dof-tuned`` less than ``torque-feedback-tuned``, which rides
 smoothly 11 mm beside the path."""
 
-LATE = "lingers"
-"""Who waits at the start of the path and then rides well."""
+LATE = ("lingers", "velocity-ratio-tuned")
+"""Who waits at the start of the path, or leaves it at first, and then rides well."""
 
 LARGE = 0.01
 """Path error [m] of a game; a ranked policy that weaves within a corridor plays none."""
 
 
-def is_short_sighted(pace: str, discount: float) -> bool:
+def is_short_sighted(pace: str, discount: float, better: str, worse: str) -> bool:
     """Return whether an agent does not see a game whole, or not what makes up for having waited.
 
-    Within two seconds, a fifth of a slow path, who is going to ride beside it is not yet far away,
-    who began late has not caught up, and voltage costs as much as the worse ride loses."""
-    return pace == "slow" and discount <= 0.995
+    Within a second, a tenth of a slow path, who is going to ride beside it is not beside yet, and a
+    free arm is still where its hand holds it. Within two, who began late has not caught up, and who
+    weaves is not far away."""
+    late = better.endswith(LATE) or worse.endswith("weaves")
+    return pace == "slow" and discount <= (0.995 if late else 0.99)
 
 
 GAMES: dict[str, Attack] = {
@@ -116,7 +118,7 @@ def policies(course: Course) -> dict[str, Any]:
     for honest in ("residual", "single-dof-tuned"):
         found |= {
             f"{honest} {game}": play(found[honest])
-            for game, play in (*GAMES.items(), (LATE, LINGERS))
+            for game, play in (*GAMES.items(), (LATE[0], LINGERS))
         }
     return found
 
@@ -155,7 +157,7 @@ def test_clearly_better_scores_return_more(scenario: str, paces: tuple[str, ...]
                 ]
                 wrong += disagreeing
                 if other.endswith((*IDLE, *GAMES)) and not (worse.ranks and worse.error < LARGE):
-                    played += [pair for pair in disagreeing if not is_short_sighted(*pair[:2])]
+                    played += [pair for pair in disagreeing if not is_short_sighted(*pair)]
     told = f"{len(wrong)} of {pairs}:\n" + "\n".join(map(str, wrong))
     assert played == [], told
     assert pairs > 100
@@ -179,7 +181,7 @@ def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: s
     judged = {
         name: judge(policy, course)
         for name, policy in found.items()
-        if not name.endswith((*GAMES, LATE))
+        if not name.endswith((*GAMES, LATE[0]))
     }
     ranked = {name: each for name, each in judged.items() if each.ranks}
     stopped, more = 0, list[tuple[float, str, str]]()

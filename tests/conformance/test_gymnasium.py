@@ -201,7 +201,9 @@ def test_reward_is_the_sum_of_its_terms() -> None:
     assert reward == pytest.approx(sum(terms), rel=1e-15)
     assert terms[0] > 0.0
     assert all(term <= 0.0 for term in terms[1:])
-    assert row["reward_effort"] == pytest.approx(-0.01 * 2.0 * (6.0 / 24.0) ** 2, rel=1e-12)
+    task = env.unwrapped.batch.task
+    path_times = 0.01 * task.pace / task.path.length
+    assert row["reward_effort"] == pytest.approx(-2.0 * (6.0 / 24.0) ** 2 * path_times, rel=1e-12)
 
 
 # --- seeds ---

@@ -43,7 +43,7 @@ MACHINES = (
     replace(MACHINE, clutch_scale=(0.5, 1.5, 1.0, 0.8), hand=Hand(mass=1.5, damping=10.0)),
 )
 WEIGHTS = RewardWeights(
-    tracking=300.0, precision=700.0, pace=50.0, acceleration=2.0, effort=3.0, failure=40.0
+    tracking=300.0, precision=700.0, pace=50.0, acceleration=8.0, effort=12.0, failure=0.4
 )
 SHORT = Line(x=-0.1, y=0.55, direction=0.3, length=0.03)
 TASKS = (

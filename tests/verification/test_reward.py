@@ -25,10 +25,10 @@ PERIOD = 0.01
 
 
 def expected(rows: np.ndarray, task: PathFollowing) -> dict[str, list[float]]:
-    """What each control step pays for the way and costs for the pace; rows (steps + 1, columns)
-    from a reset on."""
+    """What each control step pays and costs; rows (steps + 1, columns) from a reset on."""
     length, pace, weight = task.path.length, task.pace, task.reward
-    terms: dict[str, list[float]] = {"tracking": [], "precision": [], "pace": []}
+    names = ("tracking", "precision", "pace", "effort", "failure")
+    terms: dict[str, list[float]] = {name: [] for name in names}
     mean = 1.0
     for step, (before, after) in enumerate(pairwise(rows), 1):
         ratio = (after[COLUMN.arc_length] - before[COLUMN.arc_length]) / (PERIOD * pace)
@@ -45,8 +45,13 @@ def expected(rows: np.ndarray, task: PathFollowing) -> dict[str, list[float]]:
         terms["precision"].append(
             weight.precision * new * share * math.exp(-distance / PRECISION_WIDTH)
         )
-        off = REST * (1.0 - max(mean, 0.0)) if mean < 1.0 else min(mean, MAX_PACE_RATIO) - 1.0
+        off = REST * (1.0 - max(mean, 0.0)) ** 2 if mean < 1.0 else min(mean, MAX_PACE_RATIO) - 1.0
         terms["pace"].append(-weight.pace * off * PERIOD * pace / length)
+        strain = np.mean((after[COLUMN.volts.x1 : COLUMN.volts.x4 + 1] / 24.0) ** 2)
+        terms["effort"].append(-weight.effort * strain * PERIOD * pace / length)
+        paid = sum(terms["tracking"]) + sum(terms["precision"])
+        has_failed = after[COLUMN.terminated] and not after[COLUMN.is_success]
+        terms["failure"].append(-weight.failure * paid if has_failed else 0.0)
     return terms
 
 
@@ -85,4 +90,4 @@ def test_waiting_at_the_start_costs_after_the_allowance() -> None:
     assert costs[:excused] == excused * [0.0]
     standstill = -0.1 * PERFECT * REST * PERIOD * task.pace / task.path.length
     mean = np.exp(-PERIOD / PACE_WINDOW * np.arange(1, 1 + 40 - excused))
-    np.testing.assert_allclose(costs[excused:], standstill * (1.0 - mean), rtol=1e-9)
+    np.testing.assert_allclose(costs[excused:], standstill * (1.0 - mean) ** 2, rtol=1e-9)

@@ -296,7 +296,7 @@ def test_reward_and_cost_of_a_pace():
     assert [pace_share(ratio) for ratio in ratios] == pytest.approx(
         [0.0, 0.0, 0.125, 1.0, 1 / 16, 60.0**-4]
     )
-    assert [pace_cost(ratio) for ratio in ratios] == [5.0, 5.0, 2.5, 0.0, 1.0, 49.0]
+    assert [pace_cost(ratio) for ratio in ratios] == [5.0, 5.0, 1.25, 0.0, 1.0, 49.0]
 
 
 @pytest.mark.parametrize("failed", [False, True])
@@ -306,7 +306,7 @@ def test_each_reward_term_is_scaled_by_its_weight(failed: bool):
     seen = Outcome(
         at=at,
         advance=0.2,
-        reached=0.6,
+        earned=30.0,
         path_length=0.8,
         pace=0.5,
         pace_ratio=0.5,
@@ -328,11 +328,12 @@ def test_each_reward_term_is_scaled_by_its_weight(failed: bool):
     expected = none._replace(
         tracking=300.0 * 0.25 * 0.125 * math.exp(-0.03 / 0.06),
         precision=700.0 * 0.25 * 0.125 * math.exp(-0.03 / 0.006),
-        pace=-40.0 * 2.5 * 0.01 * 0.5 / 0.8,
-        acceleration=-5.0 * 0.01 * 4.0 / 10.0,
-        effort=-6.0 * 0.01 * (1.0 + 4.0 + 9.0 + 16.0) / 4.0 / 400.0,
-        failure=-7.0 * 0.75 if failed else 0.0,
+        pace=-40.0 * 1.25 * 0.01 * 0.5 / 0.8,
+        acceleration=-5.0 * 4.0 / 10.0 * 0.01 * 0.5 / 0.8,
+        effort=-6.0 * (1.0 + 4.0 + 9.0 + 16.0) / 4.0 / 400.0 * 0.01 * 0.5 / 0.8,
     )
+    paid = 30.0 + expected.tracking + expected.precision
+    expected = expected._replace(failure=-7.0 * paid if failed else 0.0)
     assert terms == pytest.approx(expected)
     assert total(terms) == pytest.approx(sum(expected))
 
@@ -342,8 +343,8 @@ def test_each_weight_of_the_reward():
     assert {name: weight for name, weight in weights.items() if weight != 0.0} == {
         "tracking": 100.0,
         "pace": 10.0,
-        "effort": 10.0,
-        "failure": 100.0,
+        "effort": 20.0,
+        "failure": 0.5,
     }
 
 

@@ -42,8 +42,8 @@ class Outcome(NamedTuple):
         Position of the tip relative to the path.
     advance
         Progress of the tip beyond the previous largest arc length [m].
-    reached
-        The largest arc length so far [m].
+    earned
+        What tracking and precision have paid in earlier control steps.
     path_length
         Length of the path [m].
     pace
@@ -61,7 +61,7 @@ class Outcome(NamedTuple):
 
     at: PathState
     advance: float
-    reached: float
+    earned: float
     path_length: float
     pace: float
     pace_ratio: float
@@ -96,10 +96,14 @@ def paid(weight: float, outcome: Outcome, width: float) -> float:
 
 @inlined
 def pace_cost(ratio: float) -> float:
-    """Return the cost of a pace over the commanded one: |ratio − 1|, times ``REST`` below 1."""
-    slower = ratio if ratio > 0.0 else 0.0
+    """Return the cost of a pace, from its ratio to the commanded one: ``REST`` at rest, 1 at 2.
+
+    Below the commanded pace it is quadratic: were its slope as large there as it is at rest, noise
+    of the actions would make it cheaper to ride too fast.
+    """
+    missing = 1.0 - (ratio if ratio > 0.0 else 0.0)
     faster = ratio if ratio < MAX_PACE_RATIO else MAX_PACE_RATIO
-    return REST * (1.0 - slower) if ratio < 1.0 else faster - 1.0
+    return REST * missing * missing if ratio < 1.0 else faster - 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,23 +133,24 @@ class RewardWeights(Checked):
         default=0.1 * PERFECT,
     )
     acceleration: float = parameter(
-        "1/s",
-        f"chosen: per {ACCELERATION_UNIT:g} m/s² of tip acceleration",
+        "1",
+        f"chosen: in one path time, per {ACCELERATION_UNIT:g} m/s² of tip acceleration",
         at_least=0.0,
         default=0.0,
     )
     effort: float = parameter(
-        "1/s",
-        "chosen: per mean of the squared voltages, relative to the largest",
+        "1",
+        "chosen: in one path time with all clutches at the largest voltage; in proportion to the "
+        "mean square",
         at_least=0.0,
-        default=10.0,
+        default=20.0,
     )
     failure: float = parameter(
         "1",
-        "chosen: on leaving the workspace or missing the end of the path, times the part that was "
-        "reached",
+        "chosen: on leaving the workspace or missing the end of the path, times what the episode "
+        "has paid for tracking and precision",
         at_least=0.0,
-        default=PERFECT,
+        default=0.5,
     )
 
 
@@ -165,20 +170,18 @@ Terms = NamedTuple("Terms", _TERMS)
 @inlined
 def reward_terms(weight: Any, outcome: Outcome, period: float) -> Any:
     """Return the weighted ``Terms`` of a control step of ``period`` [s]."""
+    path_times = period * outcome.pace / outcome.path_length
+    tracking = paid(weight.tracking, outcome, ERROR_WIDTH)
+    precision = paid(weight.precision, outcome, PRECISION_WIDTH)
+    earned = outcome.earned + tracking + precision
+    strain = mean_square(outcome.volts) / (outcome.voltage_max * outcome.voltage_max)
     return Terms(
-        tracking=paid(weight.tracking, outcome, ERROR_WIDTH),
-        precision=paid(weight.precision, outcome, PRECISION_WIDTH),
-        pace=-weight.pace
-        * pace_cost(outcome.pace_ratio)
-        * outcome.pace
-        * period
-        / outcome.path_length,
-        acceleration=-period * weight.acceleration * outcome.acceleration / ACCELERATION_UNIT,
-        effort=-period
-        * weight.effort
-        * mean_square(outcome.volts)
-        / (outcome.voltage_max * outcome.voltage_max),
-        failure=-weight.failure * outcome.reached / outcome.path_length if outcome.failed else 0.0,
+        tracking=tracking,
+        precision=precision,
+        pace=-weight.pace * pace_cost(outcome.pace_ratio) * path_times,
+        acceleration=-weight.acceleration * outcome.acceleration / ACCELERATION_UNIT * path_times,
+        effort=-weight.effort * strain * path_times,
+        failure=-weight.failure * earned if outcome.failed else 0.0,
     )
 
 
