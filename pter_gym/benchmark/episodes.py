@@ -34,7 +34,7 @@ ENTRIES = ("machines", "tasks", "seeds", "strata", "time_limits")
 
 ENDING = ".json.gz"
 
-CHUNK = 64
+CHUNK = 128
 """Episodes that are simulated together."""
 
 LONGEST = 20_000

@@ -3,12 +3,14 @@
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pter_gym._compiled.records import width
+from pter_gym.benchmark.tally import PROGRESS, SUMS, Progress, Sums, tally_kernel
 from pter_gym.haptics import apparent_stiffness, mean_resisting_force
+from pter_gym.haptics._scores import total
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._pace import ALLOWANCE, START
 
@@ -20,25 +22,6 @@ CUTOFF = 20.0
 
 SEGMENTS = 10
 """Equal parts of a path, each with a pace error and a path error of its own."""
-
-
-class Marks(NamedTuple):
-    """When the running maximum of the arc length passed K marks on each of N paths, (K, N) each.
-
-    A mark was passed between the rows ``before`` and ``after``, after ``part`` of the interval; NaN
-    if it never was.
-    """
-
-    before: NDArray[np.intp]
-    after: NDArray[np.intp]
-    part: Array
-
-    def interpolate(self, values: Array) -> Array:
-        """Return values, a row for each arc length, at the marks; NaN for those never passed."""
-        first, last = (
-            np.take_along_axis(values, rows, axis=0) for rows in (self.before, self.after)
-        )
-        return first + self.part * (last - first)
 
 
 def column(telemetry: Array, name: str) -> Array:
@@ -56,34 +39,6 @@ def per_clutch(telemetry: Array, name: str) -> Array:
     """Return the four clutches' parts of a field of telemetry, shape (..., 4)."""
     first = TELEMETRY.index(f"{name}_1")
     return telemetry[..., first : first + 4]
-
-
-def find_marks(furthest: Array, marks: Array) -> Marks:
-    """Return when marks (K, N) were passed by the running maximum of the arc length (R, N) [m]."""
-    passed = np.stack([furthest >= mark for mark in marks], axis=1)
-    after = passed.argmax(axis=0)
-    before = np.maximum(after - 1, 0)
-    low, high = (np.take_along_axis(furthest, rows, axis=0) for rows in (before, after))
-    part = np.divide(marks - low, high - low, where=high > low, out=np.ones_like(marks))
-    return Marks(before, after, np.where(passed.any(axis=0), part, np.nan))
-
-
-def path_integral(furthest: Array, errors: Array) -> Array:
-    """Return ∫|e|ds [m²] up to each row, shape (T + 2, N).
-
-    Each increment counts with the largest error since the previous one. ``furthest``, (T + 2, N)
-    [m], is the running maximum of the arc length, from 0 on; ``errors``, (T + 1, N) [m], are
-    |normal error| at each control instant, NaN after the end of an episode.
-    """
-    parts = np.zeros_like(furthest)
-    worst_since = np.zeros_like(furthest[0])
-    for part, increment, error in zip(
-        parts[1:], np.diff(furthest, axis=0), np.nan_to_num(errors), strict=True
-    ):
-        worst_since = np.maximum(worst_since, error)
-        part[:] = worst_since * increment
-        worst_since[increment > 0.0] = 0.0
-    return parts.cumsum(axis=0)
 
 
 def pace_errors(relative_times: Array, finished: Mask) -> Array:
@@ -105,7 +60,7 @@ def smoothness(speed: Array, acceleration: Array, counted: Mask, period: float) 
     squares = np.where(both, (np.diff(acceleration, axis=0) ** 2).sum(axis=-1), 0.0)
     duration = counted.sum(axis=0) * period
     peak = np.where(counted, speed, 0.0).max(axis=0)
-    jerk = duration**3 * squares.sum(axis=0) / period
+    jerk = duration**3 * total(squares) / period
     return -np.log(
         np.maximum(jerk, peak**2) / np.where(peak > 0.0, peak**2, 1.0),
         where=peak > 0.0,
@@ -130,7 +85,7 @@ def norm(vectors: Array) -> Array:
 
 def mean_over(values: ArrayLike, counted: Mask) -> Array:
     """Return the mean of the counted values over the first axis; at least one must count."""
-    return np.where(counted, values, 0.0).sum(axis=0) / counted.sum(axis=0)
+    return total(np.where(counted, values, 0.0)) / counted.sum(axis=0)
 
 
 START_UP = 0.2
@@ -145,84 +100,86 @@ PRICE = 2.0
 With less, a slower rollout within the limits would still pay, since errors grow with the speed.
 """
 
-RANKED = tuple(map(TELEMETRY.index, ("time", "arc_length", "normal_error", "is_success")))
-"""Columns of the telemetry that the scores that decide ranks need."""
-
 
 class Travel:
     """N episodes along their paths: everything needed for the scores that decide ranks.
 
-    ``ranked`` is telemetry, (T + 1, N, len(RANKED)), starting with the reset and NaN after the ends
-    of the episodes.
+    ``add`` goes on with rows of telemetry, (T, N, len(TELEMETRY)), which start with the reset and
+    are NaN after the ends of the episodes.
     """
 
-    def __init__(self, ranked: Array, tasks: Sequence[PathFollowing]) -> None:
-        time, arc_length, errors, success = np.moveaxis(ranked, -1, 0)
-        self.time, self.errors, self.success = time, np.abs(errors), success
+    def __init__(self, tasks: Sequence[PathFollowing]) -> None:
         self.length = np.array([task.path.length for task in tasks])
         self.error_max = np.array([task.error_max for task in tasks])
         self.pace = np.array([task.pace for task in tasks])
-        self.furthest = np.fmax.accumulate(
-            np.concatenate([np.zeros_like(arc_length[:1]), arc_length]), axis=0
-        )
-        self.clock = np.concatenate([time[:1], time])
-        self.end = np.nanmax(time, axis=0)
+        tenths = self.length * np.linspace(0.0, 1.0, SEGMENTS + 1)[:, None]
+        self._marks = np.concatenate([tenths, self.length[None] * START])
+        self._progress = np.zeros((width(Progress), len(tasks)))
+        self._progress[PROGRESS.sums.time] = math.nan
+        self._passed = np.full((len(self._marks), width(Sums), len(tasks)), math.nan)
 
-    @cached_property
-    def marks(self) -> Marks:
-        """The instants when 0, 1, … ``SEGMENTS`` tenths of the paths were passed."""
-        return find_marks(self.furthest, self.length * np.linspace(0.0, 1.0, SEGMENTS + 1)[:, None])
+    def add(self, telemetry: Array) -> None:
+        """Go on with rows of telemetry."""
+        tally_kernel()(np.ascontiguousarray(telemetry), self._marks, self._progress, self._passed)
 
-    @cached_property
-    def path_integral(self) -> Array:
-        """∫|e|ds up to each row [m²]."""
-        return path_integral(self.furthest, self.errors)
+    @property
+    def end(self) -> Array:
+        """Lengths of the episodes [s]."""
+        return self._progress[PROGRESS.sums.time]
+
+    @property
+    def furthest(self) -> Array:
+        """Largest arc lengths [m]."""
+        return self._progress[PROGRESS.furthest]
 
     @cached_property
     def worst(self) -> Array:
         """The error of the part of the path not reached [m]: the largest, at least the bound."""
-        return np.maximum(np.nanmax(self.errors, axis=0), self.error_max)
-
-    def mean_error(self) -> Array:
-        """Return the time average of the path error [m]."""
-        return mean_over(self.errors[1:], np.isfinite(self.time[1:]))
+        return np.maximum(self._progress[PROGRESS.largest], self.error_max)
 
     def path_average(self) -> Array:
         """Return the path average of the path error [m]."""
-        return self._average_on_path(self.path_integral, self.worst)
+        return self._average_on_path("on_path", self.worst)
 
     def rms_error(self) -> Array:
         """Return the root mean square of the path error over the path [m]."""
-        return np.sqrt(
-            self._average_on_path(path_integral(self.furthest, self.errors**2), self.worst**2)
-        )
+        return np.sqrt(self._average_on_path("squared", self.worst**2))
 
-    def _average_on_path(self, integral: Array, missed: Array) -> Array:
-        """Return an integral (T + 2, N) over the path's length, ``missed`` where not reached."""
-        whole: Array = self.marks.interpolate(integral)[-1]
-        missing = np.maximum(self.length - self.furthest[-1], 0.0)
-        return np.where(np.isfinite(whole), whole, integral[-1] + missing * missed) / self.length
+    def _average_on_path(self, name: str, missed: Array) -> Array:
+        """Return an integral over the path's length, ``missed`` where not reached."""
+        whole, so_far = self._at_marks(name)[-1], self._progress[getattr(PROGRESS.sums, name)]
+        missing = np.maximum(self.length - self.furthest, 0.0)
+        return np.where(np.isfinite(whole), whole, so_far + missing * missed) / self.length
+
+    def _at_marks(self, name: str) -> Array:
+        """Return an entry of ``Sums`` at 0, 1, … ``SEGMENTS`` tenths of the paths."""
+        return self._passed[: SEGMENTS + 1, getattr(SUMS, name)]
 
     @cached_property
     def lost_at_start(self) -> Array:
         """The delay on the first ``START`` of the path that does not count [s]: ≤ ``ALLOWANCE``."""
-        start = self.length * START
-        begun: Array = find_marks(self.furthest, start[None]).interpolate(self.clock)[0]
+        begun = self._passed[-1, SUMS.time]
         return np.clip(
-            np.where(np.isfinite(begun), begun, self.end) - start / self.pace, 0.0, ALLOWANCE
+            np.where(np.isfinite(begun), begun, self.end) - self._marks[-1] / self.pace,
+            0.0,
+            ALLOWANCE,
         )
 
     @cached_property
     def passed(self) -> Array:
         """Counted times when the tenths of the path were passed [s]; the end for the others."""
-        times = self.marks.interpolate(self.clock)
-        times = np.where(np.isfinite(times), times, self.end)
+        times = np.where(self.reached, self._at_marks("time"), self.end)
         return np.concatenate([times[:1], times[1:] - self.lost_at_start])
 
     @cached_property
+    def reached(self) -> Mask:
+        """Which of the tenths of the path were passed, (SEGMENTS + 1, N)."""
+        return np.isfinite(self._at_marks("time"))
+
+    @property
     def finished(self) -> Mask:
         """Which segments were finished, (SEGMENTS, N)."""
-        return np.isfinite(self.marks.part[1:])
+        return self.reached[1:]
 
     @cached_property
     def relative_times(self) -> Array:
@@ -236,11 +193,8 @@ class Travel:
         times its ``pace_factor``. An unfinished segment counts with ``worst`` and with at least its
         time at the pace.
         """
-        steps = np.nan_to_num(np.diff(self.clock, axis=0) * self.errors)
-        time_integral = np.concatenate([np.zeros_like(steps[:1]), steps.cumsum(axis=0)])
         in_time, on_path = (
-            np.diff(self.marks.interpolate(integral), axis=0)
-            for integral in (time_integral, self.path_integral)
+            np.diff(self._at_marks(name), axis=0) for name in ("in_time", "on_path")
         )
         spent = self.relative_times * (self.length / SEGMENTS / self.pace)
         in_time = np.divide(in_time, spent, where=spent > 0.0, out=np.zeros_like(spent))
@@ -253,25 +207,25 @@ class Travel:
 
         It is at most ``worst``, so a stuck episode counts the same however long it lasts.
         """
-        return np.minimum(self.segment_errors().mean(axis=0), self.worst)
+        return np.minimum(total(self.segment_errors()) / SEGMENTS, self.worst)
 
     def mean_pace_error(self) -> Array:
         """Return the pace error of the whole path."""
-        return pace_errors(self.relative_times.sum(axis=0) / SEGMENTS, self.finished[-1])
+        return pace_errors(total(self.relative_times) / SEGMENTS, self.finished[-1])
 
     def segment_pace_error(self) -> Array:
         """Return the mean pace error of the segments."""
-        return pace_errors(self.relative_times, self.finished).mean(axis=0)
+        return total(pace_errors(self.relative_times, self.finished)) / SEGMENTS
 
     def mean_pace(self, first: int = 0) -> Array:
         """Return the mean speed along the path from a segment on [m/s]; 0 without any time."""
-        distance = np.minimum(self.furthest[-1], self.length) - self.length / SEGMENTS * first
+        distance = np.minimum(self.furthest, self.length) - self.length / SEGMENTS * first
         time = self.passed[-1] - (self.passed[1] if first else 0.0)
         return np.divide(distance, time, where=time > 0.0, out=np.zeros_like(distance))
 
     def completed(self) -> Mask:
         """Return whether the end of the path was reached."""
-        return (self.success[1:] == 1.0).any(axis=0)
+        return self._progress[PROGRESS.success] == 1.0
 
 
 class Recorded(Travel):
@@ -280,11 +234,12 @@ class Recorded(Travel):
     def __init__(
         self, telemetry: Array, tasks: Sequence[PathFollowing], voltage_max: float
     ) -> None:
-        super().__init__(telemetry[..., RANKED], tasks)
+        super().__init__(tasks)
+        self.add(telemetry)
         self.tasks = tasks
         self.telemetry = telemetry
         self.steps = telemetry[1:]
-        self.alive = np.isfinite(self.time[1:])
+        self.alive = np.isfinite(column(self.steps, "time"))
         self.period = tasks[0].control_period
         self.voltage_max = voltage_max
 
@@ -309,17 +264,21 @@ class Recorded(Travel):
         """Acceleration of the tip after the low-pass [m/s²], (T, N)."""
         return norm(low_pass(vector(self.steps, "acceleration"), self.period))
 
+    def mean_error(self) -> Array:
+        """Return the time average of the path error [m]."""
+        return self.mean(np.abs(column(self.steps, "normal_error")))
+
     def mean(self, values: ArrayLike) -> Array:
         """Return the mean over an episode of values (T, N)."""
         return mean_over(values, self.alive)
 
     def total(self, name: str) -> Array:
         """Return the sum over an episode of a field of the telemetry."""
-        return np.nansum(column(self.steps, name), axis=0)
+        return total(np.nan_to_num(column(self.steps, name)))
 
     def distance_travelled(self) -> Array:
         """Return the distance travelled by the tip [m]."""
-        return np.nansum(norm(np.diff(vector(self.telemetry, "tip"), axis=0)), axis=0)
+        return total(np.nan_to_num(norm(np.diff(vector(self.telemetry, "tip"), axis=0))))
 
     @cached_property
     def force(self) -> Array:

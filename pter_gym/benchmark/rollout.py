@@ -1,6 +1,6 @@
 """The one loop of a policy over episodes, and the scores of what it has recorded."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from pter_gym._engine.world import SKIP
 from pter_gym._internal.files import FilePath
 from pter_gym.benchmark.boards import is_ranked, over_limits
 from pter_gym.benchmark.episodes import Episodes, training_episodes
-from pter_gym.benchmark.measures import RANKED, Travel
+from pter_gym.benchmark.measures import Travel
 from pter_gym.benchmark.policies import Policies, find_policies
 from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
 from pter_gym.controllers import AnyPolicy, Policy, bind
@@ -25,6 +25,15 @@ Observations = NDArray[np.float32]
 
 NUMBERS = 2**53
 """A law's memory counts episodes by their seeds, in whole numbers that a float64 holds exactly."""
+
+
+RANKED = {
+    "path_error_m": Travel.path_error,
+    "completed": Travel.completed,
+    "mean_pace_error": Travel.mean_pace_error,
+    "segment_pace_error": Travel.segment_pace_error,
+}
+"""The scores that decide ranks."""
 
 
 class RecordedEpisodes(NamedTuple):
@@ -43,13 +52,20 @@ class RecordedEpisodes(NamedTuple):
 
 
 def record_episodes(
-    policy: AnyPolicy,
-    episodes: Episodes,
-    *,
-    columns: slice | list[int] = slice(None),
-    sensors: Sensors | None = None,
+    policy: AnyPolicy, episodes: Episodes, *, sensors: Sensors | None = None
 ) -> RecordedEpisodes:
+    """Let a policy act in episodes, as ``run_episodes`` does, and return all that it did."""
+    telemetry, observations = zip(*run_episodes(policy, episodes, sensors=sensors), strict=True)
+    return RecordedEpisodes(np.stack(telemetry), np.stack(observations))
+
+
+def run_episodes(
+    policy: AnyPolicy, episodes: Episodes, *, sensors: Sensors | None = None
+) -> Generator[tuple[Array, Observations]]:
     """Let a policy act in episodes until each has ended or has come to its time limit.
+
+    Yields telemetry, (N, columns), and observations, (N, entries), at each control instant, the
+    reset first; after the end of an episode they are NaN and zero.
 
     Parameters
     ----------
@@ -57,8 +73,6 @@ def record_episodes(
         What ``bind`` takes; it is bound to the nominal machine of the episodes.
     episodes
         The episodes.
-    columns
-        Columns of the telemetry that are kept; all by default.
     sensors
         Sensors of the observations; by default those that the policy needs. It sees no others.
     """
@@ -66,24 +80,20 @@ def record_episodes(
     memory = acting.start(len(episodes), [seed % NUMBERS for seed in episodes.seeds])
     volts = np.empty(0)
     limits = np.array(episodes.time_limits)
-    running = limits > 0
+    running, steps = limits > 0, 0
     with episodes.worlds(sensors or sensors_of(policy)) as batch:
         obs, telemetry = batch.reset(episodes.seeds)
-        rows, observations = [telemetry[:, columns]], [obs]
+        yield telemetry, obs
         while running.any():
-            steps = len(observations) - 1
             if steps % acting.frame_skip == 0:
                 entries = np.ascontiguousarray(obs[:, : len(acting.layout)])
                 volts = acting.volts(entries, memory, episodes.machines[0])
             obs, _, _, (terminated, truncated, _), (telemetry,) = batch.step(volts, SKIP)
-            rows.append(telemetry[:, columns])
-            observations.append(obs)
-            running &= ~(terminated | truncated) & (steps + 1 < limits)
-    recorded = RecordedEpisodes(np.stack(rows), np.stack(observations))
-    for world, limit in enumerate(episodes.time_limits):
-        recorded.telemetry[limit + 1 :, world] = np.nan
-        recorded.obs[limit + 1 :, world] = 0.0
-    return recorded
+            steps += 1
+            if (over := steps > limits).any():
+                telemetry[over], obs[over] = np.nan, 0.0
+            yield telemetry, obs
+            running &= ~(terminated | truncated) & (steps < limits)
 
 
 def bind_to(policy: AnyPolicy, episodes: Episodes) -> Policy:
@@ -114,19 +124,14 @@ def evaluate(
     acting, sensors = bind_to(policy, episodes), sensors_of(policy)
 
     def evaluate_chunk(chunk: Episodes) -> Scores:
-        columns = [*RANKED] if ranking else slice(None)
-        telemetry = record_episodes(acting, chunk, columns=columns, sensors=sensors).telemetry
-        if ranking:
-            travel = Travel(telemetry, chunk.tasks)
-            return {
-                "path_error_m": travel.path_error(),
-                "completed": travel.completed(),
-                "mean_pace_error": travel.mean_pace_error(),
-                "segment_pace_error": travel.segment_pace_error(),
-            }
-        return score_episodes(
-            telemetry, chunk.tasks, voltage_max=chunk.machines[0].clutch.voltage_max
-        )
+        if not ranking:
+            telemetry = record_episodes(acting, chunk, sensors=sensors).telemetry
+            top = chunk.machines[0].clutch.voltage_max
+            return score_episodes(telemetry, chunk.tasks, voltage_max=top)
+        travel = Travel(chunk.tasks)
+        for telemetry, _ in run_episodes(acting, chunk, sensors=sensors):
+            travel.add(telemetry[None])
+        return {name: find(travel) for name, find in RANKED.items()}
 
     threads = min(num_threads, len(episodes.chunks)) if acting.law else 1
     if threads == 1:

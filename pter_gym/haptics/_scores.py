@@ -58,7 +58,13 @@ def mean_resisting_force(power: ArrayLike, speed: ArrayLike, slowest: float = 1e
     force = np.divide(
         -np.asarray(power, np.float64), speed, where=moves, out=np.zeros(np.shape(speed))
     )
-    return force.sum(axis=0) / np.maximum(moves.sum(axis=0), 1)
+    return total(force) / np.maximum(moves.sum(axis=0), 1)
+
+
+def total(values: ArrayLike) -> Array:
+    """Return the sum over the first axis in its order: the same bits for one column as for many."""
+    array = np.asarray(values)
+    return np.add.accumulate(array, axis=0)[-1] if len(array) else np.zeros(array.shape[1:])
 
 
 def apparent_stiffness(force: ArrayLike, penetration: ArrayLike) -> float:
@@ -73,9 +79,10 @@ def apparent_stiffness(force: ArrayLike, penetration: ArrayLike) -> float:
         Force of the hand into the wall, (T,) [N], and how deep the handle is behind its surface,
         (T,) [m]. Samples at a penetration ≤ 0 are ignored; NaN if no others exist.
     """
-    depth = np.maximum(penetration, 0.0)
+    touches = np.asarray(penetration) > 0.0
+    depth = np.asarray(penetration, np.float64)[touches]
     square = float(depth @ depth)
-    return float(depth @ np.asarray(force)) / square if square > 0.0 else math.nan
+    return float(depth @ np.asarray(force)[touches]) / square if square > 0.0 else math.nan
 
 
 def impedance(force: ArrayLike, velocity: ArrayLike, period: float, frequency: float) -> float:

@@ -8,23 +8,23 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from benchmark.handmade import LENGTH, METRE, PERIOD, TASK, Array, episode, padded, travel
+from pter_gym._compiled.records import load, width
 from pter_gym._engine.batch import Batch
 from pter_gym._physics.friction import ClutchMode
 from pter_gym.benchmark.measures import (
     CUTOFF,
     START_UP,
     Recorded,
-    find_marks,
     low_pass,
     pace_factor,
-    path_integral,
     smoothness,
 )
 from pter_gym.benchmark.scores import score, score_episodes
+from pter_gym.benchmark.tally import PROGRESS, Progress, Sums, tally_kernel
 from pter_gym.controllers import Free
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
-from pter_gym.tasks.path_following import TELEMETRY
+from pter_gym.tasks.path_following import COLUMN, TELEMETRY
 from pter_gym.tasks.path_following._pace import ALLOWANCE
 from rollouts import simulate
 
@@ -303,7 +303,7 @@ def test_properties(episodes: list[Array], random: object) -> None:
         assert again[name].tolist() == values[order].tolist(), name
     alone = score(episodes[0], METRE)
     for name, values in found.items():
-        assert getattr(alone, name) == pytest.approx(values[0].item(), rel=1e-12, abs=1e-300), name
+        assert getattr(alone, name) == values[0], name
 
 
 def test_an_episode_has_at_least_one_step_and_all_fields() -> None:
@@ -324,20 +324,33 @@ def test_an_episode_has_at_least_one_step_and_all_fields() -> None:
 # --- by hand ---
 
 
-def test_times_at_marks_between_rows_on_a_row_and_unreached() -> None:
-    furthest = np.array([[0.0], [0.0], [1.0], [1.0], [3.0]])
-    found = find_marks(furthest, np.array([[0.0], [0.25], [1.0], [2.0], [3.5]]))
-    np.testing.assert_array_equal(found.after[:4, 0], [0, 2, 2, 4])
-    np.testing.assert_array_equal(found.part[:, 0], [1.0, 0.25, 1.0, 0.5, np.nan])
-    times = found.interpolate(np.array([[0.0], [10.0], [20.0], [30.0], [40.0]]))
-    np.testing.assert_array_equal(times[:, 0], [0.0, 12.5, 20.0, 35.0, np.nan])
-
-
-def test_each_new_part_of_the_path_has_the_largest_error_since_the_previous_one() -> None:
-    furthest = np.array([[0.0], [0.0], [1.0], [1.0], [1.0], [1.5], [1.5]])
-    errors = np.array([[0.1], [0.2], [0.7], [0.3], [0.4], [np.nan]])
-    found = path_integral(furthest, errors)
-    np.testing.assert_allclose(found[:, 0], [0.0, 0.0, 0.2, 0.2, 0.2, 0.2 + 0.35, 0.2 + 0.35])
+def test_sums_at_marks_between_rows_on_a_row_and_unreached() -> None:
+    rows = np.zeros((5, 1, len(TELEMETRY)))
+    rows[:, 0, [COLUMN.time, COLUMN.arc_length, COLUMN.normal_error]] = np.transpose(
+        [
+            [0.0, 10.0, 20.0, 30.0, np.nan],  # time
+            [0.0, 1.0, 0.5, 3.0, 9.0],  # arc length
+            [0.0, -0.2, 0.7, 0.4, 9.0],  # normal error
+        ]
+    )
+    marks, sums = np.array([[0.0], [0.25], [1.0], [2.0], [3.5]]), np.zeros((width(Progress), 1))
+    sums[PROGRESS.sums.time] = np.nan
+    passed = np.full((5, width(Sums), 1), np.nan)
+    for part in (rows[:2], rows[2:]):
+        tally_kernel()(part, marks, sums, passed)
+    in_time, on_path = [2.0, 7.0, 4.0], [0.2, 2 * 0.7]
+    expected = [
+        (0.0, 0.0, 0.0, 0.0),
+        (2.5, 0.25 * in_time[0], 0.25 * on_path[0], 0.25 * 0.2**2),
+        (10.0, in_time[0], on_path[0], 0.2**2),
+        # half of the way from 1 to 3, where the tip came by a step back
+        (25.0, 2.0 + 7.0 + 2.0, 0.2 + 0.7, 0.2**2 + 0.7**2),
+        (np.nan,) * 4,
+    ]
+    np.testing.assert_allclose(passed[..., 0], expected)
+    progress = load(sums, PROGRESS, 0)
+    assert (progress.furthest, progress.since, progress.largest) == (3.0, 0.0, 0.7)
+    assert progress.sums == pytest.approx((30.0, sum(in_time), sum(on_path), 0.2**2 + 2 * 0.7**2))
 
 
 def test_smoothness_of_a_jump() -> None:

@@ -62,7 +62,7 @@ def searched(course: Course, discount: float, seed: int) -> Array:
     for _ in range(CANDIDATES // POPULATION):
         points = np.array([search.ask() for _ in range(POPULATION)])
         networks = Networks(points, EPISODES)
-        telemetry = record_episodes(networks, episodes, columns=[COLUMN.reward]).telemetry
+        telemetry = record_episodes(networks, episodes).telemetry[..., [COLUMN.reward]]
         rewards = np.nan_to_num(telemetry[1:, :, 0])
         found = [discounted(part, discount) for part in np.split(rewards, POPULATION, axis=1)]
         search.tell([(point, -value) for point, value in zip(points, found, strict=True)])
