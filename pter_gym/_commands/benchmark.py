@@ -50,6 +50,7 @@ def benchmark(
     episodes: Annotated[int | None, tyro.conf.arg(metavar="COUNT")] = None,
     seed: Annotated[int | None, tyro.conf.arg(metavar="NUMBER")] = None,
     details: bool = False,
+    worst: bool = False,
     film: bool = True,
     out: Path = Path("pter-benchmark"),
     machine: MachineName = None,
@@ -75,6 +76,9 @@ def benchmark(
         seed: Draw as many other test episodes with this seed; by default, the stored ones are run,
             or with --path or --machine, where there are none, those of seed 0.
         details: Also print the worst twentieth, rms, pace and peak acceleration.
+        worst: Also search for the hand that pushes each policy furthest off the path, and print its
+            path error, and how rare a worse hand is at most. Takes 12,288 episodes for each policy
+            and pace.
         film: Whether to film the policies on a training episode of the scenario.
         out: Folder for the results, created if necessary.
         machine: Name or file of a machine, instead of those that the scenario draws.
@@ -98,6 +102,7 @@ def benchmark(
             episodes=episodes,
             seed=seed,
             results=results,
+            worst=worst,
             on_progress=lambda _: progress.advance(task),
         )
         progress.remove_task(task)

@@ -15,6 +15,8 @@ from .rollout import (
 from .scores import (
     ScenarioRun as ScenarioRun,
     Score as Score,
+    WorstHand as WorstHand,
     score as score,
     score_episodes as score_episodes,
 )
+from .worst_hand import find_worst as find_worst

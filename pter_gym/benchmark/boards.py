@@ -15,7 +15,7 @@ from rich.cells import cell_len, set_cell_size
 from pter_gym._internal.terminal import WIDTH, say, shorten
 from pter_gym._version import __version__
 from pter_gym.benchmark.intervals import Interval, largest_rate, mean_interval
-from pter_gym.benchmark.scores import SCORES, ScenarioRun
+from pter_gym.benchmark.scores import CONFIDENCE, SCORES, ScenarioRun, WorstHand
 from pter_gym.scenarios import find_pace, title_of_pace
 
 COMPLETION = 0.99
@@ -29,6 +29,8 @@ PACE_ERRORS = ("mean_pace_error", "segment_pace_error")
 
 EPISODE_SET = attrgetter("version", "scenario", "digest", "episodes", "seed")
 """What runs and leaderboards on the same episodes share, at whatever pace."""
+
+PATH_ERROR = attrgetter("path_error_m")
 
 DETAILS = {
     "worst 1/20": ("worst_path_error_m", 1e3),
@@ -96,6 +98,8 @@ class Standing:
         The mean of each score, and of the path error over the worst twentieth of the episodes.
     errors
         Path errors [m], (S, N) for S training seeds and N episodes.
+    worst
+        The worst hand for the training seed that has the worst, where one was searched.
     """
 
     policy: str
@@ -104,12 +108,17 @@ class Standing:
     error: Interval
     scores: Mapping[str, float]
     errors: NDArray[np.float64] = field(compare=False, repr=False)
+    worst: WorstHand | None = field(default=None, repr=False)
 
     def as_json(self) -> dict[str, Any]:
         """Return its entry in ``benchmark.json``, in SI."""
         reason = self.reason and str(self.reason)
         means = {name: mean for name, mean in self.scores.items() if name != "path_error_m"}
-        return {"rank": self.rank, "reason": reason, "path_error_m": self.error._asdict(), **means}
+        entry = {"rank": self.rank, "reason": reason, "path_error_m": self.error._asdict(), **means}
+        if self.worst:
+            numbers = ("path_error_m", "random_error_m", "random", "tried", "one_in")
+            entry["worst_hand"] = {name: getattr(self.worst, name) for name in numbers}
+        return entry
 
 
 @dataclass(frozen=True)
@@ -182,7 +191,8 @@ def _judge(runs: Sequence[ScenarioRun]) -> Standing:
     means, errors = mean_scores(scores), scores["path_error_m"]
     error = mean_interval(errors, runs[0].strata)
     reason = reason_unranked(scores, find_pace(runs[0].pace), runs[0].strata)
-    return Standing(runs[0].policy, None, reason, error, means, errors)
+    worst = max((run.worst for run in runs if run.worst), key=PATH_ERROR, default=None)
+    return Standing(runs[0].policy, None, reason, error, means, errors, worst)
 
 
 def mean_scores(scores: Mapping[str, ArrayLike]) -> dict[str, float]:
@@ -252,7 +262,8 @@ def boards_text(boards: Sequence[Leaderboard], *, details: bool = False) -> str:
     tables: list[str] = []
     for _, same in itertools.groupby(boards, EPISODE_SET):
         at_paces = list(same)
-        tables += [_table(at_paces), *(map(_details, at_paces) if details else [])]
+        tables += [_table(at_paces), *_worst(at_paces)]
+        tables += map(_details, at_paces) if details else []
     return "\n".join([*tables, *([DETAILS_NOTE] if details else [])])
 
 
@@ -319,6 +330,39 @@ def _fill(note: str) -> str:
         note.replace(" %", "\0%"), WIDTH, subsequent_indent="  ", break_on_hyphens=False
     )
     return text.replace("\0", " ")
+
+
+def _worst(boards: Sequence[Leaderboard]) -> list[str]:
+    """Return the table of the worst hands, if they were searched for."""
+    found = [each.worst for board in boards for each in board.standings if each.worst]
+    if not found:
+        return []
+    rows = {
+        name: [each and each.worst for each in standings]
+        for name, standings in in_order(boards).items()
+        if any(each and each.worst for each in standings)
+    }
+    columns = [
+        _column(
+            title_of_pace(board.pace),
+            [
+                (millimetres(each[k].path_error_m), f" ({millimetres(each[k].random_error_m)})")
+                if each[k]
+                else ("", "")
+                for each in rows.values()
+            ],
+        )
+        for k, board in enumerate(boards)
+    ]
+    one = found[0]
+    title = f"{boards[0].scenario}, worst hand found in {one.tried:,} episodes: path error [mm]"
+    note = (
+        f"In brackets the largest error with {one.random:,} random hands: with "
+        f"{percent(CONFIDENCE)} confidence at most one hand in {one.one_in:,} is worse. The worst "
+        "that a search finds is a lower bound of what there may be."
+    )
+    lines = _lines([""] * (1 + len(rows)), ["", *rows], columns)
+    return ["\n".join([title, "", *lines, "", _fill(note), ""])]
 
 
 def _details(board: Leaderboard) -> str:

@@ -16,7 +16,7 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._internal.checks import whole_number
+from pter_gym._internal.checks import is_finite, whole_number
 from pter_gym._internal.files import FilePath, expand_path, has_ending, write_text_atomic
 from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
@@ -25,13 +25,20 @@ from pter_gym.benchmark.boards import Leaderboard, leaderboards
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.policies import Policies, find_policies
 from pter_gym.benchmark.rollout import check_acting, evaluate
-from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun
+from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun, WorstHand
+from pter_gym.benchmark.worst_hand import find_worst
 from pter_gym.errors import DataError, ParameterError
+from pter_gym.params import Machine
 from pter_gym.scenarios import PACES, Scenario, find_scenario, name_of_pace, names_of_paces
+from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
 NAMES = ("version", "scenario", "digest", "pace", "policy", "training_seed", "seed")
 """What a file says about a run, beside its numbers."""
+
+
+WORST = "worst_hand"
+"""What it says beside them, where a worst hand was searched."""
 
 
 class ResultsFolder:
@@ -100,6 +107,8 @@ def write_run(folder: FilePath, run: ScenarioRun) -> None:
         "strata": run.strata,
         **{name: run.scores[name].tolist() for name in SCORES if name in run.scores},
     }
+    if run.worst:
+        content[WORST] = {name: codec().to_plain(part) for name, part in vars(run.worst).items()}
     lines = (
         f"{json.dumps(name)}: {json.dumps(part, allow_nan=False)}" for name, part in content.items()
     )
@@ -114,7 +123,12 @@ def read_run(path: FilePath) -> ScenarioRun:
         strata = tuple(map(str, content["strata"]))
         names = [name for name in SCORES if name in content or name not in OPTIONAL]
         scores = {name: np.array(content[name]).reshape(len(strata)) for name in names}
-        run = ScenarioRun(**{name: content[name] for name in NAMES}, strata=strata, scores=scores)
+        run = ScenarioRun(
+            **{name: content[name] for name in NAMES},
+            strata=strata,
+            scores=scores,
+            worst=_worst_of(content[WORST]) if WORST in content else None,
+        )
         for name in ("training_seed", "seed"):
             whole_number(name, getattr(run, name) or 0, at_least=0)
         if (
@@ -126,6 +140,16 @@ def read_run(path: FilePath) -> ScenarioRun:
         if run_path(path.parents[1], run).name != path.name:
             raise ValueError(f"policy must be that of the file's name, got {run.policy!r:.200}")
         return run
+
+
+def _worst_of(content: dict[str, Any]) -> WorstHand:
+    """Return the worst hand in a run's file, or raise a ValueError."""
+    worst = WorstHand(**{name: codec().from_plain(part) for name, part in content.items()})
+    numbers = (worst.path_error_m, worst.random_error_m, worst.random, worst.tried)
+    kinds = isinstance(worst.machine, Machine) and isinstance(worst.task, PathFollowing)
+    if not kinds or not all(map(is_finite, numbers)):
+        raise ValueError(f"{WORST} must hold numbers, a machine and a task")
+    return worst
 
 
 def write_trajectories(episodes: Mapping[str, NDArray[np.float64]], path: Path) -> None:
@@ -160,6 +184,7 @@ def run_scenario(
     episodes: int | None = None,
     seed: int | None = None,
     results: ResultsFolder | FilePath | None = None,
+    worst: bool = False,
     num_threads: int = 2,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[ScenarioRun, ...]:
@@ -183,6 +208,8 @@ def run_scenario(
         none.
     results
         A folder of results or its path, where each run is stored.
+    worst
+        Whether to search for the worst hand for each policy, too; see ``find_worst``.
     num_threads
         Threads that share the episodes of a compiled law, ≥ 1; scores do not depend on their
         number.
@@ -224,6 +251,9 @@ def run_scenario(
                     episode_set.strata,
                     evaluate(policy, episode_set, num_threads),
                     digest=scenario.digest,
+                    worst=find_worst(policy, scenario, pace, num_threads=num_threads)
+                    if worst
+                    else None,
                 )
                 for number, policy in enumerate(versions)
             ]

@@ -1,5 +1,6 @@
 """Scores of episodes, each declared once: a field of ``Score`` with unit, meaning and function."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
@@ -11,7 +12,7 @@ from pter_gym._physics.friction import ClutchMode
 from pter_gym._version import __version__
 from pter_gym.benchmark.measures import PRICE, TOUCH, Array, Recorded, column, mean_over
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE
+from pter_gym.params import BASELINE, Machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
 Values = NDArray[Any]
@@ -191,6 +192,44 @@ def score_episodes(
     return {name: values for name, values in scores.items() if values is not None}
 
 
+CONFIDENCE = 0.999
+"""Confidence with which random hands say how rare worse ones are."""
+
+
+@dataclass(frozen=True)
+class WorstHand:
+    """The episode with the largest path error of those tried, and what random ones tell.
+
+    Attributes
+    ----------
+    path_error_m
+        Its path error [m], a lower bound of the largest one that there is.
+    random_error_m
+        Largest path error [m] with a random hand.
+    random, tried
+        Episodes with random hands, and all episodes.
+    machine, task
+        What makes the episode, with the seed 0.
+    """
+
+    path_error_m: float
+    random_error_m: float
+    random: int
+    tried: int
+    machine: Machine
+    task: PathFollowing
+
+    @property
+    def one_in(self) -> int:
+        """N: with ``CONFIDENCE``, at most one hand in N is worse than all random ones.
+
+        Of hands with a share p of worse ones, n random ones have none with the probability
+        (1 − p)ⁿ, so p is at most 1 − (1 − CONFIDENCE)^(1/n) (Clopper and Pearson, Biometrika 26,
+        1934).
+        """
+        return math.floor(1.0 / -math.expm1(math.log(1.0 - CONFIDENCE) / self.random))
+
+
 @dataclass(frozen=True)
 class ScenarioRun:
     """The scores of one policy on the episodes of one scenario at one pace.
@@ -203,6 +242,8 @@ class ScenarioRun:
         Seed of test episodes; None for the stored ones.
     digest
         Digest of a user's scenario, whose name need not be unique; empty for the suite's.
+    worst
+        The worst hand for it, where one was searched.
     strata, scores
         A label for each episode; by the name of each defined score, an array with an entry for each
         episode.
@@ -217,6 +258,7 @@ class ScenarioRun:
     scores: Scores
     version: str = __version__
     digest: str = ""
+    worst: WorstHand | None = None
 
     @property
     def episodes(self) -> int:

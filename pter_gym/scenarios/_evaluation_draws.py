@@ -44,7 +44,7 @@ def evaluation_draws(
         [STREAM, *_name(scenario)] if scenario.place is None else [STREAM, scenario.place]
     )
     pairs = [draws.draw(rng) for _ in range(scenario.episodes)]
-    in_order = [_finished(scenario, pair, rng) for pair in pairs]
+    in_order = [_labelled(scenario, pair, rng) for pair in pairs]
     if fresh is None:
         return in_order
     free: dict[str, list[int]] = {}
@@ -55,7 +55,7 @@ def evaluation_draws(
     rng = _fresh_rng(FRESH, scenario, fresh)
     episodes: dict[int, StratifiedPair] = {}
     while len(episodes) < len(in_order):
-        episode = _finished(scenario, draws.draw(rng), rng)
+        episode = _labelled(scenario, draws.draw(rng), rng)
         if places := free.get(episode[2]):
             episodes[places.pop()] = episode
     return [episodes[place] for place in range(len(in_order))]
@@ -67,13 +67,19 @@ def fresh_reset_seeds(scenario: Scenario, fresh: tuple[int, str]) -> list[int]:
     return rng.integers(2**63, size=scenario.episodes).tolist()
 
 
-def _finished(scenario: Scenario, pair: Pair, rng: np.random.Generator) -> StratifiedPair:
-    """Return a pair with its stratum and with the phases that its hand would draw on a reset."""
+def _labelled(scenario: Scenario, pair: Pair, rng: np.random.Generator) -> StratifiedPair:
+    """Return a pair with known phases, and with its stratum."""
+    machine, task = with_phases(pair, rng)
+    return machine, task, type(getattr(task, scenario.stratum)).__name__
+
+
+def with_phases(pair: Pair, rng: np.random.Generator) -> Pair:
+    """Return a pair with the phases that its hand would draw on a reset."""
     machine, task = pair
     if isinstance(task.hand, (MultiSineHand, HumanArm)) and task.hand.random_phases:
         phases = tuple(rng.uniform(0.0, 2.0 * math.pi, SINES).tolist())
         task = replace(task, hand=replace(task.hand, phases=phases, random_phases=False))
-    return machine, task, type(getattr(task, scenario.stratum)).__name__
+    return machine, task
 
 
 def _fresh_rng(stream: int, scenario: Scenario, fresh: tuple[int, str]) -> np.random.Generator:

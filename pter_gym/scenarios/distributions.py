@@ -341,27 +341,53 @@ class Draws(Checked):
 
     def draw(self, rng: np.random.Generator) -> Pair:
         """Return a matching pair; a path that does not fit the workspace is drawn again."""
-        if self.also:
-            weighted = [draws for draws in (self, *self.also) for _ in range(draws.weight)]
-            return replace(weighted[int(rng.integers(len(weighted)))], also=()).draw(rng)
+        one = self._component(rng)
         for attempt in range(TRIES):
-            parts = {"machine": drawn(self.machine, rng), "task": drawn(self.task, rng)}
-            if self.instead is not None:
-                parts["machine"] = drawn(self.instead, rng)
-            for name, kind in (("machine", Machine), ("task", PathFollowing)):
-                accepted = f"a {kind.__name__}, or draw one"
-                require(isinstance(parts[name], kind), self, name, accepted)
-            machine, task = cast("Pair", (*parts.values(),))
-            margin = ROOM * task.singularity_margin
+            machine, task = one._parts(rng)
             try:
-                check_machine(replace(task, singularity_margin=margin), machine)
-                check_motion(task, machine)  # which is faster nearer to singular poses
+                check_pair(machine, task)
             except ParameterError:
                 if attempt == TRIES - 1:
                     raise
             else:
                 return machine, task
         raise AssertionError
+
+    def draw_once(self, rng: np.random.Generator) -> Pair | None:
+        """Return a pair, None if what is drawn first does not match.
+
+        The distributions here ask ``rng`` for ``uniform`` and ``integers``, a ``MachineSpread`` for
+        ``standard_normal``.
+        """
+        machine, task = self._component(rng)._parts(rng)
+        try:
+            check_pair(machine, task)
+        except ParameterError:
+            return None
+        return machine, task
+
+    def _component(self, rng: np.random.Generator) -> "Draws":
+        """Return one of the draws of a mixture, alone."""
+        if not self.also:
+            return self
+        weighted = [draws for draws in (self, *self.also) for _ in range(draws.weight)]
+        return replace(weighted[int(rng.integers(len(weighted)))], also=())
+
+    def _parts(self, rng: np.random.Generator) -> Pair:
+        """Return a machine and a task, which need not match."""
+        parts = {"machine": drawn(self.machine, rng), "task": drawn(self.task, rng)}
+        if self.instead is not None:
+            parts["machine"] = drawn(self.instead, rng)
+        for name, kind in (("machine", Machine), ("task", PathFollowing)):
+            accepted = f"a {kind.__name__}, or draw one"
+            require(isinstance(parts[name], kind), self, name, accepted)
+        return cast("Pair", (*parts.values(),))
+
+
+def check_pair(machine: Machine, task: PathFollowing) -> None:
+    """Raise a ParameterError if the path is too near to singular poses of the machine."""
+    check_machine(replace(task, singularity_margin=ROOM * task.singularity_margin), machine)
+    check_motion(task, machine)  # which is faster nearer to singular poses
 
 
 @lru_cache(maxsize=32)

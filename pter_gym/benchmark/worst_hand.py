@@ -1,0 +1,183 @@
+"""The worst hand: the largest path error of a policy that a search finds among a scenario's draws.
+
+Whatever a scenario draws (a hand with its phases, a path, a machine) is made of numbers within
+[0, 1) in place of a generator's. So any scenario can be searched, within the bounds that it has.
+"""
+
+from collections.abc import Iterable
+from functools import lru_cache
+from statistics import NormalDist
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+
+from pter_gym.benchmark.episodes import Episodes
+from pter_gym.benchmark.rollout import evaluate
+from pter_gym.benchmark.scores import WorstHand
+from pter_gym.controllers import AnyPolicy
+from pter_gym.errors import ParameterError
+from pter_gym.scenarios import Scenario, find_pace, find_scenario
+from pter_gym.scenarios._evaluation_draws import with_phases
+from pter_gym.scenarios.distributions import Draws, Pair
+from pter_gym.tasks.path_following import PathFollowing
+
+RANDOM, SEARCHED = 8192, 4096
+"""Episodes with random hands, and then with those that the search tries."""
+
+POPULATION = 64
+"""Hands of one generation of the search; the first are the worst random ones."""
+
+SPREAD = 0.999
+"""Share of a normal distribution, about its middle, that is searched."""
+
+STREAM = 20261129
+"""Where the seeds of random hands and of the search begin."""
+
+_optimize: Any = optimize
+
+
+class Numbers:
+    """Numbers within [0, 1) in place of a generator; those that are missing are drawn with one."""
+
+    def __init__(self, rng: np.random.Generator, numbers: Iterable[float] = ()) -> None:
+        self.taken: list[float] = []
+        self._rng, self._given = rng, iter(numbers)
+
+    def _next(self) -> float:
+        number = next(self._given, None)
+        self.taken.append(self._rng.random() if number is None else number)
+        return self.taken[-1]
+
+    def uniform(self, low: float = 0.0, high: float = 1.0, size: int | None = None) -> Any:
+        """Return what is this part of the way from low to high, or an array of such numbers."""
+        if size is not None:
+            return np.array([self.uniform(low, high) for _ in range(size)])
+        return low + (high - low) * self._next()
+
+    def integers(self, count: int) -> int:
+        """Return a whole number below ``count``."""
+        return min(int(count * self._next()), count - 1)
+
+    def standard_normal(self, size: int) -> NDArray[np.float64]:
+        """Return quantiles of the normal distribution within ``SPREAD``."""
+        parts = [0.5 + SPREAD * (self._next() - 0.5) for _ in range(size)]
+        return np.array([NormalDist().inv_cdf(part) for part in parts])
+
+    def __getattr__(self, name: str) -> Any:
+        """Raise a ParameterError for what distributions of one's own may ask a generator."""
+        if name.startswith("__"):
+            raise AttributeError(name)
+        raise ParameterError(
+            "scenario must draw by uniform, integers or standard_normal of a generator to be "
+            f"searched for its worst hand, not by {name}"
+        )
+
+
+class Hands(NamedTuple):
+    """Random hands: their episodes, and the numbers that make them, (N, D)."""
+
+    episodes: Episodes
+    numbers: NDArray[np.float64]
+
+
+def find_worst(
+    policy: AnyPolicy,
+    scenario: str | Scenario | PathFollowing,
+    pace: str | float = "medium",
+    *,
+    num_threads: int = 2,
+) -> WorstHand:
+    """Search for the hand, path and machine of a scenario that make a policy's path error largest.
+
+    The same random hands for every policy come first; then differential evolution goes on from the
+    worst of them. The budget is the same for all, and the same policy gets the same answer.
+
+    Parameters
+    ----------
+    policy, scenario, pace
+        As in ``run_scenario``; the policy knows the nominal machine.
+    num_threads
+        Threads that share the episodes of a compiled law; the answer does not depend on it.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such scenario or pace, or a distribution of one's own asks the generator for
+        something else than ``uniform``, ``integers`` and ``standard_normal``.
+    """
+    scenario, speed = find_scenario(scenario), find_pace(pace)
+    hands = random_hands(scenario, speed)
+    errors = path_errors(policy, hands.episodes, num_threads)
+    largest = int(errors.argmax())
+    worst = float(errors[largest]), hands.episodes.machines[largest], hands.episodes.tasks[largest]
+    count, width = hands.numbers.shape
+    searched, draws, rng = 0, scenario.draws.at_pace(speed), _generator(scenario, speed, 1)
+
+    def judge(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the path errors of hands, (D, N), negative, and 0 for those that cannot be."""
+        nonlocal worst, searched
+        pairs = [_drawn(draws, Numbers(rng, row.tolist())) for row in numbers.T]
+        there = [k for k, pair in enumerate(pairs) if pair]
+        errors = np.zeros(len(pairs))
+        if there:
+            episodes = _episodes(scenario, [pair for pair in pairs if pair])
+            errors[there] = path_errors(policy, episodes, num_threads)
+        k = int(errors.argmax())
+        if errors[k] > worst[0]:
+            worst = (float(errors[k]), *cast("Pair", pairs[k]))
+        searched += len(pairs)
+        return -errors
+
+    if width:
+        _optimize.differential_evolution(
+            judge,
+            [(0.0, 1.0)] * width,
+            init=hands.numbers[np.argsort(-errors, kind="stable")[:POPULATION]],
+            maxiter=SEARCHED // POPULATION - 1,
+            tol=0.0,
+            polish=False,
+            vectorized=True,
+            updating="deferred",
+            rng=rng,
+        )
+    error, machine, task = worst
+    return WorstHand(error, float(errors[largest]), count, count + searched, machine, task)
+
+
+def path_errors(policy: AnyPolicy, episodes: Episodes, num_threads: int = 2) -> NDArray[np.float64]:
+    """Return the path errors of a policy [m]."""
+    return evaluate(policy, episodes, num_threads, ranking=True)["path_error_m"]
+
+
+@lru_cache(2)
+def random_hands(scenario: Scenario, speed: float) -> Hands:
+    """Return ``RANDOM`` random hands of a scenario at a pace [m/s]; one if it draws nothing."""
+    draws, rng = scenario.draws.at_pace(speed), _generator(scenario, speed, 0)
+    drawn: list[tuple[Pair, list[float]]] = []
+    while len(drawn) < RANDOM:
+        numbers = Numbers(rng)
+        if pair := _drawn(draws, numbers):
+            drawn.append((pair, numbers.taken))
+        if not numbers.taken:
+            break
+    width = max(len(taken) for _, taken in drawn)
+    filled = [[*taken, *rng.random(width - len(taken))] for _, taken in drawn]
+    return Hands(_episodes(scenario, [pair for pair, _ in drawn]), np.array(filled))
+
+
+def _drawn(draws: Draws, numbers: Numbers) -> Pair | None:
+    """Return the machine and the task that numbers make, None if the arm cannot do the task."""
+    generator = cast("np.random.Generator", numbers)
+    pair = draws.draw_once(generator)
+    return pair and with_phases(pair, generator)
+
+
+def _episodes(scenario: Scenario, pairs: list[Pair]) -> Episodes:
+    return Episodes.of_pairs(scenario.name, scenario.draws, pairs, [0] * len(pairs))
+
+
+def _generator(scenario: Scenario, speed: float, part: int) -> np.random.Generator:
+    name = f"{scenario.name}-v{scenario.version} {speed}"
+    return np.random.default_rng([STREAM, part, *name.encode()])
