@@ -124,6 +124,7 @@ def benchmark(
     smooth = smooth or smoothing_for(definition)
     same = options(scenario=scenario, path=path, machine=machine, smooth=smooth)
     ends = quote(",".join([best, *others[-1:]]))
+    same += f" --worst {quote(str(out))}" if worst else ""
     conclude(files, f"pter watch {ends}{same} --out two.webp")
 
 

@@ -338,20 +338,12 @@ def _worst(boards: Sequence[Leaderboard]) -> list[str]:
     if not found:
         return []
     rows = {
-        name: [each and each.worst for each in standings]
+        name: [each.worst if each else None for each in standings]
         for name, standings in in_order(boards).items()
         if any(each and each.worst for each in standings)
     }
     columns = [
-        _column(
-            title_of_pace(board.pace),
-            [
-                (millimetres(each[k].path_error_m), f" ({millimetres(each[k].random_error_m)})")
-                if each[k]
-                else ("", "")
-                for each in rows.values()
-            ],
-        )
+        _column(title_of_pace(board.pace), [_worst_cell(each[k]) for each in rows.values()])
         for k, board in enumerate(boards)
     ]
     one = found[0]
@@ -363,6 +355,13 @@ def _worst(boards: Sequence[Leaderboard]) -> list[str]:
     )
     lines = _lines([""] * (1 + len(rows)), ["", *rows], columns)
     return ["\n".join([title, "", *lines, "", _fill(note), ""])]
+
+
+def _worst_cell(worst: WorstHand | None) -> tuple[str, str]:
+    """Return the error with the worst hand, and with the worst random one, as texts."""
+    if worst is None:
+        return "", ""
+    return millimetres(worst.path_error_m), f" ({millimetres(worst.random_error_m)})"
 
 
 def _details(board: Leaderboard) -> str:

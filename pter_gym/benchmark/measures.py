@@ -3,11 +3,12 @@
 import math
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym._compiled.records import width
+from pter_gym._compiled.records import load, width
 from pter_gym.benchmark.tally import PROGRESS, SUMS, Progress, Sums, tally_kernel
 from pter_gym.haptics import apparent_stiffness, mean_resisting_force
 from pter_gym.haptics._scores import total
@@ -101,6 +102,10 @@ With less, a slower rollout within the limits would still pay, since errors grow
 """
 
 
+EACH: Any = slice(None)
+"""In place of the number of a world: all of them."""
+
+
 class Travel:
     """N episodes along their paths: everything needed for the scores that decide ranks.
 
@@ -115,27 +120,31 @@ class Travel:
         tenths = self.length * np.linspace(0.0, 1.0, SEGMENTS + 1)[:, None]
         self._marks = np.concatenate([tenths, self.length[None] * START])
         self._progress = np.zeros((width(Progress), len(tasks)))
-        self._progress[PROGRESS.sums.time] = math.nan
-        self._passed = np.full((len(self._marks), width(Sums), len(tasks)), math.nan)
+        self._passed = np.full((width(Sums), *self._marks.shape), math.nan)
+        # arrays in place of numbers, which look at what is summed up
+        self._now: Any = load(self._progress, PROGRESS, EACH)
+        self._then: Any = load(self._passed, SUMS, EACH)
+        self._now.sums.time.fill(math.nan)
 
     def add(self, telemetry: Array) -> None:
         """Go on with rows of telemetry."""
-        tally_kernel()(np.ascontiguousarray(telemetry), self._marks, self._progress, self._passed)
+        passed = self._passed.reshape(len(self._passed), -1)
+        tally_kernel()(np.ascontiguousarray(telemetry), self._marks, self._progress, passed)
 
     @property
     def end(self) -> Array:
         """Lengths of the episodes [s]."""
-        return self._progress[PROGRESS.sums.time]
+        return self._now.sums.time
 
     @property
     def furthest(self) -> Array:
         """Largest arc lengths [m]."""
-        return self._progress[PROGRESS.furthest]
+        return self._now.furthest
 
     @cached_property
     def worst(self) -> Array:
         """The error of the part of the path not reached [m]: the largest, at least the bound."""
-        return np.maximum(self._progress[PROGRESS.largest], self.error_max)
+        return np.maximum(self._now.largest, self.error_max)
 
     def path_average(self) -> Array:
         """Return the path average of the path error [m]."""
@@ -147,18 +156,19 @@ class Travel:
 
     def _average_on_path(self, name: str, missed: Array) -> Array:
         """Return an integral over the path's length, ``missed`` where not reached."""
-        whole, so_far = self._at_marks(name)[-1], self._progress[getattr(PROGRESS.sums, name)]
+        whole: Array = self._at_marks(name)[-1]
+        so_far: Array = getattr(self._now.sums, name)
         missing = np.maximum(self.length - self.furthest, 0.0)
         return np.where(np.isfinite(whole), whole, so_far + missing * missed) / self.length
 
     def _at_marks(self, name: str) -> Array:
         """Return an entry of ``Sums`` at 0, 1, … ``SEGMENTS`` tenths of the paths."""
-        return self._passed[: SEGMENTS + 1, getattr(SUMS, name)]
+        return getattr(self._then, name)[: SEGMENTS + 1]
 
     @cached_property
     def lost_at_start(self) -> Array:
         """The delay on the first ``START`` of the path that does not count [s]: ≤ ``ALLOWANCE``."""
-        begun = self._passed[-1, SUMS.time]
+        begun = self._then.time[-1]
         return np.clip(
             np.where(np.isfinite(begun), begun, self.end) - self._marks[-1] / self.pace,
             0.0,
@@ -225,7 +235,7 @@ class Travel:
 
     def completed(self) -> Mask:
         """Return whether the end of the path was reached."""
-        return self._progress[PROGRESS.success] == 1.0
+        return self._now.success == 1.0
 
 
 class Recorded(Travel):

@@ -21,7 +21,7 @@ from pter_gym._internal.files import FilePath, expand_path, has_ending, write_te
 from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
 from pter_gym._internal.terminal import make_folder
-from pter_gym.benchmark.boards import Leaderboard, leaderboards
+from pter_gym.benchmark.boards import PATH_ERROR, Leaderboard, leaderboards
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.policies import Policies, find_policies
 from pter_gym.benchmark.rollout import check_acting, evaluate
@@ -79,6 +79,21 @@ class ResultsFolder:
             except DataError as error:
                 logging.getLogger("pter_gym").warning("left out %s", error)
         return runs
+
+    def worst_hand(self, policy: str, scenario: Scenario, pace: str | float) -> WorstHand:
+        """Return the worst hand for a policy, or raise a ParameterError if none was searched."""
+        which = (policy, scenario.name, scenario.digest, name_of_pace(pace))
+        found = [
+            run.worst
+            for run in self.runs()
+            if run.worst and (run.policy, run.scenario, run.digest, run.pace) == which
+        ]
+        if not found:
+            raise ParameterError(
+                f"worst must be a folder of `pter benchmark --worst` with {policy} on "
+                f"{scenario.name} at the pace {which[-1]}, {str(self.path)!r} has none"
+            )
+        return max(found, key=PATH_ERROR)
 
     def summarise(self) -> tuple[Leaderboard, ...]:
         """Write ``benchmark.json`` from all runs in the folder and return its leaderboards."""
@@ -144,12 +159,14 @@ def read_run(path: FilePath) -> ScenarioRun:
 
 def _worst_of(content: dict[str, Any]) -> WorstHand:
     """Return the worst hand in a run's file, or raise a ValueError."""
-    worst = WorstHand(**{name: codec().from_plain(part) for name, part in content.items()})
-    numbers = (worst.path_error_m, worst.random_error_m, worst.random, worst.tried)
-    kinds = isinstance(worst.machine, Machine) and isinstance(worst.task, PathFollowing)
-    if not kinds or not all(map(is_finite, numbers)):
+    parts = {name: codec().from_plain(part) for name, part in content.items()}
+    kinds = {"machine": Machine, "task": PathFollowing}
+    if not all(
+        isinstance(part, kinds[name]) if name in kinds else is_finite(part)
+        for name, part in parts.items()
+    ):
         raise ValueError(f"{WORST} must hold numbers, a machine and a task")
-    return worst
+    return WorstHand(**parts)
 
 
 def write_trajectories(episodes: Mapping[str, NDArray[np.float64]], path: Path) -> None:

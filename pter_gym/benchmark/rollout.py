@@ -209,7 +209,10 @@ UNSEEN = 10_000
 
 
 class Assessment(NamedTuple):
-    """How good a policy is on training episodes: the means of the scores that decide ranks."""
+    """How good a policy is on training episodes: the means of the scores that decide ranks.
+
+    Of ``assess(…, worst=True)``, the path error is the largest, not the mean.
+    """
 
     path_error_m: float
     completed: float
@@ -241,10 +244,15 @@ class Assessment(NamedTuple):
         )
 
 
-def assess(policies: Sequence[AnyPolicy], episodes: Episodes) -> Assessment:
-    """Return the means of the scores that decide ranks, over episodes and training seeds."""
+def assess(policies: Sequence[AnyPolicy], episodes: Episodes, *, worst: bool = False) -> Assessment:
+    """Return the means of the scores that decide ranks, over episodes and training seeds.
+
+    With ``worst``, the path error is the largest of all.
+    """
     scores = [evaluate(policy, episodes, 1, ranking=True) for policy in policies]
     means = {name: float(np.mean([each[name] for each in scores])) for name in Assessment._fields}
+    if worst:
+        means["path_error_m"] = float(np.max([each["path_error_m"] for each in scores]))
     return Assessment(**means)
 
 

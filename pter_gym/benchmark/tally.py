@@ -45,8 +45,9 @@ SUMS, PROGRESS = rows(Sums), rows(Progress)
 def _build_tally(digest: str) -> Any:
     def tally(telemetry: Any, marks: Records, progress: Any, passed: Any) -> None:
         _ = digest
+        worlds = telemetry.shape[1]
         for t in range(telemetry.shape[0]):
-            for i in range(telemetry.shape[1]):
+            for i in range(worlds):
                 time = telemetry[t, i, COLUMN.time]
                 if math.isnan(time):
                     continue
@@ -75,9 +76,9 @@ def _build_tally(digest: str) -> Any:
                     mark = marks[k, i]
                     if then.furthest < mark <= furthest:
                         part = (mark - then.furthest) / advance
-                        store(passed[k], SUMS, i, lerp(low, high, part))
+                        store(passed, SUMS, k * worlds + i, lerp(low, high, part))
                     elif begins and mark <= 0.0:
-                        store(passed[k], SUMS, i, low)
+                        store(passed, SUMS, k * worlds + i, low)
                 now = Progress(
                     high,
                     furthest,
@@ -96,7 +97,7 @@ def tally_kernel() -> Any:
 
     ``telemetry`` is (T, N, columns), NaN after the end of an episode; ``marks`` are arc lengths,
     (K, N) [m]; ``progress``, (width, N), holds a ``Progress`` of each episode, at first with NaN as
-    time; ``passed``, (K, width, N), the ``Sums`` when the running maximum of the arc length passed
+    time; ``passed``, (width, K·N), the ``Sums`` when the running maximum of the arc length passed
     a mark, NaN for those never passed.
     """
     return compile_kernel(_build_tally)

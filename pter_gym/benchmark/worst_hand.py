@@ -11,7 +11,6 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize
 
 from pter_gym.benchmark.episodes import Episodes
 from pter_gym.benchmark.rollout import evaluate
@@ -34,8 +33,6 @@ SPREAD = 0.999
 
 STREAM = 20261129
 """Where the seeds of random hands and of the search begin."""
-
-_optimize: Any = optimize
 
 
 class Numbers:
@@ -84,7 +81,7 @@ class Hands(NamedTuple):
 
 def find_worst(
     policy: AnyPolicy,
-    scenario: str | Scenario | PathFollowing,
+    scenario: str | Scenario | Draws | PathFollowing,
     pace: str | float = "medium",
     *,
     num_threads: int = 2,
@@ -131,7 +128,10 @@ def find_worst(
         return -errors
 
     if width:
-        _optimize.differential_evolution(
+        from scipy import optimize  # takes half a second
+
+        scipy: Any = optimize
+        scipy.differential_evolution(
             judge,
             [(0.0, 1.0)] * width,
             init=hands.numbers[np.argsort(-errors, kind="stable")[:POPULATION]],

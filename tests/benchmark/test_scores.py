@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -326,7 +327,8 @@ def test_an_episode_has_at_least_one_step_and_all_fields() -> None:
 
 def test_sums_at_marks_between_rows_on_a_row_and_unreached() -> None:
     rows = np.zeros((5, 1, len(TELEMETRY)))
-    rows[:, 0, [COLUMN.time, COLUMN.arc_length, COLUMN.normal_error]] = np.transpose(
+    read: Any = [COLUMN.time, COLUMN.arc_length, COLUMN.normal_error]
+    rows[:, 0, read] = np.transpose(
         [
             [0.0, 10.0, 20.0, 30.0, np.nan],  # time
             [0.0, 1.0, 0.5, 3.0, 9.0],  # arc length
@@ -334,8 +336,8 @@ def test_sums_at_marks_between_rows_on_a_row_and_unreached() -> None:
         ]
     )
     marks, sums = np.array([[0.0], [0.25], [1.0], [2.0], [3.5]]), np.zeros((width(Progress), 1))
-    sums[PROGRESS.sums.time] = np.nan
-    passed = np.full((5, width(Sums), 1), np.nan)
+    sums[int(PROGRESS.sums.time)] = np.nan
+    passed = np.full((width(Sums), 5), np.nan)
     for part in (rows[:2], rows[2:]):
         tally_kernel()(part, marks, sums, passed)
     in_time, on_path = [2.0, 7.0, 4.0], [0.2, 2 * 0.7]
@@ -347,7 +349,7 @@ def test_sums_at_marks_between_rows_on_a_row_and_unreached() -> None:
         (25.0, 2.0 + 7.0 + 2.0, 0.2 + 0.7, 0.2**2 + 0.7**2),
         (np.nan,) * 4,
     ]
-    np.testing.assert_allclose(passed[..., 0], expected)
+    np.testing.assert_allclose(passed.T, expected)
     progress = load(sums, PROGRESS, 0)
     assert (progress.furthest, progress.since, progress.largest) == (3.0, 0.0, 0.7)
     assert progress.sums == pytest.approx((30.0, sum(in_time), sum(on_path), 0.2**2 + 2 * 0.7**2))

@@ -40,11 +40,12 @@ def watch(
     size: Annotated[tuple[int, int] | None, tyro.conf.arg(metavar="WIDTH HEIGHT")] = None,
     speed: float = 1.0,
     machine: MachineName = None,
+    worst: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None,
 ) -> None:
     """Watch policies side by side on the same episode.
 
     Opens a window, or writes a file with --out. The episode is one of the scenario's training
-    episodes. A window and mp4 need the extra render.
+    episodes, or with --worst the worst hand's. A window and mp4 need the extra render.
 
     Example: pter watch torque-feedback,residual --out both.webp
 
@@ -62,11 +63,12 @@ def watch(
         size: Width and height of the picture in pixels.
         speed: Playback speed relative to real time; 0.2 is slow motion.
         machine: Name or file of a machine, instead of the one that the scenario draws.
+        worst: Results of `pter benchmark --worst` with the worst hand for the first policy.
     """
     names = split(policies)
     look_at(policies=names or [""], paces=[pace], path=path, smooth=smooth, machine=machine)
 
-    from pter_gym.benchmark import find_policy
+    from pter_gym.benchmark import ResultsFolder, find_policy
     from pter_gym.benchmark.results import write_trajectories
     from pter_gym.benchmark.rollout import record_episode
     from pter_gym.tools.pictures import film
@@ -74,7 +76,11 @@ def watch(
     check_arguments(names, out, csv, size, speed)
     seed = whole_number("seed", seed, at_least=0)
     definition = scenario_on(scenario, machine, path, smooth)
-    machine_of_episode, task = definition.draws.pairs(1, seed, pace)[0]
+    if worst:
+        found = ResultsFolder(worst).worst_hand(names[0], definition, pace)
+        machine_of_episode, task, seed = found.machine, found.task, 0
+    else:
+        machine_of_episode, task = definition.draws.pairs(1, seed, pace)[0]
     by_name = {name: find_policy(name, definition.whose_gains) for name in names}
     telemetry: dict[str, Any] = {}
     with waiting("simulating"):

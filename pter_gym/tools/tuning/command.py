@@ -36,6 +36,7 @@ def tune(
     seed: int = 0,
     out: Path | None = None,
     machine: MachineName = None,
+    worst: bool = False,
 ) -> None:
     """Search for a law's gains.
 
@@ -61,6 +62,7 @@ def tune(
         out: TOML file for the best gains of a named law, which `pter benchmark --policies`
             and others accept; its other entries are kept. By default they are only printed.
         machine: Name or file of a machine, instead of those that the scenario draws.
+        worst: Minimise the largest path error of the episodes in place of the mean.
     """
     if not is_code(law) and law not in LAWS:
         raise unknown_name("law", law, (*LAWS, "FILE.py:Law"))
@@ -97,6 +99,7 @@ def tune(
             machine=machine,
             path=path,
             smooth=1e-3 * smooth,
+            worst=worst,
             on_trial=show,
         )
     gains = ", ".join(f"{name}={gain!r}" for name, gain in tuned.gains.items())

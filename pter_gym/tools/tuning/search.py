@@ -50,6 +50,7 @@ class TunedGains:
     machine: Machine | str | None = None
     path: AnyPath | str | None = None
     smooth: float = 0.0
+    worst: bool = False
 
     @property
     def command(self) -> str:
@@ -65,7 +66,8 @@ class TunedGains:
         ):
             if value is not None:
                 command += f" --{name} {quote(value) if isinstance(value, str) else kind}"
-        return command + (f" --smooth {1e3 * self.smooth:g}" if self.smooth else "")
+        command += f" --smooth {1e3 * self.smooth:g}" if self.smooth else ""
+        return command + " --worst" * self.worst
 
 
 def tune(
@@ -80,6 +82,7 @@ def tune(
     machine: Machine | str | None = None,
     path: AnyPath | str | None = None,
     smooth: float = 0.0,
+    worst: bool = False,
     on_trial: Callable[[int, float], None] = lambda _count, _best: None,
 ) -> TunedGains:
     """Search for a law's gains on training episodes of a scenario, with CMA-ES.
@@ -109,6 +112,8 @@ def tune(
         One path for all draws, as in ``find_scenario``.
     smooth
         Noise of a path from a file that is smoothed away [m], as in ``find_scenario``.
+    worst
+        Whether the largest path error of the episodes is minimised in place of the mean.
     on_trial
         Called after each trial with the number of finished trials and the smallest value so far
         [m].
@@ -134,7 +139,7 @@ def tune(
         training_episodes(definition, pace, -(-episodes // REDUCTION**k), 2 * seed)
         for k in reversed(range(RUNGS))
     ]
-    set_of_draws = f"{pace} {episodes} {seed} {definition.digest}".rstrip()
+    set_of_draws = f"{pace} {episodes} {seed} {definition.digest}".rstrip() + " worst" * worst
     name = f"{definition.name}-v{definition.version} {law.key} {set_of_draws}"
     study = _open_study(journal, name, seed)
     for start in law.starts():
@@ -143,7 +148,7 @@ def tune(
     best = _scored(study, "COMPLETE")
     try:
         while (finished := len(_scored(study, "COMPLETE", "PRUNED"))) < trials or not best:
-            study.optimize(partial(_judge, law=law, rungs=rungs), n_trials=1)
+            study.optimize(partial(_judge, law=law, rungs=rungs, worst=worst), n_trials=1)
             best = _scored(study, "COMPLETE")
             on_trial(finished + 1, best[0].value if best else math.inf)
     except OSError as error:
@@ -152,14 +157,25 @@ def tune(
         ) from error
     final = training_episodes(definition, pace, episodes, 2 * seed + 1)
     finalists = [law.gains(trial.params) for trial in best[:FINALISTS]]
-    judged = [(assess([law.with_gains(gains)], final), gains) for gains in finalists]
+    judged = [(assess([law.with_gains(gains)], final, worst=worst), gains) for gains in finalists]
     assessment, gains = min(judged, key=lambda pair: pair[0].value)
     return TunedGains(
-        controller, scenario, pace, gains, assessment, trials, episodes, seed, machine, path, smooth
+        controller,
+        scenario,
+        pace,
+        gains,
+        assessment,
+        trials,
+        episodes,
+        seed,
+        machine,
+        path,
+        smooth,
+        worst,
     )
 
 
-def _judge(trial: Any, law: TunableLaw, rungs: Sequence[Episodes]) -> float:
+def _judge(trial: Any, law: TunableLaw, rungs: Sequence[Episodes], *, worst: bool) -> float:
     """Return the value of a trial, scored on more draws as long as it keeps up with others."""
     import optuna
 
@@ -171,10 +187,10 @@ def _judge(trial: Any, law: TunableLaw, rungs: Sequence[Episodes]) -> float:
     }
     candidate = law.with_gains(law.gains(point))
     for k, rung in enumerate(rungs[:-1]):
-        trial.report(assess([candidate], rung).value, REDUCTION**k)
+        trial.report(assess([candidate], rung, worst=worst).value, REDUCTION**k)
         if trial.should_prune():
             raise optuna.TrialPruned
-    return assess([candidate], rungs[-1]).value
+    return assess([candidate], rungs[-1], worst=worst).value
 
 
 def load_optuna() -> Any:

@@ -10,7 +10,14 @@ import pytest
 
 from pter_gym._commands.main import main
 from pter_gym._internal.laws import LAWS
-from pter_gym.benchmark import Assessment, Episodes, assess, run_scenario, training_episodes
+from pter_gym.benchmark import (
+    Assessment,
+    Episodes,
+    assess,
+    evaluate,
+    run_scenario,
+    training_episodes,
+)
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.policies import find_policy
 from pter_gym.benchmark.rollout import RESERVE
@@ -108,9 +115,9 @@ def test_only_trials_that_keep_up_are_judged_on_all_draws(
     monkeypatch.setattr("pter_gym.tools.tuning.search.STARTUP_TRIALS", 4)
     judged: list[int] = []
 
-    def counting(policies: list[AnyPolicy], draws: Episodes) -> Assessment:
+    def counting(policies: list[AnyPolicy], draws: Episodes, *, worst: bool) -> Assessment:
         judged.append(len(draws))
-        return assess(policies, draws)
+        return assess(policies, draws, worst=worst)
 
     monkeypatch.setattr(search, "assess", counting)
     tune("impedance", "standard", "brisk", trials=40, episodes=32, storage=tmp_path / "a.journal")
@@ -126,6 +133,21 @@ def test_only_trials_that_keep_up_are_judged_on_all_draws(
         law = find_law("impedance", 0.5, "standard")
         policy = law.with_gains(law.gains(trials[-1].params))
         assert assess([policy], training_episodes("standard", "brisk", draws, 0)).value == value
+
+
+def test_the_largest_error_may_count_in_place_of_the_mean(tmp_path: Path) -> None:
+    storage = tmp_path / "a.journal"
+    found = tune(*CASE, trials=1, episodes=8, storage=storage, worst=True)
+    (trial,) = trials_in(storage)
+    law = find_law("impedance", 0.5, "standard")
+    policy = law.with_gains(law.gains(trial.params))
+    draws = training_episodes("standard", "brisk", 8, 0)
+    largest = evaluate(policy, draws)["path_error_m"].max()
+    mean = assess([policy], draws)
+    assert trial.value - largest == pytest.approx(mean.value - mean.path_error_m, abs=1e-12)
+    assert found.command.endswith(" --worst")
+    tune(*CASE, trials=1, episodes=8, storage=storage)
+    assert len(optuna.get_all_study_names(open_journal(storage))) == 2
 
 
 def test_a_full_disk_is_reported_and_the_search_continues(

@@ -1,0 +1,180 @@
+"""The worst hand: found within a scenario's bounds, replayed bit for bit, stored and filmed."""
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from pter_gym._commands.main import main
+from pter_gym.benchmark import (
+    Episodes,
+    ResultsFolder,
+    find_policy,
+    find_worst,
+    run_scenario,
+    score,
+    worst_hand,
+)
+from pter_gym.benchmark.results import read_run
+from pter_gym.benchmark.rollout import record_episode
+from pter_gym.benchmark.scores import CONFIDENCE, WorstHand
+from pter_gym.benchmark.worst_hand import POPULATION, Numbers
+from pter_gym.controllers import Free, Impedance, bind
+from pter_gym.errors import DataError, ParameterError
+from pter_gym.hands import MultiSineHand
+from pter_gym.params import BASELINE, MachineSpread
+from pter_gym.scenarios import SCENARIOS
+from pter_gym.scenarios.distributions import Draws, Uniform, Vary
+from pter_gym.tasks.path_following import PathFollowing
+from rollouts import Acting
+
+RNG = np.random.default_rng(0)
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Search with fewer hands."""
+    monkeypatch.setattr(worst_hand, "RANDOM", 2 * POPULATION)
+    monkeypatch.setattr(worst_hand, "SEARCHED", 4 * POPULATION)
+    worst_hand.random_hands.cache_clear()
+
+
+def test_numbers_stand_for_what_a_generator_draws() -> None:
+    numbers = Numbers(RNG, [0.25, 0.999, 0.5, 0.0, 1.0])
+    assert numbers.uniform(2.0, 6.0) == 3.0
+    assert numbers.integers(4) == 3
+    middle, low, high = numbers.standard_normal(3)
+    assert middle == 0.0
+    assert low == pytest.approx(-high)
+    assert high == pytest.approx(3.29, abs=0.01)
+    assert 0.0 <= numbers.uniform() < 1.0
+    assert len(numbers.taken) == 6
+
+
+@pytest.mark.parametrize("end", [0.0, 1.0])
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_a_scenario_is_searched_up_to_its_bounds(name: str, end: float) -> None:
+    """Machine and task are checked as they are made, and refuse what is out of range."""
+    numbers: Any = Numbers(RNG, [end] * 64)
+    pair: Any = SCENARIOS[name].draws.at_pace(0.25).draw_once(numbers)
+    assert set(numbers.taken) <= {end}
+    if name == "hands" and end == 0.0:
+        assert pair is not None
+        assert pair[1].hand.push == 45.0
+
+
+@pytest.mark.usefixtures("small")
+def test_the_worst_hand_is_the_same_on_any_number_of_threads_and_replays() -> None:
+    policy = find_policy("single-dof-tuned", "hands")
+    found = find_worst(policy, "hands", "brisk", num_threads=1)
+    assert found == find_worst(policy, "hands", "brisk", num_threads=2)
+    assert found.path_error_m >= found.random_error_m > 0.0
+    assert (found.random, found.tried) == (2 * POPULATION, 6 * POPULATION)
+    alone = record_episode(policy, found.machine, found.task, 0).telemetry
+    assert score(alone, found.task).path_error_m == found.path_error_m
+    env: Any = gymnasium.make(
+        "PTER/PathFollowing-v0", machine=found.machine, task=found.task, action_unit="volt"
+    )
+    act = Acting(bind(policy, found.machine, env.unwrapped.observation_layout))
+    obs, info = env.reset(seed=0)
+    for row in alone[:-1]:
+        np.testing.assert_array_equal(info["telemetry"], row)
+        obs, _, _, _, info = env.step(act(obs))
+    np.testing.assert_array_equal(info["telemetry"], alone[-1])
+
+
+def test_the_search_finds_a_worst_hand_that_is_known(
+    small: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Errors fall with the distance of push and phase from those of the worst hand."""
+    push, phase = 63.0, 2.0
+
+    def errors(_policy: object, episodes: Episodes, _threads: int) -> np.ndarray:
+        hands: list[Any] = [task.hand for task in episodes.tasks]
+        return np.array(
+            [math.exp(-abs(hand.push - push) - abs(hand.phases[0] - phase)) for hand in hands]
+        )
+
+    monkeypatch.setattr(worst_hand, "path_errors", errors)
+    monkeypatch.setattr(worst_hand, "SEARCHED", 40 * POPULATION)
+    hand = Vary(
+        MultiSineHand(), push=Uniform(45.0, 75.0), phases=(Uniform(0.0, 6.0), 0.0, 0.0, 0.0, 0.0)
+    )
+    found = find_worst(Free(), Draws(task=Vary(PathFollowing(), hand=hand)))
+    worst: Any = found.task.hand
+    assert worst.push == pytest.approx(push, abs=1e-3)
+    assert worst.phases[0] == pytest.approx(phase, abs=1e-3)
+    assert found.path_error_m > found.random_error_m
+
+
+@pytest.mark.usefixtures("small")
+def test_a_scenario_that_draws_nothing_has_one_hand() -> None:
+    found = find_worst(Free(), Draws(task=PathFollowing(pace=0.5)), "brisk")
+    assert (found.random, found.tried) == (1, 1)
+
+
+@pytest.mark.usefixtures("small")
+def test_machines_of_a_log_are_searched_too() -> None:
+    place = "clutch_scale.1"
+    spread = MachineSpread(machine=BASELINE, places=(place,), covariance=((0.01,),))
+    draws = Draws(machine=spread, task=SCENARIOS["standard"].draws.task)
+    found = find_worst(Impedance(), draws, "brisk")
+    assert found.machine != BASELINE
+    assert abs(found.machine.clutch_scale[0] - 1.0) <= 0.1 * 3.3
+
+
+@pytest.mark.parametrize("random", [1, 128, 8192])
+def test_random_hands_bound_how_many_are_worse(random: int) -> None:
+    found = WorstHand(0.1, 0.1, random, random, BASELINE, PathFollowing())
+    assert (1.0 - 1.0 / found.one_in) ** random <= 1.0 - CONFIDENCE + 1e-12
+    assert (1.0 - 1.0 / (found.one_in + 1)) ** random > 1.0 - CONFIDENCE
+
+
+def test_a_distribution_that_cannot_be_searched_is_refused() -> None:
+    @dataclass(frozen=True)
+    class Skewed:
+        def draw(self, rng: np.random.Generator) -> float:
+            return 40.0 + rng.gamma(2.0)
+
+        def extremes(self) -> tuple[float, ...]:
+            return (40.0, 50.0)
+
+    draws = Draws(task=Vary(PathFollowing(), hand=Vary(MultiSineHand(), push=Skewed())))
+    with pytest.raises(ParameterError, match="gamma"):
+        find_worst(Free(), draws, "brisk")
+
+
+@pytest.mark.usefixtures("small")
+def test_it_is_stored_printed_and_filmed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = "benchmark --policies impedance --paces brisk --episodes 2 --worst --no-film --out"
+    assert main([*line.split(), str(tmp_path)]) == 0
+    (run,) = ResultsFolder(tmp_path).runs()
+    assert run.worst
+    assert run.worst == find_worst(find_policy("impedance"), "standard", "brisk")
+    assert f"worst hand found in {run.worst.tried} episodes" in capsys.readouterr().out
+    summary = json.loads((tmp_path / "benchmark.json").read_text())
+    stored = summary["leaderboards"][0]["policies"]["impedance"]["worst_hand"]
+    assert stored["path_error_m"] == run.worst.path_error_m
+    watch = f"watch impedance --pace brisk --worst {tmp_path} --csv {tmp_path / 'worst.csv'}"
+    assert main(watch.split()) == 0
+    assert main(watch.replace("brisk", "slow").split()) == 2
+    assert "error: worst must be a folder" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize("damage", [{"machine": 1}, {"path_error_m": "1"}, {"unknown": 1}])
+def test_a_damaged_one_is_refused(damage: dict[str, object], tmp_path: Path) -> None:
+    (run,) = run_scenario("standard", ["free"], ["brisk"], episodes=2, results=tmp_path, worst=True)
+    (path,) = (tmp_path / "runs").iterdir()
+    assert read_run(path).worst == run.worst
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps(content | {"worst_hand": content["worst_hand"] | damage}))
+    with pytest.raises(DataError, match=path.name):
+        read_run(path)
