@@ -67,15 +67,24 @@ def readme(results: Path, scenario: str) -> str:
 def by_pace(results: Path, scenario: str, names: Collection[str] = ()) -> str:
     """Return path errors of policies over paces, in the order of `pter benchmark`."""
     at_paces = boards_of(results, scenario)
+    shown = {
+        name: row
+        for name, row in in_order(list(at_paces.values())).items()
+        if (name in names if names else name not in LEFT_OUT)
+    }
     rows = [
         [
             code(name),
             *(joined(marked(with_interval(each.error), each)) if each else "" for each in row),
         ]
-        for name, row in in_order(list(at_paces.values())).items()
-        if (name in names if names else name not in LEFT_OUT)
+        for name, row in shown.items()
     ]
     header = ["Policy", *(f"{pace} ({speed:g} m/s)" for pace, speed in PACES.items())]
+    if any(each and each.worst for row in shown.values() for each in row):
+        header.append("Worst hand")
+        for cells, row in zip(rows, shown.values(), strict=True):
+            worst = [millimetres(each.worst.path_error_m) for each in row if each and each.worst]
+            cells.append(joined(" / ".join(worst)))
     title = at_paces["slow"].title.removeprefix(scenario)
     return f"`{scenario}`{title}:\n\n{table(header, rows)}"
 

@@ -17,7 +17,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
         "notebooks/06_which_machine_to_build",
     ),
     "Train": ("your-algorithm", "agents", "stock-algorithms", "data", "gradients"),
-    "The environment": ("environment", "reward", "scenarios/index", "scoring"),
+    "The environment": ("environment", "reward", "scenarios/index", "scoring", "worst-hand"),
     "Control": ("extending", "controllers"),
     "Hardware": ("devices", "identify", "deploy", "which-clutches"),
     "The robot": ("model", "hands", "reproduction", "calibration"),

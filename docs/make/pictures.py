@@ -26,7 +26,7 @@ from matplotlib.figure import Figure
 
 import pter_gym
 from pter_gym._internal.files import write_bytes_atomic, write_text_atomic
-from pter_gym.benchmark import Episodes, evaluate, find_policy
+from pter_gym.benchmark import Episodes, evaluate, find_policy, find_worst
 from pter_gym.benchmark.boards import in_order
 from pter_gym.benchmark.rollout import record_episode
 from pter_gym.controllers import CONTROLLERS, TorqueFeedback
@@ -34,7 +34,7 @@ from pter_gym.params import Machine
 from pter_gym.policies import shipped_policies
 from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
-from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.tools.figures import WIDTH, label, png, styled
 from pter_gym.tools.pictures.drawing import POLICY_COLOURS
 from pter_gym.tools.pictures.plots import label_ends, plain_ticks, titled
@@ -105,6 +105,40 @@ def error_against_pace(results: Path) -> Figure:
     note = f"{found['slow'].title}; bars: 95 % intervals"
     figure.supxlabel(f"{note}; dashed: control laws; hollow: not ranked", fontsize=8.5)
     return figure
+
+
+@styled
+def worst_hand() -> None:
+    """Draw what the worst hands do on `standard` across the path, and what two policies do."""
+    names = (BESIDE, SHOWN)
+    laws = {name: find_policy(name) for name in names}
+    figure = Figure(figsize=(WIDTH, 4.2))
+    rows = figure.subplots(2, 2, sharex=True, sharey="row")
+    usual = [
+        record_episode(laws[SHOWN], machine, task, draw).telemetry
+        for draw, (machine, task) in enumerate(find_scenario("standard").draws.pairs(16, 0, PACE))
+    ]
+    for (force, error), name in zip(rows.T, names, strict=True):
+        worst = find_worst(laws[name], "standard", PACE)
+        for episode in usual:
+            force.plot(
+                episode[1:, COLUMN.time], episode[1:, COLUMN.force.y], color="0.85", linewidth=0.6
+            )
+        for each, law in laws.items():
+            found = record_episode(law, worst.machine, worst.task, 0).telemetry
+            time, distance = found[:, COLUMN.time], 1e3 * np.abs(found[:, COLUMN.normal_error])
+            error.plot(time, np.maximum(distance, 0.1), color=POLICY_COLOURS[each], label=each)
+            if each == name:
+                force.plot(time[1:], found[1:, COLUMN.force.y], color=POLICY_COLOURS[each])
+        force.set_title(f"worst hand for {name}")
+        error.set(yscale="log")
+        plain_ticks(error, "y")
+        first = name == names[0]
+        label(force, "", "force across the path [N]" if first else "")
+        label(error, "time [s]", "distance from the path [mm]" if first else "")
+    rows[1, 1].legend(loc="upper right")
+    SEEN.update(names)
+    write_bytes_atomic(IMAGES / "worst-hand.png", png(figure))
 
 
 def pter() -> None:
@@ -228,6 +262,7 @@ def policies() -> None:
 PICTURES: dict[str, Callable[[], None]] = {
     "pter.png": pter,
     "force-region.png": force_region,
+    "worst-hand.png": worst_hand,
     "paper": paper,
     "moving/side-by-side.webp": side_by_side,
     **{f"moving/{name}.webp": partial(alone, name) for name in SCENARIOS},

@@ -62,9 +62,10 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
     and with the ratio of the pace, averaged over a tenth of a second, to the commanded one (with
     its third power below 1, its inverse fourth power above). A wrong pace has a cost per unit of
     time: at rest, 50 in the time that the path takes at the commanded pace. Leaving the workspace
-    or missing the end of the path costs what a perfect episode would have earned so far. A step
-    pays at most what its new arc length is worth, so no episode pays more than 100. The squared
-    voltages have a small cost. The weights are in `task.reward`, which can also penalise the tip's
+    or missing the end of the path costs half of what the episode has paid for the path so far. A
+    step pays at most what its new arc length is worth, so no episode pays more than 100. Squared
+    voltages cost 20 with all clutches at the largest voltage for the time of the path, 4 to 6 in an
+    episode of a good policy. The weights are in `task.reward`, which can also penalise the tip's
     acceleration. Each term is in the telemetry.
 
     `info["telemetry"]` is a float64 array in the order of `env.unwrapped.telemetry_layout` (pose,
