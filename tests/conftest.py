@@ -42,3 +42,13 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
+@pytest.fixture
+def few_hands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a search for the worst hand try fewer."""
+    from pter_gym.benchmark.worst_hand import random_hands
+
+    monkeypatch.setattr("pter_gym.benchmark.worst_hand.RANDOM", 128)
+    monkeypatch.setattr("pter_gym.benchmark.worst_hand.SEARCHED", 256)
+    random_hands.cache_clear()

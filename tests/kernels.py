@@ -10,6 +10,7 @@ from documents import run_extending
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.kernels import alone_kernel
 from pter_gym._physics import open_loop
+from pter_gym.benchmark.measures import Travel
 from pter_gym.controllers import Free
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing
@@ -23,7 +24,7 @@ def main(part: str) -> None:
     batch = Batch(BASELINE, PathFollowing(), 1)
     policy = Free().bind(BASELINE, batch.layout)
     if part == "steps":
-        simulate(batch, policy, [0], 1)
+        Travel([batch.task]).add(simulate(batch, policy, [0], 1))
         simulate(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
         alone_kernel(False)
         run_extending()  # after the others: laws share what they have compiled

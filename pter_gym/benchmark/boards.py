@@ -116,8 +116,7 @@ class Standing:
         means = {name: mean for name, mean in self.scores.items() if name != "path_error_m"}
         entry = {"rank": self.rank, "reason": reason, "path_error_m": self.error._asdict(), **means}
         if self.worst:
-            numbers = ("path_error_m", "random_error_m", "random", "tried", "one_in")
-            entry["worst_hand"] = {name: getattr(self.worst, name) for name in numbers}
+            entry["worst_hand"] = self.worst.as_json()
         return entry
 
 

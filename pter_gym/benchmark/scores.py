@@ -229,6 +229,19 @@ class WorstHand:
         """
         return math.floor(1.0 / -math.expm1(math.log(1.0 - CONFIDENCE) / self.random))
 
+    def as_json(self) -> dict[str, float]:
+        """Return its numbers as reports have them."""
+        names = ("path_error_m", "random_error_m", "random", "tried", "one_in")
+        return {name: getattr(self, name) for name in names}
+
+    def sentence(self, policy: str) -> str:
+        """Return what it says of a policy in words."""
+        return (
+            f"The worst of {self.tried:,} hands gives {policy} {1e3 * self.path_error_m:.1f} mm; "
+            f"with {100 * CONFIDENCE:g} % confidence at most one hand in {self.one_in:,} gives "
+            f"more than {1e3 * self.random_error_m:.1f} mm."
+        )
+
 
 @dataclass(frozen=True)
 class ScenarioRun:

@@ -126,47 +126,56 @@ def add_product(out: Entries, weights: Entries, values: Entries, count: int) -> 
             out[j] += w[j] * values[k]
 
 
+@inlined
+def look_back(
+    net: Network, gains: Entries, recent: Entries, means: Entries, values: Entries, newest: int
+) -> None:
+    """Append earlier inputs and averages to the present inputs of a network.
+
+    ``newest`` is where the ring ``recent`` keeps the present ones, or −1 where an episode begins.
+    """
+    inputs, delays, ring = int(net.inputs), int(net.delays), int(net.ring)
+    ages = HEADER_WIDTH + int(net.base) + 3 * inputs
+    for k in range(ring):
+        if newest < 0 or k == newest:
+            for i in range(inputs):
+                recent[k * inputs + i] = values[i]
+    for k in range(delays):
+        at = 0 if newest < 0 else (newest + ring - int(gains[ages + k])) % ring * inputs
+        for i in range(inputs):
+            values[(1 + k) * inputs + i] = recent[at + i]
+    for k in range(int(net.averages)):
+        share = gains[ages + delays + k]
+        for i in range(inputs):
+            mean = means[k * inputs + i]
+            mean = values[i] if newest < 0 else mean + share * (values[i] - mean)
+            means[k * inputs + i] = mean
+            values[(1 + delays + k) * inputs + i] = mean
+
+
 @outlined
 def decide(
     obs: Entries, scales: Entries, gains: Entries, memory: Entries, base: PerClutch
 ) -> PerClutch:
     """Return a network's voltages [V]; ``base`` are those that it corrects."""
     net = read(gains, HEADER, 0)
-    inputs, delays, averages, ring = (
-        int(net.inputs),
-        int(net.delays),
-        int(net.averages),
-        int(net.ring),
-    )
+    inputs, averages, ring = int(net.inputs), int(net.averages), int(net.ring)
     table = HEADER_WIDTH + int(net.base)
-    ages = table + 3 * inputs
-    shares = ages + delays
-    sizes = shares + averages
+    sizes = table + 3 * inputs + int(net.delays) + averages
     recent = memory[VECTORS : VECTORS + inputs * ring]
     means = memory[VECTORS + inputs * ring : VECTORS + inputs * (ring + averages)]
     first = VECTORS + inputs * (ring + averages)
     wide = int(net.width)
 
-    begins = memory[PAST.begun] == 0.0
-    newest = 0 if begins else (int(memory[PAST.newest]) + 1) % ring
-    memory[PAST.begun], memory[PAST.newest] = 1.0, newest
     values = memory[first : first + wide]
     for i in range(inputs):
         value = input_value(obs, scales, base, int(gains[table + i]))
         value = (value - gains[table + inputs + i]) / gains[table + 2 * inputs + i]
-        value = clamp(value, -INPUT_LIMIT, INPUT_LIMIT)
-        values[i] = value
-        if begins:
-            for k in range(ring):
-                recent[k * inputs + i] = value
-        recent[newest * inputs + i] = value
-        for k in range(averages):
-            mean = means[k * inputs + i]
-            means[k * inputs + i] = value if begins else mean + gains[shares + k] * (value - mean)
-            values[(1 + delays + k) * inputs + i] = means[k * inputs + i]
-        for k in range(delays):
-            age = int(gains[ages + k])
-            values[(1 + k) * inputs + i] = recent[((newest + ring - age) % ring) * inputs + i]
+        values[i] = clamp(value, -INPUT_LIMIT, INPUT_LIMIT)
+    begins = memory[PAST.begun] == 0.0
+    newest = 0 if begins else (int(memory[PAST.newest]) + 1) % ring
+    memory[PAST.begun], memory[PAST.newest] = 1.0, newest
+    look_back(net, gains, recent, means, values, -1 if begins else newest)
 
     layers = int(net.layers)
     at = sizes + layers + 1

@@ -36,14 +36,6 @@ from rollouts import Acting
 RNG = np.random.default_rng(0)
 
 
-@pytest.fixture
-def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Search with fewer hands."""
-    monkeypatch.setattr(worst_hand, "RANDOM", 2 * POPULATION)
-    monkeypatch.setattr(worst_hand, "SEARCHED", 4 * POPULATION)
-    worst_hand.random_hands.cache_clear()
-
-
 def test_numbers_stand_for_what_a_generator_draws() -> None:
     numbers = Numbers(RNG, [0.25, 0.999, 0.5, 0.0, 1.0])
     assert numbers.uniform(2.0, 6.0) == 3.0
@@ -68,7 +60,7 @@ def test_a_scenario_is_searched_up_to_its_bounds(name: str, end: float) -> None:
         assert pair[1].hand.push == 45.0
 
 
-@pytest.mark.usefixtures("small")
+@pytest.mark.usefixtures("few_hands")
 def test_the_worst_hand_is_the_same_on_any_number_of_threads_and_replays() -> None:
     policy = find_policy("single-dof-tuned", "hands")
     found = find_worst(policy, "hands", "brisk", num_threads=1)
@@ -89,7 +81,7 @@ def test_the_worst_hand_is_the_same_on_any_number_of_threads_and_replays() -> No
 
 
 def test_the_search_finds_a_worst_hand_that_is_known(
-    small: None, monkeypatch: pytest.MonkeyPatch
+    few_hands: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Errors fall with the distance of push and phase from those of the worst hand."""
     push, phase = 63.0, 2.0
@@ -112,13 +104,13 @@ def test_the_search_finds_a_worst_hand_that_is_known(
     assert found.path_error_m > found.random_error_m
 
 
-@pytest.mark.usefixtures("small")
+@pytest.mark.usefixtures("few_hands")
 def test_a_scenario_that_draws_nothing_has_one_hand() -> None:
     found = find_worst(Free(), Draws(task=PathFollowing(pace=0.5)), "brisk")
     assert (found.random, found.tried) == (1, 1)
 
 
-@pytest.mark.usefixtures("small")
+@pytest.mark.usefixtures("few_hands")
 def test_machines_of_a_log_are_searched_too() -> None:
     place = "clutch_scale.1"
     spread = MachineSpread(machine=BASELINE, places=(place,), covariance=((0.01,),))
@@ -149,7 +141,7 @@ def test_a_distribution_that_cannot_be_searched_is_refused() -> None:
         find_worst(Free(), draws, "brisk")
 
 
-@pytest.mark.usefixtures("small")
+@pytest.mark.usefixtures("few_hands")
 def test_it_is_stored_printed_and_filmed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -168,7 +160,7 @@ def test_it_is_stored_printed_and_filmed(
     assert "error: worst must be a folder" in capsys.readouterr().err
 
 
-@pytest.mark.usefixtures("small")
+@pytest.mark.usefixtures("few_hands")
 @pytest.mark.parametrize("damage", [{"machine": 1}, {"path_error_m": "1"}, {"unknown": 1}])
 def test_a_damaged_one_is_refused(damage: dict[str, object], tmp_path: Path) -> None:
     (run,) = run_scenario("standard", ["free"], ["brisk"], episodes=2, results=tmp_path, worst=True)

@@ -87,6 +87,9 @@ def device(
     for board in report.boards:
         best = board.standings[0]
         say(f"{board.scenario}: {best.policy} {1e3 * best.error.value:.1f} mm")
+        for each in board.standings:
+            if each.worst:
+                say(each.worst.sentence(each.policy))
     watched = f"pter watch single-dof-tuned,residual --machine {quote(str(file))} --out two.webp"
     conclude([out / "index.html", file], watched)
 

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from pter_gym.benchmark.boards import Leaderboard, leaderboards
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.benchmark.scores import ScenarioRun
+from pter_gym.benchmark.worst_hand import find_worst
 from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import unknown_name
 from pter_gym.params import BASELINE, Machine, MachineSpread
@@ -164,10 +165,13 @@ def examine_device(
         tuned[scenario] = with_gains(law, found.gains)
         named = {f"{law}-tuned": tuned[scenario], FREE: find_policy(FREE), **(policies or {})}
         some = find_episodes(scenario, pace, SEED, own).first(count)
-        runs += [
-            ScenarioRun(scenario, pace, title, 0, SEED, some.strata, evaluate(policy, some))
-            for title, policy in named.items()
-        ]
+        for title, policy in named.items():
+            run = ScenarioRun(scenario, pace, title, 0, SEED, some.strata, evaluate(policy, some))
+            if scenario == GUIDED and title != FREE:
+                on_progress(f"searching for the worst hand for {title}")
+                worst = find_worst(policy, find_scenario(scenario, device), pace)
+                run = replace(run, worst=worst)
+            runs.append(run)
     on_progress("measuring forces")
     rendering = measure_rendering(own, tuned["wall"], pace)
     usual = measure_rendering(BASELINE, find_policy("impedance-tuned", "wall"), pace)
@@ -268,8 +272,10 @@ def _board(board: Leaderboard) -> str:
         )
         for standing in board.standings
     ]
+    worst = [each.worst.sentence(each.policy) for each in board.standings if each.worst]
     heads = ("policy", "path error", "completed", "resisting force", "peak force", "rank")
-    return f"<h3>{escape(board.scenario)}</h3>{_table(heads, rows)}"
+    below = "".join(f"<p>{escape(sentence)}</p>" for sentence in worst)
+    return f"<h3>{escape(board.scenario)}</h3>{_table(heads, rows)}{below}"
 
 
 def _table(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:

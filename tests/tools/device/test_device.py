@@ -41,6 +41,7 @@ def test_an_arm_held_by_drag_does_not_move():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_hands")
 def test_examine_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
     pytest.importorskip("optuna")
     machine = replace(BASELINE, clutch=ACTUATORS["rough-mr-brake"].clutch)
@@ -62,7 +63,10 @@ def test_examine_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
     for picture in ("forces.png", *(f"{name}.webp" for name in SCENARIOS)):
         assert picture in page
         assert (tmp_path / picture).stat().st_size > 1000
-    assert len(said) == len(SCENARIOS) + 2
+    assert len(said) == len(SCENARIOS) + 3
+    guided = next(board for board in report.boards if board.scenario == "standard")
+    (worst,) = (standing.worst for standing in guided.standings if standing.worst)
+    assert worst.sentence("single-dof-tuned") in page
 
 
 def test_a_data_sheet_is_a_straight_torque_curve_and_the_rest_is_pters(tmp_path: Path):
