@@ -25,6 +25,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from pter_gym._internal.computer import available_cores
+from pter_gym.benchmark import evaluate, find_policy, training_episodes
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import COLUMN, PathFollowing, substeps
@@ -128,6 +129,13 @@ def vectorised(name: str, worlds: int, mode: str) -> Workload:
     return stepping(gymnasium.make_vec(name, worlds, mode), worlds)
 
 
+def scoring(name: str) -> Workload:
+    """Return the scoring of ranks of a policy in episodes of ``standard``, on one thread."""
+    policy, episodes = find_policy(name), training_episodes("standard", "medium", 512, 0)
+    steps = evaluate(policy, episodes, 1)["duration_s"].sum() / episodes.tasks[0].control_period
+    return Workload(lambda: evaluate(policy, episodes, 1, ranking=True), round(steps))
+
+
 PER_STEP = substeps(PathFollowing(), BASELINE)
 WHOLE = partial(ours, WORLDS, THREADS)
 SUBSTEPS = partial(
@@ -148,6 +156,10 @@ PAIRS: dict[str, tuple[Callable[[], Workload], Callable[[], Workload]]] = {
     "CartPole-v1, single env.step": (partial(single, ID), partial(single, "CartPole-v1")),
     "Reacher-v5, single env.step": (partial(single, ID), partial(single, "Reacher-v5")),
     "make_vec_env with rgb_array / without": (partial(sb3, draws=True), partial(sb3, draws=False)),
+    **{
+        f"scoring {name} / stepping 256 worlds": (partial(scoring, name), partial(ours, 256, 1))
+        for name in ("single-dof-tuned", "residual")
+    },
 }
 
 
