@@ -96,7 +96,10 @@ def scores(results: Path, scenario: str) -> str:
     header += ["Completed [%]", "Off pace [%]", "Segments [%]"]
     header += ["Peak acc. [m/s²]"]
     parts: list[str] = []
-    for pace, found in boards_of(results, scenario).items():
+    at_paces = boards_of(results, scenario)
+    searched = any(each.worst for board in at_paces.values() for each in board.standings)
+    header += ["Worst hand [mm]"] * searched
+    for pace, found in at_paces.items():
         rows = [
             [
                 code(each.policy),
@@ -106,6 +109,7 @@ def scores(results: Path, scenario: str) -> str:
                 f"{100 * each.scores['completed']:.4g}",
                 *(f"{100 * each.scores[f'{of}_pace_error']:.1f}" for of in ("mean", "segment")),
                 f"{each.scores['peak_acceleration_m_s2']:.1f}",
+                *([millimetres(each.worst.path_error_m) if each.worst else ""] * searched),
             ]
             for each in found.standings
         ]

@@ -115,7 +115,7 @@ def find_worst(
     def judge(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the path errors of hands, (D, N), negative, and 0 for those that cannot be."""
         nonlocal worst, searched
-        pairs = [_drawn(draws, Numbers(rng, row.tolist())) for row in numbers.T]
+        pairs = [pair_of(draws, Numbers(rng, row.tolist())) for row in numbers.T]
         there = [k for k, pair in enumerate(pairs) if pair]
         errors = np.zeros(len(pairs))
         if there:
@@ -158,7 +158,7 @@ def random_hands(scenario: Scenario, speed: float) -> Hands:
     drawn: list[tuple[Pair, list[float]]] = []
     while len(drawn) < RANDOM:
         numbers = Numbers(rng)
-        if pair := _drawn(draws, numbers):
+        if pair := pair_of(draws, numbers):
             drawn.append((pair, numbers.taken))
         if not numbers.taken:
             break
@@ -167,7 +167,7 @@ def random_hands(scenario: Scenario, speed: float) -> Hands:
     return Hands(_episodes(scenario, [pair for pair, _ in drawn]), np.array(filled))
 
 
-def _drawn(draws: Draws, numbers: Numbers) -> Pair | None:
+def pair_of(draws: Draws, numbers: Numbers) -> Pair | None:
     """Return the machine and the task that numbers make, None if the arm cannot do the task."""
     generator = cast("np.random.Generator", numbers)
     pair = draws.draw_once(generator)

@@ -28,7 +28,7 @@ from pter_gym.controllers import Free, Impedance, bind
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE, MachineSpread
-from pter_gym.scenarios import SCENARIOS
+from pter_gym.scenarios import PACES, SCENARIOS
 from pter_gym.scenarios.distributions import Draws, Uniform, Vary
 from pter_gym.tasks.path_following import PathFollowing
 from rollouts import Acting
@@ -102,6 +102,40 @@ def test_the_search_finds_a_worst_hand_that_is_known(
     assert worst.push == pytest.approx(push, abs=1e-3)
     assert worst.phases[0] == pytest.approx(phase, abs=1e-3)
     assert found.path_error_m > found.random_error_m
+
+
+LINES = [
+    ("single-dof-tuned", "standard", "brisk"),
+    ("impedance-tuned", "standard", "medium"),
+    ("torque-feedback-tuned", "hands", "brisk"),
+]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "scenario", "pace"), LINES)
+def test_another_search_with_four_times_the_budget_finds_hardly_more(
+    name: str, scenario: str, pace: str
+) -> None:
+    """CMA-ES from random hands again and again."""
+    cmaes: Any = pytest.importorskip("cmaes")
+    policy, chosen = find_policy(name, scenario), SCENARIOS[scenario]
+    found = find_worst(policy, scenario, pace)
+    draws, rng = chosen.draws.at_pace(pace), np.random.default_rng(1)
+    width = worst_hand.random_hands(chosen, PACES[pace]).numbers.shape[1]
+    tried, worst = 0, 0.0
+    while tried < 4 * found.tried:
+        search = cmaes.CMA(mean=rng.random(width), sigma=0.3, population_size=64, seed=tried)
+        while tried < 4 * found.tried and not search.should_stop():
+            asked = [search.ask() for _ in range(64)]
+            numbers = np.abs((np.array(asked) + 1.0) % 2.0 - 1.0)  # folded into [0, 1]
+            pairs: Any = [
+                worst_hand.pair_of(draws, Numbers(rng, each.tolist())) for each in numbers
+            ]
+            episodes = Episodes.of_pairs(scenario, chosen.draws, pairs, [0] * 64)
+            errors = worst_hand.path_errors(policy, episodes)
+            search.tell(list(zip(asked, -errors, strict=True)))
+            tried, worst = tried + 64, max(worst, errors.max())
+    assert found.path_error_m >= worst / 1.05
 
 
 @pytest.mark.usefixtures("few_hands")
