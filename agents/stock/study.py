@@ -48,6 +48,7 @@ class Call(NamedTuple):
 ROLLOUTS = {"n_steps": 64, "gae_lambda": 0.98}
 UPDATES = {"gradient_steps": 4}
 ENTROPY = {"ent_coef": "auto_0.01", **UPDATES}
+NARROW = {**ENTROPY, "policy_kwargs": {"net_arch": {"pi": [256, 256], "qf": [256, 256]}}}
 NOISE = {"action_noise": NormalActionNoise(np.zeros(4), np.full(4, 0.2)), **UPDATES}
 SMOOTH = {"use_sde": True, "sde_sample_freq": 8, "policy_kwargs": {"log_std_init": -2.9}}
 BASE = {"base": "single-dof-tuned"}
@@ -59,7 +60,7 @@ CALLS = {
     "TRPO": Call(contrib.TRPO, 64, 1_250_000, ROLLOUTS),
     "SAC": Call(sb3.SAC, 16, 100_000, ENTROPY),
     "TQC": Call(contrib.TQC, 16, 100_000, ENTROPY),
-    "CrossQ": Call(contrib.CrossQ, 16, 100_000, ENTROPY),
+    "CrossQ": Call(contrib.CrossQ, 16, 100_000, NARROW),
     "TD3": Call(sb3.TD3, 16, 100_000, NOISE),
     "DDPG": Call(sb3.DDPG, 16, 100_000, NOISE),
     "PPO, library defaults": Call(sb3.PPO, 4, 1_500_000, {}),
