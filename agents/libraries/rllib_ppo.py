@@ -2,6 +2,7 @@
 
 Each worker steps its own worlds in one batch; then scores on training episodes."""
 
+import math
 from typing import Any
 
 import gymnasium
@@ -21,8 +22,15 @@ def train(
     seed: int = 0, steps: int = 1_250_000, worlds: int = 64, horizon: int = 64, workers: int = 0
 ) -> Any:
     rollout = worlds * horizon * max(workers, 1)
-    network = DefaultModelConfig(
-        fcnet_hiddens=[64, 64], fcnet_activation="tanh", vf_share_layers=False
+    network = DefaultModelConfig(  # as Stable-Baselines3's: with others a training is caught
+        fcnet_hiddens=[64, 64],
+        fcnet_activation="tanh",
+        fcnet_kernel_initializer="orthogonal_",
+        fcnet_kernel_initializer_kwargs={"gain": math.sqrt(2.0)},
+        head_fcnet_kernel_initializer="orthogonal_",
+        head_fcnet_kernel_initializer_kwargs={"gain": 0.01},
+        free_log_std=True,
+        vf_share_layers=False,
     )
     config = (
         PPOConfig()
