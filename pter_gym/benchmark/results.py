@@ -166,6 +166,7 @@ def _worst_of(content: dict[str, Any]) -> WorstHand:
         for name, part in parts.items()
     ):
         raise ValueError(f"{WORST} must hold numbers, a machine and a task")
+    whole_number("random", parts["random"])
     return WorstHand(**parts)
 
 

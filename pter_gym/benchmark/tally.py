@@ -59,10 +59,8 @@ def _build_tally(digest: str) -> Any:
                     then.sums.on_path,
                     then.sums.squared,
                 )
-                error, s = (
-                    abs(telemetry[t, i, COLUMN.normal_error]),
-                    telemetry[t, i, COLUMN.arc_length],
-                )
+                error = abs(telemetry[t, i, COLUMN.normal_error])
+                s = telemetry[t, i, COLUMN.arc_length]
                 since = error if error > then.since else then.since
                 furthest = s if s > then.furthest else then.furthest
                 advance = furthest - then.furthest

@@ -195,7 +195,9 @@ def test_it_is_stored_printed_and_filmed(
 
 
 @pytest.mark.usefixtures("few_hands")
-@pytest.mark.parametrize("damage", [{"machine": 1}, {"path_error_m": "1"}, {"unknown": 1}])
+@pytest.mark.parametrize(
+    "damage", [{"machine": 1}, {"path_error_m": "1"}, {"unknown": 1}, {"random": 0}]
+)
 def test_a_damaged_one_is_refused(damage: dict[str, object], tmp_path: Path) -> None:
     (run,) = run_scenario("standard", ["free"], ["brisk"], episodes=2, results=tmp_path, worst=True)
     (path,) = (tmp_path / "runs").iterdir()
