@@ -207,7 +207,11 @@ def draw(rows: list[Row], path: Path) -> None:
     kinds = {"decisions": "decisions", "seconds": "seconds of a core"}
     for axes, (kind, unit) in zip(figure.subplots(1, 2, sharey=True), kinds.items(), strict=True):
         for name, colour in zip(names, COLOURS, strict=False):
-            own = [row for row in rows if row.algorithm == name and row.episodes == HELD_OUT]
+            own = [
+                row
+                for row in rows
+                if (row.algorithm, row.episodes) == (name, HELD_OUT) and row.decisions
+            ]
             runs = [[row for row in own if row.seed == seed] for seed in {row.seed for row in own}]
             amounts = [[getattr(row, kind) for row in run] for run in runs]
             errors = [[float(np.mean(row.errors)) for row in run] for run in runs]
