@@ -74,7 +74,7 @@ CALLS = {
     ),
     "SAC on a law": Call(sb3.SAC, 16, 100_000, ENTROPY, BASE),
 }
-LEVELS = {"torque-feedback-tuned": (28.0, 27.0, 35.0), "close": (10.0, 10.0, 20.0)}
+LEVELS = (28.0, 27.0, 35.0), (10.0, 10.0, 20.0)
 """Path errors at the slow, medium and brisk pace [mm]: those of the paper's better law with tuned
 gains, and a third of them."""
 
@@ -180,9 +180,10 @@ def amount(rows: list[Row | None], kind: str) -> str:
 
 def print_table(rows: list[Row]) -> None:
     """Print, for each algorithm, its seeds at the end and how soon they come below the levels."""
-    print("| Algorithm | Ranked | Median | Decisions, seconds |", end="")
-    print("".join(f" {name}: seeds, decisions, seconds |" for name in LEVELS))
+    print("| Algorithm | Ranked | Median [mm] | Decisions, seconds |", end="")
+    print("".join(f" Below {'/'.join(map('{:g}'.format, level))} mm |" for level in LEVELS))
     print("|---" * (4 + len(LEVELS)) + "|")
+    each_seed: list[str] = []
     for algorithm in dict.fromkeys(row.algorithm for row in rows):
         own = [row for row in rows if row.algorithm == algorithm]
         runs = [[row for row in own if row.seed == seed] for seed in sorted({r.seed for r in own})]
@@ -191,12 +192,14 @@ def print_table(rows: list[Row]) -> None:
         errors = "/".join(f"{median(e):.1f}" for e in zip(*(e.errors for e in ends), strict=True))
         cells = [algorithm, f"{ranked} of {len(ends)}", errors]
         cells.append(f"{ends[0].decisions:,}, {median(end.seconds for end in ends):.0f}")
-        for level in LEVELS.values():
+        for level in LEVELS:
             found = [first_below(run, level) for run in runs]
             there = f"{sum(row is not None for row in found)} of {len(runs)}"
             cells.append(f"{there}, {amount(found, 'decisions')}, {amount(found, 'seconds')}")
         print("| " + " | ".join(cells) + " |")
-        print(f"  each seed: {', '.join('/'.join(f'{x:.1f}' for x in e.errors) for e in ends)}")
+        seeds = ", ".join("/".join(f"{x:.1f}" for x in end.errors) for end in ends)
+        each_seed.append(f"- {algorithm}: {seeds}")
+    print("\n" + "\n".join(each_seed))
 
 
 @styled
