@@ -207,7 +207,16 @@ def packages(session: nox.Session) -> None:
     session.run("python", "-c", render, str(ROOT / "docs" / "conda" / "recipe.yaml"))
     place = copy(session, "ray")
     # the extra `rllib` of Ray wants another version of Gymnasium than is pinned
-    rllib = ("ray==2.60.0", "dm-tree", "lz4", "ormsgpack", "pandas", "pyarrow", "pydantic", "requests")
+    rllib = (
+        "ray==2.60.0",
+        "dm-tree",
+        "lz4",
+        "ormsgpack",
+        "pandas",
+        "pyarrow",
+        "pydantic",
+        "requests",
+    )
     session.install("-q", *PINNED, "-e", f"{place}[agents]", *rllib)
     outside = {"TMPDIR": gettempdir()}  # Ray's workers refuse a folder within an environment
     for program, *options in (
