@@ -4,7 +4,7 @@ Whatever a scenario draws (a hand with its phases, a path, a machine) is made of
 [0, 1) in place of a generator's. So any scenario can be searched, within the bounds that it has.
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from functools import lru_cache
 from statistics import NormalDist
 from typing import Any, NamedTuple, cast
@@ -31,6 +31,9 @@ POPULATION = 64
 SPREAD = 0.999
 """Share of a normal distribution, about its middle, that is searched."""
 
+TINY = 2.0**-54
+"""In place of a random 0, whose quantile is not finite."""
+
 STREAM = 20261129
 """Where the seeds of random hands and of the search begin."""
 
@@ -38,9 +41,10 @@ STREAM = 20261129
 class Numbers:
     """Numbers within [0, 1) in place of a generator; those that are missing are drawn with one."""
 
-    def __init__(self, rng: np.random.Generator, numbers: Iterable[float] = ()) -> None:
+    def __init__(self, rng: np.random.Generator, numbers: Sequence[float] = ()) -> None:
         self.taken: list[float] = []
         self._rng, self._given = rng, iter(numbers)
+        self._spread = SPREAD if numbers else 1.0
 
     def _next(self) -> float:
         number = next(self._given, None)
@@ -58,9 +62,9 @@ class Numbers:
         return min(int(count * self._next()), count - 1)
 
     def standard_normal(self, size: int) -> NDArray[np.float64]:
-        """Return quantiles of the normal distribution within ``SPREAD``."""
-        parts = [0.5 + SPREAD * (self._next() - 0.5) for _ in range(size)]
-        return np.array([NormalDist().inv_cdf(part) for part in parts])
+        """Return quantiles of the normal distribution, for given numbers within ``SPREAD``."""
+        parts = [0.5 + self._spread * (self._next() - 0.5) for _ in range(size)]
+        return np.array([NormalDist().inv_cdf(part or TINY) for part in parts])
 
     def __getattr__(self, name: str) -> Any:
         """Raise a ParameterError for what distributions of one's own may ask a generator."""

@@ -48,6 +48,12 @@ def test_numbers_stand_for_what_a_generator_draws() -> None:
     assert len(numbers.taken) == 6
 
 
+def test_random_machines_are_as_spread_as_their_log_leaves_them() -> None:
+    """Else how many hands are worse would be told of other machines: of 10⁵, 100 are beyond."""
+    drawn = np.concatenate([Numbers(RNG).standard_normal(1000) for _ in range(100)])
+    assert 50 < np.count_nonzero(np.abs(drawn) > 3.29) < 150
+
+
 @pytest.mark.parametrize("end", [0.0, 1.0])
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_scenario_is_searched_up_to_its_bounds(name: str, end: float) -> None:
