@@ -34,6 +34,7 @@ def train(
     config: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     smoke: bool = False,
     machine: MachineName = None,
+    adversary: bool = False,
 ) -> None:
     """Train a policy on a scenario's training episodes by PPO.
 
@@ -56,16 +57,25 @@ def train(
         smoke: Train for a few seconds to check that everything works.
         machine: Name or file of a machine, instead of those that the scenario draws; of a file of
             `pter identify`, all machines that fit the log.
+        adversary: Also train on hands that push the policy furthest off the path, which are
+            searched again as it learns.
     """
     look_at(machine=machine)
     with waiting("loading"):
         from pter_agents.runs import RunFolder
-        from pter_agents.settings import ALL, SMOKE, TrainingArguments, load_settings
+        from pter_agents.settings import (
+            ADVERSARY,
+            ALL,
+            SMOKE,
+            TrainingArguments,
+            load_settings,
+        )
         from pter_gym.params import find_machines
         from pter_gym.policies.tuned import FALLBACK
         from pter_gym.tools.figures import save
 
-        settings = load_settings(algo, config, **(SMOKE if smoke else {}))
+        changes = {**(SMOKE if smoke else {}), **({"adversary": ADVERSARY} if adversary else {})}
+        settings = load_settings(algo, config, **changes)
         episodes = SMOKE_EPISODES if smoke else TrainingArguments.validation_episodes
         arguments = TrainingArguments(
             algorithm=algo,

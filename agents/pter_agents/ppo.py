@@ -33,8 +33,10 @@ import numpy as np
 import optax
 from jax import lax, numpy as jnp
 from jax.sharding import NamedSharding, PartitionSpec as Spec
+from numpy.typing import NDArray
 from tensorboard.summary import Writer
 
+from pter_agents.adversary import Adversary
 from pter_agents.draws import PaceScores, validate, validation_episodes
 from pter_agents.runs import RunFolder, Tensors, policy_of
 from pter_agents.settings import PARTS, TrainingArguments
@@ -48,6 +50,12 @@ from pter_gym.scenarios import PACES
 
 PART = "part"
 """Name of the axis of the parts."""
+
+HANDS = "hands"
+"""Name of the adversary's populations among the arrays of a state."""
+
+SEARCH_EVERY = 96
+"""Rollouts between two searches of the adversary."""
 
 with suppress(RuntimeError):  # JAX has run already, with the devices that it has
     jax.config.update("jax_num_cpu_devices", PARTS)
@@ -200,14 +208,26 @@ class PPO:
         given = (whole, state, split, split, whole, whole)
         update = over(self._update, in_specs=given, out_specs=(state, whole))
         self._compiled = jax.jit(update, donate_argnums=1)
-        self._shared = jax.device_put(self.worlds.shared, self._whole)
-        self._effortless = jax.device_put(self.worlds.effortless, self._whole)
+        self._compiled_begin = jax.jit(over(self._begin, in_specs=(whole, split), out_specs=split))
+        self._adversary = Adversary(arguments) if s.adversary else None
+        self.hands = self._adversary.begin() if self._adversary else np.zeros((0, 0, 0))
+        self._meet()
         weights = jax.device_put(weights, self._whole)
         adam = jax.device_put(self._optimiser.init(weights), self._whole)
         seeds = self._seed * s.worlds + np.arange(s.worlds, dtype=np.uint64)
+        self.state = TrainState(weights, adam, self._reset(seeds))
+
+    def _meet(self) -> None:
+        """Let the worlds draw from the hands that the adversary has."""
+        hands = self._adversary.pairs(self.hands) if self._adversary else ()
+        shared = self.worlds.shared(hands)
+        free = self.worlds.shared(hands, effort=False) if self._settings.effort else shared
+        self._shared, self._effortless = jax.device_put((shared, free), self._whole)
+
+    def _reset(self, seeds: NDArray[np.uint64]) -> Carry:
+        """Return new worlds."""
         halves = jax.device_put(seeds.view(np.uint32).reshape(-1, 2), self._split)
-        begin = jax.jit(over(self._begin, in_specs=(whole, split), out_specs=split))
-        self.state = TrainState(weights, adam, begin(self._shared, halves))
+        return self._compiled_begin(self._shared, halves)
 
     def _begin(self, shared: SharedConstants, seeds: jax.Array) -> Carry:
         noise = jnp.zeros((len(seeds), self._actions))
@@ -299,6 +319,12 @@ class PPO:
             If a loss or a weight is not finite.
         """
         s, done = self._settings, self.steps / self._total
+        if self._adversary and self.steps // self.rollout % SEARCH_EVERY == 0:
+            self.hands = self._adversary.search(self.policy(), self.hands, self.steps)
+            self._meet()
+            rng = np.random.default_rng([self._seed, self.steps, *b"worlds"])
+            seeds = rng.integers(1 << 64, size=s.worlds, dtype=np.uint64)
+            self.state = self.state._replace(carry=self._reset(seeds))
         mine = s.worlds // PARTS
         rngs = [np.random.default_rng((self._seed, self.steps, part)) for part in range(PARTS)]
         drawn = [rng.standard_normal((s.steps, mine, self._actions), np.float32) for rng in rngs]
@@ -319,7 +345,8 @@ class PPO:
     def get_state(self) -> Tensors:
         """Return the arrays of the training's state by name."""
         leaves, _ = jax.tree_util.tree_flatten_with_path(self.state)
-        return {jax.tree_util.keystr(path): np.array(leaf) for path, leaf in leaves}
+        arrays = {jax.tree_util.keystr(path): np.array(leaf) for path, leaf in leaves}
+        return {**arrays, HANDS: self.hands} if self._adversary else arrays
 
     def set_state(self, state: Tensors, steps: int) -> None:
         """Restore the state from ``get_state`` after so many steps, or raise a ValueError if it is
@@ -334,6 +361,9 @@ class PPO:
 
         self.state = jax.tree_util.tree_map_with_path(restored, self.state)
         self.steps = steps
+        if self._adversary:
+            self.hands = state[HANDS]
+            self._meet()
 
 
 def train(

@@ -40,6 +40,9 @@ SMOKE = {"worlds": 64, "steps": 32, "contexts": 16, "minibatch": 512, "epochs": 
 CODEC = Codec(dataclasses_in(params))
 """Stores the machine of a training."""
 
+ADVERSARY = 0.4
+"""Share of hands that push the policy furthest, if there are any."""
+
 SHARE: Any = {"at_least": 0.0, "at_most": 1.0}
 
 
@@ -64,6 +67,9 @@ class Settings(RewardWeights):
     starts: str = parameter("name", "how episodes begin, one of tasks.path_following.STARTS")
     truncation: float = parameter("m", "distance from the path that truncates", above=0.0)
     contexts: int = parameter("1", "drawn machines and tasks to train on")
+    adversary: float = parameter(
+        "1", "share of these with hands that push the policy furthest", default=0.0, **SHARE
+    )
     minibatch: int = parameter("1", "samples of a gradient step")
     epochs: int = parameter("1", "gradient steps for each sample")
     learning_rate: float = parameter("1", "at the beginning; it falls linearly", above=0.0)

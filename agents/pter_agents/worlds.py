@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pter_agents.draws import training_draws
 from pter_agents.settings import NO_BASE, TrainingArguments
+from pter_gym._engine.storage import constants_of
 from pter_gym._engine.xla import words_of
 from pter_gym.controllers import PaceSchedule
 from pter_gym.controllers._network import INPUT_LIMIT
@@ -24,6 +25,7 @@ from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.envs.jax import AnyState, EnvParams, JaxEnv, truth_of
 from pter_gym.policies import Input, Interface
 from pter_gym.policies._interface import clutch_rows, input_names, input_values
+from pter_gym.scenarios.distributions import Pair
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
 """Chosen scales [m, 1, m/s]: random actions make these far larger than a good policy does."""
@@ -95,9 +97,6 @@ class JaxWorlds:
     env, interface, size
         The worlds as Gymnasium has them, the policy's inputs and outputs, and the number of inputs
         of the value network.
-    shared, effortless
-        Arguments of the functions besides the state, and those for worlds in which voltage costs
-        nothing.
     """
 
     def __init__(self, arguments: TrainingArguments) -> None:
@@ -123,20 +122,34 @@ class JaxWorlds:
         )
         self.size = self.interface.size + len(truth.entries)
         centers, scales = zip(*((each.center, each.scale) for each in inputs), strict=True)
-        self.shared = SharedConstants(
+        self._first = SharedConstants(
             self._env.default_params,
-            jnp.asarray(env.batch.kernel_arrays()["constants"], jnp.float32),
+            jnp.zeros(0),
             jnp.asarray(self._layout.scales, jnp.float32),
             Selection.of(range(len(inputs)), centers, scales),
             truth,
             jnp.asarray(1.0 / np.array(s.averages), jnp.float32),
         )
-        self.effortless = self.shared
-        if s.effort:
-            free = _make_env(replace(arguments, settings=replace(s, effort=0.0)), s.worlds)
-            constants = words_of(free.batch.kernel_arrays()["constants"])
-            params = self.shared.params._replace(constants=constants)
-            self.effortless = self.shared._replace(params=params)
+        self._room = 0
+
+    def shared(self, hands: Sequence[Pair] = (), *, effort: bool = True) -> SharedConstants:
+        """Return what worlds share that draw from the pairs of the environment.
+
+        The last ones are replaced by ``hands``; without ``effort``, voltage costs nothing.
+        """
+        pairs = self.env.batch.pairs
+        pairs = [*pairs[: len(pairs) - len(hands)], *hands]
+        if not effort:
+            free = ((machine, task, replace(task.reward, effort=0.0)) for machine, task in pairs)
+            pairs = [(machine, replace(task, reward=reward)) for machine, task, reward in free]
+        constants = constants_of(pairs)
+        if len(constants) > self._room:  # one size for all hands saves compilations
+            self._room = len(constants) + (len(constants) // 4 if hands else 0)
+        constants = np.pad(constants, (0, self._room - len(constants)))
+        params = self._first.params._replace(constants=words_of(constants))
+        return self._first._replace(
+            params=params, constants=jnp.asarray(constants, jnp.float32)
+        )
 
     def reset(self, shared: SharedConstants, seeds: jax.Array) -> RolloutState:
         """Return new worlds from the two halves of each world's seed, uint32 (N, 2)."""

@@ -4,7 +4,7 @@ Whatever a scenario draws (a hand with its phases, a path, a machine) is made of
 [0, 1) in place of a generator's. So any scenario can be searched, within the bounds that it has.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from statistics import NormalDist
 from typing import Any, NamedTuple, cast
@@ -116,38 +116,69 @@ def find_worst(
     count, width = hands.numbers.shape
     searched, draws, rng = 0, scenario.draws.at_pace(speed), _generator(scenario, speed, 1)
 
-    def judge(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the path errors of hands, (D, N), negative, and 0 for those that cannot be."""
+    def judge(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the path errors of hands, and keep the worst."""
         nonlocal worst, searched
-        pairs = [pair_of(draws, Numbers(rng, row.tolist())) for row in numbers.T]
-        there = [k for k, pair in enumerate(pairs) if pair]
-        errors = np.zeros(len(pairs))
-        if there:
-            episodes = _episodes(scenario, [pair for pair in pairs if pair])
-            errors[there] = path_errors(policy, episodes, num_threads)
+        errors, pairs = judged(policy, scenario.name, draws, rows, rng, num_threads)
         k = int(errors.argmax())
         if errors[k] > worst[0]:
             worst = (float(errors[k]), *cast("Pair", pairs[k]))
-        searched += len(pairs)
-        return -errors
+        searched += len(rows)
+        return errors
 
     if width:
-        from scipy import optimize  # takes half a second
-
-        scipy: Any = optimize
-        scipy.differential_evolution(
-            judge,
-            [(0.0, 1.0)] * width,
-            init=hands.numbers[np.argsort(-errors, kind="stable")[:POPULATION]],
-            maxiter=SEARCHED // POPULATION - 1,
-            tol=0.0,
-            polish=False,
-            vectorized=True,
-            updating="deferred",
-            rng=rng,
-        )
+        begin = hands.numbers[np.argsort(-errors, kind="stable")[:POPULATION]]
+        evolve(judge, begin, SEARCHED // POPULATION, rng)
     error, machine, task = worst
     return WorstHand(error, float(errors[largest]), count, count + searched, machine, task)
+
+
+def judged(
+    policy: AnyPolicy,
+    name: str,
+    draws: Draws,
+    rows: NDArray[np.float64],
+    rng: np.random.Generator,
+    num_threads: int = 2,
+) -> tuple[NDArray[np.float64], list[Pair | None]]:
+    """Return path errors [m] and episodes that rows of numbers make; 0 and None if it cannot be."""
+    pairs = [pair_of(draws, Numbers(rng, row.tolist())) for row in rows]
+    there = [k for k, pair in enumerate(pairs) if pair]
+    errors = np.zeros(len(pairs))
+    if there:
+        episodes = _episodes(name, draws, [pair for pair in pairs if pair])
+        errors[there] = path_errors(policy, episodes, num_threads)
+    return errors, pairs
+
+
+def evolve(
+    judge: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    population: NDArray[np.float64],
+    generations: int,
+    rng: np.random.Generator,
+    strategy: str = "best1bin",
+) -> NDArray[np.float64]:
+    """Return a population, (N, D), after differential evolution towards large errors.
+
+    The first generation is the population itself; ``judge`` gets each, and returns its errors.
+    ``strategy`` is SciPy's.
+    """
+    from scipy import optimize  # takes half a second
+
+    scipy: Any = optimize
+    found = scipy.differential_evolution(
+        lambda columns: -judge(columns.T),
+        [(0.0, 1.0)] * population.shape[1],
+        strategy=strategy,
+        init=population,
+        maxiter=generations - 1,
+        tol=0.0,
+        polish=False,
+        vectorized=True,
+        updating="deferred",
+        rng=rng,
+    )
+    return found.population
 
 
 def path_errors(policy: AnyPolicy, episodes: Episodes, num_threads: int = 2) -> NDArray[np.float64]:
@@ -168,7 +199,8 @@ def random_hands(scenario: Scenario, speed: float) -> Hands:
             break
     width = max(len(taken) for _, taken in drawn)
     filled = [[*taken, *rng.random(width - len(taken))] for _, taken in drawn]
-    return Hands(_episodes(scenario, [pair for pair, _ in drawn]), np.array(filled))
+    episodes = _episodes(scenario.name, scenario.draws, [pair for pair, _ in drawn])
+    return Hands(episodes, np.array(filled))
 
 
 def pair_of(draws: Draws, numbers: Numbers) -> Pair | None:
@@ -178,8 +210,8 @@ def pair_of(draws: Draws, numbers: Numbers) -> Pair | None:
     return pair and with_phases(pair, generator)
 
 
-def _episodes(scenario: Scenario, pairs: list[Pair]) -> Episodes:
-    return Episodes.of_pairs(scenario.name, scenario.draws, pairs, [0] * len(pairs))
+def _episodes(name: str, draws: Draws, pairs: list[Pair]) -> Episodes:
+    return Episodes.of_pairs(name, draws, pairs, [0] * len(pairs))
 
 
 def _generator(scenario: Scenario, speed: float, part: int) -> np.random.Generator:

@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from pter_agents.draws import training_draws
 from pter_agents.exporting import export
 from pter_agents.runs import RunFolder
 from pter_agents.settings import PARTS, SMOKE, TrainingArguments, load_settings
 from pter_gym import load_policy
 from pter_gym._commands.main import main
+from pter_gym._engine.storage import CONTEXT_WIDTH
+from pter_gym.benchmark import Episodes, find_policy
 from pter_gym.envs import PathFollowingVectorEnv
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.paths import Circle
@@ -38,10 +41,11 @@ def arguments(steps: int, algorithm: str = "residual", **changes: object) -> Tra
 
 
 @pytest.mark.long
-def test_resumed_training_has_the_same_bits(tmp_path: Path) -> None:
+@pytest.mark.parametrize("adversary", [0.0, 0.5])
+def test_resumed_training_has_the_same_bits(adversary: float, tmp_path: Path) -> None:
     from pter_agents.ppo import train
 
-    constant = {"learning_rate_end": 1e-3, "deviation_end": 0.3}
+    constant = {"learning_rate_end": 1e-3, "deviation_end": 0.3, "adversary": adversary}
     train(arguments(2, **constant), tmp_path / "whole")
     train(arguments(1, **constant), tmp_path / "parts")
     train(arguments(2, **constant), tmp_path / "parts", resume=True)
@@ -63,6 +67,28 @@ def test_resumed_training_has_the_same_bits(tmp_path: Path) -> None:
     policy = read_policy(tmp_path / "mine")
     assert policy.about["steps"] == steps
     np.testing.assert_array_equal(policy.layers[0][0].T, one[".weights.policy[0][0]"])
+
+
+def test_an_adversary_finds_ever_worse_hands_which_become_training_episodes() -> None:
+    from pter_agents.adversary import Adversary
+    from pter_agents.worlds import JaxWorlds
+    from pter_gym.benchmark.worst_hand import path_errors
+
+    given = arguments(1, contexts=64, adversary=0.25)
+    adversary, law = Adversary(given), find_policy("single-dof-tuned")
+    hands, errors = adversary.begin(), list[float]()
+    for steps in range(3):
+        pairs = adversary.pairs(hands)
+        episodes = Episodes.of_pairs("hands", training_draws(given), pairs, [0] * len(pairs))
+        errors.append(float(path_errors(law, episodes).mean()))
+        hands = adversary.search(law, hands, steps)
+    assert errors == sorted(set(errors))
+    assert len(pairs) == 16
+    worlds = JaxWorlds(given)
+    mixed, plain = (np.asarray(worlds.shared(each).constants) for each in (pairs, ()))
+    rows = (each[: 64 * CONTEXT_WIDTH].reshape(64, -1) for each in (mixed, plain))
+    changed = np.not_equal(*rows).any(axis=1)
+    np.testing.assert_array_equal(changed, np.arange(64) >= 48)
 
 
 @pytest.mark.slow
@@ -186,7 +212,6 @@ def test_a_step_is_as_long_as_the_learning_rate_and_a_loss_that_is_not_finite_ra
 def test_an_exported_policy_acts_as_in_training(algorithm: str) -> None:
     import jax
 
-    from pter_agents.draws import training_draws
     from pter_agents.ppo import PPO
 
     given = arguments(1, algorithm, worlds=4, minibatch=64)
@@ -198,14 +223,15 @@ def test_an_exported_policy_acts_as_in_training(algorithm: str) -> None:
             state[name] = rng.normal(0.0, 0.3, state[name].shape).astype(np.float32)
     model.set_state(state, 0)
     weights, worlds = model.state.weights, model.worlds
+    shared = worlds.shared()
 
     @jax.jit
     def act(state: Any, _: None) -> Any:
-        state, step = worlds.step(worlds.shared, state, weights.act(worlds.inputs(state)))
+        state, step = worlds.step(shared, state, weights.act(worlds.inputs(state)))
         return state, step
 
     seeds = np.arange(4, dtype=np.uint64)
-    begun = worlds.reset(worlds.shared, seeds.view(np.uint32).reshape(-1, 2))
+    begun = worlds.reset(shared, seeds.view(np.uint32).reshape(-1, 2))
     _, steps = jax.lax.scan(act, begun, length=50)
     env = PathFollowingVectorEnv(
         4,
@@ -257,7 +283,7 @@ def test_a_locked_arm_costs_the_same_at_each_commanded_pace() -> None:
     weight, bias = weights.policy[-1]
     weights.policy[-1] = weight, bias + 100.0  # 24 V for all clutches
     drawn = np.zeros((150, s.worlds, 4), np.float32)
-    _, rows = jax.jit(model.collect)(model.worlds.shared, weights, carry, drawn, 0.0)
+    _, rows = jax.jit(model.collect)(model.worlds.shared(), weights, carry, drawn, 0.0)
     task = model.worlds.env.batch.task
     cost = 5.0 * s.pace * PACES["medium"] * task.control_period / task.path.length
     np.testing.assert_allclose(rows.rewards[-1], -s.reward_scale * cost, rtol=2e-5)
@@ -361,7 +387,7 @@ def test_noise_lasts_until_an_episode_ends_and_advantages_are_even_over_all_part
     model = PPO(arguments(1, "ppo", episode=20))
     s, (weights, _, carry) = model._settings, model.state
     drawn = np.random.default_rng(0).standard_normal((50, s.worlds, 4)).astype(np.float32)
-    after, rows = jax.jit(model.collect)(model.worlds.shared, weights, carry, drawn, 0.3)
+    after, rows = jax.jit(model.collect)(model.worlds.shared(), weights, carry, drawn, 0.3)
     noise, ends = np.zeros((s.worlds, 4), np.float32), np.asarray(rows.ends)
     for each, ended in zip(drawn, ends, strict=True):
         noise = np.where(ended[:, None], 0.0, s.persistence * noise + 0.3 * each)
@@ -402,6 +428,6 @@ def test_nothing_is_expected_after_a_termination() -> None:
     weight, bias = weights.policy[-1]
     weights.policy[-1] = weight, bias - 100.0  # 0 V: the arm misses the end of the path
     drawn = np.zeros((150, model._settings.worlds, 4), np.float32)
-    _, rows = jax.jit(model.collect)(model.worlds.shared, weights, carry, drawn, 0.0)
+    _, rows = jax.jit(model.collect)(model.worlds.shared(), weights, carry, drawn, 0.0)
     assert np.asarray(rows.ends).any(axis=0).all()
     assert (np.asarray(rows.finals) == 0.0).all()
