@@ -59,6 +59,10 @@ class StorageError(PterError, OSError):
     """A file cannot be written, as on a full disk."""
 
 
+class ProofError(PterError, AssertionError):
+    """Exported code could not be proven; the message names the places and what may happen there."""
+
+
 class PolicyError(PterError, RuntimeError):
     """A policy in another process has failed, has ended, or does not answer in time."""
 

@@ -129,6 +129,7 @@ def export(
     scenario: ScenarioName = "standard",
     path: Annotated[str, tyro.conf.arg(metavar="NAME|FILE.csv")] = "line",
     machine: MachineName = None,
+    prove: bool = False,
 ) -> None:
     """Turn a run of `pter train` into a policy to share, or any policy into C or ONNX.
 
@@ -150,9 +151,13 @@ def export(
         scenario: Scenario whose gains a law uses.
         path: Path that the C code holds.
         machine: Name or file of the nominal machine, for C or ONNX.
+        prove: Also write prove.c beside the C code, and prove with Frama-C that no reading makes it
+            do anything undefined or command a voltage out of range.
     """
     trained = (Path(run) / RUN).is_file()
     look_at(policies=() if trained else (run,), machine=machine)
+    if prove and c is None:
+        raise ParameterError("c must be given with prove, as in `--c FOLDER --prove`")
     if c is None and onnx is None:
         if not trained and not is_exported(run):
             raise ParameterError(f"c must be given for a law, as in `--c FOLDER`, got {run!r}")
@@ -163,7 +168,7 @@ def export(
         conclude([written], f"pter benchmark --policies {compared}")
         return
     from pter_gym.benchmark import find_policy
-    from pter_gym.tools.deploy import source_of, write_onnx
+    from pter_gym.tools.deploy import proof, source_of, write_onnx
 
     if trained:
         from pter_agents import exporting
@@ -190,4 +195,9 @@ def export(
     if source is not None and c is not None:
         program = quote(str(c / prefix))
         compiled = f"cc -std=c99 -O2 {program}.c {quote(str(c / 'main.c'))} -o {program}"
-        conclude([source.write(c)], compiled)
+        written = source.write(c, driver=prove)
+        if prove:
+            with waiting("proving"):
+                proven = proof.prove(written, f"{prefix}.c")
+            say(str(proven))
+        conclude([written], compiled)

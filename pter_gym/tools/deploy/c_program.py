@@ -1,4 +1,7 @@
-"""A policy as a program in C: ``pter.h``, ``pter.c`` and ``main.c``, a filter for observations."""
+"""A policy as a program in C: ``pter.h``, ``pter.c`` and ``main.c``, a filter for observations.
+
+``prove.c`` is what Frama-C proves of it.
+"""
 
 import math
 import re
@@ -29,6 +32,7 @@ from pter_gym.tasks.path_following import PathFollowing, observation_layout
 from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Observation, Reading
 from pter_gym.tools.deploy.c_translator import Program
 from pter_gym.tools.deploy.functions import arctangent, command, cosine, encoder, observe, sine
+from pter_gym.tools.deploy.proof import DRIVER, command_for
 from pter_gym.tools.deploy.values import Array, ConstantTable, Expression, Region
 
 STATIC = Path(__file__).parent / "static"
@@ -66,21 +70,25 @@ class Source:
     ----------
     files
         Content of ``pter.h``, ``pter.c`` and ``main.c`` by name.
+    driver
+        Content of ``prove.c``, the driver of its proof.
     policy
         The bound policy whose voltages the program gives; with weights of 8 bits, these are
         rounded.
     """
 
     files: dict[str, str]
+    driver: str
     policy: Policy
 
-    def write(self, folder: FilePath) -> Path:
+    def write(self, folder: FilePath, *, driver: bool = False) -> Path:
         """Write the files to a folder, which is created if necessary, and return it.
 
         Raises a ParameterError or a StorageError if they cannot be written.
         """
         make_folder(folder, "c")
-        write_files_atomic(folder, {name: text.encode() for name, text in self.files.items()})
+        texts = {**self.files, DRIVER: self.driver} if driver else self.files
+        write_files_atomic(folder, {name: text.encode() for name, text in texts.items()})
         return expand_path("c", folder)
 
 
@@ -151,6 +159,7 @@ def source_of(
     program.call(command, law.function, obs, scales, gains, memory, top, whole=True)
     prepare(program, machine)
     functions_by_name: dict[str, Any] = {
+        "command": " ".join(command_for(f"{prefix}.c")),
         "title": f"The policy {name} for the passive arm PTER.",
         "real": numbers,
         "period": repr(bound.control_period or PathFollowing.control_period),
@@ -166,14 +175,13 @@ def source_of(
         **BITS[numbers],
     }
     functions_by_name["path"] = renamed(functions_by_name["path"], prefix)
-    texts = {file: renamed((STATIC / file).read_text("utf-8"), prefix) for file in FILES}
-    return Source(
-        {
-            file.replace("pter", prefix): Template(text).substitute(functions_by_name)
-            for file, text in texts.items()
-        },
-        bound,
-    )
+    texts = {
+        file.replace("pter", prefix): Template(
+            renamed((STATIC / file).read_text("utf-8"), prefix)
+        ).substitute(functions_by_name)
+        for file in (*FILES, DRIVER)
+    }
+    return Source(texts, texts.pop(DRIVER), bound)
 
 
 def renamed(text: str, prefix: str) -> str:

@@ -80,7 +80,7 @@ Whole numbers that are divided are not negative.
 """
 
 PLAIN: dict[Any, str] = {
-    int: "(int)",
+    int: "(int32_t)",
     float: "",
     np.float32: "(float)",
     abs: "magnitude",

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import deploy as bench  # in benchmarks
 import numpy as np
@@ -26,7 +26,7 @@ from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.controllers import CONTROLLERS, PerClutch, Policy, bind, compiled
 from pter_gym.controllers._laws import built_in
-from pter_gym.errors import ParameterError, StorageError
+from pter_gym.errors import ParameterError, ProofError, StorageError
 from pter_gym.params import BASELINE, MACHINES, find_machine
 from pter_gym.paths import find_path
 from pter_gym.policies import Input
@@ -36,6 +36,7 @@ from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, OBS, PathFollowing, observation_layout
 from pter_gym.tools.deploy import Source, source_of, write_onnx
 from pter_gym.tools.deploy.functions import arctangent, cosine, encoder, sine
+from pter_gym.tools.deploy.proof import MachineModel, prove
 from rollouts import Acting
 
 HERE = Path(__file__).parent
@@ -458,17 +459,27 @@ def test_a_second_episode_begins_as_the_first(policy: Any, tmp_path: Path):
 BAD = r"""
 #include "pter.h"
 #include <stdio.h>
+static void step(pter_state *state, pter_reading reading) {
+    pter_path path = {pter_path_arcs, PTER_ARCS, 0.25};
+    float observation[PTER_ENTRIES], v[4];
+    pter_observe(state, &reading, &path, observation);
+    pter_act(state, observation, v);
+    printf("%g,%g,%g,%g\n", v[0], v[1], v[2], v[3]);
+}
 int main(void) {
-    double angles[] = {0.0 / 0.0, 1.0 / 0.0, -1e300};
-    for (int k = 0; k < 3; k++) {
-        pter_state state;
-        pter_reading r = {{angles[k], 1}, {0}, {0}, {0}};
-        pter_path path = {pter_path_arcs, PTER_ARCS, 0.25};
-        float observation[PTER_ENTRIES], v[4];
+    const pter_real bad[] = {0.0 / 0.0, 1.0 / 0.0, -1e300};
+    pter_reading good = {{2, 1}, {1, -1}, {0}, {0}};
+    pter_state state;
+    for (int k = -1; k < 12; k++) {
+        pter_reading broken = good;
+        pter_real *places[] = {broken.angle, broken.angle + 1, broken.velocity + 1,
+                               broken.torque + 3, broken.force};
         pter_reset(&state);
-        pter_observe(&state, &r, &path, observation);
-        pter_act(&state, observation, v);
-        printf("%g,%g,%g,%g,%d\n", v[0], v[1], v[2], v[3], state.arc);
+        if (k >= 0) {
+            *places[k < 6 ? k / 3 : k < 9 ? k - 4 : k % 2] = bad[k < 6 ? k % 3 : k < 9 ? 0 : 1];
+            step(&state, broken);
+        }
+        step(&state, good);
     }
     return 0;
 }
@@ -476,12 +487,68 @@ int main(void) {
 
 
 @needs_compiler
-@pytest.mark.parametrize("name", ["impedance", "ppo-standard"])
-def test_an_angle_that_is_no_number_gives_voltages(name: str, tmp_path: Path):
+@pytest.mark.parametrize("name", ["impedance", "ppo-standard", "residual"])
+def test_a_reading_that_is_no_number_gives_no_voltage_and_leaves_no_trace(
+    name: str, tmp_path: Path
+):
     (tmp_path / "bad.c").write_text(BAD)
     found = said(built(source_of(find_policy(name)), tmp_path, tmp_path / "bad.c"), "")
-    assert ((found[:, :4] >= 0.0) & (found[:, :4] <= TOP)).all()
-    assert (found[:, 4] == 0).all()
+    fresh, broken, after = found[0], found[1::2], found[2::2]
+    assert (broken == 0.0).all()
+    assert (after == fresh).all()
+    assert fresh.any()
+
+
+needs_frama_c = pytest.mark.skipif(not shutil.which("frama-c"), reason="Frama-C is not installed")
+
+FAULTS = {
+    "an index one too far": (r"segment \* 7 \+ 6\]", "segment * 7 + 7]"),
+    "no clamp": (r"return (\w+) < high \? \1 : high;", r"return \1;"),
+    "a reading of any size": (r"IS_WITHIN\(r.theta.a, MOST_TURNED\)", "1"),
+    "a state that is not begun": (r"state->memory\[k\] = 0;", "(void)k;"),
+}
+
+
+@needs_frama_c
+@pytest.mark.long
+@pytest.mark.parametrize("model", get_args(MachineModel))
+@pytest.mark.parametrize(
+    ("name", "numbers", "weights"),
+    [
+        *((name, numbers, "float") for name in sorted(TUNED) for numbers in ("double", "float")),
+        ("ppo-standard", "double", "float"),
+        ("ppo-standard", "float", "int8"),
+    ],
+)
+def test_no_reading_makes_a_program_do_what_is_undefined(
+    name: str, numbers: Any, weights: Any, model: MachineModel, tmp_path: Path
+):
+    source = source_of(find_policy(name), numbers=numbers, weights=weights, prefix="own")
+    source.write(tmp_path, driver=True)
+    assert "proven for every reading" in str(prove(tmp_path, "own.c", model))
+
+
+@needs_frama_c
+@pytest.mark.long
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_in_a_program_is_found(fault: str, tmp_path: Path):
+    source = source_of(find_policy("ppo-standard"))
+    source.write(tmp_path, driver=True)
+    program = tmp_path / "pter.c"
+    text, count = re.subn(*FAULTS[fault], program.read_text("utf-8"))
+    assert count
+    program.write_text(text, "utf-8")
+    with pytest.raises(ProofError, match="not proven"):
+        prove(tmp_path)
+
+
+def test_without_frama_c_the_driver_is_written_and_the_way_on_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    assert main(["export", "impedance", "--c", str(tmp_path), "--prove"]) == 2
+    assert "frama-c -eva" in capsys.readouterr().err
+    assert (tmp_path / "prove.c").is_file()
 
 
 @needs_compiler

@@ -29,6 +29,12 @@ typedef char size_of_real[sizeof(pter_real) == sizeof(uint${bits}_t) ? 1 : -1];
 #define INFINITE ((real)1.0 / (real)0.0)
 #define NOT_A_NUMBER ((real)0.0 / (real)0.0)
 
+/* whether x is no NaN, and whether it is within ± most, in words that an analyser follows */
+#define IS_NUMBER(x) ((x) == (x))
+#define IS_WITHIN(x, most) (IS_NUMBER(x) && (x) > -(most) && (x) < (most))
+
+#define MOST_TURNED ((real)1e6) /* largest angle that has a sine [rad] */
+
 typedef pter_real real;
 
 static real magnitude(real x)
@@ -77,6 +83,7 @@ $path
 
 void pter_reset(pter_state *state)
 {
+    /*@ loop unroll PTER_MEMORY; */
     for (int k = 0; k < PTER_MEMORY; k++) {
         state->memory[k] = 0;
     }
@@ -111,9 +118,13 @@ void pter_observe(pter_state *state, const pter_reading *reading, const pter_pat
     Reading r = {{reading->angle[0], reading->angle[1]}, {reading->velocity[0], reading->velocity[1]},
                  {t[0], t[1], t[2], t[3]}, {reading->force[0], reading->force[1]}};
     PerClutch volts = {v[0], v[1], v[2], v[3]};
-    if (magnitude(r.theta.a) + magnitude(r.theta.b) < (real)1e6) {
+    int known = IS_NUMBER(r.omega.a) && IS_NUMBER(r.omega.b) && IS_NUMBER(r.force.along) && IS_NUMBER(r.force.across);
+    for (int k = 0; k < 4; k++) {
+        known = known && IS_NUMBER(t[k]);
+    }
+    if (known && IS_WITHIN(r.theta.a, MOST_TURNED) && IS_WITHIN(r.theta.b, MOST_TURNED)) {
         state->arc = observe(r, volts, path->arcs, path->count, state->arc, path->pace, seen);
-    } else { /* no angle has a sine */
+    } else {
         for (int k = 0; k < $most; k++) {
             seen[k] = NOT_A_NUMBER;
         }
@@ -125,14 +136,25 @@ void pter_observe(pter_state *state, const pter_reading *reading, const pter_pat
 
 void pter_act(pter_state *state, const float observation[PTER_ENTRIES], float volts[4])
 {
-    if (state->held == 0) {
-        PerClutch found = command(observation, state->memory, PTER_VOLTAGE_MAX);
-        state->volts[0] = (float)found.x1;
-        state->volts[1] = (float)found.x2;
-        state->volts[2] = (float)found.x3;
-        state->volts[3] = (float)found.x4;
+    int known = 1;
+    for (int k = 0; k < PTER_ENTRIES; k++) {
+        known = known && IS_NUMBER(observation[k]);
     }
-    state->held = (state->held + 1) % PTER_HOLD;
+    if (!known) {
+        state->held = 0;
+        for (int k = 0; k < 4; k++) {
+            state->volts[k] = 0;
+        }
+    } else {
+        if (state->held == 0) {
+            PerClutch found = command(observation, state->memory, PTER_VOLTAGE_MAX);
+            state->volts[0] = IS_NUMBER(found.x1) ? (float)found.x1 : 0;
+            state->volts[1] = IS_NUMBER(found.x2) ? (float)found.x2 : 0;
+            state->volts[2] = IS_NUMBER(found.x3) ? (float)found.x3 : 0;
+            state->volts[3] = IS_NUMBER(found.x4) ? (float)found.x4 : 0;
+        }
+        state->held = (state->held + 1) % PTER_HOLD;
+    }
     for (int k = 0; k < 4; k++) {
         volts[k] = state->volts[k];
     }

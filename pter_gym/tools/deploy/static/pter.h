@@ -61,11 +61,13 @@ int32_t pter_count(int32_t before, uint32_t counter, int bits);
 void pter_encoder(pter_reading *reading, int link, int32_t count, int32_t before, pter_real resolution,
                   pter_real zero);
 
-/* Write the observation at a control step. */
+/* Write the observation at a control step; all of it is NaN if anything in the reading is NaN, or an angle is
+   beyond a million radians. */
 void pter_observe(pter_state *state, const pter_reading *reading, const pter_path *path,
                   float observation[PTER_ENTRIES]);
 
-/* Write the voltages of the four clutches [V] at a control step. */
+/* Write the voltages of the four clutches [V] at a control step, from 0 to PTER_VOLTAGE_MAX. If anything in the
+   observation is NaN, they are 0, nothing is remembered of it, and the next step decides anew. */
 void pter_act(pter_state *state, const float observation[PTER_ENTRIES], float volts[4]);
 
 #ifdef __cplusplus
