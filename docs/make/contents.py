@@ -16,12 +16,12 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
         "notebooks/05_read_the_benchmark",
         "notebooks/06_which_machine_to_build",
     ),
-    "Train": ("your-algorithm", "agents", "stock-algorithms", "data", "gradients"),
+    "Train": ("your-algorithm", "agents", "stock-algorithms", "cluster", "data", "gradients"),
     "The environment": ("environment", "reward", "scenarios/index", "scoring", "worst-hand"),
     "Control": ("extending", "controllers"),
     "Hardware": ("devices", "identify", "deploy", "which-clutches"),
     "The robot": ("model", "hands", "reproduction", "calibration"),
-    "Reference": ("api", "development/index"),
+    "Reference": ("api", "troubleshooting", "glossary", "development/index"),
 }
 """What the side bar shows."""
 

@@ -20,6 +20,9 @@ from pter_gym.policies._files import ENDING
 from pter_gym.policies._names import check_policy
 from pter_gym.scenarios import PACES, SCENARIOS, find_pace, find_scenario
 
+ALL = "all"
+"""All scenarios, or all paces."""
+
 if TYPE_CHECKING:
     from pter_gym.scenarios import Scenario
 
@@ -29,13 +32,13 @@ else:
     ScenarioName = Literal[tuple(SCENARIOS)]
     """Name of a scenario; the help lists all."""
 
-    AnyScenario = Literal[("all", *SCENARIOS)]
+    AnyScenario = Literal[(ALL, *SCENARIOS)]
     """Name of a scenario, or all of them."""
 
     PaceName = Literal[tuple(PACES)]
     """Name of a commanded pace; the help lists all."""
 
-    EachPace = Literal[("all", *PACES)]
+    EachPace = Literal[(ALL, *PACES)]
     """Name of a commanded pace, or all of them."""
 
 _PACE = f"{'|'.join(PACES)}|M/S"

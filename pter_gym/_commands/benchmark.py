@@ -1,5 +1,7 @@
 """``pter benchmark``: policies ranked on a scenario."""
 
+import shlex
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from shlex import quote
@@ -8,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from pter_gym._commands.arguments import (
+    ALL,
     AnyPaces,
+    AnyScenario,
     MachineName,
     PathName,
-    ScenarioName,
     Smoothness,
     look_at,
     options,
@@ -21,11 +24,13 @@ from pter_gym._commands.arguments import (
 )
 from pter_gym._internal.plugins import PICTURES, load_artist, registered
 from pter_gym._internal.terminal import conclude, progress_bar, say
-from pter_gym.scenarios import PACES
+from pter_gym.errors import ParameterError
+from pter_gym.scenarios import PACES, SCENARIOS
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+    from pter_gym.benchmark import Leaderboard
     from pter_gym.controllers import AnyPolicy
     from pter_gym.scenarios import Scenario
 
@@ -43,7 +48,7 @@ MAX_FILMED = 4
 
 def benchmark(
     policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME …")] = POLICIES,
-    scenario: ScenarioName = "standard",
+    scenario: AnyScenario = "standard",
     paces: AnyPaces = tuple(PACES),
     path: PathName = None,
     smooth: Smoothness = 0.0,
@@ -54,12 +59,15 @@ def benchmark(
     film: bool = True,
     out: Path = Path("pter-benchmark"),
     machine: MachineName = None,
+    table: Annotated[Path | None, tyro.conf.arg(metavar="FILE.md|.tex|.csv")] = None,
+    baseline: str | None = None,
 ) -> None:
     """Rank policies on a scenario, and film them.
 
     Prints their path errors at each pace, the best policy first. Writes benchmark.json, a file for
     each run, pictures, and a film: the errors of up to four policies, and the arm under the best
-    and the last of them. Several benchmarks may share a folder.
+    and the last of them. Several benchmarks may share a folder. With all scenarios there is no
+    film.
 
     Example: pter benchmark --policies residual impedance-tuned --episodes 20
 
@@ -67,7 +75,7 @@ def benchmark(
         policies: Names of laws and trained policies, paths of exported ones or of gains from
             `pter tune`, or FILE.py:attribute or package.module:attribute for your own. Commas may
             separate them too.
-        scenario: Scenario whose test episodes are run.
+        scenario: Scenario whose test episodes are run, or all.
         paces: Commanded paces: slow, medium, brisk, or speeds in m/s.
         path: Path of all episodes instead of the scenario's: a CSV file of waypoints x, y in
             metres, or a path's name.
@@ -82,47 +90,68 @@ def benchmark(
         film: Whether to film the policies on a training episode of the scenario.
         out: Folder for the results, created if necessary.
         machine: Name or file of a machine, instead of those that the scenario draws.
+        table: File for one table of all scenarios and paces, its best numbers bold: Markdown, LaTeX
+            or CSV.
+        baseline: Policy to which the table gives differences, with 95 % intervals over the same
+            episodes.
     """
     names = [name for each in policies for name in split(each)]
+    if path is not None and scenario == ALL:
+        raise ParameterError(f"path must be given with one scenario, got {path!r} with all")
+    if baseline is not None and (table is None or baseline not in names):
+        needed = f"among {', '.join(names)}, with a table"
+        raise ParameterError(f"baseline must be {needed}, got {baseline!r}")
     look_at(policies=names, paces=paces, path=path, smooth=smooth, machine=machine)
 
     from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
     from pter_gym.benchmark.boards import EPISODE_SET, boards_text, in_order
+    from pter_gym.benchmark.tables import check_table, write_table
 
-    definition = scenario_on(scenario, machine, path, smooth)
+    if table is not None:
+        check_table(table)
+    chosen = tuple(SCENARIOS) if scenario == ALL else (scenario,)
+    definitions = [scenario_on(each, machine, path, smooth) for each in chosen]
     results = ResultsFolder(out)
     results.make()
-    policies_by_name = {name: find_policy(name, definition.whose_gains) for name in names}
+    by_scenario: list[list[Leaderboard]] = []
+    files = [results.summary]
     with progress_bar() as progress:
-        task = progress.add_task(definition.name, total=len(policies_by_name) * len(paces))
-        runs = run_scenario(
-            definition,
-            policies_by_name,
-            paces,
-            episodes=episodes,
-            seed=seed,
-            results=results,
-            worst=worst,
-            on_progress=lambda _: progress.advance(task),
-        )
-        progress.remove_task(task)
-        boards = [
-            board for board in results.summarise() if EPISODE_SET(board) == EPISODE_SET(runs[0])
-        ]
-        say(boards_text(boards, details=details))
+        for definition in definitions:
+            task = progress.add_task(definition.name, total=len(names) * len(paces))
+            runs = run_scenario(
+                definition,
+                {name: find_policy(name, definition.whose_gains) for name in names},
+                paces,
+                episodes=episodes,
+                seed=seed,
+                results=results,
+                worst=worst,
+                on_progress=lambda _, task=task: progress.advance(task),
+            )
+            progress.remove_task(task)
+            boards = [
+                board for board in results.summarise() if EPISODE_SET(board) == EPISODE_SET(runs[0])
+            ]
+            say(boards_text(boards, details=details))
+            by_scenario.append(boards)
+        if table is not None:
+            every = [board for boards in by_scenario for board in boards]
+            command = shlex.join(["pter", *sys.argv[1:]])
+            files.append(write_table(table, every, baseline=baseline, command=command))
         progress.add_task("drawing", total=None)
-        files = [results.summary]
         if artist := registered(PICTURES).get("scenario"):
-            files += artist.load()(boards, results.path)
-        if film and "film" in registered(PICTURES):
-            pace = FILM_PACE if FILM_PACE in (run.pace for run in runs) else runs[0].pace
+            draw = artist.load()
+            files += [file for boards in by_scenario for file in draw(boards, results.path)]
+        boards, definition = by_scenario[0], definitions[0]
+        if film and len(chosen) == 1 and "film" in registered(PICTURES):
+            pace = FILM_PACE if FILM_PACE in (board.pace for board in boards) else boards[0].pace
             places = list(in_order([board for board in boards if board.pace == pace]))
-            filmed = sorted(list(policies_by_name)[:MAX_FILMED], key=places.index)
-            ranked = {name: policies_by_name[name] for name in filmed}
+            filmed = sorted(names[:MAX_FILMED], key=places.index)
+            ranked = {name: find_policy(name, definition.whose_gains) for name in filmed}
             files.append(film_policies(ranked, definition, pace, results.path, progress))
     best, *others = in_order(boards)
     smooth = smooth or smoothing_for(definition)
-    same = options(scenario=scenario, path=path, machine=machine, smooth=smooth)
+    same = options(scenario=chosen[0], path=path, machine=machine, smooth=smooth)
     ends = quote(",".join([best, *others[-1:]]))
     same += f" --worst {quote(str(out))}" if worst else ""
     conclude(files, f"pter watch {ends}{same} --out two.webp")

@@ -16,7 +16,7 @@ from pter_gym._internal.terminal import WIDTH, say, shorten
 from pter_gym._version import __version__
 from pter_gym.benchmark.intervals import Interval, largest_rate, mean_interval
 from pter_gym.benchmark.scores import CONFIDENCE, SCORES, ScenarioRun, WorstHand
-from pter_gym.scenarios import find_pace, title_of_pace
+from pter_gym.scenarios import SCENARIOS, find_pace, title_of_pace
 
 COMPLETION = 0.99
 """Smallest share of completed episodes of a ranked policy."""
@@ -125,7 +125,7 @@ class Leaderboard:
     """The policies on so many episodes of a scenario at a pace, by their mean path error.
 
     ``seed`` is that of test episodes, None for the stored ones; ``version`` that of the package
-    that made the runs; ``digest`` that of a user's scenario.
+    that made the runs; ``digest`` that of a user's scenario; ``strata`` labels of the episodes.
     """
 
     scenario: str
@@ -135,6 +135,7 @@ class Leaderboard:
     standings: tuple[Standing, ...]
     version: str = __version__
     digest: str = ""
+    strata: tuple[str, ...] = field(default=(), compare=False, repr=False)
 
     @property
     def title(self) -> str:
@@ -155,13 +156,21 @@ class Leaderboard:
 def leaderboards(runs: Iterable[ScenarioRun]) -> tuple[Leaderboard, ...]:
     """Return a leaderboard for each set of episodes and pace, the slowest first.
 
-    Runs of other versions of the package are not mixed.
+    Scenarios are in their own order, others follow. Runs of other versions of the package are not
+    mixed.
     """
     groups: dict[tuple[Any, ...], list[ScenarioRun]] = {}
     for run in runs:
         groups.setdefault((*EPISODE_SET(run), find_pace(run.pace)), []).append(run)
-    ordered = sorted(groups, key=lambda group: [-1 if part is None else part for part in group])
-    return tuple(rank(groups[group]) for group in ordered)
+    places = {name: place for place, name in enumerate(SCENARIOS)}
+
+    def order(group: tuple[Any, ...]) -> list[Any]:
+        return [
+            places.get(group[1], len(places)),
+            *(-1 if part is None else part for part in group),
+        ]
+
+    return tuple(rank(groups[group]) for group in sorted(groups, key=order))
 
 
 def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
@@ -179,7 +188,14 @@ def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
     standings = (each if each.reason else replace(each, rank=next(places)) for each in ordered)
     run = runs[0]
     return Leaderboard(
-        run.scenario, run.pace, run.episodes, run.seed, tuple(standings), run.version, run.digest
+        run.scenario,
+        run.pace,
+        run.episodes,
+        run.seed,
+        tuple(standings),
+        run.version,
+        run.digest,
+        run.strata,
     )
 
 

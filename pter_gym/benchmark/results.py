@@ -7,8 +7,13 @@ import csv
 import io
 import json
 import logging
+import subprocess
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
+from functools import lru_cache
+from hashlib import sha256
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -22,11 +27,12 @@ from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
 from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark.boards import PATH_ERROR, Leaderboard, leaderboards
-from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.policies import Policies, find_policies
-from pter_gym.benchmark.rollout import check_acting, evaluate
+from pter_gym.benchmark.rollout import bind_to, check_acting, evaluate
 from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun, WorstHand
 from pter_gym.benchmark.worst_hand import find_worst
+from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import Machine
 from pter_gym.scenarios import PACES, Scenario, find_scenario, name_of_pace, names_of_paces
@@ -37,8 +43,11 @@ NAMES = ("version", "scenario", "digest", "pace", "policy", "training_seed", "se
 """What a file says about a run, beside its numbers."""
 
 
-WORST = "worst_hand"
-"""What it says beside them, where a worst hand was searched."""
+WORST, ORIGIN = "worst_hand", "origin"
+"""What it says beside them: the worst hand, where one was searched, and what made the run."""
+
+PACKAGES = ("numba", "numpy", "scipy")
+"""Whose versions a run names."""
 
 
 class ResultsFolder:
@@ -119,6 +128,7 @@ def write_run(folder: FilePath, run: ScenarioRun) -> None:
     content: dict[str, Any] = {
         **{name: getattr(run, name) for name in NAMES},
         "episodes": run.episodes,
+        ORIGIN: dict(run.origin),
         "strata": run.strata,
         **{name: run.scores[name].tolist() for name in SCORES if name in run.scores},
     }
@@ -143,6 +153,7 @@ def read_run(path: FilePath) -> ScenarioRun:
             strata=strata,
             scores=scores,
             worst=_worst_of(content[WORST]) if WORST in content else None,
+            origin={str(name): str(part) for name, part in content.get(ORIGIN, {}).items()},
         )
         for name in ("training_seed", "seed"):
             whole_number(name, getattr(run, name) or 0, at_least=0)
@@ -168,6 +179,27 @@ def _worst_of(content: dict[str, Any]) -> WorstHand:
         raise ValueError(f"{WORST} must hold numbers, a machine and a task")
     whole_number("random", parts["random"])
     return WorstHand(**parts)
+
+
+@lru_cache(1)
+def _checkout() -> dict[str, str]:
+    """Return the commit of the checkout that runs, if it is one."""
+    git = ("git", "-C", str(Path(__file__).parents[2]))
+    describe = (*git, "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*")
+    try:
+        told = subprocess.run(describe, capture_output=True, text=True, timeout=10.0, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return {}
+    return {"commit": told.stdout.strip()}
+
+
+def origin_of(policy: AnyPolicy, episodes: Episodes) -> dict[str, str]:
+    """Return what makes a run of a policy now, as in ``ScenarioRun.origin``."""
+    origin = {"date": datetime.now(UTC).date().isoformat()}
+    origin |= {package: metadata.version(package) for package in PACKAGES} | _checkout()
+    if law := bind_to(policy, episodes).law:
+        origin["policy"] = sha256(np.ascontiguousarray(law.gains).tobytes()).hexdigest()[:12]
+    return origin
 
 
 def write_trajectories(episodes: Mapping[str, NDArray[np.float64]], path: Path) -> None:
@@ -272,6 +304,7 @@ def run_scenario(
                     worst=find_worst(policy, scenario, pace, num_threads=num_threads)
                     if worst
                     else None,
+                    origin=origin_of(policy, episode_set),
                 )
                 for number, policy in enumerate(versions)
             ]

@@ -257,6 +257,9 @@ class ScenarioRun:
         Digest of a user's scenario, whose name need not be unique; empty for the suite's.
     worst
         The worst hand for it, where one was searched.
+    origin
+        What made it: the date, versions of packages, the commit of a checkout, and the digest of a
+        compiled policy, which depends on its gains or weights.
     strata, scores
         A label for each episode; by the name of each defined score, an array with an entry for each
         episode.
@@ -272,6 +275,7 @@ class ScenarioRun:
     version: str = __version__
     digest: str = ""
     worst: WorstHand | None = None
+    origin: Mapping[str, str] = field(default_factory=dict[str, str], compare=False)
 
     @property
     def episodes(self) -> int:

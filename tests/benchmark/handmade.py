@@ -1,10 +1,11 @@
-"""Telemetry made by hand, so its scores are known."""
+"""Telemetry and runs made by hand, so their scores are known."""
 
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym.benchmark.scores import SCORES, ScenarioRun, Scores
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
 TASK = PathFollowing()
@@ -38,3 +39,19 @@ def padded(episodes: list[Array]) -> Array:
     for k, rows in enumerate(episodes):
         telemetry[: len(rows), k] = rows
     return telemetry
+
+
+def run_of(policy: str, scores: Scores, seed: int = 0) -> ScenarioRun:
+    count = len(scores["path_error_m"])
+    return ScenarioRun("standard", "brisk", policy, seed, None, count * ("one",), scores)
+
+
+def with_error(
+    policy: str, error: float, count: int = 40, *, pace: str = "brisk", **others: float
+) -> ScenarioRun:
+    """A run that arrives at the pace, with path errors spread around a value [m]."""
+    scores: Scores = {name: np.zeros(count) for name in SCORES}
+    scores["completed"] = np.ones(count, np.bool_)
+    scores["path_error_m"] = error * np.linspace(0.9, 1.1, count)
+    scores |= {name: np.full(count, value) for name, value in others.items()}
+    return replace(run_of(policy, scores), pace=pace)

@@ -10,7 +10,7 @@ from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 from scipy import stats
 
-from benchmark.handmade import METRE, padded, travel
+from benchmark.handmade import METRE, padded, run_of, travel, with_error
 from pter_gym._internal.terminal import WIDTH, shorten
 from pter_gym.benchmark.boards import (
     COMPLETION,
@@ -27,27 +27,11 @@ from pter_gym.benchmark.boards import (
 )
 from pter_gym.benchmark.intervals import largest_rate, mean_interval
 from pter_gym.benchmark.results import run_scenario
-from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun, Scores, score_episodes
+from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun, score_episodes
 from pter_gym.controllers import Impedance
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES
 from pter_gym.tasks.path_following._observation import OBS
-
-
-def run_of(policy: str, scores: Scores, seed: int = 0) -> ScenarioRun:
-    count = len(scores["path_error_m"])
-    return ScenarioRun("standard", "brisk", policy, seed, None, count * ("one",), scores)
-
-
-def with_error(
-    policy: str, error: float, count: int = 40, *, pace: str = "brisk", **others: float
-) -> ScenarioRun:
-    """A run that arrives at the pace, with path errors spread around a value [m]."""
-    scores: Scores = {name: np.zeros(count) for name in SCORES}
-    scores["completed"] = np.ones(count, np.bool_)
-    scores["path_error_m"] = error * np.linspace(0.9, 1.1, count)
-    scores |= {name: np.full(count, value) for name, value in others.items()}
-    return replace(run_of(policy, scores), pace=pace)
 
 
 def ranks(runs: Sequence[ScenarioRun]) -> list[tuple[str, int | None]]:

@@ -1,0 +1,250 @@
+"""Leaderboards as one table for a paper: in Markdown, LaTeX or CSV."""
+
+import csv
+import io
+import itertools
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from pter_gym._internal.files import FilePath, expand_path, has_ending, write_text_atomic
+from pter_gym.benchmark.boards import EPISODE_SET, Leaderboard, Standing, in_order
+from pter_gym.benchmark.intervals import Interval, mean_interval
+from pter_gym.errors import ParameterError
+from pter_gym.scenarios import find_pace, title_of_pace
+
+ENDINGS = (".md", ".tex", ".csv")
+"""Of files with a table: Markdown, LaTeX and CSV."""
+
+UNRANKED = "†"
+
+LATEX = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    **{sign: f"\\{sign}" for sign in "&%$#_{}"},
+    "–": "--",
+    "−": "$-$",
+    UNRANKED: r"$\dagger$",
+}
+"""What signs become in LaTeX."""
+
+COLUMNS = (
+    "scenario",
+    "pace_m_s",
+    "policy",
+    "episodes",
+    "seed",
+    "rank",
+    "reason",
+    "path_error_m",
+    "path_error_low_m",
+    "path_error_high_m",
+    "difference_m",
+    "difference_low_m",
+    "difference_high_m",
+    "completed",
+    "worst_hand_m",
+)
+"""Of a CSV file; a difference is to the baseline, over the same episodes."""
+
+
+class Cell(NamedTuple):
+    """A policy on a leaderboard, and how much larger its error is than the baseline's [m]."""
+
+    standing: Standing | None
+    is_best: bool
+    difference: Interval | None
+
+
+def check_table(path: FilePath) -> None:
+    """Raise a ParameterError unless a file's ending names a kind of table."""
+    if not has_ending(path, *ENDINGS):
+        raise ParameterError(f"table must end in {', '.join(ENDINGS)}, got {str(path)!r}")
+
+
+def write_table(
+    path: FilePath, boards: Sequence[Leaderboard], *, baseline: str | None = None, command: str = ""
+) -> Path:
+    """Write leaderboards as a table to a file, whose ending says in which form; return its path.
+
+    Parameters
+    ----------
+    boards
+        Leaderboards, those of a scenario one after another.
+    baseline
+        Policy to which differences are given, with intervals over the same episodes.
+    command
+        What makes the table again, for its caption.
+
+    Raises
+    ------
+    ParameterError
+        If the ending is not one of ``ENDINGS``, or the baseline is not on all leaderboards.
+    """
+    check_table(path)
+    for board in boards:
+        names = [each.policy for each in board.standings]
+        if baseline is not None and baseline not in names:
+            raise ParameterError(
+                f"baseline must be among {', '.join(names)} for {board.scenario}, got {baseline!r}"
+            )
+    file = expand_path("table", path)
+    if has_ending(path, ".csv"):
+        text = _csv(boards, baseline)
+    else:
+        text = (_latex if has_ending(path, ".tex") else _markdown)(boards, baseline, command)
+    write_text_atomic(file, text)
+    return file
+
+
+def _rows(
+    boards: Sequence[Leaderboard], baseline: str | None
+) -> Iterator[tuple[Sequence[Leaderboard], str, list[Cell]]]:
+    """Yield each scenario's leaderboards with each policy on them, and its cells by pace."""
+    for _, same in itertools.groupby(boards, EPISODE_SET):
+        at_paces = list(same)
+        rows = in_order(at_paces)
+        against = rows.get(baseline or "", [None] * len(at_paces))
+        for name, standings in rows.items():
+            yield (
+                at_paces,
+                name,
+                [
+                    Cell(each, bool(each and each.rank == 1), _difference(board, each, other))
+                    for board, each, other in zip(at_paces, standings, against, strict=True)
+                ],
+            )
+
+
+def _difference(
+    board: Leaderboard, standing: Standing | None, baseline: Standing | None
+) -> Interval | None:
+    """Return the mean difference of two policies' path errors on the same episodes [m]."""
+    if standing is None or baseline is None or standing is baseline:
+        return None
+    return mean_interval(standing.errors.mean(0) - baseline.errors.mean(0), board.strata)
+
+
+def _texts(
+    boards: Sequence[Leaderboard], baseline: str | None, bold: str
+) -> tuple[list[str], list[list[str]]]:
+    """Return the header, and rows, in whose first column a scenario stands once."""
+    paces = list(dict.fromkeys(board.pace for board in boards))
+    header = ["Scenario", "Policy"]
+    for pace in paces:
+        header += [title_of_pace(pace), *([f"less {baseline}"] if baseline else [])]
+    rows: list[list[str]] = []
+    before: object = None
+    for at_paces, name, cells in _rows(boards, baseline):
+        by_pace = dict(zip((board.pace for board in at_paces), cells, strict=True))
+        row = ["" if at_paces[0].scenario == before else at_paces[0].scenario, name]
+        for pace in paces:
+            cell = by_pace.get(pace, Cell(None, False, None))
+            row.append(_error(cell, bold))
+            if baseline:
+                row.append(_signed(cell.difference))
+        rows.append(row)
+        before = at_paces[0].scenario
+    return header, rows
+
+
+def _error(cell: Cell, bold: str) -> str:
+    """Return a path error with its interval in mm, bold if it is the best, or with a mark."""
+    if cell.standing is None:
+        return ""
+    value, ends = _millimetres(cell.standing.error, "{:.1f}")
+    mark = UNRANKED if cell.standing.reason else ""
+    return (bold.format(value) if cell.is_best else value) + mark + ends
+
+
+def _signed(difference: Interval | None) -> str:
+    """Return a difference with its interval in mm."""
+    return "".join(_millimetres(difference, "{:+.1f}")) if difference else ""
+
+
+def _millimetres(error: Interval, form: str) -> tuple[str, str]:
+    """Return a number [m] in mm, and its interval in brackets."""
+    value, *ends = (form.format(1e3 * each).replace("-", "−") for each in error if each is not None)
+    return value, f" ({' – '.join(ends)})" if ends else ""
+
+
+def _caption(boards: Sequence[Leaderboard], baseline: str | None, command: str) -> list[str]:
+    """Return the sentences below the table."""
+    counts = sorted({board.episodes for board in boards})
+    some = " or ".join(f"{count:,}" for count in counts)
+    seeds = {board.seed for board in boards}
+    which = (
+        "stored test episodes"
+        if seeds == {None}
+        else f"test episodes of seed {max(seeds, key=str)}"
+    )
+    sentences = [
+        f"Path error [mm] with 95 % intervals on {some} {which}; bold: the best with a rank."
+    ]
+    if any(each.reason for board in boards for each in board.standings):
+        sentences.append(
+            f"{UNRANKED}: without a rank, as it arrives too seldom or is off the pace."
+        )
+    if baseline:
+        sentences.append(f"Differences to {baseline} are over the same episodes.")
+    made = f"Made with pter_gym {boards[0].version}"
+    return [*sentences, f"{made}{f' by `{command}`' if command else ''}."]
+
+
+def _markdown(boards: Sequence[Leaderboard], baseline: str | None, command: str) -> str:
+    header, rows = _texts(boards, baseline, "**{}**")
+    lines = [header, ["---", "---", *["---:"] * (len(header) - 2)], *rows]
+    plain = (" | ".join(cell.replace("|", r"\|") for cell in line) for line in lines)
+    table = "".join(f"| {line} |\n" for line in plain)
+    return f"{table}\n{' '.join(_caption(boards, baseline, command))}\n"
+
+
+def _latex(boards: Sequence[Leaderboard], baseline: str | None, command: str) -> str:
+    header, rows = _texts(boards, baseline, "\0{}\1")  # braces are escaped
+    columns = "ll" + "r" * (len(header) - 2)
+    lines = [r"% needs \usepackage{booktabs}", r"\begin{table}", r"\centering"]
+    lines += [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", _latex_row(header), r"\midrule"]
+    for k, row in enumerate(rows):
+        lines += [r"\midrule"] * bool(k and row[0])
+        lines.append(_latex_row(row))
+    caption = re.sub("`(.*?)`", "\2\\1\1", " ".join(_caption(boards, baseline, command)))
+    lines += [r"\bottomrule", r"\end{tabular}", rf"\caption{{{_escaped(caption)}}}", r"\end{table}"]
+    return "\n".join(lines) + "\n"
+
+
+def _latex_row(cells: Sequence[str]) -> str:
+    return " & ".join(map(_escaped, cells)) + r" \\"
+
+
+def _escaped(text: str) -> str:
+    signs = {"\0": r"\textbf{", "\2": r"\texttt{", "\1": "}", **LATEX}
+    return "".join(signs.get(sign, sign) for sign in text)
+
+
+def _csv(boards: Sequence[Leaderboard], baseline: str | None) -> str:
+    text = io.StringIO(newline="")
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(COLUMNS)
+    for at_paces, name, cells in _rows(boards, baseline):
+        for board, (standing, _, difference) in zip(at_paces, cells, strict=True):
+            if standing is None:
+                continue
+            worst = standing.worst and standing.worst.path_error_m
+            rows.writerow(
+                (
+                    board.scenario,
+                    find_pace(board.pace),
+                    name,
+                    board.episodes,
+                    board.seed,
+                    standing.rank,
+                    standing.reason,
+                    *standing.error,
+                    *(difference or (None,) * 3),
+                    standing.scores["completed"],
+                    worst,
+                )
+            )
+    return text.getvalue()

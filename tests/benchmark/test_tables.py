@@ -1,0 +1,128 @@
+"""Leaderboards as one table for a paper."""
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmark.handmade import with_error
+from pter_gym._commands.main import main
+from pter_gym.benchmark import Leaderboard, leaderboards, run_scenario
+from pter_gym.benchmark.intervals import mean_interval
+from pter_gym.benchmark.results import ResultsFolder
+from pter_gym.benchmark.tables import write_table
+from pter_gym.errors import ParameterError
+from pter_gym.scenarios import SCENARIOS
+
+
+@pytest.fixture
+def boards() -> tuple[Leaderboard, ...]:
+    runs = [with_error(name, error) for name, error in (("my_agent", 0.01), ("law", 0.02))]
+    fast = with_error("fast", 0.001, mean_pace_error=0.3, mean_pace_m_s=9.0)
+    errors = runs[0].scores["path_error_m"] * np.linspace(0.5, 1.5, 40)
+    runs[0] = replace(runs[0], scores={**runs[0].scores, "path_error_m": errors})
+    return leaderboards(
+        [replace(run, scenario=name) for name in ("wall", "paths") for run in [*runs, fast]]
+    )
+
+
+def test_scenarios_are_in_their_own_order(boards: tuple[Leaderboard, ...]) -> None:
+    assert [board.scenario for board in boards] == ["paths", "wall"]
+    assert list(SCENARIOS).index("paths") < list(SCENARIOS).index("wall")
+
+
+def test_markdown_has_the_best_bold_and_paired_differences(
+    boards: tuple[Leaderboard, ...], tmp_path: Path
+) -> None:
+    path = write_table(tmp_path / "t.md", boards, baseline="law", command="pter benchmark")
+    lines = [line.split(" | ") for line in path.read_text("utf-8").splitlines() if "|" in line]
+    header, _, fast, agent, law = lines[:5]
+    assert header[3].startswith("less law")
+    assert agent[0] == "| "
+    assert fast[0] == "| paths"
+    assert fast[2].startswith("1.0†")
+    assert agent[2].startswith("**10.2** (")
+    means = {each.policy: each.errors.mean(0) for each in boards[0].standings}
+    ends = mean_interval(means["my_agent"] - means["law"])
+    assert ends.low is not None
+    assert ends.high is not None
+    low, high = (f"{1e3 * end:.1f}".replace("-", "−") for end in (ends.low, ends.high))
+    assert agent[3] == f"−9.8 ({low} – {high}) |"
+    assert law[3] == " |"
+    assert "`pter benchmark`" in path.read_text("utf-8")
+
+
+def test_latex_has_no_bare_sign(boards: tuple[Leaderboard, ...], tmp_path: Path) -> None:
+    text = write_table(tmp_path / "t.tex", boards).read_text("utf-8")
+    assert r"my\_agent & \textbf{10.2}" in text
+    assert text.isascii()
+    assert text.count("{") == text.count("}")
+    rows = [line for line in text.splitlines() if line.endswith(r"\\")]
+    assert {row.count("&") for row in rows} == {2}
+
+
+def test_csv_has_all_digits(boards: tuple[Leaderboard, ...], tmp_path: Path) -> None:
+    path = write_table(tmp_path / "t.csv", boards, baseline="law")
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 6
+    for row, board in ((rows[0], boards[0]), (rows[3], boards[1])):
+        assert row["scenario"] == board.scenario
+        assert float(row["path_error_m"]) == board.standings[0].error.value
+        assert row["rank"] == ""
+        assert "too fast" in row["reason"]
+
+
+@pytest.mark.parametrize(
+    ("name", "baseline", "message"),
+    [("t.txt", None, "table must end in .md, .tex, .csv"), ("t.md", "lwa", "baseline must be")],
+)
+def test_other_kinds_and_baselines_are_refused(
+    boards: tuple[Leaderboard, ...], tmp_path: Path, name: str, baseline: str, message: str
+) -> None:
+    with pytest.raises(ParameterError, match=message):
+        write_table(tmp_path / name, boards, baseline=baseline)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--scenario", "all", "--path", "sine"), "path must be given with one scenario"),
+        (("--baseline", "impedance"), "with a table"),
+        (("--table", "t.md", "--baseline", "residual"), "baseline must be among impedance"),
+        (("--table", "t.doc"), "table must end in"),
+    ],
+)
+def test_the_command_refuses_before_it_runs(
+    arguments: tuple[str, ...],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["benchmark", "--policies", "impedance", *arguments]) == 2
+    assert message in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_all_scenarios_make_one_table(tmp_path: Path) -> None:
+    told = ["--policies", "impedance", "--paces", "brisk", "--episodes", "2", "--out"]
+    table = tmp_path / "t.csv"
+    assert (
+        main(["benchmark", "--scenario", "all", *told, str(tmp_path), "--table", str(table)]) == 0
+    )
+    with table.open(encoding="utf-8", newline="") as file:
+        assert [row["scenario"] for row in csv.DictReader(file)] == list(SCENARIOS)
+
+
+def test_a_run_says_what_made_it(tmp_path: Path) -> None:
+    laws = {"impedance": "impedance", "locked": lambda obs: np.full((len(obs), 4), 24.0)}
+    run_scenario("standard", laws, "brisk", episodes=2, results=tmp_path)
+    by_name = {run.policy: run.origin for run in ResultsFolder(tmp_path).runs()}
+    assert set(by_name["impedance"]) >= {"date", "numba", "numpy", "scipy", "policy"}
+    assert "policy" not in by_name["locked"]
