@@ -63,13 +63,7 @@ def train(
     look_at(machine=machine)
     with waiting("loading"):
         from pter_agents.runs import RunFolder
-        from pter_agents.settings import (
-            ADVERSARY,
-            ALL,
-            SMOKE,
-            TrainingArguments,
-            load_settings,
-        )
+        from pter_agents.settings import ADVERSARY, ALL, SMOKE, TrainingArguments, load_settings
         from pter_gym.params import find_machines
         from pter_gym.policies.tuned import FALLBACK
         from pter_gym.tools.figures import save

@@ -135,10 +135,12 @@ class JaxWorlds:
     def shared(self, hands: Sequence[Pair] = (), *, effort: bool = True) -> SharedConstants:
         """Return what worlds share that draw from the pairs of the environment.
 
-        The last ones are replaced by ``hands``; without ``effort``, voltage costs nothing.
+        As many of these, evenly spread, give way to ``hands``; without ``effort``, voltage costs
+        nothing.
         """
         pairs = self.env.batch.pairs
-        pairs = [*pairs[: len(pairs) - len(hands)], *hands]
+        total, kept = len(pairs), max(0, len(pairs) - len(hands))
+        pairs = [*(pairs[k * total // kept] for k in range(kept)), *hands][:total]
         if not effort:
             free = ((machine, task, replace(task.reward, effort=0.0)) for machine, task in pairs)
             pairs = [(machine, replace(task, reward=reward)) for machine, task, reward in free]
@@ -147,9 +149,7 @@ class JaxWorlds:
             self._room = len(constants) + (len(constants) // 4 if hands else 0)
         constants = np.pad(constants, (0, self._room - len(constants)))
         params = self._first.params._replace(constants=words_of(constants))
-        return self._first._replace(
-            params=params, constants=jnp.asarray(constants, jnp.float32)
-        )
+        return self._first._replace(params=params, constants=jnp.asarray(constants, jnp.float32))
 
     def reset(self, shared: SharedConstants, seeds: jax.Array) -> RolloutState:
         """Return new worlds from the two halves of each world's seed, uint32 (N, 2)."""

@@ -166,8 +166,12 @@ def evolve(
     from scipy import optimize  # takes half a second
 
     scipy: Any = optimize
+
+    def objective(columns: NDArray[np.float64]) -> NDArray[np.float64]:
+        return -judge(columns.T)
+
     found = scipy.differential_evolution(
-        lambda columns: -judge(columns.T),
+        objective,
         [(0.0, 1.0)] * population.shape[1],
         strategy=strategy,
         init=population,
