@@ -116,7 +116,7 @@ class Carry(NamedTuple):
 
 
 class TrainState(NamedTuple):
-    """All that the future of a training depends on."""
+    """State of a training: weights, optimiser and worlds."""
 
     weights: Weights
     adam: optax.OptState

@@ -69,7 +69,7 @@ def record_fields(kind: type[Any]) -> Iterator[tuple[str, Entry | None, type[Any
 
 
 def _is_record(kind: Any) -> bool:
-    """Return whether a kind is that of a record, not of a number."""
+    """Return whether a type is a record."""
     return isinstance(kind, type) and issubclass(kind, tuple)
 
 

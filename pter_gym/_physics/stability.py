@@ -96,7 +96,7 @@ def condition(arm: Linkage, h: float) -> float:
 
 
 def largest_motion(arm: Linkage, h: float, period: float) -> float:
-    """Return U² [J]: twice the kinetic energy below which an arm stays within a control step."""
+    """Return U² [J]: twice the kinetic energy for which a control step stays stable."""
     smallest, coupling = smallest_inertia(arm), abs(arm.coupling)
     turning = smallest * (MAX_TURN / h) ** 2
     damped = h * _most_damping(arm) / smallest

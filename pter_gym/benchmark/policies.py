@@ -125,7 +125,7 @@ def _resolve(name: str, policy: Any, scenario: str) -> AnyPolicy:
 
 
 def _text_of(name: object) -> str:
-    """Return a name or path as text that shows which of the two it is."""
+    """Return a name or path as text; a bare path gets ``./``."""
     if isinstance(name, str):
         return name
     if not isinstance(name, os.PathLike):

@@ -78,7 +78,7 @@ ROUNDING, COMPLETE = 1e-9, 0.9
 row were read at its time."""
 
 MAX_LISTED = 5
-"""Gaps that are named one by one."""
+"""Most gaps that a message lists."""
 
 
 @dataclass(frozen=True, kw_only=True)
