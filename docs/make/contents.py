@@ -7,7 +7,7 @@ from sphinx.application import Sphinx
 from pter_gym.scenarios import SCENARIOS
 
 CHAPTERS: dict[str, tuple[str, ...]] = {
-    "Start": ("push-it-yourself", "watching"),
+    "Start": ("push-it-yourself", "watching", "in-class"),
     "Notebooks": (
         "notebooks/01_the_paper",
         "notebooks/02_your_own_clutch",
@@ -35,6 +35,7 @@ BELOW = {
             "robustness",
             "bounds",
             "seeds",
+            "worst-hands",
             "tables",
             "contributing",
             "listing",
