@@ -10,6 +10,20 @@ from collections.abc import Iterable
 
 import gymnasium
 
+__all__ = [
+    "ActionError",
+    "DataError",
+    "DependencyError",
+    "DivergenceError",
+    "LawIndexError",
+    "ParameterError",
+    "PolicyError",
+    "ProofError",
+    "PterError",
+    "ResetNeededError",
+    "StorageError",
+]
+
 ACTING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029]")
 """Characters that ring, move the cursor or change colours on a terminal."""
 

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pter_gym.errors import ParameterError
 
+__all__ = ["Interval", "largest_rate", "mean_interval"]
+
 RESAMPLES = 2000
 """Bootstrap samples of an interval."""
 

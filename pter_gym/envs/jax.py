@@ -48,6 +48,8 @@ from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.params import SLOTS
 from pter_gym.tasks.path_following._context import CONTEXT
 
+__all__ = ["AgentState", "EnvParams", "EnvState", "JaxEnv", "LawParams", "make"]
+
 CONTEXT_AT, ENERGY_MAX = int(ROW.context_at), int(CONTEXT.task.energy_max)
 
 

@@ -29,6 +29,8 @@ except ImportError as error:
 from pter_gym.envs._policies import attributes
 from pter_gym.envs._vector import PathFollowingVectorEnv
 
+__all__ = ["ModelAssessment", "PathErrorCallback", "PterVecEnv", "make_sb3_vec_env"]
+
 Indices = int | Iterable[int] | None
 
 

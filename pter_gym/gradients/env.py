@@ -35,6 +35,8 @@ from pter_gym.gradients.jax import MEANING, first_order, floats_of, jax, jnp, la
 from pter_gym.paths._projection import foot_on, neighbour, project, segment_at
 from pter_gym.tasks.path_following._observation import BOUND
 
+__all__ = ["DifferentiableEnv", "DifferentiableEnvState", "make"]
+
 
 class DifferentiableEnvState(NamedTuple):
     """A world, and the numbers that carry its derivatives from step to step.

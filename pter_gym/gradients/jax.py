@@ -33,6 +33,8 @@ from pter_gym.gradients._rollout import STATE, tip_motion
 from pter_gym.params import Machine
 from pter_gym.params._spread import numbers_of
 
+__all__ = ["JaxMotion", "make_rollout"]
+
 _double_rows = _xla._double_rows
 
 STRENGTH = slice(BODY.strength.x1, BODY.strength.x4 + 1)

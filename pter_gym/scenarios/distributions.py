@@ -29,6 +29,8 @@ from pter_gym.scenarios._paces import find_pace
 from pter_gym.tasks.path_following import PathFollowing, check_machine
 from pter_gym.tasks.path_following._specification import check_motion
 
+__all__ = ["Distribution", "Draws", "LogUniform", "OneOf", "Shared", "Uniform", "Vary"]
+
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 

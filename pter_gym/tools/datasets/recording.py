@@ -20,6 +20,8 @@ from pter_gym.errors import unknown_name
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN
 
+__all__ = ["RecordedEpisode", "record_episodes", "reference_score"]
+
 Act = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 Begin = Callable[[NDArray[np.bool_]], None]
 

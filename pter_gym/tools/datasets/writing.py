@@ -24,6 +24,8 @@ from pter_gym.tools.datasets.recording import (
     reference_score,
 )
 
+__all__ = ["write_dataset"]
+
 
 def load_minari() -> Any:
     """Return Minari, or raise a DependencyError that says how to install it."""

@@ -27,6 +27,8 @@ from pter_gym.tools.paper.clutch_tests import holding_torque
 from pter_gym.tools.paper.experiments import Experiments
 from pter_gym.tools.paper.path_tests import PLATEAU_FROM
 
+__all__ = ["Claim", "Statement", "check"]
+
 Kind = Literal["prediction", "calibration", "not met"]
 
 TABLE_TOLERANCE = 0.10

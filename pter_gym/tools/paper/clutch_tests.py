@@ -12,6 +12,19 @@ from pter_gym._physics.open_loop import Trajectory, initial_state, simulate
 from pter_gym.params import Machine
 from pter_gym.tools.paper.parameters import BREAKAWAY_SMALL_VOLTAGE
 
+__all__ = [
+    "Holding",
+    "MaterialCurves",
+    "Reversal",
+    "SingleDofTest",
+    "StepResponse",
+    "holding",
+    "reversals",
+    "single_dof",
+    "step_response",
+    "torque_curves",
+]
+
 Array = NDArray[np.float64]
 
 W: Array = np.array(friction.COUPLING)

@@ -14,6 +14,8 @@ from pter_gym.tools.paper.parameters import SETUP, TIME_CONSTANT, Setup
 from pter_gym.tools.paper.standard_test import Result, Run, run_standard_test
 from pter_gym.units import INCH, INCH_POUND
 
+__all__ = ["GainSweep", "Sweep", "gain_sweep", "line_following", "table1", "time_constant_sweep"]
+
 Array = NDArray[np.float64]
 
 PAPER_TABLE = {

@@ -40,6 +40,8 @@ from pter_gym.tools.pictures.drawing import (
 from pter_gym.tools.pictures.size import HEIGHT, WIDTH, check_size
 from pter_gym.tools.pictures.viewer import Window
 
+__all__ = ["Film", "show_film", "write_film"]
+
 TILE, MAX_SIZE = (360, 405), (1920, 1080)
 """Width and height [px] of one of several pictures, and the largest of all together."""
 

@@ -28,6 +28,8 @@ from pter_gym.tools.figures import (
 )
 from pter_gym.tools.pictures.drawing import WORKSPACE, apart, drawable, policy_colours
 
+__all__ = ["draw_scenario", "error_against_pace", "profiles"]
+
 MAX_NAME = 60
 """Most characters of a name in a picture."""
 

@@ -18,6 +18,8 @@ from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
 from pter_gym.tools.pictures.drawing import Array, Picture, Subject
 from pter_gym.tools.pictures.size import HEIGHT, WIDTH, check_size
 
+__all__ = ["Viewer", "Window", "WorldsViewer"]
+
 Mode = Literal["rgb_array", "human"]
 
 MAX_WORLDS = 64

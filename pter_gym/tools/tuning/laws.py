@@ -15,6 +15,8 @@ from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies._names import SUFFIX, is_code
 from pter_gym.policies.tuned import TUNED
 
+__all__ = ["Range", "TunableLaw", "find_law"]
+
 Gains = dict[str, float | bool]
 
 BRAKING, DAMPING = "braking", "damping_tangential"

@@ -19,6 +19,8 @@ from pter_gym.paths import Path as AnyPath
 from pter_gym.scenarios import find_pace, find_scenario, name_of_pace
 from pter_gym.tools.tuning.laws import Range, TunableLaw, find_law
 
+__all__ = ["TunedGains", "tune"]
+
 TRIALS = 3000
 """Gains to try for a law, a scenario and a pace."""
 
