@@ -41,7 +41,7 @@ CODEC = Codec(dataclasses_in(params))
 """Stores the machine of a training."""
 
 ADVERSARY = 0.4
-"""Share of hands that push the policy furthest, if there are any."""
+"""``Settings.adversary`` of ``pter train --adversary``."""
 
 SHARE: Any = {"at_least": 0.0, "at_most": 1.0}
 

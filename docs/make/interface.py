@@ -83,10 +83,8 @@ def lines_of_class(place: str, kind: type) -> Iterator[str]:
     """Yield what makes an instance of a class, and its public members."""
     bases = [base for base in kind.__mro__[1:] if not base.__module__.startswith("pter_gym")]
     inherited = {name for base in bases for name in vars(base)}
-    made_otherwise = issubclass(kind, enum.Enum | BaseException) or kind.__dict__.get(
-        "_is_protocol"
-    )
-    yield place if made_otherwise else f"{place}{signature(kind)}"
+    is_made = not (issubclass(kind, enum.Enum | BaseException) or vars(kind).get("_is_protocol"))
+    yield f"{place}{signature(kind)}" if is_made else place
     for name in sorted(dir(kind)):
         if name.startswith("_") or name in inherited:
             continue
