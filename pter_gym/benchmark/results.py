@@ -184,7 +184,10 @@ def _worst_of(content: dict[str, Any]) -> WorstHand:
 @lru_cache(1)
 def _checkout() -> dict[str, str]:
     """Return the commit of the checkout that runs, if it is one."""
-    git = ("git", "-C", str(Path(__file__).parents[2]))
+    root = Path(__file__).parents[2]
+    if not (root / ".git").exists():  # installed, perhaps within a repository of somebody else's
+        return {}
+    git = ("git", "-C", str(root))
     describe = (*git, "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*")
     try:
         told = subprocess.run(describe, capture_output=True, text=True, timeout=10.0, check=True)
