@@ -80,12 +80,18 @@ class Cost(NamedTuple):
     volts: Any
 
 
-def cost(source: Source, readings: Any, observations: Any) -> Cost:
-    """What a policy costs on the microcontroller, for an episode's readings and observations."""
+def rows_of(source: Source, readings: Any, observations: Any) -> Any:
+    """An episode's readings and observations, as deploy.c and operations.cc read them."""
     entries = len(source.policy.layout)
     row = np.dtype([("reading", "<f8", 10), ("observation", "<f4", entries)], align=True)
     rows = np.zeros(len(readings), row)
     rows["reading"], rows["observation"] = readings, observations[: len(rows), :entries]
+    return rows
+
+
+def cost(source: Source, readings: Any, observations: Any) -> Cost:
+    """What a policy costs on the microcontroller, for an episode's readings and observations."""
+    rows = rows_of(source, readings, observations)
     with folder_of(source) as folder:
         elf = firmware(folder)
         size = subprocess.run(
