@@ -24,7 +24,7 @@ SMOKE_EPISODES = 8
 
 
 def train(
-    algo: Annotated[Literal["ppo", "residual"], tyro.conf.Positional],
+    algo: Annotated[Literal["ppo", "residual", "universal"], tyro.conf.Positional],
     scenario: AnyScenario = "standard",
     pace: EachPace = "all",
     steps: int = 20_000_000,

@@ -8,12 +8,14 @@ and hands beyond theirs.
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 from pter_agents.settings import ALL, TrainingArguments
+import numpy as np
+
 from pter_gym.benchmark import Episodes, evaluate
 from pter_gym.controllers import AnyPolicy
-from pter_gym.params import BASELINE, Machine, MachineSpread
+from pter_gym.params import BASELINE, Machine, MachineSpread, TorqueCurve
 from pter_gym.paths import Arc, Circle, Line, Sine
 from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.scenarios._variations import (
@@ -156,6 +158,64 @@ WIDER = (
 """What ``ALL`` draws beside the scenarios."""
 
 
+class Devices:
+    """Devices of PTER's kind, drawn at random; a ratio's logarithm is uniform.
+
+    Torques are 0.3 to 3 times PTER's, each within 10 % of a common one, and linear in the voltage
+    or as PTER's; up to a tenth of it acts without voltage, in every other device. Breakaway torques
+    are 1 to 1.5 times as large, time constants 5 ms to 0.3 s. Links are 0.6 to 1.5 times as long,
+    each within 10 %, and 0.6 to 2 times as heavy as these would be. Three in five have the paper's
+    four clutches, one the brakes and a coupling, one the brakes alone.
+    """
+
+    torque, lag, length, weight = (
+        LogUniform(*ends) for ends in ((0.3, 3.0), (0.005, 0.3), (0.6, 1.5), (0.6, 2.0))
+    )
+    breakaway, off_state = Uniform(1.0, 1.5), Uniform(-0.1, 0.1)
+    each = LogUniform(0.9, 1.11)
+    there = OneOf((*[(1.0, 1.0, 1.0, 1.0)] * 3, (1.0, 1.0, 1.0, 0.0), (1.0, 1.0, 0.0, 0.0)))
+
+    def draw(self, rng: np.random.Generator) -> Machine:
+        """Return a device."""
+        arm, clutch = BASELINE.arm, BASELINE.clutch
+        top, curve = clutch.voltage_max, clutch.dynamic
+        usual = curve.torque(top)
+        torque = usual * self.torque.draw(rng)
+        off = torque * max(0.0, self.off_state.draw(rng))
+        linear = TorqueCurve(slope=(torque - off) / top, knee=top, curvature=0.0, off_state=off)
+        bent = replace(curve.scaled((torque - off) / usual), off_state=off)
+        dynamic = (linear, bent)[int(rng.integers(2))]
+        size, weight = self.length.draw(rng), self.weight.draw(rng)
+        heavier = weight * size**2
+        return replace(
+            BASELINE,
+            arm=replace(
+                arm,
+                length_a=arm.length_a * size * self.each.draw(rng),
+                length_b=arm.length_b * size * self.each.draw(rng),
+                inertia_a=arm.inertia_a * heavier,
+                inertia_b=arm.inertia_b * heavier,
+                coupling=arm.coupling * heavier,
+            ),
+            clutch=replace(
+                clutch,
+                dynamic=dynamic,
+                breakaway=dynamic.scaled(self.breakaway.draw(rng)),
+                time_constant=self.lag.draw(rng),
+            ),
+            clutch_scale=tuple(
+                scale * self.each.draw(rng) for scale in cast("tuple[float, ...]", self.there.draw(rng))
+            ),
+        )
+
+    def extremes(self) -> tuple[Machine, ...]:
+        """Return two devices, which differ."""
+        return tuple(self.draw(np.random.default_rng(seed)) for seed in range(2))
+
+
+DEVICES = Devices()
+
+
 def draws_for(
     scenario: str, pace: str, machine: Machine | MachineSpread | None = None, **fields: object
 ) -> Draws:
@@ -192,7 +252,7 @@ def draws_for(
 def training_draws(arguments: TrainingArguments) -> Draws:
     """Return the draws of a training: its scenario's, with kinds of paths as in ``REPEATS``."""
     s = arguments.settings
-    return draws_for(
+    draws = draws_for(
         arguments.scenario,
         arguments.pace,
         arguments.machine,
@@ -200,6 +260,9 @@ def training_draws(arguments: TrainingArguments) -> Draws:
         starts=STARTS[s.starts],
         truncation_error=s.truncation,
     ).map_components(_with_repeats)
+    if s.devices:
+        draws = draws.map_components(lambda each: replace(each, instead=DEVICES))
+    return draws
 
 
 def _with_repeats(draws: Draws) -> Draws:

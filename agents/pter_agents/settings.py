@@ -10,13 +10,21 @@ from pter_gym._internal.codec import Codec, dataclasses_in, tuple_of
 from pter_gym._internal.files import FilePath, expand_path
 from pter_gym._internal.reading import read_toml
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.params import Checked, Machine, MachineSpread, parameter, require, require_kind
+from pter_gym.params import (
+    Checked,
+    Machine,
+    MachineSpread,
+    parameter,
+    require,
+    require_flag,
+    require_kind,
+)
 from pter_gym.policies._trained import MAX_LAYERS, MAX_UNITS, are_hidden
-from pter_gym.policies.tuned import TUNED
+from pter_gym.policies.tuned import SCALED, TUNED
 from pter_gym.scenarios import PACES, SCENARIOS
 from pter_gym.tasks.path_following import STARTS, RewardWeights
 
-ALGORITHMS = ("ppo", "residual")
+ALGORITHMS = ("ppo", "residual", "universal")
 """What ``pter train`` trains: the clutch voltages, or corrections to a controller.
 
 Each has a table NAME.toml here.
@@ -28,8 +36,8 @@ ALL = "all"
 NO_BASE = "none"
 """Name of the base of a policy that corrects no controller."""
 
-BASES = (NO_BASE, "impedance", "torque-feedback", *TUNED)
-"""What a policy may correct: the paper's laws, and those with tuned gains."""
+BASES = (NO_BASE, "impedance", "torque-feedback", *TUNED, SCALED)
+"""What a policy may correct: the paper's laws, and those with tuned or scaled gains."""
 
 PARTS = 2
 """Parts of the worlds, each on a core; results depend on their number, not on that of cores."""
@@ -70,6 +78,10 @@ class Settings(RewardWeights):
     adversary: float = parameter(
         "1", "share of these with hands that push the policy furthest", default=0.0, **SHARE
     )
+    devices: bool = parameter(
+        "1", "whether every pair has another device, of draws.DEVICES", default=False
+    )
+    told: bool = parameter("1", "whether the policy is told of its device", default=False)
     minibatch: int = parameter("1", "samples of a gradient step")
     epochs: int = parameter("1", "gradient steps for each sample")
     learning_rate: float = parameter("1", "at the beginning; it falls linearly", above=0.0)
@@ -101,6 +113,10 @@ class Settings(RewardWeights):
             accepted = f"at most {MAX_LAYERS - 1} whole numbers from 1 to {MAX_UNITS}"
             require(are_hidden(getattr(self, name)), self, name, accepted)
         require(self.worlds % PARTS == 0, self, "worlds", f"a multiple of {PARTS}")
+        for name in ("devices", "told"):
+            require_flag(self, name)
+        alone = not (self.devices and self.adversary)
+        require(alone, self, "adversary", "0 with drawn devices")
         samples = self.worlds * self.steps
         even = samples % self.minibatch == 0 and self.minibatch % PARTS == 0
         require(even, self, "minibatch", f"an even divisor of worlds × steps = {samples}")

@@ -331,8 +331,8 @@ def _reset_handler(start: Callable[..., object]) -> Handler:
 def _law_handler(law: Callable[..., Any]) -> Handler:
     """Return what follows a controller's law.
 
-    Its arguments are observations, scales and gains, and what the law keeps of each world; its
-    results voltages [V], and what it keeps after that.
+    Its arguments are observations, scales, rows of gains, what the law keeps of each world, and the
+    row that is each world's; its results voltages [V], and what it keeps after that.
     """
 
     @compiled
@@ -342,11 +342,13 @@ def _law_handler(law: Callable[..., Any]) -> Handler:
             _singles(arguments, 0, n, _dimension(arguments, 0, -1)),
             _singles(results, 0, n, 4),
         )
-        scales, gains = _doubles(arguments, 1), _doubles(arguments, 2)
+        scales, gains = _doubles(arguments, 1), _double_rows(arguments, 2)
         before, memory = _double_rows(arguments, 3), _double_rows(results, 1)
+        rows = _singles(arguments, 4, n, 1)
         for world in range(n):
             _copy(memory[world], before[world])
-            write(volts[world], CLUTCHES, law(obs[world], scales, gains, memory[world]))
+            own = gains[int(min(max(rows[world, 0], 0.0), len(gains) - 1.0))]
+            write(volts[world], CLUTCHES, law(obs[world], scales, own, memory[world]))
 
     return follow
 
@@ -375,7 +377,12 @@ def register_law(law: Callable[..., Any]) -> str:
 
 
 def call_law(
-    name: str, obs: jax.Array, scales: jax.Array, gains: jax.Array, memory: jax.Array
+    name: str,
+    obs: jax.Array,
+    scales: jax.Array,
+    gains: jax.Array,
+    memory: jax.Array,
+    rows: jax.Array,
 ) -> Sequence[jax.Array]:
     """Return the voltages [V] of a law, float32 (N, 4), and its memory after them.
 
@@ -386,15 +393,17 @@ def call_law(
     obs
         Observations, float32 (N, entries).
     scales, gains
-        Of the observation's layout and of the law, as ``words_of`` makes them.
+        Of the observation's layout and of the law, as ``words_of`` makes them; gains (rows, G).
     memory
         What the law keeps of each world, as words (N, M).
+    rows
+        Which gains are each world's, float32 (N,); the last ones for larger numbers.
     """
     results = (
         jax.ShapeDtypeStruct((len(obs), 4), jnp.float32),
         jax.ShapeDtypeStruct(memory.shape, memory.dtype),
     )
-    return jax.ffi.ffi_call(name, results)(obs, scales, gains, memory)
+    return jax.ffi.ffi_call(name, results)(obs, scales, gains, memory, rows)
 
 
 def words_of(numbers: NDArray[Any]) -> jax.Array:

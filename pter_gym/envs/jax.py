@@ -43,10 +43,11 @@ except ImportError as error:
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._engine.world import CONFIG_WIDTH, FLAG, FLAGS, ROW
+from pter_gym.controllers import Controller
 from pter_gym.envs._agent_batch import AgentBatch
 from pter_gym.envs._vector import PathFollowingVectorEnv
-from pter_gym.params import SLOTS
-from pter_gym.tasks.path_following._context import CONTEXT
+from pter_gym.params import SLOTS, Machine
+from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
 
 __all__ = ["AgentState", "EnvParams", "EnvState", "JaxEnv", "LawParams", "make"]
 
@@ -109,7 +110,8 @@ class EnvParams(NamedTuple):
 
 
 class LawParams(NamedTuple):
-    """What a law shares in all worlds: scales of the observation's entries and gains, as words."""
+    """What a law shares in all worlds, as words: scales of the observation's entries, and gains,
+    uint32 (rows, G), of all machines in one row, or in one for each pair that worlds draw."""
 
     scales: jax.Array
     gains: jax.Array
@@ -163,7 +165,7 @@ class JaxEnv:
                 assert law is not None
                 self._law = _following(register_law(law.function))
                 scales = words_of(base.policy.layout.scales)
-                self._law_params = LawParams(scales, words_of(law.gains))
+                self._law_params = LawParams(scales, words_of(law.gains[None]))
                 memory = words_of(base.start(1)[0])
                 self._no_volts = 0.0
             volts = jnp.zeros(SLOTS, jnp.float32)
@@ -213,7 +215,8 @@ class JaxEnv:
         world, episode, obs = _one(_reset, (self._empty, episode), self._shared(params))
         if self._batch is None:
             return obs, EnvState(world, episode)
-        return self._see(self._batch, self._begun(world, episode), obs, begins=True)
+        begun = self._begun(world, episode)
+        return self._see(self._batch, begun, obs, pair_of(world), begins=True)
 
     def step(
         self,
@@ -311,8 +314,9 @@ class JaxEnv:
             stepped, obs, last, reward, flags = self._control(state, volts, shared)
             world, episode = stepped[:2]
             state = state._replace(world=world, episode=episode)
-            final, state = self._see(batch, state, last, begins=False)
-            new = self._see(batch, self._begun(world, episode), obs, begins=True)
+            final, state = self._see(batch, state, last, pair_of(before[0].world), begins=False)
+            begun = self._begun(world, episode)
+            new = self._see(batch, begun, obs, pair_of(world), begins=True)
             obs, state = jax.tree.map(partial(jnp.where, _is_over(flags)), new, (final, state))
             after = state, obs, final, before[3] + reward, flags
             return jax.tree.map(partial(jnp.where, _is_over(before[4])), before, after), None
@@ -333,15 +337,24 @@ class JaxEnv:
         return AgentState(world, episode, *self._blank)
 
     def _see(
-        self, batch: AgentBatch, state: AgentState, obs: jax.Array, *, begins: bool
+        self, batch: AgentBatch, state: AgentState, obs: jax.Array, pair: jax.Array, *, begins: bool
     ) -> tuple[jax.Array, AgentState]:
-        """Return what an agent sees after an observation, and the state."""
+        """Return what an agent sees after an observation of a pair's world, and the state."""
         if batch.law is not None:
-            base, memory = _one(self._law, (obs, state.memory), self._law_params)
+            base, memory = _one(self._law, (obs, state.memory, pair), self._law_params)
             state = state._replace(base=base, memory=memory)
             obs = batch.law.seen(obs[None], base[None])[0]
         latest = batch.history.after(state.latest[None], obs[None], jnp.array([begins]))
         return batch.history.seen(latest)[0], state._replace(latest=latest[0])
+
+    def tell_base(self, machines: Sequence[Machine]) -> None:
+        """Bind the law that actions correct to each machine that worlds draw, in their order, in
+        place of the nominal one."""
+        assert self._batch is not None and self._batch.law is not None
+        scales, layout = self._law_params.scales, self._batch.law.policy.layout
+        laws = [cast("Controller", self.env.base).bind(each, layout).law for each in machines]
+        rows = np.array([law.gains for law in laws if law is not None])
+        self._law_params = LawParams(scales, words_of(rows))
 
     def _check_state(self, state: AnyState) -> None:
         """Raise a ParameterError unless a state is as large as this environment's."""
@@ -388,6 +401,12 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
     """
     env = JaxEnv.from_id(env_id, keywords)
     return env, env.default_params
+
+
+def pair_of(world: jax.Array) -> jax.Array:
+    """Return which of the pairs of machine and task is that of worlds (…, W), float32 (…,)."""
+    at = rounded(world[..., 2 * CONTEXT_AT : 2 * CONTEXT_AT + 2])[..., 0]
+    return jnp.round(at / CONTEXT_WIDTH)
 
 
 def truth_of(world: jax.Array, constants: jax.Array, entries: jax.Array) -> jax.Array:
@@ -517,7 +536,7 @@ def _following(name: str) -> _Call:
 
     @_many
     def follow(own: Arrays, shared: LawParams) -> Arrays:
-        obs, memory = own
-        return call_law(name, obs, *shared, memory)
+        obs, memory, rows = own
+        return call_law(name, obs, *shared, memory, rows)
 
     return follow

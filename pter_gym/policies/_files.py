@@ -198,8 +198,8 @@ def _parse(data: bytes, name: str) -> "TrainedPolicy":
 
 
 def interface_codec() -> Codec:
-    from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
+    from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule, Powers, Scaled
     from pter_gym.policies._interface import Input, Interface
 
     guided = [kind for kind in CONTROLLERS.values() if issubclass(kind, Guided)]
-    return Codec((Interface, Input, PaceSchedule, *guided))
+    return Codec((Interface, Input, PaceSchedule, Powers, Scaled, *guided))

@@ -12,8 +12,8 @@ from typing import Any
 from pter_gym._compiled.layout import Layout
 from pter_gym._internal.checks import are_rising
 from pter_gym._physics.arm import UnitVector, Vector, components
-from pter_gym.controllers import PaceSchedule
-from pter_gym.controllers._network import BASE_INPUTS, DERIVED
+from pter_gym.controllers import DEVICE, PaceSchedule, Scaled, device_of
+from pter_gym.controllers._network import BASE_INPUTS, DERIVED, INPUT_LIMIT
 from pter_gym.params import (
     BASELINE,
     Machine,
@@ -79,7 +79,8 @@ class Interface:
         Voltage of an output of 1, relative to the middle of the range or to the base law
         [V].
     base
-        The law that the outputs correct; None for the middle of the range.
+        The law that the outputs correct; None for the middle of the range. One that is ``Scaled``
+        has the gains for each machine.
     history
         Delays in steps, rising, at which the network also sees its inputs. Before the start of
         an episode, they equal those at the start.
@@ -97,11 +98,13 @@ class Interface:
         Rows of W of these clutches.
     control_period
         Control period of its training [s].
+    told
+        Numbers of the machine, named in ``DEVICE``, that the network sees after all else.
     """
 
     inputs: tuple[Input, ...]
     reach: float
-    base: PaceSchedule | None = None
+    base: PaceSchedule | Scaled | None = None
     history: tuple[int, ...] = ()
     averages: tuple[int, ...] = ()
     normalised: bool = False
@@ -109,6 +112,7 @@ class Interface:
     voltage_max: float = BASELINE.clutch.voltage_max
     clutches: Rows = clutch_rows(BASELINE)
     control_period: float = field(default=PathFollowing.control_period, metadata={"later": True})
+    told: tuple[Input, ...] = field(default=(), metadata={"later": True})
 
     def __post_init__(self) -> None:
         """Check each field by itself."""
@@ -116,7 +120,10 @@ class Interface:
         require(known, self, "inputs", f"1 to {MAX_INPUTS} inputs")
         for name in ("reach", "voltage_max", "control_period"):
             require_number(self, name, above=0.0)
-        require_kind(self, "base", PaceSchedule, type(None))
+        require_kind(self, "base", PaceSchedule, Scaled, type(None))
+        for each in self.told:
+            known = isinstance(each, Input) and each.name in DEVICE.names
+            require(known, self, "told", f"inputs called {', '.join(DEVICE.names)}", got=each)
         require_flag(self, "normalised")
         absolute = not (self.normalised and self.base)
         require(absolute, self, "normalised", "False with a base controller")
@@ -132,8 +139,20 @@ class Interface:
 
     @property
     def size(self) -> int:
-        """Number of inputs of the network, including earlier ones and averages."""
-        return len(self.inputs) * (1 + len(self.history) + len(self.averages))
+        """Number of inputs of the network, including earlier ones and averages, and the told."""
+        return len(self.inputs) * (1 + len(self.history) + len(self.averages)) + len(self.told)
+
+    @property
+    def for_any_machine(self) -> bool:
+        """Whether the policy is made for machines with other drives, clutches and arms."""
+        return bool(self.told) or isinstance(self.base, Scaled)
+
+
+def told_values(machine: Machine, inputs: tuple[Input, ...]) -> list[float]:
+    """Return what a network is told of a machine, within ±10."""
+    device = device_of(machine)._asdict()
+    values = ((device[each.name] - each.center) / each.scale for each in inputs)
+    return [min(max(value, -INPUT_LIMIT), INPUT_LIMIT) for value in values]
 
 
 def input_names(layout: Layout, *, residual: bool) -> list[str]:

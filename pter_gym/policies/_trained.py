@@ -1,7 +1,7 @@
 """A trained policy: its interface and its weights."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, cast
 
@@ -10,16 +10,19 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import flat
-from pter_gym.controllers import Policy
+from pter_gym.controllers import Policy, Scaled
 from pter_gym.controllers._gains import NETWORK
 from pter_gym.controllers._laws import built_in, built_in_declared
 from pter_gym.controllers._network import LAW_WIDTH, Network, memory_width, source_of
 from pter_gym.errors import DataError, unknown_name
 from pter_gym.params import SLOTS, Machine, find_machine, require
-from pter_gym.policies._interface import Interface, clutch_rows, input_names
+from pter_gym.policies._interface import Interface, clutch_rows, input_names, told_values
 
 MAX_UNITS, MAX_LAYERS = 1024, 8
 """Largest numbers of units in a hidden layer, and of layers."""
+
+VOLTAGES = ("volts_", "base_")
+"""How the names of inputs begin that are voltages."""
 
 Weights = NDArray[np.float32]
 
@@ -101,7 +104,10 @@ class TrainedPolicy:
             If the observations lack an input, or the machine's largest voltage or W differs from
             those in training.
         """
-        machine, interface = find_machine(machine), self.interface
+        machine = find_machine(machine)
+        if self.interface.for_any_machine:
+            return self.for_machine(machine).bind(machine, layout)
+        interface = self.interface
         top, rows = machine.clutch.voltage_max, clutch_rows(machine)
         require(
             top == interface.voltage_max,
@@ -132,6 +138,39 @@ class TrainedPolicy:
             frame_skip=interface.frame_skip,
             control_period=interface.control_period,
         )
+
+    def for_machine(self, machine: Machine) -> "TrainedPolicy":
+        """Return a policy for any machine with one machine's numbers in it.
+
+        What it is told becomes part of the first biases. Voltages are fractions of the largest, and
+        a clutch that the machine lacks has neither voltage nor torque.
+        """
+        interface = self.interface
+        if not interface.for_any_machine:
+            return self
+        base = interface.base
+        if isinstance(base, Scaled):
+            base = base.for_machine(machine)
+        ratio = machine.clutch.voltage_max / interface.voltage_max
+        inputs = tuple(
+            replace(each, center=each.center * ratio, scale=each.scale * ratio)
+            if each.name.startswith(VOLTAGES)
+            else each
+            for each in interface.inputs
+        )
+        (weight, bias), *others = self.layers
+        seen = interface.size - len(interface.told)
+        told = np.array(told_values(machine, interface.told), np.float32)
+        first = np.ascontiguousarray(weight[:, :seen]), bias + weight[:, seen:] @ told
+        own = replace(
+            interface,
+            inputs=inputs,
+            base=base,
+            reach=interface.reach * ratio,
+            voltage_max=machine.clutch.voltage_max,
+            told=(),
+        )
+        return replace(self, interface=own, layers=(first, *others))
 
     def _gains(
         self, base: NDArray[np.float64], layout: Layout

@@ -12,12 +12,12 @@ from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 from pter_gym._internal.codec import tuple_of
 from pter_gym._internal.files import FilePath, expand_path
 from pter_gym._internal.reading import read_toml, reading
-from pter_gym.controllers import CONTROLLERS, Controller, Guided, Impedance, PaceSchedule
+from pter_gym.controllers import CONTROLLERS, Controller, Guided, Impedance, PaceSchedule, Scaled
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies._names import SUFFIX, TUNED_TABLE, tuned_names, tuned_policies
 from pter_gym.scenarios import find_pace
@@ -25,6 +25,11 @@ from pter_gym.scenarios import find_pace
 TABLE = TUNED_TABLE
 
 DAMPERS = TABLE.with_name("dampers.toml")
+
+SCALED = "single-dof-scaled"
+"""Name of the law whose gains follow a data sheet."""
+
+SCALED_TABLE = TABLE.with_name("scaled.toml")
 
 NEAREST = MappingProxyType({"tremor": "hands", "corridor": "standard", "wall": "standard"})
 """The scenario whose gains serve where there are none for another, chosen on training episodes."""
@@ -173,6 +178,13 @@ def with_gains(name: str, gains: Mapping[str, Any]) -> Guided:
                 f"{name} has no gain {gain!r}: {unknown_name('gains', gain, names)}"
             )
     return laws[name](**{gain: tuple_of(value) for gain, value in gains.items()})
+
+
+def find_scaled() -> Scaled:
+    """Return single-dof with gains for any device."""
+    from pter_gym.policies._files import interface_codec
+
+    return cast("Scaled", interface_codec().from_plain(read_toml(SCALED_TABLE, "scaled")))
 
 
 def _schedule(laws: Iterable[tuple[str, Guided]], **options: Any) -> PaceSchedule:

@@ -236,7 +236,8 @@ class Draws(Checked):
     machine, task
         Distributions or fixed values.
     instead
-        A machine in place of drawn ones, or machines about one; everything else is drawn as before.
+        A machine in place of drawn ones, machines about one, or a distribution of machines;
+        everything else is drawn as before.
     also
         Further draws to mix in.
     weight
@@ -245,7 +246,7 @@ class Draws(Checked):
 
     machine: Machine | MachineSpread | Vary[Machine] = BASELINE
     task: PathFollowing | Vary[PathFollowing]
-    instead: Machine | MachineSpread | None = None
+    instead: Machine | MachineSpread | Distribution[Machine] | None = None
     also: "tuple[Draws, ...]" = ()
     weight: int = parameter("1", "chosen", at_least=1, default=1)
 
@@ -256,8 +257,8 @@ class Draws(Checked):
         components = cast("tuple[object, ...]", also)
         mixed = isinstance(also, tuple) and all(isinstance(draws, Draws) for draws in components)
         require(mixed, self, "also", "a tuple of Draws")
-        fixed = instead is None or isinstance(instead, Machine | MachineSpread)
-        require(fixed, self, "instead", "a Machine, a MachineSpread or None")
+        fits = instead is None or isinstance(instead, Machine) or _is_distribution(instead)
+        require(fits, self, "instead", "a Machine, a distribution of machines or None")
 
     @property
     def varied_task(self) -> Vary[PathFollowing]:
