@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, cast
 
-from pter_agents.settings import ALL, TrainingArguments
 import numpy as np
 
+from pter_agents.settings import ALL, TrainingArguments
 from pter_gym.benchmark import Episodes, evaluate
 from pter_gym.controllers import AnyPolicy
 from pter_gym.params import BASELINE, Machine, MachineSpread, TorqueCurve
@@ -185,6 +185,7 @@ class Devices:
         linear = TorqueCurve(slope=(torque - off) / top, knee=top, curvature=0.0, off_state=off)
         bent = replace(curve.scaled((torque - off) / usual), off_state=off)
         dynamic = (linear, bent)[int(rng.integers(2))]
+        there = cast("tuple[float, ...]", self.there.draw(rng))
         size, weight = self.length.draw(rng), self.weight.draw(rng)
         heavier = weight * size**2
         return replace(
@@ -203,9 +204,7 @@ class Devices:
                 breakaway=dynamic.scaled(self.breakaway.draw(rng)),
                 time_constant=self.lag.draw(rng),
             ),
-            clutch_scale=tuple(
-                scale * self.each.draw(rng) for scale in cast("tuple[float, ...]", self.there.draw(rng))
-            ),
+            clutch_scale=tuple(scale * self.each.draw(rng) for scale in there),
         )
 
     def extremes(self) -> tuple[Machine, ...]:

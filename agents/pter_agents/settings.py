@@ -20,7 +20,7 @@ from pter_gym.params import (
     require_kind,
 )
 from pter_gym.policies._trained import MAX_LAYERS, MAX_UNITS, are_hidden
-from pter_gym.policies.tuned import SCALED, TUNED
+from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import PACES, SCENARIOS
 from pter_gym.tasks.path_following import STARTS, RewardWeights
 
@@ -36,7 +36,7 @@ ALL = "all"
 NO_BASE = "none"
 """Name of the base of a policy that corrects no controller."""
 
-BASES = (NO_BASE, "impedance", "torque-feedback", *TUNED, SCALED)
+BASES = (NO_BASE, "impedance", "torque-feedback", *TUNED)
 """What a policy may correct: the paper's laws, and those with tuned or scaled gains."""
 
 PARTS = 2

@@ -223,7 +223,9 @@ def _told_of(shared: SharedConstants, world: jax.Array) -> jax.Array:
 def _told(devices: NDArray[np.float64]) -> tuple[Input, ...]:
     """Return the inputs that tell of devices, those of their numbers that vary."""
     moments = zip(DEVICE.names, *_moments(devices), strict=True)
-    return tuple(Input(name, float(f"{c:.4g}"), float(f"{s:.4g}")) for name, c, s, v in moments if v)
+    return tuple(
+        Input(name, float(f"{c:.4g}"), float(f"{s:.4g}")) for name, c, s, v in moments if v
+    )
 
 
 def _make_env(arguments: TrainingArguments, count: int) -> PathFollowingVectorEnv:

@@ -1,8 +1,8 @@
-"""A device as its data sheet has it: a few numbers of a machine, and a law whose gains follow them."""
+"""A device as its data sheet has it, and laws whose gains follow the numbers in it."""
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import Entry, layout_of
@@ -10,6 +10,9 @@ from pter_gym.controllers._guided import Guided, PaceSchedule
 from pter_gym.controllers._policy import Policy
 from pter_gym.params import BASELINE, Machine, find_machine, require
 from pter_gym.params._connection import PAPER_CLUTCHES
+
+DIGITS = 6
+"""Significant digits of a scaled gain, so that a computer's own powers do not show."""
 
 PAPER_ROWS = tuple(clutch.row for clutch in PAPER_CLUTCHES)
 
@@ -60,17 +63,45 @@ def device_of(machine: Machine) -> Device:
     )
 
 
+class Ratios(NamedTuple):
+    """A machine's numbers over PTER's.
+
+    Mean torque of its clutches at the largest voltage, time constant, mass at the tip (from the
+    inertias and lengths of both links), and length.
+    """
+
+    torque: float
+    lag: float
+    mass: float
+    size: float
+
+
+def ratios_of(machine: Machine) -> Ratios:
+    """Return a machine's numbers over PTER's."""
+
+    def numbers(machine: Machine) -> tuple[float, ...]:
+        arm, clutch = machine.arm, machine.clutch
+        scales = [scale for scale in machine.slot_scale if scale > 0.0]
+        return (
+            clutch.dynamic.torque(clutch.voltage_max) * math.fsum(scales) / max(len(scales), 1),
+            clutch.time_constant,
+            math.sqrt(arm.inertia_a * arm.inertia_b) / (arm.length_a * arm.length_b),
+            arm.length_a + arm.length_b,
+        )
+
+    return Ratios(*(a / b for a, b in zip(numbers(machine), numbers(BASELINE), strict=True)))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Powers:
-    """How a gain follows a device: powers of its ratios to PTER.
+    """How a gain follows a device: the exponents of its ``Ratios``.
 
     Attributes
     ----------
     gain
         Name of the gain.
     torque, lag, mass, size
-        Exponents of the ratios of the mean torque of its clutches, of its time constant, of the
-        tip's mass and of the arm's length.
+        Exponents of these ratios.
     """
 
     gain: str
@@ -79,29 +110,16 @@ class Powers:
     mass: float = 0.0
     size: float = 0.0
 
-    def factor(self, ratios: tuple[float, float, float, float]) -> float:
+    def factor(self, ratios: Ratios) -> float:
         """Return what the gain is multiplied by."""
-        exponents = self.torque, self.lag, self.mass, self.size
-        return math.prod(x**power for x, power in zip(ratios, exponents, strict=True))
-
-
-def ratios_of(machine: Machine) -> tuple[float, float, float, float]:
-    """Return mean torque of the clutches, time constant, tip mass and size over PTER's."""
-
-    def numbers(machine: Machine) -> tuple[float, float, float, float]:
-        arm, clutch = machine.arm, machine.clutch
-        scales = [scale for scale in machine.slot_scale if scale > 0.0] or [1.0]
-        torque = clutch.dynamic.torque(clutch.voltage_max) * math.fsum(scales) / len(scales)
-        size = arm.length_a + arm.length_b
-        mass = math.sqrt(arm.inertia_a * arm.inertia_b) / (arm.length_a * arm.length_b)
-        return torque, clutch.time_constant, mass, size
-
-    return tuple(a / b for a, b in zip(numbers(machine), numbers(BASELINE), strict=True))
+        return math.prod(ratio ** getattr(self, name) for name, ratio in ratios._asdict().items())
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scaled:
     """A law for any device: gains for PTER, each multiplied by powers of a device's ratios.
+
+    What is in volts, such as the knots of its torque table, also follows the largest voltage.
 
     Attributes
     ----------
@@ -122,17 +140,18 @@ class Scaled:
 
     def for_machine(self, machine: Machine) -> PaceSchedule:
         """Return the law with the gains for a machine."""
-        ratios = ratios_of(machine)
-        knots = tuple((pace, self._scaled(law, ratios)) for pace, law in self.schedule.knots)
+        knots = tuple((pace, self._scaled(law, machine)) for pace, law in self.schedule.knots)
         return replace(self.schedule, knots=knots)
 
-    def _scaled(self, law: Guided, ratios: tuple[float, float, float, float]) -> Guided:
-        gains: dict[str, float] = {}
+    def _scaled(self, law: Guided, machine: Machine) -> Guided:
+        ratios, volts = ratios_of(machine), machine.clutch.voltage_max / BASELINE.clutch.voltage_max
+        gains: dict[str, Any] = {"table_volts": tuple(volts * knot for knot in law.table_volts)}
         for each in self.powers:
             ranges = law.ranges.get(each.gain, {})
             gain = getattr(law, each.gain) * each.factor(ratios)
+            gain *= volts if each.gain == "feedback" else 1.0  # the only one in volts
             most = ranges.get("at_most", 0.99 * ranges["below"] if "below" in ranges else math.inf)
-            gains[each.gain] = min(gain, most)
+            gains[each.gain] = float(f"{min(gain, most):.{DIGITS}g}")
         return replace(law, **gains)
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:

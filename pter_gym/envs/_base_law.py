@@ -16,7 +16,7 @@ from pter_gym.controllers._network import BASE_INPUTS
 from pter_gym.errors import ParameterError
 from pter_gym.params import SLOTS, Machine
 from pter_gym.policies._interface import corrected
-from pter_gym.policies.tuned import SCALED, find_paced, find_scaled, find_tuned
+from pter_gym.policies.tuned import find_paced, find_tuned
 
 if TYPE_CHECKING:
     import jax
@@ -36,8 +36,6 @@ def find_base_law(base: object, scenario: str) -> Controller:
     ParameterError
         If there is no such law.
     """
-    if base == SCALED:
-        return find_scaled()
     if isinstance(base, str):
         return (find_paced if base in CONTROLLERS else find_tuned)(base, scenario)
     if not isinstance(base, Controller) or isinstance(base, type):

@@ -110,8 +110,10 @@ class EnvParams(NamedTuple):
 
 
 class LawParams(NamedTuple):
-    """What a law shares in all worlds, as words: scales of the observation's entries, and gains,
-    uint32 (rows, G), of all machines in one row, or in one for each pair that worlds draw."""
+    """What a law shares in all worlds, as words: scales of the observation's entries, and gains.
+
+    Gains are uint32 (rows, G): one row for all, or one for each pair that worlds draw.
+    """
 
     scales: jax.Array
     gains: jax.Array
@@ -348,9 +350,9 @@ class JaxEnv:
         return batch.history.seen(latest)[0], state._replace(latest=latest[0])
 
     def tell_base(self, machines: Sequence[Machine]) -> None:
-        """Bind the law that actions correct to each machine that worlds draw, in their order, in
-        place of the nominal one."""
-        assert self._batch is not None and self._batch.law is not None
+        """Bind the law that actions correct to the machine of each pair that worlds draw."""
+        assert self._batch is not None
+        assert self._batch.law is not None
         scales, layout = self._law_params.scales, self._batch.law.policy.layout
         laws = [cast("Controller", self.env.base).bind(each, layout).law for each in machines]
         rows = np.array([law.gains for law in laws if law is not None])

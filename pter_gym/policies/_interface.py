@@ -121,9 +121,9 @@ class Interface:
         for name in ("reach", "voltage_max", "control_period"):
             require_number(self, name, above=0.0)
         require_kind(self, "base", PaceSchedule, Scaled, type(None))
-        for each in self.told:
-            known = isinstance(each, Input) and each.name in DEVICE.names
-            require(known, self, "told", f"inputs called {', '.join(DEVICE.names)}", got=each)
+        known = {type(each) for each in self.told} <= {Input}
+        known = known and {each.name for each in self.told} <= {*DEVICE.names}
+        require(known, self, "told", f"inputs called {', '.join(DEVICE.names)}", got=self.told)
         require_flag(self, "normalised")
         absolute = not (self.normalised and self.base)
         require(absolute, self, "normalised", "False with a base controller")

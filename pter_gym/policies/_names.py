@@ -14,11 +14,14 @@ TUNED_TABLE = Path(__file__).parents[1] / "presets" / "tuned.toml"
 
 SUFFIX = "-tuned"
 
+SCALED = "single-dof-scaled"
+"""Name of the law whose gains follow the numbers of a device."""
+
 
 @cache
 def tuned_policies() -> tuple[str, ...]:
     """Return the names under which laws are found with shipped gains."""
-    return tuned_names(read_toml(TUNED_TABLE, "tuned gains"))
+    return (*tuned_names(read_toml(TUNED_TABLE, "tuned gains")), SCALED)
 
 
 def tuned_names(table: Mapping[str, Mapping[str, object]]) -> tuple[str, ...]:

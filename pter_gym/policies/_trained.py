@@ -160,8 +160,11 @@ class TrainedPolicy:
         )
         (weight, bias), *others = self.layers
         seen = interface.size - len(interface.told)
-        told = np.array(told_values(machine, interface.told), np.float32)
-        first = np.ascontiguousarray(weight[:, :seen]), bias + weight[:, seen:] @ told
+        first_bias = bias.astype(np.float64)
+        told = told_values(machine, interface.told)
+        for column, value in zip(weight.T[seen:], told, strict=True):
+            first_bias += column * value  # in one order on all computers
+        first = np.ascontiguousarray(weight[:, :seen]), first_bias.astype(np.float32)
         own = replace(
             interface,
             inputs=inputs,

@@ -19,15 +19,12 @@ from pter_gym._internal.files import FilePath, expand_path
 from pter_gym._internal.reading import read_toml, reading
 from pter_gym.controllers import CONTROLLERS, Controller, Guided, Impedance, PaceSchedule, Scaled
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.policies._names import SUFFIX, TUNED_TABLE, tuned_names, tuned_policies
+from pter_gym.policies._names import SCALED, SUFFIX, TUNED_TABLE, tuned_names, tuned_policies
 from pter_gym.scenarios import find_pace
 
 TABLE = TUNED_TABLE
 
 DAMPERS = TABLE.with_name("dampers.toml")
-
-SCALED = "single-dof-scaled"
-"""Name of the law whose gains follow a data sheet."""
 
 SCALED_TABLE = TABLE.with_name("scaled.toml")
 
@@ -43,8 +40,12 @@ HOLD = 1e-6
 GainsTable = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
 
 
-def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE) -> PaceSchedule:
+def find_tuned(
+    name: str, scenario: str | None = None, *, path: FilePath = TABLE
+) -> PaceSchedule | Scaled:
     """Return a law, such as ``impedance-tuned``, whose gains follow the commanded pace.
+
+    Those of ``single-dof-scaled`` follow the machine too, and are the same in all scenarios.
 
     Parameters
     ----------
@@ -61,6 +62,8 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
     DataError
         If the file is not as ``pter tune`` writes it.
     """
+    if name == SCALED:
+        return find_scaled()
     controller, path = name.removesuffix(SUFFIX), expand_path("path", path)
     table = read_gains(path)
     if name not in (names := tuned_names(table)):

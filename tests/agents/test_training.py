@@ -92,6 +92,35 @@ def test_an_adversary_finds_ever_worse_hands_which_become_training_episodes() ->
     np.testing.assert_array_equal(mine[:48], own[[k * 64 // 48 for k in range(48)]])
 
 
+@pytest.mark.parametrize("told", [True, False])
+def test_worlds_with_drawn_devices_act_as_the_policy_bound_to_each_device(told: bool) -> None:
+    import jax
+    from jax import numpy as jnp
+
+    from pter_agents.ppo import PPO
+    from pter_gym.envs.jax import pair_of
+
+    given = arguments(1, "universal", contexts=16, told=told)
+    ppo = PPO(replace(given, scenario="all"))
+    weights = jax.tree.map(
+        lambda x: x + 0.1 * jnp.sin(jnp.arange(x.size)).reshape(x.shape), ppo.state.weights
+    )
+    ppo.state = ppo.state._replace(weights=weights)
+    worlds, policy = ppo.worlds, ppo.policy()
+    state = ppo.state.carry.worlds
+    means = changed.act(worlds.inputs(state))
+    corrected = np.asarray(worlds.env.batch.law.corrected(means, state.env.base))
+    machines = [machine for machine, _ in worlds.env.batch.pairs]
+    pairs = np.asarray(pair_of(state.env.world)).astype(int)
+    assert len({*pairs}) > 5
+    layout = worlds.env.batch.law.policy.layout
+    for world, pair in enumerate(pairs):
+        bound = policy.bind(machines[pair], layout)
+        obs = np.asarray(state.env.latest)[world, :1, : len(layout)]
+        volts = bound.act(np.ascontiguousarray(obs), bound.start(1))
+        np.testing.assert_allclose(volts[0], corrected[world], atol=1e-3)
+
+
 @pytest.mark.slow
 def test_a_run_ends_with_scores_a_curve_and_the_next_command(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

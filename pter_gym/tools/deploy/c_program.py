@@ -135,6 +135,8 @@ def source_of(
             f"prefix must be a letter, then letters, digits and underscores, got {prefix!r:.200}"
         )
     steps: tuple[float, ...] = ()
+    if isinstance(policy, TrainedPolicy):
+        policy = policy.for_machine(machine)
     if weights == "int8":
         if not isinstance(policy, TrainedPolicy):
             raise ParameterError(

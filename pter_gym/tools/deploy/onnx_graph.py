@@ -75,7 +75,8 @@ def write_onnx(
         import onnx
     except ImportError as error:
         raise needs_extra("ONNX", "deploy") from error
-    model = model_of(policy, name, find_machine(machine))
+    machine = find_machine(machine)
+    model = model_of(policy.for_machine(machine), name, machine)
     onnx.checker.check_model(model, full_check=True)
     write_bytes_atomic(path, model.SerializeToString())
     return path

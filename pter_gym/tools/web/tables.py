@@ -97,9 +97,10 @@ def choices() -> dict[str, Any]:
 
 
 def policies_of_the_paper() -> list[str]:
-    """Return the names of the trained policies for the paper's clutches."""
+    """Return the names of the trained policies for the paper's machine alone."""
     rows = tuple(clutch.row for clutch in BASELINE.clutches)
-    return [name for name in shipped_policies() if read_policy(name).interface.clutches == rows]
+    found = {name: read_policy(name).interface for name in shipped_policies()}
+    return [name for name, of in found.items() if of.clutches == rows and not of.for_any_machine]
 
 
 def pages_batch() -> Batch:

@@ -1,0 +1,132 @@
+"""Laws and networks for any device: what they know of a machine, and that only that matters."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from pter_gym.benchmark import training_episodes
+from pter_gym.benchmark.rollout import record_episode
+from pter_gym.controllers import PaceSchedule, Powers, Scaled, SingleDof, device_of
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE, Connection, Machine, TorqueCurve
+from pter_gym.policies import Input, Interface, TrainedPolicy
+from pter_gym.policies.tuned import SCALED, find_tuned
+from pter_gym.tasks.path_following import observation_layout
+from pter_gym.tools.deploy import source_of
+
+PTER = PaceSchedule(((0.12, SingleDof()), (0.5, SingleDof(strength=20.0))))
+
+
+def device(torque: float = 1.0, lag: float = 1.0, size: float = 1.0, top: float = 24.0) -> Machine:
+    """PTER with other torques, time constants and lengths, driven by another largest voltage."""
+    arm, clutch = BASELINE.arm, BASELINE.clutch
+    ratio = clutch.voltage_max / top
+
+    def curve(of: TorqueCurve) -> TorqueCurve:
+        return TorqueCurve(
+            slope=of.slope * torque * ratio,
+            knee=of.knee / ratio,
+            curvature=of.curvature * torque * ratio**2,
+        )
+
+    return replace(
+        BASELINE,
+        arm=replace(arm, length_a=arm.length_a * size, length_b=arm.length_b * size),
+        clutch=replace(
+            clutch,
+            dynamic=curve(clutch.dynamic),
+            breakaway=curve(clutch.breakaway),
+            time_constant=clutch.time_constant * lag,
+            voltage_max=top,
+        ),
+    )
+
+
+def network(**interface: Any) -> TrainedPolicy:
+    """Random weights that see a voltage, the base's, and two numbers of the device."""
+    rng = np.random.default_rng(3)
+    inputs = tuple(map(Input, ("normal_error", "omega_a", "volts_1", "base_2")))
+    told = (Input("lag", -0.5, 2.0), Input("torque_3", 0.4, 0.2))
+    usual = {"reach": 24.0, "base": Scaled(schedule=PTER), "history": (2,), "told": told}
+    known = Interface(inputs, **{**usual, **interface})
+    sizes = known.size, 5, 4
+    layers = tuple(
+        (rng.normal(size=(n, m)).astype(np.float32), rng.normal(size=n).astype(np.float32))
+        for m, n in pairwise(sizes)
+    )
+    return TrainedPolicy(known, layers)
+
+
+def test_the_papers_machine_has_ratios_of_one() -> None:
+    found = device_of(BASELINE)
+    assert found[:4] == (0.5,) * 4
+    assert found.breakaway == pytest.approx(1.12)
+    assert found[7:] == (0.0, 1.0, 1.0, 0.0, 0.0)
+    law = Scaled(schedule=PTER, powers=(Powers(gain="strength", torque=2.0, lag=1.0),))
+    assert law.for_machine(BASELINE) == PTER
+
+
+@given(torque=st.floats(0.1, 9.0), lag=st.floats(0.1, 9.0), size=st.floats(0.5, 2.0))
+def test_gains_follow_powers(torque: float, lag: float, size: float) -> None:
+    powers = Powers(gain="strength", torque=0.5, lag=-1.0, mass=1.0, size=2.0)
+    found = Scaled(schedule=PTER, powers=(powers,)).for_machine(device(torque, lag, size))
+    factor = math.sqrt(torque) / lag  # the mass at the tip falls as the size squared
+    assert found.at(0.5).strength == pytest.approx(20.0 * factor, rel=1e-5)
+    assert found.at(0.5).approach == SingleDof().approach
+
+
+def test_gains_stay_within_what_a_law_accepts() -> None:
+    powers = (Powers(gain="pace_fraction", torque=1.0), Powers(gain="reluctance", torque=1.0))
+    law = PaceSchedule(((0.5, SingleDof(pace_fraction=0.9, reluctance=0.9)),))
+    found = Scaled(schedule=law, powers=powers).for_machine(device(3.0)).at(0.5)
+    assert (found.pace_fraction, found.reluctance) == (1.0, 0.99)
+
+
+def test_powers_are_of_gains() -> None:
+    with pytest.raises(ParameterError, match="strenght"):
+        Scaled(schedule=PTER, powers=(Powers(gain="strenght"),))
+
+
+def test_what_is_told_is_a_part_of_the_bias() -> None:
+    policy, machine = network(), device(torque=0.5, lag=3.0)
+    (weight, bias), _ = policy.layers
+    (own, first), _ = policy.for_machine(machine).layers
+    told = [(math.log(3.0) + 0.5) / 2.0, (1.0 / 3.0 - 0.4) / 0.2]
+    assert (own == weight[:, :8]).all()
+    np.testing.assert_allclose(first, bias + weight[:, 8:] @ told, rtol=1e-5)
+
+
+@pytest.mark.parametrize("policy", [network(), find_tuned(SCALED)], ids=["network", "law"])
+def test_a_voltage_is_a_fraction_of_the_largest(policy: Any) -> None:
+    """The same clutches at half the voltages: powers of two, so the same bits but for them."""
+    episodes = training_episodes("standard", "medium", 1, 0)
+    task, seed = episodes.tasks[0], episodes.seeds[0]
+    machines = device(top=24.0), device(top=12.0)
+    high, low = (record_episode(policy, each, task, seed, nominal=each) for each in machines)
+    assert len(high.volts) > 20
+    np.testing.assert_allclose(low.volts, 0.5 * high.volts, atol=1e-6)
+
+
+def test_other_policies_keep_to_their_machine() -> None:
+    policy = network(base=PTER, told=())
+    assert policy.for_machine(device(2.0)) is policy
+    layout = observation_layout(BASELINE, "torque")
+    with pytest.raises(ParameterError, match="voltage_max must be 24 V"):
+        policy.bind(device(top=12.0), layout)
+
+
+def test_a_machine_with_other_clutches_is_refused() -> None:
+    clutches = (Connection("a", (1.0, 0.0)), Connection("c", (1.0, 2.0)))
+    machine = replace(BASELINE, clutches=clutches)
+    with pytest.raises(ParameterError, match="clutches"):
+        network().bind(machine, observation_layout(machine, "torque"))
+
+
+def test_c_has_the_devices_numbers() -> None:
+    one, two = (source_of(network(), machine=device(lag=lag)).files["pter.c"] for lag in (1, 2))
+    assert one != two
