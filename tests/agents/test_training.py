@@ -102,10 +102,9 @@ def test_worlds_with_drawn_devices_act_as_the_policy_bound_to_each_device(told: 
 
     given = arguments(1, "universal", contexts=16, told=told)
     ppo = PPO(replace(given, scenario="all"))
-    weights = jax.tree.map(
-        lambda x: x + 0.1 * jnp.sin(jnp.arange(x.size)).reshape(x.shape), ppo.state.weights
-    )
-    ppo.state = ppo.state._replace(weights=weights)
+    others = [0.1 * jnp.sin(jnp.arange(x.size)) for x in jax.tree.leaves(ppo.state.weights)]
+    changed = jax.tree.map(lambda x: x + others.pop(0).reshape(x.shape), ppo.state.weights)
+    ppo.state = ppo.state._replace(weights=changed)
     worlds, policy = ppo.worlds, ppo.policy()
     state = ppo.state.carry.worlds
     means = changed.act(worlds.inputs(state))
