@@ -7,18 +7,11 @@ from typing import Any
 
 from pter_gym import params
 from pter_gym._internal.codec import Codec, dataclasses_in, tuple_of
+from pter_gym._internal.fields import Checked, parameter, require, require_flag, require_kind
 from pter_gym._internal.files import FilePath, expand_path
 from pter_gym._internal.reading import read_toml
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.params import (
-    Checked,
-    Machine,
-    MachineSpread,
-    parameter,
-    require,
-    require_flag,
-    require_kind,
-)
+from pter_gym.params import Machine, MachineSpread
 from pter_gym.policies._trained import MAX_LAYERS, MAX_UNITS, are_hidden
 from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import PACES, SCENARIOS

@@ -6,9 +6,10 @@ from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import Entry, layout_of
+from pter_gym._internal.fields import require
 from pter_gym.controllers._guided import Guided, PaceSchedule
 from pter_gym.controllers._policy import Policy
-from pter_gym.params import BASELINE, Machine, find_machine, require
+from pter_gym.params import BASELINE, Machine, find_machine
 from pter_gym.params._connection import PAPER_CLUTCHES
 
 DIGITS = 6

@@ -12,20 +12,19 @@ from itertools import pairwise
 from typing import Any, ClassVar
 
 from pter_gym._compiled.layout import Layout
-from pter_gym.controllers._gains import IMPEDANCE, SINGLE_DOF, VELOCITY_RATIO, Gains, gains_array
-from pter_gym.controllers._laws import built_in, built_in_declared
-from pter_gym.controllers._policy import Policy
-from pter_gym.errors import ParameterError
-from pter_gym.params import (
-    Machine,
-    find_machine,
+from pter_gym._internal.fields import (
     parameter,
     require,
     require_flag,
     require_number,
     require_numbers,
+    types_of,
 )
-from pter_gym.params._fields import types_of
+from pter_gym.controllers._gains import IMPEDANCE, SINGLE_DOF, VELOCITY_RATIO, Gains, gains_array
+from pter_gym.controllers._laws import built_in, built_in_declared
+from pter_gym.controllers._policy import Policy
+from pter_gym.errors import ParameterError
+from pter_gym.params import Machine, find_machine
 from pter_gym.tasks.path_following._observation import OBS
 
 Search = dict[str, tuple[float, float] | tuple[bool, bool]]

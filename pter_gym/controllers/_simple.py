@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 
 from pter_gym._compiled.layout import Layout
+from pter_gym._internal.fields import parameter, require_whole
 from pter_gym.controllers._gains import CONSTANT, RANDOM
 from pter_gym.controllers._laws import built_in
 from pter_gym.controllers._policy import Policy
-from pter_gym.params import Machine, parameter, require_whole
+from pter_gym.params import Machine
 
 
 def largest_voltages(machine: Machine) -> list[float]:

@@ -14,11 +14,11 @@ from pter_gym._compiled.layout import Layout
 from pter_gym._engine.batch import ActionUnit, Batch
 from pter_gym._internal.checks import builtin, whole_number
 from pter_gym._internal.codec import TYPE
+from pter_gym._internal.fields import check_number
 from pter_gym._internal.files import TABLE_ENDINGS, FilePath, has_ending
 from pter_gym.envs._history import checked_history
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine, find_machine
-from pter_gym.params._fields import check_number
 from pter_gym.paths import Path, find_path
 from pter_gym.scenarios import PACES, Scenario, find_pace, find_scenario, name_of_pace
 from pter_gym.scenarios._suite import gains_for

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from pter_gym._compiled.records import store
+from pter_gym._internal.fields import require
 from pter_gym._physics.model import model_of
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH
 from pter_gym.errors import ParameterError
@@ -18,7 +19,6 @@ from pter_gym.gradients._branchless import Columns, Stage
 from pter_gym.gradients._tracing import adjoint_of
 from pter_gym.params import Machine, find_machine
 from pter_gym.params._connection import BRAKE_A, BRAKE_B
-from pter_gym.params._fields import require
 from pter_gym.params._spread import map_numbers, numbers_of
 
 MAX_SUBSTEPS = 10_000

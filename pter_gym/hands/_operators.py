@@ -13,12 +13,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym._internal.fields import Checked, parameter, require, require_numbers
 from pter_gym._internal.files import FilePath
 from pter_gym._internal.tables import read_table
 from pter_gym._physics.arm import UnitVector
 from pter_gym.errors import ParameterError
 from pter_gym.hands._model import NO_FORCE, SINES, HandModel, PerSine, Sines
-from pter_gym.params import Checked, Hand, parameter, require, require_numbers
+from pter_gym.params import Hand
 
 EQ5_FREQUENCIES = tuple(2.0**n / 2.0 for n in range(SINES))
 """Frequencies of Eq. 5 [Hz]: sin(2ⁿπt) for n = 0 … 4."""

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym._internal.fields import parameter, require, require_number
 from pter_gym.errors import unknown_name
 from pter_gym.hands._library import LIBRARY_ARMS, LIBRARY_TREMORS
 from pter_gym.hands._model import SINES, HandModel
 from pter_gym.hands._operators import EQ5_FREQUENCIES, MAX_INSTANTS, HumanArm
-from pter_gym.params import parameter, require, require_number
 
 ERROR = tuple(3.0 if frequency < 3.0 else 0.0 for frequency in EQ5_FREQUENCIES)
 """Amplitudes of a person's own error [N]: only below all tremor."""

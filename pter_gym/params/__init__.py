@@ -1,18 +1,6 @@
 """Parameters of the machine: frozen dataclasses in SI, each field with its unit and provenance."""
 
 from pter_gym.params._connection import PAPER_CLUTCHES, SLOTS, Connection
-from pter_gym.params._fields import (
-    MAX_NUMBER,
-    MIN_POSITIVE,
-    Checked,
-    parameter,
-    require,
-    require_flag,
-    require_kind,
-    require_number,
-    require_numbers,
-    require_whole,
-)
 from pter_gym.params._files import (
     find_machine,
     find_machines,
@@ -40,13 +28,10 @@ __all__ = [
     "DELRIN_EXPERIMENTAL",
     "DELRIN_THEORETICAL",
     "MACHINES",
-    "MAX_NUMBER",
-    "MIN_POSITIVE",
     "PAPER_CLUTCHES",
     "SLOTS",
     "Arm",
     "Band",
-    "Checked",
     "Clutch",
     "Connection",
     "Hand",
@@ -59,13 +44,6 @@ __all__ = [
     "is_machine_file",
     "load_machine",
     "paper_machines",
-    "parameter",
-    "require",
-    "require_flag",
-    "require_kind",
-    "require_number",
-    "require_numbers",
-    "require_whole",
     "save_machine",
     "tip_mass",
     "with_friction",

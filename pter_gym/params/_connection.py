@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from pter_gym.params._fields import Checked, parameter, require
+from pter_gym._internal.fields import Checked, parameter, require
 
 
 @dataclass(frozen=True)

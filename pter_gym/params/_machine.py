@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, cast
 
+from pter_gym._internal.fields import Checked, parameter, require, require_kind, require_number
 from pter_gym.params._connection import BRAKE_A, BRAKE_B, PAPER_CLUTCHES, SLOTS, Connection
-from pter_gym.params._fields import Checked, parameter, require, require_kind, require_number
 
 Lag = Literal["normal_force", "voltage"]
 Band = Literal["vanishing", "printed"]

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from pter_gym._internal.fields import Checked, require
 from pter_gym.errors import ParameterError
-from pter_gym.params._fields import Checked, require
 from pter_gym.params._machine import Machine
 
 TRIES = 1000

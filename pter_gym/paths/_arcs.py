@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import Entry, rows
+from pter_gym._internal.fields import Checked
 from pter_gym.errors import ParameterError
-from pter_gym.params import Checked
 
 Array = NDArray[np.float64]
 

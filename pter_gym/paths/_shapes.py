@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._internal.checks import builtin, is_finite
+from pter_gym._internal.fields import parameter, require
 from pter_gym._internal.files import TABLE_ENDINGS, FilePath, has_ending
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.params import parameter, require
 from pter_gym.paths._arcs import (
     TOLERANCE,
     Arcs,

@@ -11,18 +11,17 @@ from typing import Any
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._internal.checks import are_rising
-from pter_gym._physics.arm import UnitVector, Vector, components
-from pter_gym.controllers import DEVICE, PaceSchedule, Scaled, device_of
-from pter_gym.controllers._network import BASE_INPUTS, DERIVED, INPUT_LIMIT
-from pter_gym.params import (
-    BASELINE,
-    Machine,
+from pter_gym._internal.fields import (
     require,
     require_flag,
     require_kind,
     require_number,
     require_whole,
 )
+from pter_gym._physics.arm import UnitVector, Vector, components
+from pter_gym.controllers import DEVICE, PaceSchedule, Scaled, device_of
+from pter_gym.controllers._network import BASE_INPUTS, DERIVED, INPUT_LIMIT
+from pter_gym.params import BASELINE, Machine
 from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.tasks.path_following._actions import volts_of
 

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import flat
+from pter_gym._internal.fields import require
 from pter_gym.controllers import Policy, Scaled
 from pter_gym.controllers._gains import NETWORK
 from pter_gym.controllers._laws import built_in, built_in_declared
 from pter_gym.controllers._network import LAW_WIDTH, Network, memory_width, source_of
 from pter_gym.errors import DataError, unknown_name
-from pter_gym.params import SLOTS, Machine, find_machine, require
+from pter_gym.params import SLOTS, Machine, find_machine
 from pter_gym.policies._interface import Interface, clutch_rows, input_names, told_values
 
 MAX_UNITS, MAX_LAYERS = 1024, 8

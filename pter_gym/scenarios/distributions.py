@@ -15,16 +15,9 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeGuard, TypeVar, ca
 import numpy as np
 
 from pter_gym._internal.checks import whole_number
+from pter_gym._internal.fields import Checked, parameter, require, require_number
 from pter_gym.errors import ParameterError
-from pter_gym.params import (
-    BASELINE,
-    Checked,
-    Machine,
-    MachineSpread,
-    parameter,
-    require,
-    require_number,
-)
+from pter_gym.params import BASELINE, Machine, MachineSpread
 from pter_gym.scenarios._paces import find_pace
 from pter_gym.tasks.path_following import PathFollowing, check_machine
 from pter_gym.tasks.path_following._specification import check_motion

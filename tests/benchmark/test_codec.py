@@ -10,13 +10,13 @@ from hypothesis import given, strategies as st
 
 from pter_gym import params
 from pter_gym._internal.codec import dataclasses_in
+from pter_gym._internal.fields import MAX_NUMBER
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import (
     BASELINE,
     MACHINES,
-    MAX_NUMBER,
     Arm,
     Clutch,
     Connection,

@@ -14,11 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym._internal.fields import require_number
 from pter_gym._physics.arm import motion_of, tip_position, tip_velocity
 from pter_gym._physics.model import model_of
 from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.errors import ParameterError
-from pter_gym.params import SLOTS, Hand, Machine, require_number
+from pter_gym.params import SLOTS, Hand, Machine
 from pter_gym.tools.identification import Log
 
 Array = NDArray[np.float64]

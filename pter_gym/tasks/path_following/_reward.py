@@ -6,8 +6,8 @@ from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import Entry
+from pter_gym._internal.fields import Checked, parameter
 from pter_gym._physics.clutch import PerClutch
-from pter_gym.params import Checked, parameter
 from pter_gym.tasks.path_following._position import PathState
 
 ERROR_WIDTH = 0.06

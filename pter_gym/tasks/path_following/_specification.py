@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym._internal.fields import Checked, parameter, require, require_number
 from pter_gym._physics.arm import elbow_cosine
 from pter_gym._physics.model import max_damping, model_of
 from pter_gym._physics.stability import (
@@ -21,7 +22,7 @@ from pter_gym._physics.stability import (
 )
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.hands import NO_HAND, MultiSineHand, Operator
-from pter_gym.params import Arm, Checked, Machine, parameter, require, require_number
+from pter_gym.params import Arm, Machine
 from pter_gym.paths import Line, Path
 from pter_gym.paths._arcs import Arcs, ArcSegment
 from pter_gym.paths._reach import SINGULARITY_MARGIN, check_reach

@@ -9,7 +9,8 @@ from typing import Annotated, NamedTuple, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.params import MIN_POSITIVE, Machine, TorqueCurve
+from pter_gym._internal.fields import MIN_POSITIVE
+from pter_gym.params import Machine, TorqueCurve
 
 Array = NDArray[np.float64]
 

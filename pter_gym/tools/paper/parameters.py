@@ -6,10 +6,11 @@ from pathlib import Path
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._internal.codec import tuple_of
+from pter_gym._internal.fields import require
 from pter_gym._internal.reading import read_toml
 from pter_gym.controllers import Policy, TorqueFeedback
 from pter_gym.hands import eq5
-from pter_gym.params import Clutch, Machine, paper_machines, require, with_friction
+from pter_gym.params import Clutch, Machine, paper_machines, with_friction
 from pter_gym.params._files import machine_from
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import PathFollowing
