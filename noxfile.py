@@ -22,6 +22,8 @@ ROOT = Path(__file__).parent
 PINNED = ("-c", str(ROOT / "constraints.txt"))
 CORE = "not agents and not long"
 
+TWINE = "twine==7.0.0"
+
 OLD_GYMNASIUM = ("-W", "default")
 """Old releases of the dependencies warn about each other."""
 
@@ -201,7 +203,7 @@ def libraries(session: nox.Session) -> None:
 def packages(session: nox.Session) -> None:
     """The built sdist alone; metadata and recipe as PyPI and conda-forge read them; Ray."""
     package_works(session, ".tar.gz")
-    session.install("-q", "twine==7.0.0", "py-rattler-build==0.73.0")
+    session.install("-q", TWINE, "py-rattler-build==0.73.0")
     session.run("twine", "check", "--strict", *map(str, build(session).glob("pter_gym*")))
     render = "import sys, rattler_build as r; r.Stage0Recipe.from_file(sys.argv[1]).render()"
     session.run("python", "-c", render, str(ROOT / "docs" / "conda" / "recipe.yaml"))
@@ -224,3 +226,23 @@ def packages(session: nox.Session) -> None:
         ("agents/libraries/rllib_ppo.py", "--workers", "2", "--horizon", "32", "--steps", "2048"),
     ):
         session.run("python", str(place / program), "--worlds", "16", *options, env=outside)
+
+
+@nox.session
+def release(session: nox.Session) -> None:
+    """Wheel and sdist of the version, checked, in `dist`; nothing is uploaded."""
+    (version,) = re.findall(r'= "(.+)"', (ROOT / "pter_gym" / "_version.py").read_text("utf-8"))
+    if f"\n## [{version}] - 20" not in (ROOT / "CHANGELOG.md").read_text("utf-8"):
+        session.error(f"CHANGELOG.md must have a heading `## [{version}] - DATE`")
+    changed = subprocess.run(
+        ["git", "status", "--porcelain"], cwd=ROOT, capture_output=True, check=True
+    )
+    if changed.stdout:
+        session.error("a release is made of a commit: some files differ from it")
+    made = sorted(build(session).glob(f"pter_gym-{version}*"))
+    session.install("-q", TWINE)
+    session.run("twine", "check", "--strict", *map(str, made))
+    (ROOT / "dist").mkdir(exist_ok=True)
+    for file in made:
+        shutil.copy2(file, ROOT / "dist")
+        session.log(f"dist/{file.name}")
