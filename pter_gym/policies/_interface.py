@@ -59,6 +59,22 @@ class Input:
     center: float = 0.0
     scale: float = 1.0
 
+    def scaled(self, value: float) -> float:
+        """Return what a network sees of a value in the input's unit."""
+        return min(max((value - self.center) / self.scale, -INPUT_LIMIT), INPUT_LIMIT)
+
+    def on(self, machine: Machine, interface: "Interface") -> "Input | None":
+        """Return the input on another machine than the training's; None of a missing clutch."""
+        kind, _, number = self.name.rpartition("_")
+        if kind not in ("volts", "base", "torque"):
+            return self
+        rows, row = clutch_rows(machine), interface.clutches[int(number) - 1]
+        if row not in rows:
+            return None
+        ratio = machine.clutch.voltage_max / interface.voltage_max if kind != "torque" else 1.0
+        name = f"{kind}_{1 + rows.index(row)}"
+        return Input(name, self.center * ratio, self.scale * ratio)
+
     def __post_init__(self) -> None:
         """Check the numbers; the name is checked on binding."""
         require_kind(self, "name", str)
@@ -150,8 +166,7 @@ class Interface:
 def told_values(machine: Machine, inputs: tuple[Input, ...]) -> list[float]:
     """Return what a network is told of a machine, within ±10."""
     device = device_of(machine)._asdict()
-    values = ((device[each.name] - each.center) / each.scale for each in inputs)
-    return [min(max(value, -INPUT_LIMIT), INPUT_LIMIT) for value in values]
+    return [each.scaled(device[each.name]) for each in inputs]
 
 
 def input_names(layout: Layout, *, residual: bool) -> list[str]:

@@ -22,9 +22,6 @@ from pter_gym.policies._interface import Interface, clutch_rows, input_names, to
 MAX_UNITS, MAX_LAYERS = 1024, 8
 """Largest numbers of units in a hidden layer, and of layers."""
 
-VOLTAGES = ("volts_", "base_")
-"""How the names of inputs begin that are voltages."""
-
 Weights = NDArray[np.float32]
 
 
@@ -143,38 +140,47 @@ class TrainedPolicy:
     def for_machine(self, machine: Machine) -> "TrainedPolicy":
         """Return a policy for any machine with one machine's numbers in it.
 
-        What it is told becomes part of the first biases. Voltages are fractions of the largest, and
-        a clutch that the machine lacks has neither voltage nor torque.
+        Voltages are fractions of the largest. What the policy is told, and what it sees of a clutch
+        that the machine lacks, is constant and becomes part of the first biases.
+
+        Raises
+        ------
+        ParameterError
+            If the machine has other clutches than those of the training.
         """
         interface = self.interface
         if not interface.for_any_machine:
             return self
-        base = interface.base
-        if isinstance(base, Scaled):
-            base = base.for_machine(machine)
-        ratio = machine.clutch.voltage_max / interface.voltage_max
-        inputs = tuple(
-            replace(each, center=each.center * ratio, scale=each.scale * ratio)
-            if each.name.startswith(VOLTAGES)
-            else each
-            for each in interface.inputs
-        )
+        rows, top = clutch_rows(machine), machine.clutch.voltage_max
+        fits = len({*rows}) == len(rows) and {*rows} <= {*interface.clutches}
+        require(fits, machine, "clutches", f"some of {interface.clutches}", got=rows)
+        inputs = [each.on(machine, interface) for each in interface.inputs]
+        seen = [k for k, each in enumerate(inputs) if each is not None]
         (weight, bias), *others = self.layers
-        seen = interface.size - len(interface.told)
-        first_bias = bias.astype(np.float64)
-        told = told_values(machine, interface.told)
-        for column, value in zip(weight.T[seen:], told, strict=True):
-            first_bias += column * value  # in one order on all computers
-        first = np.ascontiguousarray(weight[:, :seen]), first_bias.astype(np.float32)
+        count, told = len(inputs), len(interface.told)
+        width = interface.size - told
+        constants = [each.scaled(0.0) for each in interface.inputs] * (width // count)
+        constants += told_values(machine, interface.told)
+        first = bias.astype(np.float64)
+        for k, constant in enumerate(constants):  # in one order on all computers
+            if k >= width or inputs[k % count] is None:
+                first += weight[:, k] * constant
+        columns = [start + k for start in range(0, width, count) for k in seen]
+        layers = [(np.ascontiguousarray(weight[:, columns]), first.astype(np.float32)), *others]
+        weight, bias = layers[-1]
+        there = [interface.clutches.index(row) for row in rows]
+        layers[-1] = weight[there], bias[there]
+        base = interface.base
         own = replace(
             interface,
-            inputs=inputs,
-            base=base,
-            reach=interface.reach * ratio,
-            voltage_max=machine.clutch.voltage_max,
+            inputs=tuple(each for each in inputs if each is not None),
+            base=base.for_machine(machine) if isinstance(base, Scaled) else base,
+            reach=interface.reach * top / interface.voltage_max,
+            voltage_max=top,
+            clutches=rows,
             told=(),
         )
-        return replace(self, interface=own, layers=(first, *others))
+        return replace(self, interface=own, layers=tuple(layers))
 
     def _gains(
         self, base: NDArray[np.float64], layout: Layout

@@ -14,6 +14,7 @@ from pter_gym.benchmark.rollout import record_episode
 from pter_gym.controllers import PaceSchedule, Powers, Scaled, SingleDof, device_of
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Connection, Machine, TorqueCurve
+from pter_gym.params._connection import BRAKE_A, COUPLED, INVERTED
 from pter_gym.policies import Input, Interface, TrainedPolicy
 from pter_gym.policies.tuned import SCALED, find_tuned
 from pter_gym.tasks.path_following import observation_layout
@@ -47,13 +48,14 @@ def device(torque: float = 1.0, lag: float = 1.0, size: float = 1.0, top: float 
     )
 
 
-def network(**interface: Any) -> TrainedPolicy:
-    """Random weights that see a voltage, the base's, and two numbers of the device."""
+def network(
+    inputs: tuple[str, ...] = ("normal_error", "omega_a", "volts_1", "base_2"), **interface: Any
+) -> TrainedPolicy:
+    """Random weights that see the inputs and two numbers of the device."""
     rng = np.random.default_rng(3)
-    inputs = tuple(map(Input, ("normal_error", "omega_a", "volts_1", "base_2")))
     told = (Input("lag", -0.5, 2.0), Input("torque_3", 0.4, 0.2))
     usual = {"reach": 24.0, "base": Scaled(schedule=PTER), "history": (2,), "told": told}
-    known = Interface(inputs, **{**usual, **interface})
+    known = Interface(tuple(map(Input, inputs)), **{**usual, **interface})
     sizes = known.size, 5, 4
     layers = tuple(
         (rng.normal(size=(n, m)).astype(np.float32), rng.normal(size=n).astype(np.float32))
@@ -120,10 +122,24 @@ def test_other_policies_keep_to_their_machine() -> None:
         policy.bind(device(top=12.0), layout)
 
 
+def test_a_clutch_that_is_not_there_is_one_without_torque() -> None:
+    """Declared away, or of scale 0: the same voltages of the others, if none sees its own."""
+    inputs = ("normal_error", "volts_4", "torque_1", "base_4", "torque_2")
+    policy, task = network(inputs, averages=(5,)), training_episodes("standard", "medium", 1, 0)
+    without = replace(BASELINE, clutch_scale=(1.0, 0.0, 1.0, 1.0))
+    declared = replace(BASELINE, clutches=(COUPLED, BRAKE_A, INVERTED))
+    one, two = (
+        record_episode(policy, machine, task.tasks[0], task.seeds[0], nominal=machine)
+        for machine in (without, declared)
+    )
+    assert len(one.volts) > 20
+    np.testing.assert_allclose(two.volts[:30, :3], one.volts[:30, [2, 0, 3]], atol=1e-3)
+
+
 def test_a_machine_with_other_clutches_is_refused() -> None:
     clutches = (Connection("a", (1.0, 0.0)), Connection("c", (1.0, 2.0)))
     machine = replace(BASELINE, clutches=clutches)
-    with pytest.raises(ParameterError, match="clutches"):
+    with pytest.raises(ParameterError, match="clutches must be some of"):
         network().bind(machine, observation_layout(machine, "torque"))
 
 
