@@ -36,6 +36,8 @@ BELOW = {
             "bounds",
             "seeds",
             "worst-hands",
+            "any-device",
+            "rewards",
             "tables",
             "contributing",
             "listing",

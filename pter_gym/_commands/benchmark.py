@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 POLICIES = ("residual", "single-dof-tuned", "torque-feedback", "impedance")
 """The trained policy, the best tuned law, and the paper's two controllers."""
 
+ON_A_MACHINE = ("universal", *POLICIES[1:])
+"""The same with the policy for any machine, on one of the user's."""
+
 FILM_PACE = "medium"
 """Pace of the film, if it is among those that are run."""
 
@@ -74,7 +77,7 @@ def benchmark(
     Args:
         policies: Names of laws and trained policies, paths of exported ones or of gains from
             `pter tune`, or FILE.py:attribute or package.module:attribute for your own. Commas may
-            separate them too.
+            separate them too. With --machine, universal is in the place of residual by default.
         scenario: Scenario whose test episodes are run, or all.
         paces: Commanded paces: slow, medium, brisk, or speeds in m/s.
         path: Path of all episodes instead of the scenario's: a CSV file of waypoints x, y in
@@ -95,6 +98,8 @@ def benchmark(
         baseline: Policy to which the table gives differences, with 95 % intervals over the same
             episodes.
     """
+    if machine is not None and policies == POLICIES:
+        policies = ON_A_MACHINE
     names = [name for each in policies for name in split(each)]
     if path is not None and scenario == ALL:
         raise ParameterError(f"path must be given with one scenario, got {path!r} with all")

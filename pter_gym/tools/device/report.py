@@ -36,6 +36,9 @@ SCENARIOS = {"standard": "single-dof", "corridor": "impedance", "wall": "impedan
 FREE = "free"
 """The policy without voltage: what the device does by itself."""
 
+UNIVERSAL = "universal"
+"""The policy for any device."""
+
 GUIDED = "standard"
 """The scenario that decides whether a device guides a hand."""
 
@@ -56,8 +59,8 @@ class DeviceReport:
     gains
         Tuned gains by scenario.
     boards
-        A leaderboard for each scenario: the tuned law, the policy without voltage, and a trained
-        policy if there is one.
+        A leaderboard for each scenario: the tuned law, the policy without voltage, a policy trained
+        for the device if there is one, and on ``standard`` the one for any device.
     promises
         Of the machines that fit a log, if the device is known from one: for each policy, what may
         be promised on ``standard``.
@@ -154,6 +157,7 @@ def examine_device(
     trials, count = whole_number("trials", trials), whole_number("episodes", episodes)
     make_folder(out)
     folder = expand_path("out", out)
+    guiding = {**_for_any(own), **(policies or {})}
     gains: dict[str, dict[str, float | bool]] = {}
     runs: list[ScenarioRun] = []
     tuned: dict[str, AnyPolicy] = {}
@@ -163,7 +167,8 @@ def examine_device(
         found = tune(law, scenario, pace, trials=trials, storage=storage, machine=own)
         gains[scenario] = found.gains
         tuned[scenario] = with_gains(law, found.gains)
-        named = {f"{law}-tuned": tuned[scenario], FREE: find_policy(FREE), **(policies or {})}
+        named = {f"{law}-tuned": tuned[scenario], FREE: find_policy(FREE)}
+        named |= guiding if scenario == GUIDED else (policies or {})
         some = find_episodes(scenario, pace, SEED, own).first(count)
         for title, policy in named.items():
             run = ScenarioRun(scenario, pace, title, 0, SEED, some.strata, evaluate(policy, some))
@@ -178,7 +183,7 @@ def examine_device(
     promises: list[Promise] = []
     if isinstance(device, MachineSpread):
         on_progress("drawing machines that fit the log")
-        guiding = {f"{SCENARIOS[GUIDED]}-tuned": tuned[GUIDED], **(policies or {})}
+        guiding = {f"{SCENARIOS[GUIDED]}-tuned": tuned[GUIDED], **guiding}
         promises = [
             make_promise(policy, title, device, GUIDED, pace) for title, policy in guiding.items()
         ]
@@ -190,6 +195,13 @@ def examine_device(
         write_text_atomic(folder / "device.json", content)
         write_text_atomic(folder / "index.html", page(report, pictures))
     return report
+
+
+def _for_any(machine: Machine) -> dict[str, AnyPolicy]:
+    """Return the policy for any device by its name, if the device's clutches are of PTER's kinds."""
+    policy = find_policy(UNIVERSAL)
+    known = {clutch.row for clutch in BASELINE.clutches}
+    return {UNIVERSAL: policy} if {c.row for c in machine.clutches} <= known else {}
 
 
 def _draw(
