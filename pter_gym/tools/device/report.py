@@ -198,7 +198,7 @@ def examine_device(
 
 
 def _for_any(machine: Machine) -> dict[str, AnyPolicy]:
-    """Return the policy for any device by its name, if the device's clutches are of PTER's kinds."""
+    """Return the policy for any device by its name, if its clutches are of PTER's kinds."""
     policy = find_policy(UNIVERSAL)
     known = {clutch.row for clutch in BASELINE.clutches}
     return {UNIVERSAL: policy} if {c.row for c in machine.clutches} <= known else {}
