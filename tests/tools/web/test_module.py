@@ -19,13 +19,12 @@ from pter_gym.benchmark.policies import find_policy
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.hands import read_forces
 from pter_gym.params import BASELINE
-from pter_gym.policies import shipped_policies
 from pter_gym.policies._files import SHIPPED
 from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import TELEMETRY
 from pter_gym.tools.web.site import MODULE, STATIC, TABLES
-from pter_gym.tools.web.tables import PATHS, pages_batch
+from pter_gym.tools.web.tables import PATHS, pages_batch, policies_of_the_paper
 from rollouts import Acting
 
 HERE = Path(__file__).parent
@@ -166,18 +165,18 @@ def test_forces_are_written_as_a_recording_is_read(page: Any, tmp_path: Path) ->
 
 
 @needs_node
-@pytest.mark.parametrize("name", [*CONTROLLERS, *TUNED, *shipped_policies()])
+@pytest.mark.parametrize("name", [*CONTROLLERS, *TUNED, *policies_of_the_paper()])
 def test_policies_answer_as_in_python(name: str, page: Any, recorded: Any) -> None:
     """The module runs the same compiled laws and networks, with the same bits."""
     layout = pages_batch().layout
-    for scenario in ("standard",) if name in shipped_policies() else ("standard", "paths"):
+    for scenario in ("standard",) if name in policies_of_the_paper() else ("standard", "paths"):
         acting = Acting(find_policy(name, scenario=scenario).bind(BASELINE, layout))
         expected = [acting(row[None])[0].tolist() for row in recorded]
         assert page["answers"][f"{name}, {scenario}"] == expected
 
 
 @needs_node
-@pytest.mark.parametrize("name", shipped_policies())
+@pytest.mark.parametrize("name", policies_of_the_paper())
 def test_networks_hold_their_decisions(name: str, page: Any) -> None:
     answers = page["answers"][f"{name}, standard"]
     held = np.array(page["answers"][f"{name}, held"]["held"])

@@ -23,7 +23,6 @@ from pter_gym.benchmark.scores import score
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.hands import read_forces
 from pter_gym.params import BASELINE, MACHINES
-from pter_gym.policies import shipped_policies
 from pter_gym.policies._files import SHIPPED
 from pter_gym.policies.tuned import TUNED
 from pter_gym.scenarios import PACES
@@ -32,7 +31,7 @@ from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tools.pictures.drawing import clutch_states
 from pter_gym.tools.web import site
 from pter_gym.tools.web.site import make_server, site_files, write_site
-from pter_gym.tools.web.tables import PATHS
+from pter_gym.tools.web.tables import PATHS, policies_of_the_paper
 
 OPTIONS = "[...document.querySelectorAll('#{} option')].map((option) => option.value)"
 POLICIES = OPTIONS.format("policy")
@@ -321,7 +320,7 @@ def test_everything_can_be_chosen(play: Any) -> None:
         "path": PATHS,
         "pace": PACES,
         "machine": [name for name, machine in MACHINES.items() if machine.has_paper_clutches],
-        "policy": (*CONTROLLERS, *TUNED, *shipped_policies()),
+        "policy": (*CONTROLLERS, *TUNED, *policies_of_the_paper()),
     }
     for identity, names in choices.items():
         assert play.run(OPTIONS.format(identity)) == list(names)
