@@ -10,6 +10,7 @@ several times, as PATH/0, PATH/1, …, is one of several seeds. docs/any-device.
 
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import tyro
@@ -57,15 +58,20 @@ def devices() -> dict[str, Machine]:
 def tune(only: Annotated[tuple[str, ...], tyro.conf.Positional] = ()) -> None:
     """Tune laws for devices, by default for all."""
     HERE.mkdir(exist_ok=True)
-    for name, machine in devices().items():
-        for law in LAWS if name in (only or devices()) else ():
-            for pace in PACES:
-                journal = HERE / f"{name}.journal"
-                found = search(
-                    law, "standard", pace, trials=TRIALS, machine=machine, storage=journal
-                )
-                add_gains(replace(found, machine=None), HERE / f"{name}-{law}.toml")
-                print(name, law, pace, found.assessment, flush=True)
+    with TemporaryDirectory() as folder:
+        for name, machine in devices().items():
+            for law in LAWS if name in (only or devices()) else ():
+                for pace in PACES:
+                    found = search(
+                        law,
+                        "standard",
+                        pace,
+                        trials=TRIALS,
+                        machine=machine,
+                        storage=Path(folder, f"{name}.journal"),
+                    )
+                    add_gains(replace(found, machine=None), HERE / f"{name}-{law}.toml")
+                    print(name, law, pace, found.assessment, flush=True)
 
 
 def best_law(name: str, pace: str) -> AnyPolicy:
