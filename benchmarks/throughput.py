@@ -21,6 +21,7 @@ from statistics import median
 from typing import Any, NamedTuple
 
 import gymnasium
+import llvmlite.binding as llvm
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
@@ -163,9 +164,17 @@ PAIRS: dict[str, tuple[Callable[[], Workload], Callable[[], Workload]]] = {
 }
 
 
+def processor() -> str:
+    """Return the processor's kind, and the width of its vectors."""
+    features = llvm.get_host_cpu_features()
+    widths = {"avx512f": 512, "avx2": 256, "sse2": 128, "neon": 128}
+    bits = next((bits for name, bits in widths.items() if features.get(name)), 64)
+    return f"{llvm.get_host_cpu_name()}, vectors of {bits} bits"
+
+
 def main() -> None:
     """Measure and print."""
-    print(f"{ID}, {PER_STEP} substeps a step, {THREADS} threads")
+    print(f"{ID}, {PER_STEP} substeps a step, {THREADS} threads on {processor()}")
     print(f"\n{'worlds':>10} {'1/s':>14} {'ns':>9} {'ns, 1 thread':>13}")
     for worlds in SIZES:
         loads = ours(worlds, THREADS), ours(worlds, 1)
