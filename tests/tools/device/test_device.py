@@ -63,10 +63,11 @@ def test_examine_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
     for picture in ("forces.png", *(f"{name}.webp" for name in SCENARIOS)):
         assert picture in page
         assert (tmp_path / picture).stat().st_size > 1000
-    assert len(said) == len(SCENARIOS) + 3
+    assert len(said) == len(SCENARIOS) + 4
     guided = next(board for board in report.boards if board.scenario == "standard")
-    (worst,) = (standing.worst for standing in guided.standings if standing.worst)
-    assert worst.sentence("single-dof-tuned") in page
+    worst = {each.policy: each.worst for each in guided.standings if each.worst}
+    assert worst.keys() == {"single-dof-tuned", "universal"}
+    assert all(found.sentence(name) in page for name, found in worst.items())
 
 
 def test_a_data_sheet_is_a_straight_torque_curve_and_the_rest_is_pters(tmp_path: Path):

@@ -27,6 +27,7 @@ from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL
 from pter_gym.paths import Circle, Line
 from pter_gym.policies.tuned import (
     TABLE,
+    SCALED,
     TUNED,
     controller_of,
     find_tuned,
@@ -309,7 +310,7 @@ def test_shipped_gains_have_their_published_scores_bit_for_bit(
 def test_shipped_gains_cover_all_controllers_and_paces_of_standard() -> None:
     table = read_gains()
     assert set(table["standard"]) == set(guided())
-    assert set(TUNED) == {f"{name}-tuned" for name in guided()}
+    assert set(TUNED) == {SCALED, *(f"{name}-tuned" for name in guided())}
     for name in guided():
         assert set(table["standard"][name]) == set(PACES)
         schedule = find_policy(f"{name}-tuned", scenario="standard")
