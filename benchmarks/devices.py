@@ -19,6 +19,7 @@ from pter_gym.benchmark import evaluate, find_policy
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.rollout import Assessment
 from pter_gym.controllers import AnyPolicy
+from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine, TorqueCurve
 from pter_gym.policies.tuned import SCALED, read_gains, read_tuned
 from pter_gym.scenarios import PACES
@@ -92,7 +93,10 @@ def scored(policy: AnyPolicy, machine: Machine, pace: str) -> tuple[float, float
 
 
 def told(policy: AnyPolicy, machine: Machine, pace: str) -> str:
-    error, arrived = scored(policy, machine, pace)
+    try:
+        error, arrived = scored(policy, machine, pace)
+    except ParameterError:  # made for another largest voltage
+        return "–"
     return f"{error:.1f}" if arrived > 99.95 else f"{error:.1f} ({arrived:.0f} %)"
 
 
@@ -111,7 +115,8 @@ def table(
             cells = [told(best_law(name, pace), machine, pace)]
             for paths in columns.values():
                 seeds = [told(find_policy(path), machine, pace) for path in paths.split(",")]
-                seeds.sort(key=lambda cell: float(cell.split()[0]))
+                if len(seeds) > 1:
+                    seeds.sort(key=lambda cell: float(cell.split()[0]))
                 middle = seeds[len(seeds) // 2]
                 cells.append(middle if len(seeds) == 1 else f"{middle} ({', '.join(seeds)})")
             print(f"| {name} | {pace} | {' | '.join(cells)} |", flush=True)

@@ -160,7 +160,14 @@ def test_a_program_gives_pythons_actions_on_ten_thousand_observations(
 
 @needs_compiler
 @pytest.mark.parametrize(
-    ("policy", "machine"), [(held_policy, "baseline"), ("single-dof", "couplings-1-2")]
+    ("policy", "machine"),
+    [
+        (held_policy, "baseline"),
+        ("single-dof", "couplings-1-2"),
+        ("single-dof-scaled", "two-brakes"),
+        ("universal", "delrin_experimental"),
+        ("universal", "two-brakes"),
+    ],
 )
 def test_a_decision_is_held_and_a_law_knows_other_clutches(
     policy: Any, machine: str, recorded: Any, tmp_path: Path
@@ -602,7 +609,12 @@ def two_outputs() -> Any:
 
 @pytest.mark.parametrize(
     ("name", "machine"),
-    [("ppo-standard", "baseline"), ("residual", "baseline"), (two_outputs, "two-brakes")],
+    [
+        ("ppo-standard", "baseline"),
+        ("residual", "baseline"),
+        ("universal", "two-brakes"),
+        (two_outputs, "two-brakes"),
+    ],
 )
 def test_onnx_gives_the_policys_actions(name: Any, machine: str, recorded: Any, tmp_path: Path):
     pytest.importorskip("onnx")
@@ -611,7 +623,8 @@ def test_onnx_gives_the_policys_actions(name: Any, machine: str, recorded: Any, 
     session = runtime.InferenceSession(
         write_onnx(policy, tmp_path / "policy.onnx", machine=machine)
     )
-    layout, interface = observation_layout(machine, "torque"), policy.interface
+    layout = observation_layout(machine, "torque")
+    interface = policy.for_machine(find_machine(machine)).interface
     bound, names = (
         Acting(bind(policy, machine, layout)),
         [each.name for each in session.get_inputs()],

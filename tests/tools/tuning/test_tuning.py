@@ -26,8 +26,8 @@ from pter_gym.errors import DataError, DependencyError, ParameterError, StorageE
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL
 from pter_gym.paths import Circle, Line
 from pter_gym.policies.tuned import (
-    TABLE,
     SCALED,
+    TABLE,
     TUNED,
     controller_of,
     find_tuned,
