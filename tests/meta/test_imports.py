@@ -109,6 +109,7 @@ def test_imports_go_one_way() -> None:
     assert not outside & {"agents", "pter_agents", "tests"}
 
 
+@pytest.mark.agents
 def test_every_public_name_can_be_imported() -> None:
     for name, path in MODULES.items():
         module = importlib.import_module(name) if "__all__" in path.read_text("utf-8") else None
