@@ -17,8 +17,10 @@ from pter_gym import load_policy
 from pter_gym._commands.main import main
 from pter_gym._engine.storage import CONTEXT_WIDTH
 from pter_gym.benchmark import Episodes, find_policy
+from pter_gym.controllers import DEVICE, device_of
 from pter_gym.envs import PathFollowingVectorEnv
 from pter_gym.errors import DataError, ParameterError
+from pter_gym.params import BASELINE
 from pter_gym.paths import Circle
 from pter_gym.policies import _files, read_policy
 from pter_gym.scenarios import PACES
@@ -41,21 +43,25 @@ def arguments(steps: int, algorithm: str = "residual", **changes: object) -> Tra
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("adversary", [0.0, 0.5])
-def test_resumed_training_has_the_same_bits(adversary: float, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("algorithm", "adversary"), [("residual", 0.0), ("residual", 0.5), ("universal", 0.0)]
+)
+def test_resumed_training_has_the_same_bits(
+    algorithm: str, adversary: float, tmp_path: Path
+) -> None:
     from pter_agents.ppo import train
 
     constant = {"learning_rate_end": 1e-3, "deviation_end": 0.3, "adversary": adversary}
-    train(arguments(2, **constant), tmp_path / "whole")
-    train(arguments(1, **constant), tmp_path / "parts")
-    train(arguments(2, **constant), tmp_path / "parts", resume=True)
+    train(arguments(2, algorithm, **constant), tmp_path / "whole")
+    train(arguments(1, algorithm, **constant), tmp_path / "parts")
+    train(arguments(2, algorithm, **constant), tmp_path / "parts", resume=True)
     (steps, one), (others, two) = (RunFolder(tmp_path / name).load() for name in ("whole", "parts"))
     assert steps == others
     assert one.keys() == two.keys()
     for name, array in one.items():
         np.testing.assert_array_equal(array, two[name], err_msg=name)
     with pytest.raises(ParameterError, match="reach"):
-        train(arguments(2, reach=3.0, **constant), tmp_path / "parts", resume=True)
+        train(arguments(2, algorithm, reach=3.0, **constant), tmp_path / "parts", resume=True)
     with (tmp_path / "parts" / "progress.csv").open() as text:
         table = list(csv.DictReader(text))
     assert [int(row["steps"]) for row in table] == sorted(RunFolder(tmp_path / "parts").scores())
@@ -90,6 +96,24 @@ def test_an_adversary_finds_ever_worse_hands_which_become_training_episodes() ->
     mine, own = rows
     assert (mine[48:] != own[48:]).any(axis=1).all()
     np.testing.assert_array_equal(mine[:48], own[[k * 64 // 48 for k in range(48)]])
+
+
+def test_every_pair_has_another_device_within_what_is_declared() -> None:
+    draws = training_draws(arguments(1, "universal"))
+    machines = [machine for machine, _ in draws.pairs(64, 5)]
+    assert machines == [machine for machine, _ in draws.pairs(64, 5)]
+    devices = np.array([device_of(each) for each in machines])
+    assert len({*map(tuple, devices)}) == len(machines)
+    by_name = dict(zip(DEVICE.names, devices.T, strict=True))
+    there = devices[:, :4] > 0.0
+    ratios = (devices[:, :4] / (1.0 - devices[:, :4]))[there]
+    assert 0.3 * 0.9 <= ratios.min() < 0.6 < 1.5 < ratios.max() <= 3.0 * 1.11
+    assert {*there.sum(axis=1)} == {2, 3, 4}
+    assert ((by_name["breakaway"] >= 1.0) & (by_name["breakaway"] <= 1.5)).all()
+    lags = BASELINE.clutch.time_constant * np.exp(by_name["lag"])
+    assert 0.005 <= lags.min() < 0.02 < 0.15 < lags.max() <= 0.3
+    assert 0.0 == by_name["off_state"].min() < by_name["off_state"].max() <= 0.1
+    assert 0.6 * 0.9 <= by_name["length_a"].min() < by_name["length_a"].max() <= 1.5 * 1.11
 
 
 @pytest.mark.parametrize("told", [True, False])
