@@ -20,6 +20,7 @@ from pycparser import CParser, c_ast as c
 
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.policies import TrainedPolicy, shipped_policies
 from pter_gym.policies.tuned import TUNED
 from pter_gym.tools.deploy import source_of
 
@@ -269,7 +270,7 @@ def counted(folder: Path, rows: Any) -> list[Operations]:
     return [Operations(*map(int, row)) for row in np.frombuffer(run.stdout, "<u4").reshape(-1, 2)]
 
 
-def main(policies: tuple[str, ...] = ("impedance", *TUNED, "ppo-standard", "residual")) -> None:
+def main(policies: tuple[str, ...] = ("impedance", *TUNED, *shipped_policies())) -> None:
     """Print the table."""
     standard = find_episodes("standard", "medium").first(1)
     (machine,), (task,), (seed,) = standard.machines, standard.tasks, standard.seeds
@@ -279,7 +280,8 @@ def main(policies: tuple[str, ...] = ("impedance", *TUNED, "ppo-standard", "resi
     print("|---|---|---:|---:|---:|---:|")
     for name in policies:
         policy = find_policy(name)
-        for weights in ("float", "int8") if name in deploy.NETWORKS else ("float",):
+        is_network = isinstance(policy, TrainedPolicy)
+        for weights in ("float", "int8") if is_network else ("float",):
             source = source_of(policy, name=name, weights=weights)
             with deploy.folder_of(source) as folder:
                 rows = deploy.rows_of(
@@ -288,7 +290,7 @@ def main(policies: tuple[str, ...] = ("impedance", *TUNED, "ppo-standard", "resi
                 most = dearer(*counted(folder, rows))
                 one, two = (bound(folder, arcs) for arcs in (1, 2))
             print(
-                f"| `{name}` | {weights if name in deploy.NETWORKS else ''} | {most.all:,} | "
+                f"| `{name}` | {weights if is_network else ''} | {most.all:,} | "
                 f"{one.all:,} | {one.quotients:,} | {two.all - one.all:,} |",
                 flush=True,
             )
