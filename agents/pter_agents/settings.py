@@ -187,6 +187,9 @@ class TrainingArguments(Checked):
         names = {"algorithm": ALGORITHMS, "scenario": (ALL, *SCENARIOS), "pace": (ALL, *PACES)}
         _check_names(self, names)
         require_kind(self, "machine", Machine, MachineSpread, type(None))
+        free = self.machine is None or not self.settings.devices
+        accepted = "left out where every pair has a device of its own"
+        require(free, self, "machine", accepted, got="a machine")
 
     @property
     def gains(self) -> str:

@@ -99,6 +99,8 @@ def test_an_adversary_finds_ever_worse_hands_which_become_training_episodes() ->
 
 
 def test_every_pair_has_another_device_within_what_is_declared() -> None:
+    with pytest.raises(ParameterError, match="machine must be left out"):
+        replace(arguments(1, "universal"), machine=BASELINE)
     draws = training_draws(arguments(1, "universal"))
     machines = [machine for machine, _ in draws.pairs(64, 5)]
     assert machines == [machine for machine, _ in draws.pairs(64, 5)]
