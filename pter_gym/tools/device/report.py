@@ -89,7 +89,7 @@ class DeviceReport:
             f"{usual:.3g} N; the hand pushes with {pushes:.0f} N"
         )
         if GUIDED in ranked:
-            return f"Yes: with tuned laws it keeps the pace on {', '.join(ranked)}; {forces}."
+            return f"Yes: it keeps the pace on {', '.join(ranked)}; {forces}."
         if own <= 0.0:
             return f"No: {forces}."
         more = f" With about {usual / own:.2g} times the torque it would." if own < usual else ""
@@ -266,7 +266,7 @@ def page(report: DeviceReport, pictures: dict[str, str]) -> str:
         f"<title>{escape(report.device)}</title><style>{STYLE}</style>"
         f"<h1>{escape(report.device)}</h1><p>{escape(report.verdict)}</p>{promises}"
         f"<h2>What it can render</h2>{rendering}"
-        f"<h2>Tuned laws, pace {escape(report.pace)}</h2>{boards}"
+        f"<h2>Policies, pace {escape(report.pace)}</h2>{boards}"
         f"<h2>Pictures</h2>{figures}<p>pter_gym {__version__}; the numbers are in "
         "<a href='device.json'>device.json</a>.</p></html>\n"
     )
