@@ -4,8 +4,8 @@
     python benchmarks/devices.py table [POLICY …]
 
 ``tune`` writes the laws tuned for each device into benchmarks/devices, about two minutes of CPU for
-each of twelve; ``table`` scores these and others on the test episodes of `standard`. A policy given
-several times, as PATH/0, PATH/1, …, is one of several seeds. docs/any-device.md has the table.
+each of twelve; ``table`` scores these and others on the test episodes of `standard`. Seeds of
+one policy are given as NAME=PATH,PATH,…. docs/development/any-device.md has the table.
 """
 
 from dataclasses import replace

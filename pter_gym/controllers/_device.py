@@ -6,7 +6,7 @@ from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import Entry, layout_of
-from pter_gym._internal.fields import require
+from pter_gym._internal.fields import require, require_kind, require_number
 from pter_gym.controllers._guided import Guided, PaceSchedule
 from pter_gym.controllers._policy import Policy
 from pter_gym.params import BASELINE, Machine, find_machine
@@ -111,6 +111,11 @@ class Powers:
     mass: float = 0.0
     size: float = 0.0
 
+    def __post_init__(self) -> None:
+        """Check the exponents."""
+        for name in Ratios._fields:
+            require_number(self, name, at_least=-10.0, at_most=10.0)
+
     def factor(self, ratios: Ratios) -> float:
         """Return what the gain is multiplied by."""
         return math.prod(ratio ** getattr(self, name) for name, ratio in ratios._asdict().items())
@@ -135,6 +140,7 @@ class Scaled:
 
     def __post_init__(self) -> None:
         """Check that the powers are of gains of the law."""
+        require_kind(self, "schedule", PaceSchedule)
         names = [item.name for item in fields(self.schedule.knots[0][1])]
         for each in self.powers:
             require(each.gain in names, self, "powers", f"of gains of the law: {names}")

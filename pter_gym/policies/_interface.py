@@ -66,7 +66,8 @@ class Input:
     def on(self, machine: Machine, interface: "Interface") -> "Input | None":
         """Return the input on another machine than the training's; None of a missing clutch."""
         kind, _, number = self.name.rpartition("_")
-        if kind not in ("volts", "base", "torque"):
+        clutches = [str(1 + k) for k in range(len(interface.clutches))]
+        if kind not in ("volts", "base", "torque") or number not in clutches:
             return self
         rows, row = clutch_rows(machine), interface.clutches[int(number) - 1]
         if row not in rows:

@@ -94,6 +94,15 @@ def test_powers_are_of_gains() -> None:
         Scaled(schedule=PTER, powers=(Powers(gain="strenght"),))
 
 
+def test_damaged_numbers_are_refused() -> None:
+    with pytest.raises(ParameterError, match="torque"):
+        Powers(gain="strength", torque=1e3)
+    with pytest.raises(ParameterError, match="schedule"):
+        Scaled(schedule="single-dof")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ParameterError, match="volts_9"):
+        network(("volts_9",)).bind(BASELINE, observation_layout(BASELINE, "torque"))
+
+
 def test_what_is_told_is_a_part_of_the_bias() -> None:
     policy, machine = network(), device(torque=0.5, lag=3.0)
     (weight, bias), _ = policy.layers
