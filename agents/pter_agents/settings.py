@@ -74,7 +74,6 @@ class Settings(RewardWeights):
     devices: bool = parameter(
         "1", "whether every pair has another device, of draws.DEVICES", default=False
     )
-    told: bool = parameter("1", "whether the policy is told of its device", default=False)
     minibatch: int = parameter("1", "samples of a gradient step")
     epochs: int = parameter("1", "gradient steps for each sample")
     learning_rate: float = parameter("1", "at the beginning; it falls linearly", above=0.0)
@@ -106,8 +105,7 @@ class Settings(RewardWeights):
             accepted = f"at most {MAX_LAYERS - 1} whole numbers from 1 to {MAX_UNITS}"
             require(are_hidden(getattr(self, name)), self, name, accepted)
         require(self.worlds % PARTS == 0, self, "worlds", f"a multiple of {PARTS}")
-        for name in ("devices", "told"):
-            require_flag(self, name)
+        require_flag(self, "devices")
         alone = not (self.devices and self.adversary)
         require(alone, self, "adversary", "0 with drawn devices")
         samples = self.worlds * self.steps

@@ -18,13 +18,13 @@ from pter_agents.draws import training_draws
 from pter_agents.settings import NO_BASE, TrainingArguments
 from pter_gym._engine.storage import constants_of
 from pter_gym._engine.xla import words_of
-from pter_gym.controllers import DEVICE, PaceSchedule, Scaled, device_of
+from pter_gym.controllers import PaceSchedule, Scaled
 from pter_gym.controllers._network import INPUT_LIMIT
 from pter_gym.envs._base_law import find_base_law
 from pter_gym.envs._vector import PathFollowingVectorEnv
-from pter_gym.envs.jax import AnyState, EnvParams, JaxEnv, pair_of, truth_of
+from pter_gym.envs.jax import AnyState, EnvParams, JaxEnv, truth_of
 from pter_gym.policies import Input, Interface
-from pter_gym.policies._interface import clutch_rows, input_names, input_values, told_values
+from pter_gym.policies._interface import clutch_rows, input_names, input_values
 from pter_gym.scenarios.distributions import Pair
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
@@ -58,8 +58,8 @@ class Selection(NamedTuple):
 
 class SharedConstants(NamedTuple):
     """What the worlds of a training share: ``EnvParams``, their constants as float32, units of the
-    observation's entries, inputs of the policy and those of the value network alone, weights of the
-    present in the averages, (A,), and what the policy is told of each pair's machine, (P, T)."""
+    observation's entries, inputs of the policy and those of the value network alone, and weights of
+    the present in the averages, (A,)."""
 
     params: EnvParams
     constants: jax.Array
@@ -67,18 +67,15 @@ class SharedConstants(NamedTuple):
     present: Selection
     truth: Selection
     shares: jax.Array
-    told: jax.Array
 
 
 class RolloutState(NamedTuple):
     """What changes, worlds first: the environment, the policy's inputs now and at each earlier step
-    that it sees, their averages, what it is told, and the current inputs of the value network
-    alone."""
+    that it sees, their averages, and the current inputs of the value network alone."""
 
     env: AnyState
     seen: jax.Array
     means: jax.Array
-    told: jax.Array
     known: jax.Array
 
 
@@ -111,11 +108,9 @@ class JaxWorlds:
         self._layout = present.observation_layout
         self._pace = self._layout.names.index("pace")
         inputs, truth = _sample(present, arguments.seed)
-        nominal, machines = env.nominal_machine, [machine for machine, _ in env.batch.pairs]
+        nominal = env.nominal_machine
         if isinstance(env.base, Scaled):
-            self._env.tell_base(machines)
-        devices = np.array([device_of(each) for each in machines])
-        told = _told(devices) if s.told else ()
+            self._env.tell_base([machine for machine, _ in env.batch.pairs])
         self.interface = Interface(
             inputs,
             s.reach,
@@ -126,7 +121,6 @@ class JaxWorlds:
             s.frame_skip,
             nominal.clutch.voltage_max,
             clutch_rows(nominal),
-            told=told,
         )
         self.size = self.interface.size + len(truth.entries)
         centers, scales = zip(*((each.center, each.scale) for each in inputs), strict=True)
@@ -137,7 +131,6 @@ class JaxWorlds:
             Selection.of(range(len(inputs)), centers, scales),
             truth,
             jnp.asarray(1.0 / np.array(s.averages), jnp.float32),
-            jnp.asarray([told_values(each, told) for each in machines], jnp.float32),
         )
         self._room = 0
 
@@ -168,7 +161,6 @@ class JaxWorlds:
             env,
             jnp.zeros((count, 1 + len(self.interface.history), inputs)),
             jnp.zeros((count, len(shared.shares), inputs)),
-            _told_of(shared, env.world),
             _truth(shared, env.world),
         )
         return self._see(shared, state, obs, jnp.ones(count, bool))
@@ -181,8 +173,7 @@ class JaxWorlds:
         obs, env, rewards, terminated, truncated, info = step(
             None, state.env, actions, shared.params
         )
-        told, known = _told_of(shared, env.world), _truth(shared, env.world)
-        state = state._replace(env=env, told=told, known=known)
+        state = state._replace(env=env, known=_truth(shared, env.world))
         after = self._see(shared, state, obs, terminated | truncated)
         last_obs = info["final_observation"]
         paces = last_obs[:, self._pace] * shared.obs_scales[self._pace]
@@ -191,7 +182,7 @@ class JaxWorlds:
     def inputs(self, state: RolloutState) -> jax.Array:
         """Return the networks' inputs, (N, size): the policy's, then the value network's own."""
         seen = jnp.concatenate([state.seen, state.means], axis=1)
-        return jnp.concatenate([seen.reshape(len(seen), -1), state.told, state.known], axis=1)
+        return jnp.concatenate([seen.reshape(len(seen), -1), state.known], axis=1)
 
     def last_inputs(
         self, shared: SharedConstants, before: RolloutState, obs: jax.Array
@@ -213,19 +204,6 @@ class JaxWorlds:
 def _truth(shared: SharedConstants, world: jax.Array) -> jax.Array:
     """Return the inputs of the value network alone: entries of ``Batch.truth``."""
     return shared.truth.inputs(truth_of(world, shared.constants, shared.truth.entries))
-
-
-def _told_of(shared: SharedConstants, world: jax.Array) -> jax.Array:
-    """Return what the policy is told of each world's machine, (N, T)."""
-    return shared.told[pair_of(world).astype(jnp.int32)]
-
-
-def _told(devices: NDArray[np.float64]) -> tuple[Input, ...]:
-    """Return the inputs that tell of devices, those of their numbers that vary."""
-    moments = zip(DEVICE.names, *_moments(devices), strict=True)
-    return tuple(
-        Input(name, float(f"{c:.4g}"), float(f"{s:.4g}")) for name, c, s, v in moments if v
-    )
 
 
 def _make_env(arguments: TrainingArguments, count: int) -> PathFollowingVectorEnv:

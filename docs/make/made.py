@@ -15,7 +15,7 @@ import tyro
 from markup import IMAGES, code, number, table
 
 from pter_gym._commands.main import commands as find_commands, load_command
-from pter_gym.controllers import CONTROLLERS, DEVICE
+from pter_gym.controllers import CONTROLLERS
 from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.hands import LIBRARY_ARMS, LIBRARY_TREMORS
 from pter_gym.hands._library import Grade
@@ -110,12 +110,6 @@ def context() -> str:
 def entry(each: Any) -> list[str]:
     """Return the cells of an entry of an observation."""
     return [code(each.name), each.unit, f"{each.scale:g}", each.meaning]
-
-
-@made
-def device() -> str:
-    """Return what a policy for any device is told."""
-    return table(["Number", "Meaning"], ([code(each.name), each.meaning] for each in DEVICE.fields))
 
 
 @made

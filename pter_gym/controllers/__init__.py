@@ -4,7 +4,7 @@ from pter_gym._compiled.compiler import compiled
 from pter_gym._compiled.records import rows
 from pter_gym._internal.laws import LAWS
 from pter_gym._physics.clutch import PerClutch
-from pter_gym.controllers._device import DEVICE, Device, Powers, Scaled, device_of
+from pter_gym.controllers._device import Powers, Scaled
 from pter_gym.controllers._gains import MEMORY, Memory
 from pter_gym.controllers._guided import (
     Guided,
@@ -22,11 +22,9 @@ CONTROLLERS: dict[str, type[Controller]] = {name: globals()[kind] for name, kind
 
 __all__ = [
     "CONTROLLERS",
-    "DEVICE",
     "MEMORY",
     "AnyPolicy",
     "Controller",
-    "Device",
     "Free",
     "Guided",
     "Impedance",
@@ -43,6 +41,5 @@ __all__ = [
     "VelocityRatio",
     "bind",
     "compiled",
-    "device_of",
     "rows",
 ]

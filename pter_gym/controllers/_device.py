@@ -1,67 +1,17 @@
-"""A device as its data sheet has it, and laws whose gains follow the numbers in it."""
+"""Laws whose gains follow what a data sheet says of a device."""
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from pter_gym._compiled.layout import Layout
-from pter_gym._compiled.records import Entry, layout_of
 from pter_gym._internal.fields import require, require_kind, require_number
 from pter_gym.controllers._guided import Guided, PaceSchedule
 from pter_gym.controllers._policy import Policy
 from pter_gym.params import BASELINE, Machine, find_machine
-from pter_gym.params._connection import PAPER_CLUTCHES
 
 DIGITS = 6
 """Significant digits of a scaled gain, so that a computer's own powers do not show."""
-
-PAPER_ROWS = tuple(clutch.row for clutch in PAPER_CLUTCHES)
-
-
-class Device(NamedTuple):
-    """What a data sheet says of a machine; ratios are to PTER's own numbers.
-
-    A torque T, of PTER's T₀ at the largest voltage, appears as T/(T + T₀): 0 for a clutch that is
-    not there, ½ for PTER's own.
-    """
-
-    torque_1: Annotated[float, Entry("1", "T/(T + T₀) of the brake of link A")]
-    torque_2: Annotated[float, Entry("1", "T/(T + T₀) of the brake of link B")]
-    torque_3: Annotated[float, Entry("1", "T/(T + T₀) of the clutch that couples the links")]
-    torque_4: Annotated[float, Entry("1", "T/(T + T₀) of the clutch that couples them inversely")]
-    half: Annotated[float, Entry("1", "torque at half the voltage over that at all of it")]
-    off_state: Annotated[float, Entry("1", "torque without voltage over that at all of it")]
-    breakaway: Annotated[float, Entry("1", "breakaway torque over dynamic torque")]
-    lag: Annotated[float, Entry("1", "logarithm of the ratio of time constants")]
-    length_a: Annotated[float, Entry("1", "ratio of the lengths of link A")]
-    length_b: Annotated[float, Entry("1", "ratio of the lengths of link B")]
-    inertia_a: Annotated[float, Entry("1", "logarithm of the ratio of inertias of axis A")]
-    inertia_b: Annotated[float, Entry("1", "logarithm of the ratio of inertias of axis B")]
-
-
-DEVICE = layout_of(Device)
-"""Names, units and meanings of a device's numbers."""
-
-
-def device_of(machine: Machine) -> Device:
-    """Return what a data sheet says of a machine."""
-    arm, clutch, own = machine.arm, machine.clutch, BASELINE
-    top = clutch.voltage_max
-    torque = clutch.dynamic.torque(top)
-    usual = own.clutch.dynamic.torque(own.clutch.voltage_max)
-    there = {c.row: torque * s for c, s in zip(machine.clutches, machine.slot_scale, strict=False)}
-    torques = [there.get(row, 0.0) for row in PAPER_ROWS]
-    return Device(
-        *(each / (each + usual) for each in torques),
-        half=clutch.dynamic.torque(0.5 * top) / torque,
-        off_state=clutch.dynamic.off_state / torque,
-        breakaway=clutch.breakaway.torque(top) / torque,
-        lag=math.log(clutch.time_constant / own.clutch.time_constant),
-        length_a=arm.length_a / own.arm.length_a,
-        length_b=arm.length_b / own.arm.length_b,
-        inertia_a=math.log(arm.inertia_a / own.arm.inertia_a),
-        inertia_b=math.log(arm.inertia_b / own.arm.inertia_b),
-    )
 
 
 class Ratios(NamedTuple):

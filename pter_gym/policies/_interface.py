@@ -19,7 +19,7 @@ from pter_gym._internal.fields import (
     require_whole,
 )
 from pter_gym._physics.arm import UnitVector, Vector, components
-from pter_gym.controllers import DEVICE, PaceSchedule, Scaled, device_of
+from pter_gym.controllers import PaceSchedule, Scaled
 from pter_gym.controllers._network import BASE_INPUTS, DERIVED, INPUT_LIMIT
 from pter_gym.params import BASELINE, Machine
 from pter_gym.tasks.path_following import PathFollowing
@@ -114,8 +114,6 @@ class Interface:
         Rows of W of these clutches.
     control_period
         Control period of its training [s].
-    told
-        Numbers of the machine, named in ``DEVICE``, that the network sees after all else.
     """
 
     inputs: tuple[Input, ...]
@@ -128,7 +126,6 @@ class Interface:
     voltage_max: float = BASELINE.clutch.voltage_max
     clutches: Rows = clutch_rows(BASELINE)
     control_period: float = field(default=PathFollowing.control_period, metadata={"later": True})
-    told: tuple[Input, ...] = field(default=(), metadata={"later": True})
 
     def __post_init__(self) -> None:
         """Check each field by itself."""
@@ -137,9 +134,6 @@ class Interface:
         for name in ("reach", "voltage_max", "control_period"):
             require_number(self, name, above=0.0)
         require_kind(self, "base", PaceSchedule, Scaled, type(None))
-        known = {type(each) for each in self.told} <= {Input}
-        known = known and {each.name for each in self.told} <= {*DEVICE.names}
-        require(known, self, "told", f"inputs called {', '.join(DEVICE.names)}", got=self.told)
         require_flag(self, "normalised")
         absolute = not (self.normalised and self.base)
         require(absolute, self, "normalised", "False with a base controller")
@@ -155,19 +149,13 @@ class Interface:
 
     @property
     def size(self) -> int:
-        """Number of inputs of the network, including earlier ones and averages, and the told."""
-        return len(self.inputs) * (1 + len(self.history) + len(self.averages)) + len(self.told)
+        """Number of inputs of the network, including earlier ones and averages."""
+        return len(self.inputs) * (1 + len(self.history) + len(self.averages))
 
     @property
     def for_any_machine(self) -> bool:
         """Whether the policy is made for machines with other drives, clutches and arms."""
-        return bool(self.told) or isinstance(self.base, Scaled)
-
-
-def told_values(machine: Machine, inputs: tuple[Input, ...]) -> list[float]:
-    """Return what a network is told of a machine, within ±10."""
-    device = device_of(machine)._asdict()
-    return [each.scaled(device[each.name]) for each in inputs]
+        return isinstance(self.base, Scaled)
 
 
 def input_names(layout: Layout, *, residual: bool) -> list[str]:

@@ -17,7 +17,7 @@ from pter_gym.controllers._laws import built_in, built_in_declared
 from pter_gym.controllers._network import LAW_WIDTH, Network, memory_width, source_of
 from pter_gym.errors import DataError, unknown_name
 from pter_gym.params import SLOTS, Machine, find_machine
-from pter_gym.policies._interface import Interface, clutch_rows, input_names, told_values
+from pter_gym.policies._interface import Interface, clutch_rows, input_names
 
 MAX_UNITS, MAX_LAYERS = 1024, 8
 """Largest numbers of units in a hidden layer, and of layers."""
@@ -140,8 +140,8 @@ class TrainedPolicy:
     def for_machine(self, machine: Machine) -> "TrainedPolicy":
         """Return a policy for any machine with one machine's numbers in it.
 
-        Voltages are fractions of the largest. What the policy is told, and what it sees of a clutch
-        that the machine lacks, is constant and becomes part of the first biases.
+        Voltages are fractions of the largest. What the policy sees of a clutch that the machine
+        lacks is constant and becomes part of the first biases.
 
         Raises
         ------
@@ -155,17 +155,15 @@ class TrainedPolicy:
         fits = len({*rows}) == len(rows) and {*rows} <= {*interface.clutches}
         require(fits, machine, "clutches", f"some of {interface.clutches}", got=rows)
         inputs = [each.on(machine, interface) for each in interface.inputs]
-        seen = [k for k, each in enumerate(inputs) if each is not None]
         (weight, bias), *others = self.layers
-        count, told = len(inputs), len(interface.told)
-        width = interface.size - told
-        constants = [each.scaled(0.0) for each in interface.inputs] * (width // count)
-        constants += told_values(machine, interface.told)
+        columns: list[int] = []
         first = bias.astype(np.float64)
-        for k, constant in enumerate(constants):  # in one order on all computers
-            if k >= width or inputs[k % count] is None:
-                first += weight[:, k] * constant
-        columns = [start + k for start in range(0, width, count) for k in seen]
+        for k in range(interface.size):  # in one order on all computers
+            each = k % len(inputs)
+            if inputs[each] is None:
+                first += weight[:, k] * interface.inputs[each].scaled(0.0)
+            else:
+                columns.append(k)
         layers = [(np.ascontiguousarray(weight[:, columns]), first.astype(np.float32)), *others]
         weight, bias = layers[-1]
         there = [interface.clutches.index(row) for row in rows]
@@ -178,7 +176,6 @@ class TrainedPolicy:
             reach=interface.reach * top / interface.voltage_max,
             voltage_max=top,
             clutches=rows,
-            told=(),
         )
         return replace(self, interface=own, layers=tuple(layers))
 

@@ -17,7 +17,6 @@ from pter_gym import load_policy
 from pter_gym._commands.main import main
 from pter_gym._engine.storage import CONTEXT_WIDTH
 from pter_gym.benchmark import Episodes, find_policy
-from pter_gym.controllers import DEVICE, device_of
 from pter_gym.envs import PathFollowingVectorEnv
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
@@ -104,29 +103,31 @@ def test_every_pair_has_another_device_within_what_is_declared() -> None:
     draws = training_draws(arguments(1, "universal"))
     machines = [machine for machine, _ in draws.pairs(64, 5)]
     assert machines == [machine for machine, _ in draws.pairs(64, 5)]
-    devices = np.array([device_of(each) for each in machines])
-    assert len({*map(tuple, devices)}) == len(machines)
-    by_name = dict(zip(DEVICE.names, devices.T, strict=True))
-    there = devices[:, :4] > 0.0
-    ratios = (devices[:, :4] / (1.0 - devices[:, :4]))[there]
+    top = BASELINE.clutch.voltage_max
+    torques = np.array([each.clutch.dynamic.torque(top) for each in machines])
+    breakaway = np.array([each.clutch.breakaway.torque(top) for each in machines]) / torques
+    off_state = np.array([each.clutch.dynamic.off_state for each in machines]) / torques
+    lags = np.array([each.clutch.time_constant for each in machines])
+    lengths = np.array([each.arm.length_a for each in machines]) / BASELINE.arm.length_a
+    scales = np.array([each.clutch_scale for each in machines])
+    ratios = (torques[:, None] * scales)[scales > 0.0] / BASELINE.clutch.dynamic.torque(top)
+    assert len({*torques}) == len({*lags}) == len({*lengths}) == len(machines)
     assert 0.3 * 0.9 <= ratios.min() < 0.6 < 1.5 < ratios.max() <= 3.0 * 1.11
-    assert {*there.sum(axis=1)} == {2, 3, 4}
-    assert ((by_name["breakaway"] >= 1.0) & (by_name["breakaway"] <= 1.5)).all()
-    lags = BASELINE.clutch.time_constant * np.exp(by_name["lag"])
+    assert {*(scales > 0.0).sum(axis=1)} == {2, 3, 4}
+    assert 1.0 <= breakaway.min() < 1.1 < 1.4 < breakaway.max() <= 1.5
     assert 0.005 <= lags.min() < 0.02 < 0.15 < lags.max() <= 0.3
-    assert 0.0 == by_name["off_state"].min() < by_name["off_state"].max() <= 0.1
-    assert 0.6 * 0.9 <= by_name["length_a"].min() < by_name["length_a"].max() <= 1.5 * 1.11
+    assert 0.0 == off_state.min() < off_state.max() <= 0.1
+    assert 0.6 * 0.9 <= lengths.min() < lengths.max() <= 1.5 * 1.11
 
 
-@pytest.mark.parametrize("told", [True, False])
-def test_worlds_with_drawn_devices_act_as_the_policy_bound_to_each_device(told: bool) -> None:
+def test_worlds_with_drawn_devices_act_as_the_policy_bound_to_each_device() -> None:
     import jax
     from jax import numpy as jnp
 
     from pter_agents.ppo import PPO
     from pter_gym.envs.jax import pair_of
 
-    given = arguments(1, "universal", contexts=16, told=told)
+    given = arguments(1, "universal", contexts=16)
     ppo = PPO(replace(given, scenario="all"))
     others = [0.1 * jnp.sin(jnp.arange(x.size)) for x in jax.tree.leaves(ppo.state.weights)]
     changed = jax.tree.map(lambda x: x + others.pop(0).reshape(x.shape), ppo.state.weights)

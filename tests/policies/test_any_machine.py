@@ -1,4 +1,4 @@
-"""Laws and networks for any device: what they know of a machine, and that only that matters."""
+"""Laws and networks for any device: how they follow a machine."""
 
 import math
 from dataclasses import replace
@@ -11,7 +11,7 @@ from hypothesis import given, strategies as st
 
 from pter_gym.benchmark import training_episodes
 from pter_gym.benchmark.rollout import record_episode
-from pter_gym.controllers import PaceSchedule, Powers, Scaled, SingleDof, device_of
+from pter_gym.controllers import PaceSchedule, Powers, Scaled, SingleDof
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Connection, Machine, TorqueCurve
 from pter_gym.params._connection import BRAKE_A, COUPLED, INVERTED
@@ -51,10 +51,10 @@ def device(torque: float = 1.0, lag: float = 1.0, size: float = 1.0, top: float 
 def network(
     inputs: tuple[str, ...] = ("normal_error", "omega_a", "volts_1", "base_2"), **interface: Any
 ) -> TrainedPolicy:
-    """Random weights that see the inputs and two numbers of the device."""
+    """Random weights over a law for any device."""
     rng = np.random.default_rng(3)
-    told = (Input("lag", -0.5, 2.0), Input("torque_3", 0.4, 0.2))
-    usual = {"reach": 24.0, "base": Scaled(schedule=PTER), "history": (2,), "told": told}
+    law = Scaled(schedule=PTER, powers=(Powers(gain="strength", lag=1.0),))
+    usual = {"reach": 24.0, "base": law, "history": (2,)}
     known = Interface(tuple(map(Input, inputs)), **{**usual, **interface})
     sizes = known.size, 5, 4
     layers = tuple(
@@ -64,11 +64,7 @@ def network(
     return TrainedPolicy(known, layers)
 
 
-def test_the_papers_machine_has_ratios_of_one() -> None:
-    found = device_of(BASELINE)
-    assert found[:4] == (0.5,) * 4
-    assert found.breakaway == pytest.approx(1.12)
-    assert found[7:] == (0.0, 1.0, 1.0, 0.0, 0.0)
+def test_the_papers_machine_has_the_gains_as_they_stand() -> None:
     law = Scaled(schedule=PTER, powers=(Powers(gain="strength", torque=2.0, lag=1.0),))
     assert law.for_machine(BASELINE) == PTER
 
@@ -103,15 +99,6 @@ def test_damaged_numbers_are_refused() -> None:
         network(("volts_9",)).bind(BASELINE, observation_layout(BASELINE, "torque"))
 
 
-def test_what_is_told_is_a_part_of_the_bias() -> None:
-    policy, machine = network(), device(torque=0.5, lag=3.0)
-    (weight, bias), _ = policy.layers
-    (own, first), _ = policy.for_machine(machine).layers
-    told = [(math.log(3.0) + 0.5) / 2.0, (1.0 / 3.0 - 0.4) / 0.2]
-    assert (own == weight[:, :8]).all()
-    np.testing.assert_allclose(first, bias + weight[:, 8:] @ told, rtol=1e-5)
-
-
 @pytest.mark.parametrize("policy", [network(), find_tuned(SCALED)], ids=["network", "law"])
 def test_a_voltage_is_a_fraction_of_the_largest(policy: Any) -> None:
     """The same clutches at half the voltages: powers of two, so the same bits but for them."""
@@ -124,7 +111,7 @@ def test_a_voltage_is_a_fraction_of_the_largest(policy: Any) -> None:
 
 
 def test_other_policies_keep_to_their_machine() -> None:
-    policy = network(base=PTER, told=())
+    policy = network(base=PTER)
     assert policy.for_machine(device(2.0)) is policy
     layout = observation_layout(BASELINE, "torque")
     with pytest.raises(ParameterError, match="voltage_max must be 24 V"):

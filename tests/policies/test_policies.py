@@ -14,7 +14,7 @@ from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.policies import SHIPPED, read_policy, shipped_policies, write_policy
 from pter_gym.policies._files import read_header
-from pter_gym.policies._interface import input_names, input_values, told_values
+from pter_gym.policies._interface import input_names, input_values
 from pter_gym.tasks.path_following import PathFollowing
 from rollouts import Acting
 
@@ -48,8 +48,7 @@ def test_a_compiled_network_is_that_of_numpy(name: str) -> None:
         shares = 1.0 / np.array(interface.averages)[:, None, None]
         means = np.repeat(present[None], len(shares), axis=0) if means is None else means
         means = means + shares.reshape(-1, 1, 1) * (present - means)
-        told = np.tile(told_values(BASELINE, interface.told), (3, 1))
-        values = np.hstack([present, *(past[age] for age in interface.history), *means, told])
+        values = np.hstack([present, *(past[age] for age in interface.history), *means])
         for k, (weight, bias) in enumerate(trained.layers):
             values = values @ weight.T.astype(float) + bias
             values = np.tanh(values) if k < len(trained.layers) - 1 else np.clip(values, -1.0, 1.0)
