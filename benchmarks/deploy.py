@@ -187,7 +187,7 @@ class Timed:
         self.period, self.jitter, self.delay = period, jitter, delay
 
     def bind(self, machine: Any, layout: Any) -> Policy:
-        return Policy.of_function(self.act, layout, start=self.start)
+        return Policy.from_function(self.act, layout, start=self.start)
 
     def start(self, worlds: int) -> Any:
         """Begin episodes in all worlds; the programs remember them."""

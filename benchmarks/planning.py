@@ -44,7 +44,7 @@ class Foreseeing:
 
     def bind(self, machine: Any, layout: Any) -> Policy:
         del machine
-        return Policy.of_function(self.act, layout)
+        return Policy.from_function(self.act, layout)
 
     def act(self, observations: Any) -> Any:
         del observations

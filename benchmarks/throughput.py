@@ -29,7 +29,8 @@ from pter_gym._internal.computer import available_cores
 from pter_gym.benchmark import evaluate, find_policy, training_episodes
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE
-from pter_gym.tasks.path_following import COLUMN, PathFollowing, substeps
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from pter_gym.tasks.path_following._specification import substeps
 
 ID = "PTER/PathFollowing-v0"
 QUICK = "--quick" in sys.argv

@@ -37,7 +37,7 @@ class Pid:
 
     def bind(self, machine, layout):
         gains = [*astuple(self), machine.arm.length_a, machine.arm.length_b]
-        return Policy.of_law(pid, gains, machine, layout)
+        return Policy.from_law(pid, gains, machine, layout)
 
 
 if __name__ == "__main__":

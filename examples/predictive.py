@@ -88,7 +88,7 @@ class Predictive:
         def start(worlds):
             return np.repeat([[0.0] * 9 + [0.6] * 4 * HORIZON], worlds, axis=0)
 
-        return Policy.of_function(act, layout, start=start)
+        return Policy.from_function(act, layout, start=start)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import pytest
 from pter_gym._internal.fields import Checked, parameter
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
-from pter_gym.hands import NO_HAND
+from pter_gym.hands._operators import NO_HAND
 from pter_gym.params import Hand
 from pter_gym.paths import Line, Path
 from pter_gym.paths._arcs import Arcs

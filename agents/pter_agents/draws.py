@@ -284,7 +284,7 @@ def validation_episodes(arguments: TrainingArguments) -> dict[str, Episodes]:
         draws = draws_for(arguments.scenario, pace, arguments.machine)
         pairs = draws.pairs(arguments.validation_episodes, SEED)
         seeds = range(FIRST_RESET, FIRST_RESET + len(pairs))
-        found[pace] = Episodes.of_pairs(arguments.scenario, draws, pairs, seeds)
+        found[pace] = Episodes.from_pairs(arguments.scenario, draws, pairs, seeds)
     return found
 
 

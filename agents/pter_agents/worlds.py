@@ -110,7 +110,7 @@ class JaxWorlds:
         inputs, truth = _sample(present, arguments.seed)
         nominal = env.nominal_machine
         if isinstance(env.base, Scaled):
-            self._env.tell_base([machine for machine, _ in env.batch.pairs])
+            self._env.bind_base([machine for machine, _ in env.batch.pairs])
         self.interface = Interface(
             inputs,
             s.reach,

@@ -1,7 +1,8 @@
 """List the public interface: `python docs/make/interface.py` writes tests/meta/interface.txt.
 
-It has a line for each name of the modules in docs/api.md, with parameters, defaults and fields, and
-for what users write or read elsewhere: ids, commands, columns, entries and keys of files.
+It has a line for each name of the modules in docs/api.md, up to those behind the commands, with
+parameters, defaults and fields, and for what users write or read elsewhere: ids, commands, columns,
+entries and keys of files.
 """
 
 import dataclasses
@@ -11,11 +12,12 @@ import pkgutil
 import re
 from collections.abc import Iterator, Sequence
 from types import ModuleType
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
 
 import gymnasium
 from markup import DOCS, ROOT
 
+from pter_gym import __version__
 from pter_gym._commands.main import commands, load_command
 from pter_gym.benchmark.results import NAMES, ORIGIN, WORST
 from pter_gym.benchmark.scores import SCORES
@@ -31,14 +33,17 @@ LISTING = ROOT / "tests" / "meta" / "interface.txt"
 PLAIN = (bool, int, float, str, type(None))
 
 
-def modules() -> list[str]:
-    """Return the names of the public modules, as docs/api.md has them."""
-    return re.findall(r"^   (pter_gym[\w.]*)$", (DOCS / "api.md").read_text("utf-8"), re.MULTILINE)
+def modules(*, behind: bool) -> list[str]:
+    """Return the names of the modules in docs/api.md, with or without those behind the commands."""
+    page, mark, rest = (DOCS / "api.md").read_text("utf-8").partition("## Behind the commands")
+    assert mark
+    text = page + rest if behind else page
+    return re.findall(r"^   (pter_gym[\w.]*)$", text, re.MULTILINE)
 
 
 def lines() -> Iterator[str]:
     """Yield the lines of the listing."""
-    for name in modules():
+    for name in modules(behind=False):
         yield from lines_of_module(pkgutil.resolve_name(name))
     yield from (f"id {each}" for each in sorted(gymnasium.registry) if each.startswith("PTER/"))
     for name in commands():
@@ -71,7 +76,9 @@ def lines_of_module(module: ModuleType) -> Iterator[str]:
         if name.startswith("_") or inspect.ismodule(value):
             continue
         place = f"{module.__name__}.{name}"
-        if inspect.isclass(value):
+        if get_origin(value) is Literal:
+            yield f"{place} = {' | '.join(get_args(value))}"
+        elif inspect.isclass(value):
             yield from lines_of_class(place, value)
         elif callable(value):
             yield f"{place}{signature(value)}"
@@ -123,6 +130,8 @@ class Text(str):
 
 def default(value: object) -> str:
     """Return a default that is plain data as code, and of others what kind of thing it is."""
+    if value == __version__:
+        return "<version>"
     if isinstance(value, tuple) and all(isinstance(each, PLAIN) for each in value):
         return repr(tuple(value))
     return repr(value) if isinstance(value, PLAIN) else f"<{type(value).__name__.strip('_')}>"

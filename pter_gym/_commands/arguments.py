@@ -18,7 +18,8 @@ from pter_gym.paths._names import PATH_NAMES
 from pter_gym.paths._reach import SINGULARITY_MARGIN, check_reach
 from pter_gym.policies._files import ENDING
 from pter_gym.policies._names import check_policy
-from pter_gym.scenarios import PACES, SCENARIOS, find_pace, find_scenario
+from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
+from pter_gym.scenarios._paces import find_pace
 
 ALL = "all"
 """All scenarios, or all paces."""

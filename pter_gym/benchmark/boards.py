@@ -16,7 +16,8 @@ from pter_gym._internal.terminal import WIDTH, say, shorten
 from pter_gym._version import __version__
 from pter_gym.benchmark.intervals import Interval, largest_rate, mean_interval
 from pter_gym.benchmark.scores import CONFIDENCE, SCORES, ScenarioRun, WorstHand
-from pter_gym.scenarios import SCENARIOS, find_pace, title_of_pace
+from pter_gym.scenarios import SCENARIOS
+from pter_gym.scenarios._paces import find_pace, title_of_pace
 
 COMPLETION = 0.99
 """Smallest share of completed episodes of a ranked policy."""

@@ -20,8 +20,9 @@ from pter_gym._internal.files import FilePath, expand_path, write_bytes_atomic
 from pter_gym._internal.reading import MAX_JSON_SIZE, inflate, parse_json, read_bytes, reading
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import BASELINE, Machine
-from pter_gym.scenarios import Scenario, find_pace, find_scenario
+from pter_gym.scenarios import Scenario, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds
+from pter_gym.scenarios._paces import find_pace
 from pter_gym.scenarios.distributions import Draws, Pair
 from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import PathFollowing, Sensors
@@ -76,7 +77,7 @@ class Episodes:
             object.__setattr__(self, "time_limits", tuple(map(time_limit, self.tasks)))
 
     @classmethod
-    def of_pairs(
+    def from_pairs(
         cls,
         scenario: str,
         draws: Draws,
@@ -211,7 +212,7 @@ def training_episodes(
     # those of a chunk end at about one time
     pairs = sorted(scenario.draws.pairs(episodes, seed, pace), key=lambda pair: time_limit(pair[1]))
     seeds = range(seed * len(pairs), (seed + 1) * len(pairs))
-    return Episodes.of_pairs(scenario.name, scenario.draws, pairs, seeds)
+    return Episodes.from_pairs(scenario.name, scenario.draws, pairs, seeds)
 
 
 def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDER) -> Path:
@@ -252,7 +253,7 @@ def draw_episodes(scenario: Scenario, fresh: tuple[int, str] | None = None) -> E
     draws = evaluation_draws(scenario, fresh)
     seeds = range(len(draws)) if fresh is None else fresh_reset_seeds(scenario, fresh)
     pairs, strata = [draw[:2] for draw in draws], [draw[2] for draw in draws]
-    return Episodes.of_pairs(scenario.name, scenario.draws, pairs, seeds, strata)
+    return Episodes.from_pairs(scenario.name, scenario.draws, pairs, seeds, strata)
 
 
 @lru_cache(16)

@@ -35,7 +35,8 @@ from pter_gym.benchmark.worst_hand import find_worst
 from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import Machine
-from pter_gym.scenarios import PACES, Scenario, find_scenario, name_of_pace, names_of_paces
+from pter_gym.scenarios import PACES, Scenario, find_scenario
+from pter_gym.scenarios._paces import name_of_pace, names_of_paces
 from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 

@@ -12,7 +12,7 @@ from pter_gym._internal.files import FilePath, expand_path, has_ending, write_te
 from pter_gym.benchmark.boards import EPISODE_SET, Leaderboard, Standing, in_order
 from pter_gym.benchmark.intervals import Interval, mean_interval
 from pter_gym.errors import ParameterError
-from pter_gym.scenarios import find_pace, title_of_pace
+from pter_gym.scenarios._paces import find_pace, title_of_pace
 
 ENDINGS = (".md", ".tex", ".csv")
 """Of files with a table: Markdown, LaTeX and CSV."""

@@ -17,8 +17,9 @@ from pter_gym.benchmark.rollout import evaluate
 from pter_gym.benchmark.scores import WorstHand
 from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import ParameterError
-from pter_gym.scenarios import Scenario, find_pace, find_scenario
+from pter_gym.scenarios import Scenario, find_scenario
 from pter_gym.scenarios._evaluation_draws import with_phases
+from pter_gym.scenarios._paces import find_pace
 from pter_gym.scenarios.distributions import Draws, Pair
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -215,7 +216,7 @@ def pair_of(draws: Draws, numbers: Numbers) -> Pair | None:
 
 
 def _episodes(name: str, draws: Draws, pairs: list[Pair]) -> Episodes:
-    return Episodes.of_pairs(name, draws, pairs, [0] * len(pairs))
+    return Episodes.from_pairs(name, draws, pairs, [0] * len(pairs))
 
 
 def _generator(scenario: Scenario, speed: float, part: int) -> np.random.Generator:

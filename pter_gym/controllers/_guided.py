@@ -317,4 +317,4 @@ def bind_rows(
             'torque feedback needs torque sensors: sensors="torque" or sensors="force"'
         )
     law = built_in if machine.has_paper_clutches else built_in_declared
-    return Policy.of_law(law, gains_array(first.kind, machine, volts, rows), machine, layout)
+    return Policy.from_law(law, gains_array(first.kind, machine, volts, rows), machine, layout)

@@ -49,7 +49,7 @@ class Policy:
     """What acts in N worlds: ``volts = policy.act(observations, memory)``.
 
     It changes nothing but the memory, which belongs to whoever calls it, so one policy can act in
-    several places at once. ``of_law`` and ``of_function`` make policies.
+    several places at once. ``from_law`` and ``from_function`` make policies.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ class Policy:
         return volts.clip(0.0, top)
 
     @classmethod
-    def of_law(
+    def from_law(
         cls,
         function: ScalarLaw,
         gains: ArrayLike,
@@ -205,7 +205,7 @@ class Policy:
             CompiledLaw(function, numbers),
             control_period=control_period,
             made=partial(
-                cls.of_law,
+                cls.from_law,
                 function,
                 numbers,
                 machine,
@@ -218,7 +218,7 @@ class Policy:
         )
 
     @classmethod
-    def of_function(
+    def from_function(
         cls,
         function: Callable[..., Any],
         layout: Layout,
@@ -259,8 +259,20 @@ class Policy:
 
         name: str = getattr(function, "__name__", type(function).__name__)
         skip = 1 if frame_skip is None else whole_number("frame_skip", frame_skip)
-        made = partial(cls.of_function, function, layout, start=start, frame_skip=frame_skip)
+        made = partial(cls.from_function, function, layout, start=start, frame_skip=frame_skip)
         return cls(layout, act, begin, skip, frame_skip is None, name=name, made=made)
+
+    @classmethod
+    def of_law(cls, *arguments: Any, **keywords: Any) -> "Policy":
+        """Return ``from_law``'s policy; this name ends with version 1.1."""
+        warnings.warn("of_law is from_law since 1.0", DeprecationWarning, stacklevel=2)
+        return cls.from_law(*arguments, **keywords)
+
+    @classmethod
+    def of_function(cls, *arguments: Any, **keywords: Any) -> "Policy":
+        """Return ``from_function``'s policy; this name ends with version 1.1."""
+        warnings.warn("of_function is from_function since 1.0", DeprecationWarning, stacklevel=2)
+        return cls.from_function(*arguments, **keywords)
 
 
 AnyPolicy = Controller | Policy | Callable[[Observations], Any]
@@ -295,10 +307,10 @@ def bind(policy: AnyPolicy, machine: Machine | str | None, layout: Layout) -> Po
     if hasattr(policy, "reset"):
         raise ParameterError(
             "policy must remember nothing by itself: "
-            "Policy.of_function(act, layout, start=…) makes a "
+            "Policy.from_function(act, layout, start=…) makes a "
             f"policy with a memory, got {policy!r:.200} with a method reset"
         )
-    return Policy.of_function(policy, layout, frame_skip=getattr(policy, "frame_skip", None))
+    return Policy.from_function(policy, layout, frame_skip=getattr(policy, "frame_skip", None))
 
 
 def sensors_of(policy: AnyPolicy) -> Sensors:

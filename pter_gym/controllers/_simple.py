@@ -21,7 +21,7 @@ class Free:
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy that gives 0 V in all worlds."""
-        return Policy.of_law(built_in, [CONSTANT, 0.0, 0.0, 0.0, 0.0], machine, layout)
+        return Policy.from_law(built_in, [CONSTANT, 0.0, 0.0, 0.0, 0.0], machine, layout)
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Locked:
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy that gives all clutches a machine's largest voltage."""
         gains = [CONSTANT, *largest_voltages(machine)]
-        return Policy.of_law(built_in, gains, machine, layout)
+        return Policy.from_law(built_in, gains, machine, layout)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,4 +47,4 @@ class Random:
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy that draws up to the largest voltage of a machine's clutches."""
         gains = [RANDOM, self.seed, *largest_voltages(machine)]
-        return Policy.of_law(built_in, gains, machine, layout)
+        return Policy.from_law(built_in, gains, machine, layout)

@@ -186,7 +186,7 @@ class LibraryPolicy:
         def start(worlds: int) -> NDArray[np.object_]:
             return np.zeros(worlds, object)
 
-        return Policy.of_function(act, layout, start=start, frame_skip=self.frame_skip)
+        return Policy.from_function(act, layout, start=start, frame_skip=self.frame_skip)
 
     def _volts(self, actions: Any, machine: Machine) -> Any:
         """Return the voltages [V] of actions, which are clipped."""
@@ -242,7 +242,7 @@ class LibraryPolicy:
                 kept["law"] = base.start(worlds)
             return kept
 
-        return Policy.of_function(act, layout, start=start, frame_skip=None)
+        return Policy.from_function(act, layout, start=start, frame_skip=None)
 
 
 class _Kept(NamedTuple):

@@ -20,7 +20,8 @@ from pter_gym.envs._history import checked_history
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine, find_machine
 from pter_gym.paths import Path, find_path
-from pter_gym.scenarios import PACES, Scenario, find_pace, find_scenario, name_of_pace
+from pter_gym.scenarios import PACES, Scenario, find_scenario
+from pter_gym.scenarios._paces import find_pace, name_of_pace
 from pter_gym.scenarios._suite import gains_for
 from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import (
@@ -30,10 +31,9 @@ from pter_gym.tasks.path_following import (
     RewardWeights,
     Sensors,
     Starts,
-    find_starts,
 )
 from pter_gym.tasks.path_following._observation import BOUND
-from pter_gym.tasks.path_following._specification import largest_error_max
+from pter_gym.tasks.path_following._specification import find_starts, largest_error_max
 
 if TYPE_CHECKING:
     from pter_gym.controllers import Controller

@@ -349,7 +349,7 @@ class JaxEnv:
         latest = batch.history.after(state.latest[None], obs[None], jnp.array([begins]))
         return batch.history.seen(latest)[0], state._replace(latest=latest[0])
 
-    def tell_base(self, machines: Sequence[Machine]) -> None:
+    def bind_base(self, machines: Sequence[Machine]) -> None:
         """Bind the law that actions correct to the machine of each pair that worlds draw."""
         assert self._batch is not None
         assert self._batch.law is not None

@@ -6,8 +6,6 @@ from ._library import (
 )
 from ._model import SINES as SINES, HandModel as HandModel
 from ._operators import (
-    EQ5_FREQUENCIES as EQ5_FREQUENCIES,
-    NO_HAND as NO_HAND,
     NORMAL as NORMAL,
     RELAXED as RELAXED,
     TENSE as TENSE,

@@ -1,14 +1,8 @@
 """Parameters of the machine: frozen dataclasses in SI, each field with its unit and provenance."""
 
 from pter_gym.params._connection import PAPER_CLUTCHES, SLOTS, Connection
-from pter_gym.params._files import (
-    find_machine,
-    find_machines,
-    is_machine_file,
-    load_machine,
-    save_machine,
-)
-from pter_gym.params._machine import Arm, Band, Clutch, Hand, Lag, Machine, TorqueCurve, tip_mass
+from pter_gym.params._files import find_machine, find_machines, load_machine, save_machine
+from pter_gym.params._machine import Arm, Band, Clutch, Hand, Lag, Machine, TorqueCurve
 from pter_gym.params._named import (
     ACTUATORS,
     ARRANGEMENTS,
@@ -16,7 +10,6 @@ from pter_gym.params._named import (
     DELRIN_EXPERIMENTAL,
     DELRIN_THEORETICAL,
     MACHINES,
-    paper_machines,
     with_friction,
 )
 from pter_gym.params._spread import MachineSpread
@@ -41,10 +34,7 @@ __all__ = [
     "TorqueCurve",
     "find_machine",
     "find_machines",
-    "is_machine_file",
     "load_machine",
-    "paper_machines",
     "save_machine",
-    "tip_mass",
     "with_friction",
 ]

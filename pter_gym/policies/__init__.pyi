@@ -1,6 +1,4 @@
 from ._files import (
-    SHIPPED as SHIPPED,
-    policies_in as policies_in,
     read_policy as read_policy,
     shipped_policies as shipped_policies,
     write_policy as write_policy,

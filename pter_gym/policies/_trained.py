@@ -127,7 +127,7 @@ class TrainedPolicy:
                 raise unknown_name("inputs", entry.name, names)
         base = interface.base and interface.base.bind(machine, layout).law
         gains, network = self._gains(base.gains if base else np.zeros(0), layout)
-        return Policy.of_law(
+        return Policy.from_law(
             built_in if machine.has_paper_clutches else built_in_declared,
             gains,
             machine,

@@ -20,7 +20,7 @@ from pter_gym._internal.reading import read_toml, reading
 from pter_gym.controllers import CONTROLLERS, Controller, Guided, Impedance, PaceSchedule, Scaled
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies._names import SCALED, SUFFIX, TUNED_TABLE, tuned_names, tuned_policies
-from pter_gym.scenarios import find_pace
+from pter_gym.scenarios._paces import find_pace
 
 TABLE = TUNED_TABLE
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from pter_gym.hands import (
-    EQ5_FREQUENCIES,
     LIBRARY_ARMS,
     LIBRARY_TREMORS,
     NORMAL,
@@ -15,6 +14,7 @@ from pter_gym.hands import (
     HumanArm,
     MultiSineHand,
 )
+from pter_gym.hands._operators import EQ5_FREQUENCIES
 from pter_gym.hands._tremor import KINDS
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL
 from pter_gym.paths import Arc, Circle, Line, Polyline, Sine, Spline

@@ -7,7 +7,8 @@ import pytest
 
 from documents import load_script
 from pter_gym._commands.main import main
-from pter_gym.benchmark import PACES, ResultsFolder
+from pter_gym.benchmark import ResultsFolder
+from pter_gym.scenarios import PACES
 
 pytestmark = pytest.mark.agents
 torch = pytest.importorskip("torch")

@@ -84,7 +84,7 @@ def test_an_adversary_finds_ever_worse_hands_which_become_training_episodes() ->
     hands, errors = adversary.begin(), list[float]()
     for steps in range(3):
         pairs = adversary.pairs(hands)
-        episodes = Episodes.of_pairs("hands", training_draws(given), pairs, [0] * len(pairs))
+        episodes = Episodes.from_pairs("hands", training_draws(given), pairs, [0] * len(pairs))
         errors.append(float(path_errors(law, episodes).mean()))
         hands = adversary.search(law, hands, steps)
     assert errors == sorted(set(errors))

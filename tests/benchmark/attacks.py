@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
-from pter_gym.benchmark import PACES, training_episodes
+from pter_gym.benchmark import training_episodes
 from pter_gym.benchmark.boards import mean_of, over_limits
 from pter_gym.benchmark.measures import SEGMENTS
 from pter_gym.benchmark.rollout import record_episodes
 from pter_gym.benchmark.scores import Scores
 from pter_gym.controllers import Policy
 from pter_gym.params import BASELINE, Machine
+from pter_gym.scenarios import PACES
 from pter_gym.tasks.path_following import observation_layout
 
 EPISODES = 32
@@ -33,7 +34,7 @@ class Changed:
         self._act = act
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
-        return Policy.of_function(self.decide, layout, start=self.start)
+        return Policy.from_function(self.decide, layout, start=self.start)
 
     def start(self, worlds: int) -> None:
         self.steps = 0

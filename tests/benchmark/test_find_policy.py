@@ -128,7 +128,7 @@ def law(obs, scales, gains, memory):
 
 class Law:
     def bind(self, machine, layout):
-        return Policy.of_law(law, [], machine, layout)
+        return Policy.from_law(law, [], machine, layout)
 """
     efforts = []
     for volts in (1.0, 24.0, 24.0):

@@ -21,14 +21,14 @@ from benchmark.attacks import (
     tells,
 )
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark import PACES, find_policy
+from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.measures import column
 from pter_gym.benchmark.scores import score_episodes
 from pter_gym.controllers import bind
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.policies import shipped_policies
-from pter_gym.scenarios import SCENARIOS, find_scenario
+from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.tasks.path_following import COLUMN
 from pter_gym.tasks.path_following._reward import PERFECT
 from rollouts import run

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark import PACES, Assessment, Episodes, evaluate, find_policy, training_episodes
+from pter_gym.benchmark import Assessment, Episodes, evaluate, find_policy, training_episodes
 from pter_gym.benchmark.episodes import ENTRIES
 from pter_gym.benchmark.rollout import record_episodes
 from pter_gym.controllers import Free, Impedance, Locked, PaceSchedule, Policy, Random, bind
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
-from pter_gym.scenarios import find_scenario
+from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.tasks.path_following import COLUMN, PathFollowing, observation_layout
 from rollouts import simulate
 
@@ -140,7 +140,7 @@ def test_a_policy_with_a_memory_has_it_from_whoever_loops() -> None:
         return np.repeat(memory, 4, axis=1)
 
     layout = observation_layout(BASELINE, "torque")
-    policy = Policy.of_function(count, layout, start=lambda worlds: np.zeros((worlds, 1)))
+    policy = Policy.from_function(count, layout, start=lambda worlds: np.zeros((worlds, 1)))
     drawn = replace(episodes("standard", "brisk"), time_limits=(4, 4, 4))
     for _ in range(2):
         volts = record_episodes(policy, drawn).telemetry[1:, :, COLUMN.volts.x1]

@@ -6,13 +6,12 @@ from numpy.typing import NDArray
 
 from benchmark.attacks import Course
 from benchmark.test_reward import CLEARLY, discounted, judge, policies, sight
-from pter_gym.benchmark import PACES
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.episodes import Episodes
 from pter_gym.benchmark.rollout import record_episodes
 from pter_gym.benchmark.scores import score_episodes
 from pter_gym.params import BASELINE
-from pter_gym.scenarios import find_scenario
+from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.tasks.path_following import COLUMN, observation_layout
 
 cmaes = pytest.importorskip("cmaes")

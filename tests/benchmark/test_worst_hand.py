@@ -137,7 +137,7 @@ def test_another_search_with_four_times_the_budget_finds_hardly_more(
             pairs: Any = [
                 worst_hand.pair_of(draws, Numbers(rng, each.tolist())) for each in numbers
             ]
-            episodes = Episodes.of_pairs(scenario, chosen.draws, pairs, [0] * 64)
+            episodes = Episodes.from_pairs(scenario, chosen.draws, pairs, [0] * 64)
             errors = worst_hand.path_errors(policy, episodes)
             search.tell(list(zip(asked, -errors, strict=True)))
             tried, worst = tried + 64, max(worst, errors.max())

@@ -12,7 +12,8 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
 from pter_gym.errors import PterError
-from pter_gym.policies import SHIPPED, read_policy
+from pter_gym.policies import read_policy
+from pter_gym.policies._files import SHIPPED
 
 FUZZ = settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
 

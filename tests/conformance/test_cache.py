@@ -229,7 +229,7 @@ def test_a_law_may_be_in_no_file() -> None:
     for second, volts in (("2.0 * gains[0]", [3.0, 6.0, 0.0, 0.0]), ("5.0", [3.0, 5.0, 0.0, 0.0])):
         names = {}
         exec(compile(LAW.format(second=second), "<cell of a notebook>", "exec"), names)
-        policy = Policy.of_law(names["law"], [3.0], BASELINE, layout)
+        policy = Policy.from_law(names["law"], [3.0], BASELINE, layout)
         (row,) = policy.act(np.zeros((1, len(layout)), np.float32), policy.start(1))
         assert row.tolist() == volts
 

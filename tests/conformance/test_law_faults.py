@@ -39,7 +39,7 @@ def fails_later(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 def run_law(law: Any, gains: Any, *, worlds: int = 2, steps: int = 8) -> np.ndarray:
     batch = Batch(BASELINE, TASK, worlds)
-    policy = Policy.of_law(law, gains, BASELINE, batch.layout, memory=Kept)
+    policy = Policy.from_law(law, gains, BASELINE, batch.layout, memory=Kept)
     return simulate(batch, policy, range(worlds), steps)
 
 
@@ -62,7 +62,7 @@ def test_a_policy_keeps_the_record_that_its_law_declares() -> None:
     batch = Batch(BASELINE, TASK, 3)
     obs, _ = batch.reset([0, 1, 2])
     gains = [1.0, 1.0, 5.0]
-    policy = Policy.of_law(fails_later, gains, BASELINE, batch.layout, memory=Kept)
+    policy = Policy.from_law(fails_later, gains, BASELINE, batch.layout, memory=Kept)
     assert policy.start(3).tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]
     memory = policy.start(2, [7, 9])
     assert memory[:, KEPT.episode].tolist() == [7.0, 9.0]
@@ -191,5 +191,5 @@ def law(obs, scales, gains, memory):
     obs = np.zeros((1, len(layout)), np.float32)
     for volts in (1.0, 5.0):
         scope["VOLTS"] = volts
-        policy = Policy.of_law(scope["law"], [0.0], BASELINE, layout)
+        policy = Policy.from_law(scope["law"], [0.0], BASELINE, layout)
         assert policy.act(obs, policy.start(1))[0, 0] == volts

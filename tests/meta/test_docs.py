@@ -6,11 +6,13 @@ import inspect
 import re
 import shlex
 import time
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import fill
 import pytest
+from interface import modules  # in docs/make
 
 from documents import DOCS, NOTEBOOKS, README, ROOT, blocks_of, cells_of, readme, run_program
 from pter_gym import params
@@ -43,9 +45,10 @@ WATCH = [
 
 
 def documented_imports() -> list[str]:
-    """Return the statements that import names of the packages in documents and notebooks."""
+    """Return the statements that import names of the packages, in all that users read."""
     code = [block for page in DOCUMENTS if page.name != "CHANGELOG.md" for block in blocks_of(page)]
     code += [cell for notebook in NOTEBOOKS for cell in cells_of(notebook)]
+    code += [file.read_text("utf-8") for file in (ROOT / "examples").glob("*.py")]
     nodes = [node for block in code for node in ast.walk(ast.parse(block))]
     found = {ast.unparse(node) for node in nodes if isinstance(node, ast.ImportFrom | ast.Import)}
     return sorted(
@@ -61,6 +64,19 @@ def test_documented_imports_work(statement: str):
         if (error.name or "").startswith("pter_"):
             raise
         pytest.skip(str(error))
+
+
+@pytest.mark.agents
+def test_users_read_of_nothing_that_the_reference_leaves_out() -> None:
+    listed = modules(behind=True)
+    for statement in documented_imports():
+        (node,) = ast.parse(statement).body
+        module = getattr(node, "module", "") or ""
+        if isinstance(node, ast.ImportFrom) and module.split(".")[0] == "pter_gym":
+            for name in (each.name for each in node.names):
+                public = getattr(import_module(module), "__all__", [name])
+                own = module in listed and name in public and not name.startswith("_")
+                assert own or f"{module}.{name}" in listed, statement
 
 
 def test_readme_trains_with_the_example():

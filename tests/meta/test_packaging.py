@@ -38,8 +38,10 @@ def ranges(requirements: list[str]) -> dict[str, SpecifierSet]:
 
 def test_the_version_is_the_same_everywhere():
     citation = (ROOT / "CITATION.cff").read_text("utf-8")
+    entry = (ROOT / "docs" / "index.md").read_text("utf-8")
     assert importlib.metadata.version("pter-gym") == pter_gym.__version__
     assert re.search(r"^version: (.+)$", citation, re.MULTILINE).group(1) == pter_gym.__version__
+    assert re.search(r"version = \{(.+)\}", entry).group(1) == pter_gym.__version__
 
 
 @pytest.mark.parametrize("package", ["pter_gym", "pter_agents"])

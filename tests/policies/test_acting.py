@@ -36,7 +36,7 @@ def count(observations: np.ndarray, memory: np.ndarray) -> np.ndarray:
     return np.repeat(memory % 24, 4, axis=1)
 
 
-COUNTER = Policy.of_function(count, LAYOUT, start=lambda worlds: np.zeros((worlds, 1)))
+COUNTER = Policy.from_function(count, LAYOUT, start=lambda worlds: np.zeros((worlds, 1)))
 
 
 def make_worlds(backend: str, mode: AutoresetMode, skip: int) -> Any:

@@ -12,8 +12,8 @@ from pter_gym._engine.batch import Batch
 from pter_gym.controllers._network import tanh
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
-from pter_gym.policies import SHIPPED, read_policy, shipped_policies, write_policy
-from pter_gym.policies._files import read_header
+from pter_gym.policies import read_policy, shipped_policies, write_policy
+from pter_gym.policies._files import SHIPPED, read_header
 from pter_gym.policies._interface import input_names, input_values
 from pter_gym.tasks.path_following import PathFollowing
 from rollouts import Acting

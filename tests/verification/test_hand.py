@@ -9,7 +9,8 @@ import pytest
 from pter_gym._engine.batch import Batch
 from pter_gym.controllers import Free
 from pter_gym.errors import ParameterError
-from pter_gym.hands import EQ5_FREQUENCIES, MultiSineHand, eq5
+from pter_gym.hands import MultiSineHand, eq5
+from pter_gym.hands._operators import EQ5_FREQUENCIES
 from pter_gym.params import BASELINE, Arm
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from rollouts import simulate

@@ -21,7 +21,8 @@ from pter_gym._physics.stability import (
     largest_travel,
 )
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.hands import NO_HAND, MultiSineHand, Operator
+from pter_gym.hands import MultiSineHand, Operator
+from pter_gym.hands._operators import NO_HAND
 from pter_gym.params import Arm, Machine
 from pter_gym.paths import Line, Path
 from pter_gym.paths._arcs import Arcs, ArcSegment

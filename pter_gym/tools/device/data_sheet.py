@@ -5,14 +5,8 @@ from dataclasses import replace
 from pter_gym._internal.files import expand_path
 from pter_gym._internal.reading import read_toml, reading
 from pter_gym.errors import ParameterError
-from pter_gym.params import (
-    BASELINE,
-    Machine,
-    MachineSpread,
-    TorqueCurve,
-    find_machines,
-    is_machine_file,
-)
+from pter_gym.params import BASELINE, Machine, MachineSpread, TorqueCurve, find_machines
+from pter_gym.params._files import is_machine_file
 
 SHEET = ("torque", "at", "off", "lag")
 """Torque [N·m] at a voltage [V], torque [N·m] without one, time constant [s]."""

@@ -14,7 +14,8 @@ from pter_gym.benchmark.rollout import evaluate
 from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import ParameterError
 from pter_gym.params import MachineSpread
-from pter_gym.scenarios import find_pace, find_scenario
+from pter_gym.scenarios import find_scenario
+from pter_gym.scenarios._paces import find_pace
 
 _STATS: Any = stats
 
@@ -82,7 +83,7 @@ def make_promise(
     drawn = [machines.draw(rng) for _ in range(draws)]
     pairs = [(machine, task) for machine in drawn for task in some.tasks]
     of_log = find_scenario(scenario, machines).draws
-    scores = evaluate(policy, Episodes.of_pairs(scenario, of_log, pairs, some.seeds * draws))
+    scores = evaluate(policy, Episodes.from_pairs(scenario, of_log, pairs, some.seeds * draws))
     each = {name: values.reshape(draws, episodes) for name, values in scores.items()}
     errors = np.sort(each["path_error_m"].mean(axis=1))
     ranked = [

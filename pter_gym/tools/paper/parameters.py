@@ -10,8 +10,9 @@ from pter_gym._internal.fields import require
 from pter_gym._internal.reading import read_toml
 from pter_gym.controllers import Policy, TorqueFeedback
 from pter_gym.hands import eq5
-from pter_gym.params import Clutch, Machine, paper_machines, with_friction
+from pter_gym.params import Clutch, Machine, with_friction
 from pter_gym.params._files import machine_from
+from pter_gym.params._named import paper_machines
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.units import from_inch_pounds

@@ -14,7 +14,8 @@ from pter_gym._internal.terminal import shorten
 from pter_gym.benchmark.boards import PACE_ERROR, Leaderboard, Standing
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.policies.tuned import TUNED
-from pter_gym.scenarios import PACES, find_pace, title_of_pace
+from pter_gym.scenarios import PACES
+from pter_gym.scenarios._paces import find_pace, title_of_pace
 from pter_gym.tools.figures import (
     MILLIMETRE,
     REFERENCE,

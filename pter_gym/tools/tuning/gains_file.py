@@ -9,7 +9,8 @@ from pter_gym._internal.files import FilePath, expand_path, write_text_atomic
 from pter_gym._internal.locks import lock_beside, locked
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.policies.tuned import GainsTable, read_gains
-from pter_gym.scenarios import SCENARIOS, find_pace, find_scenario
+from pter_gym.scenarios import SCENARIOS, find_scenario
+from pter_gym.scenarios._paces import find_pace
 from pter_gym.tools.tuning.search import TunedGains
 
 HEADING = """\

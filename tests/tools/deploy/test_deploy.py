@@ -180,7 +180,7 @@ def test_a_decision_is_held_and_a_law_knows_other_clutches(
 
 def own(law: Any, gains: Any) -> Policy:
     """The policy of a compiled law."""
-    return Policy.of_law(law, gains, BASELINE, observation_layout(BASELINE, "torque"))
+    return Policy.from_law(law, gains, BASELINE, observation_layout(BASELINE, "torque"))
 
 
 @compiled
