@@ -2,10 +2,13 @@
 
     python benchmarks/devices.py tune
     python benchmarks/devices.py table [POLICY …]
+    python benchmarks/devices.py choose POLICY …
 
 ``tune`` writes the laws tuned for each device into benchmarks/devices, about two minutes of CPU for
 each of twelve; ``table`` scores these and others on the test episodes of `standard`. Seeds of
-one policy are given as NAME=PATH,PATH,…. docs/development/any-device.md has the table.
+one policy are given as NAME=PATH,PATH,…. ``choose`` says which seed to ship: it scores on
+training draws of 60 devices from the distribution of ``pter train universal``.
+docs/development/any-device.md has the table.
 """
 
 from dataclasses import replace
@@ -13,9 +16,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated
 
+import numpy as np
 import tyro
 
-from pter_gym.benchmark import evaluate, find_policy
+from pter_agents.draws import DEVICES
+from pter_gym.benchmark import assess, evaluate, find_policy, training_episodes
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.rollout import Assessment
 from pter_gym.controllers import AnyPolicy
@@ -30,6 +35,9 @@ from pter_gym.tools.tuning.search import tune as search
 HERE = Path(__file__).parent / "devices"
 LAWS = ("single-dof", "velocity-ratio")
 TRIALS = 300
+
+FRESH, EPISODES = 2**32, 20
+"""Seed of the devices to choose on, that of no training, and episodes for each and each pace."""
 
 
 def big_arm() -> Machine:
@@ -122,5 +130,23 @@ def table(
             print(f"| {name} | {pace} | {' | '.join(cells)} |", flush=True)
 
 
+def choose(policies: Annotated[tuple[str, ...], tyro.conf.Positional], devices: int = 60) -> None:
+    """Print geometric means over drawn devices and paces of what ``pter tune`` minimises."""
+    rng = np.random.default_rng(FRESH)
+    machines = [DEVICES.draw(rng) for _ in range(devices)]
+    for name in policies:
+        policy, values = find_policy(name), list[float]()
+        for pace in PACES:
+            for machine in machines:
+                try:
+                    episodes = training_episodes("standard", pace, EPISODES, FRESH, machine)
+                except ParameterError:  # its path is out of reach
+                    continue
+                values.append(min(assess([policy], episodes).value, 1.0))
+        good = 100.0 * float(np.mean(np.array(values) < 0.1))
+        mean = 1e3 * float(np.exp(np.mean(np.log(values))))
+        print(f"{name}: {mean:.2f} mm, {good:.0f} % below 100 mm, {len(values)} pairs", flush=True)
+
+
 if __name__ == "__main__":
-    tyro.extras.subcommand_cli_from_dict({"tune": tune, "table": table})
+    tyro.extras.subcommand_cli_from_dict({"tune": tune, "table": table, "choose": choose})

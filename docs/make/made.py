@@ -141,7 +141,7 @@ def scenario(name: str) -> str:
     return f"""\
 ![An episode of {name}](/images/moving/{name}.webp)
 
-*`{pictures.FIXTURES.get(name, pictures.SHOWN)}` on a training episode of `{name}`, in real time.*
+*`{pictures.BEST.get(name, pictures.SHOWN)}` on a training episode of `{name}`, in real time.*
 
 ```python
 import gymnasium

@@ -43,7 +43,9 @@ FALLING = ("free", "locked", "random")
 SIDE_BY_SIDE = ("torque-feedback", "residual")
 SIDE_BY_SIDE_DRAWS = {"paths": 0, "standard": 0}
 SHOWN, BESIDE = "residual", "single-dof-tuned"
-FIXTURES = dict.fromkeys(("corridor", "wall"), "impedance-tuned")
+BEST = {"standard": "ppo-standard"}
+"""The best ranked policy of a scenario, where it is not the one that is shown elsewhere."""
+
 PACE = "medium"
 DRAWS = 64
 FILM_SIZE, SIDE_BY_SIDE_SIZE = (600, 540), (720, 537)  # [px]
@@ -231,7 +233,7 @@ def side_by_side() -> None:
 
 def alone(scenario: str) -> None:
     """Film an episode of a scenario under one policy."""
-    film = frames((FIXTURES.get(scenario, SHOWN),), scenario, EPISODE.get(scenario, 0))
+    film = frames((BEST.get(scenario, SHOWN),), scenario, EPISODE.get(scenario, 0))
     write_webp(film, IMAGES / "moving" / f"{scenario}.webp", 40)
 
 
