@@ -86,7 +86,7 @@ def by_pace(results: Path, scenario: str, names: Collection[str] = ()) -> str:
             worst = [millimetres(each.worst.path_error_m) for each in row if each and each.worst]
             cells.append(joined(" / ".join(worst)))
     title = at_paces["slow"].title.removeprefix(scenario)
-    return f"`{scenario}`{title}:\n\n{table(header, rows)}"
+    return f"`{scenario}`{title}:\n\n{table(header, rows, '---:')}"
 
 
 @board

@@ -7,7 +7,7 @@ from .boards import (
 )
 from .episodes import Episodes as Episodes, training_episodes as training_episodes
 from .policies import find_policy as find_policy, from_actions as from_actions, from_sb3 as from_sb3
-from .results import ResultsFolder as ResultsFolder, run_scenario as run_scenario
+from .results import PACES as PACES, ResultsFolder as ResultsFolder, run_scenario as run_scenario
 from .rollout import (
     Assessment as Assessment,
     Episode as Episode,
