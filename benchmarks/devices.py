@@ -85,6 +85,8 @@ def tune(only: Annotated[tuple[str, ...], tyro.conf.Positional] = ()) -> None:
 
 def best_law(name: str, pace: str) -> AnyPolicy:
     """Return the law tuned for a device that is best on training episodes."""
+    if name == "PTER":
+        return find_policy("single-dof-tuned")
 
     def value(law: str) -> float:
         (by_law,) = read_gains(HERE / f"{name}-{law}.toml").values()
@@ -111,14 +113,14 @@ def told(policy: AnyPolicy, machine: Machine, pace: str) -> str:
 def table(
     policies: Annotated[tuple[str, ...], tyro.conf.Positional] = (SCALED, "residual"),
 ) -> None:
-    """Print path errors [mm] by device and pace, and how many arrive where not all do.
+    """Print path errors [mm] by device and pace, PTER last, and how many arrive if not all do.
 
     A policy given as NAME=PATH,PATH,… is one of several seeds, of which the median is shown first.
     """
     columns = {name: paths or name for name, _, paths in (each.partition("=") for each in policies)}
     print(f"| Device | Pace | tuned there | {' | '.join(columns)} |")
     print("|---|---|" + "---:|" * (1 + len(columns)))
-    for name, machine in devices().items():
+    for name, machine in {**devices(), "PTER": BASELINE}.items():
         for pace in PACES:
             cells = [told(best_law(name, pace), machine, pace)]
             for paths in columns.values():

@@ -46,7 +46,8 @@ def train(
     Example: pter train residual --smoke --out residual-run
 
     Args:
-        algo: What to train: the clutch voltages (ppo), or corrections to a law (residual).
+        algo: What to train: the clutch voltages (ppo), or corrections to a law, for PTER
+            (residual) or for devices of all kinds (universal).
         scenario: Scenario to train on, or all.
         pace: Commanded pace, or all of them.
         steps: Steps of the environment in all worlds, each of frame_skip control steps.
