@@ -125,9 +125,10 @@ def table(
             cells = [told(best_law(name, pace), machine, pace)]
             for paths in columns.values():
                 seeds = [told(find_policy(path), machine, pace) for path in paths.split(",")]
+                middle = seeds[0]
                 if len(seeds) > 1:
-                    seeds.sort(key=lambda cell: float(cell.split()[0]))
-                middle = seeds[len(seeds) // 2]
+                    order = sorted(seeds, key=lambda cell: float(cell.split()[0]))
+                    middle = order[len(seeds) // 2]
                 cells.append(middle if len(seeds) == 1 else f"{middle} ({', '.join(seeds)})")
             print(f"| {name} | {pace} | {' | '.join(cells)} |", flush=True)
 

@@ -264,13 +264,13 @@ class Policy:
 
     @classmethod
     def of_law(cls, *arguments: Any, **keywords: Any) -> "Policy":
-        """Return ``from_law``'s policy; this name ends with version 1.1."""
+        """Return ``from_law``'s policy; this name will be removed in 1.1."""
         warnings.warn("of_law is from_law since 1.0", DeprecationWarning, stacklevel=2)
         return cls.from_law(*arguments, **keywords)
 
     @classmethod
     def of_function(cls, *arguments: Any, **keywords: Any) -> "Policy":
-        """Return ``from_function``'s policy; this name ends with version 1.1."""
+        """Return ``from_function``'s policy; this name will be removed in 1.1."""
         warnings.warn("of_function is from_function since 1.0", DeprecationWarning, stacklevel=2)
         return cls.from_function(*arguments, **keywords)
 
