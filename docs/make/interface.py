@@ -10,15 +10,17 @@ import enum
 import inspect
 import pkgutil
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from types import ModuleType
 from typing import Any, Literal, get_args, get_origin
 
 import gymnasium
+import numpy as np
 from markup import DOCS, ROOT
 
 from pter_gym import __version__
 from pter_gym._commands.main import commands, load_command
+from pter_gym.benchmark import ScenarioRun, WorstHand, leaderboards
 from pter_gym.benchmark.results import NAMES, ORIGIN, WORST
 from pter_gym.benchmark.scores import SCORES
 from pter_gym.benchmark.tables import COLUMNS
@@ -26,7 +28,7 @@ from pter_gym.envs import PathFollowingEnv
 from pter_gym.params import BASELINE
 from pter_gym.policies import Interface
 from pter_gym.scenarios import PACES, SCENARIOS
-from pter_gym.tasks.path_following import TELEMETRY, observation_layout
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, observation_layout
 
 LISTING = ROOT / "tests" / "meta" / "interface.txt"
 
@@ -49,7 +51,8 @@ def lines() -> Iterator[str]:
     for name in commands():
         yield f"command {name} {signature(load_command(name))}"
     env = PathFollowingEnv(privileged=True)
-    named: dict[str, Sequence[str]] = {
+    board = leaderboards([some_run()])[0].as_json()
+    named: dict[str, Iterable[str]] = {
         "scenarios": list(SCENARIOS),
         "paces": list(PACES),
         "observation": observation_layout(BASELINE, "force").names,
@@ -57,11 +60,20 @@ def lines() -> Iterator[str]:
         "telemetry": TELEMETRY.names,
         "scores": list(SCORES),
         "run": [*NAMES, "episodes", "strata", WORST, ORIGIN],
+        "benchmark.json": board,
+        "benchmark.json, policies": board["policies"]["mine"],
         "table": COLUMNS,
         "policy": [item.name for item in dataclasses.fields(Interface)],
     }
     for kind, names in named.items():
         yield f"{kind}: {' '.join(names)}"
+
+
+def some_run() -> ScenarioRun:
+    """Return a run that has everything that a run may have."""
+    worst = WorstHand(0.1, 0.1, 8192, 12288, BASELINE, PathFollowing())
+    values = {name: np.zeros(2) for name in SCORES}
+    return ScenarioRun("standard", "medium", "mine", 0, None, ("", ""), values, worst=worst)
 
 
 def lines_of_module(module: ModuleType) -> Iterator[str]:
