@@ -6,7 +6,7 @@ from typing import Any, cast
 from pter_gym._internal.files import FilePath
 from pter_gym.benchmark.policies import find_policy
 from pter_gym.controllers import AnyPolicy
-from pter_gym.envs._policies import ActingPolicy, attributes
+from pter_gym.policies._acting import ActingPolicy, attributes
 
 
 def load_policy(policy: "FilePath | AnyPolicy", env: Any) -> ActingPolicy:

@@ -8,19 +8,10 @@ from numpy.typing import NDArray
 from pter_gym._compiled.compiler import inlined, outlined
 from pter_gym._compiled.philox import uniform4
 from pter_gym._compiled.records import Records, entrywise, load, read, store, write
-from pter_gym._engine.step import (
-    clipped,
-    hand_force,
-    locate,
-    observe,
-    passive_force,
-    plan_hand,
-    plans,
-    take_first_readings,
-    tip_acceleration,
-    was_alive,
-    write_observation,
-)
+from pter_gym._engine.command import clipped
+from pter_gym._engine.hand import hand_force, passive_force, plan_hand, plans
+from pter_gym._engine.judgement import locate, tip_acceleration, was_alive
+from pter_gym._engine.sensors import observe, take_first_readings, write_observation
 from pter_gym._engine.world import (
     CONFIG,
     CONSTANTS,

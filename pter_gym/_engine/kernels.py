@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pter_gym._compiled.addresses import caller, double, export, flag, single, unsigned, whole
 from pter_gym._compiled.compiler import compile_kernel, compiled, entry_of, inlined
 from pter_gym._compiled.records import Records, entrywise, load, store
+from pter_gym._engine.command import given_volts, is_refused, take_command
 from pter_gym._engine.episode import (
     end_step,
     fetch_world,
@@ -25,19 +26,10 @@ from pter_gym._engine.episode import (
     start_episode,
     take_context,
 )
-from pter_gym._engine.step import (
-    conclude_step,
-    given_volts,
-    is_refused,
-    move_declared,
-    move_worlds,
-    no_arrangements,
-    observe,
-    take_arrangements,
-    take_command,
-    was_alive,
-    write_observation,
-)
+from pter_gym._engine.judgement import was_alive
+from pter_gym._engine.motion import no_arrangements, take_arrangements
+from pter_gym._engine.sensors import observe, write_observation
+from pter_gym._engine.step import conclude_step, move_declared, move_worlds
 from pter_gym._engine.world import (
     BASIC_ROWS,
     CONFIG,

@@ -18,10 +18,10 @@ from numba.core.dispatcher import Dispatcher
 from pter_gym._internal.checks import names_in
 from pter_gym._internal.files import FilePath, expand_path, has_ending
 from pter_gym.controllers import CONTROLLERS, AnyPolicy, Controller, Policy
-from pter_gym.envs._library_policies import from_actions, from_sb3
 from pter_gym.errors import ParameterError, nearest
 from pter_gym.policies import read_policy
 from pter_gym.policies._files import is_path
+from pter_gym.policies._library import from_actions, from_sb3
 from pter_gym.policies._names import check_policy, is_code, is_exported
 from pter_gym.policies.tuned import find_paced, find_tuned, read_tuned
 

@@ -13,9 +13,9 @@ from pter_gym._engine.batch import Batch, Observations, Returns, checked_actions
 from pter_gym._engine.storage import Mask
 from pter_gym._engine.world import FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP
 from pter_gym.controllers import Controller
-from pter_gym.envs._base_law import BaseLaw
-from pter_gym.envs._history import History
 from pter_gym.params import SLOTS, Machine
+from pter_gym.policies._base_law import BaseLaw
+from pter_gym.policies._history import History
 from pter_gym.tasks.path_following._telemetry import COLUMN, COLUMNS
 
 PAY = [int(column) for column in (*COLUMN.terms, COLUMN.reward)]

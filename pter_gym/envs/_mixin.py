@@ -16,10 +16,11 @@ from pter_gym._internal.checks import builtin, whole_number
 from pter_gym._internal.codec import TYPE
 from pter_gym._internal.fields import check_number
 from pter_gym._internal.files import TABLE_ENDINGS, FilePath, has_ending
-from pter_gym.envs._history import checked_history
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, Machine, find_machine
+from pter_gym.params import Machine, find_machine
+from pter_gym.params._named import nominal_machine
 from pter_gym.paths import Path, find_path
+from pter_gym.policies._history import checked_history
 from pter_gym.scenarios import PACES, Scenario, find_scenario
 from pter_gym.scenarios._paces import find_pace, name_of_pace
 from pter_gym.scenarios._suite import gains_for
@@ -215,19 +216,6 @@ class WorldsMixin:
         return self.worlds.paces
 
 
-def nominal_machine(machines: set[Machine]) -> Machine:
-    """Return the only machine, or the paper's with clutches and largest voltage of several."""
-    first, *others = machines
-    if not others:
-        return first
-    if any(machine.clutches != first.clutches for machine in others):
-        raise ParameterError(
-            "Machine.clutches of all worlds must be the same for a policy bound to a machine"
-        )
-    clutch = replace(BASELINE.clutch, voltage_max=first.clutch.voltage_max)
-    return replace(BASELINE, clutches=first.clutches, clutch=clutch)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Worlds:
     """What the worlds of an environment are, however many.
@@ -385,7 +373,7 @@ def find_worlds(
                 "action_unit must be 'normalised' with a base, whose voltages an action corrects, "
                 f"got {action_unit!r}"
             )
-        from pter_gym.envs._base_law import REACH, find_base_law
+        from pter_gym.policies._base_law import REACH, find_base_law
 
         base, reach = find_base_law(base, gains), REACH if reach is None else reach
         check_number("reach", reach, above=0.0)

@@ -26,8 +26,8 @@ try:
 except ImportError as error:
     raise ImportError(str(needs_extra("pter_gym.envs.sb3", "agents"))) from error
 
-from pter_gym.envs._policies import attributes
 from pter_gym.envs._vector import PathFollowingVectorEnv
+from pter_gym.policies._acting import attributes
 
 __all__ = ["ModelAssessment", "PathErrorCallback", "PterVecEnv", "make_sb3_vec_env"]
 

@@ -12,17 +12,11 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from pter_gym._compiled.records import flat, load, store
-from pter_gym._engine.step import (
-    clipped,
-    given_volts,
-    judge_step,
-    locate,
-    move_hand,
-    observe_world,
-    push_tip,
-    set_strengths,
-    take_command,
-)
+from pter_gym._engine.command import clipped, given_volts, take_command
+from pter_gym._engine.hand import move_hand, push_tip
+from pter_gym._engine.judgement import judge_step, locate
+from pter_gym._engine.motion import set_strengths
+from pter_gym._engine.sensors import observe_world
 from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANTS, FLAG, ROW, Config
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH

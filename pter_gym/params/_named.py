@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from pter_gym.errors import ParameterError
 from pter_gym.params._actuators import read_actuators
 from pter_gym.params._connection import BRAKE_A, BRAKE_B, COUPLED, INVERTED
 from pter_gym.params._machine import Clutch, Machine, TorqueCurve
@@ -122,3 +123,16 @@ ACTUATORS = read_actuators(
     {"pter-clutch": BASELINE.clutch, "delrin-clutch": DELRIN_EXPERIMENTAL.clutch}
 )
 """Clutches and brakes by name, with what is known of them."""
+
+
+def nominal_machine(machines: set[Machine]) -> Machine:
+    """Return the only machine, or the paper's with clutches and largest voltage of several."""
+    first, *others = machines
+    if not others:
+        return first
+    if any(machine.clutches != first.clutches for machine in others):
+        raise ParameterError(
+            "Machine.clutches of all worlds must be the same for a policy bound to a machine"
+        )
+    clutch = replace(BASELINE.clutch, voltage_max=first.clutch.voltage_max)
+    return replace(BASELINE, clutches=first.clutches, clutch=clutch)

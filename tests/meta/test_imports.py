@@ -29,10 +29,10 @@ CORE = (
     ("_engine", "scenarios"),
     ("controllers",),
     ("policies",),
+    ("benchmark",),
     ("envs",),
     ("gradients",),
-    ("benchmark",),
-    ("_load_policy", "envs.sb3"),
+    ("_load_policy",),
     ("_commands",),
 )
 """Rooms of the core from the ground up: a room imports those of earlier rows, and no neighbour.

@@ -16,9 +16,9 @@ from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatist
 import pter_gym
 from pter_gym.benchmark import find_policy, run_scenario
 from pter_gym.controllers import Policy, bind
-from pter_gym.envs._mixin import nominal_machine
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL
+from pter_gym.params._named import nominal_machine
 from pter_gym.paths import Circle
 from pter_gym.policies import read_policy, write_policy
 from pter_gym.tasks.path_following import STARTS, PathFollowing, observation_layout

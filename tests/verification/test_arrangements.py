@@ -31,7 +31,6 @@ from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym._physics.friction import COUPLING, ClutchMode
 from pter_gym.controllers import Impedance, Locked, Random, SingleDof, TorqueFeedback, VelocityRatio
-from pter_gym.envs._policies import nominal_machine
 from pter_gym.errors import ParameterError
 from pter_gym.params import (
     ARRANGEMENTS,
@@ -44,6 +43,7 @@ from pter_gym.params import (
     Machine,
     find_machine,
 )
+from pter_gym.params._named import nominal_machine
 from pter_gym.policies import read_policy
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 

@@ -13,7 +13,8 @@ import pytest
 from pter_gym._compiled.records import load, store
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.episode import place, spread
-from pter_gym._engine.step import gaussians, hand_force, take_reading
+from pter_gym._engine.hand import hand_force
+from pter_gym._engine.sensors import gaussians, take_reading
 from pter_gym._engine.world import ROW, ROWS, Target
 from pter_gym._physics.arm import (
     Linkage,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import entrywise, write
-from pter_gym._engine.step import clipped
+from pter_gym._engine.command import clipped
 from pter_gym._physics.arm import Linkage
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.scalars import clamp

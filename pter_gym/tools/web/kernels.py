@@ -13,18 +13,12 @@ from numba import types
 from numba.np import numpy_support
 
 from pter_gym._compiled.records import store
+from pter_gym._engine.command import given_volts, is_refused, take_command
 from pter_gym._engine.episode import record_reset, record_step, start_episode
-from pter_gym._engine.step import (
-    conclude_step,
-    given_volts,
-    is_refused,
-    move_worlds,
-    observe,
-    recorded,
-    take_arrangements,
-    take_command,
-    write_observation,
-)
+from pter_gym._engine.hand import recorded
+from pter_gym._engine.motion import take_arrangements
+from pter_gym._engine.sensors import observe, write_observation
+from pter_gym._engine.step import conclude_step, move_worlds
 from pter_gym._engine.world import CONFIG, REFUSE, ROW, ROWS
 from pter_gym.controllers._laws import built_in
 from pter_gym.paths._projection import point_at

@@ -14,7 +14,7 @@ import numpy as np
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import width
 from pter_gym._engine.batch import Batch
-from pter_gym._engine.step import INSTANT
+from pter_gym._engine.hand import INSTANT
 from pter_gym._engine.world import CONFIG, ROW, ROWS
 from pter_gym._internal.palette import clutch_name
 from pter_gym._physics.friction import ClutchMode

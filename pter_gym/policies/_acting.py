@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym.controllers import AnyPolicy, bind
-from pter_gym.envs._mixin import nominal_machine
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.params import Machine
+from pter_gym.params._named import nominal_machine
 from pter_gym.tasks.path_following._actions import action_of
 
 Actions = NDArray[np.float32]

@@ -16,12 +16,12 @@ from pter_gym._compiled.layout import Layout
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.fields import require
 from pter_gym.controllers import Controller, Policy
-from pter_gym.envs._base_law import BaseLaw
-from pter_gym.envs._history import History
-from pter_gym.envs._mixin import nominal_machine
-from pter_gym.envs._policies import attributes, bounds_of_actions, check_wrappers
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, SLOTS, Machine
+from pter_gym.params._named import nominal_machine
+from pter_gym.policies._acting import attributes, bounds_of_actions, check_wrappers
+from pter_gym.policies._base_law import BaseLaw
+from pter_gym.policies._history import History
 from pter_gym.tasks.path_following import Sensors, observation_layout
 from pter_gym.tasks.path_following._actions import volts_of
 
