@@ -17,6 +17,7 @@ from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
 from pter_gym.controllers import AnyPolicy, Policy, bind
 from pter_gym.controllers._policy import sensors_of
 from pter_gym.params import BASELINE, Machine
+from pter_gym.policies._view import at_every_step
 from pter_gym.scenarios import Scenario, find_scenario
 from pter_gym.tasks.path_following import COLUMN, PathFollowing, Sensors, observation_layout
 
@@ -78,16 +79,14 @@ def run_episodes(
     """
     acting = bind_to(policy, episodes)
     memory = acting.start(len(episodes), [seed % NUMBERS for seed in episodes.seeds])
-    volts = np.empty(0)
     limits = np.array(episodes.time_limits)
     running, steps = limits > 0, 0
     with episodes.worlds(sensors or sensors_of(policy)) as batch:
         obs, telemetry = batch.reset(episodes.seeds)
         yield telemetry, obs
         while running.any():
-            if steps % acting.frame_skip == 0:
-                entries = np.ascontiguousarray(obs[:, : len(acting.layout)])
-                volts = acting.volts(entries, memory, episodes.machines[0])
+            entries = np.ascontiguousarray(obs[:, : len(acting.layout)])
+            volts = acting.volts(entries, memory, episodes.machines[0])
             obs, _, _, (terminated, truncated, _), (telemetry,) = batch.step(volts, SKIP)
             steps += 1
             if (over := steps > limits).any():
@@ -99,12 +98,13 @@ def run_episodes(
 def bind_to(policy: AnyPolicy, episodes: Episodes) -> Policy:
     """Return a policy bound to the nominal machine of episodes, with the sensors that it needs.
 
-    Raises a ParameterError also if it cannot act at their control period.
+    It is to be called at every control step. Raises a ParameterError also if it cannot act at their
+    control period.
     """
     layout = observation_layout(episodes.machines[0], sensors_of(policy))
     acting = bind(policy, episodes.nominal, layout)
     acting.check_period(episodes.tasks[0].control_period)
-    return acting
+    return at_every_step(acting, episodes.nominal)
 
 
 def evaluate(

@@ -115,25 +115,36 @@ class Policy:
         volts = self.act(observations, memory)
         if self.law:  # is within the range
             return volts
-        worlds, clutches, top = len(observations), len(machine.clutches), machine.clutch.voltage_max
-        try:
-            volts = np.asarray(volts)
-            problem = (
-                f"shape {volts.shape}" if volts.dtype.kind in "fiu" else f"dtype {volts.dtype}"
-            )
-        except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor elsewhere
-            volts, problem = np.empty(0), f"no array ({error})"
-        if volts.shape != (worlds, clutches) or volts.dtype.kind not in "fiu":
-            raise ParameterError(
-                f"{self.name} returned {problem} for observations {observations.shape}: "
-                f"return one row of {clutches} volts per row"
-            )
+        top = machine.clutch.voltage_max
+        volts = self.checked(volts, observations, len(machine.clutches))
         slack = 4.0 * float(np.spacing(np.float32(top)))  # what float32 rounds
         if ((volts < -slack) | (volts > top + slack)).any():
             warnings.warn(
                 f"{self.name} gives voltages beyond [0, {top:g}] V, which are clipped", stacklevel=1
             )
         return volts.clip(0.0, top)
+
+    def checked(self, values: Any, observations: Observations, clutches: int) -> NDArray[Any]:
+        """Return what ``act`` has returned as an array, a number for each world and clutch.
+
+        Raises
+        ------
+        ParameterError
+            If it is anything else.
+        """
+        try:
+            values = np.asarray(values)
+            problem = (
+                f"shape {values.shape}" if values.dtype.kind in "fiu" else f"dtype {values.dtype}"
+            )
+        except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor elsewhere
+            values, problem = np.empty(0), f"no array ({error})"
+        if values.shape != (len(observations), clutches) or values.dtype.kind not in "fiu":
+            raise ParameterError(
+                f"{self.name} returned {problem} for observations {observations.shape}: "
+                f"return one row of {clutches} volts per row"
+            )
+        return values
 
     @classmethod
     def from_law(

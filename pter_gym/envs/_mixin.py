@@ -14,13 +14,14 @@ from pter_gym._compiled.layout import Layout
 from pter_gym._engine.batch import ActionUnit, Batch
 from pter_gym._internal.checks import builtin, whole_number
 from pter_gym._internal.codec import TYPE
-from pter_gym._internal.fields import check_number
 from pter_gym._internal.files import TABLE_ENDINGS, FilePath, has_ending
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
 from pter_gym.params._named import nominal_machine
 from pter_gym.paths import Path, find_path
+from pter_gym.policies._base_law import find_base_law
 from pter_gym.policies._history import checked_history
+from pter_gym.policies._view import View
 from pter_gym.scenarios import PACES, Scenario, find_scenario
 from pter_gym.scenarios._paces import find_pace, name_of_pace
 from pter_gym.scenarios._suite import gains_for
@@ -106,6 +107,8 @@ class WorldsMixin:
         The worlds.
     gains
         Name of the scenario whose gains control laws have here; ``paths`` on a path of one's own.
+    view
+        How agents see the worlds and act.
     base
         The control law that actions correct, with its gains, or None.
     reach
@@ -125,6 +128,7 @@ class WorldsMixin:
     worlds: "Worlds"
     batch: Batch
     gains: str
+    view: View
     base: "Controller | None"
     reach: float | None
     history: tuple[int, ...]
@@ -166,8 +170,8 @@ class WorldsMixin:
         given |= self._from_files
         fields = {name: given.pop(name) for name in _FIELDS if name in given}
         self.worlds = worlds = find_worlds(fields, **given)
-        self.gains, self.base, self.reach = worlds.gains, worlds.base, worlds.reach
-        self.history = worlds.history
+        self.gains, self.view = worlds.gains, worlds.view
+        self.base, self.reach, self.history = self.view.base, self.view.reach, self.view.history
         self.batch = batch = worlds.batch(num_envs, max_episode_steps, telemetry, num_threads)
         self.frame_skip, self.observation_layout = batch.frame_skip, batch.layout
         self.control_period = batch.task.control_period
@@ -230,12 +234,8 @@ class Worlds:
         The scenario that these draws are from; None without one.
     gains
         The scenario whose gains suit them.
-    frame_skip
-        Control steps for which an action is held.
-    base, reach
-        The law that actions correct, and by how many volts at most; or None.
-    history
-        Control steps ago of what observations end with.
+    view
+        How agents see them and act.
     privileged
         Whether infos hold what no sensor shows.
     options
@@ -247,10 +247,7 @@ class Worlds:
     draws: "Draws | None"
     source: Scenario | None
     gains: str
-    frame_skip: int
-    base: "Controller | None"
-    reach: float | None
-    history: tuple[int, ...]
+    view: View
     privileged: bool
     options: Mapping[str, Any]
 
@@ -296,21 +293,20 @@ class Worlds:
         """Return so many worlds, whose episodes have at most so many steps of the environment."""
         steps = max_episode_steps
         if steps is not None:
-            steps = self.frame_skip * whole_number("max_episode_steps", steps)
-        batch: Callable[..., Batch] = Batch
-        if self.base is not None or self.history or self.privileged:
+            steps = self.view.frame_skip * whole_number("max_episode_steps", steps)
+        batch: Callable[..., Batch] = partial(
+            Batch, frame_skip=self.view.frame_skip, action_unit=self.view.action_unit
+        )
+        if self.view.looks or self.privileged:
             from pter_gym.envs._agent_batch import AgentBatch
 
-            nominal = None if self.base is None else self.nominal
-            batch = partial(
-                AgentBatch, self.base, nominal, self.reach, self.history, self.privileged
-            )
+            nominal = None if self.view.base is None else self.nominal
+            batch = partial(AgentBatch, self.view, nominal, self.privileged)
         return batch(
             self.machines,
             self.tasks,
             num_worlds,
             draws=self.draws is not None,
-            frame_skip=self.frame_skip,
             max_steps=steps,
             telemetry=telemetry,
             num_threads=num_threads,
@@ -367,30 +363,22 @@ def find_worlds(
         gains = source.whose_gains
         if frame_skip is None and base is None:
             frame_skip = FRAME_SKIP
-    if base is not None:
-        if action_unit != "normalised":
-            raise ParameterError(
-                "action_unit must be 'normalised' with a base, whose voltages an action corrects, "
-                f"got {action_unit!r}"
-            )
-        from pter_gym.policies._base_law import REACH, find_base_law
-
-        base, reach = find_base_law(base, gains), REACH if reach is None else reach
-        check_number("reach", reach, above=0.0)
-    elif reach is not None:
-        raise ParameterError(f"reach must not be given without a base, got {reach!r:.200}")
+    view = View(
+        1 if frame_skip is None else frame_skip,
+        checked_history(history),
+        None if base is None else find_base_law(base, gains),
+        reach,
+        action_unit,
+    )
     return Worlds(
         machines=machines,
         tasks=tasks,
         draws=draws,
         source=source,
         gains=gains,
-        frame_skip=1 if frame_skip is None else whole_number("frame_skip", frame_skip),
-        base=base,
-        reach=reach,
-        history=checked_history(history),
+        view=view,
         privileged=privileged,
-        options={"action_unit": action_unit, **options},
+        options=options,
     )
 
 

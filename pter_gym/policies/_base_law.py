@@ -79,11 +79,23 @@ class BaseLaw:
         """Return the law's memory in worlds whose episodes begin, (N, M)."""
         return self.policy.start(worlds, [0] * worlds)
 
-    def volts(self, obs: Observations, memory: Array) -> Observations:
-        """Return the law's voltages [V], float32 (N, 4), and change its memory."""
+    def act(self, obs: Observations, memory: Array) -> tuple[Observations, Array]:
+        """Return the law's voltages [V], float32 (N, 4), and its memory after them.
+
+        Raises
+        ------
+        ParameterError
+            If a voltage is not finite.
+        """
+        after = np.array(memory)
         volts = np.zeros((len(obs), SLOTS), np.float32)
-        volts[:, : self._clutches] = self.policy.act(np.ascontiguousarray(obs), memory)
-        return volts
+        volts[:, : self._clutches] = self.policy.act(np.ascontiguousarray(obs), after)
+        if not np.isfinite(volts).all():
+            world = int(np.isfinite(volts).all(axis=1).argmin())
+            raise ParameterError(
+                f"base must give finite voltages, got {volts[world, : self._clutches].tolist()}"
+            )
+        return volts, after
 
     def seen(self, obs: Numbers, base: Numbers) -> Numbers:
         """Return observations, float32 (N, entries), that end with the law's voltages."""

@@ -13,17 +13,14 @@ from gymnasium.wrappers.vector import NormalizeObservation as VectorNormalizeObs
 from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
-from pter_gym._internal.checks import whole_number
 from pter_gym._internal.fields import require
-from pter_gym.controllers import Controller, Policy
+from pter_gym.controllers import Policy
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, SLOTS, Machine
 from pter_gym.params._named import nominal_machine
 from pter_gym.policies._acting import attributes, bounds_of_actions, check_wrappers
-from pter_gym.policies._base_law import BaseLaw
-from pter_gym.policies._history import History
+from pter_gym.policies._view import View
 from pter_gym.tasks.path_following import Sensors, observation_layout
-from pter_gym.tasks.path_following._actions import volts_of
 
 Observations = NDArray[np.float32]
 Normalise = Callable[[Observations], Observations]
@@ -71,10 +68,9 @@ def from_sb3(
     own = next((each for each in _wrappers(env) if _has_statistics(each)), None)
     check_wrappers(env, known=own)
     normalise = _normalising(own if vec_normalize is None else vec_normalize)
-    (base,), (skip,) = attributes(env, "base"), attributes(env, "frame_skip")
-    if frame_skip is not None:
-        skip = whole_number("frame_skip", frame_skip)
-    return LibraryPolicy(model, normalise, skip, env, base)
+    (view,) = attributes(env, "view")
+    view = view if frame_skip is None else replace(view, frame_skip=frame_skip)
+    return LibraryPolicy(model, normalise, view, env)
 
 
 def from_actions(
@@ -126,9 +122,7 @@ class LibraryPolicy:
         Control steps for which its actions are held.
     """
 
-    def __init__(
-        self, model: Any, normalise: Normalise, hold: int, env: Any, base: Controller | None
-    ) -> None:
+    def __init__(self, model: Any, normalise: Normalise, view: View, env: Any) -> None:
         (layout,) = attributes(env, "observation_layout")
         (self._control_period,) = attributes(env, "control_period")
         machine = nominal_machine(attributes(env, "nominal_machine"))
@@ -143,13 +137,11 @@ class LibraryPolicy:
         expected = spaces.Box(*self._bounds, (self._clutches,), np.float32)
         if (space := getattr(model, "action_space", None)) != expected:
             raise ParameterError(f"model.action_space must be that of env, {expected}, got {space}")
-        (self._history,) = attributes(env, "history")
-        entries = len(layout) // (1 + len(self._history))
-        self._names = layout.names[: entries - (0 if base is None else SLOTS)]
+        entries = len(layout) // (1 + len(view.history))
+        self._names = layout.names[: entries - (0 if view.base is None else SLOTS)]
         self.sensors = _sensors_of(self._names)
-        self._model, self._normalise, self._base, self._hold = model, normalise, base, hold
-        (self._reach,) = attributes(env, "reach")
-        self.frame_skip = 1 if self._history or base is not None else hold
+        self._model, self._normalise, self._view = model, normalise, view
+        self.frame_skip = view.held_by_worlds
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy for a machine and a layout.
@@ -167,34 +159,25 @@ class LibraryPolicy:
         clutches = [clutch.row for clutch in machine.clutches]
         accepted = f"{self._clutches}, as the model's actions"
         require(len(clutches) == self._clutches, machine, "clutches", accepted, got=clutches)
-        made = partial(self.bind, machine, layout)
-        law, reach = self._base, self._reach
-        base = None if law is None else BaseLaw(law, machine, layout, reach)
-        policy = (
-            self._following(base, layout, machine)
-            if self._history or base is not None
-            else self._acting(machine, layout)
-        )
-        return replace(policy, control_period=self._control_period, made=made)
-
-    def _acting(self, machine: Machine, layout: Layout) -> Policy:
-        """Return the policy whose actions stand for voltages."""
+        view = self._view.bind(machine, layout)
 
         def act(observations: Observations, memory: Any) -> Any:
-            return self._volts(self._actions(observations, memory), machine)
+            actions = self._actions(observations, memory)
+            return actions if self._view.looks else view.volts(actions, view.start(0))
 
         def start(worlds: int) -> NDArray[np.object_]:
             return np.zeros(worlds, object)
 
-        return Policy.from_function(act, layout, start=start, frame_skip=self.frame_skip)
+        policy = Policy.from_function(
+            act, view.layout, start=start, frame_skip=self._view.frame_skip
+        )
+        if self._view.looks:
+            policy = replace(view.policy(policy), layout=layout)
+        made = partial(self.bind, machine, layout)
+        return replace(policy, control_period=self._control_period, made=made)
 
-    def _volts(self, actions: Any, machine: Machine) -> Any:
-        """Return the voltages [V] of actions, which are clipped."""
-        clipped: Any = np.clip(np.asarray(actions, np.float64), *self._bounds)
-        return volts_of(clipped, *self._bounds, machine.clutch.voltage_max)
-
-    def _actions(self, observations: Observations, memory: Any) -> Any:
-        """Return the model's actions, and keep its state in the memory, objects (N,)."""
+    def _actions(self, observations: Observations, memory: Any) -> NDArray[np.float64]:
+        """Return the model's actions, clipped, and keep its state in the memory, objects (N,)."""
         before, begins = [kept for kept in memory if kept], memory == 0
         actions, after = self._model.predict(
             self._normalise(observations),
@@ -204,45 +187,7 @@ class LibraryPolicy:
         )
         for world in range(len(memory)):
             memory[world] = _Kept(after)
-        return actions
-
-    def _following(self, base: BaseLaw | None, layout: Layout, machine: Machine) -> Policy:
-        """Return the policy that looks at every control step, for a history or a base."""
-        laws, actions = 0 if base is None else len(base.start(1)[0]), self._clutches
-        history = History(self._history, layout if base is None else base.layout)
-
-        def act(observations: Observations, memory: Any) -> Any:
-            state, held, age = memory["state"], memory["action"], memory["age"]
-            seen, volts = observations, None
-            if base is not None:
-                law = np.ascontiguousarray(memory["law"])  # rows apart need another kernel
-                volts, memory["law"] = base.volts(observations, law), law
-                seen = base.seen(observations, volts)
-            memory["latest"] = history.after(memory["latest"], seen, age == 0)
-            decides = age % self._hold == 0
-            if decides.any():
-                held[decides] = self._actions(history.seen(memory["latest"]), state)[decides]
-            age += 1
-            if base is None or volts is None:
-                return self._volts(held, machine)
-            return base.corrected(held.astype(np.float32), volts)
-
-        def start(worlds: int) -> Any:
-            kept = np.zeros(
-                worlds,
-                [
-                    ("state", object),
-                    ("law", np.float64, (laws,)),
-                    ("latest", np.float32, history.shape),
-                    ("action", np.float64, (actions,)),
-                    ("age", np.int64),
-                ],
-            )
-            if base is not None:
-                kept["law"] = base.start(worlds)
-            return kept
-
-        return Policy.from_function(act, layout, start=start, frame_skip=None)
+        return np.clip(np.asarray(actions, np.float64), *self._bounds)
 
 
 class _Kept(NamedTuple):
