@@ -30,10 +30,11 @@ def main(part: str) -> None:
         run_extending()  # after the others: laws share what they have compiled
         if find_spec("jax"):
             from pter_gym._engine.xla import register_calls, register_law
+            from pter_gym.controllers._law_kernel import guarded
 
             register_calls()
             assert policy.law is not None
-            register_law(policy.law.function)
+            register_law(policy.law.function, guarded(policy.law.function))
     else:
         state = open_loop.initial_state(BASELINE, (0.5, 2.0))
         open_loop.simulate(BASELINE, state, np.zeros(4), np.zeros(2), duration=BASELINE.substep)

@@ -28,7 +28,7 @@ from pter_gym._compiled.compiler import compile_kernel, compiled
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.records import write
 from pter_gym._engine.kernels import RESET_TYPES, advance_caller, reset_kernel
-from pter_gym._engine.world import FLAG, FLAGS, LANES, ROW, SAME_STEP
+from pter_gym._engine.world import CONFIG, FLAG, FLAGS, LANES, ROW, SAME_STEP
 from pter_gym._physics.clutch import CLUTCHES
 from pter_gym.errors import ParameterError
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
@@ -36,6 +36,7 @@ from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
 TERMINATED, TRUNCATED = int(FLAG.terminated), int(FLAG.truncated)
 
 CONTEXT_AT, DRAWS_FROM, DRAWS = int(ROW.context_at), int(ROW.draws_from), int(ROW.draws)
+LOW, HIGH, SLACK = int(CONFIG.low), int(CONFIG.high), int(CONFIG.slack)
 ALIVE, STEPS, SEGMENT_NUMBER = int(ROW.alive), int(ROW.step), int(ROW.foot.segment)
 ARCS_AT, ARCS = int(CONTEXT.task.path.first), int(CONTEXT.task.path.arcs)
 
@@ -112,6 +113,12 @@ def _flags(buffers: int, number: int, n: int) -> Flags:
 
 
 @_njit
+def _bools(buffers: int, number: int, n: int) -> Flags:
+    """Return a buffer as truth values, (n,)."""
+    return _numba.carray(flag(_data(buffers, number)), (n,))
+
+
+@_njit
 def _gather(block: Floats, words: Words, rows: int, seeds: int, first: int) -> None:
     """Read the worlds from ``first`` on into a block: rows to lanes."""
     stored = _numba.carray(double(rows), ((first + len(words)) * block.shape[1],))
@@ -176,12 +183,26 @@ def _stand_in(world: Floats) -> None:
 
 
 @_njit
-def _replace_unsound(block: Floats, goes: Flags, lanes: int, constants: Floats) -> None:
+def _is_within(action: Floats, low: float, high: float) -> bool:
+    """Return whether all entries of an action are within their bounds; NaN is not."""
+    within = True
+    for entry in action:
+        within &= low <= entry <= high
+    return within
+
+
+@_njit
+def _replace_unsound(
+    block: Floats, actions: Floats, goes: Flags, lanes: int, config: Floats, constants: Floats
+) -> None:
     """Say which worlds of a block go on, and put others in place of those that do not."""
+    low, high = config[LOW] - config[SLACK], config[HIGH] + config[SLACK]
     for i in range(LANES):
         goes[i] = i < lanes and _goes_on(block[0, :, i], constants)
+        goes[i] &= _is_within(actions[i], low, high)
         if not goes[i]:
             _stand_in(block[0, :, i])
+            actions[i] = config[LOW]
 
 
 @_njit
@@ -240,7 +261,8 @@ def _step_handler(advance: Callable[..., object]) -> Handler:
 
     Its arguments are worlds, seeds and episodes, actions, config and constants; its results worlds,
     seeds and episodes, observations, last observations, rewards and flags. A world that is damaged,
-    was never reset, or is of other constants stays as it is; its numbers are NaN.
+    was never reset, is of other constants or gets an action out of bounds stays as it is; its
+    numbers are NaN.
     """
 
     @compiled
@@ -253,7 +275,7 @@ def _step_handler(advance: Callable[..., object]) -> Handler:
         rewards = _singles(results, 4, n, 1)
         flags = _flags(results, 5, n)
         block = np.zeros((1, rows, LANES))
-        words, clipped = np.empty((LANES, 2), np.uint64), np.empty((LANES, 4))
+        words, given = np.empty((LANES, 2), np.uint64), np.zeros((LANES, 4))
         goes = np.ones(LANES, np.bool_)
         earned, flags_here, telemetry = (
             np.empty(LANES),
@@ -270,10 +292,10 @@ def _step_handler(advance: Callable[..., object]) -> Handler:
             )
             _gather(block, mine, _data(arguments, 0), _data(arguments, 1), first)
             for i in range(lanes):
-                _copy(clipped[i], actions[first + i])
-            _replace_unsound(block, goes, lanes, constants)
+                _copy(given[i], actions[first + i])
+            _replace_unsound(block, given, goes, lanes, config, constants)
             outputs = obs_here, last, earned[:lanes], flags_here, telemetry, config, constants
-            advance((block, mine, clipped[:lanes], *outputs, ended, first_block, last_block))
+            advance((block, mine, given[:lanes], *outputs, ended, first_block, last_block))
             for i in range(lanes):
                 if not goes[i]:
                     one = slice(i, i + 1)
@@ -329,10 +351,11 @@ def _reset_handler(start: Callable[..., object]) -> Handler:
 
 
 def _law_handler(law: Callable[..., Any]) -> Handler:
-    """Return what follows a controller's law.
+    """Return what follows a controller's law where it acts.
 
-    Its arguments are observations, scales, rows of gains, what the law keeps of each world, and the
-    row that is each world's; its results voltages [V], and what it keeps after that.
+    Its arguments are observations, scales, rows of gains, the largest voltage, what the law keeps
+    of each world, the row that is each world's, and whether it acts there; its results voltages
+    [V], and what it keeps after that.
     """
 
     @compiled
@@ -343,12 +366,16 @@ def _law_handler(law: Callable[..., Any]) -> Handler:
             _singles(results, 0, n, 4),
         )
         scales, gains = _doubles(arguments, 1), _double_rows(arguments, 2)
-        before, memory = _double_rows(arguments, 3), _double_rows(results, 1)
-        rows = _singles(arguments, 4, n, 1)
+        top = _doubles(arguments, 3)[0]
+        before, memory = _double_rows(arguments, 4), _double_rows(results, 1)
+        rows, acts = _singles(arguments, 5, n, 1), _bools(arguments, 6, n)
         for world in range(n):
             _copy(memory[world], before[world])
-            own = gains[int(min(max(rows[world, 0], 0.0), len(gains) - 1.0))]
-            write(volts[world], CLUTCHES, law(obs[world], scales, own, memory[world]))
+            if acts[world]:
+                own = gains[int(min(max(rows[world, 0], 0.0), len(gains) - 1.0))]
+                write(volts[world], CLUTCHES, law(obs[world], scales, own, memory[world], top))
+            else:
+                volts[world] = 0.0
 
     return follow
 
@@ -369,10 +396,13 @@ def _register_call(name: str) -> None:
 
 
 @cache
-def register_law(law: Callable[..., Any]) -> str:
-    """Compile the call of a controller's law, once; return its name."""
+def register_law(law: Callable[..., Any], guarded: Callable[..., Any]) -> str:
+    """Compile the call of a controller's law, once; return its name.
+
+    ``guarded(obs, scales, gains, memory, voltage_max)`` is the law in a form that raises nothing.
+    """
     name = f"pter_law_{digest_of(law)}"
-    register(name, _law_handler(law))
+    register(name, _law_handler(guarded))
     return name
 
 
@@ -381,8 +411,10 @@ def call_law(
     obs: jax.Array,
     scales: jax.Array,
     gains: jax.Array,
+    voltage_max: jax.Array,
     memory: jax.Array,
     rows: jax.Array,
+    acts: jax.Array,
 ) -> Sequence[jax.Array]:
     """Return the voltages [V] of a law, float32 (N, 4), and its memory after them.
 
@@ -392,18 +424,21 @@ def call_law(
         From ``register_law``.
     obs
         Observations, float32 (N, entries).
-    scales, gains
-        Of the observation's layout and of the law, as ``words_of`` makes them; gains (rows, G).
+    scales, gains, voltage_max
+        Of the observation's layout, the law and the machine, as ``words_of`` makes them; gains
+        (rows, G).
     memory
         What the law keeps of each world, as words (N, M).
     rows
         Which gains are each world's, float32 (N,); the last ones for larger numbers.
+    acts
+        Where it acts, bool (N,); elsewhere voltages are 0, and its memory stays.
     """
     results = (
         jax.ShapeDtypeStruct((len(obs), 4), jnp.float32),
         jax.ShapeDtypeStruct(memory.shape, memory.dtype),
     )
-    return jax.ffi.ffi_call(name, results)(obs, scales, gains, memory, rows)
+    return jax.ffi.ffi_call(name, results)(obs, scales, gains, voltage_max, memory, rows, acts)
 
 
 def words_of(numbers: NDArray[Any]) -> jax.Array:

@@ -12,11 +12,11 @@ from numba.core import config
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
 
-from pter_gym._compiled.compiler import compile_kernel, inlined
+from pter_gym._compiled.compiler import compile_kernel, compiled, inlined
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.pipeline import KernelFunction
 from pter_gym._compiled.records import entrywise, write
-from pter_gym._physics.clutch import CLUTCHES
+from pter_gym._physics.clutch import CLUTCHES, PerClutch
 from pter_gym._physics.scalars import clamp
 from pter_gym.controllers._laws import built_in
 from pter_gym.errors import LawIndexError, ParameterError, PterError
@@ -71,6 +71,31 @@ def kernel_of(law: Law) -> Any:
 
 
 _KERNELS: dict[str, Any] = {}
+
+
+@cache
+def guarded(law: Law) -> Law:
+    """Return a law with the largest voltage as a fifth argument, for callers that cannot raise.
+
+    Its voltages are within the range, and NaN where a user's law reads or writes beyond an array.
+    """
+    if _is_ours(law):
+
+        @compiled
+        def act(obs: Any, scales: Any, gains: Any, memory: Any, voltage_max: float) -> Any:
+            return applied(law(obs, scales, gains, memory), voltage_max)
+
+        return act
+    checked = _checked(law, {})
+
+    @compiled
+    def act_checked(obs: Any, scales: Any, gains: Any, memory: Any, voltage_max: float) -> Any:
+        try:
+            return applied(checked(obs, scales, gains, memory), voltage_max)
+        except Exception:  # noqa: BLE001  (numba knows no other)
+            return PerClutch(math.nan, math.nan, math.nan, math.nan)
+
+    return act_checked
 
 
 FAULTS = (IndexError, NumbaError, AttributeError, NameError, TypeError, ValueError)

@@ -10,6 +10,7 @@ with ``jax.device_put``.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any, NamedTuple, Protocol, Self, cast
 
@@ -44,9 +45,11 @@ except ImportError as error:
 from pter_gym._compiled.layout import Layout
 from pter_gym._engine.world import CONFIG_WIDTH, FLAG, FLAGS, ROW
 from pter_gym.controllers import Controller
+from pter_gym.controllers._law_kernel import guarded
 from pter_gym.envs._agent_batch import AgentBatch
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.params import SLOTS, Machine
+from pter_gym.policies._view import BoundView, Memory
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
 
 __all__ = ["AgentState", "EnvParams", "EnvState", "JaxEnv", "LawParams", "make"]
@@ -94,6 +97,26 @@ class AgentState(NamedTuple):
 AnyState = EnvState | AgentState
 
 
+@jax.tree_util.register_static
+@dataclass(frozen=True)
+class Kind:
+    """What worlds must have in common to share an environment's functions; no array.
+
+    Attributes
+    ----------
+    clutches
+        Connection of each clutch, a row of W.
+    voltage_max
+        Largest voltage [V].
+    bounds
+        Lowest and highest entry of an action.
+    """
+
+    clutches: tuple[tuple[float, float], ...]
+    voltage_max: float
+    bounds: tuple[float, float]
+
+
 class EnvParams(NamedTuple):
     """What worlds share: opaque words.
 
@@ -103,20 +126,32 @@ class EnvParams(NamedTuple):
         Bounds, steps and scales, uint32 (C,).
     constants
         The machines and tasks that a world draws from, uint32 (K,).
+    kind
+        Which environments they are for.
     """
+
+    config: jax.Array
+    constants: jax.Array
+    kind: Kind
+
+
+class Shared(NamedTuple):
+    """The words that a call of the step kernel gets for all worlds."""
 
     config: jax.Array
     constants: jax.Array
 
 
 class LawParams(NamedTuple):
-    """What a law shares in all worlds, as words: scales of the observation's entries, and gains.
+    """What a law shares in all worlds, as words.
 
-    Gains are uint32 (rows, G): one row for all, or one for each pair that worlds draw.
+    Scales are those of the observation's entries. Gains are uint32 (rows, G): one row for all, or
+    one for each pair that worlds draw.
     """
 
     scales: jax.Array
     gains: jax.Array
+    voltage_max: jax.Array
 
 
 Info = dict[str, jax.Array]
@@ -155,24 +190,32 @@ class JaxEnv:
         self.observation_layout: Layout = env.observation_layout
         self.frame_skip = env.frame_skip
         self.num_actions = env.batch.num_actions
+        machine, low = env.batch.machine, env.batch.action_low
         arrays = env.batch.kernel_arrays()
-        self.default_params = EnvParams(words_of(arrays["config"]), words_of(arrays["constants"]))
+        kind = Kind(
+            tuple(clutch.row for clutch in machine.clutches),
+            machine.clutch.voltage_max,
+            (low, env.batch.action_high),
+        )
+        self.default_params = EnvParams(
+            words_of(arrays["config"]), words_of(arrays["constants"]), kind
+        )
         self._empty = words_of(arrays["worlds"][0, :, 0])
-        self._batch = env.batch if isinstance(env.batch, AgentBatch) else None
-        self._no_volts = env.batch.action_low
-        if self._batch is not None:
-            base, memory = self._batch.law, jnp.zeros(0, jnp.uint32)
-            if base is not None:
-                law = base.policy.law
-                assert law is not None
-                self._law = _following(register_law(law.function))
-                scales = words_of(base.policy.layout.scales)
-                self._law_params = LawParams(scales, words_of(law.gains[None]))
-                memory = words_of(base.start(1)[0])
-                self._no_volts = 0.0
-            volts = jnp.zeros(SLOTS, jnp.float32)
-            latest = jnp.zeros(self._batch.history.shape, jnp.float32)
-            self._blank = on_cpu((memory, volts, latest))
+        self._view = env.batch.view if isinstance(env.batch, AgentBatch) else None
+        self._no_volts = low if self._view is None or self._view.base is None else 0.0
+        if self._view is None:
+            return
+        blank = self._view.start(1)
+        self._blank = on_cpu(Memory(words_of(blank.law), *map(jnp.asarray, blank[1:])))
+        if (base := self._view.base) is not None:
+            law = base.policy.law
+            assert law is not None
+            self._law = _following(register_law(law.function, guarded(law.function)))
+            self._law_params = LawParams(
+                words_of(base.policy.layout.scales),
+                words_of(law.gains[None]),
+                words_of(np.array([machine.clutch.voltage_max])),
+            )
 
     @classmethod
     def from_id(cls, env_id: str, keywords: dict[str, Any], **own: Any) -> Self:
@@ -214,11 +257,13 @@ class JaxEnv:
         """
         words = seed_words(seed)
         episode = on_cpu(jnp.zeros(4, jnp.uint32).at[: words.size].set(words))
-        world, episode, obs = _one(_reset, (self._empty, episode), self._shared(params))
-        if self._batch is None:
+        world, episode, obs = _one(
+            _reset, (self._empty, episode), Shared(*self._shared(params)[:2])
+        )
+        if self._view is None:
             return obs, EnvState(world, episode)
-        begun = self._begun(world, episode)
-        return self._see(self._batch, begun, obs, pair_of(world), begins=True)
+        obs, memory = self._look(self._view, self._blank, obs, pair_of(world), begins=True)
+        return obs, AgentState(world, episode, *memory)
 
     def step(
         self,
@@ -306,22 +351,23 @@ class JaxEnv:
 
     def _advance(self, state: AnyState, given: jax.Array, shared: EnvParams) -> Advanced:
         """Return what a step makes of a world."""
-        if self._batch is None:
+        if (view := self._view) is None:
             return self._control(state, given, shared)
-        batch = self._batch
 
         def control(before: Advanced, _: None) -> tuple[Advanced, None]:
-            state, law = cast(AgentState, before[0]), batch.law
-            volts = given if law is None else law.corrected(given[None], state.base[None])[0]
-            stepped, obs, last, reward, flags = self._control(state, volts, shared)
-            world, episode = stepped[:2]
-            state = state._replace(world=world, episode=episode)
-            final, state = self._see(batch, state, last, pair_of(before[0].world), begins=False)
-            begun = self._begun(world, episode)
-            new = self._see(batch, begun, obs, pair_of(world), begins=True)
-            obs, state = jax.tree.map(partial(jnp.where, _is_over(flags)), new, (final, state))
-            after = state, obs, final, before[3] + reward, flags
-            return jax.tree.map(partial(jnp.where, _is_over(before[4])), before, after), None
+            own = cast(AgentState, before[0])
+            memory = Memory(*(part[None] for part in own[2:]))
+            volts = view.given(given[None], memory)[0]
+            stepped, obs, last, reward, flags = self._control(own, volts, shared)
+            over, world = _is_over(flags), stepped.world
+            final, after = self._look(view, memory, last, pair_of(own.world), begins=False)
+            first, begun = self._look(
+                view, self._blank, obs, pair_of(world), begins=True, acts=over
+            )
+            new = jax.tree.map(partial(jnp.where, over), (first, begun), (final, after))
+            state = AgentState(*stepped[:2], *new[1])
+            result = state, new[0], final, before[3] + reward, flags
+            return jax.tree.map(partial(jnp.where, _is_over(before[4])), before, result), None
 
         unseen = jnp.zeros(len(self.observation_layout), jnp.float32)
         start = state, unseen, unseen, jnp.zeros((), jnp.float32), jnp.zeros(FLAGS, bool)
@@ -331,38 +377,45 @@ class JaxEnv:
         """Return what ``_advance`` does, after a step of the kernel."""
         empty = jnp.full(SLOTS - self.num_actions, self._no_volts, given.dtype)
         own = *state[:2], jnp.concatenate([given, empty])
-        world, episode, obs, last, reward, flags = _one(self._step, own, shared)
+        world, episode, obs, last, reward, flags = _one(self._step, own, Shared(*shared[:2]))
         return EnvState(world, episode), obs, last, reward, flags
 
-    def _begun(self, world: jax.Array, episode: jax.Array) -> AgentState:
-        """Return the state of a world whose episode begins, before it has seen anything."""
-        return AgentState(world, episode, *self._blank)
+    def _look(
+        self,
+        view: BoundView,
+        memory: Memory,
+        obs: jax.Array,
+        pair: jax.Array,
+        *,
+        begins: bool,
+        acts: jax.Array | bool = True,
+    ) -> tuple[jax.Array, Memory]:
+        """Return what is seen after a look at a pair's world, and the memory, (1, …) before it.
 
-    def _see(
-        self, batch: AgentBatch, state: AgentState, obs: jax.Array, pair: jax.Array, *, begins: bool
-    ) -> tuple[jax.Array, AgentState]:
-        """Return what an agent sees after an observation of a pair's world, and the state."""
-        if batch.law is not None:
-            base, memory = _one(self._law, (obs, state.memory, pair), self._law_params)
-            state = state._replace(base=base, memory=memory)
-            obs = batch.law.seen(obs[None], base[None])[0]
-        latest = batch.history.after(state.latest[None], obs[None], jnp.array([begins]))
-        return batch.history.seen(latest)[0], state._replace(latest=latest[0])
+        The base acts where it is true that it ``acts``; elsewhere the result is not used.
+        """
+
+        def act(obs: jax.Array, law: jax.Array) -> tuple[jax.Array, jax.Array]:
+            base, law = self._law((obs, law, pair[None], jnp.array([acts])), self._law_params)
+            return base, law
+
+        after = view.after(memory, obs[None], jnp.array([begins]), act)
+        return view.seen(after)[0], Memory(*(part[0] for part in after))
 
     def bind_base(self, machines: Sequence[Machine]) -> None:
         """Bind the law that actions correct to the machine of each pair that worlds draw."""
-        assert self._batch is not None
-        assert self._batch.law is not None
-        scales, layout = self._law_params.scales, self._batch.law.policy.layout
+        assert self._view is not None
+        assert self._view.base is not None
+        layout = self._view.base.policy.layout
         laws = [cast("Controller", self.env.base).bind(each, layout).law for each in machines]
         rows = np.array([law.gains for law in laws if law is not None])
-        self._law_params = LawParams(scales, words_of(rows))
+        self._law_params = self._law_params._replace(gains=words_of(rows))
 
     def _check_state(self, state: AnyState) -> None:
         """Raise a ParameterError unless a state is as large as this environment's."""
         expected = [(self._empty.shape, jnp.uint32), ((4,), jnp.uint32)]
-        if self._batch is not None:
-            expected += [(part.shape, part.dtype) for part in self._blank]
+        if self._view is not None:
+            expected += [(part.shape[1:], part.dtype) for part in self._blank]
         parts = state[: len(expected)]
         if [(jnp.shape(part), jnp.result_type(part)) for part in parts] != expected:
             raise ParameterError(
@@ -375,12 +428,16 @@ class JaxEnv:
         usual = self.default_params
         if params is None:
             return usual
-        config, constants = params
+        config, constants, kind = params
         fits = jnp.shape(config) == usual.config.shape and jnp.ndim(constants) == 1
-        if not fits or {jnp.result_type(part) for part in params} != {jnp.dtype(jnp.uint32)}:
+        if not fits or {jnp.result_type(part) for part in params[:2]} != {jnp.dtype(jnp.uint32)}:
             raise ParameterError(
                 "params must be EnvParams of an environment with these observations and actions, "
                 f"of uint32 {usual.config.shape} and (K,), got {shapes_of(params)}"
+            )
+        if kind != usual.kind:
+            raise ParameterError(
+                f"params must be of machines and actions of this kind, {usual.kind}, got {kind}"
             )
         return params
 
@@ -498,13 +555,13 @@ def _is_over(flags: jax.Array) -> jax.Array:
     return flags[FLAG.terminated] | flags[FLAG.truncated]
 
 
-def _one(call: _Call, own: Arrays, shared: EnvParams | LawParams) -> Arrays:
+def _one(call: _Call, own: Arrays, shared: Shared | LawParams) -> Arrays:
     """Return the results of one world."""
     return [x[0] for x in call(tuple(x[None] for x in own), shared)]
 
 
 def _called(
-    name: str, own: Arrays, shared: EnvParams, *further: jax.ShapeDtypeStruct, **options: Any
+    name: str, own: Arrays, shared: Shared, *further: jax.ShapeDtypeStruct, **options: Any
 ) -> Arrays:
     """Return worlds, episodes and observations after a call of the kernel, and further results."""
     entries = (shared.config.size - 2 * CONFIG_WIDTH) // 2
@@ -515,7 +572,7 @@ def _called(
 
 
 @_many
-def _reset(own: Arrays, shared: EnvParams) -> Arrays:
+def _reset(own: Arrays, shared: Shared) -> Arrays:
     return _called(RESET, own, shared)
 
 
@@ -524,7 +581,7 @@ def _stepping(name: str) -> _Call:
     """Return what steps worlds by the call of a name."""
 
     @_many
-    def step(own: Arrays, shared: EnvParams) -> Arrays:
+    def step(own: Arrays, shared: Shared) -> Arrays:
         rewards = jax.ShapeDtypeStruct((len(own[0]),), jnp.float32)
         flags = jax.ShapeDtypeStruct((len(own[0]), FLAGS), jnp.bool_)
         return _called(name, own, shared, rewards, flags, input_output_aliases={0: 0, 1: 1})
@@ -538,7 +595,7 @@ def _following(name: str) -> _Call:
 
     @_many
     def follow(own: Arrays, shared: LawParams) -> Arrays:
-        obs, memory, rows = own
-        return call_law(name, obs, *shared, memory, rows)
+        obs, memory, rows, acts = own
+        return call_law(name, obs, *shared, memory, rows, acts)
 
     return follow

@@ -2,13 +2,15 @@
 
 import subprocess
 import sys
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 import pytest
 
+from pter_gym.controllers import PerClutch, Policy, compiled
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.paths import Sine
 from pter_gym.tasks.path_following import PathFollowing
@@ -369,3 +371,83 @@ def test_a_world_that_draws_from_other_constants_returns_nan() -> None:
     _, state = env.reset_to_seed(3)
     assert np.isnan(env.step(None, state, jnp.zeros(4), fewer)[0]).all()
     assert np.isnan(env.reset_to_seed(3, fewer)[0]).all()
+
+
+class Count(NamedTuple):
+    """Control steps since the episode began."""
+
+    steps: float
+
+
+@compiled
+def failing(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    """30 V; from the fourth step on NaN or beyond the memory, where the hand pushes harder."""
+    memory[0] += 1.0
+    fails = (memory[0] > 3.0) & (obs[0] < gains[0])
+    beyond = int(memory[0]) if fails and gains[1] > 0.0 else 0
+    volts = np.nan if fails and gains[1] == 0.0 else 30.0
+    return PerClutch(volts, 2.0 + 0.0 * memory[beyond], 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Failing:
+    """The law above in worlds whose first entry is below a limit."""
+
+    below: float
+    reads_beyond: bool = False
+
+    def bind(self, machine: Any, layout: Any) -> Policy:
+        gains = [self.below, float(self.reads_beyond)]
+        return Policy.from_law(failing, gains, machine, layout, memory=Count)
+
+
+NEVER = -np.inf
+
+
+def failing_kind(below: float, reads_beyond: bool = False) -> dict[str, Any]:
+    return {"env_id": "PTER/Standard-v0", "contexts": 8, "base": Failing(below, reads_beyond)}
+
+
+def test_a_base_is_clipped_to_the_machines_range() -> None:
+    """As one of 24 V is; with a reach of 8 V, an action of −1 then leaves 16 V."""
+    env, _ = make(**failing_kind(NEVER))
+    worlds = vector(**failing_kind(NEVER))
+    _, state = jax.vmap(env.reset_to_seed)(np.arange(WORLDS))
+    worlds.reset(seed=0)
+    action = np.full((WORLDS, 4), -1.0, np.float32)
+    for _ in range(3):
+        obs, state, *_ = many(env)(None, state, action, None)
+        found = worlds.step(action)[0]
+        np.testing.assert_array_equal(obs, found)
+    layout = env.observation_layout
+    volts = layout.index("volts_1")
+    np.testing.assert_allclose(found[:, volts] * layout.scales[volts], 16.0, rtol=1e-6)
+
+
+@pytest.mark.parametrize("reads_beyond", [False, True])
+def test_a_law_that_fails_in_one_world_leaves_the_others_as_they_are(reads_beyond: bool) -> None:
+    sound, _ = make(**failing_kind(NEVER))
+    first, state = jax.vmap(sound.reset_to_seed)(np.arange(WORLDS))
+    limit = float(np.sort(first[:, 0])[:2].mean())
+    env, _ = make(**failing_kind(limit, reads_beyond))
+    _, other = jax.vmap(env.reset_to_seed)(np.arange(WORLDS))
+    action = jnp.zeros((WORLDS, 4))
+    failed = np.zeros(WORLDS, bool)
+    for _ in range(6):
+        obs, state, rewards, *_ = many(sound)(None, state, action, None)
+        seen, other, found, *_ = many(env)(None, other, action, None)
+        failed |= np.isnan(found)
+        np.testing.assert_array_equal(seen[~failed], obs[~failed])
+        np.testing.assert_array_equal(found[~failed], rewards[~failed])
+    assert failed.sum() == 1
+
+
+def test_params_of_other_machines_or_actions_are_refused() -> None:
+    env, _ = make()
+    state = env.reset_to_seed(0)[1]
+    for kind in ({"action_unit": "volt"}, {"machine": "double-brakes"}):
+        other = make(**kind)[1]
+        with pytest.raises(ParameterError, match="params must be of machines and actions"):
+            env.step(None, state, jnp.zeros(4), other)
+        with pytest.raises(ParameterError, match="params must be of machines and actions"):
+            jax.jit(env.step)(None, state, jnp.zeros(4), other)
