@@ -247,7 +247,8 @@ def _sample(env: PathFollowingVectorEnv, seed: int) -> tuple[tuple[Input, ...], 
         )
     )
     center, scale, varies = _moments(np.concatenate(true))
-    return tuple(inputs), Selection.of(np.flatnonzero(varies), center[varies], scale[varies])
+    seen = env.batch.truth_entries[varies]
+    return tuple(inputs), Selection.of(seen, center[varies], scale[varies])
 
 
 def _moments(

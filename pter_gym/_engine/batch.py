@@ -164,7 +164,11 @@ class Batch(Storage):
         )
 
     def reset(
-        self, seeds: Sequence[int | None] | None = None, chosen: Mask | None = None
+        self,
+        seeds: Sequence[int | None] | None = None,
+        chosen: Mask | None = None,
+        *,
+        all_seen: bool = True,
     ) -> tuple[Observations, Array]:
         """Start new episodes.
 
@@ -175,6 +179,8 @@ class Batch(Storage):
             episode of the world's present seed (drawn from the operating system at first).
         chosen
             Which worlds to reset, shape (N,); all by default. The others stay as they are.
+        all_seen
+            Whether to return the rows of the others too, which otherwise hold anything.
 
         Returns
         -------
@@ -188,7 +194,8 @@ class Batch(Storage):
         telemetry = np.empty((self._records, self.num_worlds, COLUMNS))
         kernel = reset_kernel()
         self._words[:], self._seeded[:] = words, self._seeded | chosen
-        kernel(self._worlds, self._words, chosen, obs, telemetry, self._config, self._constants)
+        shared = self._config, self._constants
+        kernel(self._worlds, self._words, chosen, all_seen, obs, telemetry, *shared)
         return obs, telemetry.reshape(-1, COLUMNS)
 
     def step(self, actions: ArrayLike, ended: int = REFUSE) -> Returns:

@@ -66,7 +66,7 @@ ADVANCE_TYPES: Any = types.int64(
 """Types of the arguments and of the value of ``advance_kernel``."""
 
 RESET_TYPES: Any = types.none(
-    _WORLDS, _WORDS, types.boolean[::1], _OBS, _TELEMETRY, _NUMBERS, _NUMBERS
+    _WORLDS, _WORDS, types.boolean[::1], types.boolean, _OBS, _TELEMETRY, _NUMBERS, _NUMBERS
 )
 """Types of the arguments of ``reset_kernel``."""
 
@@ -286,6 +286,7 @@ def _build_reset(digest: str) -> Any:
         worlds: Records,
         words: NDArray[np.uint64],
         chosen: Records,
+        all_seen: bool,
         obs: Records,
         telemetry: NDArray[np.float64],
         config: Records,
@@ -294,6 +295,8 @@ def _build_reset(digest: str) -> Any:
         _ = digest
         w = _scratch()  # of the same type as above, for which all functions are compiled already
         for world in range(obs.shape[0]):
+            if not (chosen[world] or all_seen):
+                continue
             i = world % worlds.shape[2]
             fetch_world(w, i, worlds, world)
             if chosen[world]:
@@ -354,8 +357,8 @@ def alone_kernel(declared: bool, /) -> Any:
 def reset_kernel() -> Any:
     """Return the compiled ``reset``.
 
-    ``reset(worlds, words, chosen, obs, telemetry, config, constants)`` starts new episodes of the
-    worlds in ``chosen``, (N,), from their seeds and episode counts, and writes the present
-    observation of all worlds; see ``Arrays``.
+    ``reset(worlds, words, chosen, all_seen, obs, telemetry, config, constants)`` starts new
+    episodes of the worlds in ``chosen``, (N,), from their seeds and episode counts, and writes the
+    present observation of these or of all worlds; see ``Arrays``.
     """
     return compile_kernel(_build_reset)

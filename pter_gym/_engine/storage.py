@@ -2,38 +2,22 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._compiled.layout import Field, Layout
-from pter_gym._compiled.records import flat, layout_of, leaves, read, record_fields
-from pter_gym._engine.world import (
-    ADDRESSES,
-    BASIC_ROWS,
-    LANES,
-    ROW,
-    STATE,
-    STORED_ROWS,
-    Addresses,
-    WorldState,
-)
+from pter_gym._compiled.layout import Layout
+from pter_gym._compiled.records import flat, leaves, read
+from pter_gym._engine.truth import all_entries, tell_kernel, told_entries, told_layout
+from pter_gym._engine.world import BASIC_ROWS, LANES, ROW, STATE, STORED_ROWS, WorldState
 from pter_gym._physics.arm import Motion, kinetic_energy
 from pter_gym.errors import ParameterError, ResetNeededError
 from pter_gym.hands import Operator
 from pter_gym.params import Machine
 from pter_gym.paths import Path
-from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, Context, context_of
-from pter_gym.tasks.path_following._observation import (
-    FORCE_SCALE,
-    OMEGA_SCALE,
-    SPEED_SCALE,
-    TORQUE_SCALE,
-    observation_layout,
-)
+from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, context_of
 from pter_gym.tasks.path_following._specification import (
     IDEAL_SENSING,
     PathFollowing,
@@ -44,17 +28,6 @@ from pter_gym.tasks.path_following._specification import (
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Pair = tuple[Machine, PathFollowing]
-
-_UNIT_SCALES = {
-    "rad/s": OMEGA_SCALE,
-    "m/s": SPEED_SCALE,
-    "N": FORCE_SCALE,
-    "N·m": TORQUE_SCALE,
-    "N/m": 300.0,
-    "N·s/m": 20.0,
-    "J": 10.0,
-}
-"""Usual sizes of what is true of a world and neither observed nor has a scale of its own."""
 
 _STATE_NAMES = [leaf.name for leaf in leaves(type(STATE))]
 
@@ -345,42 +318,28 @@ class Storage:
         In no particular units and order, and without the limit of the energy, which follows from
         the rest; for critics, which may know more than the policies that they judge.
         """
-        worlds = self._rows
-        entries = np.delete(np.arange(CONTEXT_WIDTH), int(CONTEXT.task.energy_max))
-        context = worlds[:, int(ROW.context_at), None].astype(np.intp) + entries
-        return np.concatenate([worlds, self._constants[context]], axis=1)
+        return self._tell(self.truth_entries)
+
+    @cached_property
+    def truth_entries(self) -> NDArray[np.intp]:
+        """Rows of ``truth`` among those of a world and, after them, of its context."""
+        return all_entries(self._worlds.shape[1])
 
     @cached_property
     def privileged_entries(self) -> NDArray[np.intp]:
-        """Entries of ``truth`` that say something of the world: no addresses, nor ``alive``."""
-        rows: int = self._worlds.shape[1]
-        places = rows + int(CONTEXT.hand.record_first), rows + int(CONTEXT.task.path.first)
-        others = [*range(ADDRESSES.end), int(ROW.alive), *places]
-        return np.delete(np.arange(rows + CONTEXT_WIDTH - 1), others)
+        """Rows of ``privileged``, numbered alike."""
+        return told_entries(self._worlds.shape[1])
 
     @property
     def privileged_layout(self) -> Layout:
         """Names, units and scales of what ``privileged`` returns, which is in their units."""
-        machine = self.pairs[0][0]
-        observed = observation_layout(machine, "force").fields
-        scales = _UNIT_SCALES | {"V": machine.clutch.voltage_max}
-        scales |= {field.name: field.scale for field in observed}
-
-        def scaled(field: Field) -> Field:
-            usual = scales.get(field.name, scales.get(field.unit, 1.0))
-            return replace(field, scale=usual if field.scale == 1.0 else field.scale)
-
-        stored = self._worlds.shape[1] - ADDRESSES.end
-        state = map(scaled, layout_of(WorldState).fields[:stored])
-        context = [
-            replace(field, name=f"{name}_{field.name}")
-            for name, _, kind in record_fields(Context)
-            for field in map(scaled, layout_of(kind).fields)
-        ]
-        del context[int(CONTEXT.task.energy_max)]
-        fields: list[Field] = [*layout_of(Addresses).fields, *state, *context]
-        return Layout(tuple(fields[int(entry)] for entry in self.privileged_entries))
+        return told_layout(self._worlds.shape[1], self.pairs[0][0])
 
     def privileged(self) -> Array:
         """Return what ``privileged_layout`` describes, (N, entries)."""
-        return self.truth()[:, self.privileged_entries]
+        return self._tell(self.privileged_entries)
+
+    def _tell(self, entries: NDArray[np.intp]) -> Array:
+        truth = np.empty((self.num_worlds, len(entries)))
+        tell_kernel()(self._worlds, self._constants, entries, truth)
+        return truth

@@ -341,7 +341,7 @@ def _reset_handler(start: Callable[..., object]) -> Handler:
                 chosen[i] = _has_contexts(block[0, :, i], constants)
                 if not chosen[i]:
                     _stand_in(block[0, :, i])
-            start((block, mine, chosen[:lanes], obs_here, telemetry, config, constants))
+            start((block, mine, chosen[:lanes], True, obs_here, telemetry, config, constants))
             for i in range(lanes):
                 if not chosen[i]:
                     obs_here[i] = np.nan

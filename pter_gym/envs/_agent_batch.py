@@ -75,7 +75,8 @@ class AgentBatch(Batch):
         """Start new episodes, as ``Batch`` does."""
         chosen = np.ones(self.num_worlds, np.bool_) if chosen is None else chosen
         with self._all_or_nothing():
-            return self._begin(seeds, chosen)
+            obs, telemetry = super().reset(seeds, chosen)
+            return self._begin(obs, chosen), telemetry
 
     def step(self, actions: ArrayLike, ended: int = REFUSE) -> Returns:
         """Advance all worlds by ``frame_skip`` control periods, as ``Batch`` does."""
@@ -101,16 +102,18 @@ class AgentBatch(Batch):
         (terminated,), (truncated,), (success,) = flags.tolist()
         return obs[0], telemetry[0, 0], rewards.item(), terminated, truncated, success
 
-    def _begin(self, seeds: Any, chosen: Mask) -> tuple[Observations, Any]:
-        """Return what ``reset`` does."""
-        obs, telemetry = super().reset(seeds, chosen)
-        if self._looks:
-            for part, new in zip(self._memory, self.view.start(int(chosen.sum())), strict=True):
-                part[chosen] = new
-        return self._look(obs, chosen, begins=True), telemetry
+    def _begin(self, obs: Observations, chosen: Mask) -> Observations:
+        """Return what is seen of all worlds after the first observations of some."""
+        if not self._looks:
+            return obs
+        for part, new in zip(self._memory, self.view.start(int(chosen.sum())), strict=True):
+            part[chosen] = new
+        return self._look(obs, chosen, begins=True)
 
     def _advance(self, actions: NDArray[Any], alive: Mask) -> Returns:
         """Return what a step of the agent does in the worlds that are alive."""
+        if not self._looks:
+            return super().step(actions, SKIP)
         n = self.num_worlds
         telemetry = np.full((self._records, n, COLUMNS), np.nan)
         rewards, flags = np.zeros(n), np.zeros((FLAGS, n), np.bool_)
@@ -126,19 +129,20 @@ class AgentBatch(Batch):
             running &= ~(terminated | truncated)
             if not running.any():
                 break
-        return Returns(seen, seen, rewards, flags, telemetry)
+        return Returns(seen, self._final_obs, rewards, flags, telemetry)
 
     def _begin_again(self, returns: Returns, alive: Mask, ended: int) -> Returns:
         """Return what a step does, after new episodes in the worlds that are over."""
-        seen, final, rewards, flags, telemetry = returns
+        seen, _, rewards, flags, telemetry = returns
         terminated, truncated, _ = flags
         over: Mask = ~alive if ended == NEXT_STEP else terminated | truncated
         begins: Mask = over & (ended in (NEXT_STEP, SAME_STEP))
-        last = telemetry
+        final, last = seen, telemetry
         if self._tells:
             self.last_truth = self.privileged()
         if begins.any():
-            seen, rows = self._begin(None, begins)
+            obs, rows = super().reset(None, begins, all_seen=False)
+            seen = np.where(begins[:, None], self._begin(obs, begins), seen)
             telemetry = np.where(begins[:, None], rows, telemetry) if self._records else telemetry
         if ended == SAME_STEP:
             telemetry = np.concatenate([telemetry, last])
@@ -159,8 +163,6 @@ class AgentBatch(Batch):
 
     def _look(self, obs: Observations, chosen: Mask, *, begins: bool) -> Observations:
         """Look at some worlds' observations; return what is seen of all."""
-        if not self._looks:
-            return obs
         rows = slice(None) if chosen.all() else chosen
         obs = obs[rows]
         before = Memory(*(part[rows] for part in self._memory))

@@ -50,11 +50,11 @@ from pter_gym.envs._agent_batch import AgentBatch
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.params import SLOTS, Machine
 from pter_gym.policies._view import BoundView, Memory
-from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
+from pter_gym.tasks.path_following._context import CONTEXT_WIDTH
 
 __all__ = ["AgentState", "EnvParams", "EnvState", "JaxEnv", "LawParams", "make"]
 
-CONTEXT_AT, ENERGY_MAX = int(ROW.context_at), int(CONTEXT.task.energy_max)
+CONTEXT_AT = int(ROW.context_at)
 
 
 class EnvState(NamedTuple):
@@ -469,7 +469,7 @@ def pair_of(world: jax.Array) -> jax.Array:
 
 
 def truth_of(world: jax.Array, constants: jax.Array, entries: jax.Array) -> jax.Array:
-    """Return some entries of ``Batch.truth``, float32 (N, entries).
+    """Return some rows of worlds and of their contexts, which follow these, float32 (N, entries).
 
     ``world`` holds the words of N worlds, and ``constants`` float32 (K,) what they share.
     """
@@ -478,8 +478,7 @@ def truth_of(world: jax.Array, constants: jax.Array, entries: jax.Array) -> jax.
     words = jnp.stack([world[:, 2 * own], world[:, 2 * own + 1]], axis=-1)
     state = rounded(words.reshape(len(world), -1))
     at = rounded(world[:, 2 * CONTEXT_AT : 2 * CONTEXT_AT + 2]).astype(jnp.int32)
-    number = jnp.maximum(entries - rows, 0)
-    context = constants[at + number + (number >= ENERGY_MAX)]
+    context = constants[at + jnp.maximum(entries - rows, 0)]
     return jnp.where(entries < rows, state, context)
 
 
