@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pter_gym._engine.batch import Batch, Observations, Returns, checked_actions
 from pter_gym._engine.storage import Mask
 from pter_gym._engine.world import FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP
+from pter_gym.errors import ParameterError
 from pter_gym.params import Machine
 from pter_gym.policies._view import Memory, View
 from pter_gym.tasks.path_following._telemetry import COLUMN, COLUMNS
@@ -60,10 +61,29 @@ class AgentBatch(Batch):
         law, base, latest = self._memory
         return {**super()._changing, "memory": law, "base": base, "latest": latest}
 
+    def get_state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all that changes, and which law this is for."""
+        return {**super().get_state(), "law": np.array(self.view.law_digest)}
+
+    def set_state(self, state: dict[str, NDArray[Any]]) -> None:
+        """Bring the worlds to a state from ``get_state``, as ``Batch`` does.
+
+        Raises
+        ------
+        ParameterError
+            Also if it is of another base, or what it remembers is not finite.
+        """
+        if str(state.get("law", "")) != self.view.law_digest:
+            raise ParameterError("state must be of an environment with the same base")
+        for name in ("memory", "base", "latest"):
+            if not np.isfinite(state.get(name, 0.0)).all():
+                raise ParameterError(f"state[{name!r}] must hold finite numbers only")
+        super().set_state(state)
+
     @contextmanager
     def _all_or_nothing(self) -> Generator[None]:
         """Leave everything as it was if anything is raised."""
-        before = self.get_state()
+        before = super().get_state()
         try:
             yield
         except BaseException:

@@ -4,10 +4,12 @@ The law acts at every control step, in a kernel of its own beside that of the wo
 says how base and correction are joined, here, in JAX and in trained policies.
 """
 
+from hashlib import sha256
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.layout import Field, Layout
 from pter_gym._engine.batch import Observations
 from pter_gym._engine.storage import Array
@@ -74,6 +76,13 @@ class BaseLaw:
         self._inverse_scale = np.float32(1.0 / scale)
         self._reach, self._voltage_max = reach, machine.clutch.voltage_max
         self._clutches = len(machine.clutches)
+
+    @property
+    def digest(self) -> str:
+        """What a law with its gains is known by."""
+        law = self.policy.law
+        assert law is not None
+        return sha256(f"{digest_of(law.function)}{law.gains.tolist()}".encode()).hexdigest()
 
     def start(self, worlds: int) -> Array:
         """Return the law's memory in worlds whose episodes begin, (N, M)."""

@@ -120,6 +120,8 @@ class BoundView:
         The view.
     base
         The law that actions correct, or None.
+    law_digest
+        What the base is known by; empty without one.
     layout
         Layout of what is seen: observations, the base's voltages, and earlier ones of both.
     bounds
@@ -130,6 +132,7 @@ class BoundView:
         self.view, self.base = view, None
         if view.base is not None and view.reach is not None:
             self.base = BaseLaw(view.base, machine, layout, view.reach)
+        self.law_digest = self.base.digest if self.base else ""
         self._history = History(view.history, self.base.layout if self.base else layout)
         self.layout = self._history.layout
         self._top, self._clutches = machine.clutch.voltage_max, len(machine.clutches)

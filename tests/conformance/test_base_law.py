@@ -3,6 +3,7 @@
 import copy
 import pickle
 import warnings
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
@@ -13,6 +14,7 @@ from gymnasium.utils.env_checker import check_env
 
 import pter_gym
 from pter_gym.benchmark import from_actions
+from pter_gym.controllers import PerClutch, Policy, compiled
 from pter_gym.envs import PathFollowingEnv, PathFollowingVectorEnv
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.tasks.path_following import COLUMN
@@ -205,3 +207,75 @@ def test_wrong_steps_move_nothing() -> None:
         np.testing.assert_array_equal(part, before[name])
     with pytest.raises(ParameterError, match="env must have no base"):
         pter_gym.load_policy(BASE, env)
+
+
+@compiled
+def fading(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    """3 V, and NaN from a number of control steps on."""
+    memory[0] += 1.0
+    volts = np.nan if memory[0] > gains[0] else 3.0
+    return PerClutch(volts, 3.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Fading:
+    """The law above."""
+
+    steps: float
+
+    def bind(self, machine: Any, layout: Any) -> Policy:
+        return Policy.from_law(fading, [self.steps], machine, layout)
+
+
+def unchanged(env: PathFollowingVectorEnv, state: dict[str, np.ndarray]) -> bool:
+    now = env.get_state()
+    return all(now[name].tobytes() == part.tobytes() for name, part in state.items())
+
+
+def test_a_base_that_fails_within_an_action_is_named_and_nothing_moves() -> None:
+    env = PathFollowingVectorEnv(WORLDS, base=Fading(5.0), frame_skip=3, **SHORT)
+    env.reset(seed=0)
+    env.step(np.zeros((WORLDS, 4)))
+    state = env.get_state()
+    with pytest.raises(ParameterError, match=r"base must give finite voltages, got \[nan, 3.0"):
+        env.step(np.zeros((WORLDS, 4)))
+    assert unchanged(env, state)
+
+
+@pytest.mark.parametrize("own", [{"base": BASE}, {"history": (1, 4)}], ids=["base", "history"])
+def test_an_interrupt_within_an_action_moves_nothing(
+    own: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    env = PathFollowingVectorEnv(WORLDS, frame_skip=3, **SHORT, **own)
+    env.reset(seed=0)
+    state, view, looks = env.get_state(), env.batch.view, [1]
+
+    def interrupted(*arguments: Any) -> Any:
+        if not looks:
+            raise KeyboardInterrupt
+        looks.pop()
+        return type(view).after(view, *arguments)
+
+    monkeypatch.setattr(view, "after", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        env.step(actions(1)[0])
+    monkeypatch.undo()
+    assert unchanged(env, state)
+    env.step(actions(1)[0])
+    assert not unchanged(env, state)
+
+
+def test_a_state_of_another_base_or_without_numbers_is_refused() -> None:
+    env = PathFollowingVectorEnv(WORLDS, base=BASE, **SHORT)
+    other = PathFollowingVectorEnv(WORLDS, base="single-dof-scaled", **SHORT)
+    for each in (env, other):
+        each.reset(seed=0)
+    state = env.get_state()
+    with pytest.raises(ParameterError, match="with the same base"):
+        env.set_state(other.get_state())
+    for name in ("memory", "base", "latest"):
+        broken = env.get_state()
+        broken[name][0] = np.nan
+        with pytest.raises(ParameterError, match=name):
+            env.set_state(broken)
+    assert unchanged(env, state)
