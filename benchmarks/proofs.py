@@ -13,7 +13,7 @@ import tyro
 from pter_gym.benchmark import find_policy
 from pter_gym.errors import ProofError
 from pter_gym.policies import TrainedPolicy, shipped_policies
-from pter_gym.policies.tuned import TUNED
+from pter_gym.policies.tuned import tuned_policies
 from pter_gym.tools.deploy import source_of
 from pter_gym.tools.deploy.proof import MachineModel, prove
 
@@ -31,7 +31,7 @@ def proven(source: Any, model: MachineModel) -> str:
             return f"{len(str(error).splitlines()) - 1} alarms"
 
 
-def main(policies: tuple[str, ...] = (*PAPER, *TUNED, *shipped_policies())) -> None:
+def main(policies: tuple[str, ...] = (*PAPER, *tuned_policies(), *shipped_policies())) -> None:
     """Print the table."""
     print(f"| Policy | Numbers | Weights | {' | '.join(f'`{model}`' for model in MODELS)} |")
     print(f"|---|---|---|{'---:|' * len(MODELS)}")
