@@ -273,18 +273,6 @@ class Policy:
         made = partial(cls.from_function, function, layout, start=start, frame_skip=frame_skip)
         return cls(layout, act, begin, skip, frame_skip is None, name=name, made=made)
 
-    @classmethod
-    def of_law(cls, *arguments: Any, **keywords: Any) -> "Policy":
-        """Return ``from_law``'s policy; this name will be removed in 1.1."""
-        warnings.warn("of_law is from_law since 1.0", DeprecationWarning, stacklevel=2)
-        return cls.from_law(*arguments, **keywords)
-
-    @classmethod
-    def of_function(cls, *arguments: Any, **keywords: Any) -> "Policy":
-        """Return ``from_function``'s policy; this name will be removed in 1.1."""
-        warnings.warn("of_function is from_function since 1.0", DeprecationWarning, stacklevel=2)
-        return cls.from_function(*arguments, **keywords)
-
 
 AnyPolicy = Controller | Policy | Callable[[Observations], Any]
 """What ``bind`` takes: a controller, a policy, or a function from observations to volts."""
