@@ -176,7 +176,8 @@ class WorldsMixin:
             for name, find in (("path", find_path), ("machine", find_machine))
             if _has_file(given.get(name))
         }
-        self.worlds = worlds = find_worlds(**given | self._from_files)
+        given |= self._from_files
+        self.worlds = worlds = find_worlds(**given)
         self.gains, self.view = worlds.gains, worlds.view
         self.base, self.reach, self.history = self.view.base, self.view.reach, self.view.history
         self.batch = batch = worlds.batch(num_envs, max_episode_steps, telemetry, num_threads)

@@ -26,11 +26,11 @@ from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.controllers import CONTROLLERS, PerClutch, Policy, bind, compiled
 from pter_gym.controllers._laws import built_in
+from pter_gym.controllers._policy import clutch_rows
 from pter_gym.errors import ParameterError, ProofError, StorageError
 from pter_gym.params import BASELINE, MACHINES, find_machine
 from pter_gym.paths import find_path
 from pter_gym.policies import Input
-from pter_gym.policies._interface import clutch_rows
 from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, OBS, PathFollowing, observation_layout
