@@ -1,5 +1,6 @@
 """Policies as users write them: attributes of a file of Python, or of a module."""
 
+import hashlib
 import linecache
 import sys
 from importlib.machinery import SourceFileLoader
@@ -12,6 +13,9 @@ from typing import Any
 
 from pter_gym._internal.files import has_ending
 from pter_gym.errors import ParameterError, nearest
+
+LIBRARIES = ("pter_gym.", "functools", "builtins")
+"""Whose objects say nothing of the code that acts through them."""
 
 
 def load_attribute(name: str) -> Any:
@@ -57,6 +61,25 @@ def _attribute_of(file: Path, name: str) -> Any:
             f"policies must name what is in {file}, there is no {name!r}{nearest(name, attributes)}"
         )
     return attributes[name]
+
+
+def code_digest(policy: Any) -> str:
+    """Return a digest of a user's code that acts: of its compiled function, otherwise of its file.
+
+    It is empty where the code is a library's or unknown, as that of a trained model.
+    """
+    from pter_gym._compiled.digests import digest_of
+
+    law = getattr(policy, "law", None)
+    if law is not None and (digest := digest_of(law.function)):
+        return digest
+    maker = policy if hasattr(policy, "__qualname__") else type(policy)
+    module = sys.modules.get(maker.__module__)
+    content: bytes | None = getattr(module, "__content__", None)
+    file = getattr(module, "__file__", None)
+    if content is None and file and not maker.__module__.startswith(LIBRARIES):
+        content = Path(file).read_bytes()
+    return hashlib.sha256(content).hexdigest() if content else ""
 
 
 def _load(entry: EntryPoint) -> Any:
