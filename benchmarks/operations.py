@@ -20,7 +20,7 @@ from pycparser import CParser, c_ast as c
 
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import find_episodes
-from pter_gym.policies import TrainedPolicy, shipped_policies
+from pter_gym.policies import TrainedController, shipped_policies
 from pter_gym.policies.tuned import tuned_policies
 from pter_gym.tools.deploy import source_of
 
@@ -280,7 +280,7 @@ def main(policies: tuple[str, ...] = ("impedance", *tuned_policies(), *shipped_p
     print("|---|---|---:|---:|---:|---:|")
     for name in policies:
         policy = find_policy(name)
-        is_network = isinstance(policy, TrainedPolicy)
+        is_network = isinstance(policy, TrainedController)
         for weights in ("float", "int8") if is_network else ("float",):
             source = source_of(policy, name=name, weights=weights)
             with deploy.folder_of(source) as folder:

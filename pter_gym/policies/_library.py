@@ -28,7 +28,7 @@ Normalise = Callable[[Observations], Observations]
 
 def from_sb3(
     model: Any, vec_normalize: Any = None, frame_skip: int | None = None, *, env: Any = None
-) -> "LibraryPolicy":
+) -> "LibraryController":
     """Return a policy that runs a model deterministically, with a recurrent state for each world.
 
     Parameters
@@ -70,12 +70,12 @@ def from_sb3(
     normalise = _normalising(own if vec_normalize is None else vec_normalize)
     (view,) = attributes(env, "view")
     view = view if frame_skip is None else replace(view, frame_skip=frame_skip)
-    return LibraryPolicy(model, normalise, view, env)
+    return LibraryController(model, normalise, view, env)
 
 
 def from_actions(
     act: Callable[[Observations], Any], env: Any, frame_skip: int | None = None
-) -> "LibraryPolicy":
+) -> "LibraryController":
     """Return a policy that runs a function from observations to an environment's actions.
 
     Parameters
@@ -111,8 +111,8 @@ def _predict(
     return (actions.detach().cpu().numpy() if hasattr(actions, "detach") else actions), None
 
 
-class LibraryPolicy:
-    """A model of a learning library as a law, which acts once bound.
+class LibraryController:
+    """A model of a learning library; like a law, it is bound to become a policy.
 
     Attributes
     ----------

@@ -36,8 +36,8 @@ def are_hidden(sizes: object) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class TrainedPolicy:
-    """A trained policy; like a law, it acts once it is bound.
+class TrainedController:
+    """A trained network; like a law, it is bound to become a policy.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class TrainedPolicy:
             control_period=interface.control_period,
         )
 
-    def for_machine(self, machine: Machine) -> "TrainedPolicy":
+    def for_machine(self, machine: Machine) -> "TrainedController":
         """Return a policy for any machine with one machine's numbers in it.
 
         Voltages are fractions of the largest. What the policy sees of a clutch that the machine
