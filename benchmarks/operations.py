@@ -20,8 +20,8 @@ from pycparser import CParser, c_ast as c
 
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import find_episodes
-from pter_gym.policies import TrainedPolicy, shipped_policies
-from pter_gym.policies.tuned import TUNED
+from pter_gym.policies import TrainedController, shipped_policies
+from pter_gym.policies.tuned import tuned_policies
 from pter_gym.tools.deploy import source_of
 
 HERE = Path(__file__).parent
@@ -270,7 +270,7 @@ def counted(folder: Path, rows: Any) -> list[Operations]:
     return [Operations(*map(int, row)) for row in np.frombuffer(run.stdout, "<u4").reshape(-1, 2)]
 
 
-def main(policies: tuple[str, ...] = ("impedance", *TUNED, *shipped_policies())) -> None:
+def main(policies: tuple[str, ...] = ("impedance", *tuned_policies(), *shipped_policies())) -> None:
     """Print the table."""
     standard = find_episodes("standard", "medium").first(1)
     (machine,), (task,), (seed,) = standard.machines, standard.tasks, standard.seeds
@@ -280,7 +280,7 @@ def main(policies: tuple[str, ...] = ("impedance", *TUNED, *shipped_policies()))
     print("|---|---|---:|---:|---:|---:|")
     for name in policies:
         policy = find_policy(name)
-        is_network = isinstance(policy, TrainedPolicy)
+        is_network = isinstance(policy, TrainedController)
         for weights in ("float", "int8") if is_network else ("float",):
             source = source_of(policy, name=name, weights=weights)
             with deploy.folder_of(source) as folder:

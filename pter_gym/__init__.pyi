@@ -11,7 +11,6 @@ from . import (
     scenarios as scenarios,
     tasks as tasks,
 )
-from ._load_policy import load_policy as load_policy
 from ._physics.open_loop import (
     State as State,
     Trajectory as Trajectory,
@@ -29,4 +28,5 @@ from .params import (
     Machine as Machine,
     TorqueCurve as TorqueCurve,
 )
+from .policies._acting import load_policy as load_policy
 from .tasks.path_following import PathFollowing as PathFollowing

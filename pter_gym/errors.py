@@ -17,7 +17,7 @@ __all__ = [
     "DivergenceError",
     "LawIndexError",
     "ParameterError",
-    "PolicyError",
+    "PartnerError",
     "ProofError",
     "PterError",
     "ResetNeededError",
@@ -77,8 +77,8 @@ class ProofError(PterError, AssertionError):
     """Exported code could not be proven; the message names the places and what may happen there."""
 
 
-class PolicyError(PterError, RuntimeError):
-    """A policy in another process has failed, has ended, or does not answer in time."""
+class PartnerError(PterError, RuntimeError):
+    """The partner of ``pter hil`` has ended, does not answer in time, or answers something else."""
 
 
 def needs_extra(feature: str, extra: str) -> DependencyError:

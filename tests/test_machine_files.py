@@ -11,7 +11,6 @@ import pytest
 
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import (
-    ARRANGEMENTS,
     BASELINE,
     MACHINES,
     Connection,
@@ -25,7 +24,6 @@ from pter_gym.params import (
 )
 from pter_gym.params._files import format_machine
 from pter_gym.scenarios import find_scenario
-from pter_gym.tasks._codec import codec
 
 TEXT = format_machine(BASELINE, "chosen: for tests", {})
 
@@ -108,44 +106,6 @@ def test_a_file_that_is_not_there_or_that_commands_do_not_take_is_refused(tmp_pa
     assert not list(tmp_path.iterdir())
 
 
-OLD = """
-[arm]
-length_a = { value = 0.5, unit = "m", from = "chosen: shorter" }
-[clutch]
-slope = { value = 0.8869, unit = "N·m/V", from = "fitted: …" }
-knee = { value = 19.4, unit = "V", from = "fitted: …" }
-curvature = { value = 1.557, unit = "N·m/V²", from = "fitted: …" }
-breakaway_ratio = { value = 1.12, unit = "1", from = "fitted: …" }
-stribeck = { value = 0.1, unit = "rad/s", from = "chosen: …" }
-scale = { value = [1.0, 0.5], unit = "1", from = "chosen: …" }
-[path]
-x = { value = -0.6, unit = "m", from = "chosen: …" }
-[sensing]
-delay = { value = 0.012, unit = "s", from = "identified: …" }
-[clutches]
-"A to ground" = { value = [1.0, 0.0], unit = "1", from = "chosen: a brake" }
-"B to ground" = { value = [0.0, 1.0], unit = "1", from = "chosen: a brake" }
-"""
-
-
-def test_a_file_of_the_form_before_is_read_with_a_warning(tmp_path: Path) -> None:
-    (tmp_path / "old.toml").write_text(OLD, "utf-8")
-    with pytest.warns(DeprecationWarning, match="save_machine"):
-        machine = find_machine(str(tmp_path / "old.toml"))
-    assert machine == replace(
-        BASELINE,
-        arm=replace(BASELINE.arm, length_a=0.5),
-        clutch=replace(BASELINE.clutch, stribeck=0.1),
-        clutch_scale=(1.0, 0.5, 1.0, 1.0),
-        clutches=ARRANGEMENTS["two-brakes"],
-        delay=0.012,
-    )
-    for old, new in (("1.12", '"x"'), ("[1.0, 0.5]", "[1.0]"), ("slope", "slop"), ("0.5,", "0.0,")):
-        (tmp_path / "old.toml").write_text(OLD.replace(old, new), "utf-8")
-        with pytest.warns(DeprecationWarning, match="save_machine"), pytest.raises(DataError):
-            find_machine(str(tmp_path / "old.toml"))
-
-
 def spread(**changes: Any) -> MachineSpread:
     fields = {
         "machine": BASELINE,
@@ -169,18 +129,6 @@ def test_machines_about_one_come_back_and_are_drawn_with_their_covariance(tmp_pa
     assert {m.clutch_scale[1:] for m in machines} == {BASELINE.clutch_scale[1:]}
     pairs = find_scenario("standard", spread()).draws.pairs(3)
     assert len({machine.arm.inertia_a for machine, _ in pairs}) == 3
-
-
-def test_places_that_count_from_0_are_read_with_a_warning(tmp_path: Path) -> None:
-    """An earlier version called clutch 1's strength ``clutch_scale.0``, and clutch 2's what is
-    clutch 1's now."""
-    save_machine(spread(), path := tmp_path / "m.toml", origin="chosen: by hand")
-    stored: Any = codec().to_plain(spread())
-    path.write_text(re.sub("first = .*", "", path.read_text("utf-8")), "utf-8")
-    del stored["first"]
-    for read in (lambda: find_machines(path), lambda: codec().from_plain(stored)):
-        with pytest.warns(DeprecationWarning, match="from 0"):
-            assert read() == spread(places=("arm.inertia_a", "clutch_scale.2", "arm.dry_a"))
 
 
 @pytest.mark.parametrize(

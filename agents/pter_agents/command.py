@@ -17,7 +17,7 @@ from pter_gym._commands.arguments import (
 from pter_gym._internal.terminal import conclude, progress_bar, say, waiting
 from pter_gym.errors import ParameterError, needs_extra
 from pter_gym.policies._files import RUN
-from pter_gym.policies._names import is_exported
+from pter_gym.policies.find import kind_of
 
 SMOKE_ROLLOUTS = 3
 SMOKE_EPISODES = 8
@@ -154,7 +154,7 @@ def export(
     if prove and c is None:
         raise ParameterError("c must be given with prove, as in `--c FOLDER --prove`")
     if c is None and onnx is None:
-        if not trained and not is_exported(run):
+        if not trained and kind_of(run) != "network":
             raise ParameterError(f"c must be given for a law, as in `--c FOLDER`, got {run!r}")
         from pter_agents import exporting
 

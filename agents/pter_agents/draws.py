@@ -168,6 +168,9 @@ class Devices:
     four clutches, one the brakes and a coupling, one the brakes alone.
     """
 
+    middle = BASELINE
+    """The machine that a law knows which is the same for all devices."""
+
     torque, lag, length, weight = (
         LogUniform(*ends) for ends in ((0.3, 3.0), (0.005, 0.3), (0.6, 1.5), (0.6, 2.0))
     )

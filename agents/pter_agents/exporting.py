@@ -16,7 +16,7 @@ from pter_gym import __version__
 from pter_gym._internal.files import FilePath, expand_path, write_files_atomic
 from pter_gym._internal.terminal import make_folder
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.policies import TrainedPolicy, read_policy
+from pter_gym.policies import TrainedController, read_policy
 from pter_gym.policies._files import ENDING, RUN, check_name, encode_policy
 from pter_gym.scenarios import PACES, SCENARIOS
 
@@ -70,7 +70,7 @@ def export(source: FilePath, out: FilePath | None = None, *, name: str | None = 
     return out / file
 
 
-def read_run(path: FilePath) -> TrainedPolicy:
+def read_run(path: FilePath) -> TrainedController:
     """Return the policy of a run's newest checkpoint; raises as ``export``."""
     folder = RunFolder(path)
     arguments, interface = folder.read()
@@ -104,7 +104,7 @@ def about_run(arguments: TrainingArguments, steps: int, scores: PaceScores) -> d
     }
 
 
-def model_card(name: str, policy: TrainedPolicy) -> str:
+def model_card(name: str, policy: TrainedController) -> str:
     """Return the model card in Markdown, with metadata for the Hub."""
     about, interface = policy.about, policy.interface
     *hidden, outputs = policy.sizes[1:]

@@ -44,7 +44,7 @@ from pter_agents.worlds import JaxWorlds, RolloutState, SharedConstants
 from pter_gym._internal.files import FilePath, remove_leftovers
 from pter_gym._internal.terminal import make_folder
 from pter_gym.errors import ParameterError, PterError, StorageError
-from pter_gym.policies import TrainedPolicy
+from pter_gym.policies import TrainedController
 from pter_gym.policies._files import encode_policy
 from pter_gym.scenarios import PACES
 
@@ -338,7 +338,7 @@ class PPO:
         if not all(np.isfinite(x).all() for x in (loss, *jax.tree.leaves(self.state.weights))):
             raise FloatingPointError("a loss or a weight is not finite")
 
-    def policy(self) -> TrainedPolicy:
+    def policy(self) -> TrainedController:
         """Return the policy's mean action."""
         return policy_of(self.worlds.interface, self.get_state())
 

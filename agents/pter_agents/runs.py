@@ -19,7 +19,7 @@ from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
 from pter_gym.benchmark.boards import is_ranked
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.policies import Interface, TrainedPolicy
+from pter_gym.policies import Interface, TrainedController
 from pter_gym.policies._files import RUN, interface_codec
 
 SCORES, PROGRESS = "validation.json", "progress.csv"
@@ -123,9 +123,9 @@ def policy_of(
     state: Tensors,
     name: str = "policy",
     about: Mapping[str, Any] | None = None,
-) -> TrainedPolicy:
+) -> TrainedController:
     """Return the policy of a training's state, as ``pter_agents.ppo.PPO.get_state`` returns it."""
     count = sum(each.startswith(".weights.policy") for each in state) // 2
     parts = ([state[f".weights.policy[{k}][{part}]"] for part in (0, 1)] for k in range(count))
     layers = tuple((np.ascontiguousarray(weight.T), bias) for weight, bias in parts)
-    return TrainedPolicy(interface, layers, name, about or {})
+    return TrainedController(interface, layers, name, about or {})

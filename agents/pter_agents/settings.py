@@ -13,7 +13,7 @@ from pter_gym._internal.reading import read_toml
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import Machine, MachineSpread
 from pter_gym.policies._trained import MAX_LAYERS, MAX_UNITS, are_hidden
-from pter_gym.policies.tuned import TUNED
+from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import PACES, SCENARIOS
 from pter_gym.tasks.path_following import STARTS, RewardWeights
 
@@ -29,7 +29,7 @@ ALL = "all"
 NO_BASE = "none"
 """Name of the base of a policy that corrects no controller."""
 
-BASES = (NO_BASE, "impedance", "torque-feedback", *TUNED)
+BASES = (NO_BASE, "impedance", "torque-feedback", *tuned_policies())
 """What a policy may correct: the paper's laws, and those with tuned or scaled gains."""
 
 PARTS = 2

@@ -20,11 +20,12 @@ from pter_gym._engine.storage import constants_of
 from pter_gym._engine.xla import words_of
 from pter_gym.controllers import PaceSchedule, Scaled
 from pter_gym.controllers._network import INPUT_LIMIT
+from pter_gym.controllers._policy import clutch_rows
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.envs.jax import AnyState, EnvParams, JaxEnv, truth_of
 from pter_gym.policies import Input, Interface
 from pter_gym.policies._base_law import find_base_law
-from pter_gym.policies._interface import clutch_rows, input_names, input_values
+from pter_gym.policies._interface import input_names, input_values
 from pter_gym.scenarios.distributions import Pair
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}

@@ -67,11 +67,11 @@ def score(results: Path) -> None:
     """Run all policies on test episodes of all scenarios."""
     from pter_gym._commands.main import main as pter
     from pter_gym.policies import shipped_policies
-    from pter_gym.policies.tuned import TUNED
+    from pter_gym.policies.tuned import tuned_policies
     from pter_gym.scenarios import SCENARIOS
 
     policies = ",".join(
-        (*boards.LEFT_OUT, "impedance", "torque-feedback", *TUNED, *shipped_policies())
+        (*boards.LEFT_OUT, "impedance", "torque-feedback", *tuned_policies(), *shipped_policies())
     )
     for scenario in SCENARIOS:
         options = ["--scenario", scenario, "--seed", str(SEED), "--no-film", "--policies", policies]

@@ -32,7 +32,7 @@ from pter_gym.benchmark.rollout import record_episode
 from pter_gym.controllers import CONTROLLERS, TorqueFeedback
 from pter_gym.params import Machine
 from pter_gym.policies import shipped_policies
-from pter_gym.policies.tuned import TUNED
+from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.tools.figures import WIDTH, label, png, styled
@@ -89,7 +89,7 @@ def error_against_pace(results: Path) -> Figure:
             value,
             color=POLICY_COLOURS[name],
             marker=marker,
-            linestyle="--" if name in {*CONTROLLERS, *TUNED} else "-",
+            linestyle="--" if name in {*CONTROLLERS, *tuned_policies()} else "-",
         )
         title, colour = titled(name, standings), str(line.get_color())
         ends[title], colours[title] = (float(at[-1]), float(value[-1])), colour

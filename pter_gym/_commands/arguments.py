@@ -16,8 +16,7 @@ from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import find_machine
 from pter_gym.paths._names import PATH_NAMES
 from pter_gym.paths._reach import SINGULARITY_MARGIN, check_reach
-from pter_gym.policies._files import ENDING
-from pter_gym.policies._names import check_policy
+from pter_gym.policies.find import kind_of
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.scenarios._paces import find_pace
 
@@ -63,24 +62,6 @@ MachineName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.toml")]
 """A machine by its name or its file; None for what is usual."""
 
 
-def split(text: str) -> list[str]:
-    """Return the parts between commas, without repeats; commas in FILE and FILE:NAME stay."""
-    pieces, parts = text.split(","), list[str]()
-    while pieces:
-        ends = range(len(pieces), 1, -1)
-        end = next((k for k in ends if _is_there(",".join(pieces[:k]).strip())), 1)
-        parts.append(",".join(pieces[:end]).strip())
-        del pieces[:end]
-    return list(dict.fromkeys(part for part in parts if part))
-
-
-def _is_there(name: str) -> bool:
-    """Return whether a name is that of a file, with or without its ending, or FILE:NAME."""
-    file, _, attribute = name.rpartition(":")
-    paths = (name, f"{name}{ENDING}", *([file] if "," not in attribute else []))
-    return any(path and Path(path).exists() for path in paths)
-
-
 def look_at(
     *,
     policies: Iterable[str] = (),
@@ -97,7 +78,7 @@ def look_at(
     for pace in paces:
         find_pace(pace, "paces")
     for policy in policies:
-        check_policy(policy)
+        kind_of(policy)
     arm = find_machine(machine).arm
     if path is not None and has_ending(path, *TABLE_ENDINGS):
         columns = read_table(path, ("x", "y"), unit="m").columns

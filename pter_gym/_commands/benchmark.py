@@ -2,7 +2,7 @@
 
 import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated
@@ -20,11 +20,11 @@ from pter_gym._commands.arguments import (
     options,
     scenario_on,
     smoothing_for,
-    split,
 )
 from pter_gym._internal.plugins import PICTURES, load_artist, registered
 from pter_gym._internal.terminal import conclude, progress_bar, say
 from pter_gym.errors import ParameterError
+from pter_gym.policies.find import split
 from pter_gym.scenarios import PACES, SCENARIOS
 
 if TYPE_CHECKING:
@@ -69,7 +69,8 @@ def benchmark(
 
     Prints their path errors at each pace, the best policy first. Writes benchmark.json, a file for
     each run, pictures, and a film: the errors of up to four policies, and the arm under the best
-    and the last of them. Several benchmarks may share a folder. With all scenarios there is no
+    and the last of them. Several benchmarks may share a folder; what is printed and drawn is
+    of this one. With all scenarios there is no
     film.
 
     Example: pter benchmark --policies residual impedance-tuned --episodes 20
@@ -108,8 +109,8 @@ def benchmark(
         raise ParameterError(f"baseline must be {needed}, got {baseline!r}")
     look_at(policies=names, paces=paces, path=path, smooth=smooth, machine=machine)
 
-    from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
-    from pter_gym.benchmark.boards import EPISODE_SET, boards_text, in_order
+    from pter_gym.benchmark import ResultsFolder, find_policy, leaderboards, run_scenario
+    from pter_gym.benchmark.boards import boards_text, in_order, others_text
     from pter_gym.benchmark.tables import check_table, write_table
 
     if table is not None:
@@ -118,7 +119,7 @@ def benchmark(
     definitions = [scenario_on(each, machine, path, smooth) for each in chosen]
     results = ResultsFolder(out)
     results.make()
-    by_scenario: list[list[Leaderboard]] = []
+    by_scenario: list[Sequence[Leaderboard]] = []
     files = [results.summary]
     with progress_bar() as progress:
         for definition in definitions:
@@ -134,10 +135,11 @@ def benchmark(
                 on_progress=lambda _, task=task: progress.advance(task),
             )
             progress.remove_task(task)
-            boards = [
-                board for board in results.summarise() if EPISODE_SET(board) == EPISODE_SET(runs[0])
-            ]
+            results.summarise()
+            boards = leaderboards(runs)
             say(boards_text(boards, details=details))
+            if others := others_text(results.runs(), runs):
+                say(others)
             by_scenario.append(boards)
         if table is not None:
             every = [board for boards in by_scenario for board in boards]

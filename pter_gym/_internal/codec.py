@@ -1,8 +1,7 @@
 """Frozen dataclasses as plain data, for JSON and TOML, and back.
 
 A dataclass becomes a dictionary with its name under ``"type"`` and its fields, a tuple a list.
-Floats keep every bit, since JSON writes them by ``repr``. A field that data lack takes its default,
-or the value ``older`` of its metadata.
+Floats keep every bit, since JSON writes them by ``repr``. A field that data lack takes its default.
 """
 
 import math
@@ -36,12 +35,8 @@ class Codec:
         self._kinds = {kind.__name__: kind for kind in kinds}
         self._readers: dict[str, Any] = {}
         self._writers: dict[str, Any] = {}
-        self._older: dict[str, dict[str, Any]] = {}
         for name, kind in self._kinds.items():
             items = [item for item in fields(kind) if item.init]
-            self._older[name] = {
-                item.name: item.metadata["older"] for item in items if "older" in item.metadata
-            }
             hooks: Any = {
                 item.name: override(
                     struct_hook=self._read,
@@ -106,7 +101,7 @@ class Codec:
         name = entries.pop(TYPE, None)
         if not isinstance(name, str) or name not in self._kinds:
             raise unknown_name("stored type", name, self._kinds)
-        return self._readers[name](self._older[name] | entries, self._kinds[name])
+        return self._readers[name](entries, self._kinds[name])
 
 
 def _message(error: BaseException, kind: type[Any] | None) -> str:

@@ -3,7 +3,7 @@
 import itertools
 import math
 import textwrap
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ from rich.cells import cell_len, set_cell_size
 from pter_gym._internal.terminal import WIDTH, say, shorten
 from pter_gym._version import __version__
 from pter_gym.benchmark.intervals import Interval, largest_rate, mean_interval
-from pter_gym.benchmark.scores import CONFIDENCE, SCORES, ScenarioRun, WorstHand
+from pter_gym.benchmark.scores import CONFIDENCE, POLICY, SCORES, ScenarioRun, WorstHand
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.scenarios._paces import find_pace, title_of_pace
 
@@ -158,10 +158,11 @@ def leaderboards(runs: Iterable[ScenarioRun]) -> tuple[Leaderboard, ...]:
     """Return a leaderboard for each set of episodes and pace, the slowest first.
 
     Scenarios are in their own order, others follow. Runs of other versions of the package are not
-    mixed.
+    mixed. Where a name stands for different policies at different paces, the digest of each is part
+    of it.
     """
     groups: dict[tuple[Any, ...], list[ScenarioRun]] = {}
-    for run in runs:
+    for run in _told_apart(list(runs)):
         groups.setdefault((*EPISODE_SET(run), find_pace(run.pace)), []).append(run)
     places = {name: place for place, name in enumerate(SCENARIOS)}
 
@@ -172,6 +173,19 @@ def leaderboards(runs: Iterable[ScenarioRun]) -> tuple[Leaderboard, ...]:
         ]
 
     return tuple(rank(groups[group]) for group in sorted(groups, key=order))
+
+
+def _told_apart(runs: Sequence[ScenarioRun]) -> Iterator[ScenarioRun]:
+    """Yield runs; policies that differ behind one name on a scenario get names of their own."""
+    digests: dict[tuple[Any, ...], dict[str, list[str]]] = {}
+    for run in runs:
+        at_pace = digests.setdefault((*EPISODE_SET(run), run.policy), {})
+        at_pace.setdefault(run.pace, []).append(run.origin.get(POLICY, "unknown"))
+    for run in runs:
+        at_pace = digests[*EPISODE_SET(run), run.policy]
+        differ = len({tuple(sorted(each)) for each in at_pace.values()}) > 1
+        known = min(at_pace[run.pace])
+        yield replace(run, policy=f"{run.policy} ({known})") if differ else run
 
 
 def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
@@ -281,6 +295,17 @@ def boards_text(boards: Sequence[Leaderboard], *, details: bool = False) -> str:
         tables += [_table(at_paces), *_worst(at_paces)]
         tables += map(_details, at_paces) if details else []
     return "\n".join([*tables, *([DETAILS_NOTE] if details else [])])
+
+
+def others_text(there: Iterable[ScenarioRun], shown: Sequence[ScenarioRun]) -> str:
+    """Return a note on runs of the same episodes beside those that are shown, or nothing."""
+    known = {(run.policy, run.pace) for run in shown}
+    others: dict[str, dict[str, None]] = {}
+    for run in there:
+        if EPISODE_SET(run) == EPISODE_SET(shown[0]) and (run.policy, run.pace) not in known:
+            others.setdefault(run.policy, {})[run.pace] = None
+    listed = "; ".join(f"{name} at {', '.join(paces)}" for name, paces in others.items())
+    return _fill(f"Also in the folder, of other commands: {listed}.") if others else ""
 
 
 def in_order(boards: Sequence[Leaderboard]) -> dict[str, list[Standing | None]]:

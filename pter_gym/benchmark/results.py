@@ -30,11 +30,12 @@ from pter_gym.benchmark.boards import PATH_ERROR, Leaderboard, leaderboards
 from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.policies import Policies, find_policies
 from pter_gym.benchmark.rollout import bind_to, check_acting, evaluate
-from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun, WorstHand
+from pter_gym.benchmark.scores import OPTIONAL, POLICY, SCORES, ScenarioRun, WorstHand
 from pter_gym.benchmark.worst_hand import find_worst
 from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import Machine
+from pter_gym.policies._code import code_digest
 from pter_gym.scenarios import PACES, Scenario, find_scenario
 from pter_gym.scenarios._paces import name_of_pace, names_of_paces
 from pter_gym.tasks._codec import codec
@@ -201,8 +202,11 @@ def origin_of(policy: AnyPolicy, episodes: Episodes) -> dict[str, str]:
     """Return what makes a run of a policy now, as in ``ScenarioRun.origin``."""
     origin = {"date": datetime.now(UTC).date().isoformat()}
     origin |= {package: metadata.version(package) for package in PACKAGES} | _checkout()
-    if law := bind_to(policy, episodes).law:
-        origin["policy"] = sha256(np.ascontiguousarray(law.gains).tobytes()).hexdigest()[:12]
+    bound = bind_to(policy, episodes)
+    acting = bound if bound.law else policy
+    if code := code_digest(acting):
+        gains = bound.law.gains.tobytes() if bound.law else b""
+        origin[POLICY] = sha256(code.encode() + gains).hexdigest()[:12]
     return origin
 
 

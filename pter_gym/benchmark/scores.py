@@ -243,6 +243,10 @@ class WorstHand:
         )
 
 
+POLICY = "policy"
+"""Entry of a run's origin: the digest of the policy, where its code is known."""
+
+
 @dataclass(frozen=True)
 class ScenarioRun:
     """The scores of one policy on the episodes of one scenario at one pace.
@@ -258,8 +262,8 @@ class ScenarioRun:
     worst
         The worst hand for it, where one was searched.
     origin
-        What made it: the date, versions of packages, the commit of a checkout, and the digest of a
-        compiled policy, which depends on its gains or weights.
+        What made it: the date, versions of packages, the commit of a checkout, and the digest of
+        the policy: of a law's code with its gains or weights, otherwise of the file of its code.
     strata, scores
         A label for each episode; by the name of each defined score, an array with an entry for each
         episode.

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import rows, width
 from pter_gym._internal.checks import whole_number
+from pter_gym._internal.fields import require
 from pter_gym._physics.clutch import PerClutch
 from pter_gym.controllers._gains import Memory
 from pter_gym.controllers._law_kernel import FAULTS, kernel_of, law_error
@@ -26,6 +27,7 @@ from pter_gym.tasks.path_following._observation import Sensors
 Observations = NDArray[np.float32]
 Volts = NDArray[np.floating]
 ScalarLaw = Callable[..., PerClutch]
+Rows = tuple[tuple[float, float], ...]
 
 
 @runtime_checkable
@@ -74,6 +76,8 @@ class Policy:
         The only control period at which it may act [s]; None for any.
     made
         Makes it again in another process, for ``pickle``.
+    machine
+        The nominal machine that it is bound to, if it depends on one.
     """
 
     layout: Layout
@@ -85,6 +89,7 @@ class Policy:
     name: str = "policy"
     control_period: float | None = None
     made: "Callable[[], Policy] | None" = None
+    machine: Machine | None = None
 
     def __reduce_ex__(self, protocol: SupportsIndex) -> str | tuple[Any, ...]:
         """Return how it is made, since what acts cannot be pickled."""
@@ -215,6 +220,7 @@ class Policy:
             frame_skip is None,
             CompiledLaw(function, numbers),
             control_period=control_period,
+            machine=machine,
             made=partial(
                 cls.from_law,
                 function,
@@ -273,18 +279,6 @@ class Policy:
         made = partial(cls.from_function, function, layout, start=start, frame_skip=frame_skip)
         return cls(layout, act, begin, skip, frame_skip is None, name=name, made=made)
 
-    @classmethod
-    def of_law(cls, *arguments: Any, **keywords: Any) -> "Policy":
-        """Return ``from_law``'s policy; this name will be removed in 1.1."""
-        warnings.warn("of_law is from_law since 1.0", DeprecationWarning, stacklevel=2)
-        return cls.from_law(*arguments, **keywords)
-
-    @classmethod
-    def of_function(cls, *arguments: Any, **keywords: Any) -> "Policy":
-        """Return ``from_function``'s policy; this name will be removed in 1.1."""
-        warnings.warn("of_function is from_function since 1.0", DeprecationWarning, stacklevel=2)
-        return cls.from_function(*arguments, **keywords)
-
 
 AnyPolicy = Controller | Policy | Callable[[Observations], Any]
 """What ``bind`` takes: a controller, a policy, or a function from observations to volts."""
@@ -306,12 +300,14 @@ def bind(policy: AnyPolicy, machine: Machine | str | None, layout: Layout) -> Po
     Raises
     ------
     ParameterError
-        If it is none of these, it cannot be bound to this machine and layout, or it is an object
-        with a ``reset`` of its own: what it remembers must be a memory that ``start`` makes.
+        If it is none of these, it cannot be bound to this machine and layout or is bound to others,
+        or it is an object with a ``reset`` of its own: what it remembers must be a memory that
+        ``start`` makes.
     """
     if isinstance(policy, Controller):
         policy = policy.bind(find_machine(machine), layout)
     if isinstance(policy, Policy):
+        check_same(policy.layout.names, policy.machine, find_machine(machine), layout)
         return policy
     if not callable(policy):
         raise ParameterError(f"policy must have a method bind or be callable, got {policy!r:.200}")
@@ -322,6 +318,41 @@ def bind(policy: AnyPolicy, machine: Machine | str | None, layout: Layout) -> Po
             f"policy with a memory, got {policy!r:.200} with a method reset"
         )
     return Policy.from_function(policy, layout, frame_skip=getattr(policy, "frame_skip", None))
+
+
+def check_same(
+    names: tuple[str, ...], known: Machine | None, machine: Machine, layout: Layout
+) -> None:
+    """Raise a ParameterError unless a policy may act with a machine and a layout.
+
+    Parameters
+    ----------
+    names, known
+        Entries of the observations and the machine that it is made for; None for any machine.
+    machine, layout
+        The nominal machine and the layout of observations with which it is to act.
+    """
+    if layout.names != names:
+        raise ParameterError(
+            f"observations must have the {len(names)} entries of the policy, {', '.join(names)}, "
+            f"got {', '.join(layout.names)}"
+        )
+    if known is not None:
+        check_drive(machine, clutch_rows(known), known.clutch.voltage_max)
+
+
+def check_drive(machine: Machine, clutches: Rows, voltage_max: float) -> None:
+    """Raise a ParameterError unless a machine has a policy's clutches and largest voltage [V]."""
+    rows, top = clutch_rows(machine), machine.clutch.voltage_max
+    accepted = f"{clutches}, for which the policy is made"
+    require(rows == clutches, machine, "clutches", accepted, got=rows)
+    accepted = f"{voltage_max:g} V, for which the policy is made"
+    require(top == voltage_max, machine.clutch, "voltage_max", accepted, got=top)
+
+
+def clutch_rows(machine: Machine) -> Rows:
+    """Return the rows of W of a machine's clutches."""
+    return tuple(clutch.row for clutch in machine.clutches)
 
 
 def sensors_of(policy: AnyPolicy) -> Sensors:

@@ -50,6 +50,8 @@ class AgentBatch(Batch):
         own = {"frame_skip": view.held_by_worlds, "action_unit": view.unit_of_worlds}
         super().__init__(*args, **keywords, **own)
         self.view = view.bind(nominal or self.machine, self.layout)
+        if self.view.base is not None:
+            self.view.base.policy.check_period(self.task.control_period)
         self.layout, self.frame_skip = self.view.layout, view.frame_skip
         self.action_low, self.action_high = self.view.bounds
         self._calls, self._looks = view.frame_skip // view.held_by_worlds, view.looks

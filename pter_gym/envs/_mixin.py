@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
+from inspect import signature
 from typing import TYPE_CHECKING, Any, TypedDict, TypeGuard, cast
 
 import numpy as np
@@ -15,7 +16,8 @@ from pter_gym._engine.batch import ActionUnit, Batch
 from pter_gym._internal.checks import builtin, whole_number
 from pter_gym._internal.codec import TYPE
 from pter_gym._internal.files import TABLE_ENDINGS, FilePath, has_ending
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, nearest
+from pter_gym.hands import Operator, find_hand
 from pter_gym.params import Machine, find_machine
 from pter_gym.params._named import nominal_machine
 from pter_gym.paths import Path, find_path
@@ -58,6 +60,7 @@ class Arguments(TypedDict, total=False):
     contexts: int
     context_seed: int
     path: Path | FilePath | None
+    hand: Operator | str | None
     pace: float | str | None
     reward: RewardWeights | None
     error_max: float | None
@@ -154,13 +157,19 @@ class WorldsMixin:
         Raises
         ------
         ParameterError
-            If a value is out of range, or there is both a scenario and something that it draws.
+            If there is no such argument, a value is out of range, or there is both a scenario and
+            something that it draws.
         """
         modes = self.metadata["render_modes"]
         if render_mode is not None and render_mode not in modes:
             raise ParameterError(
                 f"render_mode must be {', '.join(modes)} or None, got {render_mode!r}"
             )
+        known = signature(find_worlds).parameters
+        for name in arguments:
+            if name not in known:
+                listed = (*known, *signature(type(self)).parameters)
+                raise ParameterError(f"{name} is no argument of worlds{nearest(name, listed)}")
         given: dict[str, Any] = {name: each(_from_plain, arg) for name, arg in arguments.items()}
         self._from_files = {
             name: each(find, given[name])
@@ -168,8 +177,7 @@ class WorldsMixin:
             if _has_file(given.get(name))
         }
         given |= self._from_files
-        fields = {name: given.pop(name) for name in _FIELDS if name in given}
-        self.worlds = worlds = find_worlds(fields, **given)
+        self.worlds = worlds = find_worlds(**given)
         self.gains, self.view = worlds.gains, worlds.view
         self.base, self.reach, self.history = self.view.base, self.view.reach, self.view.history
         self.batch = batch = worlds.batch(num_envs, max_episode_steps, telemetry, num_threads)
@@ -314,34 +322,40 @@ class Worlds:
         )
 
 
-_FINDERS = {"path": find_path, "pace": find_pace, "starts": find_starts}
-
-_FIELDS = (*_FINDERS, "reward", "error_max", "truncation_error")
-"""Arguments that are fields of the task."""
-
-
 def find_worlds(
-    fields: Mapping[str, Any],
     *,
     machine: Machine | FilePath | Sequence[Machine | FilePath] | None = None,
     task: PathFollowing | Sequence[PathFollowing] | None = None,
     scenario: "str | Scenario | Draws | None" = None,
     contexts: int | None = None,
     context_seed: int | None = None,
+    path: Path | FilePath | None = None,
+    hand: Operator | str | None = None,
+    pace: float | str | None = None,
+    reward: RewardWeights | None = None,
+    error_max: float | None = None,
+    truncation_error: float | None = None,
+    starts: Starts | str | None = None,
+    sensors: Sensors = "torque",
     action_unit: ActionUnit = "normalised",
+    observe_context: bool = False,
     frame_skip: int | None = None,
     base: "str | Controller | None" = None,
     reach: float | None = None,
     history: Sequence[int] = (),
     privileged: bool = False,
-    **options: Any,
 ) -> Worlds:
-    """Return what the arguments of an environment describe; ``fields`` are those of its task."""
-    fields = {
-        name: _FINDERS[name](value) if name in _FINDERS else value
-        for name, value in fields.items()
-        if value is not None
+    """Return what the arguments of an environment describe: these are all, with their defaults."""
+    fields: dict[str, Any] = {
+        "path": path if path is None else find_path(path),
+        "hand": hand if hand is None else find_hand(hand),
+        "pace": pace if pace is None else find_pace(pace),
+        "starts": starts if starts is None else find_starts(starts),
+        "reward": reward,
+        "error_max": error_max,
+        "truncation_error": truncation_error,
     }
+    fields = {name: value for name, value in fields.items() if value is not None}
     if task is not None and (fields or scenario is not None):
         names = ", ".join(fields or ("scenario",))
         raise ParameterError(f"{names} must not be given with a task, which has its own")
@@ -355,7 +369,8 @@ def find_worlds(
         if isinstance(scenario, str | Scenario):
             fields.setdefault("starts", STARTS["path"])
         one = cast("Machine | FilePath | None", machine)
-        source = find_scenario(scenario, one, fields.pop("path", None))
+        own_path, own_hand = fields.pop("path", None), fields.pop("hand", None)
+        source = find_scenario(scenario, one, own_path, hand=own_hand)
         count = whole_number("contexts", 512 if contexts is None else contexts)
         seed = whole_number("context_seed", context_seed or 0, at_least=0)
         draws = source.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
@@ -378,7 +393,7 @@ def find_worlds(
         gains=gains,
         view=view,
         privileged=privileged,
-        options=options,
+        options={"sensors": sensors, "observe_context": observe_context},
     )
 
 

@@ -98,18 +98,19 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
     - `machine`: a `Machine`, the name of one of `pter_gym.params.MACHINES`, or its file.
     - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, truncation error,
       arrival, starts, sensing, reward weights.
-    - `path`, `pace`, `reward`, `error_max`, `truncation_error`, `starts`: fields of a task in place
-      of `task`. `path` is a `Path`, its name in `pter_gym.paths.PATHS` or a CSV file of waypoints,
-      and the workspace about a curved one is as wide as its curvature allows; `pace` is in m/s or a
-      name in `pter_gym.scenarios.PACES`; `starts` may be a name in
+    - `path`, `hand`, `pace`, `reward`, `error_max`, `truncation_error`, `starts`: fields of a task
+      in place of `task`. `path` is a `Path`, its name in `pter_gym.paths.PATHS` or a CSV file of
+      waypoints, and the workspace about a curved one is as wide as its curvature allows; `hand` is
+      an `Operator` or its name, as `pter_gym.hands.find_hand` takes it; `pace` is in m/s or a name
+      in `pter_gym.scenarios.PACES`; `starts` may be a name in
       `pter_gym.tasks.path_following.STARTS`.
     - `scenario`: what each episode draws its machine and task from, as for `PTER/Standard-v0`: a
       name in `pter_gym.scenarios.SCENARIOS`, a `Scenario`, or `Draws` of one's own
-      (`pter_gym.scenarios.distributions`). `machine`, `path` and the other fields then replace what
-      is drawn. By default actions are held for 3 control steps, the pace is drawn between the
-      slowest and the fastest named one, and episodes of a named scenario begin anywhere along the
-      path, moving; with `starts="rest"` they begin like test episodes, so exploration sees
-      little of the path.
+      (`pter_gym.scenarios.distributions`). `machine`, `path`, `hand` and the other fields then
+      replace what is drawn. By default actions are held for 3 control steps, the pace is drawn
+      between the slowest and the fastest named one, and episodes of a named scenario begin anywhere
+      along the path, moving; with `starts="rest"` they begin like test episodes, so exploration
+      sees little of the path.
     - `contexts`, `context_seed`: number of pairs of machine and task that a scenario's episodes
       draw from, 512 by default, and the seed of their list.
     - `observe_context`: whether the observation ends with the context of machine and task (time

@@ -148,10 +148,10 @@ def make_sb3_vec_env(num_envs: int, **arguments: Any) -> PterVecEnv:
         Those of ``PathFollowingVectorEnv``, such as ``scenario="standard"`` for the worlds of
         ``PTER/Standard-v0``; by default the worlds are those of ``PTER/PathFollowing-v0``.
     """
-    mode = AutoresetMode.SAME_STEP
-    return PterVecEnv(
-        PathFollowingVectorEnv(num_envs, autoreset_mode=mode, telemetry=False, **arguments)
-    )
+    fixed: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "telemetry": False}
+    for name in fixed.keys() & arguments:
+        raise ParameterError(f"{name} must not be given: Stable-Baselines3 has its own way")
+    return PterVecEnv(PathFollowingVectorEnv(num_envs, **fixed, **arguments))
 
 
 class ModelAssessment(NamedTuple):

@@ -48,12 +48,18 @@ class Operator(Checked, ABC):
     ----------
     impedance
         Mass, damper and spring that it adds to the arm at the tip.
-    frequencies
-        Frequencies of its sines [Hz].
+    frequencies, phases
+        Frequencies [Hz] and phases [rad] of its sines. A kind with sines has all of these as
+        fields.
+    random_phases
+        Whether a reset draws the phases. Test episodes and the search for the worst hand then fix
+        them beforehand.
     """
 
     impedance: Hand = NO_HAND
     frequencies: tuple[float, ...] = ()
+    phases: tuple[float, ...] = ()
+    random_phases: bool = False
     plans: ClassVar[bool] = True
     """Whether it does more than push and disturb, so its worlds have to store what it plans."""
 

@@ -13,7 +13,7 @@ from pter_gym._internal.fields import parameter, require, require_number
 from pter_gym.errors import unknown_name
 from pter_gym.hands._library import LIBRARY_ARMS, LIBRARY_TREMORS
 from pter_gym.hands._model import SINES, HandModel
-from pter_gym.hands._operators import EQ5_FREQUENCIES, MAX_INSTANTS, HumanArm
+from pter_gym.hands._operators import EQ5_FREQUENCIES, MAX_INSTANTS, HumanArm, Operator
 
 ERROR = tuple(3.0 if frequency < 3.0 else 0.0 for frequency in EQ5_FREQUENCIES)
 """Amplitudes of a person's own error [N]: only below all tremor."""
@@ -167,8 +167,8 @@ KINDS: Mapping[str, type[TremorArm]] = MappingProxyType(
 """The hands that tremble, by the names of ``LIBRARY_TREMORS``."""
 
 
-def find_hand(name: str) -> HumanArm:
-    """Return a hand of the library by its name in ``LIBRARY_ARMS`` or ``LIBRARY_TREMORS``.
+def find_hand(hand: Operator | str) -> Operator:
+    """Return a hand as it is, or by its name in ``LIBRARY_ARMS`` or ``LIBRARY_TREMORS``.
 
     A library arm becomes a human arm with its mass, damper and spring; a tremor becomes a human arm
     that trembles with the middle of the tremor's ranges.
@@ -178,6 +178,9 @@ def find_hand(name: str) -> HumanArm:
     ParameterError
         If there is no such hand; the message suggests the nearest names.
     """
+    if isinstance(hand, Operator):
+        return hand
+    name = str(hand)
     if name in KINDS:
         return KINDS[name]()
     if name not in LIBRARY_ARMS:

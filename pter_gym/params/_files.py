@@ -5,7 +5,6 @@ file may also say how uncertain its numbers are: ``find_machines`` reads that to
 """
 
 import json
-import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
@@ -15,7 +14,7 @@ from pter_gym._internal.checks import builtin
 from pter_gym._internal.files import FilePath, expand_path, has_ending, write_text_atomic
 from pter_gym._internal.reading import read_toml, reading
 from pter_gym.errors import ParameterError, nearest
-from pter_gym.params._connection import PAPER_CLUTCHES, SLOTS, Connection
+from pter_gym.params._connection import Connection
 from pter_gym.params._machine import Arm, Clutch, Hand, Machine, TorqueCurve
 from pter_gym.params._named import ACTUATORS, BASELINE, MACHINES
 from pter_gym.params._spread import MachineSpread
@@ -83,8 +82,7 @@ def find_machines(machine: Machine | FilePath) -> Machine | MachineSpread:
         return middle
     with reading(f"machine {source}"):
         rows = tuple(tuple(map(float, row)) for row in table["covariance"])
-        first, places = table.get("first", 0), tuple(table["places"])
-        return MachineSpread(machine=middle, places=places, covariance=rows, first=first)
+        return MachineSpread(machine=middle, places=tuple(table["places"]), covariance=rows)
 
 
 def is_machine_file(machine: object) -> bool:
@@ -112,8 +110,6 @@ def load_machine(path: FilePath) -> Machine:
 
 def machine_from(content: Mapping[str, Any]) -> Machine:
     """Return a machine from plain data, or raise a ParameterError that names the field."""
-    if "type" not in content and "arm" in content:
-        return _from_old_form(content)
     machine = _codec().from_plain(
         {name: value for name, value in content.items() if name != UNCERTAINTY}
     )
@@ -164,8 +160,7 @@ def format_machine(
     if isinstance(machine, MachineSpread):
         table = [
             f"\n[{UNCERTAINTY}]  # of normally distributed numbers, in products of their units",
-            f"first = {machine.first}  # clutch_scale.1 is the strength of clutch 1",
-            f"places = {json.dumps(machine.places)}",
+            f"places = {json.dumps(machine.places)}  # clutch_scale.1 is the strength of clutch 1",
             f"covariance = {json.dumps(machine.covariance)}\n",
         ]
         return format_machine(machine.machine, origin, origins, title) + "\n".join(table)
@@ -223,39 +218,3 @@ def _written(value: Any) -> str:
 
 def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
-
-
-def _from_old_form(content: Mapping[str, Any]) -> Machine:
-    """Return a machine from entries ``{ value = …, unit = …, from = … }`` by section and name."""
-    warnings.warn(
-        "this machine is stored in the form of an earlier version, which the next one does not "
-        "read: save it again with pter_gym.params.save_machine",
-        DeprecationWarning,
-        stacklevel=4,
-    )
-    known = ("arm", "clutch", "clutches", "sensing")
-    values: dict[str, Any] = {
-        section: {
-            name: tuple(map(float, entry["value"]))
-            if isinstance(entry["value"], list)
-            else float(entry["value"])
-            for name, entry in content.get(section, {}).items()
-        }
-        for section in known
-    }
-    clutch, rows = values["clutch"], values["clutches"]
-    clutches = tuple(Connection(name, row) for name, row in rows.items()) or PAPER_CLUTCHES
-    scale = clutch.pop("scale", (1.0,) * len(clutches))
-    if len(scale) != len(clutches):
-        raise ParameterError(f"clutch.scale must have {len(clutches)} numbers, got {scale!r}")
-    curve = {
-        item.name: clutch.pop(item.name) for item in fields(TorqueCurve) if item.name in clutch
-    }
-    dynamic, ratio = TorqueCurve(**curve), clutch.pop("breakaway_ratio")
-    return Machine(
-        arm=Arm(**values["arm"]),
-        clutch=Clutch(breakaway=dynamic.scaled(ratio), dynamic=dynamic, **clutch),
-        clutch_scale=(*scale, *(1.0,) * (SLOTS - len(scale))),
-        clutches=clutches,
-        delay=values["sensing"].get("delay", 0.0),
-    )

@@ -1,9 +1,7 @@
 """Machines about one: what a log leaves open of its numbers."""
 
-import re
-import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -32,9 +30,6 @@ class MachineSpread(Checked):
         strength of clutch 1.
     covariance
         Covariance of these numbers, a row for each, in products of their units.
-    first
-        The number of a tuple's first entry in ``places``, 1. Stored data of earlier versions lack
-        it: they count from 0, and are converted with a warning.
 
     Raises
     ------
@@ -45,13 +40,10 @@ class MachineSpread(Checked):
     machine: Machine
     places: tuple[str, ...]
     covariance: tuple[tuple[float, ...], ...]
-    first: int = field(default=1, metadata={"older": 0, "limits": {"at_least": 0, "below": 2}})
 
     def __post_init__(self) -> None:
         """Check places and covariance."""
         super().__post_init__()
-        if self.first == 0:
-            self._count_from_one()
         known = numbers_of(self.machine)
         for place in self.places:
             require(place in known, self, "places", "places of a machine's numbers", got=place)
@@ -71,20 +63,6 @@ class MachineSpread(Checked):
             "covariance",
             "finite, symmetric and without negative eigenvalues",
         )
-
-    def _count_from_one(self) -> None:
-        places = tuple(
-            re.sub(r"\d+$", lambda index: str(int(index[0]) + 1), place) for place in self.places
-        )
-        if places != self.places:
-            warnings.warn(
-                "these places count a tuple's entries from 0, as an earlier version did; the next "
-                "one will not read them: store the machines again, with first = 1",
-                DeprecationWarning,
-                stacklevel=4,
-            )
-        object.__setattr__(self, "places", places)
-        object.__setattr__(self, "first", 1)
 
     def draw(self, rng: np.random.Generator) -> Machine:
         """Return a machine drawn with a generator."""

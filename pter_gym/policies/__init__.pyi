@@ -4,4 +4,4 @@ from ._files import (
     write_policy as write_policy,
 )
 from ._interface import Input as Input, Interface as Interface
-from ._trained import TrainedPolicy as TrainedPolicy
+from ._trained import TrainedController as TrainedController

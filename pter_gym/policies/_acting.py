@@ -1,7 +1,8 @@
 """Policies that act in environments, with actions in the environment's unit."""
 
+import os
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -10,10 +11,12 @@ from gymnasium.vector import VectorActionWrapper, VectorObservationWrapper
 from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
+from pter_gym._internal.files import FilePath
 from pter_gym.controllers import AnyPolicy, bind
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.params import Machine
 from pter_gym.params._named import nominal_machine
+from pter_gym.policies.find import find_policy
 from pter_gym.tasks.path_following._actions import action_of
 
 Actions = NDArray[np.float32]
@@ -36,6 +39,37 @@ CHANGING_MODULES = (
     ".atari_preprocessing",
 )
 """Ends of the names of these libraries' modules whose wrappers change it, whatever their kind."""
+
+
+def load_policy(policy: "FilePath | AnyPolicy", env: Any) -> "ActingPolicy":
+    """Return a policy that is ready to act in an environment: ``action = policy(observation)``.
+
+    It returns actions in the environment's unit. Call its ``reset()`` after ``env.reset()``, and
+    ``reset(worlds)`` with a mask where worlds of a vector environment begin new episodes.
+
+    Parameters
+    ----------
+    policy
+        What ``pter benchmark --policies`` takes: the name of a trained policy or of a law,
+        the path of an exported policy (a string or a ``pathlib.Path``), or
+        ``package.module:attribute``. Or a policy itself: a law, what ``from_sb3`` returns,
+        or a function from observations, float32 (N, entries), to volts, (N, 4).
+    env
+        Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or
+        ``make_sb3_vec_env``, with its wrappers. Control laws have the gains of its scenario; on a
+        path of your own, those of ``paths``.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such policy, or it cannot act in this environment; the message says why.
+    DataError
+        If a file of the policy is damaged.
+    """
+    if isinstance(policy, str | os.PathLike):
+        (gains,) = attributes(env, "gains")
+        policy = find_policy(cast("FilePath", policy), gains)
+    return ActingPolicy(policy, env)
 
 
 class ActingPolicy:

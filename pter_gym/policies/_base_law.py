@@ -13,18 +13,21 @@ from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.layout import Field, Layout
 from pter_gym._engine.batch import Observations
 from pter_gym._engine.storage import Array
-from pter_gym.controllers import CONTROLLERS, Controller
+from pter_gym.controllers import Controller
 from pter_gym.controllers._network import BASE_INPUTS
 from pter_gym.errors import ParameterError
 from pter_gym.params import SLOTS, Machine
 from pter_gym.policies._interface import corrected
-from pter_gym.policies.tuned import find_paced, find_tuned
+from pter_gym.policies.find import Kind, find_policy, kind_of
 
 if TYPE_CHECKING:
     import jax
 
 REACH = 8.0
 """Default voltage of a correction of 1 [V]."""
+
+BASES: tuple[Kind, ...] = ("law", "tuned law", "gains", "code")
+"""What the name of a base may mean."""
 
 
 Numbers = TypeVar("Numbers", Observations, "jax.Array")
@@ -36,16 +39,17 @@ def find_base_law(base: object, scenario: str) -> Controller:
     Raises
     ------
     ParameterError
-        If there is no such law.
+        If there is no such law, or it is a trained network.
     """
-    if isinstance(base, str):
-        return (find_paced if base in CONTROLLERS else find_tuned)(base, scenario)
-    if not isinstance(base, Controller) or isinstance(base, type):
+    law = base
+    if isinstance(base, str) and kind_of(base, "base", BASES):
+        law = find_policy(base, scenario)
+    if not isinstance(law, Controller) or isinstance(law, type):
         raise ParameterError(
             "base must be a control law or the name of one, such as 'single-dof-tuned', "
             f"got {base!r:.200}"
         )
-    return base
+    return law
 
 
 class BaseLaw:

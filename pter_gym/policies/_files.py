@@ -22,7 +22,7 @@ from pter_gym._internal.reading import parse_json, read_bytes, reading
 from pter_gym.errors import ParameterError, nearest, unknown_name
 
 if TYPE_CHECKING:
-    from pter_gym.policies._trained import TrainedPolicy
+    from pter_gym.policies._trained import TrainedController
 
 SHIPPED = Path(__file__).parent / "shipped"
 """Where the package keeps its trained policies."""
@@ -68,7 +68,7 @@ def is_here(name: str) -> bool:
     return name in policies_in() or expand_path("policies", name).is_dir()
 
 
-def read_policy(name: FilePath) -> "TrainedPolicy":
+def read_policy(name: FilePath) -> "TrainedController":
     """Return a trained policy as a law, which acts once bound to a machine and a layout.
 
     ``pter_gym.load_policy`` returns one that is ready to act in an environment.
@@ -117,7 +117,7 @@ def find_file(name: FilePath) -> Path:
     raise ParameterError(f"policies: there is no trained policy {os.fspath(name)!r}: {why}")
 
 
-def write_policy(policy: "TrainedPolicy", path: FilePath) -> Path:
+def write_policy(policy: "TrainedController", path: FilePath) -> Path:
     """Write a policy to ``path``, whose stem becomes its name, and return the path of the file.
 
     Raises
@@ -134,7 +134,7 @@ def write_policy(policy: "TrainedPolicy", path: FilePath) -> Path:
     return path
 
 
-def encode_policy(policy: "TrainedPolicy") -> bytes:
+def encode_policy(policy: "TrainedController") -> bytes:
     """Return the bytes of a policy's file, or raise a ParameterError if it has no such file."""
     tensors: dict[str, NDArray[Any]] = {}
     for k, (weight, bias) in enumerate(policy.layers):
@@ -170,10 +170,10 @@ def read_header(data: bytes) -> dict[str, str]:
     return dict(header.get("__metadata__", {}))
 
 
-def _parse(data: bytes, name: str) -> "TrainedPolicy":
+def _parse(data: bytes, name: str) -> "TrainedController":
     """Return the policy in the bytes of a file."""
     from pter_gym.policies._interface import Interface
-    from pter_gym.policies._trained import TrainedPolicy
+    from pter_gym.policies._trained import TrainedController
 
     header = read_header(data)
     if header.get("format") != FORMAT:
@@ -194,7 +194,7 @@ def _parse(data: bytes, name: str) -> "TrainedPolicy":
             f"it holds {', '.join(sorted(tensors)):.200}"
         )
     layers = tuple((tensors[f"layer_{k}.weight"], tensors[f"layer_{k}.bias"]) for k in range(count))
-    return TrainedPolicy(interface, layers, name, dict(card["about"]))
+    return TrainedController(interface, layers, name, dict(card["about"]))
 
 
 def interface_codec() -> Codec:

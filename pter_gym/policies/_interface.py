@@ -21,6 +21,7 @@ from pter_gym._internal.fields import (
 from pter_gym._physics.arm import UnitVector, Vector, components
 from pter_gym.controllers import PaceSchedule, Scaled
 from pter_gym.controllers._network import BASE_INPUTS, DERIVED, INPUT_LIMIT
+from pter_gym.controllers._policy import Rows, clutch_rows
 from pter_gym.params import BASELINE, Machine
 from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.tasks.path_following._actions import volts_of
@@ -33,13 +34,6 @@ MAX_AVERAGE = 1000
 
 MAX_INPUTS = 256
 """Largest number of inputs, without earlier ones and averages."""
-
-Rows = tuple[tuple[float, float], ...]
-
-
-def clutch_rows(machine: Machine) -> Rows:
-    """Return the rows of W of a machine's clutches."""
-    return tuple(clutch.row for clutch in machine.clutches)
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from gymnasium.wrappers.vector import NormalizeObservation as VectorNormalizeObs
 from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
-from pter_gym._internal.fields import require
 from pter_gym.controllers import Policy
+from pter_gym.controllers._policy import check_same
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, SLOTS, Machine
 from pter_gym.params._named import nominal_machine
@@ -28,7 +28,7 @@ Normalise = Callable[[Observations], Observations]
 
 def from_sb3(
     model: Any, vec_normalize: Any = None, frame_skip: int | None = None, *, env: Any = None
-) -> "LibraryPolicy":
+) -> "LibraryController":
     """Return a policy that runs a model deterministically, with a recurrent state for each world.
 
     Parameters
@@ -70,12 +70,12 @@ def from_sb3(
     normalise = _normalising(own if vec_normalize is None else vec_normalize)
     (view,) = attributes(env, "view")
     view = view if frame_skip is None else replace(view, frame_skip=frame_skip)
-    return LibraryPolicy(model, normalise, view, env)
+    return LibraryController(model, normalise, view, env)
 
 
 def from_actions(
     act: Callable[[Observations], Any], env: Any, frame_skip: int | None = None
-) -> "LibraryPolicy":
+) -> "LibraryController":
     """Return a policy that runs a function from observations to an environment's actions.
 
     Parameters
@@ -111,8 +111,8 @@ def _predict(
     return (actions.detach().cpu().numpy() if hasattr(actions, "detach") else actions), None
 
 
-class LibraryPolicy:
-    """A model of a learning library as a law, which acts once bound.
+class LibraryController:
+    """A model of a learning library; like a law, it is bound to become a policy.
 
     Attributes
     ----------
@@ -127,14 +127,14 @@ class LibraryPolicy:
         (self._control_period,) = attributes(env, "control_period")
         machine = nominal_machine(attributes(env, "nominal_machine"))
         self._bounds = bounds_of_actions(env, layout, machine)
-        self._clutches = len(machine.clutches)
+        self._machine = machine
         space = getattr(model, "observation_space", None)
         if not isinstance(space, spaces.Box) or space.shape != (len(layout),):
             raise ParameterError(
                 "model.observation_space must be that of env, with the "
                 f"{len(layout)} entries {', '.join(layout.names)}, got {space}"
             )
-        expected = spaces.Box(*self._bounds, (self._clutches,), np.float32)
+        expected = spaces.Box(*self._bounds, (len(machine.clutches),), np.float32)
         if (space := getattr(model, "action_space", None)) != expected:
             raise ParameterError(f"model.action_space must be that of env, {expected}, got {space}")
         entries = len(layout) // (1 + len(view.history))
@@ -149,16 +149,10 @@ class LibraryPolicy:
         Raises
         ------
         ParameterError
-            If one of them has other entries than the model.
+            If the observations have other entries than the model's, or the machine other clutches
+            or another largest voltage than that of its environment.
         """
-        if layout.names != self._names:
-            raise ParameterError(
-                f"observations must have the {len(self._names)} entries of the model, "
-                f"{', '.join(self._names)}, got {', '.join(layout.names)}"
-            )
-        clutches = [clutch.row for clutch in machine.clutches]
-        accepted = f"{self._clutches}, as the model's actions"
-        require(len(clutches) == self._clutches, machine, "clutches", accepted, got=clutches)
+        check_same(self._names, self._machine, machine, layout)
         view = self._view.bind(machine, layout)
 
         def act(observations: Observations, memory: Any) -> Any:
@@ -174,7 +168,7 @@ class LibraryPolicy:
         if self._view.looks:
             policy = replace(view.policy(policy), layout=layout)
         made = partial(self.bind, machine, layout)
-        return replace(policy, control_period=self._control_period, made=made)
+        return replace(policy, control_period=self._control_period, made=made, machine=machine)
 
     def _actions(self, observations: Observations, memory: Any) -> NDArray[np.float64]:
         """Return the model's actions, clipped, and keep its state in the memory, objects (N,)."""

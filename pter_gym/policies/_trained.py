@@ -15,9 +15,10 @@ from pter_gym.controllers import Policy, Scaled
 from pter_gym.controllers._gains import NETWORK
 from pter_gym.controllers._laws import built_in, built_in_declared
 from pter_gym.controllers._network import LAW_WIDTH, Network, memory_width, source_of
+from pter_gym.controllers._policy import check_drive, clutch_rows
 from pter_gym.errors import DataError, unknown_name
 from pter_gym.params import SLOTS, Machine, find_machine
-from pter_gym.policies._interface import Interface, clutch_rows, input_names
+from pter_gym.policies._interface import Interface, input_names
 
 MAX_UNITS, MAX_LAYERS = 1024, 8
 """Largest numbers of units in a hidden layer, and of layers."""
@@ -35,8 +36,8 @@ def are_hidden(sizes: object) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class TrainedPolicy:
-    """A trained policy; like a law, it acts once it is bound.
+class TrainedController:
+    """A trained network; like a law, it is bound to become a policy.
 
     Attributes
     ----------
@@ -106,21 +107,7 @@ class TrainedPolicy:
         if self.interface.for_any_machine:
             return self.for_machine(machine).bind(machine, layout)
         interface = self.interface
-        top, rows = machine.clutch.voltage_max, clutch_rows(machine)
-        require(
-            top == interface.voltage_max,
-            machine.clutch,
-            "voltage_max",
-            f"{interface.voltage_max:g} V",
-            got=top,
-        )
-        require(
-            rows == interface.clutches,
-            machine,
-            "clutches",
-            f"{interface.clutches}, as in its training",
-            got=rows,
-        )
+        check_drive(machine, interface.clutches, interface.voltage_max)
         names = input_names(layout, residual=interface.base is not None)
         for entry in interface.inputs:
             if entry.name not in names:
@@ -137,7 +124,7 @@ class TrainedPolicy:
             control_period=interface.control_period,
         )
 
-    def for_machine(self, machine: Machine) -> "TrainedPolicy":
+    def for_machine(self, machine: Machine) -> "TrainedController":
         """Return a policy for any machine with one machine's numbers in it.
 
         Voltages are fractions of the largest. What the policy sees of a clutch that the machine

@@ -12,19 +12,28 @@ from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
+from pter_gym import controllers
 from pter_gym._internal.codec import tuple_of
 from pter_gym._internal.files import FilePath, expand_path
 from pter_gym._internal.reading import read_toml, reading
-from pter_gym.controllers import CONTROLLERS, Controller, Guided, Impedance, PaceSchedule, Scaled
+from pter_gym.controllers._names import LAWS
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.policies._names import SCALED, SUFFIX, TUNED_TABLE, tuned_names, tuned_policies
+from pter_gym.policies._files import interface_codec
 from pter_gym.scenarios._paces import find_pace
 
-TABLE = TUNED_TABLE
+if TYPE_CHECKING:
+    from pter_gym.controllers import Controller, Guided, PaceSchedule, Scaled
+
+TABLE = Path(__file__).parents[1] / "presets" / "tuned.toml"
 
 DAMPERS = TABLE.with_name("dampers.toml")
+
+SUFFIX = "-tuned"
+
+SCALED = "single-dof-scaled"
+"""Name of the law whose gains follow the numbers of a device."""
 
 SCALED_TABLE = TABLE.with_name("scaled.toml")
 
@@ -40,9 +49,21 @@ HOLD = 1e-6
 GainsTable = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
 
 
+@cache
+def tuned_policies() -> tuple[str, ...]:
+    """Return the names under which laws are found with shipped gains."""
+    return (*tuned_names(read_toml(TABLE, "tuned gains")), SCALED)
+
+
+def tuned_names(table: Mapping[str, Mapping[str, object]]) -> tuple[str, ...]:
+    """Return the names under which laws are found with the gains of a table."""
+    there = {name for laws in table.values() for name in laws}
+    return tuple(f"{name}{SUFFIX}" for name in LAWS if name in there)
+
+
 def find_tuned(
     name: str, scenario: str | None = None, *, path: FilePath = TABLE
-) -> PaceSchedule | Scaled:
+) -> "PaceSchedule | Scaled":
     """Return a law, such as ``impedance-tuned``, whose gains follow the commanded pace.
 
     Those of ``single-dof-scaled`` follow the machine too, and are the same in all scenarios.
@@ -84,7 +105,7 @@ def places_of(scenario: str | None) -> list[str]:
     return list(dict.fromkeys(filter(None, (scenario, NEAREST.get(scenario or ""), FALLBACK))))
 
 
-def read_tuned(path: FilePath, scenario: str | None = None) -> PaceSchedule:
+def read_tuned(path: FilePath, scenario: str | None = None) -> "PaceSchedule":
     """Return the law in a file of ``pter tune --out``, with the gains for a scenario.
 
     Raises a ParameterError if it does not exist or has several laws, a DataError if it is
@@ -107,12 +128,12 @@ def read_tuned(path: FilePath, scenario: str | None = None) -> PaceSchedule:
     )
 
 
-def find_paced(name: str, scenario: str | None) -> Controller:
+def find_paced(name: str, scenario: str | None) -> "Controller":
     """Return a law by its name, with a damper for each pace where there are some."""
-    controller = CONTROLLERS[name]()
+    controller = controllers.CONTROLLERS[name]()
     tables = (damping_table().get(place, {}) for place in places_of(scenario) if scenario)
     dampers = next((table[name] for table in tables if name in table), None)
-    if not dampers or not isinstance(controller, Impedance):
+    if not dampers or not isinstance(controller, controllers.Impedance):
         return controller
     laws = (
         (pace, replace(controller, damping_tangential=damping)) for pace, damping in dampers.items()
@@ -149,7 +170,7 @@ def read_gains(path: FilePath = TABLE) -> GainsTable:
     return table
 
 
-def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
+def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> "Guided":
     """Return a law with the gains of an entry, or raise a DataError if one is wrong.
 
     Unnamed gains take the defaults stored with it.
@@ -158,12 +179,13 @@ def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
         return with_gains(name, {**entry.get("defaults", {}), **entry["gains"]})
 
 
-def guided() -> dict[str, type[Guided]]:
+def guided() -> "dict[str, type[Guided]]":
     """Return the laws that have gains, by name."""
-    return {name: kind for name, kind in CONTROLLERS.items() if issubclass(kind, Guided)}
+    laws = controllers.CONTROLLERS.items()
+    return {name: kind for name, kind in laws if issubclass(kind, controllers.Guided)}
 
 
-def with_gains(name: str, gains: Mapping[str, Any]) -> Guided:
+def with_gains(name: str, gains: Mapping[str, Any]) -> "Guided":
     """Return a guiding law by its name; unnamed gains take their defaults.
 
     Raises
@@ -183,18 +205,12 @@ def with_gains(name: str, gains: Mapping[str, Any]) -> Guided:
     return laws[name](**{gain: tuple_of(value) for gain, value in gains.items()})
 
 
-def find_scaled() -> Scaled:
+def find_scaled() -> "Scaled":
     """Return single-dof with gains for any device."""
-    from pter_gym.policies._files import interface_codec
-
     return cast("Scaled", interface_codec().from_plain(read_toml(SCALED_TABLE, "scaled")))
 
 
-def _schedule(laws: Iterable[tuple[str, Guided]], **options: Any) -> PaceSchedule:
+def _schedule(laws: "Iterable[tuple[str, Guided]]", **options: Any) -> "PaceSchedule":
     """Return laws given by the names of their paces as one."""
     knots = ((find_pace(pace), law) for pace, law in laws)
-    return PaceSchedule(tuple(sorted(knots, key=lambda knot: knot[0])), **options)
-
-
-TUNED = tuned_policies()
-"""Names under which laws are found with shipped gains."""
+    return controllers.PaceSchedule(tuple(sorted(knots, key=lambda knot: knot[0])), **options)

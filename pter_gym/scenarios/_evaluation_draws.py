@@ -2,10 +2,11 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from pter_gym.hands import SINES, HumanArm, MultiSineHand
+from pter_gym.hands import SINES
 from pter_gym.params import Machine
 from pter_gym.scenarios._suite import Scenario
 from pter_gym.scenarios.distributions import Pair
@@ -76,9 +77,10 @@ def _labelled(scenario: Scenario, pair: Pair, rng: np.random.Generator) -> Strat
 def with_phases(pair: Pair, rng: np.random.Generator) -> Pair:
     """Return a pair with the phases that its hand would draw on a reset."""
     machine, task = pair
-    if isinstance(task.hand, (MultiSineHand, HumanArm)) and task.hand.random_phases:
+    if task.hand.random_phases:
         phases = tuple(rng.uniform(0.0, 2.0 * math.pi, SINES).tolist())
-        task = replace(task, hand=replace(task.hand, phases=phases, random_phases=False))
+        hand: Any = task.hand
+        task = replace(task, hand=replace(hand, phases=phases, random_phases=False))
     return machine, task
 
 

@@ -21,6 +21,7 @@ from pter_gym.errors import ParameterError, unknown_name
 
 if TYPE_CHECKING:
     from pter_gym._internal.files import FilePath
+    from pter_gym.hands import Operator
     from pter_gym.params import Machine, MachineSpread
     from pter_gym.paths import Path
     from pter_gym.scenarios.distributions import Draws
@@ -116,6 +117,7 @@ def find_scenario(
     machine: "Machine | MachineSpread | FilePath | None" = None,
     path: "Path | FilePath | None" = None,
     smooth: float = 0.0,
+    hand: "Operator | str | None" = None,
 ) -> Scenario:
     """Return a scenario by its name.
 
@@ -133,26 +135,28 @@ def find_scenario(
         of waypoints. The workspace about it is at most as wide as its bends allow.
     smooth
         How far a path from a file may pass by its waypoints [m], see ``pter_gym.paths.Spline``.
+    hand
+        A hand for all its episodes, or its name as ``pter_gym.hands.find_hand`` takes it.
 
     Raises
     ------
     ParameterError
-        If there is no such scenario, machine or path (the nearest is suggested), a machine's delay
-        is too long for a task, or the arm cannot follow the path.
+        If there is no such scenario, machine, path or hand (the nearest is suggested), a machine's
+        delay is too long for a task, or the arm cannot follow the path.
     DataError
         If the machine's file is malformed.
     """
     scenario = _find(scenario, machine)
-    return scenario if path is None else _on_path(scenario, path, smooth)
+    scenario = scenario if path is None else _on_path(scenario, path, smooth)
+    return scenario if hand is None else _with_hand(scenario, hand)
 
 
 def gains_for(tasks: "Iterable[PathFollowing]") -> str:
     """Return the name of the scenario whose gains suit a user's tasks."""
-    from pter_gym.hands import MultiSineHand
     from pter_gym.tasks.path_following import PathFollowing
 
     tasks = [*tasks]
-    pushes = all(isinstance(task.hand, MultiSineHand) for task in tasks)
+    pushes = not any(task.hand.plans for task in tasks)
     if all(task.path == PathFollowing.path for task in tasks):
         return "standard" if pushes else "hands"
     return "paths" if pushes else "everything"
@@ -177,7 +181,7 @@ def _find(
             raise unknown_name("scenario", scenario, SCENARIOS)
         name, gains = type(scenario.path).__name__.lower(), gains_for([scenario])
         hand: Any = scenario.hand
-        if hasattr(hand, "random_phases"):
+        if hand.phases:
             hand = replace(hand, random_phases=True)
         own = Draws(task=replace(scenario, hand=hand))
         scenario = Scenario(name, 0, "A task of your own.", episodes=200, own=own, gains=gains)
@@ -231,6 +235,32 @@ def _on_path(scenario: Scenario, source: "Path | FilePath", smooth: float) -> Sc
         gains=gains,
     )
 
+
+def _with_hand(scenario: Scenario, source: "Operator | str") -> Scenario:
+    """Return a scenario with one hand for all episodes."""
+    from pter_gym.hands import find_hand
+    from pter_gym.scenarios.distributions import Vary
+
+    hand = find_hand(source)
+    title = source if isinstance(source, str) else type(hand).__name__.lower()
+
+    def changed(draws: "Draws") -> "Draws":
+        varied = draws.varied_task
+        others = {name: field for name, field in varied.fields.items() if name != "hand"}
+        return replace(draws, task=Vary(replace(varied.template, hand=hand), **others))
+
+    gains = scenario.whose_gains
+    return replace(
+        scenario,
+        name=f"{scenario.name}-by-{title}",
+        place=None,
+        own=scenario.draws.map_components(changed),
+        gains=_GAINS_FOR_ARMS.get(gains, gains) if hand.plans else gains,
+    )
+
+
+_GAINS_FOR_ARMS = {"standard": "hands", "paths": "everything"}
+"""In place of a scenario whose hands only push: the one whose gains suit others."""
 
 _SUITE = (
     Scenario(

@@ -213,8 +213,8 @@ class Vary(Generic[Drawn]):
 
 
 def middle(value: object, usual: object) -> object:
-    """Return a value; of a ``Vary`` its middle, and of what else draws several values the usual."""
-    if isinstance(value, Vary):
+    """Return a value, or its ``middle``; of what draws several values without one the usual."""
+    if hasattr(value, "middle"):
         return cast("Vary[DataclassInstance]", value).middle
     first, *others = extremes(value)
     return usual if any(other != first for other in others) else first
@@ -262,11 +262,23 @@ class Draws(Checked):
     def middle(self) -> Machine:
         """The machine that laws know in all episodes: the one of all, or about which others vary.
 
-        Of a ``MachineSpread`` that is its machine, of a ``Vary`` its template, of mixed draws that
-        of the first part.
+        Of a ``MachineSpread`` that is its machine, of a ``Vary`` its template, of a ``OneOf`` that
+        of the first option, of mixed draws that of the first part. A distribution of one's own says
+        it by an attribute ``middle``.
+
+        Raises
+        ------
+        ParameterError
+            If such a distribution has none.
         """
-        machine = middle(self.machine if self.instead is None else self.instead, BASELINE)
-        return cast("Machine", machine)
+        source: object = self.machine if self.instead is None else self.instead
+        while isinstance(source, OneOf):
+            source = source.options[0]
+        known = middle(source, None)
+        accepted = "which draws them, with an attribute middle: the machine that laws know"
+        field = "machine" if self.instead is None else "instead"
+        require(isinstance(known, Machine), self, field, f"a machine, or {accepted}")
+        return cast("Machine", known)
 
     def map_components(self, change: "Callable[[Draws], Draws]") -> "Draws":
         """Return these draws and those mixed in, each changed by a function."""

@@ -3,15 +3,20 @@
 import json
 import logging
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from pter_gym._commands.main import main
 from pter_gym.benchmark import ResultsFolder, ScenarioRun, leaderboards, run_scenario
 from pter_gym.benchmark.results import read_run, run_path
 from pter_gym.benchmark.scores import OPTIONAL
-from pter_gym.controllers import Free, Locked
+from pter_gym.controllers import Free, Locked, PerClutch, compiled
+from pter_gym.controllers._policy import CompiledLaw
 from pter_gym.errors import DataError, ParameterError
+from pter_gym.policies._code import code_digest
 
 
 @pytest.fixture
@@ -101,3 +106,46 @@ def test_fresh_episodes_depend_on_the_seed_alone() -> None:
         return found.scores["path_error_m"].tolist()
 
     assert errors(3) == errors(3) != errors(None)
+
+
+def test_one_row_is_one_policy(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A file that has changed between two commands is another policy under the same name."""
+    file, out = tmp_path / "my.py", tmp_path / "out"
+    name = f"{file}:policy"
+    text = "import numpy as np\ndef policy(obs):\n    return np.full((len(obs), 4), {volts})\n"
+    line = ["benchmark", "--policies", name, "free", "--episodes", "2", "--no-film", "--out"]
+    for volts, paces in ((0.0, ["medium", "brisk"]), (24.0, ["brisk"])):
+        file.write_text(text.format(volts=volts))
+        assert main([*line, str(out), "--paces", *paces]) == 0
+    printed = capsys.readouterr().out.rpartition("test episodes")[2]
+    words = " ".join(printed.partition("Also in the folder")[2].split())
+    assert "free at medium" in words
+    assert "my.py:policy at medium" in words
+    by_pace = {board.pace: board for board in ResultsFolder(out).summarise()}
+    old, new = (
+        {each.policy for each in by_pace[pace].standings} - {"free"} for pace in ("medium", "brisk")
+    )
+    assert old.isdisjoint(new)
+    assert all(each.startswith(f"{name} (") for each in old | new)
+    assert {"free"} == (
+        {each.policy for each in by_pace["medium"].standings}
+        & {each.policy for each in by_pace["brisk"].standings}
+    )
+
+
+@compiled
+def low(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    return PerClutch(1.0, 0.0, 0.0, 0.0)
+
+
+@compiled
+def high(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    return PerClutch(2.0, 0.0, 0.0, 0.0)
+
+
+def test_laws_with_the_same_gains_have_digests_of_their_own() -> None:
+    digests = {
+        code_digest(SimpleNamespace(law=CompiledLaw(law, np.zeros(0)))) for law in (low, high)
+    }
+    assert len(digests) == 2
+    assert "" not in digests

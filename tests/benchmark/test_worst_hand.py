@@ -4,7 +4,7 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -26,7 +26,7 @@ from pter_gym.benchmark.scores import CONFIDENCE, WorstHand
 from pter_gym.benchmark.worst_hand import POPULATION, Numbers
 from pter_gym.controllers import Free, Impedance, bind
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.hands import MultiSineHand
+from pter_gym.hands import SINES, HandModel, MultiSineHand, Operator
 from pter_gym.params import BASELINE, MachineSpread
 from pter_gym.scenarios import PACES, SCENARIOS
 from pter_gym.scenarios.distributions import Draws, Uniform, Vary
@@ -148,6 +148,31 @@ def test_another_search_with_four_times_the_budget_finds_hardly_more(
 def test_a_scenario_that_draws_nothing_has_one_hand() -> None:
     found = find_worst(Free(), Draws(task=PathFollowing(pace=0.5)), "brisk")
     assert (found.random, found.tried) == (1, 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shaking(Operator):
+    """A kind of a user's, with sines."""
+
+    plans: ClassVar[bool] = False
+    frequencies: tuple[float, ...] = MultiSineHand().frequencies
+    phases: tuple[float, ...] = (0.0,) * SINES
+    random_phases: bool = True
+
+    def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:
+        hand = MultiSineHand(phases=self.phases, random_phases=self.random_phases)
+        return hand.model(pace, substep, recording)
+
+
+@pytest.mark.usefixtures("few_hands")
+def test_the_phases_of_any_kind_of_hand_are_searched() -> None:
+    own, known = (
+        find_worst(Free(), Draws(task=PathFollowing(pace=0.5, hand=hand)), "brisk")
+        for hand in (Shaking(), MultiSineHand(random_phases=True))
+    )
+    assert own.tried == known.tried > 1
+    assert own.path_error_m == known.path_error_m
+    assert own.task.hand == Shaking(phases=known.task.hand.phases, random_phases=False)
 
 
 @pytest.mark.usefixtures("few_hands")

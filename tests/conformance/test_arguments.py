@@ -1,7 +1,9 @@
 """Arguments as users have them: NumPy's numbers, pathlib's paths and files that change later."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +14,10 @@ from gymnasium.envs.registration import EnvSpec
 
 from pter_gym.benchmark import run_scenario
 from pter_gym.controllers import Impedance
+from pter_gym.envs import PathFollowingEnv
+from pter_gym.envs._mixin import Arguments, find_worlds
 from pter_gym.errors import ParameterError
-from pter_gym.hands import MultiSineHand, RecordedForces
+from pter_gym.hands import MultiSineHand, RecordedForces, find_hand
 from pter_gym.params import BASELINE, find_machine, save_machine
 from pter_gym.paths import Polyline, Spline, find_path
 from pter_gym.scenarios import find_scenario
@@ -87,6 +91,43 @@ def test_numpys_numbers_are_numbers_at_every_door(door: Any, arguments: dict[str
         (name,) = arguments
         assert plain.kwargs[name] == arguments[name]
         assert type(plain.kwargs[name]) in (bool, int, float)
+
+
+@pytest.mark.parametrize("door", DOORS.values(), ids=DOORS)
+def test_an_unknown_argument_is_told_with_the_nearest_at_every_door(door: Any) -> None:
+    for name, meant in (("sensor", "sensors"), ("hands", "hand"), ("frameskip", "frame_skip")):
+        with pytest.raises(ParameterError, match=f"{name} is no .* did you mean '{meant}'"):
+            door(ID, **{name: 1})
+
+
+def test_the_list_of_arguments_is_one() -> None:
+    """Their types for editors, their defaults, and what the docstring describes."""
+    given = list(signature(find_worlds).parameters)
+    assert given == list(Arguments.__annotations__)
+    _, _, page = str(PathFollowingEnv.__doc__).partition("## Arguments")
+    items = re.findall(r"^ *- (`\w+`(?:, `\w+`)*):", page.partition("##")[0], re.MULTILINE)
+    told = [name for item in items for name in re.findall(r"\w+", item)]
+    assert set(told) - {"render_mode", "width", "height"} == {*given}
+
+
+def test_a_hand_is_an_argument_as_a_path_is() -> None:
+    arm, push = find_hand("rough-posture"), MultiSineHand(push=40.0)
+    for door in ("make", "make_vec", "jax", "Stable-Baselines3"):
+        DOORS[door](ID, hand="rough-posture", contexts=2)
+    for hand, found in ((push, push), ("rough-posture", arm)):
+        alone: Any = gymnasium.make("PTER/PathFollowing-v0", hand=hand).unwrapped
+        drawn: Any = gymnasium.make("PTER/Hands-v0", hand=hand, contexts=8).unwrapped
+        assert {task.hand for _, task in (*alone.batch.pairs, *drawn.batch.pairs)} == {found}
+        assert len({task.pace for _, task in drawn.batch.pairs}) == 8
+        assert alone.gains == ("hands" if found is arm else "standard")
+    held: Any = gymnasium.make(ID, hand="rough-posture", contexts=2).unwrapped
+    assert (held.gains, held.scenario.name) == ("hands", "standard-by-humanarm")
+    spec: Any = EnvSpec.from_json(gymnasium.make(ID, hand=push, contexts=2).spec.to_json())  # pyright: ignore[reportOptionalMemberAccess]
+    assert gymnasium.make(spec).unwrapped.batch.pairs[0][1].hand == push  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(ParameterError, match="hand must be among"):
+        gymnasium.make(ID, hand="rough-posturs")
+    with pytest.raises(ParameterError, match="hand must not be given with a task"):
+        gymnasium.make("PTER/PathFollowing-v0", hand=push, task=PathFollowing())
 
 
 F = np.float32

@@ -1,6 +1,6 @@
 """Scenarios: what they draw, on whose machine, and how their episodes begin."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import pytest
 from pter_gym import load_policy
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import ROW, SAME_STEP
-from pter_gym.benchmark import assess, run_scenario, training_episodes
+from pter_gym.benchmark import assess, evaluate, find_policy, run_scenario, training_episodes
 from pter_gym.benchmark.episodes import find_episodes, load_episodes, scenarios
 from pter_gym.controllers import TorqueFeedback, bind
 from pter_gym.envs import PathFollowingEnv
@@ -253,7 +253,29 @@ BIG = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.8, length_b=0.7))
 FAR = Line(x=-0.4, y=1.15, length=0.8)
 """Beyond the reach of PTER, within that of BIG."""
 
+TWO = MACHINES["two-brakes"]
+
+BIGGER = replace(BIG, arm=replace(BIG.arm, inertia_a=2.0))
+
 SCALES = Vary(BIG, clutch_scale=(Uniform(0.9, 1.1),) * 4)
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A distribution of a user's."""
+
+    def draw(self, rng: np.random.Generator) -> Machine:
+        return (BIG, BIGGER)[int(rng.integers(2))]
+
+    def extremes(self) -> tuple[Machine, ...]:
+        return BIG, BIGGER
+
+
+@dataclass(frozen=True)
+class Own(Unknown):
+    """One that says which machine laws know."""
+
+    middle: Machine
 
 
 @pytest.mark.parametrize(
@@ -278,6 +300,10 @@ SCALES = Vary(BIG, clutch_scale=(Uniform(0.9, 1.1),) * 4)
         ),
         (Draws(task=PathFollowing(), machine=Vary(BASELINE, arm=BIG.arm)), BIG),
         (Draws(task=PathFollowing(), machine=SCALES, also=(SCENARIOS["paths"].draws,)), BIG),
+        (Draws(task=PathFollowing(path=FAR), instead=OneOf((BIG, BIGGER))), BIG),
+        (Draws(task=PathFollowing(), machine=OneOf((OneOf((SCALES, BIGGER)), OWN))), BIG),  # pyright: ignore[reportArgumentType]
+        (Draws(task=PathFollowing(), instead=Own(BIG)), BIG),
+        (Draws(task=PathFollowing(), instead=OneOf((TWO, replace(TWO, substep=5e-4)))), TWO),
     ],
 )
 def test_one_machine_is_known_at_every_door(draws: Draws, expected: Machine) -> None:
@@ -289,6 +315,25 @@ def test_one_machine_is_known_at_every_door(draws: Draws, expected: Machine) -> 
     known += [find_episodes(scenario, "slow", seed).nominal for seed in (None, 0)]
     known += [training_episodes(scenario, "slow", 2, 0).nominal, scenario.nominal]
     assert known == [expected] * 7
+
+
+def test_draws_that_do_not_say_which_machine_laws_know_are_asked() -> None:
+    with pytest.raises(ParameterError, match=r"Draws\.instead .* attribute middle"):
+        find_scenario(Draws(task=PathFollowing(), instead=Unknown())).nominal  # noqa: B018
+
+
+def test_a_path_within_the_reach_of_drawn_machines_is_accepted() -> None:
+    own = find_scenario(Draws(task=PathFollowing(), instead=OneOf((BIG, BIGGER))), path=FAR)
+    assert own.nominal == BIG
+
+
+def test_a_law_knows_the_first_of_several_machines() -> None:
+    """Bound to PTER it lets the tip go nearly twice as far."""
+    draws = Draws(task=PathFollowing(path=FAR), instead=OneOf((BIG, BIGGER)))
+    (run,) = run_scenario(draws, "impedance", "medium", episodes=8)
+    alone = replace(find_episodes(find_scenario(draws), "medium", 0).first(8), nominal=BIG)
+    bound = evaluate(find_policy("impedance", "paths"), alone)
+    np.testing.assert_array_equal(run.scores["path_error_m"], bound["path_error_m"])
 
 
 @pytest.mark.long

@@ -32,7 +32,6 @@ CORE = (
     ("benchmark",),
     ("envs",),
     ("gradients",),
-    ("_load_policy",),
     ("_commands",),
 )
 """Rooms of the core from the ground up: a room imports those of earlier rows, and no neighbour.

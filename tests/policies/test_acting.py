@@ -1,26 +1,30 @@
 """Policies in environments: reset by their user, actions in the environment's unit, errors."""
 
+import pickle
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium import wrappers
+from gymnasium import spaces, wrappers
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
 
 import pter_gym
-from pter_gym.benchmark import find_policy, run_scenario
-from pter_gym.controllers import Policy, bind
+from pter_gym._compiled.layout import Layout
+from pter_gym.benchmark import find_policy, from_sb3, run_scenario
+from pter_gym.controllers import Impedance, Policy, bind
 from pter_gym.errors import ActionError, ParameterError
-from pter_gym.params import BASELINE, DELRIN_THEORETICAL
+from pter_gym.params import BASELINE, DELRIN_THEORETICAL, MACHINES, Machine
 from pter_gym.params._named import nominal_machine
 from pter_gym.paths import Circle
 from pter_gym.policies import read_policy, write_policy
+from pter_gym.policies._base_law import REACH, BaseLaw
 from pter_gym.tasks.path_following import STARTS, PathFollowing, observation_layout
 from pter_gym.tasks.path_following._actions import action_of, volts_of
 
@@ -254,3 +258,55 @@ def test_voltages_beyond_the_range_are_clipped_with_a_warning() -> None:
 def test_the_nominal_machine_is_that_of_the_environment_unless_it_varies() -> None:
     assert nominal_machine({DELRIN_THEORETICAL}) is DELRIN_THEORETICAL
     assert nominal_machine({DELRIN_THEORETICAL, BASELINE}) == BASELINE
+
+
+ENCODERS_AND_BASE = BaseLaw(
+    Impedance(), BASELINE, observation_layout(BASELINE, "encoders"), REACH
+).layout
+SWAPPED = replace(BASELINE, clutches=(*BASELINE.clutches[1::-1], *BASELINE.clutches[2:]))
+TWELVE = replace(BASELINE, clutch=replace(BASELINE.clutch, voltage_max=12.0))
+
+
+@pytest.mark.parametrize(
+    ("machine", "names", "match"),
+    [
+        (SWAPPED, LAYOUT.names, r"Machine\.clutches"),
+        (MACHINES["two-brakes"], LAYOUT.names, r"Machine\.clutches"),
+        (TWELVE, LAYOUT.names, r"Clutch\.voltage_max must be 24 V"),
+        (BASELINE, ENCODERS_AND_BASE.names, "observations must have the 24 entries"),
+    ],
+    ids=["swapped", "fewer", "voltage", "entries"],
+)
+def test_a_bound_policy_acts_for_what_it_is_bound_to_alone(
+    machine: Machine, names: tuple[str, ...], match: str
+) -> None:
+    layout = {LAYOUT.names: LAYOUT, ENCODERS_AND_BASE.names: ENCODERS_AND_BASE}[names]
+    bound = Impedance().bind(BASELINE, LAYOUT)
+    model = SimpleNamespace(
+        observation_space=spaces.Box(-25.0, 25.0, (24,), np.float32),
+        action_space=spaces.Box(-1.0, 1.0, (4,), np.float32),
+    )
+    trained = from_sb3(model, env=gymnasium.make("PTER/PathFollowing-v0"))
+    assert bind(bound, BASELINE, LAYOUT) is bound
+    assert pickle.loads(pickle.dumps(bound)).machine == BASELINE
+    for policy in (bound, trained):
+        with pytest.raises(ParameterError, match=match):
+            bind(policy, machine, layout)
+
+
+@dataclass(frozen=True)
+class AtOnePeriod:
+    """A law that is made for one control period."""
+
+    period: float
+
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
+        return replace(Impedance().bind(machine, layout), control_period=self.period)
+
+
+def test_a_base_acts_at_its_own_control_period() -> None:
+    base = AtOnePeriod(0.02)
+    with pytest.raises(ParameterError, match=r"control_period must be that of the policy, 0\.02 s"):
+        gymnasium.make("PTER/PathFollowing-v0", base=base)
+    task = PathFollowing(control_period=0.02)
+    gymnasium.make("PTER/PathFollowing-v0", base=base, task=task)

@@ -15,7 +15,7 @@ from pter_gym.controllers import PaceSchedule, Powers, Scaled, SingleDof
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Connection, Machine, TorqueCurve
 from pter_gym.params._connection import BRAKE_A, COUPLED, INVERTED
-from pter_gym.policies import Input, Interface, TrainedPolicy
+from pter_gym.policies import Input, Interface, TrainedController
 from pter_gym.policies.tuned import SCALED, find_tuned
 from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.deploy import source_of
@@ -50,7 +50,7 @@ def device(torque: float = 1.0, lag: float = 1.0, size: float = 1.0, top: float 
 
 def network(
     inputs: tuple[str, ...] = ("normal_error", "omega_a", "volts_1", "base_2"), **interface: Any
-) -> TrainedPolicy:
+) -> TrainedController:
     """Random weights over a law for any device."""
     rng = np.random.default_rng(3)
     law = Scaled(schedule=PTER, powers=(Powers(gain="strength", lag=1.0),))
@@ -61,7 +61,7 @@ def network(
         (rng.normal(size=(n, m)).astype(np.float32), rng.normal(size=n).astype(np.float32))
         for m, n in pairwise(sizes)
     )
-    return TrainedPolicy(known, layers)
+    return TrainedController(known, layers)
 
 
 def test_the_papers_machine_has_the_gains_as_they_stand() -> None:

@@ -15,8 +15,8 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from pter_gym._internal.checks import whole_number
-from pter_gym._load_policy import load_policy
 from pter_gym.errors import unknown_name
+from pter_gym.policies._acting import load_policy
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN
 

@@ -27,7 +27,7 @@ from pter_gym.controllers._policy import sensors_of
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
 from pter_gym.paths import Path as Curve, find_path
-from pter_gym.policies import TrainedPolicy
+from pter_gym.policies import TrainedController
 from pter_gym.tasks.path_following import PathFollowing, observation_layout
 from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Observation, Reading
 from pter_gym.tools.deploy.c_translator import Program
@@ -135,10 +135,10 @@ def source_of(
             f"prefix must be a letter, then letters, digits and underscores, got {prefix!r:.200}"
         )
     steps: tuple[float, ...] = ()
-    if isinstance(policy, TrainedPolicy):
+    if isinstance(policy, TrainedController):
         policy = policy.for_machine(machine)
     if weights == "int8":
-        if not isinstance(policy, TrainedPolicy):
+        if not isinstance(policy, TrainedController):
             raise ParameterError(
                 f"weights must be float for {name!r}, which has no network, got {weights!r}"
             )
@@ -244,7 +244,7 @@ def guiding_regions(gains: Any, first: int) -> Iterator[Region]:
         yield Region(name, first + begin, first + end)
 
 
-def rounded(policy: TrainedPolicy) -> tuple[TrainedPolicy, tuple[float, ...]]:
+def rounded(policy: TrainedController) -> tuple[TrainedController, tuple[float, ...]]:
     """Return a policy with 8-bit weights, and the quantisation step of each layer."""
     steps = tuple(step_of(weight) for weight, _ in policy.layers)
     layers = tuple(

@@ -24,7 +24,7 @@ from pter_gym.controllers._network import BASE_INPUTS, INPUT_LIMIT
 from pter_gym.controllers._policy import sensors_of
 from pter_gym.errors import ParameterError, needs_extra
 from pter_gym.params import Machine, find_machine
-from pter_gym.policies import TrainedPolicy
+from pter_gym.policies import TrainedController
 from pter_gym.policies._interface import input_names, input_values, to_volts
 from pter_gym.tasks.path_following import observation_layout
 
@@ -67,7 +67,7 @@ def write_onnx(
     if not has_ending(path, ".onnx"):
         raise ParameterError(f"onnx must end in .onnx, got {str(path)!r}")
     check_target("onnx", path)
-    if not isinstance(policy, TrainedPolicy):
+    if not isinstance(policy, TrainedController):
         raise ParameterError(
             f"policies must be trained policies to become ONNX, {name!r} has no network"
         )
@@ -195,7 +195,7 @@ class Columns:
         return self.graph.node("Concat", *self.names, axis=1)
 
 
-def model_of(policy: TrainedPolicy, name: str, machine: Machine) -> Any:
+def model_of(policy: TrainedController, name: str, machine: Machine) -> Any:
     """Return the ONNX model of a trained policy, after a check that it fits the machine."""
     from onnx import TensorProto, helper
 

@@ -13,7 +13,7 @@ import zlib
 from contextlib import suppress
 from pathlib import Path
 
-from pter_gym.errors import DependencyError, ParameterError, PolicyError
+from pter_gym.errors import DependencyError, ParameterError, PartnerError
 
 LARGEST = 8192
 """Largest frame [B]."""
@@ -78,11 +78,11 @@ class SerialLine:
         os.set_blocking(self._end, False)
 
     def send(self, payload: bytes) -> None:
-        """Write a frame, or raise a PolicyError if the line is cut or takes nothing."""
+        """Write a frame, or raise a PartnerError if the line is cut or takes nothing."""
         rest = framed(payload)
         while rest:
             if not select.select([], [self._end], [], PATIENCE)[1]:
-                raise PolicyError(f"the line has taken no bytes for {PATIENCE:g} s")
+                raise PartnerError(f"the line has taken no bytes for {PATIENCE:g} s")
             try:
                 rest = rest[os.write(self._end, rest) :]
             except OSError as error:
@@ -91,7 +91,7 @@ class SerialLine:
     def receive(self, until: float) -> bytes | None:
         """Return the next frame's payload, or None if there is none at a ``time.monotonic``.
 
-        Raises a PolicyError if the line is cut.
+        Raises a PartnerError if the line is cut.
         """
         while (remaining := until - time.monotonic()) > 0.0:
             frame, zero, rest = self._bytes.partition(b"\0")
@@ -113,12 +113,12 @@ class SerialLine:
             self._bytes += data
         return None
 
-    def _cut(self, why: object) -> PolicyError:
+    def _cut(self, why: object) -> PartnerError:
         status = ""
         if self._program:
             with suppress(subprocess.TimeoutExpired):
                 status = f"; the program has ended with status {self._program.wait(PATIENCE)}"
-        return PolicyError(f"the line was cut: {why}{status}")
+        return PartnerError(f"the line was cut: {why}{status}")
 
     def close(self) -> None:
         """Close the line, and end the program at its other end."""

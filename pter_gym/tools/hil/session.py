@@ -19,7 +19,7 @@ from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import ROW
 from pter_gym._physics.arm import Vector
 from pter_gym.benchmark.episodes import time_limit
-from pter_gym.errors import PolicyError
+from pter_gym.errors import PartnerError
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.tasks.path_following._position import to_path
@@ -86,7 +86,7 @@ class Partner:
         self.missed = 0
 
     def drive(self, machine: Machine, task: PathFollowing, seed: int, rows: list[Array]) -> None:
-        """Run an episode, whose telemetry ``rows`` gets, or raise a PolicyError."""
+        """Run an episode, whose telemetry ``rows`` gets, or raise a PartnerError."""
         self.voltage_max = machine.clutch.voltage_max
         self.period = task.control_period if self.real_time else 0.0
         self.volts = np.zeros(4, np.float32)
@@ -104,7 +104,7 @@ class Partner:
                 if number == 0:
                     self.heard = self.due = time.monotonic()
                     return
-        raise PolicyError(
+        raise PartnerError(
             f"the partner has not answered for {PATIENCE:g} s when an episode with a path of "
             f"{len(arcs)} arcs was to begin"
         )
@@ -123,7 +123,7 @@ class Partner:
         self.missed += 1
         silence = max(SILENCE, 3.0 * self.deadline)
         if time.monotonic() - self.heard > silence:
-            raise PolicyError(f"the partner has been silent for {silence:g} s")
+            raise PartnerError(f"the partner has been silent for {silence:g} s")
         return self.volts
 
     def hear(self, until: float) -> int | None:
@@ -132,13 +132,13 @@ class Partner:
         if payload is None:
             return None
         if len(payload) != ANSWER.size:
-            raise PolicyError(
+            raise PartnerError(
                 f"answers must have {ANSWER.size} bytes, a uint32 and four float32, got "
                 f"{len(payload)}"
             )
         number, *volts = ANSWER.unpack(payload)
         if not all(0.0 <= each <= self.voltage_max for each in volts):
-            raise PolicyError(
+            raise PartnerError(
                 f"voltages must be numbers from 0 to {self.voltage_max:g}, got {volts} at control "
                 f"step {number}"
             )

@@ -17,12 +17,12 @@ from pter_gym._commands.arguments import (
     options,
     scenario_on,
     smoothing_for,
-    split,
 )
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
 from pter_gym._internal.terminal import conclude, progress_bar, say, waiting
 from pter_gym.errors import ParameterError
+from pter_gym.policies.find import split
 from pter_gym.tools.pictures.size import check_size
 
 MAX_POLICIES = 16

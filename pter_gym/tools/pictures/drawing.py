@@ -22,7 +22,7 @@ from pter_gym.controllers import CONTROLLERS
 from pter_gym.params import Arm, Machine
 from pter_gym.paths import Path
 from pter_gym.policies import shipped_policies
-from pter_gym.policies.tuned import SCALED, TUNED
+from pter_gym.policies.tuned import SCALED, tuned_policies
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.tools.pictures.size import TILE_HEIGHT, TILE_WIDTH
 
@@ -45,7 +45,7 @@ LEGEND = {
 LAST = "universal"
 """The policy that has what is left, so the others keep theirs."""
 
-POLICIES = (*sorted(shipped_policies(), reverse=True), *TUNED, *CONTROLLERS)
+POLICIES = (*sorted(shipped_policies(), reverse=True), *tuned_policies(), *CONTROLLERS)
 _OTHERS = [name for name in POLICIES if name not in (LAST, SCALED)]
 POLICY_COLOURS = dict(zip((*_OTHERS, LAST), palette.POLICIES, strict=False))
 """Colours of the package's policies in all pictures."""

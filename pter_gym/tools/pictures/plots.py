@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pter_gym._internal.terminal import shorten
 from pter_gym.benchmark.boards import PACE_ERROR, Leaderboard, Standing
 from pter_gym.controllers import CONTROLLERS
-from pter_gym.policies.tuned import TUNED
+from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import PACES
 from pter_gym.scenarios._paces import find_pace, title_of_pace
 from pter_gym.tools.figures import (
@@ -174,7 +174,7 @@ def _looks(boards: Sequence[Leaderboard]) -> dict[str, Look]:
     names = {standing.policy for board in boards for standing in board.standings}
     colours = policy_colours(names)
     return {
-        name: Look(colour, look.marker, "--" if name in {*CONTROLLERS, *TUNED} else "-")
+        name: Look(colour, look.marker, "--" if name in {*CONTROLLERS, *tuned_policies()} else "-")
         for (name, colour), look in zip(colours.items(), looks(colours).values(), strict=True)
     }
 

@@ -18,10 +18,9 @@ from pter_gym._commands.arguments import (
     scenario_on,
     smoothing_for,
 )
-from pter_gym._internal.laws import LAWS
 from pter_gym._internal.terminal import conclude, progress_bar, say
-from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.policies._names import is_code
+from pter_gym.errors import ParameterError
+from pter_gym.policies.find import kind_of
 
 
 def tune(
@@ -64,9 +63,8 @@ def tune(
         machine: Name or file of a machine, instead of those that the scenario draws.
         worst: Minimise the largest path error of the episodes in place of the mean.
     """
-    if not is_code(law) and law not in LAWS:
-        raise unknown_name("law", law, (*LAWS, "FILE.py:Law"))
-    look_at(policies=[law], paces=[pace], path=path, smooth=smooth, machine=machine)
+    kind = kind_of(law, "law", ("law", "code"))
+    look_at(paces=[pace], path=path, smooth=smooth, machine=machine)
     if out is not None:
         from pter_gym.policies.tuned import guided
 
@@ -104,7 +102,7 @@ def tune(
         )
     gains = ", ".join(f"{name}={gain!r}" for name, gain in tuned.gains.items())
     called = law.rpartition(":")[2]
-    if not is_code(law):
+    if kind == "law":
         called = type(CONTROLLERS[law]()).__name__
         say(f"from pter_gym.controllers import {called}\n")
     say(f"{called}({gains})\n")

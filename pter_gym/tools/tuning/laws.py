@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any, cast
 
 from pter_gym._internal.checks import is_finite
-from pter_gym.benchmark.policies import find_policy
-from pter_gym.controllers import CONTROLLERS, AnyPolicy, Guided, PaceSchedule
+from pter_gym.controllers import AnyPolicy, Guided, PaceSchedule
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.policies._names import SUFFIX, is_code
-from pter_gym.policies.tuned import TUNED
+from pter_gym.policies.find import find_policy, kind_of
+from pter_gym.policies.tuned import SUFFIX, tuned_policies
 
 __all__ = ["Range", "TunableLaw", "find_law"]
 
@@ -49,8 +48,10 @@ class TunableLaw:
 
     Attributes
     ----------
-    name, law
-        Its name, and the law with its default gains.
+    name, key
+        Its name, and what identifies it: with a digest of its source if it is a user's.
+    law
+        The law with its default gains.
     pace
         Commanded pace [m/s].
     space
@@ -60,18 +61,11 @@ class TunableLaw:
     """
 
     name: str
+    key: str
     law: Any
     pace: float
     space: Space
     known: tuple[tuple[float, Any], ...]
-
-    @property
-    def key(self) -> str:
-        """What identifies the law: its name, and a digest of its source if it is a user's."""
-        if not is_code(self.name):
-            return self.name
-        source = inspect.getsourcefile(self.law.__class__) or self.name
-        return f"{self.name} {hashlib.sha256(Path(source).read_bytes()).hexdigest()[:16]}"
 
     def starts(self) -> list[Gains]:
         """Return the points of the search that are nearest to the known gains."""
@@ -109,9 +103,8 @@ def find_law(name: str, pace: float, scenario: str) -> TunableLaw:
     ParameterError
         If there is none, or its ``search`` does not hold ranges of its fields.
     """
-    if not is_code(name) and name not in CONTROLLERS:
-        raise unknown_name("law", name, (*CONTROLLERS, "FILE.py:Law"))
-    law: Any = find_policy(name) if is_code(name) else CONTROLLERS[name]()
+    kind = kind_of(name, "law", ("law", "code"))
+    law: Any = find_policy(name, scenario=None)
     search = getattr(law, "search", None)
     if not is_dataclass(law) or not isinstance(search, Mapping) or not search:
         raise ParameterError(
@@ -122,9 +115,15 @@ def find_law(name: str, pace: float, scenario: str) -> TunableLaw:
     ranges = cast("Mapping[str, Any]", search).items()
     space = {gain: _space(gain, given, gains) for gain, given in ranges}
     tuned = name + SUFFIX
-    known: list[Any] = [find_policy(tuned, scenario)] if tuned in TUNED else []
-    known.append(law if is_code(name) else find_policy(name))
-    return TunableLaw(name, law, pace, space, tuple(_nearest(each, pace) for each in known))
+    known: list[Any] = [find_policy(tuned, scenario)] if tuned in tuned_policies() else []
+    known.append(find_policy(name))
+    key = f"{name} {_source_digest(law)}" if kind == "code" else name
+    return TunableLaw(name, key, law, pace, space, tuple(_nearest(each, pace) for each in known))
+
+
+def _source_digest(law: Any) -> str:
+    source = inspect.getsourcefile(law.__class__)
+    return hashlib.sha256(Path(source).read_bytes()).hexdigest()[:16] if source else ""
 
 
 def _nearest(policy: Any, pace: float) -> tuple[float, Any]:

@@ -27,7 +27,7 @@ from pter_gym.haptics import torque_limits
 from pter_gym.params import BASELINE, MACHINES, Machine
 from pter_gym.paths import PATHS, Path
 from pter_gym.policies import read_policy, shipped_policies
-from pter_gym.policies.tuned import TUNED
+from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import PACES
 from pter_gym.scenarios._variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
@@ -91,7 +91,7 @@ def choices() -> dict[str, Any]:
             {"name": clutch.name, "colour": clutch_name(clutch.row)} for clutch in BASELINE.clutches
         ],
         "paths": {name: path_table(path) for name, path in PATHS.items()},
-        "laws": {name: laws(name, batch.layout) for name in (*CONTROLLERS, *TUNED)},
+        "laws": {name: laws(name, batch.layout) for name in (*CONTROLLERS, *tuned_policies())},
         "policies": {name: network(name, batch.layout) for name in policies_of_the_paper()},
     }
 

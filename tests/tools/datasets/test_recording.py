@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import pter_gym  # noqa: F401  (registers the environments)
-from pter_gym._load_policy import load_policy
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
+from pter_gym.policies._acting import load_policy
 from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.datasets import recording
 from pter_gym.tools.datasets.recording import (

@@ -26,12 +26,12 @@ from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.controllers import CONTROLLERS, PerClutch, Policy, bind, compiled
 from pter_gym.controllers._laws import built_in
+from pter_gym.controllers._policy import clutch_rows
 from pter_gym.errors import ParameterError, ProofError, StorageError
 from pter_gym.params import BASELINE, MACHINES, find_machine
 from pter_gym.paths import find_path
 from pter_gym.policies import Input
-from pter_gym.policies._interface import clutch_rows
-from pter_gym.policies.tuned import TUNED
+from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, OBS, PathFollowing, observation_layout
 from pter_gym.tools.deploy import Source, source_of, write_onnx
@@ -130,7 +130,7 @@ def held_policy() -> Any:
 
 
 LAWS = ("impedance", "single-dof-tuned", "residual")
-MORE_LAWS = sorted({*CONTROLLERS, *TUNED, "ppo-standard"} - {*LAWS, "free", "random"})
+MORE_LAWS = sorted({*CONTROLLERS, *tuned_policies(), "ppo-standard"} - {*LAWS, "free", "random"})
 SMALLER = [
     ("torque-feedback-tuned", "float", "float"),
     ("residual", "float", "float"),
@@ -522,7 +522,11 @@ FAULTS = {
 @pytest.mark.parametrize(
     ("name", "numbers", "weights"),
     [
-        *((name, numbers, "float") for name in sorted(TUNED) for numbers in ("double", "float")),
+        *(
+            (name, numbers, "float")
+            for name in sorted(tuned_policies())
+            for numbers in ("double", "float")
+        ),
         ("ppo-standard", "double", "float"),
         ("ppo-standard", "float", "int8"),
     ],

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from pter_gym.benchmark import find_policy
-from pter_gym.errors import ParameterError, PolicyError
+from pter_gym.errors import ParameterError, PartnerError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.tools.deploy import source_of
@@ -129,7 +129,7 @@ class Fake(Thread):
                 os.write(self.end, sent)
 
 
-def drive(answers: Answer, deadline: float = PATIENT) -> tuple[Partner, Any, PolicyError | None]:
+def drive(answers: Answer, deadline: float = PATIENT) -> tuple[Partner, Any, PartnerError | None]:
     """A partner's ride on the line: the partner, the telemetry, and what has ended it."""
     fake = Fake(answers)
     partner = Partner(fake.line, deadline, real_time=False)
@@ -137,7 +137,7 @@ def drive(answers: Answer, deadline: float = PATIENT) -> tuple[Partner, Any, Pol
     error = None
     try:
         partner.drive(BASELINE, PathFollowing(pace=0.25), 0, rows)
-    except PolicyError as raised:
+    except PartnerError as raised:
         error = raised
     fake.line.close()
     return partner, np.array(rows), error
@@ -196,7 +196,7 @@ def test_a_program_that_ends_is_reported_with_what_was_recorded(
         "os._exit(9)\n"
     )
     table = tmp_path / "ride.csv"
-    with pytest.raises(PolicyError, match=r"cut: .* ended with status 9"):
+    with pytest.raises(PartnerError, match=r"cut: .* ended with status 9"):
         hil(NAME, f"{sys.executable} {program} {loop}", csv=table, deadline=PATIENT)
     printed = capsys.readouterr().out
     assert "ended after" in printed

@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from pter_gym._commands.main import main
-from pter_gym._internal.laws import LAWS
 from pter_gym.benchmark import (
     Assessment,
     Episodes,
@@ -22,17 +21,18 @@ from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.policies import find_policy
 from pter_gym.benchmark.rollout import RESERVE
 from pter_gym.controllers import CONTROLLERS, AnyPolicy, Impedance, PaceSchedule
+from pter_gym.controllers._names import LAWS
 from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL
 from pter_gym.paths import Circle, Line
 from pter_gym.policies.tuned import (
     SCALED,
     TABLE,
-    TUNED,
     controller_of,
     find_tuned,
     guided,
     read_gains,
+    tuned_policies,
     with_gains,
 )
 from pter_gym.scenarios import PACES, find_scenario
@@ -310,7 +310,7 @@ def test_shipped_gains_have_their_published_scores_bit_for_bit(
 def test_shipped_gains_cover_all_controllers_and_paces_of_standard() -> None:
     table = read_gains()
     assert set(table["standard"]) == set(guided())
-    assert set(TUNED) == {SCALED, *(f"{name}-tuned" for name in guided())}
+    assert set(tuned_policies()) == {SCALED, *(f"{name}-tuned" for name in guided())}
     for name in guided():
         assert set(table["standard"][name]) == set(PACES)
         schedule = find_policy(f"{name}-tuned", scenario="standard")

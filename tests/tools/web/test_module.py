@@ -20,7 +20,7 @@ from pter_gym.controllers import CONTROLLERS
 from pter_gym.hands import read_forces
 from pter_gym.params import BASELINE
 from pter_gym.policies._files import SHIPPED
-from pter_gym.policies.tuned import TUNED
+from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import TELEMETRY
 from pter_gym.tools.web.site import MODULE, STATIC, TABLES
@@ -165,7 +165,7 @@ def test_forces_are_written_as_a_recording_is_read(page: Any, tmp_path: Path) ->
 
 
 @needs_node
-@pytest.mark.parametrize("name", [*CONTROLLERS, *TUNED, *policies_of_the_paper()])
+@pytest.mark.parametrize("name", [*CONTROLLERS, *tuned_policies(), *policies_of_the_paper()])
 def test_policies_answer_as_in_python(name: str, page: Any, recorded: Any) -> None:
     """The module runs the same compiled laws and networks, with the same bits."""
     layout = pages_batch().layout

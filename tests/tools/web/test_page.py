@@ -24,7 +24,7 @@ from pter_gym.controllers import CONTROLLERS
 from pter_gym.hands import read_forces
 from pter_gym.params import BASELINE, MACHINES
 from pter_gym.policies._files import SHIPPED
-from pter_gym.policies.tuned import TUNED
+from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import PACES
 from pter_gym.scenarios._variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
@@ -320,7 +320,7 @@ def test_everything_can_be_chosen(play: Any) -> None:
         "path": PATHS,
         "pace": PACES,
         "machine": [name for name, machine in MACHINES.items() if machine.has_paper_clutches],
-        "policy": (*CONTROLLERS, *TUNED, *policies_of_the_paper()),
+        "policy": (*CONTROLLERS, *tuned_policies(), *policies_of_the_paper()),
     }
     for identity, names in choices.items():
         assert play.run(OPTIONS.format(identity)) == list(names)
