@@ -12,7 +12,7 @@ from pter_gym._physics.friction import ClutchMode
 from pter_gym._version import __version__
 from pter_gym.benchmark.measures import PRICE, TOUCH, Array, Recorded, column, mean_over
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, Machine
+from pter_gym.params import Machine, find_machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
 Values = NDArray[Any]
@@ -135,9 +135,7 @@ OPTIONAL = frozenset(item.name for item in fields(Score) if item.default is None
 """The scores that are not defined for every policy and scenario."""
 
 
-def score(
-    telemetry: Array, task: PathFollowing, *, voltage_max: float = BASELINE.clutch.voltage_max
-) -> Score:
+def score(telemetry: Array, task: PathFollowing, machine: Machine | str | None = None) -> Score:
     """Score one episode.
 
     Parameters
@@ -146,18 +144,20 @@ def score(
         Shape (steps + 1, len(TELEMETRY)): the row of the reset, then one row per control step.
     task
         The task that was followed.
-    voltage_max
-        Largest voltage of the clutches [V].
+    machine
+        The machine that followed it, as ``find_machine`` takes it; PTER by default.
+
+    Raises
+    ------
+    ParameterError
+        If the telemetry has another shape or no step, or there is no such machine.
     """
-    scores = score_episodes(np.asarray(telemetry)[:, None], [task], voltage_max=voltage_max)
+    scores = score_episodes(np.asarray(telemetry)[:, None], [task], machine)
     return Score(**{name: values[0].item() for name, values in scores.items()})
 
 
 def score_episodes(
-    telemetry: Array,
-    tasks: Sequence[PathFollowing],
-    *,
-    voltage_max: float = BASELINE.clutch.voltage_max,
+    telemetry: Array, tasks: Sequence[PathFollowing], machine: Machine | str | None = None
 ) -> Scores:
     """Score many episodes at once, each independently of the others.
 
@@ -168,13 +168,14 @@ def score_episodes(
         after the end of an episode.
     tasks
         The tasks that were followed, N of them, with one control period.
-    voltage_max
-        Largest voltage of the clutches [V].
+    machine
+        The machine that followed them, or one of them: all have one largest voltage. PTER by
+        default.
 
     Raises
     ------
     ParameterError
-        If the telemetry has another shape, or an episode has no step.
+        If the telemetry has another shape, an episode has no step, or there is no such machine.
     """
     shape = np.shape(telemetry)
     if len(shape) != 3 or shape[0] < 2 or shape[1:] != (len(tasks), len(TELEMETRY)):
@@ -187,7 +188,7 @@ def score_episodes(
         raise ParameterError(
             f"telemetry must hold a step of each episode at least, got none of {runs.argmin()}"
         )
-    episodes = Recorded(telemetry, tasks, voltage_max)
+    episodes = Recorded(telemetry, tasks, find_machine(machine).clutch.voltage_max)
     scores = {name: metric.find(episodes) for name, metric in METRICS.items()}
     return {name: values for name, values in scores.items() if values is not None}
 
