@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from pter_gym._internal.files import FilePath, expand_path, has_ending, write_text_atomic
 from pter_gym.benchmark.boards import EPISODE_SET, Leaderboard, Standing, in_order
-from pter_gym.benchmark.intervals import Interval, mean_interval
+from pter_gym.benchmark.intervals import Interval, difference_interval
 from pter_gym.errors import ParameterError
 from pter_gym.scenarios._paces import find_pace, title_of_pace
 
@@ -124,7 +124,7 @@ def _difference(
     """Return the mean difference of two policies' path errors on the same episodes [m]."""
     if standing is None or baseline is None or standing is baseline:
         return None
-    return mean_interval(standing.errors.mean(0) - baseline.errors.mean(0), board.strata)
+    return difference_interval(standing.errors, baseline.errors, board.strata)
 
 
 def _texts(
@@ -189,6 +189,8 @@ def _caption(boards: Sequence[Leaderboard], baseline: str | None, command: str) 
         )
     if baseline:
         sentences.append(f"Differences to {baseline} are over the same episodes.")
+    if any(len(each.errors) > 1 for board in boards for each in board.standings):
+        sentences.append("Intervals of policies with several training seeds are over these.")
     made = f"Made with pter_gym {boards[0].version}"
     return [*sentences, f"{made}{f' by `{command}`' if command else ''}."]
 
