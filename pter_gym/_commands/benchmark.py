@@ -23,9 +23,9 @@ from pter_gym._commands.arguments import (
     smoothing_for,
     split,
 )
-from pter_gym._internal.plugins import PICTURES, load_artist, registered
-from pter_gym._internal.terminal import conclude, progress_bar, say
+from pter_gym._commands.terminal import conclude, progress_bar, say
 from pter_gym.errors import ParameterError
+from pter_gym.plugins import PICTURES, load_artist, registered
 from pter_gym.scenarios import PACES, SCENARIOS
 
 if TYPE_CHECKING:

@@ -22,8 +22,7 @@ import tyro
 from rich import console
 from rich.table import Table
 
-from pter_gym._internal.plugins import COMMANDS, registered
-from pter_gym._internal.terminal import (
+from pter_gym._commands.terminal import (
     accept_all_characters,
     close_output,
     end_on_interrupt,
@@ -33,6 +32,7 @@ from pter_gym._internal.terminal import (
 )
 from pter_gym._version import __version__
 from pter_gym.errors import DependencyError, ParameterError, PterError, unknown_name
+from pter_gym.plugins import COMMANDS, registered
 
 Command = Callable[..., int | Callable[[], None] | None]
 """A function of its options, or a class of them, an instance of which runs when it is called."""

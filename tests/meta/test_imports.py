@@ -21,7 +21,7 @@ PACKAGE = Path(pter_gym.__file__).parent
 
 CORE = (
     ("_version", "errors", "units"),
-    ("_internal", "_compiled"),
+    ("_internal", "_compiled", "plugins"),
     ("params",),
     ("_physics",),
     ("hands", "paths", "haptics"),
@@ -48,8 +48,8 @@ LAWS_MAY_IMPORT = {
 }
 """All that control laws know of the worlds in which they act."""
 
-SHARED = "pter_gym.tools.figures"
-"""What tools share: the style of all figures."""
+SHARED = ("pter_gym.tools.figures", "pter_gym.tools.palette")
+"""What tools share: the style of all figures, and its colours."""
 
 COMPOSES = {"pter_gym.tools.device": "pter_gym.tools.tuning"}
 """Which tool may use which other one."""
@@ -93,7 +93,7 @@ def may_import(module: str, imported: str) -> bool:
     if room in ("__init__", "__main__"):
         return True
     if room == "tools":
-        own = (SHARED, tool_of(module), COMPOSES.get(tool_of(module)))
+        own = (*SHARED, tool_of(module), COMPOSES.get(tool_of(module)))
         return other != "tools" or tool_of(imported) in own
     if room == "controllers" and LEVEL.get(other, 0) >= LEVEL["hands"] and other != room:
         return imported in LAWS_MAY_IMPORT

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from pter_gym._commands.arguments import AnyPace, ScenarioName, look_at, options
+from pter_gym._commands.terminal import conclude, say
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
-from pter_gym._internal.terminal import conclude, say
 from pter_gym.errors import ParameterError
 
 if TYPE_CHECKING:

@@ -19,9 +19,9 @@ from pter_gym._commands.arguments import (
     smoothing_for,
     split,
 )
+from pter_gym._commands.terminal import conclude, progress_bar, say, waiting
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
-from pter_gym._internal.terminal import conclude, progress_bar, say, waiting
 from pter_gym.errors import ParameterError
 from pter_gym.tools.pictures.size import check_size
 

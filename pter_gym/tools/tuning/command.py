@@ -18,8 +18,8 @@ from pter_gym._commands.arguments import (
     scenario_on,
     smoothing_for,
 )
+from pter_gym._commands.terminal import conclude, progress_bar, say
 from pter_gym._internal.laws import LAWS
-from pter_gym._internal.terminal import conclude, progress_bar, say
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies._names import is_code
 
