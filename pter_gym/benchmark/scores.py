@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pter_gym._physics.friction import ClutchMode
 from pter_gym._version import __version__
+from pter_gym.benchmark.cells import millimetres, percent
 from pter_gym.benchmark.measures import PRICE, TOUCH, Array, Recorded, column, mean_over
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
@@ -194,7 +195,7 @@ def score_episodes(
 
 
 CONFIDENCE = 0.999
-"""Confidence with which random hands say how rare worse ones are."""
+"""Confidence with which random episodes say how rare worse ones are."""
 
 
 @dataclass(frozen=True)
@@ -206,9 +207,9 @@ class WorstHand:
     path_error_m
         Its path error [m], a lower bound of the largest one that there is.
     random_error_m
-        Largest path error [m] with a random hand.
+        Largest path error [m] of a random episode.
     random, tried
-        Episodes with random hands, and all episodes.
+        How many random episodes, and all episodes; 1 if the scenario draws nothing.
     machine, task
         What makes the episode, with the seed 0.
     """
@@ -222,9 +223,9 @@ class WorstHand:
 
     @property
     def one_in(self) -> int:
-        """N: with ``CONFIDENCE``, at most one hand in N is worse than all random ones.
+        """N: with ``CONFIDENCE``, at most one episode in N is worse than all random ones.
 
-        Of hands with a share p of worse ones, n random ones have none with the probability
+        Of episodes with a share p of worse ones, n random ones have none with the probability
         (1 − p)ⁿ, so p is at most 1 − (1 − CONFIDENCE)^(1/n) (Clopper and Pearson, Biometrika 26,
         1934).
         """
@@ -237,10 +238,13 @@ class WorstHand:
 
     def sentence(self, policy: str) -> str:
         """Return what it says of a policy in words."""
+        worst = f"gives {policy} {millimetres(self.path_error_m)} mm"
+        if self.tried == 1:
+            return f"The scenario draws nothing; its only episode {worst}."
         return (
-            f"The worst of {self.tried:,} hands gives {policy} {1e3 * self.path_error_m:.1f} mm; "
-            f"with {100 * CONFIDENCE:g} % confidence at most one hand in {self.one_in:,} gives "
-            f"more than {1e3 * self.random_error_m:.1f} mm."
+            f"The worst of {self.tried:,} episodes {worst}; with {percent(CONFIDENCE)} confidence "
+            f"at most one random episode in {self.one_in:,} gives more than "
+            f"{millimetres(self.random_error_m)} mm."
         )
 
 
