@@ -228,6 +228,15 @@ def packages(session: nox.Session) -> None:
         session.run("python", str(place / program), "--worlds", "16", *options, env=outside)
 
 
+@nox.session(venv_backend="none")
+def near(session: nox.Session) -> None:
+    """The tests that CONTRIBUTING.md names for the files changed since main, in this checkout."""
+    found = str(session.run(sys.executable, "tests/near.py", "main", silent=True)).split()
+    if not found:
+        session.skip("no test is named for what has changed since main")
+    session.run(sys.executable, "-m", "pytest", *found, *session.posargs)
+
+
 @nox.session
 def release(session: nox.Session) -> None:
     """Wheel and sdist of the version, checked, in `dist`; nothing is uploaded."""

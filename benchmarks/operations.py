@@ -274,9 +274,7 @@ def main(policies: tuple[str, ...] = ("impedance", *tuned_policies(), *shipped_p
     """Print the table."""
     standard = find_episodes("standard", "medium").first(1)
     (machine,), (task,), (seed,) = standard.machines, standard.tasks, standard.seeds
-    print(
-        "| Policy | Weights | Counted, at most | Bound | Divisions in it | For each further arc |"
-    )
+    print("| Policy | Weights | In the episode | Bound | Divisions in it | For each further arc |")
     print("|---|---|---:|---:|---:|---:|")
     for name in policies:
         policy = find_policy(name)

@@ -25,8 +25,8 @@ import llvmlite.binding as llvm
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from pter_gym._internal.computer import available_cores
 from pter_gym.benchmark import evaluate, find_policy, training_episodes
+from pter_gym.envs._computer import available_cores
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import COLUMN, PathFollowing

@@ -14,7 +14,7 @@ from pter_gym._commands.arguments import (
     look_at,
     options,
 )
-from pter_gym._internal.terminal import conclude, progress_bar, say, waiting
+from pter_gym._commands.terminal import conclude, progress_bar, say, waiting
 from pter_gym.errors import ParameterError, needs_extra
 from pter_gym.policies._files import RUN
 from pter_gym.policies.find import kind_of

@@ -13,8 +13,7 @@ from pter_agents.draws import PaceScores
 from pter_agents.runs import RunFolder, policy_of
 from pter_agents.settings import NO_BASE, TrainingArguments, load_settings
 from pter_gym import __version__
-from pter_gym._internal.files import FilePath, expand_path, write_files_atomic
-from pter_gym._internal.terminal import make_folder
+from pter_gym._internal.files import FilePath, expand_path, make_folder, write_files_atomic
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.policies import TrainedController, read_policy
 from pter_gym.policies._files import ENDING, RUN, check_name, encode_policy

@@ -41,8 +41,7 @@ from pter_agents.draws import PaceScores, validate, validation_episodes
 from pter_agents.runs import RunFolder, Tensors, policy_of
 from pter_agents.settings import PARTS, TrainingArguments
 from pter_agents.worlds import JaxWorlds, RolloutState, SharedConstants
-from pter_gym._internal.files import FilePath, remove_leftovers
-from pter_gym._internal.terminal import make_folder
+from pter_gym._internal.files import FilePath, make_folder, remove_leftovers
 from pter_gym.errors import ParameterError, PterError, StorageError
 from pter_gym.policies import TrainedController
 from pter_gym.policies._files import encode_policy

@@ -7,11 +7,9 @@ from pathlib import Path
 from markup import code, joined, table
 
 from pter_gym.benchmark import Leaderboard, ResultsFolder, leaderboards
-from pter_gym.benchmark.boards import Standing, in_order, millimetres, with_interval
+from pter_gym.benchmark.boards import Standing, in_order
+from pter_gym.benchmark.cells import UNRANKED, millimetres, with_interval
 from pter_gym.scenarios import PACES, SCENARIOS
-
-UNRANKED = "†"
-"""Mark of a policy that is not ranked."""
 
 LEFT_OUT = ("free", "locked", "random")
 """Policies that any other beats, shown on the scenarios' own pages only."""

@@ -20,7 +20,7 @@ import tyro
 from markup import DOCS, README, ROOT, with_marks
 
 from pter_gym._internal.files import write_text_atomic
-from pter_gym._internal.plugins import COMMANDS, registered
+from pter_gym.plugins import COMMANDS, registered
 
 BLOCK = re.compile(
     r"^<!-- (made|board): (.+?) -->\n(.*?)^<!-- /\1: \2 -->$", re.MULTILINE | re.DOTALL

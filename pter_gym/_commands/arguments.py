@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 import tyro
 
+from pter_gym._commands.terminal import say
 from pter_gym._internal.files import TABLE_ENDINGS, check_target, has_ending
 from pter_gym._internal.tables import read_table
-from pter_gym._internal.terminal import say
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import find_machine
 from pter_gym.paths._names import PATH_NAMES

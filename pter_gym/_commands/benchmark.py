@@ -3,6 +3,7 @@
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated
@@ -21,16 +22,16 @@ from pter_gym._commands.arguments import (
     scenario_on,
     smoothing_for,
 )
-from pter_gym._internal.plugins import PICTURES, load_artist, registered
-from pter_gym._internal.terminal import conclude, progress_bar, say
+from pter_gym._commands.terminal import conclude, progress_bar, say
 from pter_gym.errors import ParameterError
+from pter_gym.plugins import PICTURES, load_artist, registered
 from pter_gym.policies.find import split
 from pter_gym.scenarios import PACES, SCENARIOS
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from pter_gym.benchmark import Leaderboard
+    from pter_gym.benchmark import Leaderboard, ResultsFolder
     from pter_gym.controllers import AnyPolicy
     from pter_gym.scenarios import Scenario
 
@@ -49,22 +50,8 @@ MAX_FILMED = 4
 """Most policies in a film."""
 
 
-def benchmark(
-    policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME …")] = POLICIES,
-    scenario: AnyScenario = "standard",
-    paces: AnyPaces = tuple(PACES),
-    path: PathName = None,
-    smooth: Smoothness = 0.0,
-    episodes: Annotated[int | None, tyro.conf.arg(metavar="COUNT")] = None,
-    seed: Annotated[int | None, tyro.conf.arg(metavar="NUMBER")] = None,
-    details: bool = False,
-    worst: bool = False,
-    film: bool = True,
-    out: Path = Path("pter-benchmark"),
-    machine: MachineName = None,
-    table: Annotated[Path | None, tyro.conf.arg(metavar="FILE.md|.tex|.csv")] = None,
-    baseline: str | None = None,
-) -> None:
+@dataclass(frozen=True)
+class Benchmark:
     """Rank policies on a scenario, and film them.
 
     Prints their path errors at each pace, the best policy first. Writes benchmark.json, a file for
@@ -99,69 +86,144 @@ def benchmark(
         baseline: Policy to which the table gives differences, with 95 % intervals over the same
             episodes.
     """
-    if machine is not None and policies == POLICIES:
-        policies = ON_A_MACHINE
-    names = [name for each in policies for name in split(each)]
-    if path is not None and scenario == ALL:
-        raise ParameterError(f"path must be given with one scenario, got {path!r} with all")
-    if baseline is not None and (table is None or baseline not in names):
-        needed = f"among {', '.join(names)}, with a table"
-        raise ParameterError(f"baseline must be {needed}, got {baseline!r}")
-    look_at(policies=names, paces=paces, path=path, smooth=smooth, machine=machine)
 
-    from pter_gym.benchmark import ResultsFolder, find_policy, leaderboards, run_scenario
-    from pter_gym.benchmark.boards import boards_text, in_order, others_text
-    from pter_gym.benchmark.tables import check_table, write_table
+    policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME …")] = POLICIES
+    scenario: AnyScenario = "standard"
+    paces: AnyPaces = tuple(PACES)
+    path: PathName = None
+    smooth: Smoothness = 0.0
+    episodes: Annotated[int | None, tyro.conf.arg(metavar="COUNT")] = None
+    seed: Annotated[int | None, tyro.conf.arg(metavar="NUMBER")] = None
+    details: bool = False
+    worst: bool = False
+    film: bool = True
+    out: Path = Path("pter-benchmark")
+    machine: MachineName = None
+    table: Annotated[Path | None, tyro.conf.arg(metavar="FILE.md|.tex|.csv")] = None
+    baseline: str | None = None
 
-    if table is not None:
-        check_table(table)
-    chosen = tuple(SCENARIOS) if scenario == ALL else (scenario,)
-    definitions = [scenario_on(each, machine, path, smooth) for each in chosen]
-    results = ResultsFolder(out)
-    results.make()
-    by_scenario: list[Sequence[Leaderboard]] = []
-    files = [results.summary]
-    with progress_bar() as progress:
-        for definition in definitions:
-            task = progress.add_task(definition.name, total=len(names) * len(paces))
-            runs = run_scenario(
-                definition,
-                {name: find_policy(name, definition.whose_gains) for name in names},
-                paces,
-                episodes=episodes,
-                seed=seed,
-                results=results,
-                worst=worst,
-                on_progress=lambda _, task=task: progress.advance(task),
+    def __call__(self) -> None:
+        """Run the episodes, print and write what they show, and say how to go on."""
+        self.check()
+        from pter_gym.benchmark import ResultsFolder
+        from pter_gym.benchmark.tables import check_table
+
+        if self.table is not None:
+            check_table(self.table)
+        scenarios = [
+            scenario_on(name, self.machine, self.path, self.smooth) for name in self.scenario_names
+        ]
+        results = ResultsFolder(self.out)
+        results.make()
+        with progress_bar() as progress:
+            boards = [self.rank(scenario, results, progress) for scenario in scenarios]
+            files = [results.summary, *self.tabulate(boards)]
+            progress.add_task("drawing", total=None)
+            files += [file for each in boards for file in draw_boards(each, results.path)]
+            if self.film and len(scenarios) == 1 and "film" in registered(PICTURES):
+                files.append(self.film_ranked(scenarios[0], boards[0], results.path, progress))
+        conclude(files, self.next_command(scenarios[0], boards[0]))
+
+    @property
+    def scenario_names(self) -> tuple[str, ...]:
+        """The scenarios, one by one."""
+        return tuple(SCENARIOS) if self.scenario == ALL else (self.scenario,)
+
+    @property
+    def names(self) -> list[str]:
+        """The policies, one by one."""
+        usual = self.machine is not None and self.policies == POLICIES
+        return [name for each in (ON_A_MACHINE if usual else self.policies) for name in split(each)]
+
+    def check(self) -> None:
+        """Raise a ParameterError if options do not fit together or name what is not there."""
+        names = self.names
+        if self.path is not None and self.scenario == ALL:
+            raise ParameterError(
+                f"path must be given with one scenario, got {self.path!r} with all"
             )
-            progress.remove_task(task)
-            results.summarise()
-            boards = leaderboards(runs)
-            say(boards_text(boards, details=details))
-            if others := others_text(results.runs(), runs):
-                say(others)
-            by_scenario.append(boards)
-        if table is not None:
-            every = [board for boards in by_scenario for board in boards]
-            command = shlex.join(["pter", *sys.argv[1:]])
-            files.append(write_table(table, every, baseline=baseline, command=command))
-        progress.add_task("drawing", total=None)
-        if artist := registered(PICTURES).get("scenario"):
-            draw = artist.load()
-            files += [file for boards in by_scenario for file in draw(boards, results.path)]
-        boards, definition = by_scenario[0], definitions[0]
-        if film and len(chosen) == 1 and "film" in registered(PICTURES):
-            pace = FILM_PACE if FILM_PACE in (board.pace for board in boards) else boards[0].pace
-            places = list(in_order([board for board in boards if board.pace == pace]))
-            filmed = sorted(names[:MAX_FILMED], key=places.index)
-            ranked = {name: find_policy(name, definition.whose_gains) for name in filmed}
-            files.append(film_policies(ranked, definition, pace, results.path, progress))
-    best, *others = in_order(boards)
-    smooth = smooth or smoothing_for(definition)
-    same = options(scenario=chosen[0], path=path, machine=machine, smooth=smooth)
-    ends = quote(",".join([best, *others[-1:]]))
-    same += f" --worst {quote(str(out))}" if worst else ""
-    conclude(files, f"pter watch {ends}{same} --out two.webp")
+        if self.baseline is not None and (self.table is None or self.baseline not in names):
+            needed = f"among {', '.join(names)}, with a table"
+            raise ParameterError(f"baseline must be {needed}, got {self.baseline!r}")
+        look_at(
+            policies=names,
+            paces=self.paces,
+            path=self.path,
+            smooth=self.smooth,
+            machine=self.machine,
+        )
+
+    def rank(
+        self, scenario: "Scenario", results: "ResultsFolder", progress: "Progress"
+    ) -> "list[Leaderboard]":
+        """Run the policies on a scenario; print and return the leaderboards of its episodes."""
+        from pter_gym.benchmark import find_policy, leaderboards, run_scenario
+        from pter_gym.benchmark.boards import boards_text, others_text
+
+        names = self.names
+        task = progress.add_task(scenario.name, total=len(names) * len(self.paces))
+        runs = run_scenario(
+            scenario,
+            {name: find_policy(name, scenario.whose_gains) for name in names},
+            self.paces,
+            episodes=self.episodes,
+            seed=self.seed,
+            results=results,
+            worst=self.worst,
+            on_progress=lambda _: progress.advance(task),
+        )
+        progress.remove_task(task)
+        results.summarise()
+        boards = leaderboards(runs)
+        say(boards_text(boards, details=self.details))
+        if others := others_text(results.runs(), runs):
+            say(others)
+        return boards
+
+    def tabulate(self, boards: "Sequence[Sequence[Leaderboard]]") -> list[Path]:
+        """Write the table of all scenarios, if one is wanted; return its path."""
+        from pter_gym.benchmark.tables import write_table
+
+        if self.table is None:
+            return []
+        command = shlex.join(["pter", *sys.argv[1:]])
+        every = [board for each in boards for board in each]
+        return [write_table(self.table, every, baseline=self.baseline, command=command)]
+
+    def film_ranked(
+        self,
+        scenario: "Scenario",
+        boards: "Sequence[Leaderboard]",
+        folder: Path,
+        progress: "Progress",
+    ) -> Path:
+        """Film the first policies, the best first, at one of the paces; return the film's path."""
+        from pter_gym.benchmark import find_policy
+        from pter_gym.benchmark.boards import in_order
+
+        pace = FILM_PACE if FILM_PACE in (board.pace for board in boards) else boards[0].pace
+        places = list(in_order([board for board in boards if board.pace == pace]))
+        filmed = sorted(self.names[:MAX_FILMED], key=places.index)
+        policies = {name: find_policy(name, scenario.whose_gains) for name in filmed}
+        return film_policies(policies, scenario, pace, folder, progress)
+
+    def next_command(self, scenario: "Scenario", boards: "Sequence[Leaderboard]") -> str:
+        """Return the command that shows the best policy on a scenario beside the last one."""
+        from pter_gym.benchmark.boards import in_order
+
+        best, *others = in_order(boards)
+        smooth = self.smooth or smoothing_for(scenario)
+        same = options(
+            scenario=self.scenario_names[0], path=self.path, machine=self.machine, smooth=smooth
+        )
+        same += f" --worst {quote(str(self.out))}" if self.worst else ""
+        return f"pter watch {quote(','.join([best, *others[-1:]]))}{same} --out two.webp"
+
+
+def draw_boards(boards: "Sequence[Leaderboard]", folder: Path) -> list[Path]:
+    """Draw leaderboards into a folder, if what draws them is installed; return the files."""
+    artist = registered(PICTURES).get("scenario")
+    return artist.load()(boards, folder) if artist else []
 
 
 def film_policies(

@@ -22,8 +22,7 @@ import tyro
 from rich import console
 from rich.table import Table
 
-from pter_gym._internal.plugins import COMMANDS, registered
-from pter_gym._internal.terminal import (
+from pter_gym._commands.terminal import (
     accept_all_characters,
     close_output,
     end_on_interrupt,
@@ -33,11 +32,13 @@ from pter_gym._internal.terminal import (
 )
 from pter_gym._version import __version__
 from pter_gym.errors import DependencyError, ParameterError, PterError, unknown_name
+from pter_gym.plugins import COMMANDS, registered
 
-Command = Callable[..., int | None]
+Command = Callable[..., int | Callable[[], None] | None]
+"""A function of its options, or a class of them, an instance of which runs when it is called."""
 
-CORE_COMMANDS = ("benchmark",)
-"""Commands of the core: command NAME is the function NAME in NAME.py, beside this file."""
+CORE_COMMANDS = {"benchmark": "benchmark:Benchmark"}
+"""Commands of the core, each with the file beside this one, and what it is there."""
 
 DESCRIPTION = "PTER, a passive haptic arm with four friction clutches."
 
@@ -48,7 +49,8 @@ INTERRUPTED = 130
 def commands() -> dict[str, EntryPoint]:
     """Return where each command is, in the order of the help: the core's, then registered ones."""
     core = {
-        name: EntryPoint(name, f"{__package__}.{name}:{name}", COMMANDS) for name in CORE_COMMANDS
+        name: EntryPoint(name, f"{__package__}.{place}", COMMANDS)
+        for name, place in CORE_COMMANDS.items()
     }
     return core | registered(COMMANDS)
 
@@ -173,7 +175,8 @@ def _run(arguments: list[str]) -> int:
         command = load_command(name)
         with warnings.catch_warnings():
             warnings.showwarning = warn
-            return command(**parse(name, command, rest)) or 0
+            done = command(**parse(name, command, rest))
+            return (done() if callable(done) else done) or 0
     except PterError as error:
         complain(str(error))
         return 2
@@ -195,8 +198,11 @@ def summary(entry: EntryPoint) -> str:
     with suppress(ImportError):  # of a package that is no longer there
         spec = find_spec(entry.module)
     source = Path(spec.origin).read_text("utf-8") if spec and spec.origin else ""
-    functions = [node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)]
-    texts = [ast.get_docstring(node) or "" for node in functions if node.name == entry.attr]
+    texts = [
+        ast.get_docstring(node) or ""
+        for node in ast.parse(source).body
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == entry.attr
+    ]
     return texts[0].partition("\n")[0] if texts else ""
 
 

@@ -49,6 +49,16 @@ def check_target(field: str, path: Path) -> None:
         )
 
 
+def make_folder(path: FilePath, field: str = "out") -> None:
+    """Make a folder that can be written to, or raise a ParameterError."""
+    path = expand_path(field, path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ParameterError(f"{field} must be a folder that can be written to: {error}") from None
+    check_target(field, path / "file")
+
+
 def write_bytes_atomic(path: FilePath, data: bytes) -> None:
     """Write or replace a file atomically: no other process ever sees part of it.
 

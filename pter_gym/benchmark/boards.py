@@ -11,11 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from rich.cells import cell_len, set_cell_size
+from rich.console import Console
 
-from pter_gym._internal.terminal import WIDTH, say, shorten
 from pter_gym._version import __version__
+from pter_gym.benchmark.cells import WIDTH, in_brackets, millimetres, percent, shorten
 from pter_gym.benchmark.intervals import Interval, largest_rate, mean_interval
 from pter_gym.benchmark.scores import CONFIDENCE, POLICY, SCORES, ScenarioRun, WorstHand
+from pter_gym.errors import printable
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.scenarios._paces import find_pace, title_of_pace
 
@@ -74,11 +76,6 @@ class MissedLimit(NamedTuple):
             return f"completes {share} of the episodes ({percent(COMPLETION)} needed)"
         off = f"{WHAT.get(self.word, '')}{percent(self.score)} off the pace"
         return f"is {self.word}: {off} ({percent(PACE_ERROR)} allowed)"
-
-
-def percent(share: float, digits: int = 3) -> str:
-    """Return a share in percent."""
-    return f"{100 * share:.{digits}g} %"
 
 
 @dataclass(frozen=True)
@@ -284,7 +281,8 @@ def reason_unranked(
 
 def print_boards(runs: Iterable[ScenarioRun], *, details: bool = False) -> None:
     """Print a table for each scenario in the runs; with ``details``, more scores at each pace."""
-    say(boards_text(leaderboards(runs), details=details))
+    text = boards_text(leaderboards(runs), details=details)
+    Console(highlight=False).out(printable(text))
 
 
 def boards_text(boards: Sequence[Leaderboard], *, details: bool = False) -> str:
@@ -322,17 +320,6 @@ def in_order(boards: Sequence[Leaderboard]) -> dict[str, list[Standing | None]]:
         return len(errors) < len(boards), sum(errors) / len(errors), name
 
     return {name: rows[name] for name in sorted(names, key=place)}
-
-
-def millimetres(error: float, decimals: int = 1) -> str:
-    """Return a number [m] in mm."""
-    return f"{1e3 * error:.{decimals}f}"
-
-
-def with_interval(error: Interval) -> str:
-    """Return an error [m] and its interval, if it has one, in mm: ``1.6 (1.5 – 1.7)``."""
-    value, *ends = (millimetres(each) for each in error if each is not None)
-    return f"{value} ({' – '.join(ends)})" if ends else value
 
 
 def _table(boards: Sequence[Leaderboard]) -> str:
@@ -390,9 +377,11 @@ def _worst(boards: Sequence[Leaderboard]) -> list[str]:
     one = found[0]
     title = f"{boards[0].scenario}, worst hand found in {one.tried:,} episodes: path error [mm]"
     note = (
-        f"In brackets the largest error with {one.random:,} random hands: with "
-        f"{percent(CONFIDENCE)} confidence at most one hand in {one.one_in:,} is worse. The worst "
+        f"In brackets the largest error of {one.random:,} random episodes: with "
+        f"{percent(CONFIDENCE)} confidence at most one in {one.one_in:,} is worse. The worst "
         "that a search finds is a lower bound of what there may be."
+        if one.tried > 1
+        else "The scenario draws nothing, so there is one episode."
     )
     lines = _lines([""] * (1 + len(rows)), ["", *rows], columns)
     return ["\n".join([title, "", *lines, "", _fill(note), ""])]
@@ -436,11 +425,11 @@ def _cell(standing: Standing | None, marks: Mapping[tuple[str, str], str]) -> tu
     if standing is None:
         return "", ""
     decimals = 1 if standing.error.value < 0.01995 else 0
-    error, *ends = (millimetres(each, decimals) for each in standing.error if each is not None)
+    error, ends = in_brackets(standing.error, decimals)
     if reason := standing.reason:
         mark = marks.get((standing.policy, reason.word), "")
         return error if standing.scores["completed"] else "–", f"  {reason.word} {mark}"
-    return error, f" ({' – '.join(ends)})" if ends else ""
+    return error, ends
 
 
 def _column(title: str, cells: Sequence[Sequence[str]]) -> list[str]:

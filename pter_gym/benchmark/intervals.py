@@ -1,4 +1,4 @@
-"""The mean of a score over episodes or training seeds, with its 95 % interval."""
+"""The mean of a score over episodes or training seeds, or a difference, with its 95 % interval."""
 
 import math
 from collections.abc import Hashable, Sequence
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pter_gym.errors import ParameterError
 
-__all__ = ["Interval", "largest_rate", "mean_interval"]
+__all__ = ["Interval", "difference_interval", "largest_rate", "mean_interval"]
 
 RESAMPLES = 2000
 """Bootstrap samples of an interval."""
@@ -74,6 +74,39 @@ def mean_interval(values: ArrayLike, strata: Sequence[Hashable] = ()) -> Interva
         margin = float(quantile) * float(np.std(sample, ddof=1)) / math.sqrt(count)
         return Interval(mean, mean - margin, mean + margin)
     return Interval(mean, *_bootstrap(sample, strata))
+
+
+def difference_interval(
+    values: ArrayLike, others: ArrayLike, strata: Sequence[Hashable] = ()
+) -> Interval:
+    """Return how much larger the mean of values is than that of others, and its interval.
+
+    Both are scores of the same episodes, (N,), or (S, N) of S training seeds. It is the interval of
+    ``mean_interval`` for their differences, so over training seeds if one of the two has several,
+    and Welch's for the seeds' means if both have.
+
+    Raises
+    ------
+    ParameterError
+        As ``mean_interval``, or if the two are not on the same episodes.
+    """
+    ours, theirs = (np.atleast_2d(np.asarray(each, np.float64)) for each in (values, others))
+    if ours.ndim != 2 or theirs.ndim != 2 or ours.shape[1] != theirs.shape[1]:
+        raise ParameterError(
+            f"others must be of the same episodes as values, got {np.shape(others)} and "
+            f"{np.shape(values)}"
+        )
+    if min(len(ours), len(theirs)) == 1:
+        return mean_interval(ours - theirs, strata)
+    ours, theirs = ours.mean(axis=1), theirs.mean(axis=1)
+    difference = float(ours.mean() - theirs.mean())
+    if min(len(ours), len(theirs)) < MIN_SEEDS or max(np.ptp(ours), np.ptp(theirs)) <= 1e-12:
+        return Interval(difference)
+    from scipy import stats  # takes half a second
+
+    found: Any = stats.ttest_ind(ours, theirs, equal_var=False)
+    low, high = found.confidence_interval(0.95)
+    return Interval(difference, float(low), float(high))
 
 
 def largest_rate(values: ArrayLike) -> float:

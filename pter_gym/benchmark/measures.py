@@ -239,7 +239,7 @@ class Travel:
 
 
 class Recorded(Travel):
-    """N episodes with all their telemetry; parameters as in ``score_episodes``."""
+    """N episodes with all their telemetry, and the largest voltage of the clutches [V]."""
 
     def __init__(
         self, telemetry: Array, tasks: Sequence[PathFollowing], voltage_max: float

@@ -22,10 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._internal.checks import is_finite, whole_number
-from pter_gym._internal.files import FilePath, expand_path, has_ending, write_text_atomic
+from pter_gym._internal.files import (
+    FilePath,
+    expand_path,
+    has_ending,
+    make_folder,
+    write_text_atomic,
+)
 from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
-from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark.boards import PATH_ERROR, Leaderboard, leaderboards
 from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.policies import Policies, find_policies

@@ -126,8 +126,7 @@ def evaluate(
     def evaluate_chunk(chunk: Episodes) -> Scores:
         if not ranking:
             telemetry = record_episodes(acting, chunk, sensors=sensors).telemetry
-            top = chunk.machines[0].clutch.voltage_max
-            return score_episodes(telemetry, chunk.tasks, voltage_max=top)
+            return score_episodes(telemetry, chunk.tasks, chunk.machines[0])
         travel = Travel(chunk.tasks)
         for telemetry, _ in run_episodes(acting, chunk, sensors=sensors):
             travel.add(telemetry[None])

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from pter_gym._physics.friction import ClutchMode
 from pter_gym._version import __version__
+from pter_gym.benchmark.cells import millimetres, percent
 from pter_gym.benchmark.measures import PRICE, TOUCH, Array, Recorded, column, mean_over
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, Machine
+from pter_gym.params import Machine, find_machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
 Values = NDArray[Any]
@@ -135,9 +136,7 @@ OPTIONAL = frozenset(item.name for item in fields(Score) if item.default is None
 """The scores that are not defined for every policy and scenario."""
 
 
-def score(
-    telemetry: Array, task: PathFollowing, *, voltage_max: float = BASELINE.clutch.voltage_max
-) -> Score:
+def score(telemetry: Array, task: PathFollowing, machine: Machine | str | None = None) -> Score:
     """Score one episode.
 
     Parameters
@@ -146,18 +145,20 @@ def score(
         Shape (steps + 1, len(TELEMETRY)): the row of the reset, then one row per control step.
     task
         The task that was followed.
-    voltage_max
-        Largest voltage of the clutches [V].
+    machine
+        The machine that followed it, as ``find_machine`` takes it; PTER by default.
+
+    Raises
+    ------
+    ParameterError
+        If the telemetry has another shape or no step, or there is no such machine.
     """
-    scores = score_episodes(np.asarray(telemetry)[:, None], [task], voltage_max=voltage_max)
+    scores = score_episodes(np.asarray(telemetry)[:, None], [task], machine)
     return Score(**{name: values[0].item() for name, values in scores.items()})
 
 
 def score_episodes(
-    telemetry: Array,
-    tasks: Sequence[PathFollowing],
-    *,
-    voltage_max: float = BASELINE.clutch.voltage_max,
+    telemetry: Array, tasks: Sequence[PathFollowing], machine: Machine | str | None = None
 ) -> Scores:
     """Score many episodes at once, each independently of the others.
 
@@ -168,13 +169,14 @@ def score_episodes(
         after the end of an episode.
     tasks
         The tasks that were followed, N of them, with one control period.
-    voltage_max
-        Largest voltage of the clutches [V].
+    machine
+        The machine that followed them, or one of them: all have one largest voltage. PTER by
+        default.
 
     Raises
     ------
     ParameterError
-        If the telemetry has another shape, or an episode has no step.
+        If the telemetry has another shape, an episode has no step, or there is no such machine.
     """
     shape = np.shape(telemetry)
     if len(shape) != 3 or shape[0] < 2 or shape[1:] != (len(tasks), len(TELEMETRY)):
@@ -187,13 +189,13 @@ def score_episodes(
         raise ParameterError(
             f"telemetry must hold a step of each episode at least, got none of {runs.argmin()}"
         )
-    episodes = Recorded(telemetry, tasks, voltage_max)
+    episodes = Recorded(telemetry, tasks, find_machine(machine).clutch.voltage_max)
     scores = {name: metric.find(episodes) for name, metric in METRICS.items()}
     return {name: values for name, values in scores.items() if values is not None}
 
 
 CONFIDENCE = 0.999
-"""Confidence with which random hands say how rare worse ones are."""
+"""Confidence with which random episodes say how rare worse ones are."""
 
 
 @dataclass(frozen=True)
@@ -205,9 +207,9 @@ class WorstHand:
     path_error_m
         Its path error [m], a lower bound of the largest one that there is.
     random_error_m
-        Largest path error [m] with a random hand.
+        Largest path error [m] of a random episode.
     random, tried
-        Episodes with random hands, and all episodes.
+        How many random episodes, and all episodes; 1 if the scenario draws nothing.
     machine, task
         What makes the episode, with the seed 0.
     """
@@ -221,9 +223,9 @@ class WorstHand:
 
     @property
     def one_in(self) -> int:
-        """N: with ``CONFIDENCE``, at most one hand in N is worse than all random ones.
+        """N: with ``CONFIDENCE``, at most one episode in N is worse than all random ones.
 
-        Of hands with a share p of worse ones, n random ones have none with the probability
+        Of episodes with a share p of worse ones, n random ones have none with the probability
         (1 − p)ⁿ, so p is at most 1 − (1 − CONFIDENCE)^(1/n) (Clopper and Pearson, Biometrika 26,
         1934).
         """
@@ -236,10 +238,13 @@ class WorstHand:
 
     def sentence(self, policy: str) -> str:
         """Return what it says of a policy in words."""
+        worst = f"gives {policy} {millimetres(self.path_error_m)} mm"
+        if self.tried == 1:
+            return f"The scenario draws nothing; its only episode {worst}."
         return (
-            f"The worst of {self.tried:,} hands gives {policy} {1e3 * self.path_error_m:.1f} mm; "
-            f"with {100 * CONFIDENCE:g} % confidence at most one hand in {self.one_in:,} gives "
-            f"more than {1e3 * self.random_error_m:.1f} mm."
+            f"The worst of {self.tried:,} episodes {worst}; with {percent(CONFIDENCE)} confidence "
+            f"at most one random episode in {self.one_in:,} gives more than "
+            f"{millimetres(self.random_error_m)} mm."
         )
 
 

@@ -10,14 +10,13 @@ from typing import NamedTuple
 
 from pter_gym._internal.files import FilePath, expand_path, has_ending, write_text_atomic
 from pter_gym.benchmark.boards import EPISODE_SET, Leaderboard, Standing, in_order
-from pter_gym.benchmark.intervals import Interval, mean_interval
+from pter_gym.benchmark.cells import UNRANKED, in_brackets, with_interval
+from pter_gym.benchmark.intervals import Interval, difference_interval
 from pter_gym.errors import ParameterError
 from pter_gym.scenarios._paces import find_pace, title_of_pace
 
 ENDINGS = (".md", ".tex", ".csv")
 """Of files with a table: Markdown, LaTeX and CSV."""
-
-UNRANKED = "†"
 
 LATEX = {
     "\\": r"\textbackslash{}",
@@ -124,7 +123,7 @@ def _difference(
     """Return the mean difference of two policies' path errors on the same episodes [m]."""
     if standing is None or baseline is None or standing is baseline:
         return None
-    return mean_interval(standing.errors.mean(0) - baseline.errors.mean(0), board.strata)
+    return difference_interval(standing.errors, baseline.errors, board.strata)
 
 
 def _texts(
@@ -144,7 +143,7 @@ def _texts(
             cell = by_pace.get(pace, Cell(None, False, None))
             row.append(_error(cell, bold))
             if baseline:
-                row.append(_signed(cell.difference))
+                row.append(with_interval(cell.difference, signed=True) if cell.difference else "")
         rows.append(row)
         before = at_paces[0].scenario
     return header, rows
@@ -154,20 +153,9 @@ def _error(cell: Cell, bold: str) -> str:
     """Return a path error with its interval in mm, bold if it is the best, or with a mark."""
     if cell.standing is None:
         return ""
-    value, ends = _millimetres(cell.standing.error, "{:.1f}")
+    value, ends = in_brackets(cell.standing.error)
     mark = UNRANKED if cell.standing.reason else ""
     return (bold.format(value) if cell.is_best else value) + mark + ends
-
-
-def _signed(difference: Interval | None) -> str:
-    """Return a difference with its interval in mm."""
-    return "".join(_millimetres(difference, "{:+.1f}")) if difference else ""
-
-
-def _millimetres(error: Interval, form: str) -> tuple[str, str]:
-    """Return a number [m] in mm, and its interval in brackets."""
-    value, *ends = (form.format(1e3 * each).replace("-", "−") for each in error if each is not None)
-    return value, f" ({' – '.join(ends)})" if ends else ""
 
 
 def _caption(boards: Sequence[Leaderboard], baseline: str | None, command: str) -> list[str]:
@@ -189,6 +177,8 @@ def _caption(boards: Sequence[Leaderboard], baseline: str | None, command: str) 
         )
     if baseline:
         sentences.append(f"Differences to {baseline} are over the same episodes.")
+    if any(len(each.errors) > 1 for board in boards for each in board.standings):
+        sentences.append("Intervals of policies with several training seeds are over these.")
     made = f"Made with pter_gym {boards[0].version}"
     return [*sentences, f"{made}{f' by `{command}`' if command else ''}."]
 

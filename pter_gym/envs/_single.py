@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._internal.checks import whole_number
-from pter_gym._internal.plugins import load_artist
 from pter_gym.envs._mixin import Arguments, WorldsMixin
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine
+from pter_gym.plugins import load_artist
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
 RenderMode = Literal["human", "rgb_array"]

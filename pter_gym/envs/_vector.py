@@ -14,10 +14,10 @@ from pter_gym._engine.batch import Observations, Returns
 from pter_gym._engine.storage import Array, Mask
 from pter_gym._engine.world import WorldState
 from pter_gym._internal.checks import whole_number
-from pter_gym._internal.computer import available_cores, available_memory
-from pter_gym._internal.plugins import load_artist
+from pter_gym.envs._computer import available_cores, available_memory
 from pter_gym.envs._mixin import Arguments, WorldsMixin
 from pter_gym.errors import ParameterError
+from pter_gym.plugins import load_artist
 from pter_gym.policies._history import checked_history
 from pter_gym.tasks.path_following._telemetry import COLUMNS
 

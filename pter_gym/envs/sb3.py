@@ -12,8 +12,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from pter_gym._internal.checks import whole_number
-from pter_gym._internal.files import FilePath, expand_path, write_files_atomic
-from pter_gym._internal.terminal import make_folder
+from pter_gym._internal.files import FilePath, expand_path, make_folder, write_files_atomic
 from pter_gym.benchmark import Assessment, Episodes, assess, from_sb3, training_episodes
 from pter_gym.benchmark.rollout import UNSEEN, check_acting
 from pter_gym.errors import ParameterError, needs_extra

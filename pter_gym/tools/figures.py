@@ -17,9 +17,9 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
-from pter_gym._internal import palette as p
 from pter_gym._internal.files import FilePath, expand_path, write_bytes_atomic
 from pter_gym.errors import ParameterError
+from pter_gym.tools import palette as p
 from pter_gym.units import to_inch_pounds, to_inches
 
 Array = NDArray[np.float64]

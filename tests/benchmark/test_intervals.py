@@ -1,5 +1,6 @@
 """Intervals hold the mean as often as they say, over episodes or over training seeds."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from pter_gym.benchmark.intervals import (
     RESAMPLES,
     SEED,
     Interval,
+    difference_interval,
     mean_interval,
 )
 from pter_gym.errors import ParameterError
@@ -78,6 +80,34 @@ def test_every_training_seed_counts() -> None:
     assert mean_interval(by_seed) == mean_interval(np.tile([[0.0], [1.0], [2.0], [3.0]], 30))
     expected = stats.t.interval(0.95, 3, 1.5, stats.sem(np.arange(4.0)))
     assert mean_interval(by_seed) == pytest.approx((1.5, *expected))
+
+
+def test_a_difference_is_over_episodes_or_over_training_seeds() -> None:
+    """Seeds that are 0.2, −0.4 and 1.1 worse on average; t is Student's for two degrees."""
+    seeds = VALUES + np.array([[0.2], [-0.4], [1.1]])
+    paired = difference_interval(1.01 * VALUES, VALUES)
+    assert paired == pytest.approx(tuple(mean_interval(0.01 * VALUES)))
+    margin = 4.302652729749462 * math.sqrt(0.57 / 3.0)
+    expected = (0.3, 0.3 - margin, 0.3 + margin)
+    assert difference_interval(seeds, VALUES) == pytest.approx(expected)
+    assert difference_interval(VALUES, seeds) == pytest.approx(
+        (-0.3, *(-np.array(expected))[:0:-1])
+    )
+    assert difference_interval(seeds[:2], VALUES) == pytest.approx((-0.1, None, None))
+
+
+def test_a_difference_of_two_sets_of_training_seeds_is_welchs() -> None:
+    """Variances 1 of three and 4 of four seeds: 1/3 + 1 with ν = (4/3)²/((1/3)²/2 + 1²/3)."""
+    ours = VALUES + np.array([[1.0], [2.0], [3.0]])
+    theirs = VALUES + math.sqrt(2.4) * np.array([[-1.5], [-0.5], [0.5], [1.5]])
+    margin = stats.t.ppf(0.975, (16 / 9) / (1 / 18 + 1 / 3)) * math.sqrt(4 / 3)
+    expected = (2.0, 2.0 - margin, 2.0 + margin)
+    assert difference_interval(ours, theirs) == pytest.approx(expected)
+    assert difference_interval(ours, theirs[:2])[1:] == (None, None)
+    same = np.tile(VALUES, (3, 1))
+    assert difference_interval(same + 1.0, same) == pytest.approx((1.0, None, None))
+    with pytest.raises(ParameterError, match="others"):
+        difference_interval(ours, theirs[:, 1:])
 
 
 @pytest.mark.parametrize("kinds", [1, 3])

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from benchmark.handmade import METRE, padded, run_of, travel, with_error
-from pter_gym._internal.terminal import WIDTH, shorten
 from pter_gym.benchmark.boards import (
     COMPLETION,
     PACE_ERROR,
@@ -25,6 +24,7 @@ from pter_gym.benchmark.boards import (
     rank,
     reason_unranked,
 )
+from pter_gym.benchmark.cells import WIDTH, shorten
 from pter_gym.benchmark.intervals import largest_rate, mean_interval
 from pter_gym.benchmark.results import run_scenario
 from pter_gym.benchmark.scores import OPTIONAL, SCORES, ScenarioRun, score_episodes

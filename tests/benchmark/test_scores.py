@@ -259,7 +259,10 @@ def test_effort_saturation_and_sticking() -> None:
     assert found.effort == pytest.approx(0.25 * 0.5)
     assert found.saturated == pytest.approx(0.25)
     assert found.stuck == pytest.approx(0.4)
-    other = score(episode(steps, volts_1=volts, volts_2=volts), TASK, voltage_max=2.0 * top)
+    clutch = replace(BASELINE.clutch, voltage_max=2.0 * top)
+    other = score(
+        episode(steps, volts_1=volts, volts_2=volts), TASK, replace(BASELINE, clutch=clutch)
+    )
     assert other.saturated == 0.0
     assert other.effort == pytest.approx(0.25 * 0.5 / 4.0)
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from benchmark.handmade import with_error
 from pter_gym._commands.main import main
@@ -52,6 +53,19 @@ def test_markdown_has_the_best_bold_and_paired_differences(
     assert agent[3] == f"−9.8 ({low} – {high}) |"
     assert law[3] == " |"
     assert "`pter benchmark`" in path.read_text("utf-8")
+
+
+def test_a_difference_to_training_seeds_is_over_the_seeds(tmp_path: Path) -> None:
+    seeds = [
+        replace(with_error("trained", error), training_seed=number)
+        for number, error in enumerate((0.010, 0.014, 0.015))
+    ]
+    board = leaderboards([*seeds, with_error("law", 0.012)])
+    text = write_table(tmp_path / "t.csv", board, baseline="law").read_text("utf-8")
+    (row,) = (row for row in csv.DictReader(text.splitlines()) if row["policy"] == "trained")
+    margin = stats.t.ppf(0.975, 2) * np.sqrt(7e-6 / 3.0)
+    found = [float(row[f"difference{end}_m"]) for end in ("", "_low", "_high")]
+    assert found == pytest.approx([1e-3, 1e-3 - margin, 1e-3 + margin])
 
 
 def test_latex_has_no_bare_sign(boards: tuple[Leaderboard, ...], tmp_path: Path) -> None:

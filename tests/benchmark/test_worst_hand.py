@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -190,6 +190,13 @@ def test_random_hands_bound_how_many_are_worse(random: int) -> None:
     found = WorstHand(0.1, 0.1, random, random, BASELINE, PathFollowing())
     assert (1.0 - 1.0 / found.one_in) ** random <= 1.0 - CONFIDENCE + 1e-12
     assert (1.0 - 1.0 / (found.one_in + 1)) ** random > 1.0 - CONFIDENCE
+
+
+def test_a_scenario_that_draws_nothing_says_so() -> None:
+    """In place of one hand in one."""
+    found = WorstHand(0.1, 0.1, 1, 1, BASELINE, PathFollowing())
+    assert "one" not in found.sentence("mine").split()
+    assert "12,288" in replace(found, random=8192, tried=12288).sentence("mine")
 
 
 def test_a_distribution_that_cannot_be_searched_is_refused() -> None:

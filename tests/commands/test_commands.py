@@ -13,8 +13,8 @@ import pytest
 
 from pter_gym._commands.arguments import split
 from pter_gym._commands.main import commands, load_command, main, parse
-from pter_gym._internal import computer
 from pter_gym.benchmark import ResultsFolder
+from pter_gym.envs import _computer
 
 EXAMPLE = re.compile(r"Example: `?pter ([^\n`]+)")
 
@@ -43,9 +43,9 @@ def test_a_container_has_the_cores_of_its_quota(
     quota: str, cores: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "cpu.max").write_text(f"{quota}\n")
-    monkeypatch.setattr(computer, "CGROUP", tmp_path)
+    monkeypatch.setattr(_computer, "CGROUP", tmp_path)
     monkeypatch.setattr("os.sched_getaffinity", lambda _: set(range(8)), raising=False)
-    assert computer.available_cores() == cores
+    assert _computer.available_cores() == cores
 
 
 REFUSED = ["benchmarl", "benchmark --policies impedence", "tune impedence", "reproduce fig6"]

@@ -17,8 +17,9 @@ from rich.console import Console
 from rich.table import Table
 
 from pter_gym._commands.main import complain, main
+from pter_gym._commands.terminal import progress_bar, say, terminal
 from pter_gym._internal.reading import reading
-from pter_gym._internal.terminal import progress_bar, say, shorten, terminal
+from pter_gym.benchmark.cells import shorten
 from pter_gym.errors import DataError
 
 PTER = [sys.executable, "-m", "pter_gym._commands.main"]
@@ -154,7 +155,7 @@ def test_a_long_name_leaves_room_for_numbers(name: str) -> None:
 def test_progress_that_is_piped_is_a_line_every_interval(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("pter_gym._internal.terminal.INTERVAL", 0.05)
+    monkeypatch.setattr("pter_gym._commands.terminal.INTERVAL", 0.05)
     with progress_bar() as progress:
         progress.add_task("half", total=4, completed=2)
         lines: list[str] = []

@@ -5,23 +5,24 @@ The front door is light.
 
 import ast
 import importlib
-import re
 import subprocess
 import sys
 from collections.abc import Iterator
 from fnmatch import fnmatch
 from graphlib import TopologicalSorter
+from itertools import chain
 from pathlib import Path
 
 import pytest
 
 import pter_gym
+from near import guide, tests_of
 
 PACKAGE = Path(pter_gym.__file__).parent
 
 CORE = (
     ("_version", "errors", "units"),
-    ("_internal", "_compiled"),
+    ("_internal", "_compiled", "plugins"),
     ("params",),
     ("_physics",),
     ("hands", "paths", "haptics"),
@@ -47,8 +48,8 @@ LAWS_MAY_IMPORT = {
 }
 """All that control laws know of the worlds in which they act."""
 
-SHARED = "pter_gym.tools.figures"
-"""What tools share: the style of all figures."""
+SHARED = ("pter_gym.tools.figures", "pter_gym.tools.palette")
+"""What tools share: the style of all figures, and its colours."""
 
 COMPOSES = {"pter_gym.tools.device": "pter_gym.tools.tuning"}
 """Which tool may use which other one."""
@@ -92,7 +93,7 @@ def may_import(module: str, imported: str) -> bool:
     if room in ("__init__", "__main__"):
         return True
     if room == "tools":
-        own = (SHARED, tool_of(module), COMPOSES.get(tool_of(module)))
+        own = (*SHARED, tool_of(module), COMPOSES.get(tool_of(module)))
         return other != "tools" or tool_of(imported) in own
     if room == "controllers" and LEVEL.get(other, 0) >= LEVEL["hands"] and other != room:
         return imported in LAWS_MAY_IMPORT
@@ -139,16 +140,32 @@ def test_what_is_not_needed_is_not_loaded(statement: str, unwanted: set[str]) ->
 
 
 def test_every_file_of_the_core_has_its_tests_in_the_guide() -> None:
-    """A name without a folder is in the folder of the one before it."""
-    guide, known = (PACKAGE.parent / "CONTRIBUTING.md").read_text("utf-8"), list[str]()
-    (table,) = re.findall(r"Run, in `tests` \|\n\|---\|---\|\n(.*?)\n\n", guide, re.DOTALL)
-    for names, tests in re.findall(r"^\| (.*?) \| `([^` ]*).*\|$", table, re.MULTILINE):
-        assert (Path(__file__).parents[1] / tests.replace("NAME", "web")).exists(), tests
-        folder = ""
-        for name in re.findall(r"`(.*?)`", names):
-            folder = name.rpartition("/")[0] if "/" in name else folder
-            known.append(f"{folder}/{name.rpartition('/')[2]}".lstrip("/"))
     files = {path.relative_to(PACKAGE).with_suffix("").as_posix() for path in MODULES.values()}
     files -= {each for each in files if each.startswith("tools/") or each.endswith("__")}
-    named = {file for file in files for each in known if fnmatch(file, each)}
-    assert named == files - {"_version"}
+    named, tests = zip(*guide(), strict=True)
+    assert {each for each in files if any(fnmatch(each, name) for name in named)} == files - {
+        "_version"
+    }
+    for test in {each.replace("NAME", "web") for each in chain(*tests)}:
+        assert (PACKAGE.parent / "tests" / test).exists(), test
+
+
+@pytest.mark.parametrize(
+    ("file", "tests"),
+    [
+        ("pter_gym/benchmark/cells.py", {"benchmark/test_tables.py"}),
+        ("pter_gym/_engine/sensors.py", {"verification/test_task.py"}),
+        (
+            "pter_gym/envs/_vector.py",
+            {f"conformance/test_{name}.py" for name in ("gymnasium", "arguments", "faults")},
+        ),
+        ("pter_gym/tools/hil/line.py", {"tools/hil"}),
+        ("agents/pter_agents/ppo.py", {"agents"}),
+        ("docs/scoring.md", {"meta"}),
+        ("pter_gym/hands/__init__.py", {"meta"}),
+        ("tests/benchmark/test_tables.py", {"benchmark/test_tables.py"}),
+        ("benchmarks/throughput.py", set[str]()),
+    ],
+)
+def test_the_guide_finds_the_tests_of_a_file(file: str, tests: set[str]) -> None:
+    assert tests_of(file) == tests

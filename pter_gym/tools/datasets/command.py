@@ -7,7 +7,7 @@ from shlex import quote
 from typing import Literal
 
 from pter_gym._commands.arguments import ScenarioName
-from pter_gym._internal.terminal import conclude, progress_bar, say
+from pter_gym._commands.terminal import conclude, progress_bar, say
 
 
 def record(
@@ -31,7 +31,7 @@ def record(
         seed: Seed of the draws, the resets and the random actions, at least 0.
         out: Folder for the data sets; by default the one where Minari looks for them.
     """
-    from pter_gym._internal.terminal import make_folder
+    from pter_gym._internal.files import make_folder
     from pter_gym.tools.datasets.recording import record_episodes
     from pter_gym.tools.datasets.writing import load_minari, write_dataset
 

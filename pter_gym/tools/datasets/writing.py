@@ -9,9 +9,8 @@ from typing import Any
 
 import gymnasium
 
-from pter_gym._internal.files import FilePath, expand_path
+from pter_gym._internal.files import FilePath, expand_path, make_folder
 from pter_gym._internal.locks import lock_beside, locked
-from pter_gym._internal.terminal import make_folder
 from pter_gym._version import __version__
 from pter_gym.benchmark.intervals import mean_interval
 from pter_gym.errors import StorageError, needs_extra

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import layout_of, read
-from pter_gym._internal.files import FilePath, expand_path, write_files_atomic
-from pter_gym._internal.terminal import make_folder
+from pter_gym._internal.files import FilePath, expand_path, make_folder, write_files_atomic
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.model import model_of
 from pter_gym.controllers import AnyPolicy, Policy, bind

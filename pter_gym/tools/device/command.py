@@ -7,10 +7,11 @@ from typing import Annotated, Any
 import tyro
 
 from pter_gym._commands.arguments import PaceName
-from pter_gym._internal.plugins import COMMANDS, registered
-from pter_gym._internal.terminal import conclude, make_folder, say, waiting
+from pter_gym._commands.terminal import conclude, say, waiting
+from pter_gym._internal.files import make_folder
 from pter_gym.errors import ParameterError
 from pter_gym.params import ACTUATORS, MACHINES
+from pter_gym.plugins import COMMANDS, registered
 
 
 def device(

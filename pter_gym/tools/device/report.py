@@ -9,10 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from pter_gym._internal.checks import whole_number
-from pter_gym._internal.files import FilePath, expand_path, write_text_atomic
+from pter_gym._internal.files import FilePath, expand_path, make_folder, write_text_atomic
 from pter_gym._internal.locks import LOCK, locked
-from pter_gym._internal.plugins import PICTURES, registered
-from pter_gym._internal.terminal import make_folder
 from pter_gym._version import __version__
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.boards import Leaderboard, leaderboards
@@ -23,6 +21,7 @@ from pter_gym.benchmark.worst_hand import find_worst
 from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import unknown_name
 from pter_gym.params import BASELINE, Machine, MachineSpread
+from pter_gym.plugins import PICTURES, registered
 from pter_gym.policies.tuned import with_gains
 from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.tools.device.data_sheet import find_device

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from pter_gym._commands.arguments import AnyPace, ScenarioName, look_at, options
+from pter_gym._commands.terminal import conclude, say
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
-from pter_gym._internal.terminal import conclude, say
 from pter_gym.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -114,8 +114,7 @@ def report(records: "list[list[Array]]", episodes: Any, controller: Any, csv: Pa
         return
     first = episodes.first(len(begun))
     telemetry = np.array([*zip_longest(*begun, fillvalue=np.full_like(begun[0][0], np.nan))])
-    top = first.machines[0].clutch.voltage_max
-    own = score_episodes(telemetry, first.tasks, voltage_max=top)
+    own = score_episodes(telemetry, first.tasks, first.machines[0])
     python = evaluate(controller, first, 1)
     same = np.all([own[name] == python[name] for name in own], axis=0)
     for k in range(len(begun)):

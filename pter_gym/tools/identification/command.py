@@ -10,7 +10,8 @@ import tyro
 from rich.table import Table
 
 from pter_gym._commands.arguments import split_numbers
-from pter_gym._internal.terminal import conclude, make_folder, progress_bar, say, terminal
+from pter_gym._commands.terminal import conclude, progress_bar, say, terminal
+from pter_gym._internal.files import make_folder
 from pter_gym.errors import ParameterError
 
 if TYPE_CHECKING:

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import tyro
 
-from pter_gym._internal.terminal import conclude, make_folder, progress_bar, terminal
+from pter_gym._commands.terminal import conclude, progress_bar, terminal
+from pter_gym._internal.files import make_folder
 
 
 def reproduce(

@@ -89,7 +89,7 @@ def run_standard_test(
         telemetry = record_episodes(policy, episodes).telemetry
         recorded = (rows[np.isfinite(rows[:, COLUMN.time])] for rows in telemetry.swapaxes(0, 1))
         runs[name] = tuple(
-            Run(tau, score(rows, task), rows)
+            Run(tau, score(rows, task, machine), rows)
             for tau, rows in zip(time_constants, recorded, strict=True)
         )
     return Result(machine, task, runs)

@@ -18,9 +18,9 @@ from pter_gym._commands.arguments import (
     scenario_on,
     smoothing_for,
 )
+from pter_gym._commands.terminal import conclude, progress_bar, say, waiting
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
-from pter_gym._internal.terminal import conclude, progress_bar, say, waiting
 from pter_gym.errors import ParameterError
 from pter_gym.policies.find import split
 from pter_gym.tools.pictures.size import check_size

@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from pter_gym._internal import palette
-from pter_gym._internal.terminal import shorten
 from pter_gym._physics.friction import ClutchMode
+from pter_gym.benchmark.cells import shorten
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.params import Arm, Machine
 from pter_gym.paths import Path
 from pter_gym.policies import shipped_policies
 from pter_gym.policies.tuned import SCALED, tuned_policies
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from pter_gym.tools import palette
 from pter_gym.tools.pictures.size import TILE_HEIGHT, TILE_WIDTH
 
 Array = NDArray[np.float64]

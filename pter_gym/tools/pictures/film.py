@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pter_gym._internal.files import write_bytes_atomic
-from pter_gym._internal.palette import tint
 from pter_gym.errors import DependencyError, ParameterError, StorageError, needs_extra
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from pter_gym.tools.palette import tint
 from pter_gym.tools.pictures.drawing import (
     GROOVE,
     INK,

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
-from pter_gym._internal.terminal import shorten
 from pter_gym.benchmark.boards import PACE_ERROR, Leaderboard, Standing
+from pter_gym.benchmark.cells import shorten
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import PACES

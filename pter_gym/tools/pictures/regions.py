@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 from numpy.typing import NDArray
 
-from pter_gym._internal import palette
 from pter_gym._internal.files import FilePath
 from pter_gym.haptics import force_extremes, force_region, link_angles
 from pter_gym.params import Machine, find_machine
+from pter_gym.tools import palette
 from pter_gym.tools.figures import MUTED, WIDTH, label, legend_of, save, styled
 from pter_gym.tools.pictures.drawing import LINK_A, LINK_B, five_bar
 

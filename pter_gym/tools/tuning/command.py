@@ -18,7 +18,7 @@ from pter_gym._commands.arguments import (
     scenario_on,
     smoothing_for,
 )
-from pter_gym._internal.terminal import conclude, progress_bar, say
+from pter_gym._commands.terminal import conclude, progress_bar, say
 from pter_gym.errors import ParameterError
 from pter_gym.policies.find import kind_of
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import tyro
 
-from pter_gym._internal.terminal import conclude, say
+from pter_gym._commands.terminal import conclude, say
 from pter_gym.errors import ParameterError
 
 MAX_PORT = 65535

@@ -16,7 +16,6 @@ from pter_gym._compiled.records import width
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.hand import INSTANT
 from pter_gym._engine.world import CONFIG, ROW, ROWS
-from pter_gym._internal.palette import clutch_name
 from pter_gym._physics.friction import ClutchMode
 from pter_gym.benchmark.measures import PRICE, SEGMENTS
 from pter_gym.benchmark.policies import find_policy
@@ -34,6 +33,7 @@ from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, context_of
 from pter_gym.tasks.path_following._pace import ALLOWANCE, START
 from pter_gym.tasks.path_following._specification import largest_error_max
+from pter_gym.tools.palette import clutch_name
 
 POINTER = RecordedForces(times=(0.0,), along=(0.0,), across=(0.0,))
 """A hand whose recording, here of one instant, a page writes while the world moves."""

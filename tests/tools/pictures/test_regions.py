@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from matplotlib.patches import Polygon
 
-from pter_gym._internal.plugins import load_artist
 from pter_gym.haptics import force_extremes, force_region, link_angles
 from pter_gym.params import BASELINE, MACHINES
+from pter_gym.plugins import load_artist
 from pter_gym.tools.pictures import regions
 
 

@@ -14,7 +14,6 @@ import pytest
 import web_module
 
 from pter_gym._engine.world import World
-from pter_gym._internal.palette import PICTURE
 from pter_gym.benchmark.policies import find_policy
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.hands import read_forces
@@ -23,6 +22,7 @@ from pter_gym.policies._files import SHIPPED
 from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import TELEMETRY
+from pter_gym.tools.palette import PICTURE
 from pter_gym.tools.web.site import MODULE, STATIC, TABLES
 from pter_gym.tools.web.tables import PATHS, pages_batch, policies_of_the_paper
 from rollouts import Acting

@@ -1,4 +1,4 @@
-"""What commands share: folders for results, text on the terminal, progress bars, and Ctrl-C."""
+"""What commands share: text on the terminal, progress bars, and Ctrl-C."""
 
 import io
 import os
@@ -13,7 +13,6 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import Any
 
-from rich.cells import cell_len, chop_cells
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -27,27 +26,15 @@ from rich.progress import (
 from rich.segment import Segment
 from rich.text import Text
 
-from pter_gym._internal.files import FilePath, check_target, expand_path
-from pter_gym.errors import ParameterError, printable
-
-WIDTH = 80
-"""Characters in a line of a table."""
+from pter_gym._internal.files import FilePath
+from pter_gym.benchmark.cells import WIDTH, shorten
+from pter_gym.errors import printable
 
 INTERVAL = 10.0
 """Seconds between two lines of progress where there is no terminal."""
 
 GRACE = 0.3
 """Seconds in which Python may end by itself after Ctrl-C."""
-
-
-def make_folder(path: FilePath, field: str = "out") -> None:
-    """Make a folder that can be written to, or raise a ParameterError."""
-    path = expand_path(field, path)
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ParameterError(f"{field} must be a folder that can be written to: {error}") from None
-    check_target(field, path / "file")
 
 
 class Terminal(Console):
@@ -80,15 +67,6 @@ def terminal(*, errors: bool = False) -> Console:
 def say(text: str) -> None:
     """Print text as it is, without rich's markup and line breaks."""
     terminal().out(text)
-
-
-def shorten(text: str, width: int) -> str:
-    """Return text of at most so many columns, ≥ 3; a longer one loses its middle."""
-    if cell_len(text) <= width:
-        return text
-    half = (width - 1) // 2
-    end = chop_cells(text[::-1], half)[0][::-1]
-    return f"{chop_cells(text, width - 1 - half)[0]}…{end}"
 
 
 class ShortColumn(TextColumn):
