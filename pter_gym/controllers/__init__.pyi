@@ -3,9 +3,7 @@ from ._guided import (
     Guided as Guided,
     Impedance as Impedance,
     PaceSchedule as PaceSchedule,
-    SingleDof as SingleDof,
     TorqueFeedback as TorqueFeedback,
-    VelocityRatio as VelocityRatio,
 )
 from ._policy import (
     AnyPolicy as AnyPolicy,
@@ -15,10 +13,22 @@ from ._policy import (
 )
 from ._scaled import Powers as Powers, Scaled as Scaled
 from ._simple import Free as Free, Locked as Locked, Random as Random
+from ._steering import SingleDof as SingleDof, VelocityRatio as VelocityRatio
 from ._writing import (
     MEMORY as MEMORY,
+    Gains as Gains,
     Memory as Memory,
+    Nominal as Nominal,
     PerClutch as PerClutch,
+    PerLink as PerLink,
+    Tip as Tip,
+    allocate as allocate,
+    clutch_voltage as clutch_voltage,
     compiled as compiled,
+    joint_torque as joint_torque,
+    pace_integral as pace_integral,
+    passive_torques as passive_torques,
     rows as rows,
+    speed_along as speed_along,
+    table_voltage as table_voltage,
 )

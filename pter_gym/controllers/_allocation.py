@@ -5,11 +5,16 @@ nearest one is a friction problem too, with the metric in place of the mass matr
 remainder in place of the velocity.
 """
 
+from typing import Any
+
 from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import entrywise
+from pter_gym._physics.arm import PerLink, cos_difference
 from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import resolve, share, slip_velocities, torques_on_links
+from pter_gym.controllers._gains import Entries, Nominal
+from pter_gym.controllers._laws import Tip
 
 
 @entrywise
@@ -74,3 +79,37 @@ def negative(value: float) -> float:
 def pinned(short: float, bound: float, other: float) -> float:
     """Return ``bound`` for a clutch that falls short of its wanted torque, else ``other``."""
     return bound if short > 0.0 else other
+
+
+@inlined
+def passive_torques(
+    g: Any, tip: Tip, nominal: Nominal, want: PerLink, arrangement: OptionalArrangement = None
+) -> PerClutch:
+    """Return the torques [N·m] of braking clutches that come closest to joint torques [N·m].
+
+    Distances are in joint torque, or in tip force if ``g.tip_space``.
+    """
+    low = least_torque(tip.slip, g.slip_threshold, nominal.torque_limit, nominal.scale)
+    high = largest_torque(tip.slip, g.slip_threshold, nominal.torque_limit, nominal.scale)
+    m11, m12, m22 = 1.0, 0.0, 1.0
+    if g.tip_space >= 0.5:
+        length_a, length_b = tip.arm.length_a, tip.arm.length_b
+        m11, m12, m22 = (
+            length_a * length_a,
+            length_a * length_b * cos_difference(tip.q),
+            length_b * length_b,
+        )
+    return allocate(want.a, want.b, low, high, m11, m12, m22, arrangement)
+
+
+@inlined
+def unsteered(
+    g: Any,
+    tip: Tip,
+    nominal: Nominal,
+    want: PerLink,
+    memory: Entries,  # noqa: ARG001
+    arrangement: OptionalArrangement,
+) -> PerClutch:
+    """Return the clutch torques [N·m] of a law that steers by its tip force alone."""
+    return passive_torques(g, tip, nominal, want, arrangement)

@@ -5,20 +5,20 @@ A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float3
 the memory holds is a record: ``Memory`` for the built-in laws, any other for a law that needs one
 (``Policy`` takes it).
 
-Gains of guiding laws are, in this order: ``Nominal``; the voltages, then the torques of the table;
-the paces of the rows; the rows, each a ``Gains``. Between two paces the gains are interpolated;
-beyond them the nearest row applies. If the nominal machine has clutches other than the paper's, its
-``Arrangement`` comes last.
+Gains of a guiding law are, in this order: ``Nominal``; the voltages, then the torques of the table;
+the paces of the rows; the rows, each a record of the law's gains (``gain_record``). Between two
+paces the gains are interpolated; beyond them the nearest row applies. If the nominal machine has
+clutches other than the paper's, its ``Arrangement`` comes last.
 """
 
-from collections.abc import Sequence
-from typing import Annotated, NamedTuple, Protocol, overload
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Annotated, Any, NamedTuple, Protocol, TypeVar, overload
 
-import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from pter_gym._compiled.compiler import inlined
-from pter_gym._compiled.records import Entry, flat, lerp, read, rows, width
+from pter_gym._compiled.records import Entry, flat, joined, lerp, read, rows, width
 from pter_gym._physics.arm import Linkage
 from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch
@@ -26,8 +26,8 @@ from pter_gym._physics.model import optional_arrangement
 from pter_gym._physics.scalars import clamp
 from pter_gym.params import Machine
 
-CONSTANT, RANDOM, IMPEDANCE, SINGLE_DOF, VELOCITY_RATIO, NETWORK = map(float, range(1, 7))
-"""Numbers of the laws that share one compiled function: the first entry of their gains."""
+R = TypeVar("R")
+"""A record of gains."""
 
 
 class Entries(Protocol):
@@ -60,10 +60,10 @@ MEMORY = rows(Memory)
 
 
 class Nominal(NamedTuple):
-    """Which law it is, the number of knots of the torque table, and the nominal machine."""
+    """Sizes of the torque table and of the rows of gains, and the nominal machine."""
 
-    kind: Annotated[float, Entry("1", "number of the law")]
     knots: Annotated[float, Entry("1", "knots of the torque table")]
+    paces: Annotated[float, Entry("1", "paces that have a row of gains")]
     arm: Linkage
     torque_limit: Annotated[float, Entry("N·m", "torque at the largest voltage")]
     voltage_max: Annotated[float, Entry("V", "largest voltage")]
@@ -73,26 +73,21 @@ class Nominal(NamedTuple):
 
 
 class Gains(NamedTuple):
-    """Gains of all guiding laws; a law leaves those of other laws at zero.
+    """Gains that the parts of guiding laws read, 0 for a law without them.
 
-    The laws' classes declare units and meanings; see ``Guided`` and its subclasses.
+    ``Guided`` and its subclasses declare units and meanings.
     """
 
-    stiffness: float = 0.0
-    damping_normal: float = 0.0
-    damping_tangential: float = 0.0
-    pace_fraction: float = 0.0
-    pace_integral: float = 0.0
-    grip: float = 0.0
-    feedback: float = 0.0
-    hold_when_stuck: float = 0.0
-    tip_space: float = 0.0
-    slip_threshold: float = 0.0
-    approach: float = 0.0
-    lead: float = 0.0
-    strength: float = 0.0
-    slow: float = 0.0
-    reluctance: float = 0.0
+    stiffness: float
+    damping_normal: float
+    damping_tangential: float
+    pace_fraction: float
+    pace_integral: float
+    grip: float
+    feedback: float
+    hold_when_stuck: float
+    tip_space: float
+    slip_threshold: float
 
 
 NOMINAL = rows(Nominal)
@@ -101,35 +96,31 @@ NOMINAL = rows(Nominal)
 ARRANGEMENT = rows(Arrangement, -width(Arrangement))
 """Places of the ``Arrangement``, from the end of the array of gains."""
 
-GAIN = rows(Gains)
-"""Places of the gains in a row."""
-
 TABLE = width(Nominal)
 """Where the torque table begins."""
 
-WIDTH = width(Gains)
-"""Entries of a row."""
+
+@cache
+def gain_record(names: tuple[str, ...]) -> Any:
+    """Return the record of a law's gains: ``Gains``, then those of these names that it lacks."""
+    own = [(name, float) for name in names if name not in Gains._fields]
+    return joined("Gains", Gains, NamedTuple("Own", own)) if own else Gains
 
 
-def gains_array(
-    kind: float,
-    machine: Machine,
-    table_volts: Sequence[float],
-    rows_by_pace: Sequence[tuple[float, Gains]],
-) -> NDArray[np.float64]:
-    """Return the array of gains.
+def gain_parts(
+    machine: Machine, table_volts: Sequence[float], rows_by_pace: Sequence[tuple[float, Any]]
+) -> dict[str, ArrayLike]:
+    """Return the gains of a guiding law, as ``Policy.from_law`` takes them.
 
     Parameters
     ----------
-    kind
-        Number of the law.
     machine
         The nominal machine.
     table_volts
         Knots of the torque table [V], from 0 to the machine's largest voltage; the torques are
         those of its curve.
     rows_by_pace
-        Commanded pace [m/s] and gains, in order of rising pace.
+        Commanded pace [m/s] and record of gains, in order of rising pace.
     """
     arm, clutch = machine.arm, machine.clutch
     torques = [clutch.dynamic.torque(volts) for volts in table_volts]
@@ -138,31 +129,40 @@ def gains_array(
         arm.length_a, arm.length_b, arm.inertia_a, arm.inertia_b, arm.coupling, *without_hand
     )
     scale = PerClutch(*machine.slot_scale)
-    nominal = Nominal(kind, len(table_volts), linkage, torques[-1], clutch.voltage_max, scale)
-    paces = [pace for pace, _ in rows_by_pace]
-    table = (*table_volts, *torques)
-    gains = (gain for _, row in rows_by_pace for gain in row)
-    return np.array(
-        [*flat(nominal), *table, *paces, *gains, *flat(optional_arrangement(machine) or ())]
-    )
+    sizes = len(table_volts), len(rows_by_pace)
+    return {
+        "nominal": flat(Nominal(*sizes, linkage, torques[-1], clutch.voltage_max, scale)),
+        "table_volts": table_volts,
+        "table_torques": torques,
+        "gain_paces": [pace for pace, _ in rows_by_pace],
+        "gain_rows": flat(tuple(gains for _, gains in rows_by_pace)),
+        "arrangement": flat(optional_arrangement(machine) or ()),
+    }
 
 
-@inlined
-def read_gains(gains: Entries, pace: float) -> Gains:
-    """Return the gains at a commanded pace [m/s]."""
-    paces = TABLE + 2 * int(gains[NOMINAL.knots])
-    count = (gains.shape[0] - paces) // (WIDTH + 1)  # an arrangement takes less than a row
-    low = 0
-    part = 0.0
-    for k in range(count - 1):
-        if pace > gains[paces + k]:
-            low = k
-            part = clamp(
-                (pace - gains[paces + k]) / (gains[paces + k + 1] - gains[paces + k]), 0.0, 1.0
-            )
-    here = paces + count + low * WIDTH
-    there = here + (WIDTH if count > 1 else 0)
-    return lerp(read(gains, GAIN, here), read(gains, GAIN, there), part)
+def gains_reader(record: type[R]) -> Callable[[Entries, float], R]:
+    """Return a compiled function that reads a record of gains at a commanded pace [m/s]."""
+    row: Any = rows(record)
+    size = width(record)
+
+    @inlined
+    def read_gains(gains: Entries, pace: float) -> Any:
+        """Return the gains at a commanded pace [m/s]."""
+        paces = TABLE + 2 * int(gains[NOMINAL.knots])
+        count = int(gains[NOMINAL.paces])
+        low = 0
+        part = 0.0
+        for k in range(count - 1):
+            if pace > gains[paces + k]:
+                low = k
+                part = clamp(
+                    (pace - gains[paces + k]) / (gains[paces + k + 1] - gains[paces + k]), 0.0, 1.0
+                )
+        here = paces + count + low * size
+        there = here + (size if count > 1 else 0)
+        return lerp(read(gains, row, here), read(gains, row, there), part)
+
+    return read_gains
 
 
 @inlined
@@ -181,7 +181,7 @@ def table_voltage(gains: Entries, torque: float) -> float:
 
 @inlined
 def clutch_voltage(
-    gains: Entries, g: Gains, scale: float, wanted: float, slip: float, generated: float
+    gains: Entries, g: Any, scale: float, wanted: float, slip: float, generated: float
 ) -> float:
     """Return the voltage [V] for a desired clutch torque, by the table and the loop of Fig. 6.
 

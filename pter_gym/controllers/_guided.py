@@ -7,7 +7,8 @@
 chosen here; none of those works' results is reproduced.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any, ClassVar
 
@@ -20,8 +21,9 @@ from pter_gym._internal.fields import (
     require_numbers,
     types_of,
 )
-from pter_gym.controllers._gains import IMPEDANCE, SINGLE_DOF, VELOCITY_RATIO, Gains, gains_array
-from pter_gym.controllers._laws import built_in, built_in_declared
+from pter_gym.controllers._allocation import unsteered
+from pter_gym.controllers._gains import gain_parts, gain_record
+from pter_gym.controllers._laws import Law, declared_clutches, guiding_law, paper_clutches
 from pter_gym.controllers._policy import Policy
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
@@ -66,8 +68,11 @@ class Guided:
         "rad/s", "fitted: a slower clutch counts as stuck", default=0.005983
     )
 
-    kind: ClassVar[float]
-    """Number of the law, from ``pter_gym.controllers._gains``."""
+    steering: ClassVar[Any] = unsteered
+    """Compiled function that makes clutch torques of the desired joint torques.
+
+    ``steering(g, tip, nominal, want, memory, arrangement) -> PerClutch``
+    """
 
     search: ClassVar[Search] = {
         "braking": (10.0, 300.0),
@@ -101,10 +106,13 @@ class Guided:
         )
         require(rising, self, "table_volts", "a tuple of rising voltages from 0")
 
-    def gains(self) -> Gains:
-        """Return the gains as the law reads them, 0 for those of other laws."""
-        values = vars(self)
-        return Gains(**{name: float(values[name]) for name in Gains._fields if name in values})
+    def gains(self) -> Any:
+        """Return the gains as the law reads them: a record of ``Gains``, and those it adds."""
+        types = types_of(type(self))
+        names = tuple(item.name for item in fields(self) if types[item.name] in (bool, float))
+        record = gain_record(names)
+        missing = dict.fromkeys(record._fields, 0.0)
+        return record(**missing | {name: float(getattr(self, name)) for name in names})
 
     def at(self, pace: float) -> "Guided":  # noqa: ARG002
         """Return itself, the gains for every commanded pace [m/s]; see ``PaceSchedule.at``."""
@@ -119,14 +127,14 @@ class Guided:
             If the table does not end at the machine's largest voltage, or there is a torque loop
             and the observation has no torque sensors.
         """
-        return bind_rows(self, [(1.0, self.gains())], machine, layout)
+        policy = bind_rows(self, [(1.0, self.gains())], machine, layout)
+        return replace(policy, made=partial(self.bind, machine, layout))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Impedance(Guided):
     """Spring and damper normal to the path, damper along it; allocation; torque table."""
 
-    kind = IMPEDANCE
     search = Guided.search | {
         "stiffness": (50.0, 20_000.0),
         "damping_normal": (5.0, 3000.0),
@@ -153,85 +161,6 @@ class TorqueFeedback(Impedance):
     )
     hold_when_stuck: bool = parameter(
         "1", "chosen: leave the loop out where it has no effect", default=False
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Steering(Guided):
-    """A damper along the path for the pace, and a law that turns the tip's velocity.
-
-    With the distance e from the path, its tangent t, normal n and curvature κ, and the speed v
-    along it, the desired direction is t + (lead·κ·v − approach·e)·n. The torque loop is that of
-    ``TorqueFeedback``.
-    """
-
-    search = (
-        Guided.search
-        | LOOP
-        | {"approach": (1.0, 100.0), "lead": (0.0, 0.4), "strength": (3.0, 300.0)}
-    )
-
-    approach: float = parameter(
-        "1/m", "chosen: this inverse distance turns the tip back by 45 degrees", default=8.0
-    )
-    strength: float = parameter(
-        "N·m",
-        "chosen: torque against a velocity at right angles to the wanted direction",
-        default=40.0,
-    )
-    slow: float = parameter(
-        "m/s or rad/s", "chosen: a slower tip is turned less, in proportion to its speed"
-    )
-    lead: float = parameter(
-        "s", "chosen: the wanted direction is turned so much ahead of the path", default=0.0
-    )
-    feedback: float = parameter("V/(N·m)", "chosen: gain of the torque loop", default=0.0)
-    hold_when_stuck: bool = parameter(
-        "1", "chosen: leave the torque loop out where it has no effect", default=False
-    )
-
-    ranges = Guided.ranges | {"slow": {"above": 0.0}, "reluctance": {"at_least": 0.0, "below": 1.0}}
-
-
-@dataclass(frozen=True, kw_only=True)
-class SingleDof(Steering):
-    """Single-DOF lines: engage the clutch whose line of motion is closest to the desired direction.
-
-    While one clutch is stuck, the tip has a single degree of freedom, along a line that the pose
-    and the clutch determine. Some clutches turn the tip's velocity towards the desired direction,
-    by the nominal mass matrix. Of these the law engages the clutch with the largest cos² of the
-    angle between its line and that direction. Its torque is ``strength·|sin δ|`` with the angle δ
-    between velocity and desired direction, and adds to what the damper along the path asks of it.
-    ``reluctance`` is added to the cos² of the clutch engaged last, against chatter.
-    """
-
-    kind = SINGLE_DOF
-    search = Steering.search | {"slow": (0.01, 1.0), "reluctance": (0.0, 0.5)}
-
-    slow: float = parameter(
-        "m/s", "chosen: a slower tip is turned less, in proportion to its speed", default=0.05
-    )
-    reluctance: float = parameter("1", "chosen: advantage of the clutch engaged last", default=0.05)
-
-
-@dataclass(frozen=True, kw_only=True)
-class VelocityRatio(Steering):
-    """Velocity ratio: couple the axes so that the tip moves in the desired direction.
-
-    J⁻¹ turns the desired direction into a ratio of joint velocities. A joint torque normal to it,
-    strength·sin δ with the angle δ between joint velocity and desired ratio, turns the joint
-    velocity there; together with the damper along the path it goes through the allocation of the
-    paper's controller.
-    """
-
-    kind = VELOCITY_RATIO
-    search = Steering.search | {"slow": (0.02, 2.0), "tip_space": (False, True)}
-
-    slow: float = parameter(
-        "rad/s", "chosen: a slower arm is turned less, in proportion to its speed", default=0.1
-    )
-    tip_space: bool = parameter(
-        "1", "chosen: allocate for tip force, not joint torque", default=False
     )
 
 
@@ -292,7 +221,8 @@ class PaceSchedule:
         rows = [
             (pace * edge, controller.gains()) for pace, controller in self.knots for edge in edges
         ]
-        return bind_rows(self.knots[0][1], rows, machine, layout)
+        policy = bind_rows(self.knots[0][1], rows, machine, layout)
+        return replace(policy, made=partial(self.bind, machine, layout))
 
 
 def _is_knot(knot: object) -> bool:
@@ -305,7 +235,7 @@ def _is_knot(knot: object) -> bool:
 
 
 def bind_rows(
-    first: Guided, rows: list[tuple[float, Gains]], machine: Machine, layout: Layout
+    first: Guided, rows: list[tuple[float, Any]], machine: Machine, layout: Layout
 ) -> Policy:
     """Return the policy for rows of gains by pace, with the first controller's law and table."""
     machine = find_machine(machine)
@@ -316,5 +246,13 @@ def bind_rows(
         raise ParameterError(
             'torque feedback needs torque sensors: sensors="torque" or sensors="force"'
         )
-    law = built_in if machine.has_paper_clutches else built_in_declared
-    return Policy.from_law(law, gains_array(first.kind, machine, volts, rows), machine, layout)
+    return Policy.from_law(
+        law_of(first, machine), gain_parts(machine, volts, rows), machine, layout
+    )
+
+
+def law_of(controller: Guided, machine: Machine) -> Law:
+    """Return the compiled law of a controller for a machine's clutches."""
+    arrangement_at = paper_clutches if machine.has_paper_clutches else declared_clutches
+    record: Any = controller.gains()
+    return guiding_law(type(controller).steering, type(record), arrangement_at)

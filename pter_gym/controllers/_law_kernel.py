@@ -1,7 +1,6 @@
 """The kernel that runs a control law in many worlds; users' laws have their bounds checked."""
 
 import math
-from collections.abc import Callable
 from functools import cache
 from types import CellType, FunctionType
 from typing import Any
@@ -18,13 +17,11 @@ from pter_gym._compiled.pipeline import KernelFunction
 from pter_gym._compiled.records import entrywise, write
 from pter_gym._physics.clutch import CLUTCHES, PerClutch
 from pter_gym._physics.scalars import clamp
-from pter_gym.controllers._laws import built_in
+from pter_gym.controllers._laws import Law, is_ours
 from pter_gym.errors import LawIndexError, ParameterError, PterError
 
-Law = Callable[..., Any]
-
-law: Any = built_in
-"""The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
+law: Any = None
+"""The law that the kernel below inlines; ``compile_kernel`` binds this name."""
 
 LARGEST = float(np.finfo(np.float32).max)
 
@@ -60,7 +57,7 @@ def kernel_of(law: Law) -> Any:
 
     The kernel of a user's law is made anew when its code, or a value that it reads, has changed.
     """
-    if _is_ours(law):
+    if is_ours(law):
         return _kernel(law)
     digest = digest_of(law)
     if digest is None:  # nobody can tell whether what it reads has changed
@@ -79,7 +76,7 @@ def guarded(law: Law) -> Law:
 
     Its voltages are within the range, and NaN where a user's law reads or writes beyond an array.
     """
-    if _is_ours(law):
+    if is_ours(law):
 
         @compiled
         def act(obs: Any, scales: Any, gains: Any, memory: Any, voltage_max: float) -> Any:
@@ -114,10 +111,6 @@ def law_error(law: Law, error: Exception, observed: int, gains: int, remembered:
     skipped = ("Failed", "Compilation", "- ")
     reason = next((line for line in lines if not line.startswith(skipped)), lines[0])
     return ParameterError(f"law {name} cannot be compiled: {reason:.300}")
-
-
-def _is_ours(law: Law) -> bool:
-    return str(getattr(law, "__module__", "")).startswith("pter_gym.")
 
 
 @cache

@@ -1,46 +1,47 @@
-"""Control laws as scalar functions: one observation in, four voltages out.
+"""Guiding laws as scalar functions: one observation in, four voltages out.
 
-A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation,
-``obs·scales`` is in physical units, ``gains`` belongs to the law (its first entry is its kind) and
-``memory`` to one world (see ``Memory``). ``_law_kernel`` runs a law in many worlds.
+A guiding law has a desired tip force, a brake along the path and a spring and a damper normal to
+it, which Jᵀ maps to the joints. Its *steering* makes clutch torques of that. The torque table and,
+if it has a gain, the torque loop make voltages of these::
+
+    steering(g, tip, nominal, want, memory, arrangement) -> PerClutch
+
+``g`` has the gains at the commanded pace by name and ``want`` the desired joint torques [N·m]; the
+torques that it returns are in N·m. ``arrangement`` is None for the paper's clutches.
 """
 
-import numpy as np
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
 
-from pter_gym._compiled.compiler import inlined, outlined
-from pter_gym._compiled.philox import uniform4
+from pter_gym._compiled.compiler import compiled, inlined
 from pter_gym._compiled.records import entrywise, read
 from pter_gym._physics.arm import (
+    Linkage,
     Motion,
+    PerLink,
     UnitVector,
     Vector,
-    cos_difference,
     joint_torque,
     tip_velocity,
 )
-from pter_gym._physics.arrangement import OptionalArrangement
+from pter_gym._physics.arrangement import Arrangement, OptionalArrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import slip_velocities
 from pter_gym._physics.scalars import clamp
-from pter_gym.controllers._allocation import allocate, largest_torque, least_torque
 from pter_gym.controllers._gains import (
     ARRANGEMENT,
-    IMPEDANCE,
     MEMORY,
-    NETWORK,
     NOMINAL,
-    RANDOM,
-    SINGLE_DOF,
-    VELOCITY_RATIO,
     Entries,
-    Gains,
     Nominal,
     clutch_voltage,
-    read_gains,
+    gains_reader,
 )
-from pter_gym.controllers._network import HEADER, HEADER_WIDTH, decide
-from pter_gym.controllers._steering import Tip, speed_along, steered, turning_torques
 from pter_gym.tasks.path_following._observation import OBS
+
+Law = Callable[..., Any]
+"""``law(obs, scales, gains, memory) -> PerClutch``; see ``pter_gym.controllers._gains``."""
 
 BRAKE_LIMIT = 200.0
 """Largest magnitude of the force along the path that the pace's integral comes to [N]."""
@@ -51,7 +52,34 @@ START_PROGRESS = 0.02
 JOINED_MIDWAY = 1e6
 """Control steps that no episode has."""
 
-_RANDOM_STREAM = np.uint64(0x52414E444F4D)
+
+class Tip(NamedTuple):
+    """The arm and its position relative to the path as a law sees them, in SI.
+
+    Attributes
+    ----------
+    arm, q
+        Nominal arm, and its motion.
+    velocity
+        Velocity of the tip [m/s].
+    heading, error, curvature
+        Unit vector along the path, distance from it [m], and its curvature there [1/m].
+    slip
+        Slip velocities of the clutches [rad/s].
+    """
+
+    arm: Linkage
+    q: Motion
+    velocity: Vector
+    heading: UnitVector
+    error: float
+    curvature: float
+    slip: PerClutch
+
+
+def is_ours(function: Any) -> bool:
+    """Return whether a compiled function is of this package, whose bounds need no checks."""
+    return str(getattr(function, "__module__", "")).startswith("pter_gym.")
 
 
 @inlined
@@ -61,7 +89,9 @@ def physical(obs: Entries, scales: Entries, at: float) -> float:
 
 
 @inlined
-def observed_tip(obs: Entries, scales: Entries, nominal: Nominal) -> Tip:
+def observed_tip(
+    obs: Entries, scales: Entries, nominal: Nominal, arrangement: OptionalArrangement
+) -> Tip:
     """Return the tip as estimated from the observation and the nominal machine."""
     q = Motion(
         0.0,  # no law asks for the angles themselves
@@ -81,11 +111,18 @@ def observed_tip(obs: Entries, scales: Entries, nominal: Nominal) -> Tip:
         UnitVector(float(obs[OBS.heading.cos]), float(obs[OBS.heading.sin])),
         physical(obs, scales, OBS.normal_error),
         physical(obs, scales, OBS.curvature),
+        slip_velocities(q.omega_a, q.omega_b, arrangement),
     )
 
 
 @inlined
-def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[float, float]:
+def speed_along(tip: Tip) -> float:
+    """Return the speed of the tip along the path [m/s]."""
+    return tip.velocity.x * tip.heading.cos + tip.velocity.y * tip.heading.sin
+
+
+@inlined
+def wanted_force(g: Any, tip: Tip, pace: float, integral: float) -> tuple[float, float]:
     """Return the tip force [N] of a spring and a damper normal to the path and a brake along it.
 
     The brake is a damper on the excess of the speed over a fraction of the commanded pace, plus
@@ -118,7 +155,7 @@ def steps_before(obs: Entries, memory: Entries) -> float:
 
 
 @inlined
-def pace_integral(g: Gains, tip: Tip, pace: float, memory: Entries) -> float:
+def pace_integral(g: Any, tip: Tip, pace: float, memory: Entries) -> float:
     """Return the pace's integral [N] after a control step, which adds gain·(speed − pace)."""
     more = g.pace_integral * (speed_along(tip) - pace)
     memory[MEMORY.brake] = clamp(memory[MEMORY.brake] + more, -BRAKE_LIMIT, BRAKE_LIMIT)
@@ -127,7 +164,7 @@ def pace_integral(g: Gains, tip: Tip, pace: float, memory: Entries) -> float:
 
 @inlined
 def demanded_force(
-    g: Gains, tip: Tip, pace: float, before: float, memory: Entries
+    g: Any, tip: Tip, pace: float, before: float, memory: Entries
 ) -> tuple[bool, float, float]:
     """Return whether a law still grips after so many control steps, and the tip force [N]."""
     gripping = g.grip - before >= 0.5
@@ -136,81 +173,13 @@ def demanded_force(
     return gripping, force_x, force_y
 
 
-@inlined
-def guide(obs: Entries, scales: Entries, gains: Entries, memory: Entries) -> PerClutch:
-    """Return the voltages of a guiding law for the paper's clutches."""
-    return guide_by(obs, scales, gains, memory, None)
-
-
-@inlined
-def guide_declared(obs: Entries, scales: Entries, gains: Entries, memory: Entries) -> PerClutch:
-    """Return the voltages of a guiding law for the ``Arrangement`` at the end of the gains."""
-    return guide_by(obs, scales, gains, memory, read(gains, ARRANGEMENT, gains.shape[0]))
-
-
-@inlined
-def guide_by(
-    obs: Entries, scales: Entries, gains: Entries, memory: Entries, arrangement: OptionalArrangement
-) -> PerClutch:
-    """Return the voltages of a guiding law: impedance, single-DOF lines or velocity ratio.
-
-    Each law has a desired tip force (for the latter two, only the brake along the path), which Jᵀ
-    maps to the joints. The velocity-ratio law adds joint torques; the allocation then finds the
-    closest torques that passive clutches can exert (paper section III-A). The single-DOF law then
-    adds a torque of one clutch. The table and, if it has a gain, the torque loop convert them to
-    voltages.
-    """
-    pace = physical(obs, scales, OBS.pace)
-    nominal = read(gains, NOMINAL, 0)
-    g = read_gains(gains, pace)
-    tip = observed_tip(obs, scales, nominal)
-    gripping, force_x, force_y = demanded_force(g, tip, pace, steps_before(obs, memory), memory)
-    want_a, want_b = joint_torque(tip.arm, tip.q, force_x, force_y)
-    if nominal.kind == VELOCITY_RATIO:
-        turn_a, turn_b = turning_torques(g, tip)
-        want_a += turn_a
-        want_b += turn_b
-    slip = slip_velocities(tip.q.omega_a, tip.q.omega_b, arrangement)
-    wanted = passive_torques(g, tip, slip, nominal, want_a, want_b, arrangement)
-    if nominal.kind == SINGLE_DOF:
-        wanted, memory[MEMORY.kept] = steered(
-            g, tip, nominal.scale, wanted, memory[MEMORY.kept], arrangement
-        )
-    least = nominal.voltage_max if gripping else 0.0
-    return looped_voltage(obs, scales, gains, g, least, nominal.scale, wanted, slip, OBS.torque)
-
-
-@inlined
-def passive_torques(
-    g: Gains,
-    tip: Tip,
-    slip: PerClutch,
-    nominal: Nominal,
-    want_a: float,
-    want_b: float,
-    arrangement: OptionalArrangement = None,
-) -> PerClutch:
-    """Return the torques [N·m] of braking clutches that come closest, at the joints or the tip."""
-    low = least_torque(slip, g.slip_threshold, nominal.torque_limit, nominal.scale)
-    high = largest_torque(slip, g.slip_threshold, nominal.torque_limit, nominal.scale)
-    m11, m12, m22 = 1.0, 0.0, 1.0
-    if g.tip_space >= 0.5:
-        length_a, length_b = tip.arm.length_a, tip.arm.length_b
-        m11, m12, m22 = (
-            length_a * length_a,
-            length_a * length_b * cos_difference(tip.q),
-            length_b * length_b,
-        )
-    return allocate(want_a, want_b, low, high, m11, m12, m22, arrangement)
-
-
 @entrywise
 @inlined
 def looped_voltage(
     obs: Entries,
     scales: Entries,
     gains: Entries,
-    g: Gains,
+    g: Any,
     least: float,
     scale: float,
     wanted: float,
@@ -228,50 +197,45 @@ def looped_voltage(
 
 
 @inlined
-def random_volts(gains: Entries, memory: Entries) -> PerClutch:
-    """Return voltages from 0 to each clutch's largest, other draws in each episode.
+def paper_clutches(gains: Entries) -> None:
+    """Return None, the arrangement of the paper's clutches: its branches compile to nothing."""
 
-    The gains hold the seed and the largest voltages.
+
+@inlined
+def declared_clutches(gains: Entries) -> Arrangement:
+    """Return the ``Arrangement`` at the end of the gains."""
+    return read(gains, ARRANGEMENT, gains.shape[0])
+
+
+@cache
+def guiding_law(steering: Law, record: type[Any], arrangement_at: Law) -> Law:
+    """Return the guiding law with a steering, compiled with bounds checks if that is a user's.
+
+    Parameters
+    ----------
+    steering
+        Makes clutch torques of the desired joint torques, as above.
+    record
+        Record of the law's gains.
+    arrangement_at
+        ``paper_clutches`` or ``declared_clutches``.
     """
-    draw = np.uint64(memory[MEMORY.kept])
-    memory[MEMORY.kept] += 1.0
-    u1, u2, u3, u4 = uniform4(
-        np.uint64(gains[1]), _RANDOM_STREAM, draw, np.uint64(memory[MEMORY.episode])
-    )
-    return PerClutch(gains[2] * u1, gains[3] * u2, gains[4] * u3, gains[5] * u4)
+    read_gains = gains_reader(record)
 
+    def guide(obs: Entries, scales: Entries, gains: Entries, memory: Entries) -> PerClutch:
+        """Return the voltages of a guiding law."""
+        pace = physical(obs, scales, OBS.pace)
+        nominal = read(gains, NOMINAL, 0)
+        arrangement = arrangement_at(gains)
+        g = read_gains(gains, pace)
+        tip = observed_tip(obs, scales, nominal, arrangement)
+        gripping, force_x, force_y = demanded_force(g, tip, pace, steps_before(obs, memory), memory)
+        want_a, want_b = joint_torque(tip.arm, tip.q, force_x, force_y)
+        wanted = steering(g, tip, nominal, PerLink(want_a, want_b), memory, arrangement)
+        least = nominal.voltage_max if gripping else 0.0
+        return looped_voltage(
+            obs, scales, gains, g, least, nominal.scale, wanted, tip.slip, OBS.torque
+        )
 
-@outlined
-def network(obs: Entries, scales: Entries, gains: Entries, memory: Entries) -> PerClutch:
-    """Return the voltages of a trained network, which may correct a guiding law."""
-    law = gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])]
-    base = guide(obs, scales, law, memory) if len(law) > 0 else middle(gains)
-    return decide(obs, scales, gains, memory, base)
-
-
-@inlined
-def middle(gains: Entries) -> PerClutch:
-    """Return the voltages [V] that a network corrects without a base: the middle of the range."""
-    half = 0.5 * gains[HEADER.voltage_max]
-    return PerClutch(half, half, half, half)
-
-
-@inlined
-def built_in(obs: Entries, scales: Entries, gains: Entries, memory: Entries) -> PerClutch:
-    """Return the voltages of the built-in law that the first gain names."""
-    if gains[0] == NETWORK:
-        return network(obs, scales, gains, memory)
-    if gains[0] >= IMPEDANCE:
-        return guide(obs, scales, gains, memory)
-    if gains[0] == RANDOM:
-        return random_volts(gains, memory)
-    return PerClutch(gains[1], gains[2], gains[3], gains[4])
-
-
-@inlined
-def built_in_declared(obs: Entries, scales: Entries, gains: Entries, memory: Entries) -> PerClutch:
-    """Return the voltages of the law that the first gain names, for declared clutches."""
-    corrects = gains[0] == NETWORK
-    law = gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])] if corrects else gains
-    base = guide_declared(obs, scales, law, memory) if len(law) > 0 else middle(gains)
-    return decide(obs, scales, gains, memory, base) if corrects else base
+    guide.__module__ = steering.__module__
+    return (inlined if is_ours(steering) else compiled)(guide)

@@ -1,12 +1,12 @@
 """The built-in laws, known without loading anything that compiles."""
 
 LAWS = {
-    "impedance": "Impedance",
-    "torque-feedback": "TorqueFeedback",
-    "single-dof": "SingleDof",
-    "velocity-ratio": "VelocityRatio",
-    "free": "Free",
-    "locked": "Locked",
-    "random": "Random",
+    "impedance": "_guided:Impedance",
+    "torque-feedback": "_guided:TorqueFeedback",
+    "single-dof": "_steering:SingleDof",
+    "velocity-ratio": "_steering:VelocityRatio",
+    "free": "_simple:Free",
+    "locked": "_simple:Locked",
+    "random": "_simple:Random",
 }
-"""Their classes in ``pter_gym.controllers``, by name."""
+"""Where their classes are in ``pter_gym.controllers``, by name."""

@@ -9,6 +9,7 @@ The memory of a world is ``Memory`` of the base controller's law, ``InputHistory
 inputs, the averages and two vectors of ``width`` entries for the layers.
 """
 
+from functools import cache
 from typing import Annotated, NamedTuple
 
 from pter_gym._compiled.compiler import inlined, outlined
@@ -17,6 +18,7 @@ from pter_gym._physics.arm import UnitVector, Vector, components
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.scalars import clamp
 from pter_gym.controllers._gains import Entries, Memory
+from pter_gym.controllers._laws import Law
 from pter_gym.tasks.path_following._actions import volts_of
 from pter_gym.tasks.path_following._observation import OBS
 
@@ -36,7 +38,6 @@ TANH_MAX = 20.0
 class Network(NamedTuple):
     """Sizes of a network, and what its outputs mean."""
 
-    kind: Annotated[float, Entry("1", "number of the law")]
     base: Annotated[float, Entry("1", "entries of the base controller's gains, 0 without one")]
     inputs: Annotated[float, Entry("1", "inputs at one instant")]
     delays: Annotated[float, Entry("1", "earlier instants whose inputs it sees")]
@@ -204,3 +205,35 @@ def voltage(net: Network, output: float, base: float) -> float:
     if net.normalised != 0.0:
         return volts_of(limited, -1.0, 1.0, net.voltage_max)
     return clamp(base + net.reach * limited, 0.0, net.voltage_max)
+
+
+@inlined
+def middle(obs: Entries, scales: Entries, gains: Entries, memory: Entries) -> PerClutch:  # noqa: ARG001
+    """Return the voltages [V] that a network corrects without a base: the middle of the range."""
+    half = 0.5 * gains[HEADER.voltage_max]
+    return PerClutch(half, half, half, half)
+
+
+@cache
+def network_on(law: Law | None) -> Law:
+    """Return the law of a trained network, which may correct another law."""
+    base = middle if law is None else _law_within(law)
+
+    @outlined
+    def network(obs: Entries, scales: Entries, gains: Entries, memory: Entries) -> PerClutch:
+        """Return the voltages of a trained network."""
+        return decide(obs, scales, gains, memory, base(obs, scales, gains, memory))
+
+    return network
+
+
+def _law_within(law: Law) -> Law:
+    """Return a law whose gains follow the header of a network's."""
+
+    @inlined
+    def base(obs: Entries, scales: Entries, gains: Entries, memory: Entries) -> PerClutch:
+        """Return the voltages of the law that a network corrects."""
+        own = gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])]
+        return law(obs, scales, own, memory)
+
+    return base

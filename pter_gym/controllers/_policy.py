@@ -5,9 +5,10 @@ layout)``, which returns a policy for a nominal machine and the observations tha
 """
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from typing import Any, NamedTuple, Protocol, Self, SupportsIndex, runtime_checkable
 
 import numpy as np
@@ -40,10 +41,14 @@ class Controller(Protocol):
 
 
 class CompiledLaw(NamedTuple):
-    """A compiled law: the scalar function and its gains, float64 (G,)."""
+    """A compiled law: the scalar function, its gains, float64 (G,), and their parts by name.
+
+    A part is its first entry in the gains and the one after its last.
+    """
 
     function: ScalarLaw
     gains: NDArray[np.float64]
+    parts: dict[str, tuple[int, int]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +160,7 @@ class Policy:
     def from_law(
         cls,
         function: ScalarLaw,
-        gains: ArrayLike,
+        gains: ArrayLike | Mapping[str, ArrayLike],
         machine: Machine,
         layout: Layout,
         *,
@@ -173,7 +178,8 @@ class Policy:
             ``pter_gym.controllers.compiled`` compiles. ``obs·scales`` is in physical units.
             Voltages beyond the machine's range are clipped.
         gains
-            Numbers that the law reads, (G,).
+            Numbers that the law reads, (G,), or their parts by name, in order; in C code, each part
+            that the law looks up is an array.
         machine, layout
             The nominal machine, and the layout of the observations.
         memory
@@ -186,7 +192,11 @@ class Policy:
         control_period
             The only control period at which it may act [s]; by default, any will do.
         """
-        numbers, scales = np.asarray(gains, np.float64), layout.scales
+        arrays = gains if isinstance(gains, Mapping) else {"gains": gains}
+        ends = np.cumsum([np.size(part) for part in arrays.values()]).tolist()
+        parts = dict(zip(arrays, pairwise([0, *ends]), strict=True))
+        numbers = np.concatenate([*arrays.values()], dtype=np.float64)
+        scales = layout.scales
         clutches, top = len(machine.clutches), machine.clutch.voltage_max
         kernel = kernel_of(function)
         entries = width(memory) + more_memory
@@ -218,13 +228,13 @@ class Policy:
             start,
             1 if frame_skip is None else whole_number("frame_skip", frame_skip),
             frame_skip is None,
-            CompiledLaw(function, numbers),
+            CompiledLaw(function, numbers, parts),
             control_period=control_period,
             machine=machine,
             made=partial(
                 cls.from_law,
                 function,
-                numbers,
+                gains,
                 machine,
                 layout,
                 memory=memory,

@@ -8,47 +8,25 @@ Passive clutches cannot choose a speed, so the damper along the path has that fo
 """
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import entrywise
-from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, cos_difference, tip_velocity
+from pter_gym._internal.fields import parameter
+from pter_gym._physics.arm import Motion, PerLink, cos_difference, tip_velocity
 from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import COUPLING, LINES
 from pter_gym._physics.scalars import sign
-from pter_gym.controllers._gains import Gains
-
-
-class Tip(NamedTuple):
-    """The arm and its position relative to the path as a law sees them, in SI.
-
-    Attributes
-    ----------
-    arm, q
-        Nominal arm, and its motion.
-    velocity
-        Velocity of the tip [m/s].
-    heading, error, curvature
-        Unit vector along the path, distance from it [m], and its curvature there [1/m].
-    """
-
-    arm: Linkage
-    q: Motion
-    velocity: Vector
-    heading: UnitVector
-    error: float
-    curvature: float
+from pter_gym.controllers._allocation import passive_torques
+from pter_gym.controllers._gains import MEMORY, Entries, Nominal
+from pter_gym.controllers._guided import LOOP, Guided
+from pter_gym.controllers._laws import Tip, speed_along
 
 
 @inlined
-def speed_along(tip: Tip) -> float:
-    """Return the speed of the tip along the path [m/s]."""
-    return tip.velocity.x * tip.heading.cos + tip.velocity.y * tip.heading.sin
-
-
-@inlined
-def wanted_direction(g: Gains, tip: Tip) -> tuple[float, float]:
+def wanted_direction(g: Any, tip: Tip) -> tuple[float, float]:
     """Return the unit vector in which the tip should move, (t + (lead·κ·v − approach·e)·n)/|…|."""
     back = g.lead * tip.curvature * speed_along(tip) - g.approach * tip.error
     size = math.sqrt(1.0 + back * back)
@@ -59,7 +37,7 @@ def wanted_direction(g: Gains, tip: Tip) -> tuple[float, float]:
 
 
 @inlined
-def turning_torques(g: Gains, tip: Tip) -> tuple[float, float]:
+def turning_torques(g: Any, tip: Tip) -> tuple[float, float]:
     """Return the joint torques [N·m] that turn the ratio of the joint velocities.
 
     r = J⁻¹u/|J⁻¹u| is the direction of joint velocities that moves the tip as desired, and n is
@@ -121,7 +99,7 @@ def line_and_row(
 
 @inlined
 def steered(
-    g: Gains,
+    g: Any,
     tip: Tip,
     scale: PerClutch,
     wanted: PerClutch,
@@ -158,3 +136,113 @@ def enlarged(wanted: float, number: float, chosen: float, torque: float) -> floa
     """Return a desired torque, larger for the chosen clutch; a brake's voltage has no sign."""
     more = torque if number == chosen else 0.0
     return wanted + more if wanted > 0.0 else wanted - more
+
+
+@inlined
+def engage_line(
+    g: Any,
+    tip: Tip,
+    nominal: Nominal,
+    want: PerLink,
+    memory: Entries,
+    arrangement: OptionalArrangement,
+) -> PerClutch:
+    """Return the clutch torques [N·m] of the single-DOF law."""
+    braking = passive_torques(g, tip, nominal, want, arrangement)
+    wanted, memory[MEMORY.kept] = steered(
+        g, tip, nominal.scale, braking, memory[MEMORY.kept], arrangement
+    )
+    return wanted
+
+
+@inlined
+def turn_ratio(
+    g: Any,
+    tip: Tip,
+    nominal: Nominal,
+    want: PerLink,
+    memory: Entries,  # noqa: ARG001
+    arrangement: OptionalArrangement,
+) -> PerClutch:
+    """Return the clutch torques [N·m] of the velocity-ratio law."""
+    turn_a, turn_b = turning_torques(g, tip)
+    return passive_torques(g, tip, nominal, PerLink(want.a + turn_a, want.b + turn_b), arrangement)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steering(Guided):
+    """A damper along the path for the pace, and a law that turns the tip's velocity.
+
+    With the distance e from the path, its tangent t, normal n and curvature κ, and the speed v
+    along it, the desired direction is t + (lead·κ·v − approach·e)·n. The torque loop is that of
+    ``TorqueFeedback``.
+    """
+
+    search = (
+        Guided.search
+        | LOOP
+        | {"approach": (1.0, 100.0), "lead": (0.0, 0.4), "strength": (3.0, 300.0)}
+    )
+
+    approach: float = parameter(
+        "1/m", "chosen: this inverse distance turns the tip back by 45 degrees", default=8.0
+    )
+    strength: float = parameter(
+        "N·m",
+        "chosen: torque against a velocity at right angles to the wanted direction",
+        default=40.0,
+    )
+    slow: float = parameter(
+        "m/s or rad/s", "chosen: a slower tip is turned less, in proportion to its speed"
+    )
+    lead: float = parameter(
+        "s", "chosen: the wanted direction is turned so much ahead of the path", default=0.0
+    )
+    feedback: float = parameter("V/(N·m)", "chosen: gain of the torque loop", default=0.0)
+    hold_when_stuck: bool = parameter(
+        "1", "chosen: leave the torque loop out where it has no effect", default=False
+    )
+
+    ranges = Guided.ranges | {"slow": {"above": 0.0}, "reluctance": {"at_least": 0.0, "below": 1.0}}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SingleDof(Steering):
+    """Single-DOF lines: engage the clutch whose line of motion is closest to the desired direction.
+
+    While one clutch is stuck, the tip has a single degree of freedom, along a line that the pose
+    and the clutch determine. Some clutches turn the tip's velocity towards the desired direction,
+    by the nominal mass matrix. Of these the law engages the clutch with the largest cos² of the
+    angle between its line and that direction. Its torque is ``strength·|sin δ|`` with the angle δ
+    between velocity and desired direction, and adds to what the damper along the path asks of it.
+    ``reluctance`` is added to the cos² of the clutch engaged last, against chatter.
+    """
+
+    steering = engage_line
+    search = Steering.search | {"slow": (0.01, 1.0), "reluctance": (0.0, 0.5)}
+
+    slow: float = parameter(
+        "m/s", "chosen: a slower tip is turned less, in proportion to its speed", default=0.05
+    )
+    reluctance: float = parameter("1", "chosen: advantage of the clutch engaged last", default=0.05)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VelocityRatio(Steering):
+    """Velocity ratio: couple the axes so that the tip moves in the desired direction.
+
+    J⁻¹ turns the desired direction into a ratio of joint velocities. A joint torque normal to it,
+    strength·sin δ with the angle δ between joint velocity and desired ratio, turns the joint
+    velocity there; together with the damper along the path it goes through the allocation of the
+    paper's controller.
+    """
+
+    steering = turn_ratio
+    search = Steering.search | {"slow": (0.02, 2.0), "tip_space": (False, True)}
+
+    slow: float = parameter(
+        "rad/s", "chosen: a slower arm is turned less, in proportion to its speed", default=0.1
+    )
+    tip_space: bool = parameter(
+        "1", "chosen: allocate for tip force, not joint torque", default=False
+    )

@@ -16,8 +16,7 @@ from numba import types
 from pter_gym._compiled.compiler import compile_kernel, inlined, outlined
 from pter_gym._compiled.records import load, store, width
 from pter_gym._physics.arm import Load, PerLink
-from pter_gym._physics.clutch import PerClutch, Torques, product
-from pter_gym._physics.creep import creeping
+from pter_gym._physics.clutch import PerClutch, Torques
 from pter_gym._physics.open_loop import BODY, Array, scratch
 from pter_gym._physics.order import CYCLE, is_kick, is_whole, stage_count
 from pter_gym._physics.step import (
@@ -25,7 +24,6 @@ from pter_gym._physics.step import (
     MIN_PART,
     arrangement_from,
     kick_stages_on,
-    least_torques,
     paper_clutches,
     share_before_switch,
     substep_on,
@@ -71,24 +69,9 @@ class Kick(NamedTuple):
     share: Stage
 
 
-def kick_stages(arrangement_at: Stage, *, creeps: bool = False) -> Kick:
-    """Return a kick's stages for the clutches of ``arrangement_at``, which may creep."""
+def kick_stages(arrangement_at: Stage) -> Kick:
+    """Return a kick's stages for the clutches of ``arrangement_at``."""
     find, _, _ = kick_stages_on(BODY, load_on, arrangement_at)
-
-    @inlined
-    def find_creeping(w: Columns, i: int, h: float) -> None:
-        find(w, i, h)
-        machine, arrangement = load(w, BODY.machine, i), arrangement_at(w, i)
-        most, torques = load(w, BODY.capacity, i), load(w, BODY.torques, i)
-        least = least_torques(most, torques, machine, arrangement)
-        omega_a, omega_b, _ = creeping(
-            *load(w, BODY.impact, i)[:5],
-            machine.slip_threshold,
-            product(h, least),
-            product(h, most),
-            arrangement,
-        )
-        store(w, BODY.omega, i, PerLink(omega_a, omega_b))
 
     @outlined
     def share(w: Columns, i: int) -> float:
@@ -104,8 +87,7 @@ def kick_stages(arrangement_at: Stage, *, creeps: bool = False) -> Kick:
             arrangement_at(w, i),
         )
 
-    whole = substep_on(BODY, load_on, arrangement_at)[2]
-    return Kick(whole, find_creeping if creeps else find, share)
+    return Kick(substep_on(BODY, load_on, arrangement_at)[2], find, share)
 
 
 _aim_half, _aim_whole = (adjoint_of(aim, constants=(whole,)) for whole in (False, True))
@@ -335,10 +317,9 @@ def _build_backward(digest: str) -> Stage:
 
 
 @cache
-def kernels(*, has_paper_clutches: bool, creeps: bool) -> tuple[Stage, Stage]:
+def kernels(*, has_paper_clutches: bool) -> tuple[Stage, Stage]:
     """Return ``forward`` and ``backward`` of rollouts, for the paper's or declared clutches."""
-    arrangement_at = paper_clutches if has_paper_clutches else arrangement_from(BODY)
-    stages = kick_stages(arrangement_at, creeps=creeps)
+    stages = kick_stages(paper_clutches if has_paper_clutches else arrangement_from(BODY))
     forward, backward = _forward_on(stages.whole), _backward_on(stages)
     backward_kernel = compile_kernel(_build_backward, forward_step=forward, backward_step=backward)
     return compile_kernel(_build_forward, forward_step=forward), backward_kernel

@@ -28,6 +28,7 @@ def divided(machine: Machine | str | None, period: float) -> tuple[Machine, int]
     """Return a machine whose substeps fill a control step of a period [s], and their number."""
     machine = find_machine(machine)
     require(machine.clutch.fade == 0.0, machine.clutch, "fade", "0: heat has no derivatives")
+    refuse_creep(machine)
     if not 0.0 < period <= MAX_SUBSTEPS * machine.substep:
         raise ParameterError(
             f"period must be > 0 s and at most {MAX_SUBSTEPS * machine.substep:g} s, got {period!r}"
@@ -37,12 +38,11 @@ def divided(machine: Machine | str | None, period: float) -> tuple[Machine, int]
     return machine if substep == machine.substep else replace(machine, substep=substep), count
 
 
-def kind_of(*machines: Machine) -> dict[str, bool]:
-    """Return what ``kernels`` asks of machines."""
-    return {
-        "has_paper_clutches": machines[0].has_paper_clutches,
-        "creeps": any(machine.clutch.band == "printed" for machine in machines),
-    }
+def refuse_creep(*machines: Machine) -> None:
+    """Raise a ParameterError if a machine's clutches may creep."""
+    for machine in machines:
+        clutch = machine.clutch
+        require(clutch.band == "vanishing", clutch, "band", '"vanishing": creep has no derivatives')
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # in the branch of a hand that has no damping

@@ -11,7 +11,7 @@ from pter_gym._physics.arm import Motion, tip_position, tip_velocity
 from pter_gym._physics.open_loop import BODY_WIDTH, State, body_of, check_volts, finite_array
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.gradients._adjoint import FIRST, LAST, kernels
-from pter_gym.gradients._machine import by_machine, divided, kind_of
+from pter_gym.gradients._machine import by_machine, divided
 from pter_gym.params import Machine
 
 Array = NDArray[np.float64]
@@ -224,8 +224,8 @@ def checked(
 def run(inputs: Inputs) -> Rollout:
     """Simulate checked inputs."""
     states = np.empty((len(inputs.volts) + 1, LAST - FIRST))
+    forward, _ = kernels(has_paper_clutches=inputs.machine.has_paper_clutches)
     machine = inputs.machine
-    forward, _ = kernels(**kind_of(machine))
     forward(
         inputs.body, inputs.volts, inputs.hand_force, inputs.hand_target, machine.substep, states
     )
@@ -265,7 +265,7 @@ def gradient_of(inputs: Inputs, states: Array, by_states: Array) -> Gradient:
         inputs.hand_target,
         inputs.machine.substep,
     )
-    _, backward = kernels(**kind_of(inputs.machine))
+    _, backward = kernels(has_paper_clutches=inputs.machine.has_paper_clutches)
     backward(*arguments, states, by_states, volts, force, target, bar)
     first = bar[FIRST:LAST, 0].copy()
     cos, sin = states[0, UNITS][::2], states[0, UNITS][1::2]

@@ -37,7 +37,7 @@ KICK = MOTION | TORQUES | frozenset(
 )  # fmt: skip
 
 
-def substep_tangents(arrangement_at: Stage, torque_lanes: int, *, creeps: bool = False) -> Stage:
+def substep_tangents(arrangement_at: Stage, torque_lanes: int) -> Stage:
     """Return a substep with tangents, for machines with the clutches of ``arrangement_at``.
 
     Parameters
@@ -46,8 +46,6 @@ def substep_tangents(arrangement_at: Stage, torque_lanes: int, *, creeps: bool =
         As ``substep_on`` takes it.
     torque_lanes
         How many lanes, the first, may have tangents of the clutches' torques and voltages.
-    creeps
-        Whether clutches may creep.
 
     Returns
     -------
@@ -57,7 +55,7 @@ def substep_tangents(arrangement_at: Stage, torque_lanes: int, *, creeps: bool =
         its entries by numbers of the motion, the clutches, the inertias, the friction of the axes
         and the load. ``aims`` says whether commands may have changed.
     """
-    kick = _kick_tangents(arrangement_at, creeps)
+    kick = _kick_tangents(arrangement_at)
     first = f"min({torque_lanes}, {LANES})"
     aim_torques = tangent_of(aim, constants=(False,), active=TORQUES, lanes=first)
     relax = tangent_of(drift, "h", constants=(False,), active=TORQUES, lanes=first)
@@ -97,9 +95,9 @@ def stages_in_span(stages: Kick) -> tuple[Stage, Stage]:
     return find, take_part
 
 
-def _kick_tangents(arrangement_at: Stage, creeps: bool) -> Stage:
+def _kick_tangents(arrangement_at: Stage) -> Stage:
     """Return ``kick(body, dot, h)``: a kick of h [s] with tangents, divided at each switch."""
-    stages = kick_stages(arrangement_at, creeps=creeps)
+    stages = kick_stages(arrangement_at)
     share = stages.share
     find, part = (tangent_of(stage, active=KICK, lanes=LANES) for stage in stages_in_span(stages))
 

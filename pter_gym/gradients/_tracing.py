@@ -17,16 +17,10 @@ from pter_gym._compiled.records import flat
 from pter_gym._compiled.source import compile_source
 from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.creep import creeping
 from pter_gym._physics.friction import resolve
 from pter_gym._physics.open_loop import BODY
 from pter_gym.gradients._branchless import Column, Stage, branchless
-from pter_gym.gradients._friction import (
-    creeping_adjoint,
-    creeping_tangent,
-    resolve_adjoint,
-    resolve_tangent,
-)
+from pter_gym.gradients._friction import resolve_adjoint, resolve_tangent
 
 
 @dataclass
@@ -167,29 +161,21 @@ That is linear in g with the operand's derivative as its factor, so it is also w
 tangent g adds to that of the operation. """
 
 
-def _traced(kind: str, results: int) -> Stage:
-    def function(*given: object) -> tuple[_Value, ...]:
-        trace: _Trace = next(each.trace for each in flat(given) if isinstance(each, _Value))
-        return trace.note(kind, *given, results=results)
-
-    return function
+def _traced(*given: object) -> tuple[_Value, _Value]:
+    """Note the friction problem; it has ``resolve_adjoint`` and ``resolve_tangent``."""
+    trace: _Trace = next(each.trace for each in flat(given) if isinstance(each, _Value))
+    return trace.note("resolve", *given, results=2)
 
 
-_RULES: dict[Any, Stage] = {
-    getattr(each, "py_func", each): _traced(each.__name__, results)
-    for each, results in ((resolve, 2), (creeping, 3))
-}
-"""Functions that a trace notes as one operation: they have adjoints and tangents by hand."""
+_RULES: dict[Any, Stage] = {getattr(resolve, "py_func", resolve): _traced}
+"""Functions that a trace notes as one operation."""
 
-_NUMBERS = {"resolve": 9, "creeping": 14}
-"""How many numbers they take that have derivatives, the first."""
+_NUMBERS = 9
+"""How many numbers ``resolve`` takes that have derivatives, the first."""
 
 _NAMES: dict[str, object] = {
     each.__name__: each
-    for each in (
-        *(math, PerClutch, Arrangement, resolve, resolve_adjoint, resolve_tangent),
-        *(creeping, creeping_adjoint, creeping_tangent),
-    )
+    for each in (math, resolve, resolve_adjoint, resolve_tangent, PerClutch, Arrangement)
 }
 """What generated code may name."""
 
@@ -293,14 +279,14 @@ def tangent_of(
         return f"d{value}" if isinstance(value, _Value) and value.name in active_names else ""
 
     for results, kind, of in recording.trace.steps:
-        numbers = flat(of)[: _NUMBERS[kind]] if kind in _NUMBERS else of
-        if kind in _NUMBERS:
+        numbers = flat(of)[:_NUMBERS] if kind == "resolve" else of
+        if kind == "resolve":
             arguments = [
                 *map(repr, of),
                 *map(repr, results),
                 *(dot(value) or "0.0" for value in numbers),
             ]
-            line = f"{kind}_tangent({', '.join(arguments)})"
+            line = f"resolve_tangent({', '.join(arguments)})"
         else:
             pulls = zip(of, _PULLS.get(kind, ("",) * len(of)), strict=True)
             line = " + ".join(
@@ -328,8 +314,8 @@ def _compiled(name: str, arguments: tuple[str, ...], lines: list[str]) -> Stage:
 
 def _forward(made: tuple[_Value, ...], kind: str, of: tuple[object, ...]) -> str:
     left = ", ".join(map(repr, made))
-    if kind in _NUMBERS:
-        return f"{left} = {kind}({', '.join(map(repr, of))})"
+    if kind == "resolve":
+        return f"{left} = resolve({', '.join(map(repr, of))})"
     return f"{left} = {_CODE.get(kind, f'{{0}} {kind} {{1}}').format(*of)}"
 
 
@@ -350,14 +336,14 @@ class _Adjoints:
         self, results: tuple[_Value, ...], kind: str, of: tuple[object, ...]
     ) -> Iterator[str]:
         """Yield the lines that pull adjoints of results back through an operation."""
-        if not any(map(self.of, results)) or not (kind in _PULLS or kind in _NUMBERS):
+        if not any(map(self.of, results)) or not (kind in _PULLS or kind == "resolve"):
             return
         for value in results:
             yield f"g{value} = {' + '.join(self.of(value)) or '0.0'}"
-        if kind in _NUMBERS:
+        if kind == "resolve":
             everything = [*map(repr, of), *map(repr, results), *(f"g{value}" for value in results)]
-            yield f"p{results[0]} = {kind}_adjoint({', '.join(everything)})"
-            for k, value in enumerate(flat(of)[: _NUMBERS[kind]]):
+            yield f"p{results[0]} = resolve_adjoint({', '.join(everything)})"
+            for k, value in enumerate(flat(of)[:_NUMBERS]):
                 self.add(value, f"p{results[0]}[{k}]")
             return
         for value, pull in zip(of, _PULLS[kind], strict=True):

@@ -11,23 +11,22 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from pter_gym._compiled.records import flat, load, store
+from pter_gym._compiled.records import flat, leaves, load, store
 from pter_gym._engine.command import clipped, given_volts, take_command
 from pter_gym._engine.hand import move_hand, push_tip
 from pter_gym._engine.judgement import judge_step, locate
 from pter_gym._engine.motion import set_strengths
-from pter_gym._engine.sensors import observe_world
-from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANTS, FLAG, ROW, Config
+from pter_gym._engine.sensors import observe_world, scale_entries
+from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANTS, EXTRAS, FLAG, KEPT, ROW, World
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH
 from pter_gym._physics.order import is_kick, is_whole, stage_count
 from pter_gym.envs import jax as jax_env
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.gradients._branchless import Column, Stage, branchless
-from pter_gym.gradients._machine import kind_of
+from pter_gym.gradients._machine import refuse_creep
 from pter_gym.gradients.jax import MEANING, first_order, floats_of, jax, jnp, lax, rolling
 from pter_gym.paths._projection import foot_on, neighbour, project, segment_at
-from pter_gym.tasks.path_following._observation import BOUND
 
 __all__ = ["DifferentiableEnv", "DifferentiableEnvState", "make"]
 
@@ -71,6 +70,7 @@ class DifferentiableEnv(jax_env.JaxEnv):
             raise ParameterError(
                 "machine must have the paper's clutches for a step to be differentiated"
             )
+        refuse_creep(*(machine for machine, _ in env.batch.pairs))
         if env.batch.kernel_arrays()["worlds"].shape[1] != BASIC_ROWS:
             raise ParameterError(
                 "hand must be a push and sines, and sensing ideal, for a step to be "
@@ -80,10 +80,13 @@ class DifferentiableEnv(jax_env.JaxEnv):
             raise ParameterError('sensors must be "encoders" for a step to be differentiated')
         super().__init__(env)
         config = np.asarray(self.default_params.config).view(np.float64)
-        loaded = load(config[:, None], CONFIG, 0)
-        roll = rolling(loaded.substep, **kind_of(*(machine for machine, _ in env.batch.pairs)))
-        follow = _following(loaded, self.frame_skip, roll)
-        self._advance_one = _advancing(super()._advance, follow, loaded, episode_end)
+        follow = _following(config, self.frame_skip)
+        _, state = self.reset_to_seed(0)
+        words = _Words(self.default_params.constants)
+        jax.eval_shape(partial(follow, constants=words), state.numbers, jnp.zeros(4))
+        self._advance_one = _advancing(
+            super()._advance, follow, int(config[CONFIG.entries]), episode_end
+        )
 
     def reset_to_seed(self, seed: Any, params: Any = None) -> tuple[jax.Array, Any]:
         """Return what ``JaxEnv.reset_to_seed`` does, and the world's numbers."""
@@ -185,14 +188,67 @@ class _Words:
         return floats_of(lax.dynamic_slice_in_dim(self.words, 2 * first, 2 * count))
 
 
-def _following(config: Config, frame_skip: int, roll: Stage) -> Stage:
+NAMES = [leaf.name for leaf in leaves(World)]
+"""Names of the rows of a world."""
+
+UNKNOWN = flat(ROW.torque)
+"""Rows of what a step finds beside the motion, which this room does not compute."""
+
+
+class _Unknown:
+    """A number that has no derivative here: it may be read and stored, but not used."""
+
+    def __init__(self, row: int) -> None:
+        self.row = row
+
+    def __jax_array__(self, *_: object) -> jax.Array:
+        raise ParameterError(
+            f"{NAMES[self.row]} must not be used by a step to be differentiated: "
+            "pter_gym.gradients.env does not compute it"
+        )
+
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __jax_array__
+    __lt__ = __le__ = __gt__ = __ge__ = __neg__ = __abs__ = __jax_array__
+
+
+class _World(Column):
+    """A world of which every number has a derivative, is 0, or is unknown."""
+
+    def __init__(self, numbers: jax.Array, context: list[jax.Array]) -> None:
+        super().__init__({}, lambda row: 0.0 if EXTRAS.first <= row < EXTRAS.end else _Unknown(row))
+        self.rows |= enumerate(jnp.unstack(numbers))
+        self.rows |= enumerate(context, CONSTANTS.first)
+        for row in UNKNOWN:
+            del self.rows[row]
+        self.read, self.written = set[int](), set[int]()
+
+    def __getitem__(self, place: tuple[Any, Any]) -> Any:
+        self.read.add(place[0])
+        return super().__getitem__(place)
+
+    def __setitem__(self, place: tuple[Any, Any], value: Any) -> None:
+        self.written.add(place[0])
+        super().__setitem__(place, value)
+
+    def kept(self, numbers: jax.Array) -> jax.Array:
+        """Return the numbers that it keeps from the step, or raise if it kept old ones."""
+        for row in (self.read - self.written).intersection(range(*KEPT)).difference(UNKNOWN):
+            _Unknown(row).__jax_array__()
+        rows = (numbers[k] if k in UNKNOWN else self.rows[k] for k in range(BASIC_ROWS))
+        return jnp.stack([jnp.asarray(each, numbers.dtype) for each in rows])
+
+
+def _following(config: Any, frame_skip: int) -> Stage:
     """Return the function of JAX whose derivative is that of a step.
 
     From a world's numbers, an action and the constants, it returns the numbers, the observation and
-    the reward that a step leads to where the episode goes on.
+    the reward that a step leads to where the episode goes on. What a stage uses and this room does
+    not compute raises a ParameterError.
     """
-    count = int(config.substeps)
-    period = config.substep * count
+    shared = load(config[:, None], CONFIG, 0)
+    count, entries = int(shared.substeps), int(shared.entries)
+    period = shared.substep * count
+    roll = rolling(True, shared.substep)
 
     def move(w: Column) -> None:
         """Move the arm by a control step."""
@@ -201,7 +257,7 @@ def _following(config: Config, frame_skip: int, roll: Stage) -> Stage:
             if is_kick(stage):
                 force.append(jnp.stack(load(w, ROW.force, 0)))
             else:
-                _twin(move_hand)(w, 0, config.substep, is_whole(stage, count), False)
+                _twin(move_hand)(w, 0, shared.substep, is_whole(stage, count), False)
                 _twin(push_tip)(w, 0, False)
         body = Column({})
         for name in ("machine", "motion", "torques", "lagged_volts", "strength"):
@@ -216,39 +272,35 @@ def _following(config: Config, frame_skip: int, roll: Stage) -> Stage:
         for name in ("motion", "torques", "lagged_volts"):
             store(w, getattr(ROW, name), 0, load(after, getattr(BODY, name), 0))
 
+    def observe(w: Column) -> jax.Array:
+        """Return the observation of encoders."""
+        _twin(observe_world)(w, 0)
+        seen = flat(ROW.seen)
+        for row in seen[entries:]:  # of other sensors
+            w[row, 0] = 0.0
+        _twin(scale_entries)(w, 0, 1, config)
+        return jnp.stack([w[row, 0] for row in seen[:entries]]).astype(jnp.float32)
+
     def follow(
         numbers: jax.Array, action: jax.Array, constants: _Words
     ) -> tuple[jax.Array, jax.Array, jax.Array]:
-        context = jnp.unstack(
-            constants.part(_whole(numbers[ROW.context_at]), CONSTANTS.end - CONSTANTS.first)
-        )
+        first = _whole(numbers[ROW.context_at])
+        context = jnp.unstack(constants.part(first, CONSTANTS.end - CONSTANTS.first))
 
-        def world(numbers: jax.Array) -> Column:
-            w = Column({}, given=lambda _: 0.0)
-            w.rows |= enumerate(jnp.unstack(numbers))
-            w.rows |= enumerate(context, CONSTANTS.first)
-            return w
-
-        def hold(numbers: jax.Array, _: None) -> tuple[jax.Array, jax.Array]:
-            w = world(numbers)
+        def hold(numbers: jax.Array, _: None) -> tuple[jax.Array, tuple[jax.Array, jax.Array]]:
+            w = _World(numbers, context)
             most = w[ROW.machine.voltage_max, 0]
-            _twin(take_command)(
-                w, 0, _twin(given_volts)(action[None], 0, config.low, config.high, most)
-            )
+            given = _twin(given_volts)(action[None], 0, shared.low, shared.high, most)
+            _twin(take_command)(w, 0, given)
             _twin(set_strengths)(w, 0, period)
             move(w)
             _twin(locate)(w, 0, constants)
-            _twin(judge_step)(w, 0, period, config.max_steps)
-            return jnp.stack(
-                [jnp.asarray(w[row, 0], numbers.dtype) for row in range(BASIC_ROWS)]
-            ), w[ROW.reward, 0]
+            _twin(judge_step)(w, 0, period, shared.max_steps)
+            obs, earned = observe(w), w[ROW.reward, 0]
+            return w.kept(numbers), (obs, earned)
 
-        numbers, earned = lax.scan(hold, numbers, length=frame_skip)
-        w = world(numbers)
-        _twin(observe_world)(w, 0)
-        obs = jnp.stack(flat(load(w, ROW.seen, 0))) * jnp.stack(flat(config.inverse_scale))
-        obs = jnp.clip(obs, -BOUND, BOUND)[: int(config.entries)]
-        return numbers, obs.astype(jnp.float32), earned.sum().astype(jnp.float32)
+        numbers, (obs, earned) = lax.scan(hold, numbers, length=frame_skip)
+        return numbers, obs[-1], earned.sum().astype(jnp.float32)
 
     return follow
 
@@ -274,7 +326,7 @@ def _(size: int, _: list[bool], passes: jax.Array) -> tuple[jax.Array, bool]:
     return jnp.broadcast_to(zero, size), True
 
 
-def _advancing(advance: Stage, follow: Stage, config: Config, episode_end: EpisodeEnd) -> Stage:
+def _advancing(advance: Stage, follow: Stage, entries: int, episode_end: EpisodeEnd) -> Stage:
     """Return a step as a function of a world's numbers, an action, its state and shared data."""
 
     @first_order
@@ -312,7 +364,7 @@ def _advancing(advance: Stage, follow: Stage, config: Config, episode_end: Episo
             return follow(numbers, action, _Words(constants))
 
         back = jax.vjp(near, *inputs)[1]
-        by_found = by_state.numbers, by_obs[: int(config.entries)], by_reward
+        by_found = by_state.numbers, by_obs[:entries], by_reward
         return *map(unless_over, back(tuple(map(unless_over, by_found)))), None, None
 
     step = jax.custom_vjp(run)

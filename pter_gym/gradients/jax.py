@@ -28,7 +28,7 @@ from pter_gym._physics.model import arrangement_of, model_of
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, Array, State
 from pter_gym.gradients._adjoint import BACKWARD_TYPES, FIRST, FORWARD_TYPES, LAST, kernels
 from pter_gym.gradients._branchless import Stage, branchless
-from pter_gym.gradients._machine import divided, kind_of, with_any_numbers
+from pter_gym.gradients._machine import divided, with_any_numbers
 from pter_gym.gradients._rollout import STATE, tip_motion
 from pter_gym.params import Machine
 from pter_gym.params._spread import numbers_of
@@ -136,7 +136,7 @@ def make_rollout(
     del defaults["substep"]
     fixed = jnp.asarray(on_cpu(np.array(flat(arrangement_of(machine)))))
     to_model = branchless(model_of, MEANING, {})
-    roll = rolling(machine.substep, **kind_of(machine))
+    roll = rolling(machine.has_paper_clutches, machine.substep)
 
     def rollout(
         state: State | dict[str, Any],
@@ -206,9 +206,9 @@ def _spread(name: str, values: ArrayLike, shape: tuple[int, int, int]) -> jax.Ar
     return jnp.broadcast_to(array[:, None] if array.ndim == 2 else array, shape)
 
 
-def rolling(substep: float, **kind: bool) -> Stage:
+def rolling(has_paper_clutches: bool, substep: float) -> Stage:
     """Return a function of body, voltages, forces and targets: states at control instants."""
-    names = {name: _registered(name, **kind) for name in ("forward", "backward")}
+    names = {name: _registered(name, has_paper_clutches) for name in ("forward", "backward")}
     h = words_of(np.array([substep]))
 
     def call(
@@ -265,10 +265,10 @@ def floats_of(words: jax.Array) -> jax.Array:
 
 
 @cache
-def _registered(name: str, **kind: bool) -> str:
+def _registered(name: str, has_paper_clutches: bool) -> str:
     """Register the call ``forward`` or ``backward``, once; return its name in XLA."""
-    forward, backward = kernels(**kind)
-    called = "_".join(["pter_rollout", name, *(key for key, holds in kind.items() if holds)])
+    forward, backward = kernels(has_paper_clutches=has_paper_clutches)
+    called = f"pter_rollout_{name}_{'paper' if has_paper_clutches else 'declared'}"
     kernel, signature, handler = {
         "forward": (forward, FORWARD_TYPES, _forward_handler),
         "backward": (backward, BACKWARD_TYPES, _backward_handler),

@@ -2,20 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import flat
 from pter_gym._internal.fields import require
 from pter_gym.controllers import Policy, Scaled
-from pter_gym.controllers._gains import NETWORK
-from pter_gym.controllers._laws import built_in, built_in_declared
-from pter_gym.controllers._network import LAW_WIDTH, Network, memory_width, source_of
-from pter_gym.controllers._policy import check_drive, clutch_rows
+from pter_gym.controllers._network import LAW_WIDTH, Network, memory_width, network_on, source_of
+from pter_gym.controllers._policy import CompiledLaw, check_drive, clutch_rows
 from pter_gym.errors import DataError, unknown_name
 from pter_gym.params import SLOTS, Machine, find_machine
 from pter_gym.policies._interface import Interface, input_names
@@ -112,10 +111,10 @@ class TrainedController:
         for entry in interface.inputs:
             if entry.name not in names:
                 raise unknown_name("inputs", entry.name, names)
-        base = interface.base and interface.base.bind(machine, layout).law
-        gains, network = self._gains(base.gains if base else np.zeros(0), layout)
-        return Policy.from_law(
-            built_in if machine.has_paper_clutches else built_in_declared,
+        base = interface.base.bind(machine, layout).law if interface.base else None
+        gains, network = self._gains(base, layout)
+        policy = Policy.from_law(
+            network_on(base.function if base else None),
             gains,
             machine,
             layout,
@@ -123,6 +122,7 @@ class TrainedController:
             frame_skip=interface.frame_skip,
             control_period=interface.control_period,
         )
+        return replace(policy, made=partial(self.bind, machine, layout))
 
     def for_machine(self, machine: Machine) -> "TrainedController":
         """Return a policy for any machine with one machine's numbers in it.
@@ -167,15 +167,14 @@ class TrainedController:
         return replace(self, interface=own, layers=tuple(layers))
 
     def _gains(
-        self, base: NDArray[np.float64], layout: Layout
-    ) -> tuple[NDArray[np.float64], Network]:
+        self, base: CompiledLaw | None, layout: Layout
+    ) -> tuple[dict[str, ArrayLike], Network]:
         """Return the network as gains of its law; see ``pter_gym.controllers._network``."""
         interface, sizes = self.interface, (*self.sizes[:-1], SLOTS)
         inputs = interface.inputs
         last, missing = len(self.layers) - 1, SLOTS - self.sizes[-1]
         header = Network(
-            kind=NETWORK,
-            base=len(base),
+            base=len(base.gains) if base else 0,
             inputs=len(inputs),
             delays=len(interface.history),
             averages=len(interface.averages),
@@ -186,16 +185,19 @@ class TrainedController:
             reach=interface.reach,
             voltage_max=interface.voltage_max,
         )
-        table = (
-            *(source_of(each.name, layout.names) for each in inputs),
-            *(each.center for each in inputs),
-            *(each.scale for each in inputs),
-        )
-        times = (*interface.history, *(1.0 / steps for steps in interface.averages))
-        weights: list[Any] = []
+        parts: dict[str, ArrayLike] = {"network": flat(header)}
+        if base:
+            parts |= {name: base.gains[first:end] for name, (first, end) in base.parts.items()}
+        parts |= {
+            "input_sources": [source_of(each.name, layout.names) for each in inputs],
+            "input_centers": [each.center for each in inputs],
+            "input_scales": [each.scale for each in inputs],
+            "delays": interface.history,
+            "average_shares": [1.0 / steps for steps in interface.averages],
+            "sizes": sizes,
+        }
         for k, (weight, bias) in enumerate(self.layers):
             empty = missing if k == last else 0  # slots without a clutch
-            weights += [np.pad(bias, (0, empty)), np.pad(weight, ((0, empty), (0, 0))).T.ravel()]
-        return np.concatenate(
-            [flat(header), base, table, times, sizes, *weights], dtype=np.float64
-        ), header
+            parts[f"biases_{k}"] = np.pad(bias, (0, empty))
+            parts[f"weights_{k}"] = np.pad(weight, ((0, empty), (0, 0))).T.ravel()
+        return parts, header

@@ -1,7 +1,7 @@
 """The controllers against their definitions by an independent formulation (paper section III-A,
 Fig. 6)."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from typing import Any, get_args
@@ -14,19 +14,24 @@ from pter_gym._compiled.records import flat, leaves
 from pter_gym._engine.batch import Batch
 from pter_gym.controllers import (
     CONTROLLERS,
+    MEMORY,
     Free,
     Guided,
     Impedance,
     Locked,
     PaceSchedule,
+    PerClutch,
+    PerLink,
     Policy,
     Random,
     SingleDof,
     TorqueFeedback,
     VelocityRatio,
+    compiled,
+    passive_torques,
+    table_voltage,
 )
-from pter_gym.controllers._gains import table_voltage
-from pter_gym.errors import ParameterError
+from pter_gym.errors import LawIndexError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing, Sensors, observation_layout
 from pter_gym.tasks.path_following._observation import OBS, Observation
@@ -392,6 +397,40 @@ def test_a_schedule_is_linear_between_its_knots_and_flat_beyond() -> None:
         np.testing.assert_allclose(
             Acting(schedule)(obs), Acting(gains.bind(BASELINE, LAYOUT))(obs), rtol=1e-6, atol=1e-5
         )
+
+
+@compiled
+def weakened(g: Any, tip: Any, nominal: Any, want: Any, memory: Any, arrangement: Any) -> PerClutch:
+    memory[int(g.place)] += 1.0
+    less = PerLink(g.share * want.a, g.share * want.b)
+    return passive_torques(g, tip, nominal, less, arrangement)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weakened(TorqueFeedback):
+    """The torque-feedback law with a part of its joint torques; it counts in its memory."""
+
+    steering = weakened
+    share: float = 1.0
+    place: float = float(MEMORY.kept)
+
+
+def test_a_law_with_its_own_steering_and_gain_has_the_parts_of_the_others() -> None:
+    obs = observations(200)
+    whole = Impedance(stiffness=800.0, damping_normal=200.0, damping_tangential=100.0)
+    plain = TorqueFeedback(**vars(whole), feedback=0.3)
+    half = replace(plain, stiffness=400.0, damping_normal=100.0, damping_tangential=50.0)
+    law = Weakened(**vars(plain))
+    schedule = PaceSchedule(((0.2, replace(law, share=0.25)), (0.4, replace(law, share=0.75))))
+    obs[:, LAYOUT.index("pace")] = 0.3 / LAYOUT.scales[LAYOUT.index("pace")]
+    policy = Acting(schedule.bind(BASELINE, LAYOUT))
+    np.testing.assert_allclose(
+        policy(obs), Acting(half.bind(BASELINE, LAYOUT))(obs), rtol=1e-6, atol=1e-5
+    )
+    assert (policy.memory[:, MEMORY.kept] == 1.0).all()
+    beyond = Acting(replace(law, place=4.0).bind(BASELINE, LAYOUT))
+    with pytest.raises(LawIndexError, match="memory 4"):
+        beyond(obs)
 
 
 @pytest.mark.parametrize(

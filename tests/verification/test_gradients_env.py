@@ -19,6 +19,7 @@ from pter_gym.envs import jax as jax_env  # noqa: E402  (needs JAX)
 from pter_gym.gradients.env import make  # noqa: E402
 
 WORLDS = 45
+CREEPING = replace(BASELINE, clutch=replace(BASELINE.clutch, band="printed"))
 KINDS: dict[str, dict[str, Any]] = {
     "standard": {"env_id": "PTER/Standard-v0"},
     "paths": {"env_id": "PTER/Paths-v0", "observe_context": True},
@@ -171,6 +172,7 @@ def test_a_gradient_through_the_end_of_an_episode_raises() -> None:
         ({"env_id": "PTER/Everything-v0"}, "hand"),
         ({"episode_end": "ignore"}, "episode_end"),
         ({"base": "impedance"}, "base"),
+        ({"machine": CREEPING}, "band"),
     ],
 )
 def test_environments_without_a_derivative_are_refused(wrong: dict[str, Any], told: str) -> None:

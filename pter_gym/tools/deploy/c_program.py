@@ -20,9 +20,7 @@ from pter_gym._internal.files import FilePath, expand_path, make_folder, write_f
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.model import model_of
 from pter_gym.controllers import AnyPolicy, Policy, bind
-from pter_gym.controllers._gains import IMPEDANCE, NETWORK, NOMINAL, TABLE, WIDTH
-from pter_gym.controllers._network import HEADER, HEADER_WIDTH
-from pter_gym.controllers._policy import sensors_of
+from pter_gym.controllers._policy import CompiledLaw, sensors_of
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
 from pter_gym.paths import Path as Curve, find_path
@@ -133,9 +131,9 @@ def source_of(
         raise ParameterError(
             f"prefix must be a letter, then letters, digits and underscores, got {prefix!r:.200}"
         )
-    steps: tuple[float, ...] = ()
+    steps: tuple[float, ...] | None = None
     if isinstance(policy, TrainedController):
-        policy = policy.for_machine(machine)
+        policy, steps = policy.for_machine(machine), ()
     if weights == "int8":
         if not isinstance(policy, TrainedController):
             raise ParameterError(
@@ -151,7 +149,7 @@ def source_of(
         )
     top = machine.clutch.voltage_max
     program = Program(ELEMENTARY, single=numbers == "float")
-    gains = ConstantTable(law.gains, tuple(regions(law.gains, steps)))
+    gains = ConstantTable(law.gains, tuple(regions(law, steps)))
     scales = ConstantTable(layout.scales, (Region("observation_scales", 0, len(layout)),))
     obs, memory = (
         Array("float", "observation", "real" if program.single else "single"),
@@ -202,45 +200,16 @@ def prepare(program: Program, machine: Machine) -> None:
     program.call(encoder, count, count, real, real, real, whole=True)
 
 
-def regions(gains: Any, steps: tuple[float, ...]) -> Iterator[Region]:
-    """Yield the parts of a law's gains that a program indexes; ``steps`` are those of layers."""
-    if gains[0] != NETWORK:
-        guides = gains[0] >= IMPEDANCE
-        yield from guiding_regions(gains, 0) if guides else [Region("gains", 0, len(gains))]
-        return
-    base, inputs, layers = (int(gains[at]) for at in (HEADER.base, HEADER.inputs, HEADER.layers))
-    if base:
-        yield from guiding_regions(gains[HEADER_WIDTH : HEADER_WIDTH + base], HEADER_WIDTH)
-    at = HEADER_WIDTH + base
-    for name, count in (
-        ("input_sources", inputs),
-        ("input_centers", inputs),
-        ("input_scales", inputs),
-        ("delays", int(gains[HEADER.delays])),
-        ("average_shares", int(gains[HEADER.averages])),
-    ):
-        yield Region(name, at, at + count)
-        at += count
-    sizes = gains[at : at + layers + 1].astype(int)
-    at += layers + 1
-    for layer in range(layers):
-        biases, end = at + int(sizes[layer + 1]), at + int(sizes[layer + 1] * (1 + sizes[layer]))
-        yield Region(f"biases_{layer}", at, biases, "float")
-        kind = ("signed char", steps[layer]) if steps else ("float", None)
-        yield Region(f"weights_{layer}", biases, end, *kind)
-        at = end
-
-
-def guiding_regions(gains: Any, first: int) -> Iterator[Region]:
-    """Yield the parts of a guiding law's gains from ``first``: torque table, rows by pace."""
-    knots = int(gains[NOMINAL.knots])
-    paces = TABLE + 2 * knots
-    count = (len(gains) - paces) // (WIDTH + 1)
-    ends = (TABLE, TABLE + knots, paces, paces + count, paces + count + count * WIDTH)
-    for name, begin, end in zip(
-        ("table_volts", "table_torques", "gain_paces", "gain_rows"), ends, ends[1:], strict=False
-    ):
-        yield Region(name, first + begin, first + end)
+def regions(law: CompiledLaw, steps: tuple[float, ...] | None) -> Iterator[Region]:
+    """Yield the parts of a law's gains; ``steps`` are those of a network's layers."""
+    for name, (first, last) in law.parts.items():
+        kind, _, layer = name.rpartition("_")
+        if steps is None or kind not in ("biases", "weights"):
+            yield Region(name, first, last)
+        elif kind == "weights" and steps:
+            yield Region(name, first, last, "signed char", steps[int(layer)])
+        else:
+            yield Region(name, first, last, "float")
 
 
 def rounded(policy: TrainedController) -> tuple[TrainedController, tuple[float, ...]]:

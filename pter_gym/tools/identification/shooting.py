@@ -17,7 +17,7 @@ from pter_gym._compiled.records import store
 from pter_gym._physics.arm import Motion
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of, initial_state, scratch
 from pter_gym._physics.step import arrangement_from, paper_clutches as no_arrangement
-from pter_gym.gradients._machine import kind_of
+from pter_gym.gradients._machine import refuse_creep
 from pter_gym.gradients._tangent import substep_tangents
 from pter_gym.tools.identification.parameters import AT, CLUTCH_NAMES, COUNT, NAMES, Shape
 
@@ -138,7 +138,8 @@ def _run(
     force = inputs.early_force(float(p[AT["force_delay"]]))
     record = np.empty((len(starts), length, 2))
     by = np.empty((*record.shape, tangents.shape[1]))
-    _kernel(**kind_of(shape.start))(
+    refuse_creep(shape.start)
+    _kernel(paper_clutches=shape.start.has_paper_clutches)(
         *(_body(shape, p, inputs, volts[0][0]), tangents, *volts, *force, starts),
         *(inputs.step, inputs.substeps, record, by),
     )
@@ -218,7 +219,6 @@ def _build(digest: str) -> Any:
 
 
 @cache
-def _kernel(*, has_paper_clutches: bool, creeps: bool) -> Any:
-    arrangement_at = no_arrangement if has_paper_clutches else arrangement_from(BODY)
-    tangents = substep_tangents(arrangement_at, TORQUE_LANES, creeps=creeps)
-    return compile_kernel(_build, advance=tangents)
+def _kernel(*, paper_clutches: bool) -> Any:
+    arrangement_at = no_arrangement if paper_clutches else arrangement_from(BODY)
+    return compile_kernel(_build, advance=substep_tangents(arrangement_at, TORQUE_LANES))

@@ -12,6 +12,7 @@ from typing import Any
 from numba import types
 from numba.np import numpy_support
 
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import store
 from pter_gym._engine.command import given_volts, is_refused, take_command
 from pter_gym._engine.episode import record_reset, record_step, start_episode
@@ -20,11 +21,20 @@ from pter_gym._engine.motion import take_arrangements
 from pter_gym._engine.sensors import observe, write_observation
 from pter_gym._engine.step import conclude_step, move_worlds
 from pter_gym._engine.world import CONFIG, REFUSE, ROW, ROWS
-from pter_gym.controllers._laws import built_in
+from pter_gym.controllers import Impedance, SingleDof, VelocityRatio
+from pter_gym.controllers._guided import law_of
+from pter_gym.controllers._network import network_on
+from pter_gym.controllers._simple import constant, drawn
+from pter_gym.params import BASELINE
 from pter_gym.paths._projection import point_at
 from pter_gym.tasks.path_following._telemetry import COLUMNS
 
 carray: Any = numpy_support.carray
+
+GUIDING = [law_of(law, BASELINE) for law in (Impedance(), SingleDof(), VelocityRatio())]
+
+LAWS = (constant, drawn, *GUIDING, network_on(None), network_on(law_of(SingleDof(), BASELINE)))
+"""The laws of the module, in the order of their numbers."""
 
 NUMBERS = types.CPointer(types.float64)
 SINGLES = types.CPointer(types.float32)
@@ -87,6 +97,27 @@ def step(
     return 0
 
 
+def _by_number(laws: tuple[Any, ...]) -> Any:
+    """Return a compiled function that runs one of several laws."""
+    (law, *_), rest = laws, laws[1:]
+    others: Any = _by_number(rest) if rest else None
+
+    @inlined
+    def last(number: int, obs: Any, scales: Any, gains: Any, memory: Any) -> Any:  # noqa: ARG001
+        return law(obs, scales, gains, memory)
+
+    @inlined
+    def chosen(number: int, obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
+        if number == 0:
+            return law(obs, scales, gains, memory)
+        return others(number - 1, obs, scales, gains, memory)
+
+    return chosen if rest else last
+
+
+act_by_number = _by_number(LAWS)
+
+
 def act(
     observation: Address,
     entries: int,
@@ -97,10 +128,14 @@ def act(
     kept: int,
     volts: Address,
 ) -> int:
-    """Write the voltages of a built-in law or a trained network; ``kept`` sizes its memory."""
+    """Write the voltages of a law; ``kept`` sizes its memory.
+
+    Its number among ``LAWS`` comes before its gains.
+    """
     out = carray(volts, 4)
     obs, past = carray(observation, entries), carray(memory, kept)
-    chosen = built_in(obs, carray(scales, entries), carray(gains, count), past)
+    numbers = carray(gains, count)
+    chosen = act_by_number(int(numbers[0]), obs, carray(scales, entries), numbers[1:], past)
     out[0], out[1], out[2], out[3] = chosen.x1, chosen.x2, chosen.x3, chosen.x4
     return 0
 

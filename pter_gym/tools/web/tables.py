@@ -19,7 +19,7 @@ from pter_gym._engine.world import CONFIG, ROW, ROWS
 from pter_gym._physics.friction import ClutchMode
 from pter_gym.benchmark.measures import PRICE, SEGMENTS
 from pter_gym.benchmark.policies import find_policy
-from pter_gym.controllers import CONTROLLERS
+from pter_gym.controllers import CONTROLLERS, Policy
 from pter_gym.controllers._gains import Memory
 from pter_gym.hands import MultiSineHand, Operator, RecordedForces
 from pter_gym.haptics import torque_limits
@@ -34,6 +34,7 @@ from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, conte
 from pter_gym.tasks.path_following._pace import ALLOWANCE, START
 from pter_gym.tasks.path_following._specification import largest_error_max
 from pter_gym.tools.palette import clutch_name
+from pter_gym.tools.web.kernels import LAWS
 
 POINTER = RecordedForces(times=(0.0,), along=(0.0,), across=(0.0,))
 """A hand whose recording, here of one instant, a page writes while the world moves."""
@@ -134,13 +135,19 @@ def path_table(path: Path) -> dict[str, Any]:
     return {"arcs": path.arcs.table.tolist(), "length": path.length, "error_max": task.error_max}
 
 
+def numbered_gains(policy: Policy) -> list[float]:
+    """Return the number of a compiled law in the module, and its gains."""
+    law: Any = policy.law
+    return [LAWS.index(law.function), *law.gains.tolist()]
+
+
 def laws(name: str, layout: Layout) -> dict[str, list[float]]:
     """Return the gains of a law for each of the scenarios whose gains a page uses."""
     controllers: dict[str, Any] = {
         scenario: find_policy(name, scenario=scenario) for scenario in ("standard", "paths")
     }
     return {
-        scenario: controller.bind(BASELINE, layout).law.gains.tolist()
+        scenario: numbered_gains(controller.bind(BASELINE, layout))
         for scenario, controller in controllers.items()
     }
 
@@ -152,7 +159,7 @@ def network(name: str, layout: Layout) -> dict[str, Any]:
     weights = sum(weight.size + bias.size for weight, bias in policy.layers)
     return {
         "frame_skip": policy.interface.frame_skip,
-        "gains": bound.law.gains[:-weights].tolist(),
+        "gains": numbered_gains(bound)[:-weights],
         "layers": [f"layer_{k}" for k in range(len(policy.layers))],
         "memory": bound.start(1).shape[1],
     }

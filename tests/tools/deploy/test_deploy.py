@@ -25,8 +25,8 @@ from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.controllers import CONTROLLERS, PerClutch, Policy, bind, compiled
-from pter_gym.controllers._laws import built_in
 from pter_gym.controllers._policy import clutch_rows
+from pter_gym.controllers._simple import constant
 from pter_gym.errors import ParameterError, ProofError, StorageError
 from pter_gym.params import BASELINE, MACHINES, find_machine
 from pter_gym.paths import find_path
@@ -257,8 +257,8 @@ def test_the_observation_is_the_simulators(
 
 
 def test_a_small_gain_or_weight_stays_small_in_float32():
-    gains = np.array([1.0, 1e-12, 0.0, 0.0, 0.0])
-    source = source_of(own(built_in, gains), numbers="float")
+    gains = np.array([1e-12, 0.0, 0.0, 0.0])
+    source = source_of(own(constant, gains), numbers="float")
     assert "1e-12f" in source.files["pter.c"]
 
 

@@ -70,6 +70,7 @@ def run_scenario(name: str, steps: int, folder: Path) -> dict[str, Any]:
     from pter_gym.params import BASELINE
     from pter_gym.scenarios import find_scenario
     from pter_gym.tasks.path_following import STARTS
+    from pter_gym.tools.web.tables import numbered_gains
 
     draws = find_scenario(name).draws.with_task(starts=STARTS["path"])
     machines, tasks = zip(*draws.pairs(32, steps), strict=True)
@@ -114,7 +115,7 @@ def run_scenario(name: str, steps: int, folder: Path) -> dict[str, Any]:
         "entries": len(batch.layout),
         "scales": batch.layout.scales.tolist(),
         "config": arrays["config"].tolist(),
-        "gains": [law.law.gains.tolist() for law in laws],
+        "gains": [numbered_gains(law) for law in laws],
         "hashes": hashes.done,
         "episodes": int(arrays["words"][:, 1].sum()),
     }
