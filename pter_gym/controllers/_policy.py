@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import Any, NamedTuple, Protocol, Self, SupportsIndex, runtime_checkable
+from typing import Any, NamedTuple, Protocol, Self, SupportsIndex, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,8 +22,8 @@ from pter_gym._physics.clutch import PerClutch
 from pter_gym.controllers._gains import Memory
 from pter_gym.controllers._law_kernel import FAULTS, kernel_of, law_error
 from pter_gym.errors import ParameterError, PterError
-from pter_gym.params import SLOTS, Machine, find_machine
-from pter_gym.tasks.path_following._observation import Sensors
+from pter_gym.params import BASELINE, SLOTS, Machine, find_machine
+from pter_gym.tasks.path_following._observation import Sensors, observation_layout
 
 Observations = NDArray[np.float32]
 Volts = NDArray[np.floating]
@@ -366,5 +366,12 @@ def clutch_rows(machine: Machine) -> Rows:
 
 
 def sensors_of(policy: AnyPolicy) -> Sensors:
-    """Return the sensors in a policy's ``sensors``, by default torque sensors."""
-    return getattr(policy, "sensors", "torque")
+    """Return the sensors in a policy's ``sensors`` or layout, by default torque sensors."""
+    names = policy.layout.names if isinstance(policy, Policy) else ()
+    usual = next((each for each in get_args(Sensors) if names_of(each) == names), "torque")
+    return getattr(policy, "sensors", usual)
+
+
+def names_of(sensors: Sensors) -> tuple[str, ...]:
+    """Return the entries of observations with some sensors."""
+    return observation_layout(BASELINE, sensors).names

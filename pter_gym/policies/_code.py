@@ -73,7 +73,7 @@ def code_digest(policy: Any) -> str:
     law = getattr(policy, "law", None)
     if law is not None and (digest := digest_of(law.function)):
         return digest
-    maker = policy if hasattr(policy, "__qualname__") else type(policy)
+    maker: Any = policy if hasattr(policy, "__qualname__") else type(policy)
     module = sys.modules.get(maker.__module__)
     content: bytes | None = getattr(module, "__content__", None)
     file = getattr(module, "__file__", None)

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym.controllers import Policy
-from pter_gym.controllers._policy import check_same
+from pter_gym.controllers._policy import check_same, names_of
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, SLOTS, Machine
+from pter_gym.params import SLOTS, Machine
 from pter_gym.params._named import nominal_machine
 from pter_gym.policies._acting import attributes, bounds_of_actions, check_wrappers
 from pter_gym.policies._view import View
-from pter_gym.tasks.path_following import Sensors, observation_layout
+from pter_gym.tasks.path_following import Sensors
 
 Observations = NDArray[np.float32]
 Normalise = Callable[[Observations], Observations]
@@ -193,7 +193,7 @@ class _Kept(NamedTuple):
 def _sensors_of(names: tuple[str, ...]) -> Sensors:
     """Return the sensors of which observations have entries with these names."""
     for sensors in get_args(Sensors):
-        if observation_layout(BASELINE, sensors).names == names:
+        if names_of(sensors) == names:
             return sensors
     raise ParameterError(
         f"env must have the observations of sensors, without context, got {', '.join(names)}"

@@ -139,4 +139,4 @@ def test_a_run_says_what_made_it(tmp_path: Path) -> None:
     run_scenario("standard", laws, "brisk", episodes=2, results=tmp_path)
     by_name = {run.policy: run.origin for run in ResultsFolder(tmp_path).runs()}
     assert set(by_name["impedance"]) >= {"date", "numba", "numpy", "scipy", "policy"}
-    assert "policy" not in by_name["locked"]
+    assert by_name["locked"]["policy"] != by_name["impedance"]["policy"]

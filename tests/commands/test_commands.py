@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pter_gym._commands.arguments import split
 from pter_gym._commands.main import commands, load_command, main, parse
 from pter_gym.benchmark import ResultsFolder
 from pter_gym.envs import _computer
+from pter_gym.policies.find import split
 
 EXAMPLE = re.compile(r"Example: `?pter ([^\n`]+)")
 
