@@ -57,19 +57,34 @@ class TunedGains:
     @property
     def command(self) -> str:
         """The command that repeats the search."""
-        command = (
-            f"pter tune {quote(self.controller)} --scenario {self.scenario} "
-            f"--pace {self.pace} --trials {self.trials} "
-            f"--episodes {self.episodes} --seed {self.seed}"
-        )
-        for name, value, kind in (
-            ("machine", self.machine, "MACHINE.toml"),
-            ("path", self.path, "FILE.csv"),
-        ):
-            if value is not None:
-                command += f" --{name} {quote(value) if isinstance(value, str) else kind}"
-        command += f" --smooth {1e3 * self.smooth:g}" if self.smooth else ""
-        return command + " --worst" * self.worst
+        names = ("trials", "episodes", "seed", "machine", "path", "smooth", "worst")
+        given: dict[str, Any] = {name: getattr(self, name) for name in names}
+        return command_of(self.controller, self.scenario, self.pace, **given)
+
+
+def command_of(
+    controller: str,
+    scenario: str,
+    pace: str,
+    *,
+    trials: int,
+    episodes: int,
+    seed: int,
+    machine: Machine | str | None,
+    path: AnyPath | str | None,
+    smooth: float,
+    worst: bool,
+) -> str:
+    """Return the command of a search, whose arguments are those of ``tune``."""
+    command = (
+        f"pter tune {quote(controller)} --scenario {scenario} --pace {pace} "
+        f"--trials {trials} --episodes {episodes} --seed {seed}"
+    )
+    for name, value, kind in (("machine", machine, "MACHINE.toml"), ("path", path, "FILE.csv")):
+        if value is not None:
+            command += f" --{name} {quote(value) if isinstance(value, str) else kind}"
+    command += f" --smooth {1e3 * smooth:g}" if smooth else ""
+    return command + " --worst" * worst
 
 
 def tune(

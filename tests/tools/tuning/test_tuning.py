@@ -284,8 +284,11 @@ FOUND = TunedGains(
 def test_gains_are_written_beside_others_and_found(tmp_path: Path) -> None:
     path = tmp_path / "tuned.toml"
     add_gains(replace(FOUND, scenario="everything", pace="brisk"), path)
-    add_gains(replace(FOUND, gains={"stiffness": 1.0}), path)
-    add_gains(FOUND, path)
+    add_gains(replace(FOUND, gains={"stiffness": 1.0}, seed=8), path)
+    with pytest.raises(ParameterError, match="replace"):
+        add_gains(FOUND, path)
+    add_gains(FOUND, path, replace=True)
+    add_gains(FOUND, path)  # the same
     table = read_gains(path)
     assert list(table) == ["standard", "everything"]
     assert table["standard"]["impedance"]["slow"] == {
@@ -324,6 +327,28 @@ def test_gains_are_written_beside_others_and_found(tmp_path: Path) -> None:
     for name in (str(path), str(tmp_path / "missing.toml")):
         with pytest.raises(ParameterError, match="policies"):  # two scenarios, or no file
             find_policy(name, "paths")
+
+
+def test_gains_for_two_machines_are_not_mixed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, other = tmp_path / "tuned.toml", replace(FOUND, machine="delrin_experimental")
+    add_gains(other, path)
+    for again in (replace(FOUND, pace="brisk"), replace(FOUND, controller="single-dof", gains={})):
+        with pytest.raises(ParameterError, match="another machine"):
+            add_gains(again, path, replace=True)
+    add_gains(replace(other, pace="brisk", machine=DELRIN_EXPERIMENTAL), path)
+    add_gains(replace(FOUND, scenario="paths"), path)
+    assert read_gains(path)["standard"]["impedance"].keys() == {"slow", "brisk"}
+    storage = tmp_path / "none.journal"
+    line = f"tune impedance --pace medium --trials 1 --storage {storage} --out {path}"
+    assert main(line.split()) == 2
+    assert "another machine" in capsys.readouterr().err
+    assert not storage.exists()  # refused before the search
+    digest = find_scenario("standard", DELRIN_EXPERIMENTAL).digest
+    path.write_text(path.read_text().replace(digest, "0123456789abcdef", 1))
+    with pytest.raises(DataError, match="same machines"):
+        read_gains(path)
 
 
 @pytest.mark.parametrize(
