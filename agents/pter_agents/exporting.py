@@ -13,7 +13,7 @@ from pter_agents.draws import PaceScores
 from pter_agents.runs import RunFolder, policy_of
 from pter_agents.settings import NO_BASE, TrainingArguments, load_settings
 from pter_gym import __version__
-from pter_gym._internal.files import FilePath, expand_path, write_files_atomic
+from pter_gym._internal.files import FilePath, expand_path, remove_leftovers, write_files_atomic
 from pter_gym._internal.terminal import make_folder
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.policies import TrainedPolicy, read_policy
@@ -58,6 +58,7 @@ def export(source: FilePath, out: FilePath | None = None, *, name: str | None = 
     check_name(name)
     out = Path(name) if out is None else expand_path("out", out)
     make_folder(out)
+    remove_leftovers(out)
     file = f"{name}{ENDING}"
     own = (README, file)
     if others := sorted(path.name for path in out.iterdir() if path.name not in own):
