@@ -22,8 +22,6 @@ ROOT = Path(__file__).parent
 PINNED = ("-c", str(ROOT / "constraints.txt"))
 CORE = "not agents and not long"
 
-TWINE = "twine==7.0.0"
-
 OLD_GYMNASIUM = ("-W", "default")
 """Old releases of the dependencies warn about each other."""
 
@@ -100,11 +98,16 @@ def site(session: nox.Session, folder: str, *marks: str, **variables: str) -> No
     )
 
 
+def install_hashed(session: nox.Session, name: str) -> None:
+    """Install what `.ci/NAME.txt` lists, and nothing with other bytes."""
+    session.install("-q", "--require-hashes", "-r", str(ROOT / ".ci" / f"{name}.txt"))
+
+
 def build(session: nox.Session) -> Path:
     """Return a folder with wheel and sdist."""
-    session.install("-q", *PINNED, "build")
-    place = str(copy(session, "build"))
-    session.run("python", "-m", "build", "--outdir", session.create_tmp(), place, silent=True)
+    install_hashed(session, "build")
+    place, out = str(copy(session, "build")), session.create_tmp()
+    session.run("python", "-m", "build", "--no-isolation", "--outdir", out, place, silent=True)
     return Path(session.create_tmp())
 
 
@@ -203,7 +206,8 @@ def libraries(session: nox.Session) -> None:
 def packages(session: nox.Session) -> None:
     """The built sdist alone; metadata and recipe as PyPI and conda-forge read them; Ray."""
     package_works(session, ".tar.gz")
-    session.install("-q", TWINE, "py-rattler-build==0.73.0")
+    session.install("-q", "py-rattler-build==0.73.0")
+    install_hashed(session, "twine")
     session.run("twine", "check", "--strict", *map(str, build(session).glob("pter_gym*")))
     render = "import sys, rattler_build as r; r.Stage0Recipe.from_file(sys.argv[1]).render()"
     session.run("python", "-c", render, str(ROOT / "docs" / "conda" / "recipe.yaml"))
@@ -249,7 +253,7 @@ def release(session: nox.Session) -> None:
     if changed.stdout:
         session.error("a release is made of a commit: some files differ from it")
     made = sorted(build(session).glob(f"pter_gym-{version}*"))
-    session.install("-q", TWINE)
+    install_hashed(session, "twine")
     session.run("twine", "check", "--strict", *map(str, made))
     (ROOT / "dist").mkdir(exist_ok=True)
     for file in made:

@@ -140,7 +140,8 @@ def export(
         out: Folder for the policy, created if necessary; by default NAME.
         c: Folder for pter.h, pter.c and main.c, in C99 without libraries, created if necessary.
         onnx: File for the network alone, as an ONNX model.
-        numbers: Arithmetic of the C code; double gives the same bits as Python.
+        numbers: Arithmetic of the C code or of ONNX; double gives the same bits as Python, or in
+            ONNX nearly.
         weights: Weights in the C code; int8 takes a quarter of the memory, at some cost in score.
         prefix: Prefix of all names and files in C, so that two policies fit in one program.
         scenario: Scenario whose gains a law uses.
@@ -151,9 +152,16 @@ def export(
     """
     trained = (Path(run) / RUN).is_file()
     look_at(policies=() if trained else (run,), machine=machine)
-    if prove and c is None:
-        raise ParameterError("c must be given with prove, as in `--c FOLDER --prove`")
-    if c is None and onnx is None:
+    for_c = {"weights": weights != "float", "prefix": prefix != "pter", "path": path != "line"}
+    for_c["prove"] = prove
+    for_code = {"numbers": numbers != "double", "machine": machine is not None}
+    coded = c is not None or onnx is not None
+    for option, is_given in (for_c if coded else for_c | for_code).items():
+        if is_given and c is None:
+            raise ParameterError(f"c must be given with {option}, as in `--c FOLDER --{option}`")
+    if coded and out is not None:
+        raise ParameterError("out must be left out with c or onnx, which say what is written")
+    if not coded:
         if not trained and kind_of(run) != "network":
             raise ParameterError(f"c must be given for a law, as in `--c FOLDER`, got {run!r}")
         from pter_agents import exporting
@@ -186,7 +194,8 @@ def export(
         else None
     )
     if onnx is not None:
-        say(f"wrote {write_onnx(policy, onnx, name=called, machine=machine)}")
+        made = write_onnx(policy, onnx, name=called, machine=machine, numbers=numbers)
+        say(f"wrote {made}")
     if source is not None and c is not None:
         program = quote(str(c / prefix))
         compiled = f"cc -std=c99 -O2 {program}.c {quote(str(c / 'main.c'))} -o {program}"

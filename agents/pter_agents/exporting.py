@@ -13,7 +13,13 @@ from pter_agents.draws import PaceScores
 from pter_agents.runs import RunFolder, policy_of
 from pter_agents.settings import NO_BASE, TrainingArguments, load_settings
 from pter_gym import __version__
-from pter_gym._internal.files import FilePath, expand_path, make_folder, write_files_atomic
+from pter_gym._internal.files import (
+    FilePath,
+    expand_path,
+    make_folder,
+    remove_leftovers,
+    write_files_atomic,
+)
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.policies import TrainedController, read_policy
 from pter_gym.policies._files import ENDING, RUN, check_name, encode_policy
@@ -57,6 +63,7 @@ def export(source: FilePath, out: FilePath | None = None, *, name: str | None = 
     check_name(name)
     out = Path(name) if out is None else expand_path("out", out)
     make_folder(out)
+    remove_leftovers(out)
     file = f"{name}{ENDING}"
     own = (README, file)
     if others := sorted(path.name for path in out.iterdir() if path.name not in own):

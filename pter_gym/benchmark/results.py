@@ -31,6 +31,7 @@ from pter_gym._internal.files import (
 )
 from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
+from pter_gym._version import __version__
 from pter_gym.benchmark.boards import PATH_ERROR, Leaderboard, leaderboards
 from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.policies import Policies, find_policies
@@ -97,17 +98,15 @@ class ResultsFolder:
         return runs
 
     def worst_hand(self, policy: str, scenario: Scenario, pace: str | float) -> WorstHand:
-        """Return the worst hand for a policy, or raise a ParameterError if none was searched."""
-        which = (policy, scenario.name, scenario.digest, name_of_pace(pace))
-        found = [
-            run.worst
-            for run in self.runs()
-            if run.worst and (run.policy, run.scenario, run.digest, run.pace) == which
-        ]
+        """Return the worst hand for a policy; a ParameterError if this version searched none."""
+        which = (policy, scenario.name, scenario.digest, name_of_pace(pace), __version__)
+        names = ("policy", "scenario", "digest", "pace", "version")
+        runs = (run for run in self.runs() if tuple(getattr(run, name) for name in names) == which)
+        found = [run.worst for run in runs if run.worst]
         if not found:
             raise ParameterError(
-                f"worst must be a folder of `pter benchmark --worst` with {policy} on "
-                f"{scenario.name} at the pace {which[-1]}, {str(self.path)!r} has none"
+                f"worst must be a folder of `pter benchmark --worst` of version {__version__} with "
+                f"{policy} on {scenario.name} at the pace {which[3]}, {str(self.path)!r} has none"
             )
         return max(found, key=PATH_ERROR)
 

@@ -150,8 +150,8 @@ def damping_table() -> Mapping[str, Mapping[str, Mapping[str, float]]]:
 def read_gains(path: FilePath = TABLE) -> GainsTable:
     """Return the tuned gains by scenario, law and pace; empty if there is no file.
 
-    Raises a DataError if it cannot be read, names an unknown law or pace, or does not hold
-    tables.
+    Raises a DataError if it cannot be read, names an unknown law or pace, does not hold tables, or
+    mixes machines or paths under the name of a scenario.
     """
     path = expand_path("path", path)
     with reading(f"tuned gains {path} cannot be read"):
@@ -167,6 +167,9 @@ def read_gains(path: FilePath = TABLE) -> GainsTable:
                         raise ValueError(
                             f"{scenario}.{controller}.{pace} must hold gains of a law at a pace"
                         )
+            entries = [entry for paces in controllers.values() for entry in paces.values()]
+            if len({str(entry.get("digest", "")) for entry in entries}) > 1:
+                raise ValueError(f"{scenario} must hold gains for the same machines and paths")
     return table
 
 

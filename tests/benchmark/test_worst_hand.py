@@ -230,6 +230,10 @@ def test_it_is_stored_printed_and_filmed(
     assert main(watch.split()) == 0
     assert main(watch.replace("brisk", "slow").split()) == 2
     assert "error: worst must be a folder" in capsys.readouterr().err
+    (file,) = (tmp_path / "runs").iterdir()
+    earlier = file.read_text().replace(f'"version": "{run.version}"', '"version": "0.9.0"')
+    file.write_text(earlier)
+    assert main(watch.split()) == 2
 
 
 @pytest.mark.usefixtures("few_hands")

@@ -63,6 +63,29 @@ def test_every_dependency_has_one_tested_version():
     assert names <= pins(ROOT / "constraints.txt").keys()
 
 
+@pytest.mark.parametrize("name", ["build", "twine"])
+def test_a_release_is_made_with_tested_versions_by_hash(name: str):
+    _, *lines = re.sub(r" *\\\n *", " ", (ROOT / ".ci" / f"{name}.txt").read_text()).splitlines()
+    assert all(re.fullmatch(r"[^#]*==[^#]*( --hash=sha256:[0-9a-f]{64})+", line) for line in lines)
+    found = [Requirement(line.partition(" --hash")[0]) for line in lines]
+    versions = {each.name: str(each.specifier).removeprefix("==") for each in found}
+    tested = pins(ROOT / "constraints.txt")
+    assert {
+        name: versions[name] for name in versions.keys() & tested.keys()
+    }.items() <= tested.items()
+    if name == "build":
+        (backend,) = map(Requirement, PYPROJECT["build-system"]["requires"])
+        assert versions[backend.name] in backend.specifier
+
+
+@pytest.mark.parametrize("name", ["gate", "docs"])
+def test_actions_are_pinned_by_commit(name: str):
+    text = (ROOT / ".github" / "workflows" / f"{name}.yml").read_text("utf-8")
+    used = re.findall(r"uses: (.+)", text)
+    assert used
+    assert all(re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40} # v[\d.]+", each) for each in used)
+
+
 def test_the_extra_all_contains_every_extra():
     (everything,) = PROJECT["optional-dependencies"]["all"]
     assert Requirement(everything).extras == PROJECT["optional-dependencies"].keys() - {"all"}

@@ -7,9 +7,10 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 from string import Template
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,17 +31,19 @@ from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Observation
 from pter_gym.tools.deploy.c_translator import Program
 from pter_gym.tools.deploy.functions import arctangent, command, cosine, encoder, observe, sine
 from pter_gym.tools.deploy.proof import DRIVER, command_for
-from pter_gym.tools.deploy.values import Array, ConstantTable, Expression, Region
+from pter_gym.tools.deploy.values import (
+    Array,
+    ConstantTable,
+    Expression,
+    Numbers,
+    Region,
+    Weights,
+    check_choice,
+)
 
 STATIC = Path(__file__).parent / "static"
 
 FILES = ("pter.h", "pter.c", "main.c")
-
-Numbers = Literal["double", "float"]
-"""Type of the arithmetic: float64 with Python's bits, or float32, as small processors have it."""
-
-Weights = Literal["float", "int8"]
-"""Type of stored weights: float32, as in a policy's file, or 8 bits with a step per layer."""
 
 ELEMENTARY = {math.sin: sine, math.cos: cosine, math.atan2: arctangent}
 
@@ -52,6 +55,15 @@ BITS = {
 
 PREFIX = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
 """How names in C may begin."""
+
+RESERVED = ("main", "prove", "float", "stdint", "stdio", "stdlib")
+"""Names of files that the program has besides its own two, and of headers that it includes."""
+
+OWN = re.compile(
+    r"^(?:static [\w ]+?|typedef (?:struct \{[^}]*\}|[\w ]+?) )\b(\w+)[(\[;]", re.MULTILINE
+)
+MACRO = re.compile(r"^#define (\w+)", re.MULTILINE)
+"""Names that only a file of C knows: functions, tables and types; macros."""
 
 INT8_MAX = 127
 
@@ -122,15 +134,15 @@ def source_of(
         If the policy is no compiled law or cannot be translated, or another argument is not as
         stated.
     """
-    for field, kind, accepted in (("numbers", numbers, Numbers), ("weights", weights, Weights)):
-        if kind not in get_args(accepted):
-            accepted_names = ", ".join(get_args(accepted))
-            raise ParameterError(f"{field} must be one of {accepted_names}, got {kind!r}")
+    check_choice("numbers", numbers, Numbers)
+    check_choice("weights", weights, Weights)
     machine, curve = find_machine(machine), find_path(path)
     if not PREFIX.fullmatch(prefix):
         raise ParameterError(
             f"prefix must be a letter, then letters, digits and underscores, got {prefix!r:.200}"
         )
+    if prefix.lower() in RESERVED:
+        raise ParameterError(f"prefix must be none of {', '.join(RESERVED)}, got {prefix!r}")
     steps: tuple[float, ...] | None = None
     if isinstance(policy, TrainedController):
         policy, steps = policy.for_machine(machine), ()
@@ -175,12 +187,33 @@ def source_of(
     }
     functions_by_name["path"] = renamed(functions_by_name["path"], prefix)
     texts = {
-        file.replace("pter", prefix): Template(
-            renamed((STATIC / file).read_text("utf-8"), prefix)
-        ).substitute(functions_by_name)
+        file: Template(renamed((STATIC / file).read_text("utf-8"), prefix)).safe_substitute(
+            functions_by_name
+        )
         for file in (*FILES, DRIVER)
     }
-    return Source(texts, texts.pop(DRIVER), bound)
+    rest = {
+        "digest": sha256("".join(texts.values()).encode()).hexdigest()[:8],
+        **own_names(texts["pter.c"], prefix),
+    }
+    done = {
+        file.replace("pter", prefix): Template(text).substitute(rest)
+        for file, text in texts.items()
+    }
+    return Source(done, done.pop(DRIVER), bound)
+
+
+def own_names(text: str, prefix: str) -> dict[str, str]:
+    """Return directives that give a file's own names a prefix, and those that end this.
+
+    So files of several policies can be parts of one translation unit.
+    """
+    names: list[str] = OWN.findall(text)
+    every = (*names, *MACRO.findall(text))
+    return {
+        "hidden": "\n".join(f"#define {name} {prefix}_own_{name}" for name in names),
+        "shown": "\n".join(f"#undef {name}" for name in every),
+    }
 
 
 def renamed(text: str, prefix: str) -> str:

@@ -1,7 +1,7 @@
 """A trained policy as an ONNX graph, for runtimes of neural networks; its caller keeps its memory.
 
-The graph computes in float64, as the policy's own law does: float32 would differ from it by more
-than a millionth of the largest voltage.
+By default the graph computes in float64, as the policy's own law does. Small processors, quantisers
+and some runtimes need float32, with more than a millionth of the largest voltage of difference.
 """
 
 from collections.abc import Sequence
@@ -27,13 +27,21 @@ from pter_gym.params import Machine, find_machine
 from pter_gym.policies import TrainedController
 from pter_gym.policies._interface import input_names, input_values, to_volts
 from pter_gym.tasks.path_following import observation_layout
+from pter_gym.tools.deploy.values import Numbers, check_choice
+
+KINDS: dict[str, Any] = {"double": np.float64, "float": np.float32}
 
 OPSET = 18
 """Version of ONNX's operators."""
 
 
 def write_onnx(
-    policy: AnyPolicy, file: FilePath, *, name: str = "policy", machine: Machine | str | None = None
+    policy: AnyPolicy,
+    file: FilePath,
+    *,
+    name: str = "policy",
+    machine: Machine | str | None = None,
+    numbers: Numbers = "double",
 ) -> Path:
     """Write a trained policy as an ONNX model with opset 18, and return the path of the file.
 
@@ -52,6 +60,8 @@ def write_onnx(
         Ends in ``.onnx``.
     machine
         The nominal machine; by default the paper's.
+    numbers
+        Type of the graph's numbers; float makes a graph of float32 alone.
 
     Raises
     ------
@@ -63,6 +73,7 @@ def write_onnx(
     StorageError
         If the file cannot be written.
     """
+    check_choice("numbers", numbers, Numbers)
     path = expand_path("onnx", file)
     if not has_ending(path, ".onnx"):
         raise ParameterError(f"onnx must end in .onnx, got {str(path)!r}")
@@ -76,7 +87,7 @@ def write_onnx(
     except ImportError as error:
         raise needs_extra("ONNX", "deploy") from error
     machine = find_machine(machine)
-    model = model_of(policy.for_machine(machine), name, machine)
+    model = model_of(policy.for_machine(machine), name, machine, numbers)
     onnx.checker.check_model(model, full_check=True)
     write_bytes_atomic(path, model.SerializeToString())
     return path
@@ -85,7 +96,9 @@ def write_onnx(
 class Graph:
     """Nodes and constants in the making; a method returns the name of the tensor that it makes."""
 
-    def __init__(self) -> None:
+    def __init__(self, numbers: Numbers) -> None:
+        self.numbers = numbers.upper()
+        self.kind = KINDS[numbers]
         self.nodes: list[Any] = []
         self.constants: list[Any] = []
 
@@ -97,23 +110,34 @@ class Graph:
         self.nodes.append(helper.make_node(operator, inputs, [name], **attributes))
         return name
 
-    def constant(self, values: Any, kind: Any = np.float64) -> str:
-        """Return numbers."""
+    def constant(self, values: Any, kind: Any = None) -> str:
+        """Return numbers, by default of the graph's type."""
         from onnx import numpy_helper
 
         name = f"constant_{len(self.constants)}"
-        self.constants.append(numpy_helper.from_array(np.asarray(values, kind), name))
+        self.constants.append(numpy_helper.from_array(np.asarray(values, kind or self.kind), name))
         return name
 
     def weights(self, values: NDArray[np.float32], name: str) -> str:
-        """Return numbers that are stored as float32, as float64."""
+        """Return numbers that are stored as float32."""
         from onnx import numpy_helper
 
         self.constants.append(numpy_helper.from_array(values, name))
-        return self.cast(name, "DOUBLE")
+        return self.taken(name)
 
-    def cast(self, name: str, kind: str, out: str = "") -> str:
-        """Return numbers as FLOAT or DOUBLE."""
+    def taken(self, name: str) -> str:
+        """Return numbers in float32 as those of the graph."""
+        return name if self.numbers == "FLOAT" else self._cast(name, self.numbers)
+
+    def given(self, name: str, out: str) -> str:
+        """Return numbers of the graph as an output, in float32."""
+        return (
+            self.node("Identity", name, out=out)
+            if self.numbers == "FLOAT"
+            else self._cast(name, "FLOAT", out)
+        )
+
+    def _cast(self, name: str, kind: str, out: str = "") -> str:
         from onnx import TensorProto
 
         return self.node("Cast", name, out=out, to=getattr(TensorProto, kind))
@@ -195,15 +219,15 @@ class Columns:
         return self.graph.node("Concat", *self.names, axis=1)
 
 
-def model_of(policy: TrainedController, name: str, machine: Machine) -> Any:
+def model_of(policy: TrainedController, name: str, machine: Machine, numbers: Numbers) -> Any:
     """Return the ONNX model of a trained policy, after a check that it fits the machine."""
     from onnx import TensorProto, helper
 
     layout, interface = observation_layout(machine, sensors_of(policy)), policy.interface
     policy.bind(machine, layout)
-    graph, count, clutches = Graph(), len(interface.inputs), len(interface.clutches)
+    graph, count, clutches = Graph(numbers), len(interface.inputs), len(interface.clutches)
     residual, names = interface.base is not None, (*layout.names, *BASE_INPUTS)
-    entries = {entry: graph.cast(entry, "DOUBLE") for entry in names}
+    entries = {entry: graph.taken(entry) for entry in names}
     scaled = [
         entries[entry] if scale == 1.0 else graph.node("Mul", entries[entry], graph.constant(scale))
         for entry, scale in zip(layout.names, layout.scales.tolist(), strict=True)
@@ -217,8 +241,8 @@ def model_of(policy: TrainedController, name: str, machine: Machine) -> Any:
     x = graph.limited(x, -INPUT_LIMIT, INPUT_LIMIT)
     earlier = interface.size - count
     if earlier:
-        graph.cast(x, "FLOAT", out="inputs")
-        x = graph.node("Concat", x, graph.cast("earlier", "DOUBLE"), axis=1)
+        graph.given(x, out="inputs")
+        x = graph.node("Concat", x, graph.taken("earlier"), axis=1)
     for layer, (weight, bias) in enumerate(policy.layers):
         weights = graph.weights(weight, f"layer_{layer}.weight")
         x = graph.node("Gemm", x, weights, graph.weights(bias, f"layer_{layer}.bias"), transB=1)
@@ -227,7 +251,7 @@ def model_of(policy: TrainedController, name: str, machine: Machine) -> Any:
     outputs = Columns(graph, [graph.node("Gather", x, place, axis=1) for place in places])
     middle = graph.constant([[0.5 * interface.voltage_max]])
     volts = to_volts(outputs, base if residual else Columns(graph, [middle] * clutches), interface)
-    graph.cast(volts.joined(), "FLOAT", out="volts")
+    graph.given(volts.joined(), out="volts")
     widths = {"volts": clutches} | ({"inputs": count} if earlier else {})
     needed = graph.prune(list(widths))
     sizes = dict.fromkeys(names, 1) | {"earlier": earlier}

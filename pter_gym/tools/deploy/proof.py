@@ -61,7 +61,7 @@ def prove(folder: FilePath, file: str = "pter.c", machine: MachineModel = "gcc_x
             f"{str(folder)!r}: {' '.join(command)}"
         )
     begin = time.perf_counter()
-    place = expand_path("c", folder)
+    place = expand_path("c", folder).resolve()
     run = subprocess.run(
         command,
         cwd=place,

@@ -1,7 +1,7 @@
 """Values that a translation to C meets: known Python objects, and the running program's."""
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,21 @@ from pter_gym.errors import ParameterError
 
 ATOM, UNARY, PRODUCT, SUM, COMPARISON, AND, OR, CHOICE = 8, 7, 6, 5, 4, 3, 2, 1
 """How tightly operators of C bind."""
+
+
+Numbers = Literal["double", "float"]
+"""Type of the arithmetic: float64 with Python's bits, or float32, as small processors have it."""
+
+Weights = Literal["float", "int8"]
+"""Type of stored weights: float32, as in a policy's file, or 8 bits with a step per layer."""
+
+
+def check_choice(field: str, value: object, accepted: Any) -> None:
+    """Raise a ParameterError unless a value is one of a ``Literal``."""
+    if value not in get_args(accepted):
+        raise ParameterError(
+            f"{field} must be one of {', '.join(get_args(accepted))}, got {value!r}"
+        )
 
 
 class Unsupported(ParameterError):

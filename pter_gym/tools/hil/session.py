@@ -1,9 +1,10 @@
 """Episodes in which whoever is at the other end of a line sets the voltages.
 
 All numbers are little-endian. A payload to the partner begins with a uint32. It is 0 before an
-episode; then come the pace and the path's arcs. Otherwise it is the number of the control step;
-then come both links' angles and angular velocities, four torques, the hand's force along and across
-the path, all float64. The partner answers with the uint32 and four voltages, float32.
+episode; then come the uint32 ``VERSION``, the pace and the path's arcs. Otherwise it is the number
+of the control step; then come both links' angles and angular velocities, four torques, the hand's
+force along and across the path. The partner answers with the first uint32 and its own version, or
+four voltages, float32. All else is float64.
 """
 
 import struct
@@ -26,7 +27,10 @@ from pter_gym.tasks.path_following._position import to_path
 from pter_gym.tasks.path_following._specification import IDEAL_SENSING, sensing_of
 from pter_gym.tools.hil.line import SerialLine
 
-ANSWER = struct.Struct("<I4f")
+VERSION = 1
+"""Version of the protocol, which both sides tell before an episode."""
+
+ANSWER, GREETING = struct.Struct("<I4f"), struct.Struct("<II")
 
 HELLO, PATIENCE = 1.0, 20.0
 """Seconds between tries to begin an episode, and until the partner must have answered one."""
@@ -91,15 +95,17 @@ class Partner:
         self.period = task.control_period if self.real_time else 0.0
         self.volts = np.zeros(4, np.float32)
         self.number = self.answered = 0
+        ride = follow(machine, task, seed, self.decide)
+        rows.append(next(ride))  # may compile, for longer than a partner may be silent
         self.begin(task)
-        rows.extend(follow(machine, task, seed, self.decide))
+        rows.extend(ride)
 
     def begin(self, task: PathFollowing) -> None:
         """Tell the partner pace and path until it answers."""
         arcs = np.ascontiguousarray(task.path.arcs.table, "<f8")
         started = time.monotonic()
         while (now := time.monotonic()) - started < PATIENCE:
-            self.line.send(struct.pack("<Id", 0, task.pace) + arcs.tobytes())
+            self.line.send(struct.pack("<IId", 0, VERSION, task.pace) + arcs.tobytes())
             while (number := self.hear(now + HELLO)) is not None:
                 if number == 0:
                     self.heard = self.due = time.monotonic()
@@ -126,11 +132,23 @@ class Partner:
             raise PartnerError(f"the partner has been silent for {silence:g} s")
         return self.volts
 
+    def greet(self, payload: bytes) -> None:
+        """Check the answer before an episode, or raise a PartnerError."""
+        _, version = GREETING.unpack(payload) if len(payload) == GREETING.size else (0, 0)
+        if version != VERSION:
+            raise PartnerError(
+                f"the partner must speak version {VERSION} of the protocol, with 8 bytes before an "
+                f"episode; it speaks version {version}, with {len(payload)} bytes"
+            )
+
     def hear(self, until: float) -> int | None:
         """Return the number of the next answer, or None if there is none in time."""
         payload = self.line.receive(until)
         if payload is None:
             return None
+        if payload[:4] == bytes(4):
+            self.greet(payload)
+            return 0
         if len(payload) != ANSWER.size:
             raise PartnerError(
                 f"answers must have {ANSWER.size} bytes, a uint32 and four float32, got "

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 from shlex import quote
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -34,6 +34,7 @@ def tune(
     storage: Path = Path("pter-tune.journal"),
     seed: int = 0,
     out: Path | None = None,
+    replace: bool = False,
     machine: MachineName = None,
     worst: bool = False,
 ) -> None:
@@ -60,6 +61,7 @@ def tune(
         seed: Seed of the episodes and the search, at least 0.
         out: TOML file for the best gains of a named law, which `pter benchmark --policies`
             and others accept; its other entries are kept. By default they are only printed.
+        replace: Replace the gains that --out already holds for the law, scenario and pace.
         machine: Name or file of a machine, instead of those that the scenario draws.
         worst: Minimise the largest path error of the episodes in place of the mean.
     """
@@ -75,10 +77,24 @@ def tune(
             )
 
     from pter_gym.controllers import CONTROLLERS
-    from pter_gym.tools.tuning.gains_file import add_gains
-    from pter_gym.tools.tuning.search import tune as search
+    from pter_gym.scenarios._paces import name_of_pace
+    from pter_gym.tools.tuning.gains_file import add_gains, check_place
+    from pter_gym.tools.tuning.search import command_of, tune as search
 
     definition = scenario_on(scenario, machine, path, smooth)
+    arguments: dict[str, Any] = {
+        "trials": trials,
+        "episodes": episodes,
+        "seed": seed,
+        "machine": machine,
+        "path": path,
+        "smooth": 1e-3 * smooth,
+        "worst": worst,
+    }
+    if out is not None:
+        at = name_of_pace(pace)
+        command = command_of(law, scenario, at, **arguments)
+        check_place(out, definition, law, at, command, replace=replace)
     title = f"{law}, {scenario}, {pace}"
     with progress_bar() as progress:
         task = progress.add_task(title, total=trials)
@@ -86,20 +102,7 @@ def tune(
         def show(finished: int, best: float) -> None:
             progress.update(task, completed=finished, description=f"{title}: {1000 * best:.1f} mm")
 
-        tuned = search(
-            law,
-            scenario,
-            pace,
-            trials=trials,
-            episodes=episodes,
-            storage=storage,
-            seed=seed,
-            machine=machine,
-            path=path,
-            smooth=1e-3 * smooth,
-            worst=worst,
-            on_trial=show,
-        )
+        tuned = search(law, scenario, pace, storage=storage, on_trial=show, **arguments)
     gains = ", ".join(f"{name}={gain!r}" for name, gain in tuned.gains.items())
     called = law.rpartition(":")[2]
     if kind == "law":
@@ -110,7 +113,7 @@ def tune(
     smooth = smooth or smoothing_for(definition)
     same = options(scenario=scenario, pace=pace, path=path, machine=machine, smooth=smooth)
     if out is not None:
-        add_gains(tuned, out)
+        add_gains(tuned, out, replace=replace)
     conclude(
         [out] if out else [],
         f"pter benchmark --policies {quote(str(out or law))} single-dof-tuned{same}",

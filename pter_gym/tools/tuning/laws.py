@@ -37,6 +37,17 @@ class Range:
         """Whether the logarithm of the number is what is searched."""
         return self.low > 0.0
 
+    def share(self, number: float) -> float:
+        """Return where a number lies: 0 at the lower end, 1 at the upper one."""
+        number, low, high = map(math.log if self.log else float, (number, self.low, self.high))
+        return (number - low) / (high - low)
+
+    def at(self, share: float) -> float:
+        """Return the number that lies there."""
+        low, high = map(math.log if self.log else float, (self.low, self.high))
+        number = low + share * (high - low)
+        return min(max(math.exp(number) if self.log else number, self.low), self.high)
+
 
 Space = dict[str, Range | tuple[bool, bool]]
 """By the name of a gain its range, or ``(False, True)`` if it is on or off."""

@@ -1,7 +1,6 @@
 """The search for gains: an Optuna study in a journal file, which processes resume and share."""
 
 import math
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -58,19 +57,34 @@ class TunedGains:
     @property
     def command(self) -> str:
         """The command that repeats the search."""
-        command = (
-            f"pter tune {quote(self.controller)} --scenario {self.scenario} "
-            f"--pace {self.pace} --trials {self.trials} "
-            f"--episodes {self.episodes} --seed {self.seed}"
-        )
-        for name, value, kind in (
-            ("machine", self.machine, "MACHINE.toml"),
-            ("path", self.path, "FILE.csv"),
-        ):
-            if value is not None:
-                command += f" --{name} {quote(value) if isinstance(value, str) else kind}"
-        command += f" --smooth {1e3 * self.smooth:g}" if self.smooth else ""
-        return command + " --worst" * self.worst
+        names = ("trials", "episodes", "seed", "machine", "path", "smooth", "worst")
+        given: dict[str, Any] = {name: getattr(self, name) for name in names}
+        return command_of(self.controller, self.scenario, self.pace, **given)
+
+
+def command_of(
+    controller: str,
+    scenario: str,
+    pace: str,
+    *,
+    trials: int,
+    episodes: int,
+    seed: int,
+    machine: Machine | str | None,
+    path: AnyPath | str | None,
+    smooth: float,
+    worst: bool,
+) -> str:
+    """Return the command of a search, whose arguments are those of ``tune``."""
+    command = (
+        f"pter tune {quote(controller)} --scenario {scenario} --pace {pace} "
+        f"--trials {trials} --episodes {episodes} --seed {seed}"
+    )
+    for name, value, kind in (("machine", machine, "MACHINE.toml"), ("path", path, "FILE.csv")):
+        if value is not None:
+            command += f" --{name} {quote(value) if isinstance(value, str) else kind}"
+    command += f" --smooth {1e3 * smooth:g}" if smooth else ""
+    return command + " --worst" * worst
 
 
 def tune(
@@ -91,8 +105,8 @@ def tune(
     """Search for a law's gains on training episodes of a scenario, with CMA-ES.
 
     The search begins with the shipped gains and the defaults. It resumes from the trials in its
-    storage, whichever process ran them. Alone and without interruption it gives the same result for
-    the same seed.
+    storage, whichever process ran them. A process alone gives the same result for the same seed,
+    even if it stops between trials and resumes.
 
     Parameters
     ----------
@@ -144,7 +158,7 @@ def tune(
     ]
     set_of_draws = f"{pace} {episodes} {seed} {definition.digest}".rstrip() + " worst" * worst
     name = f"{definition.name}-v{definition.version} {law.key} {set_of_draws}"
-    study = _open_study(journal, name, seed)
+    study = _open_study(journal, name, law, seed)
     for start in law.starts():
         study.enqueue_trial(start, skip_if_exists=True)
 
@@ -206,29 +220,28 @@ def load_optuna() -> Any:
     return optuna
 
 
-def _open_study(path: Path, name: str, seed: int) -> Any:
+def _open_study(path: Path, name: str, law: TunableLaw, seed: int) -> Any:
     """Return the study of a search, new or resumed."""
     optuna = load_optuna()
+    from pter_gym.tools.tuning.evolution import Evolution
+
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=1, reduction_factor=REDUCTION)
+    known = len({tuple(start.items()) for start in law.starts()})
     unreadable = OSError, ValueError, LookupError, AssertionError  # of Optuna for other files
     try:
-        study = optuna.create_study(
-            storage=open_journal(path), study_name=name, load_if_exists=True, pruner=pruner
+        return optuna.create_study(
+            storage=open_journal(path),
+            study_name=name,
+            load_if_exists=True,
+            pruner=optuna.pruners.SuccessiveHalvingPruner(
+                min_resource=1, reduction_factor=REDUCTION
+            ),
+            sampler=Evolution(law.space, known=known, random=STARTUP_TRIALS, seed=seed % 2**32),
         )
     except unreadable as error:
         raise ParameterError(
             f"storage must be a journal file of Optuna's, got {str(path)!r}: {error}"
         ) from None
-    own = seed + 1000003 * len(study.get_trials(deepcopy=False))  # another for each that resumes
-    with warnings.catch_warnings(action="ignore", category=optuna.exceptions.ExperimentalWarning):
-        study.sampler = optuna.samplers.CmaEsSampler(
-            seed=own % 2**32,
-            n_startup_trials=STARTUP_TRIALS,
-            consider_pruned_trials=True,
-            warn_independent_sampling=False,  # switches are drawn at random
-        )
-    return study
 
 
 def open_journal(path: Path) -> Any:

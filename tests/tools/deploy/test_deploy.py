@@ -3,6 +3,7 @@
 import importlib.util
 import io
 import math
+import os
 import re
 import shutil
 import subprocess
@@ -55,10 +56,15 @@ needs_compiler = pytest.mark.skipif(
 )
 
 
+COMPILER = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
+SANITIZED = (
+    ("-fsanitize=address,undefined", "-fno-sanitize-recover=all") if shutil.which("cc") else ()
+)
+
+
 def built(source: Source, folder: Path, program: Path | None = None) -> Path:
     """A program made by the C compiler at hand."""
     source.write(folder)
-    compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
     files = [folder / "pter.c", program or folder / "main.c"]
     options = [
         "-std=c99",
@@ -71,7 +77,7 @@ def built(source: Source, folder: Path, program: Path | None = None) -> Path:
         "-o",
         folder / "program",
     ]
-    subprocess.run([*compiler, *files, *options], check=True)
+    subprocess.run([*COMPILER, *files, *options], check=True)
     return folder / "program"
 
 
@@ -341,9 +347,8 @@ def test_a_platform_with_other_numbers_does_not_compile(
     source_of(find_policy("locked"), numbers=numbers).write(tmp_path)
     code = f"#include <float.h>\n#undef {kind}_MANT_DIG\n#define {kind}_MANT_DIG {digits}\n"
     (tmp_path / "other.c").write_text(f'{code}#include "pter.c"\n')
-    compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
     made = subprocess.run(
-        [*compiler, "-std=c99", "-c", "other.c"], cwd=tmp_path, capture_output=True, text=True
+        [*COMPILER, "-std=c99", "-c", "other.c"], cwd=tmp_path, capture_output=True, text=True
     )
     assert (made.returncode == 0) == fits
     assert fits or f"{numbers} must have" in made.stderr
@@ -397,14 +402,67 @@ def test_two_policies_are_in_one_program(tmp_path: Path):
     (tmp_path / "both.c").write_text(BOTH)
     own = source_of(first)
     own.write(tmp_path)
-    compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
-    files = [*WARNINGS, "-std=c99", "both.c", "pter.c", "tuned.c"]
-    subprocess.run([*compiler, *files], cwd=tmp_path, check=True)
+    (tmp_path / "one.c").write_text(
+        "".join(f'#include "{x}.c"\n' for x in ("pter", "tuned", "both"))
+    )
     zeros = np.zeros((1, len(own.policy.layout)), np.float32)
-    found = said(tmp_path / "a.out", "")
     policies = (own.policy, other.policy)
     wanted = [np.float32(policy.act(zeros, policy.start(1))[0, 0]) for policy in policies]
-    assert found[:2].tolist() == wanted
+    for files in (["both.c", "pter.c", "tuned.c"], ["one.c"]):
+        subprocess.run([*COMPILER, *WARNINGS, "-std=c99", *files], cwd=tmp_path, check=True)
+        assert said(tmp_path / "a.out", "")[:2].tolist() == wanted
+
+
+@needs_compiler
+def test_a_header_of_another_policy_does_not_compile(tmp_path: Path):
+    source_of(find_policy("locked")).write(tmp_path)
+    compiled = [*COMPILER, "-std=c99", "-c", "pter.c"]
+    subprocess.run(compiled, cwd=tmp_path, check=True)
+    other = source_of(find_policy("impedance"))
+    (tmp_path / "pter.h").write_text(other.files["pter.h"])
+    made = subprocess.run(compiled, cwd=tmp_path, capture_output=True, text=True)
+    assert made.returncode
+    assert "of another policy" in made.stderr
+
+
+PATHS = r"""
+#include "pter.h"
+#include <stdio.h>
+int main(void) {
+    static pter_real few[7];
+    const int counts[] = {PTER_ARCS, 1, 0};
+    pter_state state;
+    pter_reading r = {{2, 1}, {1, -1}, {0}, {0}};
+    float observation[PTER_ENTRIES], v[4];
+    for (int k = 0; k < 7; k++) {
+        few[k] = pter_path_arcs[k];
+    }
+    pter_reset(&state);
+    for (int k = 0; k < 3; k++) {
+        pter_path path = {k == 0 ? pter_path_arcs : few, counts[k], (pter_real)0.25};
+        state.arc = k == 1 ? PTER_ARCS - 1 : state.arc; /* as after a whole path */
+        pter_observe(&state, &r, &path, observation);
+        pter_act(&state, observation, v);
+        printf("%d,%g,%g\n", state.arc, observation[6], v[0] + v[1] + v[2] + v[3]);
+    }
+    return 0;
+}
+"""
+
+
+@needs_compiler
+def test_another_path_may_have_fewer_arcs(tmp_path: Path):
+    (tmp_path / "paths.c").write_text(PATHS)
+    source = source_of(find_policy("single-dof-tuned"), path="sine")
+    built(source, tmp_path, tmp_path / "paths.c")
+    files = ["-std=c99", "-g", *SANITIZED, "-I.", "pter.c", "paths.c", "-o", "sanitized"]
+    subprocess.run([*COMPILER, *files], cwd=tmp_path, check=True)
+    _, one, none = said(tmp_path / "sanitized", "")
+    assert one[0] == none[0] == 0
+    assert np.isfinite(one).all()
+    assert one[2] > 0.0
+    assert np.isnan(none[1])
+    assert none[2] == 0.0
 
 
 COUNTS = r"""
@@ -532,11 +590,17 @@ FAULTS = {
     ],
 )
 def test_no_reading_makes_a_program_do_what_is_undefined(
-    name: str, numbers: Any, weights: Any, model: MachineModel, tmp_path: Path
+    name: str,
+    numbers: Any,
+    weights: Any,
+    model: MachineModel,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ):
     source = source_of(find_policy(name), numbers=numbers, weights=weights, prefix="own")
     source.write(tmp_path, driver=True)
-    assert "proven for every reading" in str(prove(tmp_path, "own.c", model))
+    monkeypatch.chdir(tmp_path.parent)
+    assert "proven for every reading" in str(prove(tmp_path.name, "own.c", model))
 
 
 @needs_frama_c
@@ -562,6 +626,25 @@ def test_without_frama_c_the_driver_is_written_and_the_way_on_told(
     assert (tmp_path / "prove.c").is_file()
 
 
+PROVER = """#!{python}
+import os, pathlib, sys
+driver = pathlib.Path(os.environ["PWD"]) / "prove.c"
+print("25.0" if sys.argv[1] == "-version" or driver.samefile("prove.c") else "")
+print(" 0 alarms generated by the analysis\\nAssertions 4 valid 0 unknown 0 invalid")
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="scripts begin otherwise")
+def test_a_proof_is_made_in_a_relative_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    script = tmp_path / "frama-c"
+    script.write_text(PROVER.format(python=sys.executable))
+    script.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    monkeypatch.chdir(tmp_path)
+    source_of(find_policy("locked")).write("c", driver=True)
+    assert prove("c").version == "25.0"
+
+
 @needs_compiler
 def test_an_encoder_whose_counter_wraps_turns_on(tmp_path: Path):
     (tmp_path / "counts.c").write_text(COUNTS)
@@ -570,7 +653,9 @@ def test_an_encoder_whose_counter_wraps_turns_on(tmp_path: Path):
     assert found[:, 1].tolist() == [75.0, -75.0, 75.0, 75.0]
 
 
-@pytest.mark.parametrize("prefix", ["", "1st", "a-b", "a b", "é", "x" * 41])
+@pytest.mark.parametrize(
+    "prefix", ["", "1st", "a-b", "a b", "é", "x" * 41, "main", "Prove", "stdint"]
+)
 def test_a_prefix_is_a_name_in_c(prefix: str):
     with pytest.raises(ParameterError, match="prefix"):
         source_of(find_policy("impedance"), prefix=prefix)
@@ -612,21 +697,26 @@ def two_outputs() -> Any:
 
 
 @pytest.mark.parametrize(
-    ("name", "machine"),
+    ("name", "machine", "numbers"),
     [
-        ("ppo-standard", "baseline"),
-        ("residual", "baseline"),
-        ("universal", "two-brakes"),
-        (two_outputs, "two-brakes"),
+        ("ppo-standard", "baseline", "double"),
+        ("residual", "baseline", "double"),
+        ("residual", "baseline", "float"),
+        ("universal", "two-brakes", "double"),
+        (two_outputs, "two-brakes", "double"),
     ],
 )
-def test_onnx_gives_the_policys_actions(name: Any, machine: str, recorded: Any, tmp_path: Path):
-    pytest.importorskip("onnx")
+def test_onnx_gives_the_policys_actions(
+    name: Any, machine: str, numbers: Any, recorded: Any, tmp_path: Path
+):
+    onnx = pytest.importorskip("onnx")
     runtime = pytest.importorskip("onnxruntime")
     policy = name() if callable(name) else find_policy(name)
-    session = runtime.InferenceSession(
-        write_onnx(policy, tmp_path / "policy.onnx", machine=machine)
-    )
+    file = write_onnx(policy, tmp_path / "policy.onnx", machine=machine, numbers=numbers)
+    session = runtime.InferenceSession(file)
+    kinds = {each.data_type for each in onnx.load(file).graph.initializer}
+    assert (onnx.TensorProto.DOUBLE in kinds) == (numbers == "double")
+    tolerance = 1e-6 * TOP if numbers == "double" else ROUNDING
     layout = observation_layout(machine, "torque")
     interface = policy.for_machine(find_machine(machine)).interface
     bound, names = (
@@ -657,7 +747,7 @@ def test_onnx_gives_the_policys_actions(name: Any, machine: str, recorded: Any, 
             )
         (volts,) = session.run(["volts"], {each: given[each] for each in names})
         assert volts.shape == (WORLDS, len(interface.clutches))
-        assert np.abs(volts - bound(obs)).max() < 1e-6 * TOP
+        assert np.abs(volts - bound(obs)).max() < tolerance
     told = session.get_modelmeta().custom_metadata_map
     assert told["history"].split() == [str(each) for each in interface.history]
     nothing = {each.name: np.full((1, each.shape[1]), np.nan) for each in session.get_inputs()}
@@ -704,6 +794,12 @@ def test_policies_that_c_cannot_express_are_refused(policy: Any, options: Any, m
         ("impedance", "--c", "out", "--onnx", "policy.onnx"),
         ("ppo-standard", "--c", "out", "--onnx", "policy.txt"),
         ("ppo-standard", "--c", "out", "--machine", "two-brakes"),
+        ("ppo-standard", "--onnx", "policy.onnx", "--weights", "int8"),
+        ("ppo-standard", "--onnx", "policy.onnx", "--prefix", "mine"),
+        ("ppo-standard", "--onnx", "policy.onnx", "--path", "sine"),
+        ("ppo-standard", "--onnx", "policy.onnx", "--out", "folder"),
+        ("ppo-standard", "--numbers", "float"),
+        ("ppo-standard", "--machine", "two-brakes"),
     ],
 )
 def test_a_refused_command_writes_nothing(

@@ -17,14 +17,16 @@ import deploy as bench  # in benchmarks
 import numpy as np
 import pytest
 
+from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import find_policy
 from pter_gym.errors import ParameterError, PartnerError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.tools.deploy import source_of
+from pter_gym.tools.hil import session
 from pter_gym.tools.hil.command import hil
 from pter_gym.tools.hil.line import SerialLine, framed, payload_of
-from pter_gym.tools.hil.session import ANSWER, Partner
+from pter_gym.tools.hil.session import ANSWER, GREETING, VERSION, Partner
 
 LOOP = Path(__file__).parents[3] / "examples" / "serial_loop.c"
 NAME = "single-dof-tuned"
@@ -105,8 +107,9 @@ def volts(number: int, *values: float) -> bytes:
 class Fake(Thread):
     """A partner in this process: ``answers`` turns a number and a payload into bytes to send."""
 
-    def __init__(self, answers: Answer) -> None:
+    def __init__(self, answers: Answer, greeting: bytes) -> None:
         super().__init__(daemon=True)
+        self.greeting = greeting
         self.end, self.other = os.openpty()
         self.port, self.answers = os.ttyname(self.other), answers
         self.line = SerialLine(self.port, 115200)
@@ -121,7 +124,8 @@ class Fake(Thread):
                 return
             *frames, pending = pending.split(b"\0")
             for payload in filter(None, map(payload_of, frames)):
-                sent = self.answers(struct.unpack_from("<I", payload)[0], payload)
+                number = struct.unpack_from("<I", payload)[0]
+                sent = self.answers(number, payload) if number else framed(self.greeting)
                 if sent is None:
                     os.close(self.other)
                     os.close(self.end)
@@ -129,9 +133,11 @@ class Fake(Thread):
                 os.write(self.end, sent)
 
 
-def drive(answers: Answer, deadline: float = PATIENT) -> tuple[Partner, Any, PartnerError | None]:
+def drive(
+    answers: Answer, deadline: float = PATIENT, greeting: bytes = GREETING.pack(0, VERSION)
+) -> tuple[Partner, Any, PartnerError | None]:
     """A partner's ride on the line: the partner, the telemetry, and what has ended it."""
-    fake = Fake(answers)
+    fake = Fake(answers, greeting)
     partner = Partner(fake.line, deadline, real_time=False)
     rows: list[Any] = []
     error = None
@@ -160,6 +166,25 @@ def test_a_broken_or_late_frame_is_skipped_and_the_last_voltages_stay() -> None:
     assert late >= 0
     assert (np.float32(rows[1:, COLUMN.volts.x1]) == sent).mean() >= 1.0 - 2.0 * late / len(steps)
     assert partner.line.broken == (steps % 5 == 4).sum()
+
+
+def test_a_first_answer_may_be_late_after_a_slow_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    def slow(*arguments: Any) -> Any:
+        time.sleep(session.SILENCE)
+        return Batch(*arguments)
+
+    monkeypatch.setattr(session, "Batch", slow)
+    partner, rows, error = drive(lambda k, _: framed(volts(k)) if k > 1 else b"", 0.2)
+    assert error is None
+    assert partner.missed >= 1
+    assert rows[1, COLUMN.volts.x1] == 0.0
+
+
+@pytest.mark.parametrize("greeting", [GREETING.pack(0, VERSION + 1), ANSWER.pack(0, *4 * [0.0])])
+def test_a_partner_of_another_version_is_refused(greeting: bytes) -> None:
+    _, rows, error = drive(lambda k, _: framed(volts(k)), greeting=greeting)
+    assert f"version {VERSION} of the protocol" in str(error)
+    assert len(rows) == 1
 
 
 WRONG: dict[str, tuple[Answer, str]] = {

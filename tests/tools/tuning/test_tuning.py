@@ -1,11 +1,13 @@
 """The search for gains: what it scores, what it keeps, and what it never reads."""
 
+import pickle
 import re
 import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from pter_gym._commands.main import main
@@ -43,6 +45,7 @@ from pter_gym.tools.tuning.search import TunedGains, open_journal, tune
 
 optuna = pytest.importorskip("optuna")
 pytest.importorskip("cmaes")
+Evolution = pytest.importorskip("pter_gym.tools.tuning.evolution").Evolution
 
 CASE = ("impedance", "standard", "brisk")
 
@@ -92,12 +95,13 @@ def test_a_search_is_repeatable_resumable_and_begins_with_known_gains(
     monkeypatch.setattr("pter_gym.tools.tuning.search.STARTUP_TRIALS", 4)
     calls: list[tuple[int, float]] = []
     first, second = tmp_path / "a.journal", tmp_path / "b.journal"
-    found = tune(
-        *CASE, trials=8, episodes=4, storage=first, on_trial=lambda *told: calls.append(told)
-    )
-    assert found == tune(*CASE, trials=8, episodes=4, storage=second)
+    given: dict[str, Any] = {"trials": 16, "episodes": 4}  # a generation, and a part of one
+    found = tune(*CASE, **given, storage=first, on_trial=lambda *told: calls.append(told))
+    for trials in (2, 8, 14):
+        assert tune(*CASE, **given | {"trials": trials}, storage=second).trials == trials
+    assert found == tune(*CASE, **given, storage=second)
     assert told_by(first) == told_by(second)
-    assert [count for count, _ in calls] == list(range(1, 9))
+    assert [count for count, _ in calls] == list(range(1, 17))
     shipped = find_tuned("impedance-tuned", "standard").at(PACES["brisk"])
     paper = find_policy("impedance").at(PACES["brisk"])  # type: ignore[union-attr]
     law = find_law("impedance", 0.5, "standard")
@@ -105,9 +109,68 @@ def test_a_search_is_repeatable_resumable_and_begins_with_known_gains(
     assert [trial.params for trial in trials_in(first)[:2]] == points
     draws = training_episodes("standard", "brisk", 4, seed=0)
     assert calls[0][1] == assess([law.with_gains(law.gains(points[0]))], draws).value
-    more = tune(*CASE, trials=10, episodes=4, storage=first)
-    assert (more.trials, len(trials_in(first))) == (10, 10)
-    assert told_by(first)[:8] == told_by(second)
+
+
+@pytest.mark.filterwarnings("ignore:Argument:optuna.exceptions.ExperimentalWarning")
+@pytest.mark.parametrize("known", [0, 2])
+def test_points_are_those_of_a_sampler_that_keeps_its_state(known: int) -> None:
+    space: Any = {"b": Range(1.0, 9.0), "on": (False, True), "a": Range(0.0, 2.0)}
+
+    def value(trial: Any) -> float:
+        b, on = (
+            trial.suggest_float("b", 1.0, 9.0, log=True),
+            trial.suggest_categorical("on", space["on"]),
+        )
+        return (b - 2.0) ** 2 + (trial.suggest_float("a", 0.0, 2.0) - 1.5) ** 2 + 0.1 * on
+
+    points = []
+    for sampler in (
+        Evolution(space, known=known, random=4, seed=5),
+        optuna.samplers.CmaEsSampler(
+            seed=5, n_startup_trials=4, warn_independent_sampling=False, consider_pruned_trials=True
+        ),
+    ):
+        study = optuna.create_study(sampler=sampler)
+        for k in range(known):
+            study.enqueue_trial({"b": 2.0 + k, "on": True, "a": 1.0})
+        study.optimize(value, n_trials=40)
+        points.append([list(trial.params.values()) for trial in study.trials])
+    np.testing.assert_allclose(*points, rtol=1e-9)
+    assert len(points[0]) == 40
+
+
+class Hostile:
+    """What is unpickled creates a file."""
+
+    def __init__(self, created: Path) -> None:
+        self.created = created
+
+    def __reduce__(self) -> Any:
+        return Path.touch, (self.created,)
+
+
+def test_nothing_in_a_journal_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pter_gym.tools.tuning.search.STARTUP_TRIALS", 2)
+    given: dict[str, Any] = {"episodes": 2, "storage": tmp_path / "theirs.journal"}
+    tune(*CASE, trials=3, **given)
+    journal, created = open_journal(given["storage"]), tmp_path / "created"
+    (name,) = optuna.get_all_study_names(journal)
+    study = optuna.load_study(study_name=name, storage=journal)
+    payload = pickle.dumps(Hostile(created)).hex()
+    for key in ("cma:optimizer:0", "cma:generation"):
+        study.add_trial(with_attributes(study.trials[-1], {key: payload}))
+    tune(*CASE, trials=14, **given)
+    assert len(trials_in(given["storage"])) == 14
+    assert not created.exists()
+
+
+def with_attributes(trial: Any, attributes: dict[str, Any]) -> Any:
+    return optuna.trial.create_trial(
+        params=trial.params,
+        distributions=trial.distributions,
+        value=trial.value,
+        system_attrs=attributes,
+    )
 
 
 def test_only_trials_that_keep_up_are_judged_on_all_draws(
@@ -221,8 +284,11 @@ FOUND = TunedGains(
 def test_gains_are_written_beside_others_and_found(tmp_path: Path) -> None:
     path = tmp_path / "tuned.toml"
     add_gains(replace(FOUND, scenario="everything", pace="brisk"), path)
-    add_gains(replace(FOUND, gains={"stiffness": 1.0}), path)
-    add_gains(FOUND, path)
+    add_gains(replace(FOUND, gains={"stiffness": 1.0}, seed=8), path)
+    with pytest.raises(ParameterError, match="replace"):
+        add_gains(FOUND, path)
+    add_gains(FOUND, path, replace=True)
+    add_gains(FOUND, path)  # the same
     table = read_gains(path)
     assert list(table) == ["standard", "everything"]
     assert table["standard"]["impedance"]["slow"] == {
@@ -261,6 +327,28 @@ def test_gains_are_written_beside_others_and_found(tmp_path: Path) -> None:
     for name in (str(path), str(tmp_path / "missing.toml")):
         with pytest.raises(ParameterError, match="policies"):  # two scenarios, or no file
             find_policy(name, "paths")
+
+
+def test_gains_for_two_machines_are_not_mixed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, other = tmp_path / "tuned.toml", replace(FOUND, machine="delrin_experimental")
+    add_gains(other, path)
+    for again in (replace(FOUND, pace="brisk"), replace(FOUND, controller="single-dof", gains={})):
+        with pytest.raises(ParameterError, match="another machine"):
+            add_gains(again, path, replace=True)
+    add_gains(replace(other, pace="brisk", machine=DELRIN_EXPERIMENTAL), path)
+    add_gains(replace(FOUND, scenario="paths"), path)
+    assert read_gains(path)["standard"]["impedance"].keys() == {"slow", "brisk"}
+    storage = tmp_path / "none.journal"
+    line = f"tune impedance --pace medium --trials 1 --storage {storage} --out {path}"
+    assert main(line.split()) == 2
+    assert "another machine" in capsys.readouterr().err
+    assert not storage.exists()  # refused before the search
+    digest = find_scenario("standard", DELRIN_EXPERIMENTAL).digest
+    path.write_text(path.read_text().replace(digest, "0123456789abcdef", 1))
+    with pytest.raises(DataError, match="same machines"):
+        read_gains(path)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
-/* What is proven of pter.c: from pter_reset on, for any number of control steps with any counts, readings, path of
-   PTER_ARCS arcs and pace, nothing is undefined and each voltage lies within [0, PTER_VOLTAGE_MAX].
+/* What is proven of pter.c: from pter_reset on, for any number of control steps with any counts, readings, pace and
+   path of at most PTER_ARCS arcs, another at each step, nothing is undefined and each voltage lies within
+   [0, PTER_VOLTAGE_MAX].
 
        $command
 
@@ -21,9 +22,12 @@ int main(void)
     }
     pter_reset(&state);
     while (goes_on) {
-        pter_path path = {arcs, PTER_ARCS, any_number};
+        pter_path path = {arcs, any_count, any_number};
         pter_reading reading;
         float observation[PTER_ENTRIES], volts[4];
+        if (path.count > PTER_ARCS) {
+            return 0;
+        }
         for (int link = 0; link < 2; link++) {
             int bits = any_bits;
             int32_t before = any_count;

@@ -7,6 +7,13 @@
 
 #include "pter.h"
 
+/* what only this file knows has names of its own, so that another such file may be in the same translation unit */
+$hidden
+
+#if PTER_DIGEST != 0x$digest
+#error "pter.h is of another policy: take both files of one export"
+#endif
+
 #if FLT_RADIX != 2 || FLT_MANT_DIG != 24
 #error "float must have 32 bits (IEEE 754)"
 #elif ${limits}_MANT_DIG != $digits
@@ -122,7 +129,10 @@ void pter_observe(pter_state *state, const pter_reading *reading, const pter_pat
     for (int k = 0; k < 4; k++) {
         known = known && IS_NUMBER(t[k]);
     }
-    if (known && IS_WITHIN(r.theta.a, MOST_TURNED) && IS_WITHIN(r.theta.b, MOST_TURNED)) {
+    if (state->arc >= path->count) {
+        state->arc = 0; /* of a path that had more */
+    }
+    if (known && path->count > 0 && IS_WITHIN(r.theta.a, MOST_TURNED) && IS_WITHIN(r.theta.b, MOST_TURNED)) {
         state->arc = observe(r, volts, path->arcs, path->count, state->arc, path->pace, seen);
     } else {
         for (int k = 0; k < $most; k++) {
@@ -159,3 +169,5 @@ void pter_act(pter_state *state, const float observation[PTER_ENTRIES], float vo
         volts[k] = state->volts[k];
     }
 }
+
+$shown

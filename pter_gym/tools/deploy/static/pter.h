@@ -13,6 +13,7 @@ $observation */
 
 #include <stdint.h>
 
+#define PTER_DIGEST 0x$digest /* of this policy: pter.c checks that it is its own */
 #define PTER_PERIOD ((pter_real)$period) /* of a control step [s] */
 #define PTER_ENTRIES $entries /* numbers in an observation */
 #define PTER_HOLD $hold /* control steps for which a decision is held */
@@ -39,7 +40,7 @@ typedef struct {
     pter_real angle[2], velocity[2], torque[4], force[2];
 } pter_reading;
 
-/* The path, as rows of pter_path_arcs, and the commanded pace [m/s]. A row is x, y [m], cosine and sine of the
+/* The path, as rows of pter_path_arcs and how many they are, and the commanded pace [m/s]. A row is x, y [m], cosine and sine of the
    heading, curvature [1/m], arc length before it and its own [m]. */
 typedef struct {
     const pter_real *arcs;
@@ -61,8 +62,8 @@ int32_t pter_count(int32_t before, uint32_t counter, int bits);
 void pter_encoder(pter_reading *reading, int link, int32_t count, int32_t before, pter_real resolution,
                   pter_real zero);
 
-/* Write the observation at a control step; all of it is NaN if anything in the reading is NaN, or an angle is
-   beyond a million radians. */
+/* Write the observation at a control step; all of it is NaN if anything in the reading is NaN, an angle is
+   beyond a million radians, or the path has no arc. */
 void pter_observe(pter_state *state, const pter_reading *reading, const pter_path *path,
                   float observation[PTER_ENTRIES]);
 
