@@ -2,9 +2,8 @@
 """From a log to a machine: what is identified, how well, and what the log does not show."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import PurePath
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, MachineSpread, find_machine
 from pter_gym.params._spread import numbers_of
+from pter_gym.tools.identification.findings import Finding, make_finding, origins_of
 from pter_gym.tools.identification.first_estimate import first_estimate
 from pter_gym.tools.identification.fit import UNSEEN, Fit
 from pter_gym.tools.identification.log import Log
@@ -22,19 +22,12 @@ from pter_gym.tools.identification.parameters import (
     SCALES,
     SEARCHES,
     TERMS,
-    Quantity,
     Shape,
     places,
     quantities,
 )
 from pter_gym.tools.identification.score_tests import admit_terms, compare_parts, parts_of
-from pter_gym.tools.identification.verdict import (
-    MAX_FAR,
-    MAX_REL_HALF_WIDTH,
-    NEITHER,
-    Verdict,
-    judge,
-)
+from pter_gym.tools.identification.verdict import MAX_FAR, NEITHER, Verdict, judge
 from pter_gym.tools.identification.windows import SLIPPING, Smoothed, cut, experience, smooth
 
 Array = NDArray[np.float64]
@@ -57,46 +50,6 @@ TORQUES = {
 
 ASSUMED = "chosen: stated to pter identify, or that of its start"
 """Provenance of what is not estimated."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Finding:
-    """One number of the result.
-
-    Attributes
-    ----------
-    quantity
-        Name, unit, value and scale.
-    low, high
-        95 % interval, in the unit: equal to the value where that was kept.
-    before
-        Value of the start.
-    status
-        ``identified``: within ±5 % of its scale, by a model that describes the log. ``uncertain``:
-        used, but less sure. ``kept``: the log does not show it, so it is that of the start.
-    reason
-        Why it is kept.
-    """
-
-    quantity: Quantity
-    low: float
-    high: float
-    before: float
-    status: str
-    reason: str = ""
-
-    @property
-    def half_width(self) -> float:
-        """Half of the interval, in the unit."""
-        return 0.5 * (self.high - self.low)
-
-    @property
-    def origin(self) -> str:
-        """Where the number comes from, in words."""
-        if self.status == "kept":
-            return f"not shown by it and kept: {self.reason}"
-        unsure = "uncertain, " if self.status == "uncertain" else ""
-        return f"{unsure}95 % interval {self.low:.4g} to {self.high:.4g}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,21 +107,6 @@ class Identification:
         """Where the numbers of the machine come from, by field."""
         stated = ("arm.length_a", "arm.length_b", "clutch.voltage_max")
         return dict.fromkeys(stated, ASSUMED) | origins_of(self.findings, self.log.name)
-
-
-def origins_of(findings: Sequence[Finding], log: str) -> dict[str, str]:
-    """Return where the numbers of a machine come from, by field, given the log's name."""
-    by_place: dict[str, list[Finding]] = {}
-    for finding in findings:
-        for place in finding.quantity.places:
-            by_place.setdefault(place, []).append(finding)
-    origins: dict[str, str] = {}
-    for place, here in by_place.items():
-        kind = "chosen" if all(each.status == "kept" for each in here) else "identified"
-        said = f"from {PurePath(log).name}, {'; '.join(each.origin for each in here)}"
-        plain = "".join(c if c.isprintable() and c not in '"\\' else "_" for c in said)
-        origins[place] = f"{kind}: {plain}"
-    return origins
 
 
 def identify(
@@ -332,11 +270,8 @@ def _results(
     for q, first, half, by_free in zip(here, start, halves.tolist(), slopes, strict=True):
         unmoved = "" if by_free.any() else "the log shows none of the numbers from which it follows"
         reason = kept.get(q.name, unmoved)
-        width = 0.0 if reason else half
-        sure = q.name not in unsure and half <= MAX_REL_HALF_WIDTH * q.scale
-        ends = {"low": q.value - width, "high": q.value + width, "before": first.value}
-        status = "kept" if reason else "identified" if sure else "uncertain"
-        findings.append(Finding(quantity=q, status=status, reason=reason, **ends))
+        sure = q.name not in unsure
+        findings.append(make_finding(q, half, first.value, reason=reason, sure=sure))
     if not fit.free or verdict.grade == NEITHER:
         return findings, machine
     names = [q.name for q in here]
