@@ -139,9 +139,9 @@ def judge(fit: Fit, differences: Sequence[Difference], log: Log) -> Verdict:
     breakaways &= "breakaway_ratio" in fit.free
     unexplained = left > FAR**2 * noise
     rows, encoder = max(1, round(SMOOTH / log.interval)), log.angle_step or angle_step(*log.theta.T)
-    left, noise, effect, rounding = squares(rows, fit.rounding(encoder))
-    noise += rounding + max(windows.noise**2 - encoder**2 / 12.0, 0.0) / rows
-    low, middle, high = share_left(*(used * fit.share * each for each in (left - noise, effect)))
+    left, noise, effect, *rounding = squares(rows, *fit.rounding(encoder))
+    noise += np.mean(rounding, axis=0) + max(windows.noise**2 - encoder**2 / 12.0, 0.0) / rows
+    low, middle, high = share_left(*(used * fit.trust * each for each in (left - noise, effect)))
     verdict = Verdict(
         windows=int(used.sum()),
         gaps=windows.gaps,
