@@ -2,7 +2,7 @@
 """From a log to a machine: what is identified, how well, and what the log does not show."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -29,6 +29,7 @@ from pter_gym.tools.identification.parameters import (
     SCALES,
     SEARCHES,
     TERMS,
+    Quantity,
     Shape,
     places,
     quantities,
