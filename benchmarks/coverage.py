@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from oracle.experiment import Experiment, Recorder, record_log
 from pter_gym.params import BASELINE
 from pter_gym.tools.identification import Log, identify, quantities, read_log
-from pter_gym.tools.identification.log import COLUMNS
+from pter_gym.tools.identification.log import LOG_COLUMNS
 
 Array = NDArray[np.float64]
 
@@ -71,7 +71,7 @@ def through_file(log: Log, times: Array) -> Log:
     moved = [np.interp(times, log.times, each) for each in (*log.theta.T, *log.force.T)]
     with TemporaryDirectory() as folder:
         file, table = Path(folder) / "log.csv", np.column_stack([times, log.volts[row], *moved])
-        np.savetxt(file, table, "%.9g", ",", header=",".join(COLUMNS), comments="")
+        np.savetxt(file, table, "%.9g", ",", header=",".join(LOG_COLUMNS), comments="")
         return read_log(file)
 
 
@@ -92,7 +92,7 @@ def gappy(log: Log, rng: np.random.Generator) -> Log:
 
 def apart(log: Log, _: np.random.Generator) -> Log:
     """Return a log in which each sensor has rows of its own, and forces every second one."""
-    lines = [",".join(COLUMNS)]
+    lines = [",".join(LOG_COLUMNS)]
     changed = np.diff(log.volts, axis=0, prepend=-1.0).any(axis=1)
     for k, t in enumerate(log.times):
         volts, (a, b), (x, y) = (each[k] for each in (log.volts, log.theta, log.force))

@@ -95,6 +95,19 @@ def test_a_damaged_file_is_refused(old: str, new: str, named: str, tmp_path: Pat
         load_machine(tmp_path / "own.toml")
 
 
+@pytest.mark.parametrize("value", ["3", "{covariance = 3}", "{places = []}"])
+def test_an_uncertainty_that_is_no_table_is_refused(value: str, tmp_path: Path) -> None:
+    (tmp_path / "own.toml").write_text(f"uncertainty = {value}\n{TEXT}", "utf-8")
+    with pytest.raises(DataError, match="uncertainty must be a table"):
+        find_machines(str(tmp_path / "own.toml"))
+
+
+def test_a_file_in_utf_16_is_read(tmp_path: Path) -> None:
+    """As PowerShell's > and Windows' Editor write it."""
+    (tmp_path / "own.toml").write_bytes(TEXT.encode("utf-16"))
+    assert find_machine(str(tmp_path / "own.toml")) == BASELINE
+
+
 def test_a_file_that_is_not_there_or_that_commands_do_not_take_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="machine"):
         find_machine(str(tmp_path / "none.toml"))

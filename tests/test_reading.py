@@ -199,6 +199,111 @@ def test_a_columns_unit_is_read_whether_its_name_is_given_with_it_or_not(
     assert column == pytest.approx([value])
 
 
+SPELLINGS = {
+    "N·m": {
+        **dict.fromkeys(("M/Ncm", "M / Ncm", "M (Ncm)", "M_Ncm", "M, Ncm", "M in N·cm"), 1e-2),
+        **dict.fromkeys(("M [N⋅m]", "M [N m]", "M [Nm]", "M/N*m", "torque_Nm", "M"), 1.0),
+        "M (kNm)": 1e3,
+        "M (mN m)": 1e-3,
+        "M (lb-in)": 0.1129848,
+        "M (ozf-in)": 7.0615518e-3,
+    },
+    "rad/s": {
+        **dict.fromkeys(("n/rpm", "n/min^-1", "n / (1/min)", "n [min⁻¹]", "N [RPM]"), np.pi / 30),
+        "omega/rad/s": 1.0,
+        "omega_rad_s": 1.0,
+        "w [rad·s⁻¹]": 1.0,
+        "w (Deg/s)": np.pi / 180,
+    },
+    "s": {
+        **dict.fromkeys(("t/ms", "t, ms", "Zeit in ms", "TIME_MS", "Time [msec]"), 1e-3),
+        "t (min)": 60.0,
+        "t_s": 1.0,
+        "Time (sec)": 1.0,
+        "t_us": 1e-6,
+    },
+    "rad": {
+        **dict.fromkeys(("theta/deg", "theta (Degrees)", "theta_A_deg", "q[0] [°]"), np.pi / 180),
+        **dict.fromkeys(("theta_A", "joint_states/position[0]", "/arm/position"), 1.0),
+    },
+    "V": {"V1/mV": 1e-3, "I (mA)": 1e-3, "I_A": 1.0, "V_in": 1.0, "V1 (volts)": 1.0},
+    "N": {"F/kN": 1e3, "F (kgf)": 9.80665, "F_x": 1.0, "Fx, N": 1.0},
+}
+
+
+@pytest.mark.parametrize("unit", SPELLINGS)
+def test_what_follows_a_name_is_its_unit(unit: str, tmp_path: Path) -> None:
+    for name, size in SPELLINGS[unit].items():
+        (tmp_path / "u.csv").write_text(f"k;{name}\n0;100\n1;200\n", "utf-8")
+        column = read_table(tmp_path / "u.csv", (name,), unit=unit).columns[name]
+        assert column == pytest.approx([100.0 * size, 200.0 * size]), name
+
+
+@pytest.mark.parametrize(
+    ("unit", "names"),
+    [
+        ("N·m", ("M/kpcm", "M (x)", "M [-]")),
+        ("rad/s", ("n (Hz)", "n (krpm)", "n/U")),
+        ("rad", ("theta (counts)", "theta/turns", "theta_mdeg", "theta, gon")),
+        ("V", ("V1 (%)", "V1/%", "P_kW")),
+        ("N", ("F (oz)", "F/g", "F [MN]", "F_mm")),
+    ],
+)
+def test_a_unit_of_something_else_is_refused(
+    unit: str, names: tuple[str, ...], tmp_path: Path
+) -> None:
+    for name in names:
+        (tmp_path / "u.csv").write_text(f"k;{name}\n0;100\n1;200\n", "utf-8")
+        with pytest.raises(ParameterError, match=r"must be in .*, not in"):
+            read_table(tmp_path / "u.csv", (name,), unit=unit)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# x_mm,y_mm\n# made by a program\n1,2\n3,4\n",
+        "# x,y\n# mm,mm\n1,2\n3,4\n",
+        "# k,x_mm,y_mm\n0,1,2\n1,3,4\n",
+        "// x_mm y_mm\n1 2\n3 4\n",
+        "% y_mm, x_mm\n2,1\n4,3\n",
+        "x_mm,y_mm,\n1,2\n3,4\n",
+        "x,y\n[mm],[mm]\n1,2\n3,4\n",
+    ],
+)
+def test_names_are_found_in_any_comment(text: str, tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text(text)
+    columns = read_table(tmp_path / "t.csv", ("x", "y"), unit="m").columns
+    assert columns["x"] == pytest.approx([1e-3, 3e-3])
+    assert columns["y"] == pytest.approx([2e-3, 4e-3])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0,1,2\n1,3,4\n", "must name the columns x, y"),
+        ("# t,z\n1,2\n3,4\n", "the columns are t, z"),
+        ("x position y\n1 2\n", "line 2"),
+        ("note x y\na 1 2\nb 3\n", "line 3"),
+        ("x,y,z\n1,2,3\n4,5\n", "line 3"),
+        ("x_mm,y\ncm,cm\n1,2\n", "x_mm is in cm"),
+    ],
+)
+def test_a_table_that_one_would_have_to_guess_is_refused(
+    text: str, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(ParameterError, match=said):
+        read_table(tmp_path / "t.csv", ("x", "y"), unit="m")
+
+
+def test_one_colon_is_minutes_and_seconds(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("t_ms\n00:01.250\n10:02.500\n")
+    assert list(read_table(tmp_path / "t.csv", ("t",), unit="s").columns["t"]) == [1.25, 602.5]
+    (tmp_path / "t.csv").write_text("t\n20:59\n")
+    with pytest.raises(ParameterError, match="line 2: times must be"):
+        read_table(tmp_path / "t.csv", ("t",), unit="s")
+
+
 def test_a_unit_that_is_not_known_is_refused(tmp_path: Path) -> None:
     (tmp_path / "u.csv").write_text(NAMED, encoding="utf-8")
     with pytest.raises(ParameterError, match=r"F \[mN\] must be in m, cm, mm, not in mN"):

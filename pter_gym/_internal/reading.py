@@ -4,6 +4,7 @@ Nothing here names a file: what is refused raises a ValueError or an OSError, wh
 turns into a DataError.
 """
 
+import codecs
 import gzip
 import io
 import json
@@ -21,6 +22,9 @@ from pter_gym.errors import DataError
 
 MAX_JSON_SIZE, MAX_TOML_SIZE = 1 << 22, 1 << 18
 """Largest texts that are parsed [B]."""
+
+UTF_16 = codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE
+"""With what texts in UTF-16 begin."""
 
 MAX_KEY_PARTS = 8
 """Most parts of a key in TOML, as ``a.b`` has two."""
@@ -74,8 +78,12 @@ def read_bytes(path: Path, most: int) -> bytes:
 
 
 def read_text(path: Path, most: int) -> str:
-    """Return a file's text in UTF-8; raises as ``read_bytes``, a ValueError for other encodings."""
-    return read_bytes(path, most).decode("utf-8")
+    """Return a file's text in UTF-8, or UTF-16 with its mark; raises as ``read_bytes``.
+
+    It raises a ValueError for other encodings.
+    """
+    data = read_bytes(path, most)
+    return data.decode("utf-16" if data.startswith(UTF_16) else "utf-8")
 
 
 def inflate(data: bytes, most: int) -> bytes:

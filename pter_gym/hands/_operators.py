@@ -233,7 +233,7 @@ def read_forces(file: FilePath) -> RecordedForces:
         ``MAX_DURATION``, as where times are milliseconds.
     """
     units = {"time": "s", "along": "N", "across": "N"}
-    columns, lines = read_table(file, tuple(units), unit=units)
+    columns, lines, _ = read_table(file, tuple(units), unit=units)
     times, along, across = (tuple(columns[name].tolist()) for name in units)
     if fault := fault_in(times, lambda k: f"line {lines[k]}"):
         raise ParameterError(f"{file}, {fault}")

@@ -81,6 +81,9 @@ def find_machines(machine: Machine | FilePath) -> Machine | MachineSpread:
     if table is None:
         return middle
     with reading(f"machine {source}"):
+        if not isinstance(table, dict) or not isinstance(table.get("covariance"), list):
+            raise TypeError(f"{UNCERTAINTY} must be a table with places and rows of a covariance")
+        table = cast("dict[str, Any]", table)
         rows = tuple(tuple(map(float, row)) for row in table["covariance"])
         return MachineSpread(machine=middle, places=tuple(table["places"]), covariance=rows)
 

@@ -338,7 +338,7 @@ def read_path(file: FilePath, *, smooth: float = 0.0) -> Spline:
         than two points, a point occurs twice in a row, or the spline turns back on itself; it names
         the line.
     """
-    columns, lines = read_table(file, ("x", "y"), unit="m")
+    columns, lines, _ = read_table(file, ("x", "y"), unit="m")
     points = tuple(zip(columns["x"].tolist(), columns["y"].tolist(), strict=True))
     if fault := fault_in(points, lambda k: f"line {lines[k]}"):
         raise ParameterError(f"{file}, {fault}")

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from pter_gym.params import Machine
     from pter_gym.tools.identification import Finding, Log
+    from pter_gym.tools.identification.bench import Bench
 
 MACHINE = "baseline"
 
@@ -51,19 +52,25 @@ def identify(
         voltage_max: Largest voltage of the clutches [V]; by default that of the machine to start
             from.
         columns: Names of these columns in the files where they differ, such as theta_A=thetaA.
-        degrees: Whether angles are in degrees.
+        degrees: Whether angles, or the speed on a bench, are in degrees where names say no unit.
         relative_b: Whether theta_B is measured from link A instead of the x axis.
         clutch: Whether the log is of one clutch or brake on a bench, with t_s, V, omega and torque;
             writes clutch.toml, a machine with four of these, instead.
         out: Folder for the results, created if necessary.
     """
     from pter_gym.tools.identification import join_logs, read_log
+    from pter_gym.tools.identification.bench import read_bench
 
     if not logs:
         raise ParameterError("logs must be given: LOG.csv … (`pter identify --help` explains)")
     start, names = read_start(machine, lengths, voltage_max), read_names(columns)
     if clutch:
-        show_bench(logs, names, start, out)
+        if len(logs) != 1 or relative_b:
+            raise ParameterError(
+                "logs must be one file with --clutch, which has no theta_B: --relative-b is not "
+                f"for it, got {len(logs)} files"
+            )
+        show_bench(read_bench(logs[0], names, degrees=degrees), logs[0].name, start, out)
         return
     log = join_logs(
         [read_log(path, columns=names, degrees=degrees, relative_b=relative_b) for path in logs]
@@ -73,25 +80,27 @@ def identify(
     show_machine(log, start, out)
 
 
-def show_bench(logs: tuple[Path, ...], names: dict[str, str], start: "Machine", out: Path) -> None:
+def show_bench(bench: "Bench", log: str, start: "Machine", out: Path) -> None:
     """Identify one clutch on a bench, print its numbers and write a machine with four of these."""
-    from dataclasses import replace
-
     from pter_gym.params import save_machine
-    from pter_gym.tools.identification.bench import identify_clutch, read_bench
-    from pter_gym.tools.identification.identifying import ASSUMED, origins_of
+    from pter_gym.tools.identification.bench import identify_clutch
+    from pter_gym.tools.identification.findings import origins_of
+    from pter_gym.tools.identification.identifying import ASSUMED
 
-    if len(logs) != 1:
-        raise ParameterError(f"logs must be one file with --clutch, got {len(logs)}")
-    bench = read_bench(logs[0], names)
     make_folder(out)
     found = identify_clutch(bench, start.clutch)
-    say(found.sentence)
+    for sentence in (*bench.remarks, *found.sentences):
+        say(sentence)
     show_findings(found.findings)
-    machine, file = replace(start, clutch=found.clutch), out / "clutch.toml"
-    title = "Written by pter identify --clutch: four clutches as the one on the bench."
-    origins = origins_of(found.findings, logs[0].name)
-    save_machine(machine, file, origin=ASSUMED, origins=origins, title=title)
+    file, drive = out / "clutch.toml", "\nVolts are amperes here." if bench.drive == "A" else ""
+    title = f"Written by pter identify --clutch: four clutches as the one on the bench.{drive}"
+    save_machine(
+        found.machine(start),
+        file,
+        origin=ASSUMED,
+        origins=origins_of((*found.findings, *found.derived), log),
+        title="\n".join((title, *found.sentences)),
+    )
     conclude([file], f"pter device {quote(str(file))}")
 
 

@@ -12,7 +12,7 @@ Intervals come from a jackknife, to first order: how far the coordinates would g
 of neighbouring windows. Residuals of one window are one error that grows, and not many errors.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -25,7 +25,6 @@ from pter_gym.tools.identification.parameters import (
     COUNT,
     LOWEST,
     MAX_ERRORS,
-    STEPS,
     Shape,
     along,
     places,
@@ -140,7 +139,7 @@ class Fit:
         found = list[tuple[float, Array]]()
         for self.p in starts:
             self._minimise()
-            left = self.weights * self.share * np.mean(self.here.residual**2, axis=1)
+            left = self.weights * self.trust * np.mean(self.here.residual**2, axis=1)
             found.append((float(left.sum()), self.p))
         self.p = min(found, key=lambda each: each[0])[1]
 
@@ -182,13 +181,13 @@ class Fit:
 
         def residual(x: Array) -> Array:
             point, far = self._at(coordinates(x)), prior[free] * (x - self._first[free])
-            left = (weights * np.sqrt(self._share(point)))[:, None] * point.residual
+            left = (weights * np.sqrt(self._trust(point)))[:, None] * point.residual
             return np.concatenate([left.ravel(), far])
 
         def jacobian(x: Array) -> Array:
             point = self._at(coordinates(x))
-            # share² is the derivative of share·s by a sum of squares s
-            factors = weights * self._share(point) ** 1.5
+            # trust² is the derivative of trust·s by a sum of squares s
+            factors = weights * self._trust(point) ** 1.5
             by = factors[:, None, None] * point.jacobian[:, :, free]
             return np.concatenate([by.reshape(-1, len(x)), np.diag(prior[free])])
 
@@ -203,18 +202,23 @@ class Fit:
         )
         self.p = coordinates(solution.x)
 
-    def _share(self, point: Point) -> Array:
+    def _trust(self, point: Point) -> Array:
         return 1.0 / (1.0 + np.mean(point.residual**2, axis=1) / (BAD * self.usual) ** 2)
 
+    def costs(self, factors: Array) -> Array:
+        """Return the squares that pairs of neighbouring windows leave, each window weighed so."""
+        squares = np.sum((factors[:, None] * self.here.residual) ** 2, axis=1)
+        return np.add.reduceat(squares, np.arange(0, len(squares), BLOCK))
+
     @property
-    def share(self) -> Array:
+    def trust(self) -> Array:
         """Share in which each window counts, shape (windows,): less if it is far off the others."""
-        return self._share(self.here)
+        return self._trust(self.here)
 
     @property
     def factors(self) -> Array:
         """Factors of the residuals of each window [1/rad], shape (windows,)."""
-        return np.sqrt(self.weights) * self.share / self.error
+        return np.sqrt(self.weights) * self.trust / self.error
 
     def weighed(self) -> tuple[Array, Array]:
         """Return residuals and their derivatives by the free coordinates, times ``factors``."""
@@ -261,12 +265,17 @@ class Fit:
         """Return the change of the residuals [rad] at other coordinates or inputs."""
         return self._near(p, inputs) - self.here.residual
 
-    def rounding(self, step: float) -> Array:
-        """Return what an encoder's step [rad] makes of the residuals [rad]."""
+    def rounding(self, step: float) -> Iterator[Array]:
+        """Yield what encoders of a step [rad] make of the residuals [rad], wherever they are 0.
+
+        At the recorded encoder's zero, predictions within half a step would be explained by it.
+        """
         measured = self.windows.measured.reshape(self.here.residual.shape)
         angles = (self._apart(self.p, self.windows.inputs) + measured) / max(step, 1e-12)
-        off = step * (np.round(angles) - angles)
-        return self._projected(self.here.by_start, off[:, :, None])[0][:, :, 0]
+        for zeros in np.random.default_rng(0).random((len(self.windows.shaken), len(angles), 2)):
+            shifted = angles + np.tile(zeros, angles.shape[1] // 2)
+            off = step * (np.round(shifted) - shifted)
+            yield self._projected(self.here.by_start, off[:, :, None])[0][:, :, 0]
 
     def covariance(self) -> tuple[Array, float]:
         """Return the covariance of the free coordinates, and the quantile of 95 % intervals.
@@ -286,7 +295,7 @@ class Fit:
         shaken = np.mean(np.square(np.linalg.solve(normal, pulls.T).T / size), axis=0)
         floor = np.maximum(variance * naive, shaken)
         covariance[diagonal] = np.maximum(np.diag(covariance), floor)
-        unseen = size * STEPS[places(self.free)] < 1.0
+        unseen = size * MAX_ERRORS[places(self.free)] < 1.0
         covariance[unseen], covariance[:, unseen] = 0.0, 0.0
         covariance[unseen, unseen] = UNSEEN
         return covariance, float(stats.t.ppf(0.975, max(len(changes) - len(self.free), 1)))

@@ -2,9 +2,9 @@
 """From a log to a machine: what is identified, how well, and what the log does not show."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import PurePath
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,12 @@ from numpy.typing import NDArray
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, MachineSpread, find_machine
 from pter_gym.params._spread import numbers_of
+from pter_gym.tools.identification.findings import (
+    Finding,
+    derived_finding,
+    make_finding,
+    origins_of,
+)
 from pter_gym.tools.identification.first_estimate import first_estimate
 from pter_gym.tools.identification.fit import UNSEEN, Fit
 from pter_gym.tools.identification.log import Log
@@ -19,6 +25,7 @@ from pter_gym.tools.identification.parameters import (
     AT,
     CLUTCH_TERMS,
     NAMES,
+    PRODUCTS,
     SCALES,
     SEARCHES,
     TERMS,
@@ -27,14 +34,8 @@ from pter_gym.tools.identification.parameters import (
     places,
     quantities,
 )
-from pter_gym.tools.identification.score_tests import admit_terms, compare_parts, parts_of
-from pter_gym.tools.identification.verdict import (
-    MAX_FAR,
-    MAX_REL_HALF_WIDTH,
-    NEITHER,
-    Verdict,
-    judge,
-)
+from pter_gym.tools.identification.score_tests import admit_terms, differences
+from pter_gym.tools.identification.verdict import MAX_FAR, NEITHER, Verdict, judge
 from pter_gym.tools.identification.windows import SLIPPING, Smoothed, cut, experience, smooth
 
 Array = NDArray[np.float64]
@@ -45,6 +46,9 @@ tell a straight segment from a quadratic one."""
 
 NORMAL = 1.96
 """Half of the 95 % interval of a normal distribution, in standard deviations."""
+
+WORSE, NO_JUMP = 3.0, 1.03
+"""Standard errors by which a fit is surely worse; T_s/T_k up to which clutches do not jump."""
 
 EXPECTED_STEPS = 60
 """About how many steps of progress an identification takes."""
@@ -57,46 +61,6 @@ TORQUES = {
 
 ASSUMED = "chosen: stated to pter identify, or that of its start"
 """Provenance of what is not estimated."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Finding:
-    """One number of the result.
-
-    Attributes
-    ----------
-    quantity
-        Name, unit, value and scale.
-    low, high
-        95 % interval, in the unit: equal to the value where that was kept.
-    before
-        Value of the start.
-    status
-        ``identified``: within ±5 % of its scale, by a model that describes the log. ``uncertain``:
-        used, but less sure. ``kept``: the log does not show it, so it is that of the start.
-    reason
-        Why it is kept.
-    """
-
-    quantity: Quantity
-    low: float
-    high: float
-    before: float
-    status: str
-    reason: str = ""
-
-    @property
-    def half_width(self) -> float:
-        """Half of the interval, in the unit."""
-        return 0.5 * (self.high - self.low)
-
-    @property
-    def origin(self) -> str:
-        """Where the number comes from, in words."""
-        if self.status == "kept":
-            return f"not shown by it and kept: {self.reason}"
-        unsure = "uncertain, " if self.status == "uncertain" else ""
-        return f"{unsure}95 % interval {self.low:.4g} to {self.high:.4g}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,6 +79,8 @@ class Identification:
         describe the log.
     findings
         The numbers, in the order of ``quantities``.
+    products
+        Numbers of the file that are products of these.
     fit
         The windows and how well they are predicted.
     verdict
@@ -126,6 +92,7 @@ class Identification:
     machine: Machine
     machines: Machine | MachineSpread
     findings: list[Finding]
+    products: list[Finding]
     fit: Fit
     verdict: Verdict
 
@@ -153,22 +120,9 @@ class Identification:
     def origins(self) -> dict[str, str]:
         """Where the numbers of the machine come from, by field."""
         stated = ("arm.length_a", "arm.length_b", "clutch.voltage_max")
-        return dict.fromkeys(stated, ASSUMED) | origins_of(self.findings, self.log.name)
-
-
-def origins_of(findings: Sequence[Finding], log: str) -> dict[str, str]:
-    """Return where the numbers of a machine come from, by field, given the log's name."""
-    by_place: dict[str, list[Finding]] = {}
-    for finding in findings:
-        for place in finding.quantity.places:
-            by_place.setdefault(place, []).append(finding)
-    origins: dict[str, str] = {}
-    for place, here in by_place.items():
-        kind = "chosen" if all(each.status == "kept" for each in here) else "identified"
-        said = f"from {PurePath(log).name}, {'; '.join(each.origin for each in here)}"
-        plain = "".join(c if c.isprintable() and c not in '"\\' else "_" for c in said)
-        origins[place] = f"{kind}: {plain}"
-    return origins
+        return dict.fromkeys(stated, ASSUMED) | origins_of(
+            (*self.findings, *self.products), self.log.name
+        )
 
 
 def identify(
@@ -229,15 +183,18 @@ def identify(
     fit.search()
     admit_terms(fit, kept)
     tied = _keep_unseen(fit, kept, before)
-    verdict = judge(fit, compare_parts(fit, parts_of(fit, log, motion)), log)
+    verdict = judge(fit, differences(fit, log, motion), log)
     on_progress(1.0)
-    findings, machines = _results(fit, kept, tied, verdict)
+    spread, describes = _spread_of(fit, verdict), verdict.grade != NEITHER
+    findings = _findings(fit, spread, kept, _unsure(tied, verdict), describes=describes)
+    machine = fit.shape.machine(fit.p)
     return Identification(
         log=log,
         start=start,
-        machine=fit.shape.machine(fit.p),
-        machines=machines,
+        machine=machine,
+        machines=_machines(fit, spread) if fit.free and describes else machine,
         findings=findings,
+        products=_products(fit, spread, findings),
         fit=fit,
         verdict=verdict,
     )
@@ -265,35 +222,64 @@ def _checked(log: Log, start: Machine) -> Smoothed:
 def _keep_unseen(fit: Fit, kept: dict[str, str], before: Array) -> set[str]:
     """Search without coordinates that the log does not show, and add the reasons.
 
-    Returns the names of numbers that it shows only in combination with one that is kept.
+    Returns the names of numbers that it shows only in combination with one that is kept, or that it
+    shows so little, but whose values at the start make the fit worse.
     """
-    tied: set[str] = set()
+    tied, needed = set[str](), set[str]()
     while fit.free:
         errors = dict(zip(fit.free, np.sqrt(np.diag(fit.covariance()[0])), strict=True))
-        least = max(2.0 * errors.get("curvature", math.inf), 0.01 * fit.shape.top)
-        if "curvature" in fit.free and not abs(fit.p[AT["curvature"]]) > least:
+        if _is_straight(fit, errors):
             kept |= dict.fromkeys(("curvature", "knee"), SEARCHES["curvature"].unseen)
             knee = max(fit.shape.start.clutch.dynamic.knee, fit.shape.top)
             fit.shape = replace(fit.shape, kept_knee=knee)
-        else:
-            excess = {name: errors[name] / SEARCHES[name].max_error for name in fit.free}
-            excess |= {"breakaway_ratio": math.inf} if fit.has_no_jump else {}
-            worst = max(excess, key=lambda name: excess[name])
-            if excess[worst] <= 1.0:
-                break
-            together = fit.tied_to(worst) if errors[worst] ** 2 < UNSEEN else set()
-            kept[worst] = SEARCHES[worst].unseen
-            if together:
-                kept[worst] += f"; only together with {', '.join(sorted(together))}"
-                tied |= together
-            tied |= {"curvature"} if worst == "knee" else set()
-            if worst == "breakaway_ratio" and fit.p[AT[worst]] <= 1.03:
-                fit.p[AT[worst]] = min(before[AT[worst]], 1.0)
-            elif worst != "knee":
-                fit.p[AT[worst]] = before[AT[worst]]
-        fit.free = [name for name in fit.free if name not in kept]
-        fit.search(1)
-    return tied
+            fit.free = [name for name in fit.free if name not in kept]
+            fit.search(1)
+            continue
+        worst = _worst_seen(fit, errors, needed)
+        if worst is None:
+            break
+        together = fit.tied_to(worst) if errors[worst] ** 2 < UNSEEN else set[str]()
+        if not _kept_without_loss(fit, worst, before[AT[worst]]):
+            needed.add(worst)
+            continue
+        kept[worst] = SEARCHES[worst].unseen
+        if together:
+            kept[worst] += f"; only together with {', '.join(sorted(together))}"
+        tied |= together | ({"curvature"} if worst == "knee" else set[str]())
+    return tied | needed
+
+
+def _is_straight(fit: Fit, errors: dict[str, float]) -> bool:
+    """Return whether a curvature that is searched is not seen."""
+    least = max(2.0 * errors.get("curvature", math.inf), 0.01 * fit.shape.top)
+    return "curvature" in fit.free and not abs(fit.p[AT["curvature"]]) > least
+
+
+def _worst_seen(fit: Fit, errors: dict[str, float], needed: set[str]) -> str | None:
+    """Return the coordinate whose error exceeds most what is allowed; None if none does."""
+    excess = {name: errors[name] / SEARCHES[name].max_error for name in fit.free}
+    excess |= {"breakaway_ratio": math.inf} if fit.has_no_jump else {}
+    excess = {name: size for name, size in excess.items() if name not in needed and size > 1.0}
+    return max(excess, key=lambda name: excess[name]) if excess else None
+
+
+def _kept_without_loss(fit: Fit, name: str, value: float) -> bool:
+    """Keep a coordinate at a value and search the others; undo it if that is surely a worse fit."""
+    free, p, starts, weights = list(fit.free), fit.p.copy(), fit.starts, fit.weights
+    factors, place = fit.factors, AT[name]
+    costs = fit.costs(factors)
+    if name == "breakaway_ratio" and fit.p[place] <= NO_JUMP:
+        fit.p[place] = min(value, 1.0)
+    elif name != "knee":
+        fit.p[place] = value
+    fit.free = [each for each in free if each != name]
+    fit.search(1)
+    more = fit.costs(factors) - costs
+    if more.sum() <= WORSE * float(np.linalg.norm(more - more.mean())):
+        return True
+    fit.free, fit.p, fit.starts, fit.weights = free, p, starts, weights
+    fit.search(1)
+    return False
 
 
 def _slopes(fit: Fit, numbers: Callable[[Array], list[float]]) -> Array:
@@ -305,48 +291,90 @@ def _slopes(fit: Fit, numbers: Callable[[Array], list[float]]) -> Array:
     return slopes
 
 
-def _results(
-    fit: Fit, kept: dict[str, str], tied: set[str], verdict: Verdict
-) -> tuple[list[Finding], Machine | MachineSpread]:
-    """Return the numbers with their intervals, and the machines that fit the log.
+class _Spread(NamedTuple):
+    """How far the free coordinates, and the numbers by them, may be off.
 
-    These are normally distributed, with the intervals' widths: errors of the model widen each
+    ``slopes`` (numbers, free) are derivatives, ``halves`` half of the 95 % intervals, (numbers,),
+    and ``whole`` is the covariance of the coordinates, (free, free). Errors of the model widen each
     coordinate by itself, by what they do to its number.
     """
-    shape, here, machine = fit.shape, fit.shape.quantities(fit.p), fit.shape.machine(fit.p)
+
+    slopes: Array
+    halves: Array
+    whole: Array
+
+
+def _spread_of(fit: Fit, verdict: Verdict) -> _Spread:
+    """Return how far numbers may be off, by the scatter of windows and by errors of the model."""
+    here = fit.shape.quantities(fit.p)
     covariance, quantile = fit.covariance() if fit.free else (np.empty((0, 0)), 2.0)
     for each in verdict.differences:
         covariance = covariance + np.outer(each.change, each.change)
-    slopes = _slopes(fit, lambda p: [q.value for q in shape.quantities(p)])
+    slopes = _slopes(fit, lambda p: [q.value for q in fit.shape.quantities(p)])
     variances = np.einsum("qi,ij,qj->q", slopes, covariance, slopes).clip(0.0)
     wide = np.maximum([verdict.share * q.scale for q in here], fit.bias(slopes, verdict.left))
-    halves = np.hypot(quantile * np.sqrt(variances), wide)
-    unsure = tied | {each.name for each in verdict.differences}
-    unsure |= {"breakaway_ratio"} if verdict.far_breakaways > MAX_FAR else set()
-    if unsure.intersection(SCALES):  # the others are relative to a mean that is none
-        unsure |= {*SCALES, *TORQUES}
-    unsure |= TORQUES if verdict.one_way else set()
-    unsure |= {q.name for q in here} if verdict.grade == NEITHER else set()
-    start = quantities(shape.start, 0.0, shape.top)
-    findings: list[Finding] = []
-    for q, first, half, by_free in zip(here, start, halves.tolist(), slopes, strict=True):
-        unmoved = "" if by_free.any() else "the log shows none of the numbers from which it follows"
-        reason = kept.get(q.name, unmoved)
-        width = 0.0 if reason else half
-        sure = q.name not in unsure and half <= MAX_REL_HALF_WIDTH * q.scale
-        ends = {"low": q.value - width, "high": q.value + width, "before": first.value}
-        status = "kept" if reason else "identified" if sure else "uncertain"
-        findings.append(Finding(quantity=q, status=status, reason=reason, **ends))
-    if not fit.free or verdict.grade == NEITHER:
-        return findings, machine
     names = [q.name for q in here]
     rows = [names.index(name) for name in fit.free]
     rates = np.abs(slopes[rows, range(len(rows))])
     model = np.divide(wide[rows], rates, out=np.zeros_like(rates), where=rates > 0.0)
     whole = (quantile**2 * covariance + np.diag(model**2)) / NORMAL**2
-    by = _slopes(fit, lambda p: [number.value for number in numbers_of(shape.machine(p)).values()])
+    return _Spread(slopes, np.hypot(quantile * np.sqrt(variances), wide), whole)
+
+
+def _unsure(tied: set[str], verdict: Verdict) -> set[str]:
+    """Return the numbers that are not identified, however narrow their intervals are."""
+    unsure = tied | {each.name for each in verdict.differences}
+    unsure |= {"breakaway_ratio"} if verdict.far_breakaways > MAX_FAR else set()
+    if unsure.intersection(SCALES):  # the others are relative to a mean that is none
+        unsure |= {*SCALES, *TORQUES}
+    return unsure | (TORQUES if verdict.one_way else set())
+
+
+def _findings(
+    fit: Fit, spread: _Spread, kept: Mapping[str, str], unsure: set[str], *, describes: bool
+) -> list[Finding]:
+    """Return the numbers with their intervals, none identified if the model does not describe."""
+    here, start = fit.shape.quantities(fit.p), quantities(fit.shape.start, 0.0, fit.shape.top)
+    findings: list[Finding] = []
+    for q, first, half, by_free in zip(
+        here, start, spread.halves.tolist(), spread.slopes, strict=True
+    ):
+        unmoved = "" if by_free.any() else "the log shows none of the numbers from which it follows"
+        reason = kept.get(q.name, unmoved)
+        sure = describes and q.name not in unsure
+        findings.append(make_finding(q, half, first.value, reason=reason, sure=sure))
+    return findings
+
+
+def _by_fields(fit: Fit) -> Array:
+    """Return the derivatives of the machine's numbers by the free coordinates."""
+    return _slopes(
+        fit, lambda p: [each.value for each in numbers_of(fit.shape.machine(p)).values()]
+    )
+
+
+def _products(fit: Fit, spread: _Spread, findings: Sequence[Finding]) -> list[Finding]:
+    """Return the numbers of the file that are products of others, with intervals of their own."""
+    by_name = {each.quantity.name: each for each in findings}
+    numbers, by = numbers_of(fit.shape.machine(fit.p)), _by_fields(fit)
+    halves = NORMAL * np.sqrt(np.einsum("qi,ij,qj->q", by, spread.whole, by).clip(0.0))
+    by_place = dict(zip(numbers, halves.tolist(), strict=True))
+    found: list[Finding] = []
+    for field, (unit, *factors) in PRODUCTS.items():
+        place = f"clutch.breakaway.{field}"
+        value = numbers[place].value
+        quantity = Quantity(f"breakaway_{field}", unit, value, abs(value), (place,))
+        found.append(
+            derived_finding(quantity, by_place[place], [by_name[name] for name in factors])
+        )
+    return found
+
+
+def _machines(fit: Fit, spread: _Spread) -> MachineSpread:
+    """Return the machines that fit the log: normally distributed, as wide as the intervals."""
+    machine, by = fit.shape.machine(fit.p), _by_fields(fit)
     moves = np.flatnonzero(np.abs(by).max(axis=1))
-    fields = tuple(np.array(list(numbers_of(machine)))[moves].tolist())
-    among = by[moves] @ whole @ by[moves].T
+    places = tuple(np.array(list(numbers_of(machine)))[moves].tolist())
+    among = by[moves] @ spread.whole @ by[moves].T
     matrix = tuple(tuple(row) for row in (0.5 * (among + among.T)).tolist())
-    return findings, MachineSpread(machine=machine, places=fields, covariance=matrix)
+    return MachineSpread(machine=machine, places=places, covariance=matrix)

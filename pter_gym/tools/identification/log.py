@@ -9,52 +9,30 @@ import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from pathlib import Path
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._internal.files import FilePath, expand_path, write_text_atomic
-from pter_gym._internal.tables import read_table
+from pter_gym._internal.files import FilePath, write_text_atomic
 from pter_gym.errors import ParameterError
+from pter_gym.tools.identification.columns import TIME, Recording, read_columns
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-TIME = "t_s"
 VOLTS = ("V1", "V2", "V3", "V4")
 ANGLES = ("theta_A", "theta_B")
 FORCES = ("F_x", "F_y")
-COLUMNS = (TIME, *VOLTS, *ANGLES, *FORCES)
 
-UNITS = {
+LOG_COLUMNS = {
     TIME: "s",
     **dict.fromkeys(VOLTS, "V"),
     **dict.fromkeys(ANGLES, "rad"),
     **dict.fromkeys(FORCES, "N"),
 }
-"""Unit of each column, where the file states none."""
-
-RANGES = {"V": (-0.05, 1000.0), "rad": (-1e5, 1e5), "N": (-1e4, 1e4)}
-"""Smallest and largest entry by unit; a measured voltage may be a little below 0."""
-
-CLOCKS = {"seconds": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
-"""Units of time stamps that a log may have without saying so [s]."""
-
-COUNTER = 2.0**32
-"""Where counters of 32 bits begin at 0 again."""
-
-SLOWEST = 0.03
-"""Mean time between rows up to which a unit of the stamps is believed [s]."""
-
-BURST, COARSE = 0.1, 0.3
-"""Time between two rows over the mean up to which they were stamped together; share of such rows
-from which the clock is coarse."""
-
-MAX_FILE = 1 << 30
-"""Largest file [B]: far above what ``MAX_DURATION`` needs."""
+"""Columns of a log, and the unit of each where its name says none."""
 
 MAX_INTERVAL = 0.01
 """Longest time between two rows, usual or interpolated [s]: ten rows in the lag of a clutch."""
@@ -73,9 +51,8 @@ MAX_SPEED, MIN_TURN = 50.0, 1e-3
 """Fastest turn of a link between two rows [rad/s], as faster are degrees or an angle that wraps;
 shortest time over which that is judged [s], as rows may be logged in bursts."""
 
-ROUNDING, COMPLETE = 1e-9, 0.9
-"""Differences of angles that are none [rad]; share of filled entries from which all columns of a
-row were read at its time."""
+ROUNDING = 1e-9
+"""Differences of angles that are none [rad]."""
 
 MAX_LISTED = 5
 """Most gaps that a message lists."""
@@ -160,115 +137,42 @@ def read_log(
         range, times decrease, or the log is too short, too long or too coarse. The message names
         column and line.
     """
-    file = expand_path("log", path)
-    found, lines, remarks = _read_columns(file, dict(columns or {}))
-    times, unit = in_seconds(found.pop(TIME))
-    if unit != "seconds":
-        remarks.append(f"{TIME} is taken as {unit}, by the mean time between rows.")
-    if not MIN_DURATION <= times[-1] <= MAX_DURATION:
+    recording = read_columns(path, LOG_COLUMNS, renamed=columns, optional=VOLTS, degrees=degrees)
+    _check_span(recording)
+    log = _on_raster(recording)
+    if relative_b:
+        log.theta[:, 1] += log.theta[:, 0]
+    remarks = tuple(f"{recording.file.name}: {remark}" for remark in log.remarks)
+    return replace(log, name=recording.file.name, remarks=remarks)
+
+
+def _check_span(recording: Recording) -> None:
+    """Refuse a log that is too short, too long or too coarse, or whose angles jump."""
+    file, end = recording.file, recording.times[-1]
+    if not MIN_DURATION <= end <= MAX_DURATION:
         accepted = f"{TIME} must span {MIN_DURATION:g} to {MAX_DURATION:g} s"
-        raise ParameterError(f"{file}: {accepted}, got {times[-1]:g}")
-    known = {name: np.isfinite(values) for name, values in found.items()}
-    if np.mean([known[name] for name in (*ANGLES, *FORCES)]) > COMPLETE:
-        times, shared = _spread(times)
-        if shared:
-            remarks.append(f"{shared} rows share stamps with others: their times are counted.")
-    clocks: dict[str, Array] = {}
+        raise ParameterError(f"{file}: {accepted}, got {end:g}")
     for name in (*ANGLES, *FORCES):
-        clocks[name], _ = _spread(times[known[name]])
-        usual = float(np.median(np.diff(clocks[name]))) if known[name].sum() > 2 else np.inf
+        clock = recording.clock(name)
+        usual = float(np.median(np.diff(clock))) if len(clock) > 2 else np.inf
         if usual > MAX_INTERVAL * (1.0 + 1e-3):
             accepted = f"{name} must be given at least each {MAX_INTERVAL:g} s of {TIME}"
             raise ParameterError(f"{file}: {accepted}, got {usual:g}")
     for name in ANGLES:
-        found[name] *= np.radians(1.0) if degrees else 1.0
-        turns = np.abs(np.diff(found[name][known[name]]))
-        fast = turns > MAX_SPEED * np.maximum(np.diff(clocks[name]), MIN_TURN)
-        accepted = f"{name} must turn by at most {MAX_SPEED:g} rad/s: radians, without wrapping"
-        _refuse_rows(file, lines[known[name]][1:], fast, accepted)
-    log = _on_raster(times, found, clocks, remarks)
-    if relative_b:
-        log.theta[:, 1] += log.theta[:, 0]
-    named = tuple(f"{file.name}: {remark}" for remark in log.remarks)
-    return replace(log, name=file.name, remarks=named)
-
-
-def _read_columns(file: Path, renamed: dict[str, str]) -> tuple[dict[str, Array], Rows, list[str]]:
-    """Return columns by their usual names, the lines of their rows, and remarks."""
-    if unknown := renamed.keys() - set(COLUMNS):
-        raise ParameterError(
-            f"columns: {', '.join(sorted(unknown))} must be of {', '.join(COLUMNS)}"
+        turns, clock = np.abs(np.diff(recording.values(name))), recording.clock(name)
+        fast = np.zeros(len(recording.times), np.bool_)
+        fast[recording.known(name)] = np.concatenate(
+            [[False], turns > MAX_SPEED * np.maximum(np.diff(clock), MIN_TURN)]
         )
-    in_file = {name: renamed.get(name, name) for name in COLUMNS}
-    if len(set(in_file.values())) < len(in_file):
-        raise ParameterError("columns must name another column of the file for each of theirs")
-    needed = [in_file[name] for name in COLUMNS if name in renamed or name not in VOLTS]
-    optional = [in_file[name] for name in VOLTS if name not in renamed]
-    units = {in_file[name]: unit for name, unit in UNITS.items()}
-    table = read_table(file, needed, optional=optional, unit=units, blanks=True, max_size=MAX_FILE)
-    lines = np.array(table.lines, np.int64)
-    missing = [name for name in VOLTS if in_file[name] not in table.columns]
-    if len(missing) == len(VOLTS):
-        raise ParameterError(f"{file} must have a column V1, V2, V3 or V4; columns may name others")
-    if len(lines) < 3:
-        raise ParameterError(f"{file} must have at least 3 rows, got {len(lines)}")
-    values = {name: table.columns.get(in_file[name], np.zeros(len(lines))) for name in COLUMNS}
-    values[TIME] = unwrapped(values[TIME])
-    for name in COLUMNS[1:]:
-        low, high = RANGES[UNITS[name]]
-        wrong = (values[name] < low) | (values[name] > high)
-        _refuse_rows(file, lines, wrong, f"{name} must be in [{low:g}, {high:g}]")
-    _refuse_rows(file, lines, np.isnan(values[TIME]), f"{TIME} must be a number")
-    _refuse_rows(file, lines[1:], np.diff(values[TIME]) < 0.0, f"{TIME} must not decrease")
-    remarks = [f"there is no column {name}: its voltage is taken as 0 V." for name in missing]
-    below = [name for name in VOLTS if (values[name] < 0.0).any()]
-    remarks += [f"{name} is below 0 V in places: it is taken as 0 V there." for name in below]
-    return values, lines, remarks
-
-
-def _refuse_rows(file: Path, lines: Rows, wrong: Flags, wanted: str) -> None:
-    """Raise a ParameterError that names the line of the first wrong row."""
-    if wrong.any():
-        raise ParameterError(f"{file}, line {lines[wrong.argmax()]}: {wanted}")
-
-
-def unwrapped(stamps: Array) -> Array:
-    """Return the stamps of a counter of 32 bits, such as Arduino's ``micros()``, as they go on."""
-    return stamps + COUNTER * np.cumsum(np.diff(stamps, prepend=stamps[:1]) < -0.5 * COUNTER)
-
-
-def in_seconds(stamps: Array) -> tuple[Array, str]:
-    """Return times from the first stamp on [s], and the unit of stamps, by their mean interval."""
-    passed = stamps - stamps[0]
-    mean = float(passed[-1]) / (len(passed) - 1)
-    for unit, size in CLOCKS.items():
-        if size * mean <= SLOWEST:
-            return size * passed, unit
-    return passed, "seconds"
-
-
-def _spread(times: Array) -> tuple[Array, int]:
-    """Return times of rows of which some were stamped together, spread evenly, and how many were.
-
-    Under a coarse clock, or where rows come in bursts, rows are counted, if they are even.
-    """
-    step = np.diff(times)
-    together = step < BURST * float(np.mean(step)) if len(step) else np.zeros(0, np.bool_)
-    count, number = int(together.sum()), np.arange(len(times), dtype=np.float64)
-    if not count:
-        return times, 0
-    even = np.polyval(np.polyfit(number, times, 1), number)
-    if count > COARSE * len(times) and np.abs(even - times).max() <= step.max():
-        return even - even[0], count
-    first = np.flatnonzero(np.concatenate([[True], ~together]))
-    end = times[first[-1]] + float(np.mean(step)) * (len(times) - first[-1])
-    return np.interp(number, np.append(first, len(times)), np.append(times[first], end)), count
+        recording.refuse(
+            fast, f"{name} must turn by at most {MAX_SPEED:g} rad/s: radians, without wrapping"
+        )
 
 
 def write_log(log: Log, path: FilePath) -> None:
     """Write a log as CSV; ``read_log`` reads it back."""
     text, table = io.StringIO(), np.column_stack([log.times, log.volts, log.theta, log.force])
-    np.savetxt(text, table, "%.9g", ",", header=",".join(COLUMNS), comments="")
+    np.savetxt(text, table, "%.9g", ",", header=",".join(LOG_COLUMNS), comments="")
     write_text_atomic(path, text.getvalue())
 
 
@@ -343,75 +247,91 @@ def _mean_volts(when: Array, times: Array, volts: Array) -> Array:
     return np.append(means, volts[-1]).round(6)
 
 
-def _on_raster(
-    times: Array, found: Mapping[str, Array], clocks: Mapping[str, Array], remarks: list[str]
-) -> Log:
-    """Return the log of columns at uneven times from 0 on [s], each known at times of its own."""
-    known = {name: np.isfinite(values) for name, values in found.items()}
-    volts = {name: np.maximum(found[name][known[name]], 0.0) for name in VOLTS}
+def _on_raster(recording: Recording) -> Log:
+    """Return the log of columns at uneven times, each known at times of its own."""
+    times = recording.times
     even = float(times[-1]) / (len(times) - 1)
-    if (
-        all(each.all() for each in known.values())
-        and np.abs(times - even * np.arange(len(times))).max() <= EVEN * even
-    ):
-        applied, theta, force = _stacked({**found, **volts})
-        return Log(interval=even, volts=applied, theta=theta, force=force, remarks=tuple(remarks))
-    step = np.diff(clocks[ANGLES[0]])
+    apart = np.abs(times - even * np.arange(len(times))).max()
+    if all(map(np.all, map(recording.known, recording.columns))) and apart <= EVEN * even:
+        return _as_log(even, recording.columns, recording.remarks)
+    step = np.diff(recording.clock(ANGLES[0]))
     step = step[step <= LATE * np.median(step) * (1.0 + 1e-6)]
     interval = float(np.mean(step))
     raster = interval * np.arange(int(times[-1] / interval + 1e-6) + 1, dtype=np.float64)
-    gaps: list[tuple[float, float]] = []
-    columns: dict[str, Array] = {}
-    for name, values in volts.items():
-        columns[name] = np.zeros_like(raster)
-        if len(values):
-            when = np.append(0.0, times[known[name]])
-            columns[name] = _mean_volts(raster, when, np.append(values[0], values))
-    # voltages that have a row where one changes are known at their own times, others in between
-    commanded: Flags = np.any([known[name] for name in VOLTS], axis=0)
-    when, apart = times[commanded], np.diff(times[commanded])
-    commands = np.stack(
-        [np.interp(when, times[known[n]], volts[n]) for n in VOLTS if len(volts[n])]
-    )
-    changed = np.any(np.diff(commands, axis=1) != 0.0, axis=0)
-    if len(changed) and changed.mean() < 0.5:
-        late = changed & (apart > LATE * np.median(apart) * (1.0 + 1e-6))
-        gaps += [(when[k], when[k + 1] + SETTLING) for k in np.flatnonzero(late)]
-    from scipy import interpolate
-
-    for name, when in clocks.items():
-        curve = interpolate.PchipInterpolator(when, found[name][known[name]])
-        columns[name] = curve(raster.clip(when[0], when[-1]))
-        longest = max(MAX_INTERVAL, LATE * float(np.median(np.diff(when))))
-        ends = np.concatenate([[-interval], when, [times[-1] + interval]])
-        late = np.diff(ends) > longest * (1.0 + 1e-6)
-        gaps += [(ends[k], ends[k + 1]) for k in np.flatnonzero(late)]
-    unmeasured = np.zeros(len(raster), np.bool_)
-    for begin, end in gaps:
-        unmeasured |= (raster > begin) & (raster < end)
+    columns = {name: _held(recording, name, raster) for name in VOLTS}
+    columns |= {name: _interpolated(recording, name, raster) for name in (*ANGLES, *FORCES)}
+    gaps = sorted([*_gaps_of_commands(recording), *_gaps_of_sensors(recording, interval)])
+    missing = [(raster > begin) & (raster < end) for begin, end in gaps]
     periods = [np.mean(part) for part in np.array_split(step, max(1, int(times[-1])))]
-    remarks.append(
+    clock = (
         f"rows were interpolated to {1e3 * interval:.6g} ms; "
         f"the clock's period varies by {100 * np.ptp(periods) / interval:.2g} %."
     )
-    if gaps:
-        places = list(dict.fromkeys(f"{max(begin, 0.0):.2f}" for begin, _ in sorted(gaps)))
-        more = f" and {len(places) - MAX_LISTED} more" if len(places) > MAX_LISTED else ""
-        listed = ", ".join(places[:MAX_LISTED])
-        remarks.append(f"rows are missing at {listed} s{more}; windows with these are left out.")
-    applied, theta, force = _stacked(columns)
-    return Log(
-        interval=interval,
-        volts=applied,
-        theta=theta,
-        force=force,
-        unmeasured=np.flatnonzero(unmeasured),
-        angle_step=angle_step(*(found[name][known[name]] for name in ANGLES)),
-        remarks=tuple(remarks),
+    log = _as_log(interval, columns, (*recording.remarks, clock, *_remark_on(gaps)))
+    return replace(
+        log,
+        unmeasured=np.flatnonzero(np.any(missing, axis=0)) if missing else log.unmeasured,
+        angle_step=angle_step(*(recording.values(name) for name in ANGLES)),
     )
 
 
-def _stacked(columns: Mapping[str, Array]) -> Iterator[Array]:
-    """Yield voltages, angles and forces, shapes (rows, 4), (rows, 2) and (rows, 2)."""
-    for names in (VOLTS, ANGLES, FORCES):
-        yield np.column_stack([columns[name] for name in names])
+def _as_log(interval: float, columns: Mapping[str, Array], remarks: tuple[str, ...]) -> Log:
+    """Return the log of columns at even times."""
+    volts, theta, force = (
+        np.column_stack([columns[name] for name in names]) for names in (VOLTS, ANGLES, FORCES)
+    )
+    return Log(interval=interval, volts=volts, theta=theta, force=force, remarks=remarks)
+
+
+def _held(recording: Recording, name: str, raster: Array) -> Array:
+    """Return a voltage [V] at even times; before its first row it is what it is there."""
+    values = recording.values(name)
+    if not len(values):
+        return np.zeros_like(raster)
+    when = np.append(0.0, recording.times[recording.known(name)])
+    return _mean_volts(raster, when, np.append(values[0], values))
+
+
+def _interpolated(recording: Recording, name: str, raster: Array) -> Array:
+    """Return an angle or a force at even times."""
+    from scipy import interpolate
+
+    clock = recording.clock(name)
+    curve = interpolate.PchipInterpolator(clock, recording.values(name))
+    return curve(raster.clip(clock[0], clock[-1]))
+
+
+def _gaps_of_commands(recording: Recording) -> Iterator[tuple[float, float]]:
+    """Yield begins and ends [s] of stretches in which a voltage is unknown.
+
+    Voltages that have a row where one changes are known at their own times, others in between.
+    """
+    given = [name for name in VOLTS if recording.known(name).any()]
+    when = recording.times[np.any([recording.known(name) for name in given], axis=0)]
+    apart = np.diff(when)
+    commands = [
+        np.interp(when, recording.times[recording.known(name)], recording.values(name))
+        for name in given
+    ]
+    changed = np.any(np.diff(commands, axis=1) != 0.0, axis=0)
+    if len(changed) and changed.mean() < 0.5:
+        late = changed & (apart > LATE * np.median(apart) * (1.0 + 1e-6))
+        yield from ((when[k], when[k + 1] + SETTLING) for k in np.flatnonzero(late))
+
+
+def _gaps_of_sensors(recording: Recording, interval: float) -> Iterator[tuple[float, float]]:
+    """Yield begins and ends [s] of stretches without a row of an angle or a force."""
+    for name in (*ANGLES, *FORCES):
+        clock = recording.clock(name)
+        longest = max(MAX_INTERVAL, LATE * float(np.median(np.diff(clock))))
+        ends = np.concatenate([[-interval], clock, [recording.times[-1] + interval]])
+        late = np.diff(ends) > longest * (1.0 + 1e-6)
+        yield from ((ends[k], ends[k + 1]) for k in np.flatnonzero(late))
+
+
+def _remark_on(gaps: Sequence[tuple[float, float]]) -> Iterator[str]:
+    """Yield a sentence that lists gaps."""
+    places = list(dict.fromkeys(f"{max(begin, 0.0):.2f}" for begin, _ in gaps))
+    more = f" and {len(places) - MAX_LISTED} more" if len(places) > MAX_LISTED else ""
+    if listed := ", ".join(places[:MAX_LISTED]):
+        yield f"rows are missing at {listed} s{more}; windows with these are left out."

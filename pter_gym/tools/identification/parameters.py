@@ -237,6 +237,14 @@ class Shape:
         return quantities(self.machine(p), c.delay, self.top, self.offsets(p), c.force_delay)
 
 
+PRODUCTS = {
+    "slope": ("N·m/V", "slope", "breakaway_ratio"),
+    "curvature": ("N·m/V²", "curvature", "breakaway_ratio"),
+    "off_state": ("N·m", "off_state", "breakaway_ratio"),
+}
+"""Fields of the breakaway torque: their units, and the numbers of which they are products."""
+
+
 class Quantity(NamedTuple):
     """One reported number: its value, the scale of its errors, and its fields in a machine file."""
 
@@ -277,8 +285,7 @@ def quantities(
     add("slope", "N·m/V", curve.slope, "clutch.dynamic.slope")
     add("knee", "V", curve.knee, "clutch.dynamic.knee", "clutch.breakaway.knee")
     add("curvature", "N·m/V²", curve.curvature, "clutch.dynamic.curvature")
-    breakaway = "clutch.breakaway.slope", "clutch.breakaway.curvature"
-    add("breakaway_ratio", "1", clutch.breakaway.slope / curve.slope, *breakaway)
+    add("breakaway_ratio", "1", clutch.breakaway.slope / curve.slope)
     for name, scale in zip(SCALES, machine.clutch_scale[: len(machine.clutches)], strict=False):
         add(name, "1", scale, "clutch_scale")
     add("time_constant", "s", clutch.time_constant, "clutch.time_constant")
@@ -287,8 +294,7 @@ def quantities(
         for axis in "ab":
             name = f"{kind}_{axis}"
             add(name, unit, getattr(arm, name), f"arm.{name}", least=low)
-    off_state = "clutch.dynamic.off_state", "clutch.breakaway.off_state"
-    add("off_state", "N·m", curve.off_state, *off_state, least=low)
+    add("off_state", "N·m", curve.off_state, "clutch.dynamic.off_state", least=low)
     add("stribeck", "rad/s", clutch.stribeck, "clutch.stribeck", least=USUAL_STRIBECK)
     add("fall_ratio", "1", clutch.fall_ratio, "clutch.fall_ratio")
     add("offset_a", "N·m", offsets[0], least=low)

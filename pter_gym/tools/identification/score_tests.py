@@ -29,6 +29,8 @@ SIGNIFICANT = 4.5
 STRIBECKS = (0.01, 0.03, 0.1, 0.3)
 """Stribeck velocities that are tested [rad/s]; the angles are linear in the other terms."""
 
+RELEASE = "between rising and falling voltages"
+
 MIN_WINDOWS = 8
 """Fewest windows of a part of a log."""
 
@@ -140,24 +142,41 @@ def _why_unseen(fit: Fit, name: str, tests: Mapping[tuple[str, float], Amount]) 
     return f"the log does not ask for it, and would show {scale * shown:.2g} {unit}"
 
 
-def compare_parts(fit: Fit, parts: Mapping[str, Flags]) -> list[Difference]:
+def differences(fit: Fit, log: Log, motion: Smoothed) -> list[Difference]:
     """Return the numbers that differ between parts of the log, the most significant first."""
-    if not (fit.free and parts):
+    if not fit.free:
         return []
-    test, found = score_test(fit), list[Difference]()
-    for name, way in zip(fit.free, np.eye(len(fit.free)), strict=True):
-        angles = fit.here.jacobian[:, :, AT[name]]
-        tests = {where: test(angles * part[:, None]) for where, part in parts.items()}
-        where, amount = max(tests.items(), key=lambda each: abs(each[1].significance))
-        if (size := abs(amount.significance)) >= SIGNIFICANT:
-            moved = min(way - amount.instead, amount.instead, key=lambda each: abs(each @ way))
-            found.append(Difference(name, where, size, amount.value * moved))
+    test = score_test(fit)
+    found = [*_between_parts(fit, dict(_parts(fit, log, motion)), test)]
+    if "delay" in fit.free:
+        found += _at_release(fit, log.interval, test)
     return sorted(found, key=lambda each: -each.significance)
 
 
-def parts_of(fit: Fit, log: Log, motion: Smoothed) -> dict[str, Flags]:
-    """Return parts of the windows, by name, in which the model must hold as in the others."""
-    return dict(_parts(fit, log, motion))
+def _between_parts(
+    fit: Fit, parts: Mapping[str, Flags], test: Callable[[Array], Amount]
+) -> Iterator[Difference]:
+    """Yield the numbers that differ in one of the parts."""
+    for name, way in zip(fit.free, np.eye(len(fit.free)), strict=True):
+        angles = fit.here.jacobian[:, :, AT[name]]
+        tests = {where: test(angles * part[:, None]) for where, part in parts.items()}
+        if not tests:
+            return
+        where, amount = max(tests.items(), key=lambda each: abs(each[1].significance))
+        if (size := abs(amount.significance)) >= SIGNIFICANT:
+            moved = min(way - amount.instead, amount.instead, key=lambda each: abs(each @ way))
+            yield Difference(name, where, size, amount.value * moved)
+
+
+def _at_release(fit: Fit, interval: float, test: Callable[[Array], Amount]) -> Iterator[Difference]:
+    """Yield how much later torques fall than they rise, or may fall if the fall ratio hides it."""
+    later = 0.5 * interval
+    amount = test(fit.change(fit.p, fit.windows.released) / later)
+    way, apart = np.eye(len(fit.free))[fit.free.index("delay")], abs(amount.value)
+    if (size := abs(amount.significance)) >= SIGNIFICANT:
+        yield Difference("delay", RELEASE, size, apart * way)
+    elif "fall_ratio" in fit.free and SIGNIFICANT * amount.error > SEARCHES["delay"].max_error:
+        yield Difference("delay", f"perhaps {RELEASE}", size, amount.error * way)
 
 
 def _parts(fit: Fit, log: Log, motion: Smoothed) -> Iterator[tuple[str, Flags]]:

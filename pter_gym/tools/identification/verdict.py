@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym.tools.identification.findings import MAX_REL_HALF_WIDTH
 from pter_gym.tools.identification.fit import BLOCK, Fit
 from pter_gym.tools.identification.log import Log, angle_step
 from pter_gym.tools.identification.parameters import AT, SCALES, places
@@ -39,9 +40,6 @@ SHOWS_BREAKAWAY = 0.02
 
 MAX_EXACT_RHO, MAX_RHO = 0.01, 0.03
 """Largest shares of the force that models leave which are exact, and good for simulation."""
-
-MAX_REL_HALF_WIDTH = 0.05
-"""Half of the 95 % interval over the scale, up to which a number counts as identified."""
 
 SURE = 2.0
 """Standard errors of ρ² between ρ and the ends of what may be left."""
@@ -141,9 +139,9 @@ def judge(fit: Fit, differences: Sequence[Difference], log: Log) -> Verdict:
     breakaways &= "breakaway_ratio" in fit.free
     unexplained = left > FAR**2 * noise
     rows, encoder = max(1, round(SMOOTH / log.interval)), log.angle_step or angle_step(*log.theta.T)
-    left, noise, effect, rounding = squares(rows, fit.rounding(encoder))
-    noise += rounding + max(windows.noise**2 - encoder**2 / 12.0, 0.0) / rows
-    low, middle, high = share_left(*(used * fit.share * each for each in (left - noise, effect)))
+    left, noise, effect, *rounding = squares(rows, *fit.rounding(encoder))
+    noise += np.mean(rounding, axis=0) + max(windows.noise**2 - encoder**2 / 12.0, 0.0) / rows
+    low, middle, high = share_left(*(used * fit.trust * each for each in (left - noise, effect)))
     verdict = Verdict(
         windows=int(used.sum()),
         gaps=windows.gaps,

@@ -73,7 +73,8 @@ class Windows:
     ``uncertain`` has as columns the changes that these admit, zero where a clutch holds. A window
     is not ``used`` if it holds a gap of the log, as ``gaps`` of them do, or if nobody can tell from
     the angles whether a clutch holds as it begins. The model's ``inputs`` are also there with half
-    the substep, with forces larger by ``GAIN``, and shaken: with more noise of the forces, as much
+    the substep, with forces larger by ``GAIN``, with voltages that fall half a row later, and
+    shaken: with more noise of the forces, as much
     as they have. What that changes, no fit can tell.
     """
 
@@ -87,6 +88,7 @@ class Windows:
     inputs: LogInputs
     finer: LogInputs
     harder: LogInputs
+    released: LogInputs
     shaken: tuple[LogInputs, ...]
     noise: float
 
@@ -208,10 +210,17 @@ def cut(log: Log, motion: Smoothed, start: Machine, time_constant: float) -> Win
         gaps=int(gap.sum()),
         inputs=inputs,
         finer=replace(inputs, step=0.5 * inputs.step, substeps=2 * inputs.substeps),
+        released=replace(inputs, volts=_falling_later(log.volts)),
         harder=replace(inputs, force=(1.0 + GAIN) * inputs.force),
         shaken=tuple(replace(inputs, force=smooth_force(log, each)) for each in more),
         noise=motion.noise,
     )
+
+
+def _falling_later(volts: Array) -> Array:
+    """Return voltages (rows, 4) that fall half a row later, as the mean of each row has it."""
+    before = np.concatenate([volts[:1], volts[:-1]])
+    return volts + 0.5 * np.maximum(before - volts, 0.0)
 
 
 def _holding(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from oracle import emps
-from pter_gym.tools.identification import Identification, identify
+from pter_gym.tools.identification import Identification, Log, identify
 from pter_gym.tools.identification.fit import Fit
 from pter_gym.tools.identification.verdict import SIMULATION
 from pter_gym.tools.identification.windows import cut, smooth
@@ -57,6 +57,47 @@ def test_a_real_axis_has_the_published_numbers_and_a_grade_that_no_encoder_chang
         finding = findings[number]
         assert finding.low <= published <= finding.high
         assert finding.quantity.value == pytest.approx(published, rel=TOLERANCE[name])
+
+
+def coarse(bits: int | None, every: int) -> Log:
+    """The plain record by an encoder of so many bits, of every n-th row."""
+    log, rows = emps.log_of("plain", bits), slice(None, None, every)
+    fewer = {name: getattr(log, name)[rows] for name in ("volts", "theta", "force")}
+    return replace(log, interval=every * log.interval, **fewer)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("bits", "every"), [(10, 4), (9, 2), (10, 10)])
+def test_a_coarse_record_is_still_described(bits: int, every: int):
+    found = identify(coarse(bits, every), emps.start())
+    assert found.verdict.grade == SIMULATION
+    findings = {each.quantity.name: each for each in found.findings}
+    for number, published in PUBLISHED.items():
+        assert findings[number].low <= published <= findings[number].high, number
+
+
+@pytest.mark.long
+def test_a_verdict_does_not_hang_on_the_start():
+    """None has friction; an inertia of three times, or a third, of the published one."""
+    log, start = coarse(10, 4), emps.start()
+    for inertia in (start.arm.inertia_a, 3.0 * emps.MASS * emps.LENGTH**2, 0.3):
+        other = replace(start, arm=replace(start.arm, inertia_a=inertia, coupling=0.0))
+        found = identify(log, other)
+        assert found.verdict.grade == SIMULATION
+        mass = found.findings[0]
+        assert mass.low <= PUBLISHED["inertia_a"] <= mass.high
+
+
+@pytest.mark.long
+def test_less_information_is_never_a_narrower_interval():
+    """Of encoders of 16, 12, 10 and 9 bits; one interval may be a tenth narrower by chance."""
+    widths, highest = list[float](), list[float]()
+    for bits in (None, 16, 12, 10, 9):
+        found = identify(coarse(bits, 2), emps.start())
+        widths.append(found.findings[0].half_width)
+        highest.append(found.verdict.rho_high)
+    assert all(b >= 0.9 * a for a, b in zip(widths, widths[1:], strict=False)), widths
+    assert all(b >= 0.9 * a for a, b in zip(highest, highest[1:], strict=False)), highest
 
 
 @pytest.mark.long

@@ -196,10 +196,13 @@ def test_units_of_stamps_are_told_by_their_interval(
     table = np.column_stack([TIMES, volts(TIMES), motion(TIMES), 20.0 * motion(TIMES)])
     stamps = np.round(size * (origin + TIMES)).astype(np.int64)
     lines = [f"{t}," + ",".join(f"{v:.9g}" for v in row[1:]) for t, row in zip(stamps, table)]  # noqa: B905
-    (tmp_path / "log.csv").write_text("\n".join([HEAD, *lines]), "utf-8")
+    (tmp_path / "log.csv").write_text("\n".join([HEAD.replace("t_s", "t"), *lines]), "utf-8")
     log = read_log(tmp_path / "log.csv")
     assert log.interval == pytest.approx(2e-3, rel=1e-6)
     assert any(f"{unit}seconds" in remark for remark in log.remarks)
+    (tmp_path / "log.csv").write_text("\n".join([HEAD, *lines]), "utf-8")
+    with pytest.raises(ParameterError, match="t_s must span"):
+        read_log(tmp_path / "log.csv")
 
 
 def test_units_in_names(tmp_path: Path):
@@ -210,15 +213,40 @@ def test_units_in_names(tmp_path: Path):
     assert np.allclose(log.volts[:, 0], 1e-3 * volts(TIMES)[:, 0], atol=1e-6)
 
 
+def test_degrees_are_converted_once(tmp_path: Path):
+    """An angle whose name says deg, and one whose name says nothing."""
+    path = written(tmp_path, head=HEAD.replace("theta_A", "theta_A [deg]"))
+    log = read_log(path, degrees=True)
+    assert np.allclose(log.theta, np.radians(motion(TIMES)))
+    path = written(tmp_path, head=HEAD.replace("theta_A", "theta_A/rad"))
+    with pytest.raises(ParameterError, match="theta_A is in rad"):
+        read_log(path, degrees=True)
+
+
+def test_what_was_taken_from_names_is_told(tmp_path: Path):
+    head = HEAD.replace("theta_A", "joint_states/position[0]").replace("F_x", "Fx/N")
+    log = read_log(
+        written(tmp_path, head=head), columns={"theta_A": "joint_states/position[0]", "F_x": "Fx/N"}
+    )
+    assert log.remarks == ("log.csv: theta_A is joint_states/position[0], F_x is Fx/N in N.",)
+    assert np.allclose(log.theta, motion(TIMES))
+
+
+def test_a_line_of_units_with_one_unknown_is_named(tmp_path: Path):
+    (tmp_path / "log.csv").write_text(PLAIN.replace("\n", "\ns,V,V,V,V,rad,gon,N,N\n", 1), "utf-8")
+    with pytest.raises(ParameterError, match="theta_B must be in rad, mrad, deg, not in gon"):
+        read_log(tmp_path / "log.csv")
+
+
 def test_voltages_a_little_below_zero_are_zero(tmp_path: Path):
     log = read_log(written(tmp_path, edit={9: "0.014,-0.001,0,0,0,0.7126,2.2112,14.2,44.2"}))
     assert log.volts.min() == 0.0
     assert any("V1 is below 0 V" in remark for remark in log.remarks)
 
 
-def stamped(stamps: np.ndarray, folder: Path) -> Log:
+def stamped(stamps: np.ndarray, folder: Path, name: str = "t_s") -> Log:
     """Rows at even times of which the logger has stamped some together."""
-    path = written(folder)
+    path = written(folder, head=HEAD.replace("t_s", name))
     head, *lines = path.read_text("utf-8").split()
     lines = [f"{t:.10g},{line.split(',', 1)[1]}" for t, line in zip(stamps, lines, strict=True)]
     path.write_text("\n".join([head, *lines]), "utf-8")
@@ -227,9 +255,9 @@ def stamped(stamps: np.ndarray, folder: Path) -> Log:
 
 def test_a_counter_of_32_bits_goes_on(tmp_path: Path):
     """As Arduino's micros() does after 71.6 minutes."""
-    plain = stamped(1e6 * TIMES, tmp_path)
+    plain = stamped(1e6 * TIMES, tmp_path, "t")
     assert any("microseconds" in remark for remark in plain.remarks)
-    wrapped = stamped((1e6 * TIMES + 2**32 - 4e6) % 2**32, tmp_path)
+    wrapped = stamped((1e6 * TIMES + 2**32 - 4e6) % 2**32, tmp_path, "t_us")
     assert np.allclose(wrapped.volts, plain.volts)
     assert wrapped.interval == pytest.approx(2e-3)
 

@@ -16,8 +16,8 @@ from oracle.mismatched import late
 from oracle.recorded import RecordedMachine, record
 from pter_gym.params import BASELINE
 from pter_gym.tools.identification import Identification, Log, identify
-from pter_gym.tools.identification.verdict import EXACT, NEITHER, SIMULATION, share_left
-from pter_gym.tools.identification.windows import comes_again, has_one_way, smooth
+from pter_gym.tools.identification.verdict import EXACT, NEITHER, SIMULATION, Verdict, share_left
+from pter_gym.tools.identification.windows import comes_again, has_one_way, smooth, smooth_force
 
 RISING = (4.0, 8.0, 12.0, 16.0)
 WARMING = RecordedMachine(fade=2e-3)
@@ -163,6 +163,51 @@ def test_a_log_in_pounds_is_a_warning():
     assert found.verdict.grade == EXACT
     (hint,) = found.verdict.hints
     assert "lbf" in hint
+
+
+class LateRelease(Experiment):
+    """Clutches fall 15 ms later than their recorded voltages."""
+
+    def voltages(self, times: np.ndarray, clutches: int) -> np.ndarray:
+        applied = super().voltages(times, clutches)
+        late = [np.roll(applied, k, axis=0) for k in range(1 + round(0.015 / self.interval))]
+        return np.max(late, axis=0)
+
+
+@pytest.mark.long
+def test_clutches_that_release_late_have_no_one_delay():
+    short = {"levels": (6.0, 14.0, 10.0, 6.0), "on": 0.7, "off": 0.3, "free": 3.0}
+    log = record_log(BASELINE, LateRelease(**short), Recorder(delay=0.007))
+    commanded = Experiment(**short).voltages(log.times + 0.5 * log.interval, 4)
+    found = identify(replace(log, volts=commanded), BASELINE)
+    (delay,) = [each for each in found.findings if each.quantity.name == "delay"]
+    assert delay.status == "uncertain"
+    assert delay.low <= 0.007 < 0.022 <= delay.high
+    assert "delay differs between rising and falling voltages" in found.verdict.hints[0]
+
+
+def test_a_grade_is_of_what_may_be_left_and_surely_is():
+    verdict = Verdict(
+        **{"windows": 100, "gaps": 0, "far": 0.0, "far_breakaways": 0.0, "enough": True},
+        **{"differences": (), "one_way": False, "left": np.zeros(100)},
+        **{"rho": 0.008, "rho_low": 0.005, "rho_high": 0.0099},
+    )
+    assert verdict.grade == EXACT
+    assert replace(verdict, rho_high=0.0101).grade == SIMULATION
+    assert replace(verdict, rho=0.04, rho_low=0.029, rho_high=0.05).grade == SIMULATION
+    assert replace(verdict, rho=0.04, rho_low=0.031, rho_high=0.05).grade == NEITHER
+
+
+def test_forces_are_filtered_at_the_cut_off():
+    """There and back, a Butterworth filter of second order leaves half of a sine of its cut-off."""
+    times = 1e-3 * np.arange(4000)
+    still = np.zeros((4000, 2))
+    log = Log(interval=1e-3, volts=np.zeros((4000, 4)), theta=still, force=still)
+    for frequency in (200.0, 50.0):
+        force = np.sin(2.0 * np.pi * frequency * times)[:, None] * [1.0, 2.0]
+        left = smooth_force(log, force)[1000:3000].std(axis=0) / force[1000:3000].std(axis=0)
+        ratio = np.tan(np.pi * 1e-3 * frequency) / np.tan(np.pi * 0.2)  # as the filter warps them
+        assert left == pytest.approx(1.0 / (1.0 + ratio**4), rel=1e-3)
 
 
 # --- logs ---
