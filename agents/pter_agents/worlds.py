@@ -248,8 +248,8 @@ def _sample(env: PathFollowingVectorEnv, seed: int) -> tuple[tuple[Input, ...], 
         )
     )
     center, scale, varies = _moments(np.concatenate(true))
-    seen = env.batch.truth_entries[varies]
-    return tuple(inputs), Selection.of(seen, center[varies], scale[varies])
+    told = env.batch.truth_entries[varies]
+    return tuple(inputs), Selection.of(told, center[varies], scale[varies])
 
 
 def _moments(

@@ -40,7 +40,7 @@ def _build_tell(digest: str) -> Any:
         for world in range(truth.shape[0]):
             block, lane = world // width, world % width
             context = int(worlds[block, ROW.context_at, lane]) - rows
-            for k in range(len(entries)):
+            for k in range(truth.shape[1]):
                 entry = entries[k]
                 own = entry < rows
                 truth[world, k] = worlds[block, entry, lane] if own else constants[context + entry]

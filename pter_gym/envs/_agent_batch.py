@@ -93,11 +93,13 @@ class AgentBatch(Batch):
                 part[:] = before[name]
             raise
 
-    def reset(self, seeds: Any = None, chosen: Mask | None = None) -> tuple[Observations, Any]:
+    def reset(
+        self, seeds: Any = None, chosen: Mask | None = None, *, all_seen: bool = True
+    ) -> tuple[Observations, Any]:
         """Start new episodes, as ``Batch`` does."""
         chosen = np.ones(self.num_worlds, np.bool_) if chosen is None else chosen
         with self._all_or_nothing():
-            obs, telemetry = super().reset(seeds, chosen)
+            obs, telemetry = super().reset(seeds, chosen, all_seen=all_seen)
             return self._begin(obs, chosen), telemetry
 
     def step(self, actions: ArrayLike, ended: int = REFUSE) -> Returns:

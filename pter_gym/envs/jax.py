@@ -206,7 +206,9 @@ class JaxEnv:
         if self._view is None:
             return
         blank = self._view.start(1)
-        self._blank = on_cpu(Memory(words_of(blank.law), *map(jnp.asarray, blank[1:])))
+        self._blank = on_cpu(
+            Memory(words_of(blank.law), jnp.asarray(blank.base), jnp.asarray(blank.latest))
+        )
         if (base := self._view.base) is not None:
             law = base.policy.law
             assert law is not None

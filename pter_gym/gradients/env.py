@@ -116,7 +116,7 @@ class DifferentiableEnv(jax_env.JaxEnv):
         return super().step(key, door_state, action, params)
 
     def _advance(self, state: Any, given: jax.Array, shared: Any) -> Any:
-        shared = jax_env.EnvParams(self.default_params.config, shared.constants)
+        shared = jax_env.Shared(self.default_params.config, shared.constants)
         state, obs, final, reward, flags = self._advance_one(
             state.numbers, given, state[:2], shared
         )
@@ -330,12 +330,12 @@ def _advancing(advance: Stage, follow: Stage, entries: int, episode_end: Episode
     """Return a step as a function of a world's numbers, an action, its state and shared data."""
 
     @first_order
-    def run(numbers: jax.Array, action: jax.Array, state: Any, shared: jax_env.EnvParams) -> Any:
+    def run(numbers: jax.Array, action: jax.Array, state: Any, shared: jax_env.Shared) -> Any:
         del numbers
         (world, episode), *rest = advance(state, action, shared)
         return DifferentiableEnvState(world, episode, floats_of(world)), *rest
 
-    def keep(numbers: jax.Array, action: jax.Array, state: Any, shared: jax_env.EnvParams) -> Any:
+    def keep(numbers: jax.Array, action: jax.Array, state: Any, shared: jax_env.Shared) -> Any:
         result = run(numbers, action, state, shared)
         flags = result[-1]
         return result, (
