@@ -5,14 +5,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
 from inspect import signature
-from typing import TYPE_CHECKING, Any, TypedDict, TypeGuard, cast
+from typing import TYPE_CHECKING, Any, TypeGuard, Unpack, cast
 
 import numpy as np
 from gymnasium import spaces
 from gymnasium.envs.registration import EnvSpec
 
 from pter_gym._compiled.layout import Layout
-from pter_gym._engine.batch import ActionUnit, Batch
+from pter_gym._engine.batch import Batch
 from pter_gym._internal.checks import builtin, whole_number
 from pter_gym._internal.codec import TYPE
 from pter_gym._internal.files import TABLE_ENDINGS, FilePath, has_ending
@@ -21,9 +21,7 @@ from pter_gym.hands import Operator, find_hand
 from pter_gym.params import Machine, find_machine
 from pter_gym.params._named import nominal_machine
 from pter_gym.paths import Path, find_path
-from pter_gym.policies._base_law import find_base_law
-from pter_gym.policies._history import checked_history
-from pter_gym.policies._view import View
+from pter_gym.policies._view import View, ViewArguments, find_view
 from pter_gym.scenarios import PACES, Scenario, find_scenario
 from pter_gym.scenarios._paces import find_pace, name_of_pace
 from pter_gym.scenarios._suite import gains_for
@@ -48,7 +46,7 @@ FRAME_SKIP = 3
 step then gets through the clutches' lag, so that stock algorithms explore."""
 
 
-class Arguments(TypedDict, total=False):
+class Arguments(ViewArguments, total=False):
     """Arguments of all environments, which ``PathFollowingEnv`` describes.
 
     Vector environments take one machine and task for all worlds, or a sequence with one for each.
@@ -67,12 +65,7 @@ class Arguments(TypedDict, total=False):
     truncation_error: float | None
     starts: Starts | str | None
     sensors: Sensors
-    action_unit: ActionUnit | None
     observe_context: bool
-    frame_skip: int | None
-    base: "str | Controller | None"
-    reach: float | None
-    history: Sequence[int]
     privileged: bool
 
 
@@ -165,7 +158,7 @@ class WorldsMixin:
             raise ParameterError(
                 f"render_mode must be {', '.join(modes)} or None, got {render_mode!r}"
             )
-        known = signature(find_worlds).parameters
+        known = Arguments.__annotations__
         for name in arguments:
             if name not in known:
                 listed = (*known, *signature(type(self)).parameters)
@@ -337,13 +330,9 @@ def find_worlds(
     truncation_error: float | None = None,
     starts: Starts | str | None = None,
     sensors: Sensors = "torque",
-    action_unit: ActionUnit = "normalised",
     observe_context: bool = False,
-    frame_skip: int | None = None,
-    base: "str | Controller | None" = None,
-    reach: float | None = None,
-    history: Sequence[int] = (),
     privileged: bool = False,
+    **view: Unpack[ViewArguments],
 ) -> Worlds:
     """Return what the arguments of an environment describe: these are all, with their defaults."""
     fields: dict[str, Any] = {
@@ -376,22 +365,13 @@ def find_worlds(
         draws = source.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
         machines, tasks = zip(*draws.pairs(count, seed), strict=True)
         gains = source.whose_gains
-        if frame_skip is None and base is None:
-            frame_skip = FRAME_SKIP
-    view = View(
-        1 if frame_skip is None else frame_skip,
-        checked_history(history),
-        None if base is None else find_base_law(base, gains),
-        reach,
-        action_unit,
-    )
     return Worlds(
         machines=machines,
         tasks=tasks,
         draws=draws,
         source=source,
         gains=gains,
-        view=view,
+        view=find_view(gains, 1 if scenario is None else FRAME_SKIP, **view),
         privileged=privileged,
         options={"sensors": sensors, "observe_context": observe_context},
     )

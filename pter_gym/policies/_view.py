@@ -6,7 +6,7 @@ take and return arrays of NumPy, or of JAX.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, Self, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypedDict, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +19,22 @@ from pter_gym._internal.fields import check_number
 from pter_gym.controllers import Controller, Policy
 from pter_gym.errors import ParameterError
 from pter_gym.params import SLOTS, Machine
-from pter_gym.policies._base_law import REACH, BaseLaw
+from pter_gym.policies._base_law import REACH, BaseLaw, find_base_law
 from pter_gym.policies._history import History, checked_history
 from pter_gym.tasks.path_following._actions import volts_of
 
 if TYPE_CHECKING:
     import jax
+
+
+class ViewArguments(TypedDict, total=False):
+    """Arguments of environments that say how an agent sees and acts: those of ``find_view``."""
+
+    action_unit: ActionUnit
+    frame_skip: int | None
+    base: str | Controller | None
+    reach: float | None
+    history: Sequence[int]
 
 
 @dataclass(frozen=True)
@@ -91,6 +101,27 @@ class View:
     def bind(self, machine: Machine, layout: Layout) -> "BoundView":
         """Return the view of worlds with a nominal machine and a layout of observations."""
         return BoundView(self, machine, layout)
+
+
+def find_view(
+    gains: str,
+    usual_skip: int,
+    *,
+    action_unit: ActionUnit = "normalised",
+    frame_skip: int | None = None,
+    base: str | Controller | None = None,
+    reach: float | None = None,
+    history: Sequence[int] = (),
+) -> View:
+    """Return the view that arguments of an environment describe.
+
+    A base by its name has the gains for a scenario. Without one, actions are held for
+    ``usual_skip`` control steps by default.
+    """
+    law = None if base is None else find_base_law(base, gains)
+    usual = usual_skip if law is None else 1
+    skip = usual if frame_skip is None else frame_skip
+    return View(skip, checked_history(history), law, reach, action_unit)
 
 
 class Memory(NamedTuple):

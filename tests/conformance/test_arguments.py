@@ -20,6 +20,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.hands import MultiSineHand, RecordedForces, find_hand
 from pter_gym.params import BASELINE, find_machine, save_machine
 from pter_gym.paths import Polyline, Spline, find_path
+from pter_gym.policies._view import find_view
 from pter_gym.scenarios import find_scenario
 from pter_gym.scenarios._paces import find_pace
 from pter_gym.scenarios.distributions import Draws, Uniform, Vary
@@ -102,8 +103,9 @@ def test_an_unknown_argument_is_told_with_the_nearest_at_every_door(door: Any) -
 
 def test_the_list_of_arguments_is_one() -> None:
     """Their types for editors, their defaults, and what the docstring describes."""
-    given = list(signature(find_worlds).parameters)
-    assert given == list(Arguments.__annotations__)
+    given = Arguments.__annotations__
+    listed = {**signature(find_worlds).parameters, **signature(find_view).parameters}
+    assert given.keys() == listed.keys() - {"view", "gains", "usual_skip"}
     _, _, page = str(PathFollowingEnv.__doc__).partition("## Arguments")
     items = re.findall(r"^ *- (`\w+`(?:, `\w+`)*):", page.partition("##")[0], re.MULTILINE)
     told = [name for item in items for name in re.findall(r"\w+", item)]
