@@ -29,7 +29,7 @@ LATEX = {
 }
 """What signs become in LaTeX."""
 
-COLUMNS = (
+TABLE_ENTRIES = (
     "scenario",
     "pace_m_s",
     "policy",
@@ -216,7 +216,7 @@ def _escaped(text: str) -> str:
 def _csv(boards: Sequence[Leaderboard], baseline: str | None) -> str:
     text = io.StringIO(newline="")
     rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(COLUMNS)
+    rows.writerow(TABLE_ENTRIES)
     for at_paces, name, cells in _rows(boards, baseline):
         for board, (standing, _, difference) in zip(at_paces, cells, strict=True):
             if standing is None:

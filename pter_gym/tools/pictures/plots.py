@@ -31,7 +31,7 @@ from pter_gym.tools.pictures.drawing import WORKSPACE, apart, drawable, policy_c
 
 __all__ = ["draw_scenario", "error_against_pace", "profiles"]
 
-MAX_NAME = 60
+MAX_LABEL = 60
 """Most characters of a name in a picture."""
 
 FAINT = 0.35
@@ -192,7 +192,7 @@ def label_ends(
     for name, place in zip(names, places, strict=True):
         colour = colours[name]
         axes.annotate(
-            plain(shorten(drawable(name), MAX_NAME)),
+            plain(shorten(drawable(name), MAX_LABEL)),
             ends[name],
             (1.03, place),
             textcoords="axes fraction",
