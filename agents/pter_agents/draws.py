@@ -18,7 +18,8 @@ from pter_gym.controllers import AnyPolicy
 from pter_gym.params import BASELINE, Machine, MachineSpread, TorqueCurve
 from pter_gym.paths import Arc, Circle, Line, Sine
 from pter_gym.scenarios import PACES, find_scenario
-from pter_gym.scenarios._variations import (
+from pter_gym.scenarios.distributions import Draws, LogUniform, OneOf, Shared, Uniform, Vary
+from pter_gym.scenarios.variations import (
     ANY_CLUTCHES,
     CURVED,
     CURVES,
@@ -29,7 +30,6 @@ from pter_gym.scenarios._variations import (
     PACE,
     SENSORS,
 )
-from pter_gym.scenarios.distributions import Draws, LogUniform, OneOf, Shared, Uniform, Vary
 from pter_gym.tasks.path_following import STARTS
 
 VALIDATION_SEED = 2**31 + 1

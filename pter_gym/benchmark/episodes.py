@@ -22,8 +22,8 @@ from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import BASELINE, Machine
 from pter_gym.scenarios import Scenario, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds
-from pter_gym.scenarios._paces import find_pace
 from pter_gym.scenarios.distributions import Draws, Pair
+from pter_gym.scenarios.paces import find_pace
 from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import PathFollowing, Sensors
 

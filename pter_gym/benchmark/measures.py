@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pter_gym._compiled.records import load, width
 from pter_gym.benchmark.tally import PROGRESS, SUMS, Progress, Sums, tally_kernel
 from pter_gym.haptics import apparent_stiffness, mean_resisting_force
-from pter_gym.haptics._scores import total
+from pter_gym.haptics.scores import total
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._pace import ALLOWANCE, START
 

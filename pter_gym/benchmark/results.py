@@ -43,7 +43,7 @@ from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import Machine
 from pter_gym.policies._code import code_digest
 from pter_gym.scenarios import PACES, Scenario, find_scenario
-from pter_gym.scenarios._paces import name_of_pace, names_of_paces
+from pter_gym.scenarios.paces import name_of_pace, names_of_paces
 from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 

@@ -13,7 +13,7 @@ from pter_gym.benchmark.boards import EPISODE_SET, Leaderboard, Standing, in_ord
 from pter_gym.benchmark.cells import UNRANKED, in_brackets, with_interval
 from pter_gym.benchmark.intervals import Interval, difference_interval
 from pter_gym.errors import ParameterError
-from pter_gym.scenarios._paces import find_pace, title_of_pace
+from pter_gym.scenarios.paces import find_pace, title_of_pace
 
 ENDINGS = (".md", ".tex", ".csv")
 """Of files with a table: Markdown, LaTeX and CSV."""

@@ -19,8 +19,8 @@ from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import ParameterError
 from pter_gym.scenarios import Scenario, find_scenario
 from pter_gym.scenarios._evaluation_draws import with_phases
-from pter_gym.scenarios._paces import find_pace
 from pter_gym.scenarios.distributions import Draws, Pair
+from pter_gym.scenarios.paces import find_pace
 from pter_gym.tasks.path_following import PathFollowing
 
 RANDOM, SEARCHED = 8192, 4096

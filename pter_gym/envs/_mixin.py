@@ -25,8 +25,8 @@ from pter_gym.policies._base_law import find_base_law
 from pter_gym.policies._history import checked_history
 from pter_gym.policies._view import View
 from pter_gym.scenarios import PACES, Scenario, find_scenario
-from pter_gym.scenarios._paces import find_pace, name_of_pace
 from pter_gym.scenarios._suite import gains_for
+from pter_gym.scenarios.paces import find_pace, name_of_pace
 from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import (
     STARTS,

@@ -15,7 +15,7 @@ from pter_gym.benchmark.cells import shorten
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import PACES
-from pter_gym.scenarios._paces import find_pace, title_of_pace
+from pter_gym.scenarios.paces import find_pace, title_of_pace
 from pter_gym.tools.figures import (
     MILLIMETRE,
     REFERENCE,

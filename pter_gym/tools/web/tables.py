@@ -28,7 +28,7 @@ from pter_gym.paths import PATHS, Path
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import PACES
-from pter_gym.scenarios._variations import CURVED_WIDTH
+from pter_gym.scenarios.variations import CURVED_WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, context_of
 from pter_gym.tasks.path_following._pace import ALLOWANCE, START

@@ -18,8 +18,8 @@ from pter_gym.hands._operators import EQ5_FREQUENCIES
 from pter_gym.hands._tremor import KINDS
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL
 from pter_gym.paths import Arc, Circle, Line, Polyline, Sine, Spline
-from pter_gym.scenarios._paces import PACES
 from pter_gym.scenarios.distributions import Draws, LogUniform, OneOf, Shared, Uniform, Vary
+from pter_gym.scenarios.paces import PACES
 from pter_gym.tasks.path_following import PathFollowing, Sensing
 
 CURVED_WIDTH = 0.1
