@@ -24,8 +24,8 @@ from pter_gym.params import BASELINE, Hand, Machine
 from pter_gym.paths import Arc, Line, Polyline, Spline
 from pter_gym.policies.tuned import read_gains, tuned_names
 from pter_gym.scenarios import PACES, find_scenario
-from pter_gym.scenarios._variations import CURVED, EQ5, STANDARD
 from pter_gym.scenarios.distributions import Draws, OneOf, Uniform, Vary
+from pter_gym.scenarios.variations import CURVED, EQ5, STANDARD
 
 SCENARIOS = ("standard", "paths", "hands", "materials", "everything", "tremor")
 

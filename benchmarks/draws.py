@@ -14,7 +14,7 @@ from pathlib import Path
 
 from promise import SHORT, hidden
 
-from pter_agents.draws import SEED, draws_for
+from pter_agents.draws import VALIDATION_SEED, draws_for
 from pter_agents.ppo import PPO
 from pter_agents.settings import TrainingArguments, load_settings
 
@@ -37,7 +37,9 @@ def main(seeds: int) -> None:
     assert not isinstance(spread, Machine)
     tests: dict[str, Episodes] = {}
     for pace in PACES:
-        machines, tasks = zip(*draws_for("standard", pace, spread).pairs(DRAWS, SEED), strict=True)
+        machines, tasks = zip(
+            *draws_for("standard", pace, spread).pairs(DRAWS, VALIDATION_SEED), strict=True
+        )
         resets, strata = tuple(range(DRAWS)), ("",) * DRAWS
         tests[pace] = Episodes("standard", machines, tasks, resets, strata, spread.machine)
     for seed in range(1, 1 + seeds):

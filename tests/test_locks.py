@@ -119,16 +119,16 @@ def test_two_records_into_one_data_set_leave_a_whole_one(
 def test_a_data_set_is_there_again_after_a_kill_between_old_and_new(tmp_path: Path) -> None:
     pytest.importorskip("minari")
     from pter_gym.errors import StorageError
-    from pter_gym.tools.datasets.writing import replaced
+    from pter_gym.tools.datasets.writing import replacing
 
     target = tmp_path / "set"
-    with replaced(target) as new:
+    with replacing(target) as new:
         (new / "data").write_text("first")
     (tmp_path / ".set").mkdir()
     target.rename(tmp_path / ".set" / "old")  # as a killed process leaves it
 
     def fail() -> None:
-        with replaced(target):
+        with replacing(target):
             assert (target / "data").read_text() == "first"
             raise OSError(28, "No space left on device")
 

@@ -17,7 +17,7 @@ from pter_gym.controllers import AnyPolicy
 from pter_gym.scenarios.distributions import Pair
 from pter_gym.tasks.path_following import AT_REST
 
-NUMBERS = 48
+HAND_NUMBERS = 48
 """Numbers of a hand: more than any draws ask for."""
 
 GENERATIONS = 2
@@ -43,7 +43,7 @@ class Adversary:
     def begin(self) -> Populations:
         """Return random populations."""
         rng = np.random.default_rng([self._seed, *b"hands"])
-        return rng.random((len(self._groups), self._size, NUMBERS))
+        return rng.random((len(self._groups), self._size, HAND_NUMBERS))
 
     def search(self, policy: AnyPolicy, populations: Populations, steps: int) -> Populations:
         """Return populations that have evolved under a policy after so many steps."""

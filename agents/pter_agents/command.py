@@ -64,7 +64,13 @@ def train(
     look_at(machine=machine)
     with waiting("loading"):
         from pter_agents.runs import RunFolder
-        from pter_agents.settings import ADVERSARY, ALL, SMOKE, TrainingArguments, load_settings
+        from pter_agents.settings import (
+            ADVERSARY,
+            MIXED_NAME,
+            SMOKE,
+            TrainingArguments,
+            load_settings,
+        )
         from pter_gym.params import find_machines
         from pter_gym.policies.tuned import FALLBACK
         from pter_gym.tools.figures import save
@@ -101,14 +107,14 @@ def train(
         history, laws = RunFolder(out).scores(), report.law_scores(arguments)
         files = [path, save(report.learning_curve(history, laws), out / "curve.png")]
         if not smoke:
-            files.append(report.film(exporting.read_run(out), arguments, out / "film.webp"))
+            files.append(report.film(exporting.read_newest(out), arguments, out / "film.webp"))
     say(report.table({str(out): history[max(history)], **laws}))
-    on = options(scenario=FALLBACK if scenario == ALL else scenario, machine=machine)
+    on = options(scenario=FALLBACK if scenario == MIXED_NAME else scenario, machine=machine)
     conclude(
         files,
         f"tensorboard --logdir {quote(str(out))}",
         f"pter export {quote(str(out))} --name mine && "
-        f"pter benchmark{on} --policies mine {report.LAWS[0]}",
+        f"pter benchmark{on} --policies mine {report.COMPARED_LAWS[0]}",
     )
 
 
@@ -176,7 +182,7 @@ def export(
     if trained:
         from pter_agents import exporting
 
-        policy = exporting.read_run(Path(run))
+        policy = exporting.read_newest(Path(run))
     else:
         policy = find_policy(run, scenario)
     called = name or Path(run).stem

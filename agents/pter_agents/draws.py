@@ -12,14 +12,15 @@ from typing import Any, cast
 
 import numpy as np
 
-from pter_agents.settings import ALL, TrainingArguments
+from pter_agents.settings import MIXED_NAME, TrainingArguments
 from pter_gym.benchmark import Episodes, evaluate
 from pter_gym.controllers import AnyPolicy
 from pter_gym.params import BASELINE, Machine, MachineSpread, TorqueCurve
 from pter_gym.paths import Arc, Circle, Line, Sine
 from pter_gym.scenarios import PACES, find_scenario
-from pter_gym.scenarios._variations import (
-    CLUTCHES,
+from pter_gym.scenarios.distributions import Draws, LogUniform, OneOf, Shared, Uniform, Vary
+from pter_gym.scenarios.variations import (
+    ANY_CLUTCHES,
     CURVED,
     CURVES,
     EQ5,
@@ -29,16 +30,15 @@ from pter_gym.scenarios._variations import (
     PACE,
     SENSORS,
 )
-from pter_gym.scenarios.distributions import Draws, LogUniform, OneOf, Shared, Uniform, Vary
 from pter_gym.tasks.path_following import STARTS
 
-SEED = 2**31 + 1
+VALIDATION_SEED = 2**31 + 1
 """Seed of the draws of validation episodes, larger than any seed of a run."""
 
 FIRST_RESET = 2**50
 """Seed of the first validation episode's reset."""
 
-SCORES = (
+VALIDATION_SCORES = (
     "path_error_m",
     "completed",
     "mean_pace_error",
@@ -67,7 +67,7 @@ REPEATS = {Circle: 6, Arc: 2}
 TIGHT = 0.08
 """Half-width of the workspace about tight bends [m]."""
 
-HEADING = Uniform(-math.pi, math.pi)
+ANY_DIRECTION = Uniform(-math.pi, math.pi)
 
 X, Y = Uniform(-0.65, 0.65), Uniform(0.35, 0.85)
 """Where paths of every heading begin [m]."""
@@ -89,7 +89,9 @@ def _turned(kind: Vary[Any]) -> Vary[Any]:
     if isinstance(kind.template, Circle):
         return kind
     shorter = SHORTER.get(kind.template.__class__, {})
-    return Vary(kind.template, **{**kind.fields, **shorter, "x": X, "y": Y, "direction": HEADING})
+    return Vary(
+        kind.template, **{**kind.fields, **shorter, "x": X, "y": Y, "direction": ANY_DIRECTION}
+    )
 
 
 TURNED = OneOf(
@@ -107,7 +109,7 @@ BENDS = OneOf(
             Arc(),
             x=X,
             y=Y,
-            direction=HEADING,
+            direction=ANY_DIRECTION,
             radius=LogUniform(0.09, 0.2),
             angle=OneOf((Uniform(-5.0, -2.0), Uniform(2.0, 5.0))),
         ),
@@ -116,7 +118,7 @@ BENDS = OneOf(
             center_x=Uniform(-0.25, 0.25),
             center_y=Uniform(0.5, 0.7),
             radius=LogUniform(0.09, 0.15),
-            start=HEADING,
+            start=ANY_DIRECTION,
             clockwise=OneOf((False, True)),
         ),
     )
@@ -133,7 +135,7 @@ WIDER = (
             clutch=OneOf(
                 tuple(
                     Vary(kind.template, time_constant=LogUniform(0.03, 0.35))
-                    for kind in CLUTCHES.options
+                    for kind in ANY_CLUTCHES.options
                 )
             ),
             clutch_scale=Shared(LogUniform(0.5, 1.5), LogUniform(0.9, 1.11), 4),
@@ -240,7 +242,7 @@ def draws_for(
     ParameterError
         If there is no such scenario or pace; the message suggests the nearest.
     """
-    if scenario == ALL:
+    if scenario == MIXED_NAME:
         suite = {name: find_scenario(name, machine).draws for name in MIXED}
         suite[MAX_VARIED] = replace(suite[MAX_VARIED], weight=len(MIXED) - 1)
         first, *others = suite.values()
@@ -248,7 +250,7 @@ def draws_for(
         draws = replace(first, also=(*others, *wider))
     else:
         draws = find_scenario(scenario, machine).draws
-    return draws.at_pace(ANY_PACE if pace == ALL else pace).with_task(**fields)
+    return draws.at_pace(ANY_PACE if pace == MIXED_NAME else pace).with_task(**fields)
 
 
 def training_draws(arguments: TrainingArguments) -> Draws:
@@ -285,7 +287,7 @@ def validation_episodes(arguments: TrainingArguments) -> dict[str, Episodes]:
     found: dict[str, Episodes] = {}
     for pace in arguments.paces:
         draws = draws_for(arguments.scenario, pace, arguments.machine)
-        pairs = draws.pairs(arguments.validation_episodes, SEED)
+        pairs = draws.pairs(arguments.validation_episodes, VALIDATION_SEED)
         seeds = range(FIRST_RESET, FIRST_RESET + len(pairs))
         found[pace] = Episodes.from_pairs(arguments.scenario, draws, pairs, seeds)
     return found
@@ -295,5 +297,6 @@ def validate(policy: AnyPolicy, episodes: Mapping[str, Episodes]) -> PaceScores:
     """Return the mean scores of a policy for each pace."""
     scores = {pace: evaluate(policy, at_pace) for pace, at_pace in episodes.items()}
     return {
-        pace: {name: float(found[name].mean()) for name in SCORES} for pace, found in scores.items()
+        pace: {name: float(found[name].mean()) for name in VALIDATION_SCORES}
+        for pace, found in scores.items()
     }

@@ -58,7 +58,7 @@ def export(source: FilePath, out: FilePath | None = None, *, name: str | None = 
         If the files cannot be written; older ones then stay.
     """
     run = expand_path("source", source)
-    policy = read_run(run) if (run / RUN).is_file() else read_policy(source)
+    policy = read_newest(run) if (run / RUN).is_file() else read_policy(source)
     name = name or policy.name
     check_name(name)
     out = Path(name) if out is None else expand_path("out", out)
@@ -76,7 +76,7 @@ def export(source: FilePath, out: FilePath | None = None, *, name: str | None = 
     return out / file
 
 
-def read_run(path: FilePath) -> TrainedController:
+def read_newest(path: FilePath) -> TrainedController:
     """Return the policy of a run's newest checkpoint; raises as ``export``."""
     folder = RunFolder(path)
     arguments, interface = folder.read()
@@ -119,10 +119,12 @@ def model_card(name: str, policy: TrainedController) -> str:
     meaning = f"of ±1 is ±{interface.reach:g} V, limited to 0…{interface.voltage_max:g} V"
     if interface.normalised:
         meaning = f"a within ±1 is {interface.voltage_max:g} V · ((a + 1)/2)²"
-    versions = ", ".join(code(f"{key} {number}") for key, number in part(about, "versions").items())
-    changed = part(about, "config").items()
+    versions = ", ".join(
+        code(f"{key} {number}") for key, number in part_of(about, "versions").items()
+    )
+    changed = part_of(about, "config").items()
     layers = ", ".join(map(str, hidden))
-    table = score_table(part(about, "validation"))
+    table = score_table(part_of(about, "validation"))
     listed = "".join(
         f"- In the file: {code(f'{key} = {json.dumps(value)}')}\n" for key, value in changed
     )
@@ -168,7 +170,7 @@ def code(text: Any) -> str:
     return f"`{html.escape(plain[:MAX_TEXT], quote=False)}`"
 
 
-def part(about: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+def part_of(about: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     """Return a part of a policy's record of its training, or raise a DataError."""
     found: Any = about.get(name, {})
     if not isinstance(found, dict):

@@ -18,14 +18,14 @@ from pter_gym.tools.figures import MILLIMETRE, MUTED, SMALL, WIDTH, looks, style
 from pter_gym.tools.pictures.film import write_film
 from pter_gym.tools.pictures.plots import plain_ticks
 
-LAWS = ("single-dof-tuned", "torque-feedback-tuned")
+COMPARED_LAWS = ("single-dof-tuned", "torque-feedback-tuned")
 """Tuned laws to compare with: the best one, and the better of the paper's two."""
 
 
 def law_scores(arguments: TrainingArguments) -> dict[str, PaceScores]:
     """Return the scores of ``LAWS`` on the validation episodes of a run."""
     episodes = validation_episodes(arguments)
-    return {name: validate(find_policy(name, arguments.gains), episodes) for name in LAWS}
+    return {name: validate(find_policy(name, arguments.gains), episodes) for name in COMPARED_LAWS}
 
 
 def table(rows: Mapping[str, PaceScores]) -> str:
@@ -94,7 +94,10 @@ def film(policy: Controller, arguments: TrainingArguments, path: Path) -> Path:
     """Film a policy and the better of the paper's laws on one validation draw."""
     pace = "medium" if "medium" in arguments.paces else arguments.paces[0]
     episode = validation_episodes(arguments)[pace][:1]
-    shown = {arguments.algorithm: policy, LAWS[-1]: find_policy(LAWS[-1], arguments.gains)}
+    shown = {
+        arguments.algorithm: policy,
+        COMPARED_LAWS[-1]: find_policy(COMPARED_LAWS[-1], arguments.gains),
+    }
     telemetry = {
         name: record_episodes(law, episode, sensors="force").telemetry[:, 0]
         for name, law in shown.items()

@@ -25,7 +25,7 @@ from pter_gym.policies._files import RUN, interface_codec
 SCORES, PROGRESS = "validation.json", "progress.csv"
 """Files of a run: its scores, and their table."""
 
-KEPT = 2
+KEPT_CHECKPOINTS = 2
 """Newest checkpoints that are kept."""
 
 MAX_CHECKPOINT = 1 << 31
@@ -76,7 +76,7 @@ class RunFolder:
         """Write a checkpoint and delete all but the newest, or raise a StorageError."""
         path = self.path / f"checkpoint-{steps}.safetensors"
         write_bytes_atomic(path, save_tensors(dict(state)))
-        for _, old in self.checkpoints()[:-KEPT]:
+        for _, old in self.checkpoints()[:-KEPT_CHECKPOINTS]:
             old.unlink(missing_ok=True)
         return path
 

@@ -23,7 +23,7 @@ ALGORITHMS = ("ppo", "residual", "universal")
 Each has a table NAME.toml here.
 """
 
-ALL = "all"
+MIXED_NAME = "all"
 """Name for all scenarios of ``draws.MIXED``, and for a pace drawn among those of the scores."""
 
 NO_BASE = "none"
@@ -182,7 +182,11 @@ class TrainingArguments(Checked):
     def __post_init__(self) -> None:
         """Check names and numbers."""
         super().__post_init__()
-        names = {"algorithm": ALGORITHMS, "scenario": (ALL, *SCENARIOS), "pace": (ALL, *PACES)}
+        names = {
+            "algorithm": ALGORITHMS,
+            "scenario": (MIXED_NAME, *SCENARIOS),
+            "pace": (MIXED_NAME, *PACES),
+        }
         _check_names(self, names)
         require_kind(self, "machine", Machine, MachineSpread, type(None))
         free = self.machine is None or not self.settings.devices
@@ -192,12 +196,12 @@ class TrainingArguments(Checked):
     @property
     def gains(self) -> str:
         """The scenario whose gains laws have; those of ``everything`` are poor elsewhere."""
-        return "standard" if self.scenario == ALL else self.scenario
+        return "standard" if self.scenario == MIXED_NAME else self.scenario
 
     @property
     def paces(self) -> tuple[str, ...]:
         """Names of the commanded paces in training."""
-        return tuple(PACES) if self.pace == ALL else (self.pace,)
+        return tuple(PACES) if self.pace == MIXED_NAME else (self.pace,)
 
     def as_json(self) -> dict[str, Any]:
         """Return plain data."""

@@ -21,9 +21,9 @@ from markup import DOCS, ROOT
 from pter_gym import __version__
 from pter_gym._commands.main import commands, load_command
 from pter_gym.benchmark import ScenarioRun, WorstHand, leaderboards
-from pter_gym.benchmark.results import NAMES, ORIGIN, WORST
+from pter_gym.benchmark.results import ORIGIN, RUN_ENTRIES, WORST
 from pter_gym.benchmark.scores import SCORES
-from pter_gym.benchmark.tables import COLUMNS
+from pter_gym.benchmark.tables import TABLE_ENTRIES
 from pter_gym.envs import PathFollowingEnv
 from pter_gym.params import BASELINE
 from pter_gym.policies import Interface
@@ -59,10 +59,10 @@ def lines() -> Iterator[str]:
         "privileged": env.privileged_layout.names,
         "telemetry": TELEMETRY.names,
         "scores": list(SCORES),
-        "run": [*NAMES, "episodes", "strata", WORST, ORIGIN],
+        "run": [*RUN_ENTRIES, "episodes", "strata", WORST, ORIGIN],
         "benchmark.json": board,
         "benchmark.json, policies": board["policies"]["mine"],
-        "table": COLUMNS,
+        "table": TABLE_ENTRIES,
         "policy": [item.name for item in dataclasses.fields(Interface)],
     }
     for kind, names in named.items():

@@ -18,7 +18,7 @@ from pter_gym._commands.main import commands as find_commands, load_command
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.hands import LIBRARY_ARMS, LIBRARY_TREMORS
-from pter_gym.hands._library import Grade
+from pter_gym.hands._library import HandGrade
 from pter_gym.params import ACTUATORS, Clutch, Hand
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.scenarios import SCENARIOS, find_scenario
@@ -237,7 +237,9 @@ def arms() -> str:
             arm.posture,
             f"{arm.source}: {arm.provenance}",
         ]
-        for arm in sorted(LIBRARY_ARMS.values(), key=lambda arm: get_args(Grade).index(arm.grade))
+        for arm in sorted(
+            LIBRARY_ARMS.values(), key=lambda arm: get_args(HandGrade).index(arm.grade)
+        )
     )
     header = [
         "Grade",

@@ -28,7 +28,7 @@ import numba
 from pter_gym._internal.files import write_bytes_atomic, write_text_atomic
 from pter_gym.tools.web import kernels
 from pter_gym.tools.web.kernels import KERNELS
-from pter_gym.tools.web.site import MODULE, STATIC, TABLES
+from pter_gym.tools.web.site import MODULE, PAGES, TABLES
 from pter_gym.tools.web.tables import tables
 
 FUNCTIONS = Path(__file__).with_name("functions.zig")
@@ -215,4 +215,4 @@ define i32 @{exported}({parameters[2:]}) {{
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else STATIC)
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else PAGES)

@@ -18,7 +18,7 @@ from pter_gym.paths._names import PATH_NAMES
 from pter_gym.paths._reach import SINGULARITY_MARGIN, check_reach
 from pter_gym.policies.find import kind_of
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
-from pter_gym.scenarios._paces import find_pace
+from pter_gym.scenarios.paces import find_pace
 
 ALL = "all"
 """All scenarios, or all paces."""

@@ -35,10 +35,10 @@ if TYPE_CHECKING:
     from pter_gym.controllers import AnyPolicy
     from pter_gym.scenarios import Scenario
 
-POLICIES = ("residual", "single-dof-tuned", "torque-feedback", "impedance")
+USUAL_POLICIES = ("residual", "single-dof-tuned", "torque-feedback", "impedance")
 """The trained policy, the best tuned law, and the paper's two controllers."""
 
-ON_A_MACHINE = ("universal", *POLICIES[1:])
+ON_A_MACHINE = ("universal", *USUAL_POLICIES[1:])
 """The same with the policy for any machine, on one of the user's."""
 
 FILM_PACE = "medium"
@@ -87,7 +87,7 @@ class Benchmark:
             episodes.
     """
 
-    policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME …")] = POLICIES
+    policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME …")] = USUAL_POLICIES
     scenario: AnyScenario = "standard"
     paces: AnyPaces = tuple(PACES)
     path: PathName = None
@@ -132,7 +132,7 @@ class Benchmark:
     @property
     def names(self) -> list[str]:
         """The policies, one by one."""
-        usual = self.machine is not None and self.policies == POLICIES
+        usual = self.machine is not None and self.policies == USUAL_POLICIES
         return [name for each in (ON_A_MACHINE if usual else self.policies) for name in split(each)]
 
     def check(self) -> None:

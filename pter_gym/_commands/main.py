@@ -144,11 +144,11 @@ def main(arguments: list[str] | None = None) -> int:
     except OSError as error:  # of a file, or of where the output goes
         printed = close_output() if arguments is None else True
         with suppress(OSError):
-            complain(reason_of(error, printed=printed))
+            complain(reason_of_os_error(error, printed=printed))
         return 2
 
 
-def reason_of(error: OSError, *, printed: bool = True) -> str:
+def reason_of_os_error(error: OSError, *, printed: bool = True) -> str:
     """Return what is wrong: with a file, which some errors do not name, or with the output."""
     if error.filename:
         return str(error)
@@ -174,7 +174,7 @@ def _run(arguments: list[str]) -> int:
     try:
         command = load_command(name)
         with warnings.catch_warnings():
-            warnings.showwarning = warn
+            warnings.showwarning = show_warning
             done = command(**parse(name, command, rest))
             return (done() if callable(done) else done) or 0
     except PterError as error:
@@ -182,7 +182,7 @@ def _run(arguments: list[str]) -> int:
         return 2
 
 
-def warn(message: Warning | str, *_: object, **__: object) -> None:
+def show_warning(message: Warning | str, *_: object, **__: object) -> None:
     """Print a warning without the line of code that it comes from."""
     terminal(errors=True).print(f"warning: {message}", soft_wrap=True, markup=False)
 

@@ -19,7 +19,7 @@ from pter_gym.benchmark.intervals import Interval, largest_rate, mean_interval
 from pter_gym.benchmark.scores import CONFIDENCE, POLICY, SCORES, ScenarioRun, WorstHand
 from pter_gym.errors import printable
 from pter_gym.scenarios import SCENARIOS
-from pter_gym.scenarios._paces import find_pace, title_of_pace
+from pter_gym.scenarios.paces import find_pace, title_of_pace
 
 COMPLETION = 0.99
 """Smallest share of completed episodes of a ranked policy."""

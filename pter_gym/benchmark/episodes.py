@@ -22,18 +22,18 @@ from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import BASELINE, Machine
 from pter_gym.scenarios import Scenario, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds
-from pter_gym.scenarios._paces import find_pace
 from pter_gym.scenarios.distributions import Draws, Pair
+from pter_gym.scenarios.paces import find_pace
 from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import PathFollowing, Sensors
 
 FOLDER = Path(__file__).parents[1] / "episodes"
 """Where the package keeps its test episodes."""
 
-ENTRIES = ("machines", "tasks", "seeds", "strata", "time_limits")
+EPISODE_FIELDS = ("machines", "tasks", "seeds", "strata", "time_limits")
 """Fields of ``Episodes`` that have an entry for each episode."""
 
-ENDING = ".json.gz"
+EPISODES_ENDING = ".json.gz"
 
 CHUNK = 128
 """Episodes that are simulated together."""
@@ -96,7 +96,7 @@ class Episodes:
 
     def __getitem__(self, part: slice) -> "Episodes":
         """Return some of the episodes."""
-        return replace(self, **{name: getattr(self, name)[part] for name in ENTRIES})
+        return replace(self, **{name: getattr(self, name)[part] for name in EPISODE_FIELDS})
 
     @cached_property
     def chunks(self) -> "tuple[Episodes, ...]":
@@ -150,8 +150,8 @@ def scenarios(folder: FilePath = FOLDER) -> tuple[str, ...]:
     """Return the names of the scenarios that have stored episodes."""
     return tuple(
         sorted(
-            path.name.removesuffix(ENDING)
-            for path in expand_path("folder", folder).glob(f"*{ENDING}")
+            path.name.removesuffix(EPISODES_ENDING)
+            for path in expand_path("folder", folder).glob(f"*{EPISODES_ENDING}")
         )
     )
 
@@ -166,7 +166,7 @@ def load_episodes(scenario: str, pace: str, *, folder: FilePath = FOLDER) -> Epi
     DataError
         If the file is damaged.
     """
-    speed, path = find_pace(pace), expand_path("folder", folder) / f"{scenario}{ENDING}"
+    speed, path = find_pace(pace), expand_path("folder", folder) / f"{scenario}{EPISODES_ENDING}"
     if scenario not in (names := scenarios(folder)):
         raise unknown_name("scenario", scenario, names)
     with reading(f"evaluation data {path}"):
@@ -241,7 +241,7 @@ def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDE
         "episodes": entries,
     }
     data = json.dumps(content, ensure_ascii=False, allow_nan=False).encode()
-    path = expand_path("folder", folder) / f"{episodes.scenario}{ENDING}"
+    path = expand_path("folder", folder) / f"{episodes.scenario}{EPISODES_ENDING}"
     path.parent.mkdir(parents=True, exist_ok=True)
     write_bytes_atomic(path, gzip.compress(data, 9, mtime=0))
     return path

@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 from pter_gym._compiled.records import load, width
 from pter_gym.benchmark.tally import PROGRESS, SUMS, Progress, Sums, tally_kernel
 from pter_gym.haptics import apparent_stiffness, mean_resisting_force
-from pter_gym.haptics._scores import total
+from pter_gym.haptics.scores import total
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._pace import ALLOWANCE, START
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-CUTOFF = 20.0
+ACCELERATION_CUTOFF = 20.0
 """Cut-off [Hz] of the first-order low-pass on the tip acceleration."""
 
 SEGMENTS = 10
@@ -71,7 +71,7 @@ def smoothness(speed: Array, acceleration: Array, counted: Mask, period: float) 
 
 def low_pass(values: Array, period: float) -> Array:
     """Return values (T, …) after a first-order low-pass, exact for inputs held for a period [s]."""
-    decay = math.exp(-2.0 * math.pi * CUTOFF * period)
+    decay = math.exp(-2.0 * math.pi * ACCELERATION_CUTOFF * period)
     filtered = np.empty_like(values)
     state = np.zeros_like(values[0])
     for k, value in enumerate(values):

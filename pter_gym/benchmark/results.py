@@ -43,11 +43,11 @@ from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import Machine
 from pter_gym.policies._code import code_digest
 from pter_gym.scenarios import PACES, Scenario, find_scenario
-from pter_gym.scenarios._paces import name_of_pace, names_of_paces
+from pter_gym.scenarios.paces import name_of_pace, names_of_paces
 from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
-NAMES = ("version", "scenario", "digest", "pace", "policy", "training_seed", "seed")
+RUN_ENTRIES = ("version", "scenario", "digest", "pace", "policy", "training_seed", "seed")
 """What a file says about a run, beside its numbers."""
 
 
@@ -132,7 +132,7 @@ def run_path(folder: FilePath, run: ScenarioRun) -> Path:
 def write_run(folder: FilePath, run: ScenarioRun) -> None:
     """Write a run to its file atomically, a line for each entry and each score."""
     content: dict[str, Any] = {
-        **{name: getattr(run, name) for name in NAMES},
+        **{name: getattr(run, name) for name in RUN_ENTRIES},
         "episodes": run.episodes,
         ORIGIN: dict(run.origin),
         "strata": run.strata,
@@ -155,7 +155,7 @@ def read_run(path: FilePath) -> ScenarioRun:
         names = [name for name in SCORES if name in content or name not in OPTIONAL]
         scores = {name: np.array(content[name]).reshape(len(strata)) for name in names}
         run = ScenarioRun(
-            **{name: content[name] for name in NAMES},
+            **{name: content[name] for name in RUN_ENTRIES},
             strata=strata,
             scores=scores,
             worst=_worst_of(content[WORST]) if WORST in content else None,
@@ -221,7 +221,7 @@ def write_trajectories(episodes: Mapping[str, NDArray[np.float64]], path: Path) 
     the policy. Headings are such as ``policy`` and ``time [s]``. Raises a ParameterError if the
     path does not end in .csv.
     """
-    check_table(path)
+    check_csv(path)
     text = io.StringIO(newline="")
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(
@@ -232,7 +232,7 @@ def write_trajectories(episodes: Mapping[str, NDArray[np.float64]], path: Path) 
     write_text_atomic(path, text.getvalue())
 
 
-def check_table(path: Path) -> None:
+def check_csv(path: Path) -> None:
     """Raise a ParameterError unless a table can be written to a file with this extension."""
     if not has_ending(path, ".csv"):
         raise ParameterError(f"csv must end in .csv, got {str(path)!r}")

@@ -13,7 +13,7 @@ from pter_gym.benchmark.boards import EPISODE_SET, Leaderboard, Standing, in_ord
 from pter_gym.benchmark.cells import UNRANKED, in_brackets, with_interval
 from pter_gym.benchmark.intervals import Interval, difference_interval
 from pter_gym.errors import ParameterError
-from pter_gym.scenarios._paces import find_pace, title_of_pace
+from pter_gym.scenarios.paces import find_pace, title_of_pace
 
 ENDINGS = (".md", ".tex", ".csv")
 """Of files with a table: Markdown, LaTeX and CSV."""
@@ -29,7 +29,7 @@ LATEX = {
 }
 """What signs become in LaTeX."""
 
-COLUMNS = (
+TABLE_ENTRIES = (
     "scenario",
     "pace_m_s",
     "policy",
@@ -216,7 +216,7 @@ def _escaped(text: str) -> str:
 def _csv(boards: Sequence[Leaderboard], baseline: str | None) -> str:
     text = io.StringIO(newline="")
     rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(COLUMNS)
+    rows.writerow(TABLE_ENTRIES)
     for at_paces, name, cells in _rows(boards, baseline):
         for board, (standing, _, difference) in zip(at_paces, cells, strict=True):
             if standing is None:

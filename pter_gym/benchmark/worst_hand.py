@@ -19,8 +19,8 @@ from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import ParameterError
 from pter_gym.scenarios import Scenario, find_scenario
 from pter_gym.scenarios._evaluation_draws import with_phases
-from pter_gym.scenarios._paces import find_pace
 from pter_gym.scenarios.distributions import Draws, Pair
+from pter_gym.scenarios.paces import find_pace
 from pter_gym.tasks.path_following import PathFollowing
 
 RANDOM, SEARCHED = 8192, 4096
@@ -35,7 +35,7 @@ SPREAD = 0.999
 TINY = 2.0**-54
 """In place of a random 0, whose quantile is not finite."""
 
-STREAM = 20261129
+SEARCH_STREAM = 20261129
 """Where the seeds of random hands and of the search begin."""
 
 
@@ -221,4 +221,4 @@ def _episodes(name: str, draws: Draws, pairs: list[Pair]) -> Episodes:
 
 def _generator(scenario: Scenario, speed: float, part: int) -> np.random.Generator:
     name = f"{scenario.name}-v{scenario.version} {speed}"
-    return np.random.default_rng([STREAM, part, *name.encode()])
+    return np.random.default_rng([SEARCH_STREAM, part, *name.encode()])

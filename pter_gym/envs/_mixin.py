@@ -23,8 +23,8 @@ from pter_gym.params._named import nominal_machine
 from pter_gym.paths import Path, find_path
 from pter_gym.policies._view import View, ViewArguments, find_view
 from pter_gym.scenarios import PACES, Scenario, find_scenario
-from pter_gym.scenarios._paces import find_pace, name_of_pace
 from pter_gym.scenarios._suite import gains_for
+from pter_gym.scenarios.paces import find_pace, name_of_pace
 from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import (
     STARTS,

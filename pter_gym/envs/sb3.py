@@ -16,7 +16,7 @@ from pter_gym._internal.files import FilePath, expand_path, make_folder, write_f
 from pter_gym.benchmark import Assessment, Episodes, assess, from_sb3, training_episodes
 from pter_gym.benchmark.rollout import UNSEEN, check_acting
 from pter_gym.errors import ParameterError, needs_extra
-from pter_gym.scenarios._paces import find_pace, names_of_paces
+from pter_gym.scenarios.paces import find_pace, names_of_paces
 
 try:
     from stable_baselines3.common.callbacks import BaseCallback

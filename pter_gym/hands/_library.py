@@ -14,7 +14,7 @@ from pter_gym.params import Hand
 Matrix = tuple[tuple[float, float], tuple[float, float]]
 """A symmetric matrix in the plane."""
 
-Grade = Literal["measured", "derived", "order of magnitude"]
+HandGrade = Literal["measured", "derived", "order of magnitude"]
 """Read where the numbers are printed, computed from such or commonly cited ones, or chosen."""
 
 
@@ -43,7 +43,7 @@ class LibraryArm:
     stiffness: Matrix
     axes: Literal["body", "own"]
     posture: str
-    grade: Grade
+    grade: HandGrade
     provenance: str
     source: str
 
@@ -89,7 +89,7 @@ class LibraryTremor:
     name: str
     band: tuple[float, float]
     acceleration: tuple[float, float]
-    grade: Grade
+    grade: HandGrade
     provenance: str
     source: str
 

@@ -1,4 +1,4 @@
-from ._region import (
+from .forces import (
     ForceExtremes as ForceExtremes,
     ForceRange as ForceRange,
     force_extremes as force_extremes,
@@ -8,7 +8,7 @@ from ._region import (
     link_angles as link_angles,
     torque_limits as torque_limits,
 )
-from ._scores import (
+from .scores import (
     ForceError as ForceError,
     apparent_stiffness as apparent_stiffness,
     force_error as force_error,

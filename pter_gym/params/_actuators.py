@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pter_gym._internal.reading import read_toml
 from pter_gym.params._machine import Clutch, TorqueCurve
 
-Grade = Literal["fitted", "measured", "order of magnitude"]
+ActuatorGrade = Literal["fitted", "measured", "order of magnitude"]
 """Fitted to the paper's results, read where the numbers are printed, or chosen."""
 
 
@@ -32,7 +32,7 @@ class Actuator:
 
     name: str
     clutch: Clutch
-    grade: Grade
+    grade: ActuatorGrade
     provenance: str
     source: str
     unknown: tuple[str, ...]

@@ -10,7 +10,7 @@ from pter_gym._internal.fields import Checked, require
 from pter_gym.errors import ParameterError
 from pter_gym.params._machine import Machine
 
-TRIES = 1000
+MACHINE_TRIES = 1000
 """Draws of which one must be a machine."""
 
 
@@ -70,13 +70,13 @@ class MachineSpread(Checked):
         middle, least = np.array([known[place] for place in self.places]).reshape(-1, 2).T
         sizes, directions = np.linalg.eigh(np.array(self.covariance, np.float64))
         factor = directions * np.sqrt(sizes.clip(0.0))
-        for attempt in range(TRIES):
+        for attempt in range(MACHINE_TRIES):
             numbers = middle + factor @ rng.standard_normal(len(middle))
             by_place = dict(zip(self.places, numbers.clip(least).tolist(), strict=True))
             try:
                 return with_numbers(self.machine, by_place)
             except ParameterError:
-                if attempt == TRIES - 1:
+                if attempt == MACHINE_TRIES - 1:
                     raise
         raise AssertionError
 

@@ -21,7 +21,7 @@ from pter_gym._internal.reading import read_toml, reading
 from pter_gym.controllers._names import LAWS
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies._files import interface_codec
-from pter_gym.scenarios._paces import find_pace
+from pter_gym.scenarios.paces import find_pace
 
 if TYPE_CHECKING:
     from pter_gym.controllers import Controller, Guided, PaceSchedule, Scaled

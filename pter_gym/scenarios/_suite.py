@@ -3,7 +3,7 @@
 ``PTER/<Scenario>-v0`` is ``PTER/PathFollowing-v0`` on a scenario's training episodes. Test episodes
 are stored data; see ``pter_gym.benchmark``.
 
-To add a scenario, add an entry to ``_SUITE`` here and to ``SUITE_DRAWS`` in ``_variations``: its
+To add a scenario, add an entry to ``_SUITE`` here and to ``SUITE_DRAWS`` in ``variations``: its
 id, its stored episodes and their strata follow from these. This module imports nothing heavy, since
 ``import pter_gym`` reads it.
 """
@@ -72,7 +72,7 @@ class Scenario:
     @property
     def draws(self) -> "Draws":
         """What its training and test episodes are drawn from."""
-        from pter_gym.scenarios._variations import SUITE_DRAWS
+        from pter_gym.scenarios.variations import SUITE_DRAWS
 
         return SUITE_DRAWS[self.name] if self.own is None else self.own
 

@@ -18,7 +18,7 @@ from pter_gym._internal.checks import whole_number
 from pter_gym._internal.fields import Checked, parameter, require, require_number
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine, MachineSpread
-from pter_gym.scenarios._paces import find_pace
+from pter_gym.scenarios.paces import find_pace
 from pter_gym.tasks.path_following import PathFollowing, check_machine
 from pter_gym.tasks.path_following._specification import check_motion
 

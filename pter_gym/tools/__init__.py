@@ -1,1 +1,1 @@
-"""Tools built on the simulator, one per folder, which imports the core only."""
+"""Tools built on the simulator, one per folder: each imports the core only."""

@@ -30,7 +30,7 @@ WIDTH, SMALL = 7.16, 7.5
 MILLIMETRE = 1e-3
 INK, MUTED, REFERENCE = "#1f2328", "#646b75", "#3b4048"
 CLUTCH_COLOURS = tuple(map(p.clutch_colour, ((1, 0), (0, 1), (1, -1), (1, 1))))
-COLOURS = p.LINES
+COLOURS = p.LINE_PALETTE
 Marker = str | tuple[int, int, int]
 Dashes = str | tuple[int, tuple[float, ...]]
 
@@ -180,7 +180,7 @@ def _room(places: Array, half: Array, *points: Array) -> Array:
     return np.min([np.full(len(places), np.inf), *near], axis=0)
 
 
-def percent(share: float, digits: int = 0, *, signed: bool = False) -> str:
+def rounded_percent(share: float, digits: int = 0, *, signed: bool = False) -> str:
     """Return a share in percent with a typographic minus sign, and no sign if it rounds to zero."""
     return f"{100.0 * share:{'+' if signed else ''}z.{digits}f}".replace("-", "−") + " %"
 

@@ -20,13 +20,13 @@ ULTRAMARINE = "#002dff"
 PICTURE = {"link-a": BLUE, "link-b": "#c97b00", "force": "#00845f", "trail": "#b5508c"}
 """Colours of an arm's picture, by their CSS names; the web page has the same ones on white."""
 
-LINES = (
+LINE_PALETTE = (
     *(BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY_BLUE, BLACK, NAVY),
     *(BRICK, SAGE, MAROON, PLUM, SLATE, CORNFLOWER, ULTRAMARINE),
 )
 """Colours of lines of data, in this order."""
 
-POLICIES = (
+POLICY_PALETTE = (
     *(BLACK, BRICK, CORNFLOWER, SAGE, PLUM, SLATE, NAVY, MAROON, ULTRAMARINE),
     *(VERMILLION, PURPLE, SKY_BLUE, ORANGE, GREEN, BLUE),
 )

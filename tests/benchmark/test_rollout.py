@@ -9,7 +9,7 @@ import pytest
 
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import Assessment, Episodes, evaluate, find_policy, training_episodes
-from pter_gym.benchmark.episodes import ENTRIES
+from pter_gym.benchmark.episodes import EPISODE_FIELDS
 from pter_gym.benchmark.rollout import record_episodes
 from pter_gym.controllers import Free, Impedance, Locked, PaceSchedule, Policy, Random, bind
 from pter_gym.errors import ParameterError
@@ -74,7 +74,9 @@ def test_nothing_is_scored_beyond_an_episodes_own_limit() -> None:
     """An episode has the scores that it has alone, whatever the limits of those beside it."""
     long, short = episodes("everything", "slow", 2), episodes("everything", "brisk", 6)
     assert max(long.time_limits) > max(short.time_limits)
-    both = replace(short, **{name: getattr(short, name) + getattr(long, name) for name in ENTRIES})
+    both = replace(
+        short, **{name: getattr(short, name) + getattr(long, name) for name in EPISODE_FIELDS}
+    )
     for ranking in (False, True):
         alone = evaluate(Locked(), short, ranking=ranking)
         beside = evaluate(Locked(), both, ranking=ranking)

@@ -13,7 +13,7 @@ from pter_gym._compiled.records import load, width
 from pter_gym._engine.batch import Batch
 from pter_gym._physics.friction import ClutchMode
 from pter_gym.benchmark.measures import (
-    CUTOFF,
+    ACCELERATION_CUTOFF,
     START_UP,
     Recorded,
     low_pass,
@@ -374,6 +374,6 @@ def test_smoothness_of_a_jump() -> None:
 
 def test_low_pass_starts_at_rest_and_holds_its_input() -> None:
     period = 0.01
-    decay = math.exp(-2.0 * math.pi * CUTOFF * period)
+    decay = math.exp(-2.0 * math.pi * ACCELERATION_CUTOFF * period)
     found = low_pass(np.array([1.0, 1.0, 0.0]), period)
     np.testing.assert_allclose(found, [1.0 - decay, 1.0 - decay**2, decay - decay**3])

@@ -22,8 +22,8 @@ from pter_gym.params import BASELINE, find_machine, save_machine
 from pter_gym.paths import Polyline, Spline, find_path
 from pter_gym.policies._view import find_view
 from pter_gym.scenarios import find_scenario
-from pter_gym.scenarios._paces import find_pace
 from pter_gym.scenarios.distributions import Draws, Uniform, Vary
+from pter_gym.scenarios.paces import find_pace
 from pter_gym.tasks.path_following import PathFollowing, Sensing
 from pter_gym.tasks.path_following._specification import Starts
 

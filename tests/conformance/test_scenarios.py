@@ -29,8 +29,8 @@ from pter_gym.params import (
 )
 from pter_gym.paths import Arc, Circle, Line, Sine, find_path
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
-from pter_gym.scenarios._paces import find_pace
 from pter_gym.scenarios.distributions import Draws, LogUniform, OneOf, Shared, Uniform, Vary, drawn
+from pter_gym.scenarios.paces import find_pace
 from pter_gym.tasks.path_following import (
     AT_REST,
     COLUMN,

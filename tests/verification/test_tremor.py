@@ -22,7 +22,7 @@ from pter_gym.hands import (
     TremorArm,
     find_hand,
 )
-from pter_gym.hands._library import Grade
+from pter_gym.hands._library import HandGrade
 from pter_gym.hands._tremor import KINDS
 from pter_gym.params import BASELINE, Arm
 from pter_gym.scenarios import find_scenario
@@ -71,7 +71,7 @@ def test_a_tremor_is_complete(tremor: LibraryTremor) -> None:
 
 def is_cited(entry: LibraryArm | LibraryTremor) -> None:
     assert re.search(r"\((19|20)\d\d\)", entry.source)
-    assert entry.grade in get_args(Grade)
+    assert entry.grade in get_args(HandGrade)
     assert len(entry.provenance) > 20
 
 

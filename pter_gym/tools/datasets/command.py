@@ -32,7 +32,7 @@ def record(
         out: Folder for the data sets; by default the one where Minari looks for them.
     """
     from pter_gym._internal.files import make_folder
-    from pter_gym.tools.datasets.recording import record_episodes
+    from pter_gym.tools.datasets.recording import record_transitions
     from pter_gym.tools.datasets.writing import load_minari, write_dataset
 
     if out is not None:
@@ -41,7 +41,7 @@ def record(
     with progress_bar() as progress:
         for name, which in product(scenario, level):
             task = progress.add_task(f"{name}, {which}", total=steps)
-            episodes = record_episodes(
+            episodes = record_transitions(
                 name, which, steps, seed=seed, on_steps=partial(progress.advance, task)
             )
             command = f"pter record --scenario {name} --level {which} --steps {steps} --seed {seed}"

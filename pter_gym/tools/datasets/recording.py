@@ -20,7 +20,7 @@ from pter_gym.policies._acting import load_policy
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN
 
-__all__ = ["RecordedEpisode", "record_episodes", "reference_score"]
+__all__ = ["RecordedEpisode", "record_transitions", "reference_score"]
 
 Act = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 Begin = Callable[[NDArray[np.bool_]], None]
@@ -86,7 +86,7 @@ def environment_of(scenario: str, seed: int = 0) -> tuple[str, dict[str, Any]]:
     return find_scenario(scenario).id, {"frame_skip": 1, "context_seed": seed}
 
 
-def record_episodes(
+def record_transitions(
     scenario: str,
     level: str,
     steps: int,

@@ -97,7 +97,7 @@ def write_dataset(
     target = target.absolute()  # Minari loses its files where a path is relative
     fields = RecordedEpisode._fields[:-2]  # Minari's, without what only the summary needs
     make_folder(target.parent)
-    with locked(lock_beside(target)), replaced(target) as new:
+    with locked(lock_beside(target)), replacing(target) as new:
         storage = MinariStorage.new(new / "data", env.observation_space, env.action_space, env.spec)
         storage.update_metadata(metadata)
         buffers = (dict(zip(fields, episode, strict=False)) for episode in episodes)
@@ -106,7 +106,7 @@ def write_dataset(
 
 
 @contextmanager
-def replaced(folder: Path) -> Generator[Path]:
+def replacing(folder: Path) -> Generator[Path]:
     """Lend a new folder that takes a folder's place when it is whole; one process at a time.
 
     Raises a StorageError if it cannot be written; the old one is left unchanged. If the process is

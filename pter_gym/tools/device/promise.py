@@ -15,7 +15,7 @@ from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import ParameterError
 from pter_gym.params import MachineSpread
 from pter_gym.scenarios import find_scenario
-from pter_gym.scenarios._paces import find_pace
+from pter_gym.scenarios.paces import find_pace
 
 _STATS: Any = stats
 

@@ -62,7 +62,7 @@ def hil(
 
     from pter_gym.benchmark import find_policy
     from pter_gym.benchmark.episodes import find_episodes
-    from pter_gym.benchmark.results import check_table
+    from pter_gym.benchmark.results import check_csv
     from pter_gym.benchmark.rollout import bind_to
     from pter_gym.scenarios import find_scenario
     from pter_gym.tools.hil.line import SerialLine
@@ -77,7 +77,7 @@ def hil(
         raise ParameterError(f"episodes must be from 1 to {MAX_EPISODES}, got {episodes}")
     if csv:
         check_target("csv", csv)
-        check_table(csv)
+        check_csv(csv)
     definition = find_scenario(scenario)
     controller = find_policy(policy, definition.whose_gains)
     episode_set = find_episodes(definition, pace).first(episodes)

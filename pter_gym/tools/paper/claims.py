@@ -44,14 +44,14 @@ FITTED = {
 MAX_SATURATED = 0.05
 """Largest fraction of saturated clutch commands that is not yet significant, in our reading."""
 
-NAMES = {
+MACHINE_WORDS = {
     "baseline": "the present clutches",
     "delrin_experimental": "experimental Delrin",
     "delrin_theoretical": "theoretical Delrin",
 }
 """The three machines of Table I in words."""
 
-COLUMNS = (("position error", "in"), ("tip speed", "in/s"), ("tip acceleration", "in/s²"))
+TABLE_COLUMNS = (("position error", "in"), ("tip speed", "in/s"), ("tip acceleration", "in/s²"))
 """The columns of Table I with the paper's units."""
 
 
@@ -166,7 +166,7 @@ def check(
 
 # --- measures ---
 
-BASELINE = "baseline"
+PRESENT = "baseline"
 
 
 def rank_correlation(x: ArrayLike, y: ArrayLike) -> float:
@@ -195,11 +195,11 @@ def _weakest_slips(experiments: Experiments) -> float:
 
 def _peak_ratio(experiments: Experiments, model: str) -> float:
     machines = experiments.setup.machines
-    return holding_torque(machines[model]) / holding_torque(machines[BASELINE])
+    return holding_torque(machines[model]) / holding_torque(machines[PRESENT])
 
 
 def _trend_over_time_constant(experiments: Experiments, quantity: str) -> float:
-    sweep = experiments.sweeps[BASELINE]
+    sweep = experiments.sweeps[PRESENT]
     return rank_correlation(sweep.time_constant, getattr(sweep, quantity))
 
 
@@ -224,7 +224,7 @@ def _worst_error_ratio(experiments: Experiments, model: str, other: str) -> floa
 def _peak_share(experiments: Experiments, model: str, column: int) -> float:
     entry = experiments.table1[model][column]
     return (entry - experiments.table1_equal_peak[model][column]) / (
-        entry - experiments.table1[BASELINE][column]
+        entry - experiments.table1[PRESENT][column]
     )
 
 

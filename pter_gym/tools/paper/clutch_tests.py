@@ -264,7 +264,7 @@ REVERSAL_SPEED = -1.2
 FORCE_TIME = 0.05
 """When the force steps up [s]."""
 
-MARGIN = 1.05
+FORCE_MARGIN = 1.05
 """Torque of the tip force about clutch 1, relative to its largest holding torque among the
 machines.
 
@@ -314,7 +314,7 @@ def reversals(machines: Mapping[str, Machine]) -> dict[str, Reversal]:
     first = next(iter(machines.values()))
     volts = first.clutch.breakaway.voltage(BREAKAWAY_SMALL_VOLTAGE)
     largest = max(holding_torque(machine, volts) for machine in machines.values())
-    force = tip_force(first, POSE, (MARGIN * largest, 0.0))
+    force = tip_force(first, POSE, (FORCE_MARGIN * largest, 0.0))
     return {name: _reversal(machine, volts, force) for name, machine in machines.items()}
 
 

@@ -9,10 +9,10 @@ from typing import Any, TypeVar
 from pter_gym.tools.paper import clutch_tests, path_tests
 from pter_gym.tools.paper.parameters import SETUP, Setup
 
-Result = TypeVar("Result")
+Found = TypeVar("Found")
 
 
-def _once(run: Callable[[Any], Result], of: str) -> cached_property[Result]:
+def _once(run: Callable[[Any], Found], of: str) -> cached_property[Found]:
     """Return a property that, when first read, runs an experiment on an attribute."""
     return cached_property(lambda experiments: run(attrgetter(of)(experiments)))
 

@@ -25,11 +25,11 @@ from pter_gym.tools.figures import (
     legend_of,
     name_lines,
     numbered,
-    percent,
+    rounded_percent,
     scaled,
     styled,
 )
-from pter_gym.tools.paper.claims import COLUMNS, NAMES, TABLE_TOLERANCE
+from pter_gym.tools.paper.claims import MACHINE_WORDS, TABLE_COLUMNS, TABLE_TOLERANCE
 from pter_gym.tools.paper.clutch_tests import (
     FORCE_TIME,
     MEASURED_FROM,
@@ -60,9 +60,9 @@ def mark(
     axes.annotate(text, position, offset, textcoords="offset points", **looks)
 
 
-def name_of(machine: str) -> str:
+def name_of_model(machine: str) -> str:
     """Return a machine's readable name."""
-    return NAMES.get(machine, machine.replace("_", " ")).removeprefix("the ")
+    return MACHINE_WORDS.get(machine, machine.replace("_", " ")).removeprefix("the ")
 
 
 def _panels(height: float, *shape: int, **options: Any) -> tuple[Figure, Any]:
@@ -158,7 +158,7 @@ def torque_over_voltage(result: Mapping[str, MaterialCurves]) -> Figure:
             curves.volts, curves.bench_breakaway, "o", color=COLOURS[0], markersize=7.5, **dots
         )
         axes.plot(curves.volts, curves.bench_dynamic, "s", color=COLOURS[1], markersize=4.0, **dots)
-        axes.set(xlim=(0.0, curves.volts[-1]), title=name_of(name), xlabel="voltage [V]")
+        axes.set(xlim=(0.0, curves.volts[-1]), title=name_of_model(name), xlabel="voltage [V]")
         axes.set_ylim(bottom=0.0)
     first = panels[0]
     first.set_ylabel("torque [N·m]")
@@ -191,7 +191,7 @@ def reversal_torques(result: Mapping[str, Reversal]) -> Figure:
     for k, (name, reversal) in enumerate(result.items()):
         colour, _, dashes = numbered(k)
         time, torque = reversal.trajectory.time, reversal.torque
-        whole.plot(time, torque, color=colour, linestyle=dashes, label=name_of(name))
+        whole.plot(time, torque, color=colour, linestyle=dashes, label=name_of_model(name))
         close = figure.add_subplot(grid[k, 1])
         for level in (-1.0, 1.0):
             close.axhline(level, **GUIDE)
@@ -200,7 +200,7 @@ def reversal_torques(result: Mapping[str, Reversal]) -> Figure:
         ratio = torque[shown] / reversal.dynamic
         close.plot(since[shown], ratio, color=colour, drawstyle="steps-pre")
         close.set(xlim=(-ZOOM, ZOOM), ylim=(-1.5, 1.5), yticks=[-1.0, 0.0, 1.0])
-        jump, at = f"jump {percent(reversal.jump)}", close.transAxes
+        jump, at = f"jump {rounded_percent(reversal.jump)}", close.transAxes
         close.text(0.97, 0.62, jump, transform=at, ha="right", va="center", color=colour)
         if k < count - 1:
             close.tick_params(labelbottom=False)
@@ -258,7 +258,12 @@ def _draw_sweeps(
         _, marker, dashes = numbered(k)
         time, values, lost = sweep.time_constant, getattr(sweep, quantity) / size, ~sweep.completed
         axes.plot(
-            time, values, linestyle=dashes, marker=marker, linewidth=1.2, label=name_of(machine)
+            time,
+            values,
+            linestyle=dashes,
+            marker=marker,
+            linewidth=1.2,
+            label=name_of_model(machine),
         )
         axes.plot(time[lost], values[lost], "x", color=REFERENCE)
     axes.set_ylim(bottom=0.0)
@@ -274,8 +279,8 @@ def table_comparison(table: Mapping[str, tuple[float, ...]]) -> Figure:
     ours, published = (
         np.array([numbers[model] for model in PAPER_TABLE]).T for numbers in (table, PAPER_TABLE)
     )
-    name = f"paper ± {percent(TABLE_TOLERANCE)}"
-    for axes, (title, unit), our, paper in zip(panels, COLUMNS, ours, published, strict=True):
+    name = f"paper ± {rounded_percent(TABLE_TOLERANCE)}"
+    for axes, (title, unit), our, paper in zip(panels, TABLE_COLUMNS, ours, published, strict=True):
         axes.errorbar(
             paper,
             rows,
@@ -290,11 +295,11 @@ def table_comparison(table: Mapping[str, tuple[float, ...]]) -> Figure:
         )
         axes.plot(our, rows, "o", color=COLOURS[0], markersize=6.5, label="simulated")
         for row in rows:
-            text = percent(our[row] / paper[row] - 1.0, 1, signed=True)
+            text = rounded_percent(our[row] / paper[row] - 1.0, 1, signed=True)
             mark(axes, text, (our[row], row), (0.0, 8.0), ha="center", color=COLOURS[0])
         axes.set_xlim(0.0, 1.15 * axes.get_xlim()[1])
         axes.set_ylim(len(rows) - 0.5, -0.6)
-        axes.set_yticks(rows, map(name_of, PAPER_TABLE))
+        axes.set_yticks(rows, map(name_of_model, PAPER_TABLE))
         axes.set_xlabel(f"{title} [{unit}]")
         metres = f"[{unit.replace('in', 'm')}]"
         axes.secondary_xaxis("top", functions=scaled(INCH)).set_xlabel(metres)

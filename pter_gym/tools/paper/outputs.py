@@ -44,7 +44,7 @@ def make_outputs(
     from pter_gym.tools.figures import encoded
     from pter_gym.tools.paper.claims import STATEMENTS, check
     from pter_gym.tools.paper.figures import PICTURES
-    from pter_gym.tools.paper.tables import COLUMNS, csv_text, table1
+    from pter_gym.tools.paper.tables import COLUMNS, csv_text, table1_entries
 
     names = list(outputs)
     files: dict[str, bytes] = {}
@@ -56,7 +56,7 @@ def make_outputs(
                     files[stem + suffix] = encoded(figure, suffix)
         files[f"{name}.csv"] = csv_text(COLUMNS[name](experiments)).encode()
         if name == "table1":
-            files["table1.json"] = _json(table1(experiments))
+            files["table1.json"] = _json(table1_entries(experiments))
         on_progress(name)
     claims = check(
         experiments, [statement for statement in STATEMENTS if statement.figure in names]

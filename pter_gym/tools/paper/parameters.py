@@ -29,7 +29,7 @@ BREAKAWAY_SMALL_VOLTAGE = from_inch_pounds(63.5)
 TIME_CONSTANT = Clutch.time_constant
 """Time constant of the clutches by their manufacturer [s] (section IV-C.3)."""
 
-PAPER_MACHINES = paper_machines(machine_from(STUDY["machine"]), **STUDY["delrin"])
+STUDY_MACHINES = paper_machines(machine_from(STUDY["machine"]), **STUDY["delrin"])
 """The three machines of Table I by name, as the experiments have them."""
 
 
@@ -61,7 +61,7 @@ class Setup:
         the largest, as those of the paper are lost with its figures.
     """
 
-    machines: Mapping[str, Machine] = field(default_factory=lambda: dict(PAPER_MACHINES))
+    machines: Mapping[str, Machine] = field(default_factory=lambda: dict(STUDY_MACHINES))
     task: PathFollowing = STANDARD_TASK
     controller: TorqueFeedback = TorqueFeedback(
         **{name: tuple_of(value) for name, value in STUDY["controller"].items()}

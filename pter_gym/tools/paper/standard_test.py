@@ -14,10 +14,10 @@ from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
-TIME_CONSTANTS = (0.01, 0.03, 0.06, 0.105, 0.15, 0.2)
+STANDARD_TIME_CONSTANTS = (0.01, 0.03, 0.06, 0.105, 0.15, 0.2)
 """Time constants of the clutches [s]; 0.105 is the manufacturer's (section IV-C.3)."""
 
-MAX_STEPS = 1000
+MOST_STEPS = 1000
 """Control steps after which an episode is truncated."""
 
 
@@ -48,7 +48,7 @@ def run_standard_test(
     *,
     machine: Machine | str | None = None,
     task: PathFollowing | None = None,
-    time_constants: Sequence[float] = TIME_CONSTANTS,
+    time_constants: Sequence[float] = STANDARD_TIME_CONSTANTS,
     seed: int = 0,
 ) -> Result:
     """Run the standard test.
@@ -82,7 +82,13 @@ def run_standard_test(
     )
     count = len(machines)
     episodes = Episodes(
-        "", machines, (task,) * count, (seed,) * count, ("",) * count, machine, (MAX_STEPS,) * count
+        "",
+        machines,
+        (task,) * count,
+        (seed,) * count,
+        ("",) * count,
+        machine,
+        (MOST_STEPS,) * count,
     )
     runs: dict[str, tuple[Run, ...]] = {}
     for name, policy in policies.items():

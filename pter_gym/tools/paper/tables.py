@@ -79,15 +79,15 @@ def stacked(parts: Iterable[Columns]) -> Columns:
 
 def by_model(results: Mapping[str, object]) -> Columns:
     """Return the fields of results stacked, with a column of the machines' names."""
-    return stacked({"model": name, **fields_of(result)} for name, result in results.items())
+    return stacked({"model": name, **result_columns(result)} for name, result in results.items())
 
 
-def fields_of(result: object) -> Columns:
+def result_columns(result: object) -> Columns:
     """Return the fields of a result, arrays of equal length."""
     return {UNITS.get(name, name): values for name, values in vars(result).items()}
 
 
-def single_dof(experiments: Experiments) -> Columns:
+def single_dof_columns(experiments: Experiments) -> Columns:
     """Figs. 3 and 4: tip and torques in each test."""
     return stacked(
         {
@@ -106,7 +106,7 @@ def single_dof(experiments: Experiments) -> Columns:
     )
 
 
-def clutch_step(experiments: Experiments) -> Columns:
+def clutch_step_columns(experiments: Experiments) -> Columns:
     """The step response of each clutch."""
     step = experiments.step_response
     return stacked(
@@ -120,7 +120,7 @@ def clutch_step(experiments: Experiments) -> Columns:
     )
 
 
-def reversals(experiments: Experiments) -> Columns:
+def reversal_columns(experiments: Experiments) -> Columns:
     """Fig. 9: torque and slip of clutch 1."""
     return stacked(
         {
@@ -144,7 +144,7 @@ def lines(experiments: Experiments) -> Columns:
     )
 
 
-def table1(experiments: Experiments) -> dict[str, dict[str, float]]:
+def table1_entries(experiments: Experiments) -> dict[str, dict[str, float]]:
     """Table I as ``table1.json`` holds it, in the paper's units."""
     return {
         name: dict(zip(TABLE_KEYS, row, strict=True)) for name, row in experiments.table1.items()
@@ -162,15 +162,15 @@ def table1_columns(experiments: Experiments) -> Columns:
 
 
 COLUMNS: dict[str, Callable[[Experiments], Columns]] = {
-    "fig3": single_dof,
-    "fig4": single_dof,
-    "step": clutch_step,
+    "fig3": single_dof_columns,
+    "fig4": single_dof_columns,
+    "step": clutch_step_columns,
     "fig5": lambda experiments: by_model(experiments.torque_curves),
     "fig7": lambda experiments: by_model(experiments.sweeps),
     "fig8": lambda experiments: by_model(experiments.sweeps),
     "table1": table1_columns,
-    "fig9": reversals,
-    "fig10": lambda experiments: stacked([fields_of(experiments.gain_sweep)]),
+    "fig9": reversal_columns,
+    "fig10": lambda experiments: stacked([result_columns(experiments.gain_sweep)]),
     "fig11": lines,
 }
 """The data of each figure or table."""

@@ -88,7 +88,7 @@ def watch(
             telemetry[name] = record_episode(
                 policy, machine_of_episode, task, seed, nominal=definition.nominal
             ).telemetry
-            say(f"{name}: {summary(telemetry[name])}")
+            say(f"{name}: {summary_of(telemetry[name])}")
     smooth = smooth or smoothing_for(definition)
     same = options(scenario=scenario, pace=pace, path=path, machine=machine, smooth=smooth)
     following = f"pter benchmark --policies {quote(','.join(names))}{same}"
@@ -118,7 +118,7 @@ def check_arguments(
     names: list[str], out: Path | None, csv: Path | None, size: tuple[int, int] | None, speed: float
 ) -> None:
     """Check the arguments as far as possible before the simulation; errors name the argument."""
-    from pter_gym.benchmark.results import check_table
+    from pter_gym.benchmark.results import check_csv
     from pter_gym.tools.pictures import film, viewer
 
     if not 1 <= len(names) <= MAX_POLICIES:
@@ -129,7 +129,7 @@ def check_arguments(
         raise ParameterError(f"speed must be a number > 0, got {speed!r}")
     if size is not None:
         check_size(*size)
-    for field, path, check in (("out", out, film.check_suffix), ("csv", csv, check_table)):
+    for field, path, check in (("out", out, film.check_suffix), ("csv", csv, check_csv)):
         if path:
             check_target(field, path)
             check(path)
@@ -139,7 +139,7 @@ def check_arguments(
         )
 
 
-def summary(telemetry: Any) -> str:
+def summary_of(telemetry: Any) -> str:
     """Return how an episode ended, and how far the tip was from the path, in words."""
     from pter_gym.tasks.path_following import COLUMN
     from pter_gym.tools.pictures.drawing import outcome

@@ -45,9 +45,9 @@ LEGEND = {
 LAST = "universal"
 """The policy that has what is left, so the others keep theirs."""
 
-POLICIES = (*sorted(shipped_policies(), reverse=True), *tuned_policies(), *CONTROLLERS)
-_OTHERS = [name for name in POLICIES if name not in (LAST, SCALED)]
-POLICY_COLOURS = dict(zip((*_OTHERS, LAST), palette.POLICIES, strict=False))
+DRAWN_POLICIES = (*sorted(shipped_policies(), reverse=True), *tuned_policies(), *CONTROLLERS)
+_OTHERS = [name for name in DRAWN_POLICIES if name not in (LAST, SCALED)]
+POLICY_COLOURS = dict(zip((*_OTHERS, LAST), palette.POLICY_PALETTE, strict=False))
 """Colours of the package's policies in all pictures."""
 
 BADGES = {
@@ -105,7 +105,7 @@ def policy_colours(names: Iterable[str]) -> dict[str, str]:
     """Return a colour for each policy: the package's have their own, all others what is left."""
     every = sorted(set(names))
     taken = {POLICY_COLOURS[name] for name in every if name in POLICY_COLOURS}
-    others = cycle(colour for colour in palette.POLICIES if colour not in taken)
+    others = cycle(colour for colour in palette.POLICY_PALETTE if colour not in taken)
     return {name: POLICY_COLOURS.get(name) or next(others) for name in every}
 
 

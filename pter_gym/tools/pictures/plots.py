@@ -15,7 +15,7 @@ from pter_gym.benchmark.cells import shorten
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import PACES
-from pter_gym.scenarios._paces import find_pace, title_of_pace
+from pter_gym.scenarios.paces import find_pace, title_of_pace
 from pter_gym.tools.figures import (
     MILLIMETRE,
     REFERENCE,
@@ -31,7 +31,7 @@ from pter_gym.tools.pictures.drawing import WORKSPACE, apart, drawable, policy_c
 
 __all__ = ["draw_scenario", "error_against_pace", "profiles"]
 
-MAX_NAME = 60
+MAX_LABEL = 60
 """Most characters of a name in a picture."""
 
 FAINT = 0.35
@@ -192,7 +192,7 @@ def label_ends(
     for name, place in zip(names, places, strict=True):
         colour = colours[name]
         axes.annotate(
-            plain(shorten(drawable(name), MAX_NAME)),
+            plain(shorten(drawable(name), MAX_LABEL)),
             ends[name],
             (1.03, place),
             textcoords="axes fraction",

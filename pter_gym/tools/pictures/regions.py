@@ -28,7 +28,7 @@ TIPS = ((-0.55, 0.7), (0.0, 0.75), (0.52, 0.55), (-0.45, 0.1), (0.45, -0.1))
 SIZE = 0.25
 """Length of the largest drawn force [m]."""
 
-MARGIN = 0.2
+DRAWN_MARGIN = 0.2
 """Smallest ``|sin(θA − θB)|`` that is drawn; the tasks have the same by default."""
 
 MIN_TOP = 10.0
@@ -64,7 +64,7 @@ def _draw_polygons(axes: Axes, machine: Machine) -> float:
     """Draw the displayable forces at several poses, at rest and in motion; return N per m."""
     arm = machine.arm
     theta = link_angles(arm, (arm.length_a + arm.length_b) * np.array(TIPS))
-    theta = theta[np.sin(theta[:, 1] - theta[:, 0]) >= MARGIN]
+    theta = theta[np.sin(theta[:, 1] - theta[:, 0]) >= DRAWN_MARGIN]
     looks: list[dict[str, Any]] = [
         {"facecolor": "none", "edgecolor": MUTED, "linestyle": "--", "label": "at rest"},
         {"facecolor": palette.SKY_BLUE, "edgecolor": palette.BLUE, "label": "moving to the right"},
@@ -89,7 +89,7 @@ def _draw_polygons(axes: Axes, machine: Machine) -> float:
 def _draw_steering(figure: Figure, axes: Axes, machine: Machine) -> None:
     """Draw the smallest steering force over the workspace."""
     arm = machine.arm
-    elbow: Array = np.linspace(math.asin(MARGIN), math.pi - math.asin(MARGIN), 200)
+    elbow: Array = np.linspace(math.asin(DRAWN_MARGIN), math.pi - math.asin(DRAWN_MARGIN), 200)
     least = force_extremes(
         machine, np.stack([0.0 * elbow, elbow], axis=-1), speed=SPEED
     ).least_steering

@@ -77,7 +77,7 @@ def tune(
             )
 
     from pter_gym.controllers import CONTROLLERS
-    from pter_gym.scenarios._paces import name_of_pace
+    from pter_gym.scenarios.paces import name_of_pace
     from pter_gym.tools.tuning.gains_file import add_gains, check_place
     from pter_gym.tools.tuning.search import command_of, tune as search
 

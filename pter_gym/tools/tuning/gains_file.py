@@ -11,7 +11,7 @@ from pter_gym.controllers import CONTROLLERS
 from pter_gym.errors import ParameterError
 from pter_gym.policies.tuned import GainsTable, read_gains
 from pter_gym.scenarios import SCENARIOS, Scenario, find_scenario
-from pter_gym.scenarios._paces import find_pace
+from pter_gym.scenarios.paces import find_pace
 from pter_gym.tools.tuning.search import TunedGains
 
 HEADING = """\

@@ -16,7 +16,7 @@ from pter_gym.errors import ParameterError, StorageError, needs_extra
 from pter_gym.params import Machine
 from pter_gym.paths import Path as AnyPath
 from pter_gym.scenarios import find_scenario
-from pter_gym.scenarios._paces import find_pace, name_of_pace
+from pter_gym.scenarios.paces import find_pace, name_of_pace
 from pter_gym.tools.tuning.laws import Range, TunableLaw, find_law
 
 __all__ = ["TunedGains", "tune"]

@@ -16,9 +16,9 @@ from pter_gym._internal.files import FilePath, expand_path, write_bytes_atomic
 from pter_gym.policies import shipped_policies
 from pter_gym.policies._files import SHIPPED
 
-STATIC = Path(__file__).parent / "static"
-MODULE = STATIC / "pter.wasm"
-TABLES = STATIC / "pter.json"
+PAGES = Path(__file__).parent / "static"
+MODULE = PAGES / "pter.wasm"
+TABLES = PAGES / "pter.json"
 
 HOST = "127.0.0.1"
 
@@ -40,7 +40,7 @@ def site_files() -> dict[str, Path]:
     """Return the files of the page, with shipped weights, by addresses without a leading slash."""
     own = {
         path.name: path
-        for path in sorted(STATIC.iterdir())
+        for path in sorted(PAGES.iterdir())
         if path.suffix in TYPES and path.name != "package.json"
     }
     weights = (f"{name}.safetensors" for name in shipped_policies())

@@ -28,7 +28,7 @@ from pter_gym.paths import PATHS, Path
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import PACES
-from pter_gym.scenarios._variations import WIDTH
+from pter_gym.scenarios.variations import CURVED_WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, context_of
 from pter_gym.tasks.path_following._pace import ALLOWANCE, START
@@ -57,7 +57,7 @@ def declarations() -> dict[str, Any]:
         "observation": fields(batch.layout),
         "telemetry": fields(TELEMETRY),
         "modes": [mode.name for mode in ClutchMode],
-        "places": {"world": places(ROW), "config": places(CONFIG), "context": places(CONTEXT)},
+        "places": {"world": nested(ROW), "config": nested(CONFIG), "context": nested(CONTEXT)},
         "widths": {
             "world": ROWS,
             "telemetry": len(TELEMETRY),
@@ -79,21 +79,24 @@ def choices() -> dict[str, Any]:
         "paces": dict(PACES),
         "scoring": {"segments": SEGMENTS, "price": PRICE, "allowance": ALLOWANCE, "start": START},
         "machines": {
-            name: part(machine=machine, record="machine") for name, machine in machines.items()
+            name: context_part(machine=machine, record="machine")
+            for name, machine in machines.items()
         },
-        "told": {name: part(machine=machine, record="told") for name, machine in machines.items()},
+        "told": {
+            name: context_part(machine=machine, record="told") for name, machine in machines.items()
+        },
         "torque_max": {
             name: float(torque_limits(machine, 0.0)[1].max()) for name, machine in machines.items()
         },
-        "hands": {name: part(hand=hand, record="hand") for name, hand in HANDS.items()},
-        "task": part(record="task"),
-        "arrangement": part(record="arrangement"),
+        "hands": {name: context_part(hand=hand, record="hand") for name, hand in HANDS.items()},
+        "task": context_part(record="task"),
+        "arrangement": context_part(record="arrangement"),
         "clutches": [
             {"name": clutch.name, "colour": clutch_name(clutch.row)} for clutch in BASELINE.clutches
         ],
-        "paths": {name: path_table(path) for name, path in PATHS.items()},
+        "paths": {name: arcs_of(path) for name, path in PATHS.items()},
         "laws": {name: laws(name, batch.layout) for name in (*CONTROLLERS, *tuned_policies())},
-        "policies": {name: network(name, batch.layout) for name in policies_of_the_paper()},
+        "policies": {name: network_gains(name, batch.layout) for name in policies_of_the_paper()},
     }
 
 
@@ -114,24 +117,24 @@ def fields(layout: Layout) -> list[dict[str, Any]]:
     return [asdict(field) for field in layout.fields]
 
 
-def places(record: Any) -> Any:
+def nested(record: Any) -> Any:
     """Return a record as nested objects, by the names of its entries."""
     if not isinstance(record, tuple):
         return record
-    return {name: places(value) for name, value in cast(Any, record)._asdict().items()}
+    return {name: nested(value) for name, value in cast(Any, record)._asdict().items()}
 
 
-def part(record: str, machine: Machine = BASELINE, hand: Operator = POINTER) -> Any:
+def context_part(record: str, machine: Machine = BASELINE, hand: Operator = POINTER) -> Any:
     """Return a record of the context of a machine and a hand."""
     task = PathFollowing(hand=hand)
-    return places(getattr(context_of(task, machine, (0, 0), (0, 1)), record))
+    return nested(getattr(context_of(task, machine, (0, 0), (0, 1)), record))
 
 
-def path_table(path: Path) -> dict[str, Any]:
+def arcs_of(path: Path) -> dict[str, Any]:
     """Return the arcs of a path, and the half-width of the workspace about it [m]."""
     task = PathFollowing(path=path)
     if path.max_curvature > 0.0:
-        task = replace(task, error_max=min(WIDTH, largest_error_max(path)))
+        task = replace(task, error_max=min(CURVED_WIDTH, largest_error_max(path)))
     return {"arcs": path.arcs.table.tolist(), "length": path.length, "error_max": task.error_max}
 
 
@@ -152,7 +155,7 @@ def laws(name: str, layout: Layout) -> dict[str, list[float]]:
     }
 
 
-def network(name: str, layout: Layout) -> dict[str, Any]:
+def network_gains(name: str, layout: Layout) -> dict[str, Any]:
     """Return the gains of a trained policy other than its weights, and the size of its memory."""
     policy = read_policy(name)
     bound: Any = policy.bind(BASELINE, layout)

@@ -12,7 +12,11 @@ import pytest
 from documents import DATA, blocks_of, run_program
 from pter_gym._commands.main import main
 from pter_gym.errors import StorageError
-from pter_gym.tools.datasets.recording import REFERENCE_EPISODES, RecordedEpisode, record_episodes
+from pter_gym.tools.datasets.recording import (
+    REFERENCE_EPISODES,
+    RecordedEpisode,
+    record_transitions,
+)
 from pter_gym.tools.datasets.writing import write_dataset
 
 minari = pytest.importorskip("minari")
@@ -51,7 +55,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def episodes() -> list[RecordedEpisode]:
     """What the command records."""
-    return record_episodes("standard", "random", 400, seed=2)
+    return record_transitions("standard", "random", 400, seed=2)
 
 
 @pytest.fixture

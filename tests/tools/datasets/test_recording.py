@@ -18,7 +18,7 @@ from pter_gym.tools.datasets.recording import (
     LEVELS,
     RecordedEpisode,
     environment_of,
-    record_episodes,
+    record_transitions,
     reference_score,
 )
 
@@ -35,7 +35,7 @@ def few_worlds() -> Iterator[None]:
 
 @pytest.fixture(scope="module", params=LEVELS)
 def found(request: pytest.FixtureRequest) -> tuple[str, list[RecordedEpisode]]:
-    return request.param, record_episodes("hands", request.param, STEPS, seed=3)
+    return request.param, record_transitions("hands", request.param, STEPS, seed=3)
 
 
 def test_episodes_are_whole_and_enough(found: tuple[str, list[RecordedEpisode]]) -> None:
@@ -80,10 +80,10 @@ def test_the_actions_give_the_same_bits_in_an_environment_of_ones_own(
 
 def test_levels_have_the_same_episodes_and_seeds_have_others() -> None:
     expert, chance = (
-        record_episodes("hands", level, 1, seed=0)[0] for level in ("expert", "random")
+        record_transitions("hands", level, 1, seed=0)[0] for level in ("expert", "random")
     )
     assert expert.observations[0].tobytes() == chance.observations[0].tobytes()
-    other = record_episodes("hands", "random", 1, seed=1)[0]
+    other = record_transitions("hands", "random", 1, seed=1)[0]
     assert other.observations[0].tobytes() != chance.observations[0].tobytes()
 
 
@@ -91,7 +91,7 @@ def test_policies_begin_anew_with_each_episode() -> None:
     """The 12 episodes of eight worlds have the actions of the policy, which remembers, alone."""
     name, arguments = environment_of("hands", 3)
     env = gymnasium.make(name, **arguments)
-    episodes = record_episodes("hands", "expert", 4000, seed=3)
+    episodes = record_transitions("hands", "expert", 4000, seed=3)
     assert len(episodes) > 9
     policy = load_policy("residual", env)
     for each in episodes[-2:]:
@@ -114,7 +114,7 @@ def test_policies_begin_anew_with_each_episode() -> None:
 )
 def test_a_wrong_argument_is_named(field: str, arguments: dict[str, Any]) -> None:
     with pytest.raises(ParameterError, match=field):
-        record_episodes(**{"scenario": "standard", "level": "random", "steps": 1, **arguments})
+        record_transitions(**{"scenario": "standard", "level": "random", "steps": 1, **arguments})
 
 
 def test_reference_scores_are_those_of_the_evaluation_environment() -> None:

@@ -18,7 +18,7 @@ from pter_gym.tools.paper.claims import (
 )
 from pter_gym.tools.paper.experiments import Experiments
 from pter_gym.tools.paper.outputs import OUTPUTS
-from pter_gym.tools.paper.parameters import PAPER_MACHINES, Setup
+from pter_gym.tools.paper.parameters import STUDY_MACHINES, Setup
 from pter_gym.tools.paper.path_tests import PAPER_TABLE
 from tools.paper.setups import other_setup
 
@@ -62,7 +62,7 @@ def without_coupling() -> Setup:
     """Return the shipped setup with arms whose links do not act on each other."""
     machines = {
         name: replace(machine, arm=replace(machine.arm, coupling=0.0))
-        for name, machine in PAPER_MACHINES.items()
+        for name, machine in STUDY_MACHINES.items()
     }
     return Setup(machines=machines)
 

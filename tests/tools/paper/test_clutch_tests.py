@@ -20,19 +20,19 @@ from pter_gym.tools.paper.clutch_tests import (
     tip_force,
 )
 from pter_gym.tools.paper.experiments import Experiments
-from pter_gym.tools.paper.parameters import PAPER_MACHINES
+from pter_gym.tools.paper.parameters import STUDY_MACHINES
 from pter_gym.units import from_inch_pounds
 from tools.paper.setups import other_setup
 
-BASELINE, DELRIN_THEORETICAL = PAPER_MACHINES["baseline"], PAPER_MACHINES["delrin_theoretical"]
+BASELINE, DELRIN_THEORETICAL = STUDY_MACHINES["baseline"], STUDY_MACHINES["delrin_theoretical"]
 
 
 # --- Figs. 3 and 4 ---
 
 
-@pytest.mark.parametrize("name", PAPER_MACHINES)
+@pytest.mark.parametrize("name", STUDY_MACHINES)
 def test_single_dof_tests_give_way_at_the_papers_breakaway_torque(name):
-    machine, level = PAPER_MACHINES[name], from_inch_pounds(63.5)
+    machine, level = STUDY_MACHINES[name], from_inch_pounds(63.5)
     tests = single_dof(machine)
     assert [test.clutch for test in tests] == [1, 2, 3, 4]
     for test in tests:
@@ -95,14 +95,14 @@ def test_tip_force_does_the_work_of_the_joint_torques():
 # --- step response ---
 
 
-@pytest.mark.parametrize("name", PAPER_MACHINES)
+@pytest.mark.parametrize("name", STUDY_MACHINES)
 def test_step_response_is_first_order(name):
-    response = step_response(PAPER_MACHINES[name])
+    response = step_response(STUDY_MACHINES[name])
     after = response.time > 0.0
     assert (response.torque[:, ~after] == 0.0).all()
     for torque in response.torque:
         rate = np.polyfit(response.time[after], np.log(1.0 - torque[after] / response.final), 1)[0]
-        assert -1.0 / rate == pytest.approx(PAPER_MACHINES[name].clutch.time_constant, rel=1e-6)
+        assert -1.0 / rate == pytest.approx(STUDY_MACHINES[name].clutch.time_constant, rel=1e-6)
 
 
 def test_a_lagged_voltage_is_not_a_first_order_torque_on_a_curved_characteristic():
@@ -121,11 +121,11 @@ def test_a_lagged_voltage_is_not_a_first_order_torque_on_a_curved_characteristic
 
 def test_the_bench_test_finds_the_curves_again(experiments):
     for name, material in experiments.torque_curves.items():
-        clutch = PAPER_MACHINES[name].clutch
+        clutch = STUDY_MACHINES[name].clutch
         measured = np.flatnonzero(np.isfinite(material.bench_dynamic))
         assert material.volts[measured] == pytest.approx(np.linspace(4.0, 24.0, 6))
         for k, volts in zip(measured, material.volts[measured], strict=True):
-            increment = holding_torque(PAPER_MACHINES[name], float(volts)) * RESOLUTION / RAMP_TIME
+            increment = holding_torque(STUDY_MACHINES[name], float(volts)) * RESOLUTION / RAMP_TIME
             assert abs(material.bench_breakaway[k] - clutch.breakaway.torque(volts)) <= increment
             assert material.bench_dynamic[k] == pytest.approx(
                 clutch.dynamic.torque(float(volts)), rel=1e-9
@@ -137,7 +137,7 @@ def test_the_bench_test_finds_the_curves_again(experiments):
 
 def test_the_torque_jumps_by_the_excess_of_the_breakaway_torque(experiments):
     for name, reversal in experiments.reversals.items():
-        held = holding_torque(PAPER_MACHINES[name], reversal.volts)
+        held = holding_torque(STUDY_MACHINES[name], reversal.volts)
         assert reversal.jump == pytest.approx(held / reversal.dynamic - 1.0, abs=1e-12)
         slip = reversal.trajectory.slip_velocity[:, 0]
         assert slip[reversal.index] < 0.0

@@ -10,7 +10,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.params import with_friction
 from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.paper.clutch_tests import holding_torque
-from pter_gym.tools.paper.parameters import PAPER_MACHINES, Setup
+from pter_gym.tools.paper.parameters import STUDY_MACHINES, Setup
 from pter_gym.tools.paper.path_tests import (
     PAPER_TABLE,
     gain_sweep,
@@ -22,7 +22,7 @@ from pter_gym.tools.paper.standard_test import run_standard_test
 from pter_gym.units import INCH_POUND, to_inches
 
 TAUS = [0.03, 0.105]
-BASELINE, DELRIN_THEORETICAL = PAPER_MACHINES["baseline"], PAPER_MACHINES["delrin_theoretical"]
+BASELINE, DELRIN_THEORETICAL = STUDY_MACHINES["baseline"], STUDY_MACHINES["delrin_theoretical"]
 SETUP = Setup(table_error=1.0, delrin_table=1.0)
 CONTROLLER = SETUP.controller
 IMPEDANCE = Impedance(**{item.name: getattr(CONTROLLER, item.name) for item in fields(Impedance)})
@@ -33,7 +33,7 @@ def test_a_sweep_is_the_benchmark_on_each_machine():
     sweeps = time_constant_sweep(setup, TAUS)
     table = table1(sweeps)
     assert list(sweeps) == list(table) == list(PAPER_TABLE)
-    for name, machine in PAPER_MACHINES.items():
+    for name, machine in STUDY_MACHINES.items():
         runs = run_standard_test(
             {"": IMPEDANCE}, machine=machine, task=setup.task, time_constants=TAUS
         ).runs[""]
@@ -64,7 +64,7 @@ def test_at_least_fifteen_time_constants_and_twenty_gains(experiments):
 def test_the_controller_of_a_delrin_machine_has_the_baselines_table():
     common, own = (time_constant_sweep(Setup(own_table=own), TAUS) for own in (False, True))
     same = [
-        (common[name].position_error == own[name].position_error).all() for name in PAPER_MACHINES
+        (common[name].position_error == own[name].position_error).all() for name in STUDY_MACHINES
     ]
     assert same == [True, False, False]
 
@@ -88,7 +88,7 @@ def test_equal_peaks_change_the_size_of_the_torques_alone():
     machines = with_equal_peaks(Setup()).machines
     for name, machine in machines.items():
         assert holding_torque(machine) == pytest.approx(holding_torque(BASELINE))
-        clutch, original = machine.clutch, PAPER_MACHINES[name].clutch
+        clutch, original = machine.clutch, STUDY_MACHINES[name].clutch
         assert clutch.dynamic.torque(9.0) / clutch.breakaway.torque(9.0) == pytest.approx(
             original.dynamic.torque(9.0) / original.breakaway.torque(9.0)
         )
@@ -134,7 +134,7 @@ def test_errors_name_their_field():
 @pytest.mark.slow
 def test_a_finer_substep_hardly_moves_table_1(experiments):
     """Substeps of 0.1 ms and the same control period."""
-    machines = {name: replace(machine, substep=1e-4) for name, machine in PAPER_MACHINES.items()}
+    machines = {name: replace(machine, substep=1e-4) for name, machine in STUDY_MACHINES.items()}
     refined = table1(time_constant_sweep(Setup(machines=machines)))
     for name, row in refined.items():
         assert row == pytest.approx(experiments.table1[name], rel=0.005)

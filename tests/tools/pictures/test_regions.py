@@ -29,7 +29,7 @@ def test_polygons_and_the_map_are_those_of_the_machine() -> None:
     assert np.isnan(values[middle, middle]), "no tip at the drive"
     assert np.nanmin(values) == pytest.approx(0.0, abs=1e-9)
     x = np.linspace(-1.0, 1.0, 401) * np.abs(
-        BASELINE.arm.length_a + BASELINE.arm.length_b * np.exp(1j * math.asin(regions.MARGIN))
+        BASELINE.arm.length_a + BASELINE.arm.length_b * np.exp(1j * math.asin(regions.DRAWN_MARGIN))
     )
     for at in (250, 280, 340):
         found = force_extremes(BASELINE, link_angles(BASELINE.arm, (x[at], 0.0))).least_steering

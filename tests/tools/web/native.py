@@ -134,12 +134,15 @@ def differences(trial: dict[str, Any], csv: Path) -> list[int]:
     from pter_gym._engine.batch import Batch
     from pter_gym.hands import read_forces
     from pter_gym.params import BASELINE
-    from pter_gym.scenarios._variations import WIDTH
+    from pter_gym.scenarios.variations import CURVED_WIDTH
     from pter_gym.tasks.path_following import PathFollowing
     from pter_gym.tools.web.tables import PATHS
 
     task = PathFollowing(
-        path=PATHS["sine"], hand=read_forces(csv), pace=trial["settings"]["pace"], error_max=WIDTH
+        path=PATHS["sine"],
+        hand=read_forces(csv),
+        pace=trial["settings"]["pace"],
+        error_max=CURVED_WIDTH,
     )
     batch = Batch(BASELINE, task, 1, sensors="force")
     batch.reset([3])

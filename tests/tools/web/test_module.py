@@ -23,7 +23,7 @@ from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import TELEMETRY
 from pter_gym.tools.palette import PICTURE
-from pter_gym.tools.web.site import MODULE, STATIC, TABLES
+from pter_gym.tools.web.site import MODULE, PAGES, TABLES
 from pter_gym.tools.web.tables import PATHS, pages_batch, policies_of_the_paper
 from rollouts import Acting
 
@@ -38,7 +38,7 @@ needs_zig = pytest.mark.skipif(
 def node(script: str, *arguments: object) -> Any:
     """What a script prints as JSON."""
     # Node 20 was seen to wait for its own threads for ever while it compiled WebAssembly
-    command = ["node", "--single-threaded", str(HERE / script), str(STATIC), *map(str, arguments)]
+    command = ["node", "--single-threaded", str(HERE / script), str(PAGES), *map(str, arguments)]
     found = subprocess.run(command, capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stderr
     return json.loads(found.stdout)
@@ -93,7 +93,7 @@ def test_the_module_is_that_of_the_present_sources() -> None:
 
 
 def test_the_page_has_the_colours_of_the_pictures() -> None:
-    light = (STATIC / "style.css").read_text("utf-8").partition("}")[0]
+    light = (PAGES / "style.css").read_text("utf-8").partition("}")[0]
     assert dict(re.findall(r"--([\w-]+): (#\w+);", light)).items() >= PICTURE.items()
 
 
@@ -102,7 +102,7 @@ def test_the_module_is_small_and_has_no_local_paths() -> None:
     assert data[:4] == b"\0asm"
     assert str(Path.home()).encode() not in data
     assert b"pter_gym" not in data
-    assert sum(len(file.read_bytes()) for file in STATIC.iterdir()) < 260_000
+    assert sum(len(file.read_bytes()) for file in PAGES.iterdir()) < 260_000
 
 
 @pytest.mark.long

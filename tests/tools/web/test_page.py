@@ -26,7 +26,7 @@ from pter_gym.params import BASELINE, MACHINES
 from pter_gym.policies._files import SHIPPED
 from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import PACES
-from pter_gym.scenarios._variations import WIDTH
+from pter_gym.scenarios.variations import CURVED_WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tools.pictures.drawing import clutch_states
 from pter_gym.tools.web import site
@@ -230,7 +230,7 @@ def play(opened: Any) -> Iterator[Any]:
 
 
 def task_of(path: str, push: Path, pace: str = "medium") -> PathFollowing:
-    width = {} if path == "line" else {"error_max": WIDTH}
+    width = {} if path == "line" else {"error_max": CURVED_WIDTH}
     return PathFollowing(path=PATHS[path], hand=read_forces(push), pace=PACES[pace], **width)
 
 

@@ -18,11 +18,11 @@ from pter_gym.hands._operators import EQ5_FREQUENCIES
 from pter_gym.hands._tremor import KINDS
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL
 from pter_gym.paths import Arc, Circle, Line, Polyline, Sine, Spline
-from pter_gym.scenarios._paces import PACES
 from pter_gym.scenarios.distributions import Draws, LogUniform, OneOf, Shared, Uniform, Vary
+from pter_gym.scenarios.paces import PACES
 from pter_gym.tasks.path_following import PathFollowing, Sensing
 
-WIDTH = 0.1
+CURVED_WIDTH = 0.1
 """Half-width of the workspace about curved paths [m]: at most 0.9 of their smallest radius."""
 
 MIN_RADIUS = 0.13
@@ -132,7 +132,7 @@ CURVES = OneOf(
 )
 """Lines, arcs, circles, sines, splines through four waypoints, and rounded corners."""
 
-CLUTCHES = OneOf(
+ANY_CLUTCHES = OneOf(
     tuple(
         Vary(machine.clutch, time_constant=LogUniform(0.03, 0.2))
         for machine in (BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL)
@@ -177,7 +177,7 @@ CORRIDOR = replace(STANDARD, free_left=0.02, free_right=0.02)
 WALL = replace(STANDARD, hand=LEANING, free_left=0.1)
 """The wall is to the right of the path."""
 
-CURVED = replace(STANDARD, error_max=WIDTH)
+CURVED = replace(STANDARD, error_max=CURVED_WIDTH)
 
 PACE = LogUniform(min(PACES.values()), max(PACES.values()))
 """The commanded pace of training episodes, unless one is given."""
@@ -188,11 +188,11 @@ SUITE_DRAWS = MappingProxyType(
         "paths": Draws(task=Vary(CURVED, path=CURVES, pace=PACE)),
         "hands": Draws(task=Vary(STANDARD, hand=OneOf((FORCES, HUMANS)), pace=PACE)),
         "materials": Draws(
-            machine=Vary(BASELINE, clutch=CLUTCHES, clutch_scale=TORQUE_ERRORS),
+            machine=Vary(BASELINE, clutch=ANY_CLUTCHES, clutch_scale=TORQUE_ERRORS),
             task=Vary(STANDARD, friction_drift=FRICTION_DRIFT, pace=PACE),
         ),
         "everything": Draws(
-            machine=Vary(BASELINE, arm=ARMS, clutch=CLUTCHES, clutch_scale=TORQUE_ERRORS),
+            machine=Vary(BASELINE, arm=ARMS, clutch=ANY_CLUTCHES, clutch_scale=TORQUE_ERRORS),
             task=Vary(
                 CURVED,
                 path=CURVES,

@@ -21,7 +21,7 @@ from pter_gym.params import SLOTS, Arm, Machine
 
 Array = NDArray[np.float64]
 
-AT_REST = (0.0, 0.0)
+STILL = (0.0, 0.0)
 
 
 def link_angles(arm: Arm, tip: ArrayLike) -> Array:
@@ -89,7 +89,7 @@ def _falling(machine: Machine, speed: Array) -> Any:
     return parts.reshape(speed.shape)
 
 
-def force_region(machine: Machine, theta: ArrayLike, tip_velocity: ArrayLike = AT_REST) -> Array:
+def force_region(machine: Machine, theta: ArrayLike, tip_velocity: ArrayLike = STILL) -> Array:
     """Return the corners [N] of the polygon of displayable forces, anticlockwise.
 
     Their shape is (…, 2·SLOTS, 2). Corners coincide where clutches are absent or push along the
