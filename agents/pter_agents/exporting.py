@@ -5,14 +5,12 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import asdict
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, cast
 
 from pter_agents.draws import PaceScores
 from pter_agents.runs import RunFolder, policy_of
 from pter_agents.settings import NO_BASE, TrainingArguments, load_settings
-from pter_gym import __version__
 from pter_gym._internal.files import (
     FilePath,
     expand_path,
@@ -81,11 +79,13 @@ def read_newest(path: FilePath) -> TrainedController:
     folder = RunFolder(path)
     arguments, interface = folder.read()
     steps, state = folder.load()
-    about = about_run(arguments, steps, folder.scores().get(steps, {}))
+    about = about_run(arguments, steps, folder.scores().get(steps, {}), folder.versions())
     return policy_of(interface, state, arguments.algorithm, about)
 
 
-def about_run(arguments: TrainingArguments, steps: int, scores: PaceScores) -> dict[str, Any]:
+def about_run(
+    arguments: TrainingArguments, steps: int, scores: PaceScores, versions: Mapping[str, str]
+) -> dict[str, Any]:
     """Return what a card says about the training."""
     settings, usual = asdict(arguments.settings), asdict(load_settings(arguments.algorithm))
     changed = {name: value for name, value in settings.items() if value != usual[name]}
@@ -105,7 +105,7 @@ def about_run(arguments: TrainingArguments, steps: int, scores: PaceScores) -> d
         "settings": settings,
         "steps": steps,
         "seed": arguments.seed,
-        "versions": {"pter-gym": __version__, **{each: version(each) for each in ("numpy", "jax")}},
+        "versions": dict(versions),
         "validation": dict(scores),
     }
 

@@ -411,9 +411,11 @@ def train(
         encode_policy(model.policy())
         if not resume:
             folder.begin(arguments, model.worlds.interface)
-        elif folder.checkpoints():
-            steps, state = folder.load()
-            model.set_state(state, steps)
+        else:
+            folder.resume()
+            if folder.checkpoints():
+                steps, state = folder.load()
+                model.set_state(state, steps)
         return _train(arguments, model, folder, on_progress, on_scores)
 
 

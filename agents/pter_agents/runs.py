@@ -1,9 +1,11 @@
 """A run's folder: what is trained (``run.json``), checkpoints, scores and progress."""
 
 import json
+import logging
 import re
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from pter_agents.settings import TrainingArguments, arguments_from
 from pter_gym._internal.files import FilePath, expand_path, write_bytes_atomic, write_text_atomic
 from pter_gym._internal.locks import LOCK, locked
 from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
+from pter_gym._version import __version__
 from pter_gym.benchmark.boards import is_ranked
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.policies import Interface, TrainedController
@@ -25,11 +28,17 @@ from pter_gym.policies._files import RUN, interface_codec
 SCORES, PROGRESS = "validation.json", "progress.csv"
 """Files of a run: its scores, and their table."""
 
+VERSIONS = "versions"
+"""Part of a run's description: versions of packages, one table for each that trained."""
+
 KEPT_CHECKPOINTS = 2
 """Newest checkpoints that are kept."""
 
 MAX_CHECKPOINT = 1 << 31
 """Largest checkpoint that is read [B]."""
+
+PACKAGES = ("pter-gym", "jax", "numba", "numpy", "optax")
+"""Whose versions a run names: with others, it has other bits."""
 
 CHECKPOINT = re.compile(r"checkpoint-(\d+)\.safetensors")
 
@@ -53,8 +62,37 @@ class RunFolder:
             raise ParameterError(
                 f"out holds a run already, {self.path}: give --resume, or another folder"
             )
-        content = {**arguments.as_json(), "interface": interface_codec().to_plain(interface)}
+        plain = interface_codec().to_plain(interface)
+        self._describe({**arguments.as_json(), "interface": plain, VERSIONS: [versions_now()]})
+
+    def resume(self) -> None:
+        """Note the packages' versions if they differ from those so far, with a warning."""
+        content, now = self._content(), versions_now()
+        before: list[dict[str, str]] = content.get(VERSIONS, [])
+        last = before[-1] if before else {}
+        if changed := [name for name in now if now[name] != last.get(name)]:
+            logging.getLogger("pter_gym").warning(
+                "%s goes on with %s, so not with the bits of a training that was not interrupted",
+                self.path,
+                ", ".join(f"{name} {now[name]} for {last.get(name, '?')}" for name in changed),
+            )
+            self._describe({**content, VERSIONS: [*before, now]})
+
+    def versions(self) -> dict[str, str]:
+        """Return the packages' versions of the training, in order where there were several."""
+        with reading(f"{self.path / RUN} cannot be read"):
+            told: list[dict[str, str]] = self._content().get(VERSIONS, [])
+            names = dict.fromkeys(name for each in told for name in each)
+            return {
+                name: ", then ".join(dict.fromkeys(str(each.get(name, "?")) for each in told))
+                for name in names
+            }
+
+    def _describe(self, content: Mapping[str, Any]) -> None:
         write_text_atomic(self.path / RUN, json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+    def _content(self) -> dict[str, Any]:
+        return parse_json(read_bytes(self.path / RUN, MAX_JSON_SIZE))
 
     def read(self) -> tuple[TrainingArguments, Interface]:
         """Return what is trained, or raise a ParameterError if there is no run, a DataError if its
@@ -63,7 +101,8 @@ class RunFolder:
         if not file.exists():
             raise ParameterError(f"there is no run in {self.path}: {RUN} is missing")
         with reading(f"{file} cannot be read"):
-            content = parse_json(read_bytes(file, MAX_JSON_SIZE))
+            content = self._content()
+            content.pop(VERSIONS, None)
             interface = interface_codec().from_plain(content.pop("interface"))
             return arguments_from(content), interface
 
@@ -116,6 +155,11 @@ class RunFolder:
             row = round(seconds, 1), steps, pace, each["path_error_m"], each["completed"]
             lines.append(",".join(map(str, (*row, is_ranked(each)))))
         write_text_atomic(self.path / PROGRESS, "\n".join(lines) + "\n")
+
+
+def versions_now() -> dict[str, str]:
+    """Return the versions of ``PACKAGES`` that are installed."""
+    return {name: __version__ if name == "pter-gym" else version(name) for name in PACKAGES}
 
 
 def policy_of(

@@ -7,7 +7,10 @@ from typing import Any
 
 import pytest
 
+from pter_agents import runs
 from pter_agents.exporting import export
+from pter_agents.runs import RunFolder
+from pter_agents.settings import TrainingArguments, load_settings
 from pter_gym.errors import DataError, StorageError
 from pter_gym.policies import read_policy, write_policy
 
@@ -66,3 +69,38 @@ def test_an_export_that_fails_leaves_the_older_one_whole(
     with pytest.raises(StorageError, match="No space left"):
         export("residual", tmp_path / "out", name="mine")
     assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+
+
+def test_a_card_has_the_versions_of_the_training(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    policy, settings = read_policy("ppo-standard"), load_settings("ppo")
+    arguments = TrainingArguments(
+        algorithm="ppo", scenario="standard", pace="medium", steps=64, seed=0, settings=settings
+    )
+    folder, now = RunFolder(tmp_path / "run"), runs.versions_now()
+    folder.path.mkdir()
+    folder.begin(arguments, policy.interface)
+    assert folder.read() == (arguments, policy.interface)
+    folder.resume()
+    assert folder.versions() == now
+    monkeypatch.setattr(runs, "versions_now", lambda: now | {"numba": "99.0"})
+    folder.resume()
+    folder.resume()
+    (told,) = caplog.messages
+    assert f"numba 99.0 for {now['numba']}" in told
+    monkeypatch.setattr(runs, "versions_now", lambda: dict.fromkeys(now, "0"))  # the export's
+    layers = (
+        {f".weights.policy[{k}][0]": weight.T.copy(), f".weights.policy[{k}][1]": bias}
+        for k, (weight, bias) in enumerate(policy.layers)
+    )
+    folder.save(64, {name: array for each in layers for name, array in each.items()})
+    file = export(folder.path, tmp_path / "mine")
+    assert read_policy(file).about["versions"] == now | {"numba": f"{now['numba']}, then 99.0"}
+    assert f"`numba {now['numba']}, then 99.0`" in file.with_name("README.md").read_text("utf-8")
+
+
+def test_leftovers_of_a_killed_export_are_no_other_files(tmp_path: Path) -> None:
+    (tmp_path / ".0123456789abcdef.tmp").touch()
+    file = export("ppo-standard", tmp_path, name="mine")
+    assert {path.name for path in tmp_path.iterdir()} == {"README.md", file.name}

@@ -12,8 +12,8 @@ import pytest
 from pter_gym._commands.main import main
 from pter_gym.benchmark import evaluate, find_policy
 from pter_gym.benchmark.episodes import find_episodes
-from pter_gym.errors import ParameterError
-from pter_gym.params import ACTUATORS, BASELINE, Arm, MachineSpread
+from pter_gym.errors import DataError, ParameterError
+from pter_gym.params import ACTUATORS, BASELINE, Arm, MachineSpread, TorqueCurve
 from pter_gym.tools.device import examine_device
 from pter_gym.tools.device.data_sheet import find_device, machine_of_sheet
 from pter_gym.tools.device.measures import FREQUENCY, SHAKE, _free_impedance
@@ -84,13 +84,55 @@ def test_a_data_sheet_is_a_straight_torque_curve_and_the_rest_is_pters(tmp_path:
     assert machine_of_sheet(lag=BASELINE.clutch.time_constant) == BASELINE
 
 
+def test_a_table_of_a_sheet_becomes_the_curve_that_made_it(tmp_path: Path):
+    """Of a curve with its knee at 0.25 of the supply, in V or in A; and of a straight line."""
+    made = TorqueCurve(slope=1.2, knee=3.0, curvature=-0.05, off_state=0.5)
+    volts = [0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0]
+    found = machine_of_sheet(torque=[made.torque(v) for v in volts], at=volts).clutch
+    assert [found.dynamic.torque(v) for v in volts] == pytest.approx(
+        [made.torque(v) for v in volts]
+    )
+    assert (found.dynamic.knee, found.voltage_max) == pytest.approx((made.knee, 12.0))
+    in_amperes = machine_of_sheet(
+        torque=[made.torque(v) for v in volts[1:]], at=np.divide(volts[1:], 48.0).tolist(), off=0.5
+    )
+    assert in_amperes.clutch.dynamic.torque(0.125) == pytest.approx(made.torque(6.0))
+    (tmp_path / "sheet.toml").write_text("[clutch]\ntorque = [0.5, 5, 9, 12]\nat = [0, 4, 8, 12]\n")
+    near = find_device(str(tmp_path / "sheet.toml")).clutch.dynamic
+    assert [near.torque(v) for v in (0, 4, 8, 12)] == pytest.approx([0.5, 5.0, 9.0, 12.0], abs=0.1)
+    ratio = BASELINE.clutch.breakaway.slope / BASELINE.clutch.dynamic.slope
+    assert found.breakaway == found.dynamic.scaled(ratio)
+
+
 @pytest.mark.parametrize(
-    "sheet",
-    [{"torque": 5.0}, {"torque": 1.0, "at": 12.0, "off": 1.0}, {"lag": -1.0}, {"mass": 1.0}],
+    ("sheet", "message"),
+    [
+        ({"torque": 5.0}, "together"),
+        ({"torque": 1.0, "at": 12.0, "off": 1.0}, "above off"),
+        ({"lag": -1.0}, "lag"),
+        ({"lag": 15}, r"lag .* 0\.0005 to 2 s, got 15: is this in s\?"),
+        ({"torque": 5400, "at": 12}, r"torque .* 0 to 500 N·m, got 5400: is this in N·m\?"),
+        ({"torque": 5, "at": 0}, "at"),
+        ({"torque": "5.4", "at": 12}, "torque"),
+        ({"lag": float("nan")}, "lag"),
+        ({"off": 60.0}, "off"),
+        ({"mass": 1.0}, "clutch"),
+        ({"torque": [0.5, 5, 9, 12], "at": 12}, "as many numbers"),
+        ({"torque": [0.5, 5, 4], "at": [0, 4, 8]}, "rise"),
+        ({"torque": [0.5, 5, 9], "at": [0, 4, 8], "off": 0.5}, "off"),
+        ({"torque": [0.1, 0.2, 9, 9.1], "at": [0, 4, 8, 12]}, "straight line"),
+    ],
 )
-def test_a_sheet_that_is_no_clutch_is_refused(sheet: dict):
-    with pytest.raises(ParameterError):
+def test_a_sheet_that_is_no_clutch_is_refused(sheet: dict, message: str):
+    with pytest.raises(ParameterError, match=message):
         machine_of_sheet(**sheet)
+
+
+@pytest.mark.parametrize("text", ["clutch = 3", "clutch = [1]", "[clutch]\ntorque = 3"])
+def test_a_file_that_is_no_sheet_is_refused(text: str, tmp_path: Path):
+    (tmp_path / "sheet.toml").write_text(text)
+    with pytest.raises(DataError, match=r"sheet\.toml"):
+        find_device(str(tmp_path / "sheet.toml"))
 
 
 def test_a_promise_is_kept_by_new_machines_and_its_order_is_that_of_the_binomial():
