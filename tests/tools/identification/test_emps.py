@@ -1,5 +1,6 @@
 """A real machine: the records of EMPS, whose parameters are published, from its log and into it."""
 
+import itertools
 from dataclasses import replace
 from functools import cache
 
@@ -96,8 +97,8 @@ def test_less_information_is_never_a_narrower_interval():
         found = identify(coarse(bits, 2), emps.start())
         widths.append(found.findings[0].half_width)
         highest.append(found.verdict.rho_high)
-    assert all(b >= 0.9 * a for a, b in zip(widths, widths[1:], strict=False)), widths
-    assert all(b >= 0.9 * a for a, b in zip(highest, highest[1:], strict=False)), highest
+    assert all(b >= 0.9 * a for a, b in itertools.pairwise(widths)), widths
+    assert all(b >= 0.9 * a for a, b in itertools.pairwise(highest)), highest
 
 
 @pytest.mark.long

@@ -188,9 +188,17 @@ def test_clutches_that_release_late_have_no_one_delay():
 
 def test_a_grade_is_of_what_may_be_left_and_surely_is():
     verdict = Verdict(
-        **{"windows": 100, "gaps": 0, "far": 0.0, "far_breakaways": 0.0, "enough": True},
-        **{"differences": (), "one_way": False, "left": np.zeros(100)},
-        **{"rho": 0.008, "rho_low": 0.005, "rho_high": 0.0099},
+        windows=100,
+        gaps=0,
+        far=0.0,
+        far_breakaways=0.0,
+        enough=True,
+        differences=(),
+        one_way=False,
+        left=np.zeros(100),
+        rho=0.008,
+        rho_low=0.005,
+        rho_high=0.0099,
     )
     assert verdict.grade == EXACT
     assert replace(verdict, rho_high=0.0101).grade == SIMULATION
