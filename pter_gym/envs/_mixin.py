@@ -375,7 +375,10 @@ def find_worlds(
             )
         from pter_gym.policies._base_law import REACH, find_base_law
 
-        base, reach = find_base_law(base, gains), REACH if reach is None else reach
+        base = find_base_law(base, gains)
+        if reach is None:
+            nominal = machines if isinstance(machines, Machine) else machines[0]
+            reach = REACH * nominal.clutch.voltage_max
         check_number("reach", reach, above=0.0)
     elif reach is not None:
         raise ParameterError(f"reach must not be given without a base, got {reach!r:.200}")

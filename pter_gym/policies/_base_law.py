@@ -21,8 +21,8 @@ from pter_gym.policies.tuned import find_paced, find_tuned
 if TYPE_CHECKING:
     import jax
 
-REACH = 8.0
-"""Default voltage of a correction of 1 [V]."""
+REACH = 1.0 / 3.0
+"""What a correction of 1 is by default, as a part of the largest voltage."""
 
 
 Numbers = TypeVar("Numbers", Observations, "jax.Array")
