@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pter_gym._compiled.compiler import compile_kernel, compiled
 from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.friction import ClutchMode, mode_of, resolve, share
+from pter_gym._physics.friction import ClutchMode, mode_of, resolve, split_load
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ def _build_share(digest: str) -> Any:
         u4: float,
     ) -> PerClutch:
         _ = digest
-        return share(load_a, load_b, PerClutch(l1, l2, l3, l4), PerClutch(u1, u2, u3, u4))
+        return split_load(load_a, load_b, PerClutch(l1, l2, l3, l4), PerClutch(u1, u2, u3, u4))
 
     return kernel
 
@@ -104,7 +104,9 @@ def _build_shared(digest: str) -> Any:
     def kernel(load: Any, low: Any, high: Any, w: Any, torque: Any) -> None:
         _ = digest
         for i in range(len(load)):
-            found = share(load[i, 0], load[i, 1], _four(low[i]), _four(high[i]), 0.0, _own(w[i]))
+            found = split_load(
+                load[i, 0], load[i, 1], _four(low[i]), _four(high[i]), 0.0, _own(w[i])
+            )
             for x in range(4):
                 torque[i, x] = found[x]
 

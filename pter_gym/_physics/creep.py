@@ -25,7 +25,7 @@ AT_EDGE = 1e-6
 
 @entrywise
 @inlined
-def least_torque(capacity: float, breakaway: float, dynamic: float, creeps: float) -> float:
+def held_torque(capacity: float, breakaway: float, dynamic: float, creeps: float) -> float:
     """Return the torque [N·m] of a clutch within the band, from that beyond it."""
     return breakaway if creeps * dynamic > breakaway else capacity
 

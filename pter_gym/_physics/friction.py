@@ -254,7 +254,7 @@ def nearer(
 
 
 @inlined
-def share(
+def split_load(
     load_a: float,
     load_b: float,
     low: PerClutch,
@@ -369,4 +369,4 @@ def generated_torques(
     indeterminate (section III-A) this picks one answer.
     """
     low, high = lower_bound(slip, inner, outer), upper_bound(slip, inner, outer)
-    return share(load_a, load_b, low, high, rounding, arrangement)
+    return split_load(load_a, load_b, low, high, rounding, arrangement)

@@ -217,15 +217,16 @@ def simulate(
     steps = _steps(machine, duration, volts, hand_force, joint_torque, target)
     body = body_of(machine, state)
     record = np.empty((steps, width(Row)))
-    _kernel(paper_clutches=machine.has_paper_clutches)(
-        body,
-        _volts(machine, volts, steps),
-        _rows("hand_force", hand_force, steps, 2),
-        _rows("joint_torque", joint_torque, steps, 2),
-        _rows("hand_target", target, steps, 2),
-        machine.substep,
-        record,
-    )
+    with np.errstate(all="ignore"):  # where it is not compiled
+        _kernel(paper_clutches=machine.has_paper_clutches)(
+            body,
+            _volts(machine, volts, steps),
+            _rows("hand_force", hand_force, steps, 2),
+            _rows("joint_torque", joint_torque, steps, 2),
+            _rows("hand_target", target, steps, 2),
+            machine.substep,
+            record,
+        )
     _check_finite(record)
     return _trajectory(record, machine.substep, state, _state_of(body))
 

@@ -42,8 +42,8 @@ from pter_gym._physics.clutch import (
 from pter_gym._physics.creep import (
     creeping,
     half_width,
+    held_torque,
     inner_torque,
-    least_torque,
     mean_torque,
     outer_torque,
     snapped,
@@ -154,14 +154,14 @@ def count_nonzero(w: Records, row: float, lanes: int) -> int:
 
 
 @inlined
-def least_torques(
+def held_torques(
     most: PerClutch, torques: Torques, machine: Model, arrangement: OptionalArrangement = None
 ) -> PerClutch:
     """Return the torques [N·m] within the band, with dry friction, from those beyond it."""
     arm = machine.arm
     breakaway = with_dry(torques.breakaway, arm.dry_a, arm.dry_b, arrangement)
     dynamic = with_dry(torques.dynamic, arm.dry_a, arm.dry_b, arrangement)
-    return least_torque(most, breakaway, dynamic, machine.sliding.creeps)
+    return held_torque(most, breakaway, dynamic, machine.sliding.creeps)
 
 
 @entrywise
@@ -184,7 +184,7 @@ def torques_at(
     slip = slip_velocities(q.omega_a, q.omega_b, arrangement)
     capacity = capacities(slip, edge, torques, machine.sliding)
     most = with_dry(capacity, arm.dry_a, arm.dry_b, arrangement)
-    least = least_torques(most, torques, machine, arrangement)
+    least = held_torques(most, torques, machine, arrangement)
     slip = snapped(slip, edge)
     inner, outer = inner_torque(slip, edge, least, most), outer_torque(slip, edge, least, most)
     impact = free_motion(q, arm, on, 0.0)
@@ -493,8 +493,8 @@ def control_step_on(
     return control_step
 
 
-def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any, Any]:
-    """Return what makes a kick of the machine in column ``i`` of an array; see ``substep_on``."""
+def kick_finder(at: Any, load_on: Any, arrangement_at: Any) -> Any:
+    """Return what finds a kick of the machine in column ``i`` of an array; see ``substep_on``."""
 
     @inlined
     def find(w: Records, i: int, h: float) -> None:
@@ -524,6 +524,12 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
         switch = any_switches(before, after, threshold, torques, sliding.creeps)
         w[at.switches, i] = 1.0 if switch else 0.0
 
+    return find
+
+
+def kick_taker(at: Any, arrangement_at: Any) -> Any:
+    """Return what takes the kick that was found for the machine in column ``i`` of an array."""
+
     @inlined
     def take(w: Records, i: int) -> None:
         """Move on at the velocities that were found, and add up the energies."""
@@ -539,6 +545,12 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
         w[at.energy.numerical_loss, i] += energy.numerical_loss
         w[at.energy.residual, i] += energy.residual
 
+    return take
+
+
+def creep_finder(at: Any, arrangement_at: Any) -> Any:
+    """Return what finds a kick again for the machine in column ``i``, if its clutches may creep."""
+
     @outlined
     def creep(w: Records, i: int) -> None:
         """Find a kick again where clutches may creep, by the torques that keep them at the edge.
@@ -550,7 +562,7 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
         machine, arrangement = load(w, at.machine, i), arrangement_at(w, i)
         impact, most, h = load(w, at.impact, i), load(w, at.capacity, i), w[at.span, i]
         edge = machine.slip_threshold
-        least = least_torques(most, load(w, at.torques, i), machine, arrangement)
+        least = held_torques(most, load(w, at.torques, i), machine, arrangement)
         m11, m12, m22, p_a, p_b = impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b
         # where the clutches' potential is least, and the torques that balance there
         omega_a, omega_b, slip = creeping(
@@ -562,6 +574,14 @@ def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any
         omega_a, omega_b = resolve(m11, m12, m22, p_a, p_b, product(h, capacity), arrangement)
         store(w, at.capacity, i, capacity)
         store(w, at.omega, i, PerLink(omega_a, omega_b))
+
+    return creep
+
+
+def kick_stages_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any, Any]:
+    """Return what makes a kick of the machine in column ``i`` of an array; see ``substep_on``."""
+    find, take = kick_finder(at, load_on, arrangement_at), kick_taker(at, arrangement_at)
+    creep = creep_finder(at, arrangement_at)
 
     @outlined
     def divide(w: Records, i: int) -> None:

@@ -12,21 +12,21 @@ from pter_gym._compiled.records import entrywise
 from pter_gym._physics.arm import PerLink, cos_difference
 from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.friction import resolve, share, slip_velocities, torques_on_links
+from pter_gym._physics.friction import resolve, slip_velocities, split_load, torques_on_links
 from pter_gym.controllers._gains import Entries, Nominal
 from pter_gym.controllers._laws import Tip
 
 
 @entrywise
 @inlined
-def least_torque(slip: float, threshold: float, limit: float, scale: float) -> float:
+def lower_bound(slip: float, threshold: float, limit: float, scale: float) -> float:
     """Return the smallest torque of a passive clutch [N·m]: 0 while it slips backwards."""
     return 0.0 if slip < -threshold else -(limit * scale)
 
 
 @entrywise
 @inlined
-def largest_torque(slip: float, threshold: float, limit: float, scale: float) -> float:
+def upper_bound(slip: float, threshold: float, limit: float, scale: float) -> float:
     """Return the largest torque of a passive clutch [N·m]: 0 while it slips forwards."""
     return 0.0 if slip > threshold else limit * scale
 
@@ -55,7 +55,7 @@ def allocate(
     got_a = want_a - (m11 * short_a + m12 * short_b)
     got_b = want_b - (m12 * short_a + m22 * short_b)
     short = slip_velocities(short_a, short_b, arrangement)
-    return share(
+    return split_load(
         got_a, got_b, pinned(short, high, low), pinned(negative(short), low, high), 0.0, arrangement
     )
 
@@ -89,8 +89,8 @@ def passive_torques(
 
     Distances are in joint torque, or in tip force if ``g.tip_space``.
     """
-    low = least_torque(tip.slip, g.slip_threshold, nominal.torque_limit, nominal.scale)
-    high = largest_torque(tip.slip, g.slip_threshold, nominal.torque_limit, nominal.scale)
+    low = lower_bound(tip.slip, g.slip_threshold, nominal.torque_limit, nominal.scale)
+    high = upper_bound(tip.slip, g.slip_threshold, nominal.torque_limit, nominal.scale)
     m11, m12, m22 = 1.0, 0.0, 1.0
     if g.tip_space >= 0.5:
         length_a, length_b = tip.arm.length_a, tip.arm.length_b

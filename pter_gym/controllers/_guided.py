@@ -26,7 +26,7 @@ from pter_gym.controllers._gains import gain_parts, gain_record
 from pter_gym.controllers._laws import Law, declared_clutches, guiding_law, paper_clutches
 from pter_gym.controllers._policy import Policy
 from pter_gym.errors import ParameterError
-from pter_gym.params import Machine, find_machine
+from pter_gym.params import BASELINE, Machine, find_machine
 from pter_gym.tasks.path_following._observation import OBS
 
 Search = dict[str, tuple[float, float] | tuple[bool, bool]]
@@ -42,7 +42,11 @@ class Guided:
     The controller knows the nominal machine that it is bound to: its link lengths and inertias, and
     the dynamic torque curve at ``table_volts``. Between these it interpolates, so its table is not
     the plant's curve. Below 4 V, where the paper could not measure, the table is extrapolated to (0
-    V, 0 N·m). It ends at the machine's largest voltage, which replaces all knots from there on.
+    V, 0 N·m). It ends at the largest voltage, which replaces all knots from there on.
+
+    Voltages, here and in ``feedback``, are those of PTER's drive, which ends at 24 V. Another
+    machine's are in proportion to its largest voltage, so a device has the same law whatever the
+    unit of its drive.
     """
 
     damping_tangential: float = parameter("N·s/m", "fitted: damper along the path", default=106.4)
@@ -239,8 +243,9 @@ def bind_rows(
 ) -> Policy:
     """Return the policy for rows of gains by pace, with the first controller's law and table."""
     machine = find_machine(machine)
-    top = machine.clutch.voltage_max
-    volts = (*(knot for knot in first.table_volts if knot < top), top)
+    top, usual = machine.clutch.voltage_max, BASELINE.clutch.voltage_max
+    volts = (*(knot * (top / usual) for knot in first.table_volts if knot < usual), top)
+    rows = [(pace, gains._replace(feedback=gains.feedback * (top / usual))) for pace, gains in rows]
     feeds_back = any(gains.feedback != 0.0 for _, gains in rows)
     if feeds_back and ("torque_1" not in layout.names or layout.index("torque_1") != OBS.torque.x1):
         raise ParameterError(

@@ -75,8 +75,6 @@ class Powers:
 class Scaled:
     """A law for any device: gains for PTER, each multiplied by powers of a device's ratios.
 
-    What is in volts, such as the knots of its torque table, also follows the largest voltage.
-
     Attributes
     ----------
     schedule
@@ -101,12 +99,10 @@ class Scaled:
         return replace(self.schedule, knots=knots)
 
     def _scaled(self, law: Guided, machine: Machine) -> Guided:
-        ratios, volts = ratios_of(machine), machine.clutch.voltage_max / BASELINE.clutch.voltage_max
-        gains: dict[str, Any] = {"table_volts": tuple(volts * knot for knot in law.table_volts)}
+        ratios, gains = ratios_of(machine), dict[str, Any]()
         for each in self.powers:
             ranges = law.ranges.get(each.gain, {})
             gain = getattr(law, each.gain) * each.factor(ratios)
-            gain *= volts if each.gain == "feedback" else 1.0  # the only one in volts
             most = ranges.get("at_most", 0.99 * ranges["below"] if "below" in ranges else math.inf)
             gains[each.gain] = float(f"{min(gain, most):.{DIGITS}g}")
         return replace(law, **gains)

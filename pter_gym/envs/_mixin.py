@@ -365,13 +365,15 @@ def find_worlds(
         draws = source.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
         machines, tasks = zip(*draws.pairs(count, seed), strict=True)
         gains = source.whose_gains
+    first = machines if isinstance(machines, Machine) else machines[0]
+    usual = 1 if scenario is None else FRAME_SKIP
     return Worlds(
         machines=machines,
         tasks=tasks,
         draws=draws,
         source=source,
         gains=gains,
-        view=find_view(gains, 1 if scenario is None else FRAME_SKIP, **view),
+        view=find_view(gains, usual, first.clutch.voltage_max, **view),
         privileged=privileged,
         options={"sensors": sensors, "observe_context": observe_context},
     )

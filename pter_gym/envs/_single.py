@@ -125,7 +125,8 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
       or a `Controller`. The law acts at every control step, the observation ends with its
       voltages, `base_1` to `base_4`, and with a scenario actions are held for one control step by
       default.
-    - `reach`: what an action of 1 adds to the base's voltage, 8 V by default.
+    - `reach`: what an action of 1 adds to the base's voltage, by default a third of the largest
+      voltage, 8 V.
     - `history`: rising numbers of control steps, such as `(1, 3, 10)`. The observation ends with
       what was observed so long ago, a whole observation for each, whose entries are called
       `normal_error[-3]`. They are control steps (of 10 ms) whatever `frame_skip` is, so the agent

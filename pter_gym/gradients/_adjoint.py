@@ -23,7 +23,7 @@ from pter_gym._physics.step import (
     MAX_PARTS,
     MIN_PART,
     arrangement_from,
-    kick_stages_on,
+    kick_finder,
     paper_clutches,
     share_before_switch,
     substep_on,
@@ -71,7 +71,7 @@ class Kick(NamedTuple):
 
 def kick_stages(arrangement_at: Stage) -> Kick:
     """Return a kick's stages for the clutches of ``arrangement_at``."""
-    find, _, _ = kick_stages_on(BODY, load_on, arrangement_at)
+    find = kick_finder(BODY, load_on, arrangement_at)
 
     @outlined
     def share(w: Columns, i: int) -> float:

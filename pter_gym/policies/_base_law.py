@@ -23,8 +23,8 @@ from pter_gym.policies.find import Kind, find_policy, kind_of
 if TYPE_CHECKING:
     import jax
 
-REACH = 8.0
-"""Default voltage of a correction of 1 [V]."""
+REACH = 1.0 / 3.0
+"""What a correction of 1 is by default, as a part of the largest voltage."""
 
 BASES: tuple[Kind, ...] = ("law", "tuned law", "gains", "code")
 """What the name of a base may mean."""

@@ -48,7 +48,7 @@ class View:
     history
         Control steps ago of what observations end with.
     base, reach
-        The control law that actions correct, and by how many volts at most; ``REACH`` by default.
+        The control law that actions correct, and by how many volts at most.
     action_unit
         What an action without a base stands for; with one, actions are within [−1, 1].
 
@@ -78,7 +78,6 @@ class View:
                     "action_unit must be 'normalised' with a base, whose voltages an action "
                     f"corrects, got {self.action_unit!r}"
                 )
-            object.__setattr__(self, "reach", REACH if self.reach is None else self.reach)
             check_number("reach", self.reach, above=0.0)
         object.__setattr__(self, "frame_skip", whole_number("frame_skip", self.frame_skip))
         object.__setattr__(self, "history", checked_history(self.history))
@@ -106,6 +105,7 @@ class View:
 def find_view(
     gains: str,
     usual_skip: int,
+    voltage_max: float,
     *,
     action_unit: ActionUnit = "normalised",
     frame_skip: int | None = None,
@@ -115,12 +115,15 @@ def find_view(
 ) -> View:
     """Return the view that arguments of an environment describe.
 
-    A base by its name has the gains for a scenario. Without one, actions are held for
-    ``usual_skip`` control steps by default.
+    A base by its name has the gains for a scenario, and by default the reach ``REACH`` of the
+    machine's largest voltage. Without a base, actions are held for ``usual_skip`` control steps by
+    default.
     """
     law = None if base is None else find_base_law(base, gains)
     usual = usual_skip if law is None else 1
     skip = usual if frame_skip is None else frame_skip
+    if law is not None and reach is None:
+        reach = REACH * voltage_max
     return View(skip, checked_history(history), law, reach, action_unit)
 
 

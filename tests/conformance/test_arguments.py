@@ -105,7 +105,7 @@ def test_the_list_of_arguments_is_one() -> None:
     """Their types for editors, their defaults, and what the docstring describes."""
     given = Arguments.__annotations__
     listed = {**signature(find_worlds).parameters, **signature(find_view).parameters}
-    assert given.keys() == listed.keys() - {"view", "gains", "usual_skip"}
+    assert given.keys() == listed.keys() - {"view", "gains", "usual_skip", "voltage_max"}
     _, _, page = str(PathFollowingEnv.__doc__).partition("## Arguments")
     items = re.findall(r"^ *- (`\w+`(?:, `\w+`)*):", page.partition("##")[0], re.MULTILINE)
     told = [name for item in items for name in re.findall(r"\w+", item)]

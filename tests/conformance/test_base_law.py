@@ -3,7 +3,7 @@
 import copy
 import pickle
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium
@@ -17,6 +17,7 @@ from pter_gym.benchmark import from_actions
 from pter_gym.controllers import PerClutch, Policy, compiled
 from pter_gym.envs import PathFollowingEnv, PathFollowingVectorEnv
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
+from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import COLUMN
 
 ID, BASE, WORLDS = "PTER/Standard-v0", "single-dof-tuned", 5
@@ -86,6 +87,9 @@ def test_an_action_adds_its_share_of_the_reach() -> None:
     obs, *_ = env.step(given)
     found = obs[at : at + 4] * layout.scales[at : at + 4]
     np.testing.assert_allclose(found, np.clip(base + 32 * given, 0.0, 24.0), atol=1e-5)
+    weaker = replace(BASELINE, clutch=replace(BASELINE.clutch, voltage_max=12.0))
+    reaches = [PathFollowingEnv(machine=each, base=BASE).reach for each in (BASELINE, weaker)]
+    assert reaches == [8.0, 4.0]
 
 
 def test_a_copy_of_the_state_goes_on_alike() -> None:

@@ -99,7 +99,15 @@ def test_damaged_numbers_are_refused() -> None:
         network(("volts_9",)).bind(BASELINE, observation_layout(BASELINE, "torque"))
 
 
-@pytest.mark.parametrize("policy", [network(), find_tuned(SCALED)], ids=["network", "law"])
+@pytest.mark.parametrize(
+    "policy",
+    [
+        network(),
+        find_tuned(SCALED),
+        *(find_tuned(f"{law}-tuned", "standard") for law in ("single-dof", "torque-feedback")),
+    ],
+    ids=["network", "scaled", "single-dof", "torque-feedback"],
+)
 def test_a_voltage_is_a_fraction_of_the_largest(policy: Any) -> None:
     """The same clutches at half the voltages: powers of two, so the same bits but for them."""
     episodes = training_episodes("standard", "medium", 1, 0)

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pter_gym._physics.arm import Linkage, Motion, damper_matrix
+from pter_gym._physics.clutch import PerClutch, falling
 from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.errors import ParameterError
 from pter_gym.params import (
@@ -204,6 +205,13 @@ def test_eq2_as_printed_lets_a_clutch_creep_at_the_edge_of_its_band(substep: flo
     assert {*turned.values()} == {0.0}
     speeding_up = band**2 * BASELINE.arm.inertia_a / curve.torque(8.0)  # what the arm lags behind
     assert band * (0.2 - 0.5 * substep) - speeding_up <= creep <= band * 0.2
+
+
+def test_each_clutch_falls_with_its_own_slip() -> None:
+    slip, threshold, speed = np.array([0.5, -1.0, 2.0, 0.01]), 0.1, 1.5
+    faster = np.maximum(np.abs(slip), threshold)
+    found = falling(PerClutch(*slip.tolist()), threshold, speed**2)
+    np.testing.assert_allclose(found, speed**2 / (speed**2 + faster**2), rtol=1e-14)
 
 
 NEUTRAL = {"stribeck": 0.0, "viscous": 0.0, "fall_ratio": 1.0, "fade": 0.0}

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pter_gym._engine.judgement import judge_step, locate
+from pter_gym._engine.world import ROW
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.paths import Sine
@@ -16,6 +18,7 @@ jax = pytest.importorskip("jax")
 jnp = jax.numpy
 
 from pter_gym.envs import jax as jax_env  # noqa: E402  (needs JAX)
+from pter_gym.gradients import env as env_module  # noqa: E402
 from pter_gym.gradients.env import make  # noqa: E402
 
 WORLDS = 45
@@ -75,6 +78,73 @@ def test_a_step_has_the_bits_of_jax_env(wide: bool) -> None:
     assert np.asarray(found[0][2]).sum() > WORLDS
     for one, other in zip(*found, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.slow
+def test_a_step_has_the_gradient_of_paired_steps() -> None:
+    """After friction has drifted for a while, where no clutch sticks.
+
+    Differences over ε and 2·ε tell what curvature makes of them, 10⁻³ is far above rounding."""
+    machine, task = replace(BASELINE, substep=0.005), PathFollowing(friction_drift=1.0)
+    env, _ = make(machine=machine, task=task, frame_skip=1)
+    step = jax.jit(partial(env.step, None))
+    rng, action = np.random.default_rng(5), np.array([-0.4, -0.5, -0.6, -0.3], np.float32)
+    obs, state = env.reset_to_seed(3)
+    for _ in range(40):
+        obs, state, *_ = step(state, action)
+    by = jnp.asarray(rng.normal(size=obs.shape), jnp.float32)
+
+    def total(step: Any, action: Any) -> Any:
+        seen, _, reward, *_ = step(state, action)
+        return by @ seen + reward
+
+    quick = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
+    derivative = jax.jit(jax.grad(partial(total, partial(env.step, None))))
+    differentiate = derivative.lower(action).compile(compiler_options=quick)
+    z = rng.normal(size=4).astype(np.float32)
+    near, far = (
+        float(total(step, action + size * z) - total(step, action - size * z)) / (2.0 * size)
+        for size in (0.02, 0.04)
+    )
+    found = float(differentiate(action) @ z)
+    assert abs(found - near) <= abs(far - near) + 1e-3 * abs(near)
+    assert abs(far - near) < 0.01 * abs(near)
+
+
+JUDGE, LOCATE = (env_module._twin(stage) for stage in (judge_step, locate))
+
+
+def _pay_torque(w: Any, i: int, *others: float) -> None:
+    JUDGE(w, i, *others)
+    w[ROW.reward, i] = w[ROW.reward, i] + w[ROW.torque.x1, i]
+
+
+def _pay_span(w: Any, i: int, *others: float) -> None:
+    JUDGE(w, i, *others)
+    w[ROW.reward, i] = 2.0 * w[ROW.span, i] * w[ROW.reward, i]
+
+
+def _forget_reached(w: Any, i: int, constants: Any) -> None:
+    reached = w[ROW.reached, i]
+    LOCATE(w, i, constants)
+    w.rows[int(ROW.reached)] = reached
+    w.written.remove(ROW.reached)
+
+
+@pytest.mark.parametrize(
+    ("stage", "function", "told"),
+    [
+        ("judge_step", _pay_torque, "torque_1 must not"),
+        ("judge_step", _pay_span, "span must not"),
+        ("locate", _forget_reached, "reached must not"),
+    ],
+)
+def test_a_step_that_uses_what_is_not_computed_here_is_refused(
+    stage: str, function: Any, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(env_module, stage, function)
+    with pytest.raises(ParameterError, match=told):
+        make()
 
 
 @pytest.mark.long

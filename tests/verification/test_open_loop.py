@@ -123,6 +123,20 @@ def test_voltages_lag_in_closed_form() -> None:
     assert end.lagged_volts == pytest.approx(risen * np.array([10.0, 0.0, 5.0, 24.0]), rel=1e-12)
 
 
+@pytest.mark.parametrize(("speed", "sticks"), [(0.005, True), (3.0, False)])
+def test_heat_is_what_clutches_dissipate(speed: float, sticks: bool) -> None:
+    """A kick in which a clutch comes to rest is divided; the power is that of its last part."""
+    machine = replace(BASELINE, clutch=replace(BASELINE.clutch, fade=1e-3, cooling=0.5))
+    volts = (12.0, 4.0, 0.0, 0.0)
+    start = initial_state(machine, (0.4, 2.0), (speed, 2.0), volts)
+    motion = simulate(machine, start, np.tile(volts, (3, 1)), (0.0, 0.0))
+    assert (motion.slip_velocity[0, 0] == 0.0) == sticks
+    heat = np.zeros(4)
+    for power in motion.power:
+        heat = (heat + np.abs(power) * machine.substep) * np.exp(-machine.substep / 0.5)
+    np.testing.assert_allclose(motion.final.heat, heat, rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     "part", ["theta", "omega", "torque_breakaway", "torque_dynamic", "lagged_volts"]
 )

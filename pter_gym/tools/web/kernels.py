@@ -21,7 +21,7 @@ from pter_gym._engine.motion import take_arrangements
 from pter_gym._engine.sensors import observe, write_observation
 from pter_gym._engine.step import conclude_step, move_worlds
 from pter_gym._engine.world import CONFIG, REFUSE, ROW, ROWS
-from pter_gym.controllers import Impedance, SingleDof, VelocityRatio
+from pter_gym.controllers import CONTROLLERS, Guided, SingleDof
 from pter_gym.controllers._guided import law_of
 from pter_gym.controllers._network import network_on
 from pter_gym.controllers._simple import constant, drawn
@@ -31,7 +31,8 @@ from pter_gym.tasks.path_following._telemetry import COLUMNS
 
 carray: Any = numpy_support.carray
 
-GUIDING = [law_of(law, BASELINE) for law in (Impedance(), SingleDof(), VelocityRatio())]
+_kinds = [kind for kind in CONTROLLERS.values() if issubclass(kind, Guided)]
+GUIDING = dict.fromkeys(law_of(kind(), BASELINE) for kind in _kinds)
 
 LAWS = (constant, drawn, *GUIDING, network_on(None), network_on(law_of(SingleDof(), BASELINE)))
 """The laws of the module, in the order of their numbers."""
