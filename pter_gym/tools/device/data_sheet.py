@@ -46,7 +46,8 @@ def machine_of_sheet(**sheet: Any) -> Machine:
     ----------
     **sheet
         Numbers of ``SHEET``. ``torque`` and ``at`` are given together: one of each, and the torque
-        is linear in the voltage, or a table of both, and it is the ``TorqueCurve`` with the smallest squares.
+        is linear in the voltage, or a table of both, and it is the ``TorqueCurve`` of smallest
+        squares.
 
     Raises
     ------
