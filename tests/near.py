@@ -27,7 +27,7 @@ def guide() -> Iterator[tuple[str, list[str]]]:
             yield f"{folder}/{name.rpartition('/')[2]}".lstrip("/"), tests
 
 
-def tests_of(file: str) -> set[str]:
+def named_for(file: str) -> set[str]:
     """Return the tests of a file of the repository, as the table has them; of a test, itself."""
     place = Path(file)
     if place.match("tests/**/test_*.py"):
@@ -57,7 +57,7 @@ def changed(branch: str) -> list[str]:
 
 def near(branch: str) -> list[str]:
     """Return the tests of all files that differ from a branch, as arguments of pytest."""
-    places = {ROOT / "tests" / test for file in changed(branch) for test in tests_of(file)}
+    places = {ROOT / "tests" / test for file in changed(branch) for test in named_for(file)}
     found = {place for place in places if place.exists()}
     return sorted(str(each) for each in found if not found & {*each.parents})
 

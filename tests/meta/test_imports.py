@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 import pter_gym
-from near import guide, tests_of
+from near import guide, named_for
 
 PACKAGE = Path(pter_gym.__file__).parent
 
@@ -168,4 +168,4 @@ def test_every_file_of_the_core_has_its_tests_in_the_guide() -> None:
     ],
 )
 def test_the_guide_finds_the_tests_of_a_file(file: str, tests: set[str]) -> None:
-    assert tests_of(file) == tests
+    assert named_for(file) == tests
