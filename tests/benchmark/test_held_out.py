@@ -40,8 +40,8 @@ gymnasium.make("PTER/Everything-v0", contexts=3).reset(seed=0)
 gymnasium.make_vec("PTER/Everything-v0", num_envs=3, contexts=3).reset(seed=0)
 """,
     "recorded episodes": """
-from pter_gym.tools.datasets.recording import record_episodes
-record_episodes("everything", "expert", 1)
+from pter_gym.tools.datasets.recording import record_transitions
+record_transitions("everything", "expert", 1)
 """,
 }
 
