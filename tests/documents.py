@@ -52,9 +52,12 @@ def load_script(script: Path) -> ModuleType:
     return module
 
 
-def run_program(blocks: Iterable[str], name: str) -> dict[str, object]:
-    """Run blocks one after another, as one main program, so numba caches compiled laws."""
-    names: dict[str, object] = {"__name__": "__main__"}
+def run_program(blocks: Iterable[str], name: str, **known: object) -> dict[str, object]:
+    """Run blocks one after another, as one main program, so numba caches compiled laws.
+
+    They know names that earlier ones have made.
+    """
+    names: dict[str, object] = {"__name__": "__main__", **known}
     for block in blocks:
         exec(compile(block, name, "exec"), names)
     return names

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pter_agents.draws import training_draws
+from pter_agents.draws import training_draws, validation_episodes
 from pter_agents.exporting import export
 from pter_agents.runs import RunFolder
 from pter_agents.settings import PARTS, SMOKE, TrainingArguments, load_settings
@@ -390,6 +390,15 @@ def test_training_on_all_scenarios_knows_each_heading_and_wider_machines() -> No
     assert max(machine.clutch.time_constant for machine in machines) > 0.3
     assert min(min(machine.clutch_scale) for machine in machines) < 0.6
     assert max(getattr(task.hand, "push", 0.0) for task in tasks) > 95.0
+
+
+def test_no_training_has_the_hands_of_the_validation() -> None:
+    own = replace(arguments(1), scenario="hands", validation_episodes=8)
+    (episodes,) = validation_episodes(own).values()
+    assert len({task.hand for task in episodes.tasks}) == 8
+    for seed in (0, 1, 2**31 - 1):  # the largest that a training accepts
+        trained = {task.hand for _, task in training_draws(own).pairs(8, seed)}
+        assert trained.isdisjoint(task.hand for task in episodes.tasks)
 
 
 def test_advantages_are_those_of_a_plain_loop() -> None:

@@ -10,6 +10,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+from documents import DOCS, blocks_of, run_program
 from pter_gym.controllers import PerClutch, Policy, compiled
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.paths import Sine
@@ -62,6 +63,30 @@ KINDS: dict[str, dict[str, Any]] = {
     },
     "a base, held": {"base": "impedance", "frame_skip": 3, "max_episode_steps": 20},
 }
+
+
+def test_the_five_results_of_the_page_are_those_of_gymnax() -> None:
+    """As its wrappers call it: jitted, with the environment as a static argument."""
+    (block,) = (each for each in blocks_of(DOCS / "your-algorithm.md") if "FiveResults" in each)
+    own, params = make("PTER/Standard-v0", contexts=8)
+    five: Any = run_program([block], "page", env=own)["env"]
+    assert five.action_space(params).shape == (4,)
+    keys = jax.random.split(jax.random.key(0), WORLDS)
+    _, state = jax.vmap(five.reset, in_axes=(0, None))(keys, params)
+
+    @partial(jax.jit, static_argnums=0)
+    def steps(env: Any, state: Any) -> Any:
+        def step(state: Any, _: None) -> Any:
+            by_world = jax.vmap(env.step, in_axes=(0, 0, 0, None))
+            obs, state, *rest = by_world(keys, state, jnp.zeros((WORLDS, 4)), params)
+            return state, (obs, *rest)
+
+        return jax.lax.scan(step, state, length=40)[1]
+
+    _, rewards, done, info = steps(five, state)
+    assert rewards.shape == done.shape == (40, WORLDS)
+    np.testing.assert_array_equal(done, info["terminated"] | info["truncated"])
+    assert done.any()
 
 
 def vector(env_id: str = "PTER/PathFollowing-v0", num_envs: int = WORLDS, **keywords: Any) -> Any:

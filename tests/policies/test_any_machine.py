@@ -55,7 +55,7 @@ def network(
     rng = np.random.default_rng(3)
     law = Scaled(schedule=PTER, powers=(Powers(gain="strength", lag=1.0),))
     usual = {"reach": 24.0, "base": law, "history": (2,)}
-    known = Interface(tuple(map(Input, inputs)), **{**usual, **interface})
+    known = Interface(tuple(Input(each, 2.0, 4.0) for each in inputs), **{**usual, **interface})
     sizes = known.size, 5, 4
     layers = tuple(
         (rng.normal(size=(n, m)).astype(np.float32), rng.normal(size=n).astype(np.float32))

@@ -45,9 +45,8 @@ def machine_of_sheet(**sheet: Any) -> Machine:
     Parameters
     ----------
     **sheet
-        Numbers of ``SHEET``. ``torque`` and ``at`` are given together: one of each, and the torque
-        is linear in the voltage, or a table of both, and it is the ``TorqueCurve`` of smallest
-        squares.
+        Numbers of ``SHEET``. ``torque`` and ``at`` are given together: one of each for a torque
+        that is linear in the voltage, or lists of both, for the ``TorqueCurve`` that is nearest.
 
     Raises
     ------
@@ -126,8 +125,9 @@ def _nearest_curve(volts: Sequence[float], torques: Sequence[float]) -> TorqueCu
     best, nearest = math.inf, None
     for knee in KNEES * top:
         columns = np.stack([v, np.maximum(v - knee, 0.0) ** 2], axis=1)
-        solution = np.linalg.lstsq(columns, wanted - wanted[0], rcond=None)[0]
-        slope, curvature = float(solution[0]), float(solution[1])
+        least_squares = cast("Any", np.linalg.lstsq)
+        solution = least_squares(columns, wanted - wanted[0], rcond=None)[0]
+        slope, curvature = solution.tolist()
         error = float(np.abs(wanted[0] + columns @ solution - wanted).max())
         if error < best and slope > 0.0 and slope + 2.0 * curvature * (top - knee) > 0.0:
             best = error

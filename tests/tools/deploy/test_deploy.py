@@ -29,7 +29,7 @@ from pter_gym.controllers import CONTROLLERS, PerClutch, Policy, bind, compiled
 from pter_gym.controllers._policy import clutch_rows
 from pter_gym.controllers._simple import constant
 from pter_gym.errors import ParameterError, ProofError, StorageError
-from pter_gym.params import BASELINE, MACHINES, find_machine
+from pter_gym.params import BASELINE, MACHINES, Machine, find_machine
 from pter_gym.paths import find_path
 from pter_gym.policies import Input
 from pter_gym.policies.tuned import tuned_policies
@@ -46,6 +46,8 @@ TOP = BASELINE.clutch.voltage_max
 
 ROUNDING = 256 * 2.0**-24 * TOP
 """Change of a voltage [V] by float32: about as many roundings as the longest sum has terms."""
+
+OTHER_LINKS = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.6, length_b=0.4))
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror")
 
@@ -238,15 +240,20 @@ def test_a_law_whose_types_c_cannot_keep_is_refused(law: Any, what: str):
 
 @needs_compiler
 @pytest.mark.parametrize(
-    ("path", "numbers", "tolerance"),
-    [("line", "double", 1e-6), ("sine", "double", 1e-6), ("sine", "float", 1e-4)],
+    ("path", "numbers", "tolerance", "machine"),
+    [
+        ("line", "double", 1e-6, OTHER_LINKS),
+        ("sine", "double", 1e-6, BASELINE),
+        ("sine", "float", 1e-4, BASELINE),
+    ],
+    ids=["line", "sine", "float"],
 )
 def test_the_observation_is_the_simulators(
-    path: str, numbers: Any, tolerance: float, tmp_path: Path
+    path: str, numbers: Any, tolerance: float, machine: Machine, tmp_path: Path
 ):
     task = PathFollowing(path=find_path(path), pace=0.25)
-    episode = record_episode(find_policy("single-dof-tuned"), BASELINE, task, 0)
-    layout = observation_layout(BASELINE, "force")
+    episode = record_episode(find_policy("single-dof-tuned"), machine, task, 0, nominal=machine)
+    layout = observation_layout(machine, "force")
     theta = episode.telemetry[:, [*COLUMN.theta]]
     places = [layout.index(each) for each in ("omega_a", "torque_1", "force_along", "volts_1")]
     others = [
@@ -254,7 +261,7 @@ def test_the_observation_is_the_simulators(
         for k, n in zip(places, (2, 4, 2, 4), strict=True)
     ]
     program = built(
-        source_of(find_policy("single-dof-tuned"), path=path, numbers=numbers),
+        source_of(find_policy("single-dof-tuned"), path=path, numbers=numbers, machine=machine),
         tmp_path,
         HERE / "observe.c",
     )
@@ -562,6 +569,36 @@ def test_a_reading_that_is_no_number_gives_no_voltage_and_leaves_no_trace(
     assert (broken == 0.0).all()
     assert (after == fresh).all()
     assert fresh.any()
+
+
+HELD = r"""
+#include "pter.h"
+#include <stdio.h>
+int main(void) {
+    pter_state state;
+    float seen[PTER_ENTRIES] = {0}, v[4];
+    const float first[] = {0.1f, 0.0f / 0.0f, 0.2f, 0.1f, 0.1f, 0.1f};
+    pter_reset(&state);
+    for (int k = 0; k < 6; k++) {
+        for (int n = 0; n < PTER_ENTRIES; n++) {
+            seen[n] = first[k];
+        }
+        pter_act(&state, seen, v);
+        printf("%.9g,%.9g,%.9g,%.9g\n", v[0], v[1], v[2], v[3]);
+    }
+    return 0;
+}
+"""
+
+
+@needs_compiler
+def test_a_decision_is_made_anew_after_an_observation_that_is_no_number(tmp_path: Path):
+    (tmp_path / "held.c").write_text(HELD)
+    source = source_of(held_policy())
+    found = said(built(source, tmp_path, tmp_path / "held.c"), "")
+    rows = np.full((2, len(source.policy.layout)), [[0.1], [0.2]], np.float32)
+    one, two = np.float32(source.policy.act(rows, source.policy.start(2)))
+    assert found.tolist() == [each.tolist() for each in (one, 0.0 * one, two, two, two, one)]
 
 
 needs_frama_c = pytest.mark.skipif(not shutil.which("frama-c"), reason="Frama-C is not installed")
