@@ -59,7 +59,6 @@ def identify(
         out: Folder for the results, created if necessary.
     """
     from pter_gym.tools.identification import join_logs, read_log
-    from pter_gym.tools.identification.bench import read_bench
 
     if not logs:
         raise ParameterError("logs must be given: LOG.csv … (`pter identify --help` explains)")
@@ -70,6 +69,8 @@ def identify(
                 "logs must be one file with --clutch, which has no theta_B: --relative-b is not "
                 f"for it, got {len(logs)} files"
             )
+        from pter_gym.tools.identification.bench import read_bench
+
         show_bench(read_bench(logs[0], names, degrees=degrees), logs[0].name, start, out)
         return
     log = join_logs(
