@@ -300,7 +300,7 @@ def test_laws_command_only_what_is_there(name: str, law: Any) -> None:
 
 def check_law(machine: Machine, law: Any, count: int, steps: int) -> None:
     batch = Batch(machine, PathFollowing(), count)
-    rows = rollouts.simulate(batch, law.bind(machine, batch.layout), [*range(count)], steps)
+    rows = rollouts.simulate(batch, law, [*range(count)], steps, machine)
     volts = rows[..., [*COLUMN.volts]]
     there = np.array(machine.slot_scale) > 0.0
     assert not np.nan_to_num(volts[..., ~there]).any()

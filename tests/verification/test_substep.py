@@ -19,8 +19,8 @@ from pter_gym._physics.friction import (
     LINES,
     lower_bound,
     resolve,
-    share,
     slip_velocities,
+    split_load,
     upper_bound,
 )
 from pter_gym._physics.model import implicit_share, model_of
@@ -874,9 +874,10 @@ def test_a_load_is_shared_by_the_multipliers_that_made_it(seed: int):
         low, high = np.where(slipping, exerted, (low, high)) * 10.0 ** (number % 19 - 9)
         multipliers = rng.normal(scale=np.abs(high).sum() * rng.choice([0.2, 1.0, 5.0]), size=2)
         torque = np.clip(w @ multipliers, low, high)
-        found = share(*(w.T @ torque).tolist(), PerClutch(*low.tolist()), PerClutch(*high.tolist()))
-        # share() keeps off an edge by up to 1e-12 of loads and ranges, together at most five of
-        # these sums
+        found = split_load(
+            *(w.T @ torque).tolist(), PerClutch(*low.tolist()), PerClutch(*high.tolist())
+        )
+        # edges are kept off by up to 1e-12 of loads and ranges, together at most five of these
         assert found == pytest.approx(torque, abs=1e-11 * (np.abs(low) + np.abs(high)).sum()), (
             low,
             high,
@@ -889,7 +890,7 @@ def test_a_load_is_shared_where_two_limits_meet():
     high, (a, b) = PerClutch(0.0, 0.335, 0.006, 0.961), (-0.244, -0.218)
     torque = PerClutch(0.0, b, -0.006, a + b)
     load = (torque.x1 + torque.x3 + torque.x4, torque.x2 - torque.x3 + torque.x4)
-    assert share(*load, PerClutch(*(-each for each in high)), high) == pytest.approx(
+    assert split_load(*load, PerClutch(*(-each for each in high)), high) == pytest.approx(
         torque, abs=1e-11
     )
 
@@ -901,7 +902,7 @@ def test_loads_of_whole_numbers_are_shared():
     ):
         torque = np.clip(W @ multipliers, low, high)
         load = np.round(W.T @ torque)
-        assert share(*load.tolist(), PerClutch(*low), PerClutch(*high)) == pytest.approx(
+        assert split_load(*load.tolist(), PerClutch(*low), PerClutch(*high)) == pytest.approx(
             torque, abs=1e-11
         )
 
