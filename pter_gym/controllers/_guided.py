@@ -259,5 +259,5 @@ def bind_rows(
 def law_of(controller: Guided, machine: Machine) -> Law:
     """Return the compiled law of a controller for a machine's clutches."""
     arrangement_at = paper_clutches if machine.has_paper_clutches else declared_clutches
-    record: Any = controller.gains()
-    return guiding_law(type(controller).steering, type(record), arrangement_at)
+    record: type[Any] = controller.gains().__class__
+    return guiding_law(type(controller).steering, record, arrangement_at)

@@ -6,6 +6,7 @@ kernels of ``pter_gym.gradients.jax``; the hand, the projection onto the path, r
 observation as functions of JAX made from their source.
 """
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -79,7 +80,7 @@ class DifferentiableEnv(jax_env.JaxEnv):
         if env.observation_layout.names[-1].startswith(("torque", "force")):
             raise ParameterError('sensors must be "encoders" for a step to be differentiated')
         super().__init__(env)
-        config = np.asarray(self.default_params.config).view(np.float64)
+        config: Any = np.asarray(self.default_params.config).view(np.float64)
         follow = _following(config, self.frame_skip)
         _, state = self.reset_to_seed(0)
         words = _Words(self.default_params.constants)
@@ -214,7 +215,7 @@ class _Unknown:
 class _World(Column):
     """A world of which every number has a derivative, is 0, or is unknown."""
 
-    def __init__(self, numbers: jax.Array, context: list[jax.Array]) -> None:
+    def __init__(self, numbers: jax.Array, context: Sequence[jax.Array]) -> None:
         super().__init__({}, lambda row: 0.0 if EXTRAS.first <= row < EXTRAS.end else _Unknown(row))
         self.rows |= enumerate(jnp.unstack(numbers))
         self.rows |= enumerate(context, CONSTANTS.first)
