@@ -118,9 +118,9 @@ def test_one_row_is_one_policy(tmp_path: Path, capsys: pytest.CaptureFixture[str
         file.write_text(text.format(volts=volts))
         assert main([*line, str(out), "--paces", *paces]) == 0
     printed = capsys.readouterr().out.rpartition("test episodes")[2]
-    words = " ".join(printed.partition("Also in the folder")[2].split())
-    assert "free at medium" in words
-    assert "my.py:policy at medium" in words
+    words = "".join(printed.partition("Also in the folder")[2].split())  # lines break anywhere
+    assert "freeatmedium" in words
+    assert "my.py:policyatmedium" in words
     by_pace = {board.pace: board for board in ResultsFolder(out).summarise()}
     old, new = (
         {each.policy for each in by_pace[pace].standings} - {"free"} for pace in ("medium", "brisk")
@@ -145,7 +145,7 @@ def high(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 def test_laws_with_the_same_gains_have_digests_of_their_own() -> None:
     digests = {
-        code_digest(SimpleNamespace(law=CompiledLaw(law, np.zeros(0)))) for law in (low, high)
+        code_digest(SimpleNamespace(law=CompiledLaw(law, np.zeros(0), {}))) for law in (low, high)
     }
     assert len(digests) == 2
     assert "" not in digests

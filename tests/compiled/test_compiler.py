@@ -16,7 +16,7 @@ from pter_gym._compiled import pipeline
 from pter_gym._compiled.compiler import compile_kernel, inlined, outlined
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.records import load, rows, store
-from pter_gym._engine import step
+from pter_gym._engine import sensors
 from pter_gym._engine.kernels import _build_advance, _build_reset
 from pter_gym._physics import open_loop
 from pter_gym.controllers._law_kernel import _build_act
@@ -316,5 +316,5 @@ def test_a_constant_that_a_function_within_a_kernel_reads_is_in_its_digest(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     before = digest_of(_build_advance(""))
-    monkeypatch.setattr(step, "BOUND", step.BOUND + 1.0)
+    monkeypatch.setattr(sensors, "BOUND", sensors.BOUND + 1.0)
     assert digest_of(_build_advance("")) != before

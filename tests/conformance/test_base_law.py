@@ -185,7 +185,7 @@ def test_a_spec_recovers_the_environment() -> None:
 @pytest.mark.parametrize(
     ("keywords", "message"),
     [
-        ({"base": "single-dof-tund"}, "policies"),
+        ({"base": "single-dof-tund"}, "did you mean 'single-dof-tuned'"),
         ({"base": lambda obs: obs}, "base must be a control law"),
         ({"base": BASE, "action_unit": "volt"}, "action_unit must be 'normalised'"),
         ({"base": BASE, "reach": 0.0}, "reach must be"),

@@ -13,11 +13,11 @@ from pter_gym._physics.model import model_of
 from pter_gym.benchmark.measures import per_clutch, vector
 from pter_gym.controllers import Random
 from pter_gym.haptics import (
-    _region,
     force_extremes,
     force_per_torque,
     force_range,
     force_region,
+    forces,
     link_angles,
 )
 from pter_gym.params import BASELINE, MACHINES, Machine
@@ -124,7 +124,7 @@ def test_couplings_add_their_edges_at_a_right_angle() -> None:
 def test_torque_at_zero_volts_is_the_least_force(monkeypatch: pytest.MonkeyPatch) -> None:
     """Brakes that make 2 N·m at 0 V and at most 9 N·m."""
     limits = np.array([2.0, 2.0, 0.0, 0.0]), np.array([9.0, 9.0, 0.0, 0.0])
-    monkeypatch.setattr(_region, "torque_limits", lambda *_: limits)
+    monkeypatch.setattr(forces, "torque_limits", lambda *_: limits)
     against = -force_region(MACHINES["two-brakes"], RIGHT_ANGLE, (0.5, 0.5)) * (
         ARM.length_b,
         ARM.length_a,

@@ -191,14 +191,13 @@ def test_paths_from_csv(tmp_path: File) -> None:
     [
         "# x_m, y_m, w_m\n-0.5,0.7,1\n-0.2,0.6,1\n0.1,0.8,1\n0.3,0.6,1\n",
         "-0.5, 0.7\n-0.2, 0.6\n0.1, 0.8\n0.3, 0.6\n",
-        "-0.5, 0.7, 2\n-0.2, 0.6, 2\n0.1, 0.8, 2\n0.3, 0.6, 2\n",
         "# a\n# s; X [m]; Y [m]; psi\n0; -.5; .7; 0\n1; -.2; .6; 0\n2; .1; .8; 0\n3; .3; .6; 0\n",
         "x;y\n-0,5;0,7\n-0,2;0,6\n0,1;0,8\n0,3;0,6\n",
         "# drawn by hand; in metres\nx,y\n-0.5,0.7\n-0.2,0.6\n0.1,0.8\n0.3,0.6\n",
         "-0,5;0,7\n-0,2;0,6\n0,1;0,8\n0,3;0,6\n",
     ],
     ids=[
-        *("# x_m", "no names", "a third column", "semicolons", "decimal commas"),
+        *("# x_m", "no names", "semicolons", "decimal commas"),
         *("a semicolon in a comment", "decimal commas without names"),
     ],
 )
@@ -336,15 +335,16 @@ def test_a_row_of_ones_states_no_units(tmp_path: File) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "column x"),
+        ("", "columns x, y"),
         ("x\n1\n2\n", "column y"),
-        ("x_inch,y_inch\n1,2\n2,3\n", "column x"),
-        ("1,2,3,4\n2,3,4,5\n", "column x"),
+        ("x_inch,y_inch\n1,2\n2,3\n", "x_inch must be in m"),
+        ("1,2,3,4\n2,3,4,5\n", "columns x, y"),
+        ("-0.5, 0.7, 2\n-0.2, 0.6, 2\n0.1, 0.8, 2\n", "columns x, y"),
         ("x,y\n0.1,0.5\n\n2000,0.5\n", "line 4"),
         ("x,y\n0.1,0.5\n", "points"),
         ("x,y\n0.1,0.5\n0.1,0.5\n", "line 3"),
         ("x,y\n0.1,0.5\n0.2,nan\n", "line 3.*y"),
-        ("x,y\n0.1,0.5\n0.2\n", "line 3.*y"),
+        ("x,y\n0.1,0.5\n0.2\n", "line 3 has 1 entries"),
         ("x,y\n0.1,0.5\nleft,0.5\n", "line 3.*x"),
     ],
 )
