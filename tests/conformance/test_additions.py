@@ -110,7 +110,7 @@ def test_an_entry_with_state_sees_what_the_others_show_once_a_step() -> None:
         "_engine.world": {'over the commanded pace")\n    ]': "\n    sum_omega: float"},
         "_engine.sensors": {
             loop: summed + "w[ROW.sum_omega, i])\n",
-            "from pter_gym.tasks.path_following._pace import recent_pace\n": (
+            "from pter_gym.tasks.path_following._position import PathVector\n": (
                 "from pter_gym.tasks.path_following._observation import turned\n"
             ),
         },
