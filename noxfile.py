@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
 from pathlib import Path
 from tempfile import gettempdir
@@ -104,11 +105,22 @@ def install_hashed(session: nox.Session, name: str) -> None:
 
 
 def build(session: nox.Session) -> Path:
-    """Return a folder with wheel and sdist."""
+    """Return a folder with wheel and sdist, after a look at what these are made of."""
     install_hashed(session, "build")
-    place, out = str(copy(session, "build")), session.create_tmp()
-    session.run("python", "-m", "build", "--no-isolation", "--outdir", out, place, silent=True)
-    return Path(session.create_tmp())
+    place, out = copy(session, "build"), Path(session.create_tmp())
+    command = ("build", "--no-isolation", "--outdir", str(out), str(place))
+    session.run("python", "-m", *command, silent=True)
+    check_sdist(session, place, max(out.glob("*.tar.gz"), key=os.path.getmtime))
+    return out
+
+
+def check_sdist(session: nox.Session, commit: Path, archive: Path) -> None:
+    """End unless an sdist has all files of a commit: its tests read files from everywhere."""
+    wanted = {file.relative_to(commit).as_posix() for file in commit.rglob("*") if file.is_file()}
+    with tarfile.open(archive) as files:
+        found = {each.name.partition("/")[2] for each in files if each.isfile()} - {"PKG-INFO"}
+    if wanted != found:
+        session.error(f"{archive.name} and the commit differ in {sorted(wanted ^ found)}")
 
 
 def package_works(session: nox.Session, suffix: str) -> None:
@@ -204,8 +216,13 @@ def libraries(session: nox.Session) -> None:
 
 @nox.session(tags=["long"])
 def packages(session: nox.Session) -> None:
-    """The built sdist alone; metadata and recipe as PyPI and conda-forge read them; Ray."""
+    """The built sdist alone, and its tests; what PyPI and conda-forge read of them; Ray."""
     package_works(session, ".tar.gz")
+    session.install("-q", *PINNED, "pter-gym[test]")
+    (archive,) = Path.cwd().glob("pter_gym*.tar.gz")
+    shutil.unpack_archive(archive, "unpacked")
+    session.chdir(Path("unpacked") / archive.name.removesuffix(".tar.gz"))
+    session.run("pytest", "-m", "smoke", env=reported(session))
     session.install("-q", "py-rattler-build==0.73.0")
     install_hashed(session, "twine")
     session.run("twine", "check", "--strict", *map(str, build(session).glob("pter_gym*")))
@@ -243,10 +260,12 @@ def near(session: nox.Session) -> None:
 
 @nox.session
 def release(session: nox.Session) -> None:
-    """Wheel and sdist of the version, checked, in `dist`; nothing is uploaded."""
+    """Wheel and sdist of the version, checked, in `dist`; `-- vVERSION` is the tag they are for."""
     (version,) = re.findall(r'= "(.+)"', (ROOT / "pter_gym" / "_version.py").read_text("utf-8"))
     if f"\n## [{version}] - 20" not in (ROOT / "CHANGELOG.md").read_text("utf-8"):
         session.error(f"CHANGELOG.md must have a heading `## [{version}] - DATE`")
+    if session.posargs not in ([], [f"v{version}"]):
+        session.error(f"the tag of this version is v{version}, got {session.posargs[0]}")
     changed = subprocess.run(
         ["git", "status", "--porcelain"], cwd=ROOT, capture_output=True, check=True
     )

@@ -85,7 +85,7 @@ def needs_extra(feature: str, extra: str) -> DependencyError:
     """Return the error for a missing optional package, with the command that installs it."""
     return DependencyError(
         f"{feature} needs the extra {extra}: "
-        f"run `{sys.executable} -m pip install -e '.[{extra}]'` in your clone"
+        f"run `{sys.executable} -m pip install -c constraints.txt -e '.[{extra}]'` in your clone"
     )
 
 

@@ -19,6 +19,7 @@ def load_artist(name: str) -> Any:
     """Return what draws, or raise a DependencyError if nothing that can is installed."""
     if name not in (artists := registered(PICTURES)):
         raise DependencyError(
-            f"nothing can draw {name!r}: run `{sys.executable} -m pip install -e .` in its source"
+            f"nothing can draw {name!r}: "
+            f"run `{sys.executable} -m pip install -c constraints.txt -e .` in your clone"
         )
     return artists[name].load()

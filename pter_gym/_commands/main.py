@@ -8,15 +8,17 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import redirect_stderr, suppress
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from importlib.metadata import EntryPoint
 from importlib.util import find_spec
 from inspect import Parameter, Signature, getdoc, signature
 from itertools import chain
 from pathlib import Path
+from shutil import get_terminal_size
+from textwrap import fill
 from traceback import extract_tb
 from types import NoneType, UnionType
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TextIO, get_args, get_origin, get_type_hints
 
 import tyro
 from rich import console
@@ -41,6 +43,9 @@ CORE_COMMANDS = {"benchmark": "benchmark:Benchmark"}
 """Commands of the core, each with the file beside this one, and what it is there."""
 
 DESCRIPTION = "PTER, a passive haptic arm with four friction clutches."
+
+NUMBERS = {int: "a whole number", float: "a number"}
+"""What an option's value must be, by its type."""
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells have it."""
@@ -88,14 +93,44 @@ def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
     keep.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     keep.__annotations__ = {each.name: each.annotation for each in parameters}
     keep.__doc__ = re.sub(r"\n {8}(?=\S)", " ", getdoc(command) or "")
-    printed = io.StringIO()
+    shown, printed = Shown(sys.stdout), io.StringIO()
     try:
-        with redirect_stderr(printed):
+        with redirect_stdout(shown), redirect_stderr(printed):
             return tyro.cli(keep, prog=f"pter {name}", args=arguments)
     except SystemExit as end:
         if not end.code:
+            sys.stdout.write(wrapped(shown.getvalue()))
+            sys.stdout.flush()
             raise
-    raise ParameterError(f"{in_one_line(printed.getvalue())} (`pter {name} --help` explains)")
+    text = reason(in_one_line(printed.getvalue()), command)
+    raise ParameterError(f"{text} (`pter {name} --help` explains)")
+
+
+class Shown(io.StringIO):
+    """What is printed for another stream, with the colours and characters that this one has."""
+
+    def __init__(self, stream: TextIO) -> None:
+        super().__init__()
+        self._stream = stream
+
+    @property
+    def encoding(self) -> str:
+        """That of the stream."""
+        return self._stream.encoding
+
+    def isatty(self) -> bool:
+        """Return whether the stream is a terminal."""
+        return self._stream.isatty()
+
+
+def wrapped(text: str) -> str:
+    """Return a help whose sentences, which tyro prints as a line each, end within the terminal."""
+    width = get_terminal_size().columns
+
+    def wrap(line: re.Match[str]) -> str:
+        return fill(line[0], width, break_on_hyphens=False, break_long_words=False)
+
+    return re.sub(r"^[A-Za-z].*", wrap, text, flags=re.MULTILINE)
 
 
 def _parameters(command: Command) -> Iterator[Parameter]:
@@ -124,6 +159,23 @@ def in_one_line(box: str) -> str:
     return " ".join([*first.split(), *chain(*meant)])
 
 
+def reason(text: str, command: Command) -> str:
+    """Return why tyro refuses an argument, as errors of this package say it."""
+    if found := re.match(r"invalid choice '(.*)' for argument '-*(\S+)'.*?(\(.*?\))", text):
+        value, option, choices = found.groups()
+        return str(unknown_name(option, value, ast.literal_eval(choices)))
+    if text.startswith("Missing from"):
+        missing = next(p for p in signature(command).parameters.values() if p.default is p.empty)
+        choices = get_args(get_type_hints(command)[missing.name])
+        return f"{missing.name} must be given, one of {', '.join(choices)}"
+    if found := re.match(r"Error parsing --(\S+): .*'(.*)'", text):
+        option, value = found.groups()
+        hint = get_type_hints(command)[option.replace("-", "_")]
+        kinds = [NUMBERS[kind] for kind in (hint, *get_args(hint)) if kind in NUMBERS]
+        return f"{option} must be {kinds[0]}, got {value!r}" if kinds else text
+    return text
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run ``pter`` and return its exit status: 2 after an error, 130 after Ctrl-C."""
     open_streams()
@@ -143,8 +195,9 @@ def main(arguments: list[str] | None = None) -> int:
         return INTERRUPTED
     except OSError as error:  # of a file, or of where the output goes
         printed = close_output() if arguments is None else True
-        with suppress(OSError):
-            complain(reason_of_os_error(error, printed=printed))
+        if not isinstance(error, BrokenPipeError):  # who reads the output has seen enough
+            with suppress(OSError):
+                complain(reason_of_os_error(error, printed=printed))
         return 2
 
 

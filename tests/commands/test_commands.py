@@ -151,6 +151,38 @@ def test_a_folder_may_have_commas(tmp_path: Path) -> None:
     assert split(f"{tmp_path}/none, 1/mine,free") == [f"{tmp_path}/none", "1/mine", "free"]
 
 
+@pytest.mark.parametrize("name", commands())
+@pytest.mark.parametrize("columns", [60, 80])
+def test_a_help_fits_the_terminal(
+    name: str, columns: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    with pytest.raises(SystemExit):
+        main([name, "--help"])
+    printed = capsys.readouterr().out
+    assert max(map(len, printed.splitlines())) <= columns
+    told = " ".join((load_command(name).__doc__ or "").partition("Example:")[0].split())
+    assert told in " ".join(printed.split())
+
+
+TOLD = {
+    "benchmark --episodes abc": "episodes must be a whole number, got 'abc'",
+    "benchmark --smooth 2mm": "smooth must be a number, got '2mm'",
+    "hil residual ./loop --deadline soon": "deadline must be a number, got 'soon'",
+    "train ppo --steps 1e6": "steps must be a whole number, got '1e6'",
+    "train": "algo must be given, one of ppo, residual, universal",
+    "hil residual ./loop --scenario wall": "scenario must be among standard, paths, hands, ",
+}
+
+
+@pytest.mark.parametrize("line", TOLD)
+def test_a_refused_argument_is_named_with_what_fits(
+    line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(line.split()) == 2
+    assert capsys.readouterr().err.startswith(f"error: {TOLD[line]}")
+
+
 UNKNOWN = ["benchmark --scenario standad", "benchmark --polices free", "benchmark residual"]
 UNKNOWN += ["export impedance"] * ("export" in commands())
 

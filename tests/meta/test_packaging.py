@@ -36,12 +36,14 @@ def ranges(requirements: list[str]) -> dict[str, SpecifierSet]:
     return {OF_CONDA.get(each.name, each.name): each.specifier for each in found}
 
 
-def test_the_version_is_the_same_everywhere():
+def test_version_and_date_are_the_same_everywhere():
     citation = (ROOT / "CITATION.cff").read_text("utf-8")
     entry = (ROOT / "docs" / "index.md").read_text("utf-8")
     assert importlib.metadata.version("pter-gym") == pter_gym.__version__
     assert re.search(r"^version: (.+)$", citation, re.MULTILINE).group(1) == pter_gym.__version__
     assert re.search(r"version = \{(.+)\}", entry).group(1) == pter_gym.__version__
+    date = re.search(r"^date-released: (.+)$", citation, re.MULTILINE).group(1)
+    assert f"\n## [{pter_gym.__version__}] - {date}\n" in (ROOT / "CHANGELOG.md").read_text("utf-8")
 
 
 @pytest.mark.parametrize("package", ["pter_gym", "pter_agents"])
@@ -74,11 +76,25 @@ def test_a_release_is_made_with_tested_versions_by_hash(name: str):
         name: versions[name] for name in versions.keys() & tested.keys()
     }.items() <= tested.items()
     if name == "build":
-        (backend,) = map(Requirement, PYPROJECT["build-system"]["requires"])
-        assert versions[backend.name] in backend.specifier
+        for each in map(Requirement, PYPROJECT["build-system"]["requires"]):
+            assert versions[each.name] in each.specifier
 
 
-@pytest.mark.parametrize("name", ["gate", "docs"])
+def test_links_of_the_readme_work_away_from_the_repository():
+    """As hatch-fancy-pypi-readme makes them, but for the version."""
+    hook = PYPROJECT["tool"]["hatch"]["metadata"]["hooks"]["fancy-pypi-readme"]
+    text = (ROOT / "README.md").read_text("utf-8")
+    relative = re.findall(r"(!?)\[[^\]]*\]\((?!http)(.+?)\)", text)
+    for each in hook["substitutions"]:
+        text = re.sub(each["pattern"], each["replacement"], text)
+    assert relative
+    for picture, place in relative:
+        kind = "raw" if picture else "blob"
+        assert f"]({PROJECT['urls']['Source']}/{kind}/v$HFPR_VERSION/{place})" in text
+        assert f"]({place})" not in text
+
+
+@pytest.mark.parametrize("name", ["gate", "docs", "publish"])
 def test_actions_are_pinned_by_commit(name: str):
     text = (ROOT / ".github" / "workflows" / f"{name}.yml").read_text("utf-8")
     used = re.findall(r"uses: (.+)", text)
@@ -104,6 +120,8 @@ def test_the_recipe_for_conda_says_the_same():
     assert ranges(needed) == ranges(
         [*PROJECT["dependencies"], f"python{PROJECT['requires-python']}"]
     )
+    host = [each for each in recipe["requirements"]["host"] if ">=" in each]
+    assert ranges(host) == ranges(PYPROJECT["build-system"]["requires"])
     about = recipe["about"]
     assert (about["license"], about["summary"]) == (PROJECT["license"], PROJECT["description"])
     assert recipe["context"]["address"] == PROJECT["urls"]["Source"]

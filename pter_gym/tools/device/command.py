@@ -2,7 +2,7 @@
 
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -12,6 +12,9 @@ from pter_gym._internal.files import make_folder
 from pter_gym.errors import ParameterError
 from pter_gym.params import ACTUATORS, MACHINES
 from pter_gym.plugins import COMMANDS, registered
+
+if TYPE_CHECKING:
+    from pter_gym.benchmark import Leaderboard
 
 
 def device(
@@ -87,8 +90,7 @@ def device(
     for promise in report.promises:
         say(promise.sentence)
     for board in report.boards:
-        best = board.standings[0]
-        say(f"{board.scenario}: {best.policy} {1e3 * best.error.value:.1f} mm")
+        say(f"{board.scenario}, path errors: {errors(board)}")
         for each in board.standings:
             if each.worst:
                 say(each.worst.sentence(each.policy))
@@ -96,6 +98,14 @@ def device(
     filmed = ",".join(["single-dof-tuned", *sorted(names & {UNIVERSAL})])
     watched = f"pter watch {filmed} --machine {quote(str(file))} --out film.webp"
     conclude([out / "index.html", file], watched)
+
+
+def errors(board: "Leaderboard") -> str:
+    """Return the path error of each policy in words, the best first, and which is not ranked."""
+    return ", ".join(
+        f"{each.policy} {1e3 * each.error.value:.1f} mm{'' if each.rank else f' ({each.reason})'}"
+        for each in board.standings
+    )
 
 
 def _trained(file: Path, pace: str, out: Path) -> Any:

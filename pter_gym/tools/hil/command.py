@@ -3,18 +3,27 @@
 from itertools import zip_longest
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from pter_gym._commands.arguments import AnyPace, ScenarioName, look_at, options
+from pter_gym._commands.arguments import AnyPace, look_at, options
 from pter_gym._commands.terminal import conclude, say
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
 from pter_gym.errors import ParameterError
+from pter_gym.scenarios import SCENARIOS
+
+BANDS = ("corridor", "wall")
+"""Scenarios with a free band around their paths, which C does not know."""
 
 if TYPE_CHECKING:
     from pter_gym.tools.hil.session import Array, Partner
+
+    PathScenario = str
+else:
+    PathScenario = Literal[tuple(name for name in SCENARIOS if name not in BANDS)]
+    """Name of a scenario that exported C can act in."""
 
 FAST_DEADLINE, MAX_DEADLINE = 0.1, 10.0
 """Seconds to wait for an answer where real time does not limit them, and at most."""
@@ -26,7 +35,7 @@ MAX_EPISODES = 64
 def hil(
     policy: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME")] = "",
     partner: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="PORT|COMMAND")] = "",
-    scenario: ScenarioName = "standard",
+    scenario: PathScenario = "standard",
     pace: AnyPace = "medium",
     episodes: int = 1,
     rate: float = 100.0,
@@ -46,7 +55,7 @@ def hil(
     Args:
         policy: Policy that the program runs, as for `pter benchmark --policies`.
         partner: Serial port, or a command whose standard input and output become the line.
-        scenario: Scenario of the episodes, without a free band around its paths.
+        scenario: Scenario of the episodes.
         pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
         episodes: Test episodes to run, starting with the first, at most 64.
         rate: Control steps per simulated second, from 10 to 1000.
@@ -57,7 +66,10 @@ def hil(
         csv: File for the telemetry; see docs/watching.md. Its folder must exist.
     """
     look_at(policies=[policy], paces=[pace])
-
+    if not partner:
+        raise ParameterError(
+            f"partner must be a serial port or a command, as in `pter hil {policy} ./loop`"
+        )
     from dataclasses import replace
 
     from pter_gym.benchmark import find_policy
@@ -82,8 +94,6 @@ def hil(
     controller = find_policy(policy, definition.whose_gains)
     episode_set = find_episodes(definition, pace).first(episodes)
     paced = tuple(replace(task, control_period=1.0 / rate) for task in episode_set.tasks)
-    if any((task.free_left, task.free_right) != (0.0, 0.0) for task in paced):
-        raise ParameterError("scenario must have paths without a free band, which C does not know")
     driven = replace(episode_set, tasks=paced, time_limits=())
     bind_to(controller, driven)  # raises where it cannot act at this rate
     other = Partner(SerialLine(partner, baud), deadline, real_time=real_time)

@@ -72,8 +72,9 @@ class SerialLine:
                         shlex.split(partner) or [partner], stdin=other, stdout=other
                     )
         except (OSError, ValueError) as error:
+            why = error.strerror if isinstance(error, OSError) else error
             raise ParameterError(
-                f"partner must be a serial port or a command, got {partner!r}: {error}"
+                f"partner must be a serial port or a command, got {partner!r}: {why}"
             ) from None
         os.set_blocking(self._end, False)
 

@@ -2,12 +2,19 @@
 
 from collections import Counter
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from pter_gym._commands.terminal import conclude, progress_bar, terminal
 from pter_gym._internal.files import make_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.table import Table
+
+    from pter_gym.tools.paper.claims import Claim
 
 
 def reproduce(
@@ -29,8 +36,6 @@ def reproduce(
         pdf: Also write each picture as PDF.
         out: Folder for the results, created if necessary.
     """
-    from rich.table import Table
-
     from pter_gym._internal.files import write_files_atomic
     from pter_gym.tools.paper.outputs import find_outputs, make_outputs
 
@@ -44,22 +49,24 @@ def reproduce(
             Experiments(), names, pdf=pdf, on_progress=lambda _: progress.advance(task)
         )
     write_files_atomic(out, files)
+    terminal().print(verdicts(claims))
+    conclude([f"{len(files)} files to {out}"], "pter benchmark")
+
+
+def verdicts(claims: "Sequence[Claim]") -> "Table":
+    """Return what became of each claim, with the paper's sentence below, and how many of each."""
+    from rich.table import Table
+
     counts = ", ".join(
         f"{count} {kind}" for kind, count in Counter(claim.kind for claim in claims).items()
     )
-    columns = ("", "the paper says", "read as", "measured", "needed")
-    table = Table(*columns, box=None, pad_edge=False, caption=counts)
+    table = Table.grid(padding=(0, 2))
     for claim in claims:
         s = claim.statement
-        table.add_row(
-            claim.kind,
-            f"“{s.paper}” ({s.section})",
-            s.claim,
-            s.with_unit(f"{claim.value:.4g}"),
-            s.condition,
-        )
-    terminal().print(table)
-    conclude([f"{len(files)} files to {out}"], "pter benchmark")
+        measured = f"Measured {s.with_unit(f'{claim.value:.4g}')}, needed {s.condition}."
+        table.add_row(claim.kind, f"{s.claim} {measured}\n“{s.paper}” ({s.section})")
+    table.add_row("in all", counts)
+    return table
 
 
 def names() -> dict[str, list[str]]:

@@ -15,6 +15,7 @@ from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import ACTUATORS, BASELINE, Arm, MachineSpread, TorqueCurve
 from pter_gym.tools.device import examine_device
+from pter_gym.tools.device.command import errors
 from pter_gym.tools.device.data_sheet import find_device, machine_of_sheet
 from pter_gym.tools.device.measures import FREQUENCY, SHAKE, _free_impedance
 from pter_gym.tools.device.promise import MIN_DRAWS, SEED as PROMISE_SEED, make_promise, order_of
@@ -65,6 +66,7 @@ def test_examine_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
         assert (tmp_path / picture).stat().st_size > 1000
     assert len(said) == len(SCENARIOS) + 4
     guided = next(board for board in report.boards if board.scenario == "standard")
+    assert all(each.policy in errors(guided) for each in guided.standings)
     worst = {each.policy: each.worst for each in guided.standings if each.worst}
     assert worst.keys() == {"single-dof-tuned", "universal"}
     assert all(found.sentence(name) in page for name, found in worst.items())

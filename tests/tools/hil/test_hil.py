@@ -21,10 +21,11 @@ from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import find_policy
 from pter_gym.errors import ParameterError, PartnerError
 from pter_gym.params import BASELINE
+from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.tools.deploy import source_of
 from pter_gym.tools.hil import session
-from pter_gym.tools.hil.command import hil
+from pter_gym.tools.hil.command import BANDS, hil
 from pter_gym.tools.hil.line import SerialLine, framed, payload_of
 from pter_gym.tools.hil.session import ANSWER, GREETING, VERSION, Partner
 
@@ -229,6 +230,11 @@ def test_a_program_that_ends_is_reported_with_what_was_recorded(
     assert len(table.read_text().splitlines()) > 40
 
 
+def test_scenarios_with_a_free_band_are_not_offered() -> None:
+    tasks = {name: each.draws.varied_task.template for name, each in SCENARIOS.items()}
+    assert set(BANDS) == {name for name, task in tasks.items() if task.free_left or task.free_right}
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -236,7 +242,6 @@ def test_a_program_that_ends_is_reported_with_what_was_recorded(
         ({"deadline": 0.0}, "deadline"),
         ({"episodes": 65}, "episodes"),
         ({"episodes": 0}, "episodes"),
-        ({"scenario": "corridor"}, "scenario"),
         ({"partner": "./nowhere"}, "partner"),
         ({"partner": ""}, "partner"),
         ({"partner": os.devnull}, "partner"),

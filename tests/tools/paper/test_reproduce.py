@@ -72,7 +72,10 @@ def test_one_figure_writes_its_files_alone(tmp_path, capsys):
     wanted = {f"{name}.{kind}" for name in ("step", "fig11") for kind in ("png", "pdf", "csv")}
     assert {path.name for path in (tmp_path / "a" / "b").iterdir()} == {*wanted, "claims.json"}
     assert (tmp_path / "a" / "b" / "fig11.pdf").read_bytes().startswith(b"%PDF-")
-    assert "calibration" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "calibration" in printed
+    claims = json.loads((tmp_path / "a" / "b" / "claims.json").read_text("utf-8"))
+    assert len(printed.splitlines()) <= 8 * len(claims)
 
 
 def test_an_unknown_figure_is_refused_before_any_work(tmp_path):
