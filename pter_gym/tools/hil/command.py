@@ -46,7 +46,8 @@ def hil(
     Args:
         policy: Policy that the program runs, as for `pter benchmark --policies`.
         partner: Serial port, or a command whose standard input and output become the line.
-        scenario: Scenario of the episodes, without a free band around its paths.
+        scenario: Scenario of the episodes, other than corridor and wall, whose free bands C
+            doesn't support.
         pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
         episodes: Test episodes to run, starting with the first, at most 64.
         rate: Control steps per simulated second, from 10 to 1000.
