@@ -180,7 +180,7 @@ def amount(rows: list[Row | None], kind: str) -> str:
 
 def print_table(rows: list[Row]) -> None:
     """Print, for each algorithm, its seeds at the end and how soon they come below the levels."""
-    print("| Algorithm | Ranked | Median [mm] | Decisions, seconds |", end="")
+    print("| Algorithm | Ranked | Median [mm] | Steps, seconds |", end="")
     print("".join(f" Below {'/'.join(map('{:g}'.format, level))} mm |" for level in LEVELS))
     print("|---" * (4 + len(LEVELS)) + "|")
     each_seed: list[str] = []

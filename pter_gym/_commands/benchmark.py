@@ -56,16 +56,15 @@ class Benchmark:
 
     Prints their path errors at each pace, the best policy first. Writes benchmark.json, a file for
     each run, pictures, and a film: the errors of up to four policies, and the arm under the best
-    and the last of them. Several benchmarks may share a folder; what is printed and drawn is
-    of this one. With all scenarios there is no
-    film.
+    and the worst of them. Several benchmarks may share a folder; only the present one is printed
+    and drawn. With all scenarios there is no film.
 
     Example: pter benchmark --policies residual impedance-tuned --episodes 20
 
     Args:
         policies: Names of laws and trained policies, paths of exported ones or of gains from
             `pter tune`, or FILE.py:attribute or package.module:attribute for your own. Commas may
-            separate them too. With --machine, universal is in the place of residual by default.
+            separate them too. With --machine, the default is universal instead of residual.
         scenario: Scenario whose test episodes are run, or all.
         paces: Commanded paces: slow, medium, brisk, or speeds in m/s.
         path: Path of all episodes instead of the scenario's: a CSV file of waypoints x, y in
@@ -74,13 +73,13 @@ class Benchmark:
         episodes: How many of the scenario's episodes to run; all by default.
         seed: Draw as many other test episodes with this seed; by default, the stored ones are run,
             or with --path or --machine, where there are none, those of seed 0.
-        details: Also print the worst twentieth, rms, pace and peak acceleration.
-        worst: Also search for the hand that pushes each policy furthest off the path, and print its
-            path error, and how rare a worse hand is at most. Takes 12,288 episodes for each policy
-            and pace.
+        details: Also print the mean of the worst 5 %, rms, pace and peak acceleration.
+        worst: Also search for the hand that pushes the arm furthest off the path under each policy,
+            and print its path error and an upper bound on how often a worse hand occurs. Takes
+            12,288 episodes for each policy and pace.
         film: Whether to film the policies on a training episode of the scenario.
         out: Folder for the results, created if necessary.
-        machine: Name or file of a machine, instead of those that the scenario draws.
+        machine: Name or file of a machine, instead of the scenario's.
         table: File for one table of all scenarios and paces, its best numbers bold: Markdown, LaTeX
             or CSV.
         baseline: Policy to which the table gives differences, with 95 % intervals over the same

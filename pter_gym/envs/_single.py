@@ -31,46 +31,47 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
     across it.
 
     ## Action Space
-    `Box(-1, 1, (4,), float32)`, an entry for each clutch: `a` stands for the machine's largest
-    voltage times `((a + 1) / 2)**2`, which gives fine resolution where the clutches slip; -1 is
-    0 V. With `action_unit="volt"`, `Box(0, 24, (4,), float32)`: the voltages themselves. Values up
-    to four float32 ulp out of bounds are clipped; values further out, NaN or a wrong shape raise
-    `ActionError`, and nothing moves. A machine with fewer clutches has as many entries: two brakes
-    have `Box(-1, 1, (2,), float32)`.
+    `Box(-1, 1, (4,), float32)`, an entry for each clutch: `a` is mapped to `((a + 1) / 2)**2` times
+    the machine's largest voltage, for fine resolution at the low voltages where clutches slip; -1
+    is 0 V. With `action_unit="volt"`, `Box(0, 24, (4,), float32)`: the voltages themselves. Values
+    up to four float32 ulp out of bounds are clipped; values further out, NaN or a wrong shape raise
+    `ActionError`, and nothing moves. A machine with fewer clutches has fewer entries: with two
+    brakes, the space is `Box(-1, 1, (2,), float32)`.
 
     ## Observation Space
     `Box(-25, 25, (20,), float32)` with encoders only, 24 entries with torque sensors, 26 with force
     sensors. Entries are scaled so that typical values are between -1 and 1, and clipped to ±25;
-    `env.unwrapped.observation_layout` names them and holds the scales:
+    `env.unwrapped.observation_layout` has their names and scales:
 
     | entries | meaning |
     |---|---|
     | `cos_a`, `sin_a`, `cos_b`, `sin_b` | absolute angles of links A and B |
     | `omega_a`, `omega_b` | their angular velocities |
-    | `normal_error`, `near_error` | distance from free band or path; from the path, up to 10 mm |
-    | `progress` | part of the path covered |
+    | `normal_error` | signed distance from the path, or from the edge of its free band |
+    | `near_error` | signed distance from the path itself, clipped to ±10 mm |
+    | `progress` | fraction of the path covered |
     | `heading_cos`, `heading_sin`, `curvature` | the path there |
     | `speed_along`, `speed_across` | tip velocity along and across the path |
     | `pace`, `pace_error` | commanded mean speed; `speed_along` divided by it, minus 1 |
-    | `volts_1`, `volts_2`, `volts_3`, `volts_4` | last voltages; 0 for a clutch that is not there |
+    | `volts_1`, `volts_2`, `volts_3`, `volts_4` | last voltages; 0 for a missing clutch |
     | `torque_1`, `torque_2`, `torque_3`, `torque_4` | generated torques (`"torque"`, `"force"`) |
     | `force_along`, `force_across` | the hand's force (`sensors="force"`) |
 
     ## Rewards
-    The reward is paid for new distance along the path: 100 for the whole path if the tip stays on
-    it and keeps the commanded pace. The pay falls with the distance from the path (to 1/e at 60 mm)
-    and with the ratio of the pace, averaged over a tenth of a second, to the commanded one (with
-    its third power below 1, its inverse fourth power above). A wrong pace has a cost per unit of
-    time: at rest, 50 in the time that the path takes at the commanded pace. Leaving the workspace
-    or missing the end of the path costs half of what the episode has paid for the path so far. A
-    step pays at most what its new arc length is worth, so no episode pays more than 100. Squared
-    voltages cost 20 with all clutches at the largest voltage for the time of the path, 4 to 6 in an
-    episode of a good policy. The weights are in `task.reward`, which can also penalise the tip's
-    acceleration. Each term is in the telemetry.
+    New distance along the path is rewarded: 100 for the whole path if the tip stays on it and keeps
+    the commanded pace. The reward falls with the distance e from the path as exp(-abs(e) / 60 mm),
+    and with the ratio x of the pace (averaged over 0.1 s) to the commanded one as x³ below 1 and
+    x⁻⁴ above. A wrong pace also costs something each second; standing still for as long as the path
+    should take costs 50. Leaving the workspace or missing the end of the path costs half of what
+    the episode has earned so far. A step earns at most what its new arc length is worth, so no
+    episode earns more than 100. Voltages cost in proportion to their mean square: 20 with all
+    clutches at the largest voltage for as long as the path should take, 4 to 6 in an episode of a
+    good policy. The weights are in `task.reward`, which can also penalise the tip's acceleration.
+    Each term is in the telemetry.
 
     `info["telemetry"]` is a float64 array in the order of `env.unwrapped.telemetry_layout` (pose,
     tip, force, mode, volts, generated torques and powers, energy terms, reward terms);
-    `info["is_success"]` says whether the end of the path has been reached.
+    `info["is_success"]` tells whether the tip has reached the end of the path.
 
     ## Starting State
     At rest at the start of the path, with the clutches released. With `task.start_offset` the tip
@@ -78,16 +79,16 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
     phases of the disturbance are drawn; both depend only on the seed. A reset without a seed starts
     the next episode of the current seed.
 
-    With `task.starts`, for training, a share of the episodes begins anywhere along the path, off it
-    and moving, and another share at its start with clutches that have settled at drawn voltages;
-    see `pter_gym.tasks.path_following.Starts`. Test episodes never do.
+    With `task.starts`, for training, some episodes begin anywhere along the path, off it and
+    moving, and others at its start with the clutches settled at random voltages; see
+    `pter_gym.tasks.path_following.Starts`. Test episodes never do.
 
     ## Episode End
     ### Termination
     The tip reaches the end of the path (`is_success` if it is within `task.arrival`, 0.125 m, of
     it), or leaves the workspace: too far from the path, behind its start, or near a singular pose.
-    An episode also ends if the arm becomes too fast for the simulator, many times faster than
-    ordinary hands move it. `pter_gym.tasks.path_following.reason_of` says why an episode has ended.
+    An episode also ends if the arm becomes too fast for the simulator, many times faster than any
+    hand moves it. `pter_gym.tasks.path_following.reason_of` says why an episode has ended.
 
     ### Truncation
     After 1000 steps of the environment, by Gymnasium's `TimeLimit`; or when the tip is further than
@@ -105,12 +106,12 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
       in `pter_gym.scenarios.PACES`; `starts` may be a name in
       `pter_gym.tasks.path_following.STARTS`.
     - `scenario`: what each episode draws its machine and task from, as for `PTER/Standard-v0`: a
-      name in `pter_gym.scenarios.SCENARIOS`, a `Scenario`, or `Draws` of one's own
+      name in `pter_gym.scenarios.SCENARIOS`, a `Scenario`, or your own `Draws`
       (`pter_gym.scenarios.distributions`). `machine`, `path`, `hand` and the other fields then
       replace what is drawn. By default actions are held for 3 control steps, the pace is drawn
       between the slowest and the fastest named one, and episodes of a named scenario begin anywhere
-      along the path, moving; with `starts="rest"` they begin like test episodes, so exploration
-      sees little of the path.
+      along the path, moving; with `starts="rest"` they begin like test episodes, so an exploring
+      agent sees little of the path.
     - `contexts`, `context_seed`: number of pairs of machine and task that a scenario's episodes
       draw from, 512 by default, and the seed of their list.
     - `observe_context`: whether the observation ends with the context of machine and task (time
@@ -119,8 +120,8 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
     - `action_unit`: `"normalised"` (default) or `"volt"`.
     - `frame_skip`: control steps (of 10 ms) for which an action is held, 1 by default. Rewards and
-      reward terms of these steps add up; the observation and whatever else `info` holds are those
-      of the last of them. An episode that ends within them ends the step.
+      reward terms of these steps add up; the observation and the rest of `info` are those of the
+      last one. If the episode ends on the way, the step ends there.
     - `base`: a control law whose voltages actions correct, by name, such as `"single-dof-tuned"`,
       or a `Controller`. The law acts at every control step, the observation ends with its
       voltages, `base_1` to `base_4`, and with a scenario actions are held for one control step by
@@ -128,14 +129,14 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
     - `reach`: what an action of 1 adds to the base's voltage, by default a third of the largest
       voltage, 8 V.
     - `history`: rising numbers of control steps, such as `(1, 3, 10)`. The observation ends with
-      what was observed so long ago, a whole observation for each, whose entries are called
-      `normal_error[-3]`. They are control steps (of 10 ms) whatever `frame_skip` is, so the agent
-      also sees observations within its last action. Before the start of an episode lies its first
-      observation.
+      the whole observations of that many control steps ago, with entries such as
+      `normal_error[-3]`. Control steps are 10 ms whatever `frame_skip` is, so the agent also sees
+      observations from within its last action. Entries from before the start of an episode repeat
+      its first observation.
     - `privileged`: whether `info["privileged"]` holds what no sensor shows: the exact state of arm,
       clutches and hand, and the constants of machine, hand and task, in the order and units of
       `env.unwrapped.privileged_layout`, which also has scales. It is for value networks in
-      training; a policy never gets it.
+      training; a policy never sees it.
     - `render_mode`: `"human"` (needs the extra `render`) or `"rgb_array"`.
     - `width`, `height`: size of the pictures, 840 × 600 pixels by default.
 

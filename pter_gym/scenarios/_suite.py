@@ -327,7 +327,7 @@ _SUITE = (
         "wall",
         0,
         "A wall along the paper's line, on which the hand leans: the tip is free on one side and "
-        "must not get beyond.",
+        "must not cross it.",
         episodes=200,
         stratum="hand",
         residual=63.0,

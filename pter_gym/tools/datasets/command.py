@@ -26,9 +26,9 @@ def record(
 
     Args:
         scenario: Scenarios.
-        level: What acts: a trained policy, or random actions.
+        level: Who acts: a trained policy, or random actions.
         steps: Control steps of each data set; its last episode is completed.
-        seed: Seed of the draws, the resets and the random actions, at least 0.
+        seed: Seed of the contexts, the resets and the random actions, at least 0.
         out: Folder for the data sets; by default the one where Minari looks for them.
     """
     from pter_gym._internal.files import make_folder

@@ -27,7 +27,7 @@ def reproduce(
     """Make the paper's figures and Table I, and check its claims.
 
     Writes a picture and a CSV file for each figure, table1.json, and claims.json, which has each
-    claim of the paper about these figures with our measurement. It prints the claims.
+    claim of the paper about these figures with our measurement. Also prints the claims.
 
     Example: pter reproduce fig3 table1
 

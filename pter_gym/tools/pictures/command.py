@@ -44,14 +44,14 @@ def watch(
 ) -> None:
     """Watch policies side by side on the same episode.
 
-    Opens a window, or writes a file with --out. The episode is one of the scenario's training
-    episodes, or with --worst the worst hand's. A window and mp4 need the extra render.
+    Opens a window, or writes a file with --out. The episode is a training episode of the
+    scenario, or with --worst that of the worst hand. A window and mp4 need the extra render.
 
     Example: pter watch torque-feedback,residual --out both.webp
 
     Args:
         policies: Separated by commas, as for `pter benchmark --policies`.
-        scenario: Scenario that draws the episode.
+        scenario: Scenario of the episode.
         pace: Commanded pace: slow, medium, brisk, or a speed in m/s.
         path: Path instead of the scenario's: a CSV file of waypoints x, y in metres, or a path's
             name.
@@ -62,7 +62,7 @@ def watch(
         csv: File for the episode's whole telemetry; see docs/watching.md. Its folder must exist.
         size: Width and height of the picture in pixels.
         speed: Playback speed relative to real time; 0.2 is slow motion.
-        machine: Name or file of a machine, instead of the one that the scenario draws.
+        machine: Name or file of a machine, instead of the scenario's.
         worst: Results of `pter benchmark --worst` with the worst hand for the first policy.
     """
     names = split(policies)

@@ -42,8 +42,8 @@ def tune(
 
     Tries gains on training episodes of a scenario, at a commanded pace, beginning with the shipped
     ones. The trials are kept in a journal file, so an interrupted search continues where it left
-    off, and several processes may share the work. The best gains have the smallest path error of
-    all that arrive and keep the pace. Needs the extra tune.
+    off, and several processes may share the work. The best gains have the smallest path error
+    among those that arrive and keep the pace. Needs the extra tune.
 
     Example: pter tune impedance --scenario standard --pace medium --out gains.toml
 
@@ -62,8 +62,8 @@ def tune(
         out: TOML file for the best gains of a named law, which `pter benchmark --policies`
             and others accept; its other entries are kept. By default they are only printed.
         replace: Replace the gains that --out already holds for the law, scenario and pace.
-        machine: Name or file of a machine, instead of those that the scenario draws.
-        worst: Minimise the largest path error of the episodes in place of the mean.
+        machine: Name or file of a machine, instead of the scenario's.
+        worst: Minimise the largest path error of the episodes instead of the mean.
     """
     kind = kind_of(law, "law", ("law", "code"))
     look_at(paces=[pace], path=path, smooth=smooth, machine=machine)
