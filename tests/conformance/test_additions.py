@@ -108,9 +108,9 @@ def test_an_entry_with_state_sees_what_the_others_show_once_a_step() -> None:
     }
     changes = {
         "_engine.world": {'over the commanded pace")\n    ]': "\n    sum_omega: float"},
-        "_engine.step": {
+        "_engine.sensors": {
             loop: summed + "w[ROW.sum_omega, i])\n",
-            "from pter_gym.tasks.path_following._pace import recent_pace\n": (
+            "from pter_gym.tasks.path_following._specification import MAX_DELAY\n": (
                 "from pter_gym.tasks.path_following._observation import turned\n"
             ),
         },
