@@ -15,12 +15,15 @@ from pter_gym._engine.storage import Array, Mask, Storage, listed
 from pter_gym._engine.threads import Threads
 from pter_gym._engine.world import FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
 from pter_gym._internal.checks import whole_number
+from pter_gym._physics.arm import kinetic_energy, tip_velocity
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import SLOTS, Machine
-from pter_gym.tasks.path_following._context import OBSERVED_CONTEXT
+from pter_gym.tasks.path_following._context import CONTEXT, OBSERVED_CONTEXT
+from pter_gym.tasks.path_following._ending import ending
 from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Sensors, observation_layout
+from pter_gym.tasks.path_following._position import path_state
 from pter_gym.tasks.path_following._specification import PathFollowing, held_machine, substeps
-from pter_gym.tasks.path_following._telemetry import COLUMNS
+from pter_gym.tasks.path_following._telemetry import COLUMNS, first_reason
 
 Observations = NDArray[np.float32]
 ActionUnit = Literal["volt", "normalised"]
@@ -312,14 +315,25 @@ class Batch(Storage):
     def _raise_refusal(self, world: int) -> NoReturn:
         """Raise what ``step`` raises for a world whose step is refused."""
         if self._rows[world, int(ROW.alive)] == 0.0:
-            raise ResetNeededError(
-                f"world {world} needs a reset: it was never reset or its episode has ended"
-            )
+            ended = f"its episode has ended ({self._why_ended(world)})"
+            why = ended if self._seeded[world] else "it was never reset"
+            raise ResetNeededError(f"world {world} needs a reset: {why}")
         bounds = f"[{self.action_low:g}, {self.action_high:g}]"
         raise ActionError(
             f"action of world {world} must be finite and within {bounds}, "
             f"got {self._slots[world, : self.num_actions].tolist()}"
         )
+
+    def _why_ended(self, world: int) -> str:
+        """Return why the episode of a world that has ended is over."""
+        row: Any = self._rows[world]
+        context = int(row[ROW.context_at])
+        task, arm = (
+            read(self._constants, part, context) for part in (CONTEXT.task, CONTEXT.machine.arm)
+        )
+        q, foot = read(row, ROW.motion, 0), read(row, ROW.foot, 0)
+        at = path_state(foot, *tip_velocity(arm, q), task.free)
+        return first_reason(ending(at, q, kinetic_energy(arm, q), task)) or "truncated"
 
 
 def checked_actions(actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[Any]:

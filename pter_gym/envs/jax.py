@@ -202,7 +202,8 @@ class JaxEnv:
         )
         self._empty = words_of(arrays["worlds"][0, :, 0])
         self._view = env.batch.view if isinstance(env.batch, AgentBatch) else None
-        self._no_volts = low if self._view is None or self._view.base is None else 0.0
+        in_volts = self._view is not None and self._view.view.unit_of_worlds == "volt"
+        self._no_volts = 0.0 if in_volts else low
         if self._view is None:
             return
         blank = self._view.start(1)

@@ -25,6 +25,7 @@ from pter_gym.benchmark.tally import PROGRESS, Progress, Sums, tally_kernel
 from pter_gym.controllers import Free
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
+from pter_gym.paths import Line
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY
 from pter_gym.tasks.path_following._pace import ALLOWANCE
 from rollouts import simulate
@@ -60,6 +61,22 @@ def test_constant_error_at_constant_speed() -> None:
 
 
 # --- path error ---
+
+
+def test_episodes_of_different_tasks_are_judged_as_each_alone() -> None:
+    """By its own pace and path, also where another one comes first."""
+    wall = replace(TASK, free_left=0.1)
+    tasks = [wall, replace(wall, pace=0.1, path=Line(x=0.0, y=0.5, direction=0.7, length=0.4))]
+    s, touch = np.linspace(0.0, 0.1, 41) ** 2, {"normal_error": -0.01, "force_x": 3.0}
+    both = padded([travel(s, **touch), travel(s, **touch)])
+    found = Recorded(both, tasks, 24.0)
+    stiff = found.apparent_stiffness()
+    assert stiff is not None
+    for world, task in enumerate(tasks):
+        alone = Recorded(both[:, [world]], [task], 24.0)
+        assert found.lost_at_start[world] == alone.lost_at_start[0]
+        assert stiff[world] == pytest.approx(300.0 * math.sin(task.path.heading(0.0)))
+    assert found.lost_at_start[0] != found.lost_at_start[1]
 
 
 def test_the_larger_average_counts() -> None:

@@ -86,28 +86,37 @@ def test_the_worst_hand_is_the_same_on_any_number_of_threads_and_replays() -> No
     np.testing.assert_array_equal(info["telemetry"], alone[-1])
 
 
+@pytest.mark.parametrize("generations", [1, 40])
 def test_the_search_finds_a_worst_hand_that_is_known(
-    few_hands: None, monkeypatch: pytest.MonkeyPatch
+    few_hands: None, monkeypatch: pytest.MonkeyPatch, generations: int
 ) -> None:
-    """Errors fall with the distance of push and phase from those of the worst hand."""
+    """Errors fall with the distance of push and phase from those of the worst hand.
+
+    The first generation are the worst random ones again. All are at one pace, whichever is drawn.
+    """
     push, phase = 63.0, 2.0
 
+    def error(task: PathFollowing) -> float:
+        hand: Any = task.hand
+        assert task.pace == PACES["medium"]
+        return math.exp(-abs(hand.push - push) - abs(hand.phases[0] - phase))
+
     def errors(_policy: object, episodes: Episodes, _threads: int) -> np.ndarray:
-        hands: list[Any] = [task.hand for task in episodes.tasks]
-        return np.array(
-            [math.exp(-abs(hand.push - push) - abs(hand.phases[0] - phase)) for hand in hands]
-        )
+        return np.array([error(task) for task in episodes.tasks])
 
     monkeypatch.setattr(worst_hand, "path_errors", errors)
-    monkeypatch.setattr(worst_hand, "SEARCHED", 40 * POPULATION)
+    monkeypatch.setattr(worst_hand, "SEARCHED", generations * POPULATION)
     hand = Vary(
         MultiSineHand(), push=Uniform(45.0, 75.0), phases=(Uniform(0.0, 6.0), 0.0, 0.0, 0.0, 0.0)
     )
-    found = find_worst(Free(), Draws(task=Vary(PathFollowing(), hand=hand)))
-    worst: Any = found.task.hand
-    assert worst.push == pytest.approx(push, abs=1e-3)
-    assert worst.phases[0] == pytest.approx(phase, abs=1e-3)
-    assert found.path_error_m > found.random_error_m
+    task = Vary(PathFollowing(), hand=hand, pace=Uniform(0.1, 1.0))
+    found = find_worst(Free(), Draws(task=task))
+    assert found.path_error_m == error(found.task)
+    if generations == 1:
+        assert found.path_error_m == found.random_error_m
+    else:
+        assert found.path_error_m == pytest.approx(1.0, abs=2e-3)
+        assert found.path_error_m > found.random_error_m
 
 
 LINES = [

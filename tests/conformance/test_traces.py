@@ -21,10 +21,18 @@ from pter_gym._compiled.records import leaves, record_fields
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import NEXT_STEP, SAME_STEP, SKIP, STORED_ROWS, World
 from pter_gym.controllers import Impedance
+from pter_gym.errors import ResetNeededError
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces, TremorArm
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, Hand, Machine
 from pter_gym.paths import Arc, Circle, Line, Sine
-from pter_gym.tasks.path_following import STARTS, PathFollowing, RewardWeights, Sensing, Starts
+from pter_gym.tasks.path_following import (
+    STARTS,
+    PathFollowing,
+    Reason,
+    RewardWeights,
+    Sensing,
+    Starts,
+)
 from pter_gym.tasks.path_following._context import Context
 from pter_gym.tasks.path_following._telemetry import TELEMETRY
 from rollouts import Acting
@@ -229,6 +237,23 @@ def test_every_kind_of_ending_occurs():
     assert success[[3, 5]].all(), "arrived"
     assert (terminated & ~success)[[6, 7, 11]].all(), "missed, strayed, singular"
     assert (truncated & ~terminated)[[0, 8, 9]].all(), "by the time limit, and far from the path"
+
+
+WHY = {5: Reason.ARRIVED, 6: Reason.MISSED, 7: Reason.STRAYED, 11: Reason.SINGULAR, 9: "truncated"}
+
+
+def test_a_world_that_needs_a_reset_tells_why():
+    batch = Batch(MACHINE, [TASKS[k] for k in WHY], max_steps=24)
+    released = np.zeros((len(WHY), 4))
+    with pytest.raises(ResetNeededError, match=r"world 0 .* never reset"):
+        batch.step(released)
+    batch.reset(range(len(WHY)))
+    for _ in range(24):
+        batch.step(released, SKIP)
+    for world, why in enumerate(WHY.values()):
+        with pytest.raises(ResetNeededError, match=rf"world {world} .* ended \({why}\)"):
+            batch.step(released)
+        batch.reset(None, np.arange(len(WHY)) == world)
 
 
 def main() -> None:

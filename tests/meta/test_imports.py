@@ -154,10 +154,13 @@ def test_every_file_of_the_core_has_its_tests_in_the_guide() -> None:
     ("file", "tests"),
     [
         ("pter_gym/benchmark/cells.py", {"benchmark/test_tables.py"}),
-        ("pter_gym/_engine/sensors.py", {"verification/test_task.py"}),
+        ("pter_gym/_engine/hand.py", {"verification/test_task.py"}),
         (
             "pter_gym/envs/_vector.py",
-            {f"conformance/test_{name}.py" for name in ("gymnasium", "arguments", "faults")},
+            {
+                f"conformance/test_{name}.py"
+                for name in ("gymnasium", "arguments", "faults", "history")
+            },
         ),
         ("pter_gym/tools/hil/line.py", {"tools/hil"}),
         ("agents/pter_agents/ppo.py", {"agents"}),

@@ -12,6 +12,7 @@ from hypothesis import given, strategies as st
 from pter_gym.benchmark import training_episodes
 from pter_gym.benchmark.rollout import record_episode
 from pter_gym.controllers import PaceSchedule, Powers, Scaled, SingleDof
+from pter_gym.controllers._scaled import ratios_of
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Connection, Machine, TorqueCurve
 from pter_gym.params._connection import BRAKE_A, COUPLED, INVERTED
@@ -76,6 +77,13 @@ def test_gains_follow_powers(torque: float, lag: float, size: float) -> None:
     factor = math.sqrt(torque) / lag  # the mass at the tip falls as the size squared
     assert found.at(0.5).strength == pytest.approx(20.0 * factor, rel=1e-5)
     assert found.at(0.5).approach == SingleDof().approach
+
+
+def test_ratios_are_of_each_link_and_of_the_clutches_that_are_there() -> None:
+    arm = replace(BASELINE.arm, length_a=0.5 * BASELINE.arm.length_a)
+    brakes = replace(BASELINE, arm=arm, clutches=BASELINE.clutches[:2])
+    size = (arm.length_a + arm.length_b) / (BASELINE.arm.length_a + arm.length_b)
+    assert ratios_of(brakes) == pytest.approx((1.0, 1.0, 2.0, size))
 
 
 def test_gains_stay_within_what_a_law_accepts() -> None:

@@ -13,7 +13,7 @@ import pytest
 from pter_gym._compiled.records import load, store
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.episode import place, spread
-from pter_gym._engine.hand import hand_force
+from pter_gym._engine.hand import hand_force, intended
 from pter_gym._engine.sensors import gaussians, take_reading
 from pter_gym._engine.world import ROW, ROWS, Target
 from pter_gym._physics.arm import (
@@ -57,7 +57,7 @@ from pter_gym.tasks.path_following import (
 )
 from pter_gym.tasks.path_following._context import context_of
 from pter_gym.tasks.path_following._ending import reached_end, singular, strayed, too_fast
-from pter_gym.tasks.path_following._model import SensingModel
+from pter_gym.tasks.path_following._model import PathModel, SensingModel
 from pter_gym.tasks.path_following._observation import (
     Measurement,
     Reading,
@@ -248,6 +248,22 @@ def test_an_intent_gathers_speed_with_the_least_jerk():
         2.0,
         2.0,
     ]
+
+
+def test_an_intent_goes_on_from_where_it_was_no_further_than_its_lead_before_the_tip():
+    """Also where the tip has been further along the path than it is now."""
+    rows, constants = np.zeros((ROWS, 1)), np.append(np.zeros(3), Line(x=0.1, y=0.5).arcs.table)
+    hand = HumanArm().model(0.5, 1e-3, (0, 0))
+    store(rows, ROW.hand, 0, hand)
+    store(rows, ROW.task.path, 0, PathModel(3, 1, 0.8))
+    rows[ROW.step], rows[ROW.reached] = 1e4, 0.5
+    for foot, at in ((0.1, 0.1), (0.1, 0.1 + hand.intent_lead - 1e-4), (0.1, 0.45)):
+        rows[ROW.foot.arc_length], rows[ROW.intent] = foot, at
+        target = intended(rows, 0, constants, 0.01)
+        moved = max(at, min(at + 0.01 * hand.intent_speed, foot + hand.intent_lead))
+        assert target.position == pytest.approx(Line(x=0.1, y=0.5).point(at))
+        assert math.hypot(*target.velocity) == pytest.approx((moved - at) / 0.01)
+        assert rows[ROW.intent, 0] == pytest.approx(moved)
 
 
 def test_a_passive_hand():
@@ -655,3 +671,36 @@ def test_a_reset_tells_the_force_that_it_shows() -> None:
     shown = np.hypot(*(obs[:, at] * batch.layout.scales[at]).T)
     assert np.hypot(*telemetry[:, [*COLUMN.force]].T) == pytest.approx(shown, rel=1e-6)
     assert (shown > 1.0).all()
+
+
+def test_an_episode_that_begins_moving_has_its_hand_and_encoders_with_it() -> None:
+    """The intent is beside the tip, and encoders read the velocity that it has."""
+    sensing = Sensing(angle_resolution=1e-7, encoder_velocity=True, delay=2)
+    task = PathFollowing(hand=HumanArm(), starts=Starts(moving=1.0, offset=0.0), sensing=sensing)
+    batch = Batch(BASELINE, task, 4)
+    obs, telemetry = batch.reset([0, 1, 2, 3])
+    state = batch.get_worlds()
+    np.testing.assert_allclose(state.target.position.x, telemetry[:, COLUMN.tip.x], atol=1e-9)
+    np.testing.assert_allclose(state.target.position.y, telemetry[:, COLUMN.tip.y], atol=1e-9)
+    for name in ("omega_a", "omega_b"):
+        at = batch.layout.index(name)
+        read, omega = obs[:, at] * batch.layout.scales[at], getattr(state.motion, name)
+        assert (np.abs(omega) > 1e-3).all()
+        np.testing.assert_allclose(read, omega, rtol=1e-6, atol=1.1e-7 / task.control_period)
+
+
+def test_the_acceleration_that_is_paid_for_is_the_change_of_the_tips_velocity() -> None:
+    """Along both axes, of a tip that begins at rest."""
+    task = PathFollowing(
+        path=Line(x=-0.3, y=0.5, direction=0.7, length=0.2), reward=RewardWeights(acceleration=5.0)
+    )
+    batch = Batch(BASELINE, task)
+    batch.reset([0])
+    row = batch.step(np.zeros((1, 4))).telemetry[0, 0]
+    change = row[[*COLUMN.tip_velocity]] / task.control_period
+    assert (np.abs(change) > 0.1).all()
+    assert row[[*COLUMN.acceleration]] == pytest.approx(change)
+    share = task.control_period * task.pace / task.path.length
+    assert row[COLUMN.terms.acceleration] == pytest.approx(
+        -5.0 * math.hypot(*change) / 10.0 * share
+    )

@@ -18,7 +18,7 @@ from pter_gym._physics.step import Energy
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
 from pter_gym.tasks.path_following._context import ObservedContext, context_of
-from pter_gym.tasks.path_following._ending import ending
+from pter_gym.tasks.path_following._ending import Ending, ending
 from pter_gym.tasks.path_following._position import PathState, PathVector
 from pter_gym.tasks.path_following._reward import Terms
 from pter_gym.tasks.path_following._specification import PathFollowing
@@ -105,10 +105,16 @@ def reason_of(
     error, standing = row[COLUMN.normal_error], PathVector(0.0, 0.0)
     at = PathState(row[COLUMN.arc_length], error, error, UnitVector(1.0, 0.0), 0.0, standing)
     end = ending(at, motion_of(row[[*COLUMN.theta]]), row[COLUMN.kinetic_energy], limits)
+    return first_reason(end) or Reason.SINGULAR
+
+
+def first_reason(end: Ending) -> Reason | None:
+    """Return what has terminated an episode, or None if nothing has."""
     order = (
         (Reason.ARRIVED, end.arrived),
         (Reason.TOO_FAST, end.too_fast),
         (Reason.MISSED, end.missed),
         (Reason.STRAYED, end.strayed),
+        (Reason.SINGULAR, end.singular),
     )
-    return next((reason for reason, holds in order if holds), Reason.SINGULAR)
+    return next((reason for reason, holds in order if holds), None)
