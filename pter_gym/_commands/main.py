@@ -109,14 +109,12 @@ def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
 class Shown(io.StringIO):
     """What is printed for another stream, with the colours and characters that this one has."""
 
+    encoding = ""
+
     def __init__(self, stream: TextIO) -> None:
         super().__init__()
+        self.encoding = stream.encoding
         self._stream = stream
-
-    @property
-    def encoding(self) -> str:
-        """That of the stream."""
-        return self._stream.encoding
 
     def isatty(self) -> bool:
         """Return whether the stream is a terminal."""
