@@ -277,7 +277,7 @@ def actuators() -> str:
     header = ["Grade", "Name", "Torque [N·m]", "At 0 V", "Lag [ms]", "Viscous [N·m·s]"]
     sources = (
         f"- {code(each.name)}: {each.source}: {each.provenance}. "
-        f"Unknown: {', '.join(map(code, each.unknown))}."
+        f"Not stated: {', '.join(map(code, each.unknown))}."
         for each in ACTUATORS.values()
     )
     return f"{table(header, rows)}\n" + "\n".join(sources) + "\n"
