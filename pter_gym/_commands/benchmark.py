@@ -154,7 +154,7 @@ class Benchmark:
 
     def rank(
         self, scenario: "Scenario", results: "ResultsFolder", progress: "Progress"
-    ) -> "list[Leaderboard]":
+    ) -> "Sequence[Leaderboard]":
         """Run the policies on a scenario; print and return the leaderboards of its episodes."""
         from pter_gym.benchmark import find_policy, leaderboards, run_scenario
         from pter_gym.benchmark.boards import boards_text, others_text

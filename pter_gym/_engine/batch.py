@@ -328,9 +328,8 @@ class Batch(Storage):
         """Return why the episode of a world that has ended is over."""
         row: Any = self._rows[world]
         context = int(row[ROW.context_at])
-        task, arm = (
-            read(self._constants, part, context) for part in (CONTEXT.task, CONTEXT.machine.arm)
-        )
+        task = read(self._constants, CONTEXT.task, context)
+        arm = read(self._constants, CONTEXT.machine.arm, context)
         q, foot = read(row, ROW.motion, 0), read(row, ROW.foot, 0)
         at = path_state(foot, *tip_velocity(arm, q), task.free)
         return first_reason(ending(at, q, kinetic_energy(arm, q), task)) or "truncated"

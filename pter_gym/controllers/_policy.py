@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import Any, NamedTuple, Protocol, Self, SupportsIndex, get_args, runtime_checkable
+from typing import Any, NamedTuple, Protocol, Self, SupportsIndex, cast, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -369,7 +369,7 @@ def sensors_of(policy: AnyPolicy) -> Sensors:
     """Return the sensors in a policy's ``sensors`` or layout, by default torque sensors."""
     names = policy.layout.names if isinstance(policy, Policy) else ()
     usual = next((each for each in get_args(Sensors) if names_of(each) == names), "torque")
-    return getattr(policy, "sensors", usual)
+    return cast("Sensors", getattr(policy, "sensors", usual))
 
 
 def names_of(sensors: Sensors) -> tuple[str, ...]:

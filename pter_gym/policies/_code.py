@@ -9,7 +9,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from traceback import extract_tb
 from types import ModuleType
-from typing import Any
+from typing import Any, cast
 
 from pter_gym._internal.files import has_ending
 from pter_gym.errors import ParameterError, nearest
@@ -73,7 +73,7 @@ def code_digest(policy: Any) -> str:
     law = getattr(policy, "law", None)
     if law is not None and (digest := digest_of(law.function)):
         return digest
-    maker: Any = policy if hasattr(policy, "__qualname__") else type(policy)
+    maker = cast("type", policy if hasattr(policy, "__qualname__") else type(policy))
     module = sys.modules.get(maker.__module__)
     content: bytes | None = getattr(module, "__content__", None)
     file = getattr(module, "__file__", None)
