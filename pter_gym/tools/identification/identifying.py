@@ -167,6 +167,9 @@ def identify(
         kept |= dict.fromkeys(
             ("curvature", "knee"), "clutches slipped at fewer than three voltages"
         )
+    for axis, fastest in zip("ab", np.abs(motion.omega).max(axis=0), strict=True):
+        if fastest < SLIPPING:
+            kept |= dict.fromkeys((f"inertia_{axis}", f"viscous_{axis}"), "this link never moves")
     before = shape.coordinates(start)
     p[places(kept)] = before[places(kept)]
     taken = 0
