@@ -207,9 +207,9 @@ def test_a_partner_reads_sensors_with_the_delay_of_the_task() -> None:
     batch = Batch(BASELINE, task, 1)
     rows = [batch.reset([0])[1][0]]
     rows += [batch.step_alone(np.zeros(4))[1] for _ in range(5)]
-    links = [*COLUMN.theta, *COLUMN.omega]
-    assert not np.array_equal(rows[-1][links], rows[-3][links])
-    np.testing.assert_array_equal(session.reading_of(batch, rows[-1])[:4], rows[-3][links])
+    theta = [*COLUMN.theta]
+    assert not np.array_equal(rows[-1][theta], rows[-3][theta])
+    np.testing.assert_array_equal(session.reading_of(batch, rows[-1])[:2], rows[-3][theta])
 
 
 WRONG: dict[str, tuple[Answer, str]] = {

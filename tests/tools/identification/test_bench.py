@@ -224,7 +224,8 @@ def test_a_dead_time_that_scenarios_refuse_is_told_with_what_to_do(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     """40 ms: the machine is refused with its limit, and runs with the delay that the file says."""
-    file = saved(two_way_rows(lambda volts: 0.3 + 0.6 * volts, late=(20, 20)), tmp_path)
+    rows = two_way_rows(lambda volts: 0.3 + 0.6 * volts, late=(20, 20))[:10000]
+    file = saved(rows, tmp_path)
     out = tmp_path / "mine"
     assert main(["identify", str(file), "--clutch", "--out", str(out)]) == 0
     told, text = capsys.readouterr().out, (out / "clutch.toml").read_text("utf-8")
