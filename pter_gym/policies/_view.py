@@ -105,7 +105,7 @@ class View:
 
 
 def find_view(
-    gains: str,
+    whose_gains: str,
     usual_skip: int,
     voltage_max: float,
     *,
@@ -121,7 +121,7 @@ def find_view(
     machine's largest voltage. Without a base, actions are held for ``usual_skip`` control steps by
     default.
     """
-    law = None if base is None else find_base_law(base, gains)
+    law = None if base is None else find_base_law(base, whose_gains)
     usual = usual_skip if law is None else 1
     skip = usual if frame_skip is None else frame_skip
     if law is not None and reach is None:
