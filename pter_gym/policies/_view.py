@@ -195,11 +195,10 @@ class BoundView:
         In worlds that begin, (N,), all earlier observations equal this one. ``act`` is the base's
         for such arrays: ``self.act``, or that of JAX.
         """
-        law, base, latest = memory
         if self.base is not None:
-            base, law = act(obs, law)
-            obs = self.base.seen(obs, base)
-        return Memory(law, base, self._history.after(latest, obs, begins))
+            base, law = act(obs, memory.law)
+            obs, memory = self.base.seen(obs, base), memory._replace(law=law, base=base)
+        return memory._replace(latest=self._history.after(memory.latest, obs, begins))
 
     def act(self, obs: Observations, law: Array) -> tuple[Observations, Array]:
         """Return what the base's ``act`` does."""
