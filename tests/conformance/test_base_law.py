@@ -286,7 +286,7 @@ def test_a_state_of_another_base_or_without_numbers_is_refused() -> None:
     state = env.get_state()
     with pytest.raises(ParameterError, match="with the same base"):
         env.set_state(other.get_state())
-    for name in ("memory", "base", "latest"):
+    for name in ("law", "base", "latest"):
         broken = env.get_state()
         broken[name][0] = np.nan
         with pytest.raises(ParameterError, match=name):
