@@ -21,7 +21,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
     "Control": ("extending", "controllers"),
     "Hardware": ("devices", "identify", "deploy", "which-clutches"),
     "The robot": ("model", "hands", "reproduction", "calibration"),
-    "Reference": ("api", "troubleshooting", "glossary", "development/index"),
+    "Reference": ("api", "stability", "troubleshooting", "glossary", "development/index"),
 }
 """What the side bar shows."""
 
