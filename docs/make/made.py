@@ -309,7 +309,7 @@ def claims() -> str:
         f"{count['prediction']} are predictions that hold, "
         f"{count['calibration']} hold because parameters were fitted\n"
         f"to them, and {count['not met']} are "
-        "[not met](/development/tables.md#the-papers-claims).\n"
+        "[not met](/tables.md#the-papers-claims).\n"
     )
 
 
