@@ -72,6 +72,8 @@ BELOW = {
             "rewards",
             "calibration",
             "stock-algorithms",
+            "control-laws",
+            "gradients",
             "exported-c",
             "contributing",
             "listing",
