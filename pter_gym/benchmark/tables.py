@@ -228,10 +228,15 @@ def _latex_table(paces: list[str], rows: Sequence[tuple[str, ...]], caption: str
     for scenario, same in itertools.groupby(rows, lambda row: row[0]):
         title = rf"\emph{{{_escaped(scenario)}}}"
         lines += [r"\midrule", rf"\multicolumn{{{1 + len(paces)}}}{{l}}{{{title}}} \\"]
-        lines += [_latex_row([cell.replace(" – ", ", ") for cell in cells]) for _, *cells in same]
+        lines += [_latex_row([_short(cell) for cell in cells]) for _, *cells in same]
     caption = _escaped(re.sub("`(.*?)`", "\2\\1\1", caption))
     lines += [r"\bottomrule", r"\end{tabular}", rf"\caption{{{caption}}}", r"\end{table}"]
     return "\n".join(lines) + "\n"
+
+
+def _short(cell: str) -> str:
+    """Return a cell with commas in its intervals, and without decimals from 100 mm on."""
+    return re.sub(r"(\d{3})\.\d", r"\1", cell).replace(" – ", ", ")
 
 
 def _latex_row(cells: Sequence[str]) -> str:
