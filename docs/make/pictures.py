@@ -148,7 +148,7 @@ def worst_hand() -> None:
 
 def envelope(distance: np.ndarray) -> np.ndarray:
     """Return the largest distance within 0.1 s about each control step: no dips where it is 0."""
-    return maximum_filter1d(distance, 1 + 2 * 5)
+    return np.maximum(maximum_filter1d(distance, 1 + 2 * 5), 0.1)
 
 
 def pter() -> None:

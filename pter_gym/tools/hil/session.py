@@ -1,4 +1,4 @@
-"""Episodes in which whoever is at the other end of a line sets the voltages.
+"""Episodes in which the program at the other end of a serial line sets the voltages.
 
 All numbers are little-endian. A payload to the partner begins with a uint32. It is 0 before an
 episode; then come the uint32 ``VERSION``, the pace and the path's arcs. Otherwise it is the number
