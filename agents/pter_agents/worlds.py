@@ -1,4 +1,4 @@
-"""The worlds of a training as the networks of a policy meet them: pure functions of JAX.
+"""The worlds of a training run as a policy's networks see them: pure functions of JAX.
 
 Trainings differ in ``SharedConstants`` and not in the code, except for a base's gains, so one
 compilation serves them all.

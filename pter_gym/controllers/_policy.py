@@ -1,4 +1,4 @@
-"""What acts: a policy turns observations, and what it remembers, into clutch voltages.
+"""Policies: from observations, and what a policy remembers, to clutch voltages.
 
 A *controller* is a frozen set of gains, a trained network, or anything else with ``bind(machine,
 layout)``, which returns a policy for a nominal machine and the observations that it will get.

@@ -45,6 +45,9 @@ FRAME_SKIP = 3
 """Control steps for which environments with a scenario hold an action: noise that is new at each
 step then gets through the clutches' lag, so that stock algorithms explore."""
 
+CONTEXTS = 512
+"""Draws of a scenario among which episodes choose."""
+
 
 class Arguments(ViewArguments, total=False):
     """Arguments of all environments, which ``PathFollowingEnv`` describes.
@@ -360,7 +363,7 @@ def find_worlds(
         one = cast("Machine | FilePath | None", machine)
         own_path, own_hand = fields.pop("path", None), fields.pop("hand", None)
         source = find_scenario(scenario, one, own_path, hand=own_hand)
-        count = whole_number("contexts", 512 if contexts is None else contexts)
+        count = whole_number("contexts", CONTEXTS if contexts is None else contexts)
         seed = whole_number("context_seed", context_seed or 0, at_least=0)
         draws = source.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
         machines, tasks = zip(*draws.pairs(count, seed), strict=True)

@@ -1,4 +1,4 @@
-"""What was observed some control steps ago, which an observation may end with.
+"""Observations of some control steps ago, which may be appended to an observation.
 
 The functions are those of worlds, of policies and, with JAX's arrays, of ``pter_gym.envs.jax``.
 """

@@ -1,4 +1,4 @@
-"""What lies between worlds and whoever acts in them: what it sees, and what its actions do.
+"""How an agent sees worlds and acts in them, whichever interface it uses.
 
 Environments, JAX's worlds and models in an evaluation look through the same ``View``. Its functions
 take and return arrays of NumPy, or of JAX.

@@ -1,5 +1,5 @@
 # pyright: standard
-"""What the residuals of a fit still tell: score tests.
+"""Score tests: what the residuals of a fit still show.
 
 A test asks how much of a further change of the predicted angles the residuals contain, beyond what
 the free coordinates could do instead. Its error is the larger of that by the noise of angles and

@@ -21,7 +21,7 @@ from pter_gym.params import ACTUATORS, BASELINE, Arm, MachineSpread, TorqueCurve
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
 from pter_gym.tools.device import examine_device, measures
-from pter_gym.tools.device.command import errors
+from pter_gym.tools.device.command import errors, gains_in_words, title_of
 from pter_gym.tools.device.data_sheet import find_device, machine_of_sheet
 from pter_gym.tools.device.measures import (
     FREQUENCY,
@@ -103,12 +103,34 @@ def test_examine_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
     for picture in ("forces.png", *(f"{name}.webp" for name in SCENARIOS)):
         assert picture in page
         assert (tmp_path / picture).stat().st_size > 1000
+    assert 'alt=""' not in page
+    assert '<td class="text">single-dof-tuned</td><td class="">' in page
     assert len(said) == len(SCENARIOS) + 4
     guided = next(board for board in report.boards if board.scenario == "standard")
     assert all(each.policy in errors(guided) for each in guided.standings)
     worst = {each.policy: each.worst for each in guided.standings if each.worst}
     assert worst.keys() == {"single-dof-tuned", "universal"}
     assert all(found.sentence(name) in page for name, found in worst.items())
+
+
+@pytest.mark.parametrize(
+    ("given", "title"),
+    [
+        (("particle-brake", None, None), "particle-brake"),
+        (("mine/machine.toml", None, None), "mine"),
+        (("machine.toml", None, None), "machine"),
+        (("my.toml", None, None), "my"),
+        (("", 5.4, 12.0), "a clutch of 5.4 N·m at 12 V"),
+        (("", None, None), "a clutch of PTER's torque"),
+    ],
+)
+def test_a_page_has_its_device_as_title(given: tuple, title: str) -> None:
+    assert title_of(*given) == title
+
+
+def test_gains_that_a_search_has_found_are_told() -> None:
+    found = {"stiffness": 1234.5678, "tip_space": True}
+    assert gains_in_words(found) == "stiffness 1235, tip_space True"
 
 
 def test_a_data_sheet_is_a_straight_torque_curve_and_the_rest_is_pters(tmp_path: Path):
