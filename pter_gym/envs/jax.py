@@ -211,8 +211,7 @@ class JaxEnv:
             Memory(words_of(blank.law), jnp.asarray(blank.base), jnp.asarray(blank.latest))
         )
         if (base := self._view.base) is not None:
-            law = base.policy.law
-            assert law is not None
+            law = base.law
             self._law = _following(register_law(law.function, guarded(law.function)))
             self._law_params = LawParams(
                 words_of(base.policy.layout.scales),

@@ -172,7 +172,7 @@ def input_values(physical: Any, layout: Layout, base: Any = None) -> Any:
         Of the observations.
     base
         Voltages of the base law [V], (N, 4), where they are not in the observations; None without
-        one.
+        one. Those below 0, of released clutches, are seen as 0.
     """
     known = dict(zip(layout.names, physical.T, strict=True))
     heading = Vector(known["heading_cos"], known["heading_sin"])
@@ -181,7 +181,8 @@ def input_values(physical: Any, layout: Layout, base: Any = None) -> Any:
         derived += components(heading, UnitVector(known[f"cos_{link}"], known[f"sin_{link}"]))
     library = physical.__array_namespace__()
     columns = [physical, library.stack(derived, axis=1)]
-    return library.concat(columns if base is None else [*columns, base], axis=1)
+    base = () if base is None else (library.maximum(base, 0.0),)
+    return library.concat([*columns, *base], axis=1)
 
 
 def to_volts(outputs: Any, base: Any, interface: Interface) -> Any:
