@@ -13,13 +13,13 @@ from pter_gym._commands.main import main
 from pter_gym.benchmark import evaluate, find_policy
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.params import ACTUATORS, BASELINE, Arm, MachineSpread, TorqueCurve
+from pter_gym.params import ACTUATORS, BASELINE, Arm, MachineSpread, TorqueCurve, find_machine
 from pter_gym.tools.device import examine_device
 from pter_gym.tools.device.command import errors
 from pter_gym.tools.device.data_sheet import find_device, machine_of_sheet
 from pter_gym.tools.device.measures import FREQUENCY, SHAKE, _free_impedance
 from pter_gym.tools.device.promise import MIN_DRAWS, SEED as PROMISE_SEED, make_promise, order_of
-from pter_gym.tools.device.report import SCENARIOS
+from pter_gym.tools.device.report import SCENARIOS, _for_any
 
 THETA = np.array([0.4, 0.4 + math.pi / 2])
 
@@ -47,9 +47,10 @@ def test_examine_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
     pytest.importorskip("optuna")
     machine = replace(BASELINE, clutch=ACTUATORS["rough-mr-brake"].clutch)
     said: list[str] = []
-    report = examine_device(
-        machine, tmp_path, name="a <brake>", trials=2, episodes=4, on_progress=said.append
-    )
+    with pytest.warns(UserWarning, match=r"universal was not trained .* 5\.1 N·m, not 14\.6 to"):
+        report = examine_device(
+            machine, tmp_path, name="a <brake>", trials=2, episodes=4, on_progress=said.append
+        )
     stored = json.loads((tmp_path / "device.json").read_text("utf-8"))
     assert stored == json.loads(json.dumps(report.as_json()))
     assert (
@@ -70,6 +71,12 @@ def test_examine_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
     worst = {each.policy: each.worst for each in guided.standings if each.worst}
     assert worst.keys() == {"single-dof-tuned", "universal"}
     assert all(found.sentence(name) in page for name, found in worst.items())
+
+
+def test_a_device_that_the_policy_for_any_device_refuses_is_examined_without_it():
+    assert [*_for_any(BASELINE)] == ["universal"]
+    for name in ("double-brakes", "couplings-1-2"):
+        assert not _for_any(find_machine(name))
 
 
 def test_a_data_sheet_is_a_straight_torque_curve_and_the_rest_is_pters(tmp_path: Path):
