@@ -189,6 +189,8 @@ class Steering(Guided):
         }
     )
 
+    needs = Guided.needs | {"lead": "curvature"}
+
     approach: float = parameter(
         "1/m", "chosen: this inverse distance turns the tip back by 45 degrees", default=8.0
     )
