@@ -1,11 +1,13 @@
 """Policies in the worlds of a batch, for tests."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from pter_gym._engine.batch import Batch
+from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import Episodes
 from pter_gym.benchmark.rollout import RecordedEpisodes, record_episodes
 from pter_gym.controllers import Policy
@@ -31,6 +33,21 @@ def simulate(
 ) -> np.ndarray:
     """Return the telemetry of episodes with one limit, (steps + 1, N, columns)."""
     return run(batch, policy, seeds, [max_steps] * batch.num_worlds, nominal).telemetry
+
+
+def releasing(name: str, release: float = 0.001) -> Any:
+    """Return a tuned or scaled law, or a trained policy on one, with a gain ``release`` [m]."""
+    return _with_release(find_policy(name), release)
+
+
+def _with_release(of: Any, release: float) -> Any:
+    if hasattr(of, "interface"):
+        base = _with_release(of.interface.base, release)
+        return replace(of, interface=replace(of.interface, base=base))
+    if hasattr(of, "schedule"):
+        return replace(of, schedule=_with_release(of.schedule, release))
+    knots = tuple((pace, replace(law, release=release)) for pace, law in of.knots)
+    return replace(of, knots=knots)
 
 
 class Acting:

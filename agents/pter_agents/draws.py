@@ -15,8 +15,10 @@ import numpy as np
 from pter_agents.settings import MIXED_NAME, TrainingArguments
 from pter_gym.benchmark import Episodes, evaluate
 from pter_gym.controllers import AnyPolicy
+from pter_gym.controllers._scaled import traits_of
 from pter_gym.params import BASELINE, Machine, MachineSpread, TorqueCurve
 from pter_gym.paths import Arc, Circle, Line, Sine
+from pter_gym.policies._interface import Interval
 from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.scenarios.distributions import Draws, LogUniform, OneOf, Shared, Uniform, Vary
 from pter_gym.scenarios.variations import (
@@ -211,6 +213,27 @@ class Devices:
             ),
             clutch_scale=tuple(scale * self.each.draw(rng) for scale in there),
         )
+
+    @property
+    def trained(self) -> tuple[Interval, ...]:
+        """What the traits of the devices are between."""
+        least, most = self.each.low, self.each.high
+        ratios = {
+            "torque": (self.torque.low * least, self.torque.high * most),
+            "mass": (self.weight.low / most**2, self.weight.high / least**2),
+            "size": (self.length.low * least, self.length.high * most),
+        }
+        usual = traits_of(BASELINE)
+        ends = {
+            name: tuple(ratio * getattr(usual, name) for ratio in pair)
+            for name, pair in ratios.items()
+        }
+        ends |= {
+            "lag": (self.lag.low, self.lag.high),
+            "breakaway": (self.breakaway.low, self.breakaway.high),
+            "brakes": (2.0, 2.0),
+        }
+        return tuple(Interval(name, low, high) for name, (low, high) in ends.items())
 
     def extremes(self) -> tuple[Machine, ...]:
         """Return two devices, which differ."""

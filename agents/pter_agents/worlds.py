@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode
 from jax import numpy as jnp
 from numpy.typing import ArrayLike, NDArray
 
-from pter_agents.draws import training_draws
+from pter_agents.draws import DEVICES, training_draws
 from pter_agents.settings import NO_BASE, TrainingArguments
 from pter_gym._engine.storage import constants_of
 from pter_gym._engine.xla import words_of
@@ -120,6 +120,7 @@ class JaxWorlds:
             s.frame_skip,
             nominal.clutch.voltage_max,
             clutch_rows(nominal),
+            trained=DEVICES.trained if s.devices else (),
         )
         self.size = self.interface.size + len(truth.entries)
         centers, scales = zip(*((each.center, each.scale) for each in inputs), strict=True)

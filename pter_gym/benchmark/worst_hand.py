@@ -4,6 +4,7 @@ Whatever a scenario draws (a hand with its phases, a path, a machine) is made of
 [0, 1) in place of a generator's. So any scenario can be searched, within the bounds that it has.
 """
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from statistics import NormalDist
@@ -12,6 +13,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym._internal.checks import whole_number
 from pter_gym.benchmark.episodes import Episodes
 from pter_gym.benchmark.rollout import evaluate
 from pter_gym.benchmark.scores import WorstHand
@@ -27,7 +29,11 @@ RANDOM, SEARCHED = 8192, 4096
 """Episodes with random hands, and then with those that the search tries."""
 
 POPULATION = 64
-"""Hands of one generation of the search; the first are the worst random ones."""
+"""Hands of one generation of the search; the first are the worst random ones. Half as many where
+several kinds of them are searched."""
+
+FEWEST = 16
+"""Generations for a kind of hands, if several are searched."""
 
 SPREAD = 0.999
 """Share of a normal distribution, about its middle, that is searched."""
@@ -39,11 +45,22 @@ SEARCH_STREAM = 20261129
 """Where the seeds of random hands and of the search begin."""
 
 
+Judge = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""Returns the errors of a population, (N, D)."""
+
+Choice = tuple[int, int]
+"""Place of a number that chooses one of several options, and which one."""
+
+Kind = tuple[Choice, ...]
+"""Hands of the same choices, so that each of their other numbers has one meaning."""
+
+
 class Numbers:
     """Numbers within [0, 1) in place of a generator; those that are missing are drawn with one."""
 
     def __init__(self, rng: np.random.Generator, numbers: Sequence[float] = ()) -> None:
         self.taken: list[float] = []
+        self.choices: list[Choice] = []
         self._rng, self._given = rng, iter(numbers)
         self._spread = SPREAD if numbers else 1.0
 
@@ -59,8 +76,10 @@ class Numbers:
         return low + (high - low) * self._next()
 
     def integers(self, count: int) -> int:
-        """Return a whole number below ``count``."""
-        return min(int(count * self._next()), count - 1)
+        """Return a whole number below ``count``, and note it as a choice."""
+        chosen = min(int(count * self._next()), count - 1)
+        self.choices.append((len(self.taken) - 1, chosen))
+        return chosen
 
     def standard_normal(self, size: int) -> NDArray[np.float64]:
         """Return quantiles of the normal distribution, for given numbers within ``SPREAD``."""
@@ -78,9 +97,10 @@ class Numbers:
 
 
 class Hands(NamedTuple):
-    """Random hands: their episodes, and the numbers that make them, (N, D)."""
+    """Random hands: their episodes, kinds, and the numbers that make them, (N, D)."""
 
     episodes: Episodes
+    kinds: tuple[Kind, ...]
     numbers: NDArray[np.float64]
 
 
@@ -89,33 +109,41 @@ def find_worst(
     scenario: str | Scenario | Draws | PathFollowing,
     pace: str | float = "medium",
     *,
+    seed: int = 0,
     num_threads: int = 2,
 ) -> WorstHand:
     """Search for the hand, path and machine of a scenario that make a policy's path error largest.
 
     The same random hands for every policy come first; then differential evolution goes on from the
-    worst of them. The budget is the same for all, and the same policy gets the same answer.
+    worst of them. Each kind of hands, paths and machines among these (a ``OneOf`` chooses it) has
+    a population of its own, and a share of the budget as large as its share of them. The budget is
+    the same for all, and the same policy gets the same answer.
 
     Parameters
     ----------
     policy, scenario, pace
         As in ``run_scenario``; the policy knows the nominal machine.
+    seed
+        Another one has other random hands: how far two searches agree.
     num_threads
         Threads that share the episodes of a compiled law; the answer does not depend on it.
 
     Raises
     ------
     ParameterError
-        If there is no such scenario or pace, or a distribution of one's own asks the generator for
-        something else than ``uniform``, ``integers`` and ``standard_normal``.
+        If there is no such scenario or pace, the seed is out of range, or a distribution of one's
+        own asks the generator for something else than ``uniform``, ``integers`` and
+        ``standard_normal``.
     """
     scenario, speed = find_scenario(scenario), find_pace(pace)
-    hands = random_hands(scenario, speed)
+    seed = whole_number("seed", seed, at_least=0)
+    hands = random_hands(scenario, speed, seed)
     errors = path_errors(policy, hands.episodes, num_threads)
     largest = int(errors.argmax())
     worst = float(errors[largest]), hands.episodes.machines[largest], hands.episodes.tasks[largest]
     count, width = hands.numbers.shape
-    searched, draws, rng = 0, scenario.draws.at_pace(speed), _generator(scenario, speed, 1)
+    draws, rng = scenario.draws.at_pace(speed), _generator(scenario, speed, 2 * seed + 1)
+    searched = 0
 
     def judge(rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the path errors of hands, and keep the worst."""
@@ -128,10 +156,48 @@ def find_worst(
         return errors
 
     if width:
-        begin = hands.numbers[np.argsort(-errors, kind="stable")[:POPULATION]]
-        evolve(judge, begin, SEARCHED // POPULATION, rng)
+        order = np.argsort(-errors, kind="stable")
+        kinds = [hands.kinds[k] for k in order]
+        size = POPULATION if len({*kinds[:POPULATION]}) == 1 else POPULATION // 2
+        for kind, generations in shares(kinds[:POPULATION], SEARCHED // size).items():
+            begin = hands.numbers[[k for k, own in zip(order, kinds, strict=True) if own == kind]]
+            search_kind(judge, kind, begin[:size], size, generations, rng)
     error, machine, task = worst
     return WorstHand(error, float(errors[largest]), count, count + searched, machine, task)
+
+
+def shares(kinds: Sequence[Kind], generations: int) -> dict[Kind, int]:
+    """Return how many generations are for each kind of the worst hands, the frequent ones first."""
+    counted = Counter(kinds).most_common(max(1, generations // FEWEST))
+    while (
+        generations * counted[-1][1] < FEWEST * sum(count for _, count in counted) and counted[1:]
+    ):
+        counted.pop()
+    whole = sum(count for _, count in counted)
+    found = {kind: generations * count // whole for kind, count in counted}
+    found[counted[0][0]] += generations - sum(found.values())
+    return found
+
+
+def search_kind(
+    judge: Judge,
+    kind: Kind,
+    hands: NDArray[np.float64],
+    size: int,
+    generations: int,
+    rng: np.random.Generator,
+) -> None:
+    """Let hands of a kind evolve, filled up to ``size`` at random; its choices stay as they are."""
+    free = np.ones(hands.shape[1], bool)
+    free[[place for place, _ in kind]] = False
+    more = rng.random((size - len(hands), int(free.sum()))) if len(hands) < size else ()
+
+    def judge_free(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        whole = np.repeat(hands[:1], len(rows), axis=0)
+        whole[:, free] = rows
+        return judge(whole)
+
+    evolve(judge_free, np.array([*hands[:, free], *more]), generations, rng)
 
 
 def judged(
@@ -153,7 +219,7 @@ def judged(
 
 
 def evolve(
-    judge: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    judge: Judge,
     population: NDArray[np.float64],
     generations: int,
     rng: np.random.Generator,
@@ -192,20 +258,20 @@ def path_errors(policy: AnyPolicy, episodes: Episodes, num_threads: int = 2) -> 
 
 
 @lru_cache(2)
-def random_hands(scenario: Scenario, speed: float) -> Hands:
+def random_hands(scenario: Scenario, speed: float, seed: int = 0) -> Hands:
     """Return ``RANDOM`` random hands of a scenario at a pace [m/s]; one if it draws nothing."""
-    draws, rng = scenario.draws.at_pace(speed), _generator(scenario, speed, 0)
-    drawn: list[tuple[Pair, list[float]]] = []
+    draws, rng = scenario.draws.at_pace(speed), _generator(scenario, speed, 2 * seed)
+    drawn: list[tuple[Pair, Numbers]] = []
     while len(drawn) < RANDOM:
         numbers = Numbers(rng)
         if pair := pair_of(draws, numbers):
-            drawn.append((pair, numbers.taken))
+            drawn.append((pair, numbers))
         if not numbers.taken:
             break
-    width = max(len(taken) for _, taken in drawn)
-    filled = [[*taken, *rng.random(width - len(taken))] for _, taken in drawn]
+    width = max(len(numbers.taken) for _, numbers in drawn)
+    filled = [[*each.taken, *rng.random(width - len(each.taken))] for _, each in drawn]
     episodes = _episodes(scenario.name, scenario.draws, [pair for pair, _ in drawn])
-    return Hands(episodes, np.array(filled))
+    return Hands(episodes, tuple(tuple(each.choices) for _, each in drawn), np.array(filled))
 
 
 def pair_of(draws: Draws, numbers: Numbers) -> Pair | None:

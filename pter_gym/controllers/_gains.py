@@ -72,10 +72,15 @@ class Nominal(NamedTuple):
     ]
 
 
+RELEASED = -1e30
+"""Voltage [V] of a clutch that a law releases: 0 V, whatever is added to it."""
+
+
 class Gains(NamedTuple):
     """Gains that the parts of guiding laws read, 0 for a law without them.
 
-    ``Guided`` and its subclasses declare units and meanings.
+    ``Guided`` and its subclasses declare units and meanings. ``release`` is the inverse of what
+    ``Steering`` declares, so that halfway to 0, which is never, lies at twice the distance.
     """
 
     stiffness: float
@@ -88,6 +93,7 @@ class Gains(NamedTuple):
     hold_when_stuck: float
     tip_space: float
     slip_threshold: float
+    release: float
 
 
 NOMINAL = rows(Nominal)

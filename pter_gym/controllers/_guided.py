@@ -91,6 +91,12 @@ class Guided:
     back at the commanded pace. It has to balance the hand's push whatever the other gains are.
     """
 
+    needs: ClassVar[dict[str, str]] = {}
+    """By the names of gains, entries of the observation that they multiply.
+
+    ``pter tune`` leaves a gain out where that entry is 0 in all episodes.
+    """
+
     ranges: ClassVar[dict[str, dict[str, float]]] = {
         "pace_fraction": {"at_least": 0.0, "at_most": 1.0}
     }

@@ -17,6 +17,7 @@ from pter_gym._compiled.pipeline import KernelFunction
 from pter_gym._compiled.records import entrywise, write
 from pter_gym._physics.clutch import CLUTCHES, PerClutch
 from pter_gym._physics.scalars import clamp
+from pter_gym.controllers._gains import RELEASED
 from pter_gym.controllers._laws import Law, is_ours
 from pter_gym.errors import LawIndexError, ParameterError, PterError
 
@@ -36,24 +37,30 @@ _config: Any = config
 
 @entrywise
 @inlined
-def applied(volts: float, voltage_max: float) -> float:
-    """Return a voltage [V] as a clutch gets it: a float32 within its range; NaN if not finite."""
+def applied(volts: float, released: float, voltage_max: float) -> float:
+    """Return a voltage [V] as a clutch gets it: a float32 within its range; NaN if not finite.
+
+    A clutch that the law releases gets ``released``.
+    """
     single = float(np.float32(clamp(volts, -LARGEST, LARGEST)))
-    return clamp(single, 0.0, voltage_max) if math.isfinite(volts) else math.nan
+    within = clamp(single, 0.0, voltage_max) if volts > RELEASED else released
+    return within if math.isfinite(volts) else math.nan
 
 
 def _build_act(digest: str) -> Any:
-    def act(obs: Any, scales: Any, gains: Any, memory: Any, voltage_max: float, volts: Any) -> None:
+    def act(
+        obs: Any, scales: Any, gains: Any, memory: Any, released: float, top: float, volts: Any
+    ) -> None:
         _ = digest, origin
         for world in range(obs.shape[0]):
             decided = law(obs[world], scales, gains, memory[world])
-            write(volts[world], CLUTCHES, applied(decided, voltage_max))
+            write(volts[world], CLUTCHES, applied(decided, released, top))
 
     return act
 
 
 def kernel_of(law: Law) -> Any:
-    """Return ``act(obs, scales, gains, memory, voltage_max, volts)``, which runs a law in N worlds.
+    """Return ``act(obs, scales, gains, memory, released, top, volts)``, a law in N worlds.
 
     The kernel of a user's law is made anew when its code, or a value that it reads, has changed.
     """
@@ -74,13 +81,14 @@ _KERNELS: dict[str, Any] = {}
 def guarded(law: Law) -> Law:
     """Return a law with the largest voltage as a fifth argument, for callers that cannot raise.
 
-    Its voltages are within the range, and NaN where a user's law reads or writes beyond an array.
+    Its voltages are within the range or ``RELEASED``, and NaN where a user's law reads or writes
+    beyond an array.
     """
     if is_ours(law):
 
         @compiled
         def act(obs: Any, scales: Any, gains: Any, memory: Any, voltage_max: float) -> Any:
-            return applied(law(obs, scales, gains, memory), voltage_max)
+            return applied(law(obs, scales, gains, memory), RELEASED, voltage_max)
 
         return act
     checked = _checked(law, {})
@@ -88,7 +96,7 @@ def guarded(law: Law) -> Law:
     @compiled
     def act_checked(obs: Any, scales: Any, gains: Any, memory: Any, voltage_max: float) -> Any:
         try:
-            return applied(checked(obs, scales, gains, memory), voltage_max)
+            return applied(checked(obs, scales, gains, memory), RELEASED, voltage_max)
         except Exception:  # noqa: BLE001  (numba knows no other)
             return PerClutch(math.nan, math.nan, math.nan, math.nan)
 

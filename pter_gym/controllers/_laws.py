@@ -33,6 +33,7 @@ from pter_gym.controllers._gains import (
     ARRANGEMENT,
     MEMORY,
     NOMINAL,
+    RELEASED,
     Entries,
     Nominal,
     clutch_voltage,
@@ -48,6 +49,9 @@ BRAKE_LIMIT = 200.0
 
 START_PROGRESS = 0.02
 """Part of the path within which an episode begins."""
+
+STUCK = 0.02
+"""A clutch that slips more slowly is released while the tip leaves the path [rad/s]."""
 
 JOINED_MIDWAY = 1e6
 """Control steps that no episode has."""
@@ -122,6 +126,18 @@ def speed_along(tip: Tip) -> float:
 
 
 @inlined
+def speed_across(tip: Tip) -> float:
+    """Return the speed of the tip normal to the path [m/s], positive to its left."""
+    return tip.velocity.y * tip.heading.cos - tip.velocity.x * tip.heading.sin
+
+
+@inlined
+def is_lost(g: Any, tip: Tip) -> bool:
+    """Return whether the tip is beyond the gain ``release`` and moves away from the path."""
+    return (abs(tip.error) * g.release > 1.0) & (tip.error * speed_across(tip) > 0.0)
+
+
+@inlined
 def wanted_force(g: Any, tip: Tip, pace: float, integral: float) -> tuple[float, float]:
     """Return the tip force [N] of a spring and a damper normal to the path and a brake along it.
 
@@ -132,9 +148,7 @@ def wanted_force(g: Any, tip: Tip, pace: float, integral: float) -> tuple[float,
     brake = g.damping_tangential * (speed - g.pace_fraction * pace) + integral
     brake = brake if brake > 0.0 else 0.0
     along = -brake if speed > 0.0 else -g.damping_tangential * speed
-    across = -g.stiffness * tip.error - g.damping_normal * (
-        tip.velocity.y * tip.heading.cos - tip.velocity.x * tip.heading.sin
-    )
+    across = -g.stiffness * tip.error - g.damping_normal * speed_across(tip)
     return (
         along * tip.heading.cos - across * tip.heading.sin,
         along * tip.heading.sin + across * tip.heading.cos,
@@ -180,6 +194,7 @@ def looped_voltage(
     scales: Entries,
     gains: Entries,
     g: Any,
+    lost: bool,
     least: float,
     scale: float,
     wanted: float,
@@ -188,12 +203,14 @@ def looped_voltage(
 ) -> float:
     """Return the voltage [V] of a clutch, after the torque loop if it has a gain.
 
-    It is at least ``least``, except for a missing clutch.
+    It is at least ``least``, except for a missing clutch. One that sticks while the tip is lost is
+    ``RELEASED``.
     """
     generated = physical(obs, scales, sensor) if g.feedback != 0.0 else 0.0
-    return max(
+    volts = max(
         least if scale > 0.0 else 0.0, clutch_voltage(gains, g, scale, wanted, slip, generated)
     )
+    return RELEASED if lost & (abs(slip) < STUCK) else volts
 
 
 @inlined
@@ -234,7 +251,16 @@ def guiding_law(steering: Law, record: type[Any], arrangement_at: Law) -> Law:
         wanted = steering(g, tip, nominal, PerLink(want_a, want_b), memory, arrangement)
         least = nominal.voltage_max if gripping else 0.0
         return looped_voltage(
-            obs, scales, gains, g, least, nominal.scale, wanted, tip.slip, OBS.torque
+            obs,
+            scales,
+            gains,
+            g,
+            is_lost(g, tip),
+            least,
+            nominal.scale,
+            wanted,
+            tip.slip,
+            OBS.torque,
         )
 
     guide.__module__ = steering.__module__

@@ -101,7 +101,7 @@ def input_value(obs: Entries, scales: Entries, base: PerClutch, source: int) -> 
     if source >= 0:
         return obs[source] * scales[source]
     if source <= -5:
-        return base[-5 - source]
+        return max(base[-5 - source], 0.0)
     of_b = source <= -3
     cos, sin = float(obs[OBS.heading.cos]), float(obs[OBS.heading.sin])
     cos_link = float(obs[OBS.cos_b] if of_b else obs[OBS.cos_a])

@@ -41,14 +41,22 @@ class Controller(Protocol):
 
 
 class CompiledLaw(NamedTuple):
-    """A compiled law: the scalar function, its gains, float64 (G,), and their parts by name.
+    """A compiled law.
 
-    A part is its first entry in the gains and the one after its last.
+    Attributes
+    ----------
+    function, gains
+        The scalar function, and its gains, float64 (G,).
+    parts
+        Parts of the gains by name: the first entry, and the one after the last.
+    act
+        ``Policy.act`` with a third argument: what a clutch gets that the law releases [V].
     """
 
     function: ScalarLaw
     gains: NDArray[np.float64]
     parts: dict[str, tuple[int, int]]
+    act: "Callable[[Observations, Any, float], Volts]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +216,7 @@ class Policy:
                 rows_of_worlds[:, number] = range(worlds) if episodes is None else episodes
             return rows_of_worlds
 
-        def act(observations: Observations, memory: Any) -> Volts:
+        def act(observations: Observations, memory: Any, released: float = 0.0) -> Volts:
             if observations.shape != (len(memory), len(scales)):
                 raise ParameterError(
                     f"observations must have the shape {(len(memory), len(scales))}, one for each "
@@ -217,7 +225,7 @@ class Policy:
             volts = np.empty((len(observations), SLOTS))
             try:
                 with np.errstate(all="ignore"):  # where it is not compiled
-                    kernel(observations, scales, numbers, memory, top, volts)
+                    kernel(observations, scales, numbers, memory, released, top, volts)
             except FAULTS as error:
                 raise law_error(function, error, len(scales), len(numbers), entries) from error
             return volts[:, :clutches]
@@ -228,7 +236,7 @@ class Policy:
             start,
             1 if frame_skip is None else whole_number("frame_skip", frame_skip),
             frame_skip is None,
-            CompiledLaw(function, numbers, parts),
+            CompiledLaw(function, numbers, parts, act),
             control_period=control_period,
             machine=machine,
             made=partial(

@@ -2,9 +2,10 @@
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.layout import Layout
+from pter_gym._compiled.records import Entry
 from pter_gym._internal.fields import require, require_kind, require_number
 from pter_gym.controllers._guided import Guided, PaceSchedule
 from pter_gym.controllers._policy import Policy
@@ -14,12 +15,19 @@ DIGITS = 6
 """Significant digits of a scaled gain, so that a computer's own powers do not show."""
 
 
-class Ratios(NamedTuple):
-    """A machine's numbers over PTER's.
+class Traits(NamedTuple):
+    """What a law or a policy for any device may know of a machine."""
 
-    Mean torque of its clutches at the largest voltage, time constant, mass at the tip (from the
-    inertias and lengths of both links), and length.
-    """
+    torque: Annotated[float, Entry("N·m", "mean torque of the clutches at the largest voltage")]
+    lag: Annotated[float, Entry("s", "time constant of the clutches")]
+    mass: Annotated[float, Entry("kg", "mass at the tip")]
+    size: Annotated[float, Entry("m", "length of both links")]
+    breakaway: Annotated[float, Entry("1", "breakaway torque over the dynamic torque")]
+    brakes: Annotated[float, Entry("1", "axes with a brake")]
+
+
+class Ratios(NamedTuple):
+    """A machine's ``Traits`` over PTER's."""
 
     torque: float
     lag: float
@@ -27,20 +35,34 @@ class Ratios(NamedTuple):
     size: float
 
 
+def traits_of(machine: Machine) -> Traits:
+    """Return what a law for any device may know of a machine.
+
+    Raises
+    ------
+    ParameterError
+        If it has no clutch.
+    """
+    arm, clutch, top = machine.arm, machine.clutch, machine.clutch.voltage_max
+    scales = [scale for scale in machine.slot_scale if scale > 0.0]
+    require(len(scales) > 0, machine, "clutch_scale", "above 0 for at least one clutch")
+    torque = clutch.dynamic.torque(top)
+    there = zip(machine.clutches, machine.slot_scale, strict=False)
+    axes = {each.row for each, scale in there if scale > 0.0 and 0.0 in each.row}
+    return Traits(
+        torque * math.fsum(scales) / len(scales),
+        clutch.time_constant,
+        math.sqrt(arm.inertia_a * arm.inertia_b) / (arm.length_a * arm.length_b),
+        arm.length_a + arm.length_b,
+        clutch.breakaway.torque(top) / torque,
+        len(axes),
+    )
+
+
 def ratios_of(machine: Machine) -> Ratios:
-    """Return a machine's numbers over PTER's."""
-
-    def numbers(machine: Machine) -> tuple[float, ...]:
-        arm, clutch = machine.arm, machine.clutch
-        scales = [scale for scale in machine.slot_scale if scale > 0.0]
-        return (
-            clutch.dynamic.torque(clutch.voltage_max) * math.fsum(scales) / max(len(scales), 1),
-            clutch.time_constant,
-            math.sqrt(arm.inertia_a * arm.inertia_b) / (arm.length_a * arm.length_b),
-            arm.length_a + arm.length_b,
-        )
-
-    return Ratios(*(a / b for a, b in zip(numbers(machine), numbers(BASELINE), strict=True)))
+    """Return a machine's traits over PTER's; raises as ``traits_of``."""
+    pairs = zip(traits_of(machine), traits_of(BASELINE), strict=True)
+    return Ratios(*[own / usual for own, usual in pairs][: len(Ratios._fields)])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +116,7 @@ class Scaled:
             require(each.gain in names, self, "powers", f"of gains of the law: {names}")
 
     def for_machine(self, machine: Machine) -> PaceSchedule:
-        """Return the law with the gains for a machine."""
+        """Return the law with the gains for a machine; raises as ``traits_of``."""
         knots = tuple((pace, self._scaled(law, machine)) for pace, law in self.schedule.knots)
         return replace(self.schedule, knots=knots)
 

@@ -181,8 +181,15 @@ class Steering(Guided):
     search = (
         Guided.search
         | LOOP
-        | {"approach": (1.0, 100.0), "lead": (0.0, 0.4), "strength": (3.0, 300.0)}
+        | {
+            "approach": (1.0, 100.0),
+            "lead": (0.0, 0.4),
+            "strength": (3.0, 300.0),
+            "release": (0.0, 0.02),
+        }
     )
+
+    needs = Guided.needs | {"lead": "curvature"}
 
     approach: float = parameter(
         "1/m", "chosen: this inverse distance turns the tip back by 45 degrees", default=8.0
@@ -202,8 +209,19 @@ class Steering(Guided):
     hold_when_stuck: bool = parameter(
         "1", "chosen: leave the torque loop out where it has no effect", default=False
     )
+    release: float = parameter(
+        "m",
+        "chosen: beyond it a clutch that sticks while the tip leaves the path gets 0 V; 0: never",
+        default=0.0,
+        later=True,
+    )
 
     ranges = Guided.ranges | {"slow": {"above": 0.0}, "reluctance": {"at_least": 0.0, "below": 1.0}}
+
+    def gains(self) -> Any:
+        """Return the gains as the law reads them, with the inverse of ``release``."""
+        release = self.release
+        return super().gains()._replace(release=1.0 / release if release > 0.0 else 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

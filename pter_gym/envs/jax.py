@@ -205,8 +205,7 @@ class JaxEnv:
         law = words_of(blank.law)
         self._blank = on_cpu(Memory(law, *(jnp.asarray(part) for part in blank[1:])))
         if (base := self._view.base) is not None:
-            law = base.policy.law
-            assert law is not None
+            law = base.law
             self._law = _following(register_law(law.function, guarded(law.function)))
             self._law_params = LawParams(
                 words_of(base.policy.layout.scales),

@@ -15,7 +15,9 @@ from pter_gym._compiled.layout import Field, Layout
 from pter_gym._engine.batch import Observations
 from pter_gym._engine.storage import Array
 from pter_gym.controllers import Controller
+from pter_gym.controllers._gains import RELEASED
 from pter_gym.controllers._network import BASE_INPUTS
+from pter_gym.controllers._policy import CompiledLaw
 from pter_gym.errors import ParameterError
 from pter_gym.params import SLOTS, Machine
 from pter_gym.policies._history import Floats
@@ -83,11 +85,16 @@ class BaseLaw:
         self._clutches = len(machine.clutches)
 
     @property
+    def law(self) -> CompiledLaw:
+        """What the law is compiled from."""
+        assert self.policy.law is not None
+        return self.policy.law
+
+    @property
     def digest(self) -> str:
         """What a law with its gains is known by."""
-        law = self.policy.law
-        assert law is not None
-        return sha256(f"{digest_of(law.function)}{law.gains.tolist()}".encode()).hexdigest()
+        known = f"{digest_of(self.law.function)}{self.law.gains.tolist()}"
+        return sha256(known.encode()).hexdigest()
 
     def start(self, worlds: int) -> Array:
         """Return the law's memory in worlds whose episodes begin, (N, M)."""
@@ -96,6 +103,8 @@ class BaseLaw:
     def act(self, obs: Observations, memory: Array) -> tuple[Observations, Array]:
         """Return the law's voltages [V], float32 (N, 4), and its memory after them.
 
+        That of a clutch that it releases is ``RELEASED``.
+
         Raises
         ------
         ParameterError
@@ -103,7 +112,7 @@ class BaseLaw:
         """
         after = np.array(memory)
         volts = np.zeros((len(obs), SLOTS), np.float32)
-        volts[:, : self._clutches] = self.policy.act(np.ascontiguousarray(obs), after)
+        volts[:, : self._clutches] = self.law.act(np.ascontiguousarray(obs), after, RELEASED)
         if not np.isfinite(volts).all():
             world = int(np.isfinite(volts).all(axis=1).argmin())
             raise ParameterError(
@@ -113,7 +122,9 @@ class BaseLaw:
 
     def seen(self, obs: Floats, base: Floats) -> Floats:
         """Return observations, float32 (N, entries), that end with the law's voltages."""
-        return obs.__array_namespace__().concat([obs, base * self._inverse_scale], axis=1)
+        library = obs.__array_namespace__()
+        volts = library.maximum(base, 0.0)
+        return library.concat([obs, volts * self._inverse_scale], axis=1)
 
     def corrected(self, actions: Actions, base: "Observations | jax.Array") -> Actions:
         """Return the voltages [V], float32, of actions, (N, clutches), on those of the law."""

@@ -199,7 +199,7 @@ def _parse(data: bytes, name: str) -> "TrainedController":
 
 def interface_codec() -> Codec:
     from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule, Powers, Scaled
-    from pter_gym.policies._interface import Input, Interface
+    from pter_gym.policies._interface import Input, Interface, Interval
 
     guided = [kind for kind in CONTROLLERS.values() if issubclass(kind, Guided)]
-    return Codec((Interface, Input, PaceSchedule, Powers, Scaled, *guided))
+    return Codec((Interface, Input, Interval, PaceSchedule, Powers, Scaled, *guided))

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pter_gym._compiled.layout import Layout
+from pter_gym._compiled.records import layout_of
 from pter_gym._internal.checks import are_rising
 from pter_gym._internal.fields import (
     require,
@@ -22,6 +23,7 @@ from pter_gym._physics.arm import UnitVector, Vector, components
 from pter_gym.controllers import PaceSchedule, Scaled
 from pter_gym.controllers._network import BASE_INPUTS, DERIVED, INPUT_LIMIT
 from pter_gym.controllers._policy import Rows, clutch_rows
+from pter_gym.controllers._scaled import Traits, traits_of
 from pter_gym.params import BASELINE, Machine
 from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.tasks.path_following._actions import volts_of
@@ -78,6 +80,29 @@ class Input:
 
 
 @dataclass(frozen=True)
+class Interval:
+    """What a trait of the training's machines was between.
+
+    Attributes
+    ----------
+    trait
+        Its name: one of ``pter_gym.controllers._scaled.Traits``.
+    low, high
+        Its ends, in SI.
+    """
+
+    trait: str
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        """Check that there is such a trait, and that the ends are in order."""
+        require(self.trait in Traits._fields, self, "trait", f"one of {', '.join(Traits._fields)}")
+        require_number(self, "low")
+        require_number(self, "high", at_least=self.low)
+
+
+@dataclass(frozen=True)
 class Interface:
     """A network's inputs, and how its outputs become voltages.
 
@@ -108,6 +133,8 @@ class Interface:
         Rows of W of these clutches.
     control_period
         Control period of its training [s].
+    trained
+        The machines of its training, if they differed.
     """
 
     inputs: tuple[Input, ...]
@@ -120,6 +147,7 @@ class Interface:
     voltage_max: float = BASELINE.clutch.voltage_max
     clutches: Rows = clutch_rows(BASELINE)
     control_period: float = field(default=PathFollowing.control_period, metadata={"later": True})
+    trained: tuple[Interval, ...] = field(default=(), metadata={"later": True})
 
     def __post_init__(self) -> None:
         """Check each field by itself."""
@@ -135,6 +163,8 @@ class Interface:
         for name, largest in (("history", MAX_DELAY), ("averages", MAX_AVERAGE)):
             steps, accepted = getattr(self, name), f"rising whole numbers from 1 to {largest}"
             require(are_rising(steps, largest), self, name, accepted, got=steps)
+        are_intervals = {type(each) for each in self.trained} <= {Interval}
+        require(are_intervals, self, "trained", "a tuple of Interval")
         require_kind(self, "clutches", tuple)
         for row in self.clutches:
             require(
@@ -150,6 +180,19 @@ class Interface:
     def for_any_machine(self) -> bool:
         """Whether the policy is made for machines with other drives, clutches and arms."""
         return isinstance(self.base, Scaled)
+
+    def beyond_training(self, machine: Machine) -> list[str]:
+        """Return what is outside of a machine's training, in words."""
+        traits, entries = traits_of(machine), layout_of(Traits).fields
+        known = {each.name: (value, each) for each, value in zip(entries, traits, strict=True)}
+        beyond: list[str] = []
+        for interval in self.trained:
+            value, entry = known[interval.trait]
+            if not interval.low <= value <= interval.high:
+                unit = f" {entry.unit}" * (entry.unit != "1")
+                ends = dict.fromkeys(f"{end:.3g}" for end in (interval.low, interval.high))
+                beyond.append(f"{entry.meaning} {value:.3g}{unit}, not {' to '.join(ends)}{unit}")
+        return beyond
 
 
 def input_names(layout: Layout, *, residual: bool) -> list[str]:
@@ -172,7 +215,7 @@ def input_values(physical: Any, layout: Layout, base: Any = None) -> Any:
         Of the observations.
     base
         Voltages of the base law [V], (N, 4), where they are not in the observations; None without
-        one.
+        one. Those below 0, of released clutches, are seen as 0.
     """
     known = dict(zip(layout.names, physical.T, strict=True))
     heading = Vector(known["heading_cos"], known["heading_sin"])
@@ -181,7 +224,8 @@ def input_values(physical: Any, layout: Layout, base: Any = None) -> Any:
         derived += components(heading, UnitVector(known[f"cos_{link}"], known[f"sin_{link}"]))
     library = physical.__array_namespace__()
     columns = [physical, library.stack(derived, axis=1)]
-    return library.concat(columns if base is None else [*columns, base], axis=1)
+    base = () if base is None else (library.maximum(base, 0.0),)
+    return library.concat([*columns, *base], axis=1)
 
 
 def to_volts(outputs: Any, base: Any, interface: Interface) -> Any:

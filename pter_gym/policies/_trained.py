@@ -1,5 +1,6 @@
 """A trained policy: its interface and its weights."""
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -128,12 +129,13 @@ class TrainedController:
         """Return a policy for any machine with one machine's numbers in it.
 
         Voltages are fractions of the largest. What the policy sees of a clutch that the machine
-        lacks is constant and becomes part of the first biases.
+        lacks is constant and becomes part of the first biases. A warning names what is outside of
+        the training.
 
         Raises
         ------
         ParameterError
-            If the machine has other clutches than those of the training.
+            If the machine has no clutch, or others than those of the training.
         """
         interface = self.interface
         if not interface.for_any_machine:
@@ -141,6 +143,9 @@ class TrainedController:
         rows, top = clutch_rows(machine), machine.clutch.voltage_max
         fits = len({*rows}) == len(rows) and {*rows} <= {*interface.clutches}
         require(fits, machine, "clutches", f"some of {interface.clutches}", got=rows)
+        if beyond := interface.beyond_training(machine):
+            text = f"{self.name} was not trained on such a machine: {'; '.join(beyond)}"
+            warnings.warn(text, stacklevel=2)
         inputs = [each.on(machine, interface) for each in interface.inputs]
         (weight, bias), *others = self.layers
         columns: list[int] = []

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pter_agents.draws import training_draws, validation_episodes
+from pter_agents.draws import DEVICES, training_draws, validation_episodes
 from pter_agents.exporting import export
 from pter_agents.runs import RunFolder
 from pter_agents.settings import PARTS, SMOKE, TrainingArguments, load_settings
@@ -118,6 +118,9 @@ def test_every_pair_has_another_device_within_what_is_declared() -> None:
     assert 0.005 <= lags.min() < 0.02 < 0.15 < lags.max() <= 0.3
     assert 0.0 == off_state.min() < off_state.max() <= 0.1
     assert 0.6 * 0.9 <= lengths.min() < lengths.max() <= 1.5 * 1.11
+    interface = read_policy("universal").interface
+    assert interface.trained == DEVICES.trained
+    assert not any(interface.beyond_training(each) for each in machines)
 
 
 def test_worlds_with_drawn_devices_act_as_the_policy_bound_to_each_device() -> None:

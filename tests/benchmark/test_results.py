@@ -145,7 +145,8 @@ def high(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 def test_laws_with_the_same_gains_have_digests_of_their_own() -> None:
     digests = {
-        code_digest(SimpleNamespace(law=CompiledLaw(law, np.zeros(0), {}))) for law in (low, high)
+        code_digest(SimpleNamespace(law=CompiledLaw(law, np.zeros(0), {}, law)))
+        for law in (low, high)
     }
     assert len(digests) == 2
     assert "" not in digests

@@ -29,7 +29,7 @@ from pter_gym.errors import DataError, ParameterError
 from pter_gym.hands import SINES, HandModel, MultiSineHand, Operator
 from pter_gym.params import BASELINE, MachineSpread
 from pter_gym.scenarios import PACES, SCENARIOS
-from pter_gym.scenarios.distributions import Draws, Uniform, Vary
+from pter_gym.scenarios.distributions import Draws, OneOf, Uniform, Vary
 from pter_gym.tasks.path_following import PathFollowing
 from rollouts import Acting
 
@@ -117,6 +117,56 @@ def test_the_search_finds_a_worst_hand_that_is_known(
     else:
         assert found.path_error_m == pytest.approx(1.0, abs=2e-3)
         assert found.path_error_m > found.random_error_m
+
+
+def test_each_kind_of_hand_is_searched_by_itself(
+    few_hands: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first number is the push of one kind and the phase of the other, whose peak is higher."""
+    populations: list[set[bool]] = []
+
+    def error(task: PathFollowing) -> float:
+        hand: Any = task.hand
+        if hand.phases[0] == 0.0:
+            return 0.5 * math.exp(-abs(hand.push - 47.0))
+        return math.exp(-abs(hand.phases[0] - 5.0))
+
+    def errors(_policy: object, episodes: Episodes, _threads: int) -> np.ndarray:
+        hands: list[Any] = [task.hand for task in episodes.tasks]
+        populations.append({hand.phases[0] == 0.0 for hand in hands})
+        return np.array([error(task) for task in episodes.tasks])
+
+    monkeypatch.setattr(worst_hand, "path_errors", errors)
+    monkeypatch.setattr(worst_hand, "SEARCHED", 40 * POPULATION)
+    usual = MultiSineHand()
+    pushes = Vary(usual, push=Uniform(45.0, 75.0), phases=(0.0,) * 5)
+    phases = Vary(usual, phases=(Uniform(0.1, 6.0), 0.0, 0.0, 0.0, 0.0))
+    draws = Draws(task=Vary(PathFollowing(), hand=OneOf((pushes, phases))))
+    found = find_worst(Free(), draws)
+    assert found.tried == found.random + 40 * POPULATION
+    assert found.path_error_m == pytest.approx(1.0, abs=2e-3)
+    first, *others = populations
+    assert first == {True, False}
+    assert [len(kinds) for kinds in others] == [1] * len(others)
+    assert {*map(tuple, others)} == {(True,), (False,)}
+    assert find_worst(Free(), draws, seed=1).random_error_m != found.random_error_m
+
+
+@pytest.mark.parametrize(
+    ("kinds", "generations", "expected"),
+    [
+        ("a" * 64, 64, {"a": 64}),
+        ("a" * 48 + "b" * 16, 128, {"a": 96, "b": 32}),
+        ("a" * 60 + "b" * 4, 128, {"a": 128}),
+        ("abcdefghijkl", 128, dict.fromkeys("abcdefgh", 16)),
+        ("ab", 8, {"a": 8}),
+    ],
+)
+def test_kinds_share_the_generations_as_they_share_the_worst_hands(
+    kinds: str, generations: int, expected: dict[str, int]
+) -> None:
+    named: Any = kinds
+    assert worst_hand.shares(named, generations) == expected
 
 
 LINES = [

@@ -15,6 +15,7 @@ from pter_gym.controllers import PerClutch, Policy, compiled
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.paths import Sine
 from pter_gym.tasks.path_following import PathFollowing
+from rollouts import releasing
 
 jax = pytest.importorskip("jax")
 jnp = jax.numpy
@@ -57,7 +58,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "a base and a history": {
         "env_id": "PTER/Standard-v0",
         "contexts": 8,
-        "base": "single-dof-tuned",
+        "base": releasing("single-dof-tuned"),
         "history": (2, 7),
         "max_episode_steps": 30,
     },

@@ -17,6 +17,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Connection, Machine, TorqueCurve
 from pter_gym.params._connection import BRAKE_A, COUPLED, INVERTED
 from pter_gym.policies import Input, Interface, TrainedController
+from pter_gym.policies._interface import Interval
 from pter_gym.policies.tuned import SCALED, find_tuned
 from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.deploy import source_of
@@ -153,6 +154,42 @@ def test_a_machine_with_other_clutches_is_refused() -> None:
     machine = replace(BASELINE, clutches=clutches)
     with pytest.raises(ParameterError, match="clutches must be some of"):
         network().bind(machine, observation_layout(machine, "torque"))
+
+
+TRAINED = (Interval("lag", 0.005, 0.3), Interval("torque", 10.0, 200.0), Interval("brakes", 2, 2))
+
+
+@pytest.mark.parametrize(
+    ("machine", "beyond"),
+    [
+        (device(lag=1.0 / 0.105), "time constant of the clutches 1 s, not 0.005 to 0.3 s"),
+        (device(torque=0.1), "largest voltage 5.42 N·m, not 10 to 200 N·m"),
+        (replace(BASELINE, clutch_scale=(0.0, 1.0, 1.0, 1.0)), "axes with a brake 1, not 2"),
+        (replace(BASELINE, clutches=(BRAKE_A, COUPLED)), "axes with a brake 1, not 2"),
+    ],
+)
+def test_a_machine_beyond_the_training_is_told(machine: Machine, beyond: str) -> None:
+    policy = network(trained=TRAINED)
+    policy.for_machine(device(lag=2.0))
+    with pytest.warns(UserWarning, match="policy was not trained on such a machine: ") as told:
+        policy.bind(machine, observation_layout(machine, "torque"))
+    (text,) = (str(each.message) for each in told)
+    assert text.endswith(beyond)
+
+
+@pytest.mark.parametrize("clutches", [BASELINE.clutches, (BRAKE_A, COUPLED)])
+def test_a_machine_without_a_clutch_is_refused(clutches: tuple[Connection, ...]) -> None:
+    scale = tuple(float(slot >= len(clutches)) for slot in range(4))
+    machine = replace(BASELINE, clutches=clutches, clutch_scale=scale)
+    for policy in (network(), find_tuned(SCALED)):
+        with pytest.raises(ParameterError, match="clutch_scale must be above 0"):
+            policy.bind(machine, observation_layout(machine, "torque"))
+
+
+@pytest.mark.parametrize(("trait", "low", "high"), [("weight", 0.0, 1.0), ("lag", 1.0, 0.0)])
+def test_an_interval_is_of_a_trait_and_in_order(trait: str, low: float, high: float) -> None:
+    with pytest.raises(ParameterError, match=r"Interval\.(trait|high) must be"):
+        Interval(trait, low, high)
 
 
 def test_c_has_the_devices_numbers() -> None:

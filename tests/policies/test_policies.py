@@ -9,14 +9,16 @@ import pytest
 from safetensors.numpy import load, save
 
 from pter_gym._engine.batch import Batch
+from pter_gym.benchmark import find_policy
 from pter_gym.controllers._network import tanh
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.policies import read_policy, shipped_policies, write_policy
+from pter_gym.policies._base_law import BaseLaw
 from pter_gym.policies._files import SHIPPED, read_header
 from pter_gym.policies._interface import input_names, input_values
 from pter_gym.tasks.path_following import PathFollowing
-from rollouts import Acting
+from rollouts import Acting, releasing
 
 
 def test_tanh() -> None:
@@ -60,6 +62,27 @@ def test_a_compiled_network_is_that_of_numpy(name: str) -> None:
         found = policy(obs)
         np.testing.assert_allclose(found, np.clip(expected, 0.0, 24.0), atol=2e-5)
         obs = batch.step(found).obs
+
+
+def test_no_correction_engages_a_clutch_that_the_base_releases() -> None:
+    policy, batch = releasing("residual", 1e-6), Batch(BASELINE, PathFollowing(pace=0.5), 3)
+    acting = Acting(policy.bind(BASELINE, batch.layout))
+    plain = Acting(find_policy("residual").bind(BASELINE, batch.layout))
+    base = BaseLaw(policy.interface.base, BASELINE, batch.layout, 32.0)
+    memory, most = base.start(3), np.ones((3, 4), np.float32)
+    obs, _ = batch.reset([1, 2, 3])
+    released = 0
+    for _ in range(60):
+        volts, memory = base.act(obs, memory)
+        off = volts < 0.0
+        assert (base.seen(obs, volts)[:, -4:] >= 0.0).all()
+        assert (base.corrected(most, volts)[off] == 0.0).all()
+        assert (base.corrected(most, volts)[~off] == 24.0).all()
+        found, engaged = acting(obs), plain(obs)
+        assert (found[off] == 0.0).all()
+        released += (engaged[off] > 0.0).sum()
+        obs = batch.step(found).obs
+    assert released > 0
 
 
 def test_a_file_round_trips(tmp_path: Path) -> None:

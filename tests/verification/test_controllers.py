@@ -154,7 +154,11 @@ def steering_reference(gains: SingleDof | VelocityRatio, obs: Array) -> Array:
     else:
         wanted = allocated(gains, joint_torque, omega, np.eye(2))
         wanted = wanted + engaged(gains, heading, physical, omega, jacobian)
-    return voltages(gains, wanted, physical, gains.feedback, gains.hold_when_stuck)
+    volts = voltages(gains, wanted, physical, gains.feedback, gains.hold_when_stuck)
+    left = np.array([-tangent[1], tangent[0]])
+    leaves = physical["normal_error"] * (velocity @ left) > 0.0
+    lost = gains.release > 0.0 and abs(physical["normal_error"]) > gains.release and leaves
+    return np.where(lost & (np.abs(W @ omega) < 0.02), 0.0, volts)
 
 
 def engaged(
@@ -285,6 +289,8 @@ def test_a_gain_changes_the_voltages(gains: Guided, change: dict[str, Any]) -> N
     [
         SingleDof(strength=15.0, approach=5.0, lead=0.1, reluctance=0.0),
         SingleDof(strength=40.0, slow=0.5, reluctance=0.0, feedback=0.3, pace_fraction=0.4),
+        SingleDof(strength=40.0, reluctance=0.0, feedback=0.3, release=0.05),
+        VelocityRatio(strength=15.0, approach=5.0, release=0.05),
         VelocityRatio(strength=15.0, approach=5.0, lead=0.1),
         VelocityRatio(strength=40.0, slow=2.0, tip_space=True, feedback=0.3, hold_when_stuck=True),
     ],
@@ -399,6 +405,19 @@ def test_a_schedule_is_linear_between_its_knots_and_flat_beyond() -> None:
         )
 
 
+def test_between_knots_never_is_infinitely_far() -> None:
+    """Halfway from 10 mm to never is 20 mm, not 5 mm."""
+    obs = observations(400)
+    obs[:, LAYOUT.index("pace")] = 0.375 / LAYOUT.scales[LAYOUT.index("pace")]
+    never, at_10_mm, at_20_mm = (SingleDof(release=each) for each in (0.0, 0.01, 0.02))
+    schedule = PaceSchedule(((0.25, never), (0.5, at_10_mm)))
+    found, expected, plain = (
+        Acting(law.bind(BASELINE, LAYOUT))(obs) for law in (schedule, at_20_mm, never)
+    )
+    np.testing.assert_array_equal(found, expected)
+    assert (found != plain).any()
+
+
 @compiled
 def weakened(g: Any, tip: Any, nominal: Any, want: Any, memory: Any, arrangement: Any) -> PerClutch:
     memory[int(g.place)] += 1.0
@@ -495,6 +514,7 @@ def test_simple_policies() -> None:
         (SingleDof, "approach", -1.0),
         (SingleDof, "strength", float("nan")),
         (SingleDof, "lead", -0.1),
+        (SingleDof, "release", -0.1),
         (SingleDof, "slow", 0.0),
         (SingleDof, "reluctance", 1.0),
         (SingleDof, "pace_fraction", 1.5),

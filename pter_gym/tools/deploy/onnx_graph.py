@@ -47,10 +47,10 @@ def write_onnx(
 
     Its inputs, each float32 (N, 1), are the entries of the observation that it uses, by their
     names, as they are in the observation, and ``base_1`` to ``base_4``, the voltages of the
-    law that it corrects [V]. A network that sees earlier inputs or averages also has the
-    input ``earlier``, float32 (N, inputs · (delays + averages)): what the output ``inputs`` was so
-    many steps ago, then its averages; the model's metadata has both lists. The output ``volts``
-    is float32 (N, clutches) [V].
+    law that it corrects [V], −1e30 for a clutch that the law releases. A network that sees earlier
+    inputs or averages also has the input ``earlier``, float32 (N, inputs · (delays + averages)):
+    what the output ``inputs`` was so many steps ago, then its averages; the model's metadata has
+    both lists. The output ``volts`` is float32 (N, clutches) [V].
 
     Parameters
     ----------
@@ -206,6 +206,11 @@ class Columns:
     def clip(x: "Columns", low: float, high: float) -> "Columns":
         """Return numbers limited to [low, high]."""
         return Columns(x.graph, [x.graph.limited(name, low, high) for name in x.names])
+
+    @staticmethod
+    def maximum(x: "Columns", least: float) -> "Columns":
+        """Return numbers that are at least so large."""
+        return x._each("Max", x, least)
 
     @staticmethod
     def concat(arrays: "Sequence[Columns]", **_: int) -> "Columns":

@@ -18,12 +18,13 @@ from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.benchmark.scores import ScenarioRun
 from pter_gym.benchmark.worst_hand import find_worst
-from pter_gym.controllers import AnyPolicy
-from pter_gym.errors import unknown_name
+from pter_gym.controllers import AnyPolicy, bind
+from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import BASELINE, Machine, MachineSpread
 from pter_gym.plugins import PICTURES, registered
 from pter_gym.policies.tuned import with_gains
 from pter_gym.scenarios import PACES, find_scenario
+from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.device.data_sheet import find_device
 from pter_gym.tools.device.measures import FREQUENCY, Rendering, measure_rendering
 from pter_gym.tools.device.promise import Promise, make_promise
@@ -197,10 +198,13 @@ def examine_device(
 
 
 def _for_any(machine: Machine) -> dict[str, AnyPolicy]:
-    """Return the policy for any device by its name, if its clutches are of PTER's kinds."""
+    """Return the policy for any device by its name, if it accepts the machine's clutches."""
     policy = find_policy(UNIVERSAL)
-    known = {clutch.row for clutch in BASELINE.clutches}
-    return {UNIVERSAL: policy} if {c.row for c in machine.clutches} <= known else {}
+    try:
+        bind(policy, machine, observation_layout(machine, "torque"))
+    except ParameterError:
+        return {}
+    return {UNIVERSAL: policy}
 
 
 def _draw(

@@ -3,7 +3,7 @@
 import hashlib
 import inspect
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -13,6 +13,7 @@ from pter_gym.controllers import AnyPolicy, Guided, PaceSchedule
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies.find import find_policy, kind_of
 from pter_gym.policies.tuned import SUFFIX, tuned_policies
+from pter_gym.tasks.path_following import PathFollowing
 
 __all__ = ["Range", "TunableLaw", "find_law"]
 
@@ -20,6 +21,11 @@ Gains = dict[str, float | bool]
 
 BRAKING, DAMPING = "braking", "damping_tangential"
 """Of a guiding law, the force [N] that is searched, and the damper that it stands for."""
+
+SHOWS: dict[str, Callable[[PathFollowing], bool]] = {
+    "curvature": lambda task: task.path.max_curvature > 0.0
+}
+"""Whether an entry of the observation is ever other than 0 in a task."""
 
 DIGITS = 4
 """Significant digits of a gain: what is printed is what was tried."""
@@ -77,6 +83,22 @@ class TunableLaw:
     pace: float
     space: Space
     known: tuple[tuple[float, Any], ...]
+
+    def shown_by(self, tasks: Collection[PathFollowing]) -> "TunableLaw":
+        """Return the law without the gains that have no effect in any of these tasks.
+
+        Raises
+        ------
+        ParameterError
+            If one of its ``needs`` is not in ``SHOWS``.
+        """
+        space = dict(self.space)
+        for gain, entry in getattr(self.law, "needs", {}).items():
+            if entry not in SHOWS:
+                raise unknown_name("needs", entry, SHOWS)
+            if not any(map(SHOWS[entry], tasks)):
+                space.pop(gain, None)
+        return replace(self, space=space)
 
     def starts(self) -> list[Gains]:
         """Return the points of the search that are nearest to the known gains."""

@@ -104,9 +104,10 @@ def tune(
 ) -> TunedGains:
     """Search for a law's gains on training episodes of a scenario, with CMA-ES.
 
-    The search begins with the shipped gains and the defaults. It resumes from the trials in its
-    storage, whichever process ran them. A process alone gives the same result for the same seed,
-    even if it stops between trials and resumes.
+    The search begins with the shipped gains and the defaults. Gains without effect on these
+    episodes are left out (``needs`` of the law) and keep their defaults. It resumes from the trials
+    in its storage, whichever process ran them. A process alone gives the same result for the same
+    seed, even if it stops between trials and resumes.
 
     Parameters
     ----------
@@ -156,6 +157,7 @@ def tune(
         training_episodes(definition, pace, -(-episodes // REDUCTION**k), 2 * seed)
         for k in reversed(range(RUNGS))
     ]
+    law = law.shown_by(rungs[-1].tasks)
     set_of_draws = f"{pace} {episodes} {seed} {definition.digest}".rstrip() + " worst" * worst
     name = f"{definition.name}-v{definition.version} {law.key} {set_of_draws}"
     study = _open_study(journal, name, law, seed)

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -26,6 +27,7 @@ from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.controllers import CONTROLLERS, PerClutch, Policy, bind, compiled
+from pter_gym.controllers._gains import RELEASED
 from pter_gym.controllers._policy import clutch_rows
 from pter_gym.controllers._simple import constant
 from pter_gym.errors import ParameterError, ProofError, StorageError
@@ -38,7 +40,7 @@ from pter_gym.tasks.path_following import COLUMN, OBS, PathFollowing, observatio
 from pter_gym.tools.deploy import Source, source_of, write_onnx
 from pter_gym.tools.deploy.functions import arctangent, cosine, encoder, sine
 from pter_gym.tools.deploy.proof import MachineModel, prove
-from rollouts import Acting
+from rollouts import Acting, releasing
 
 HERE = Path(__file__).parent
 WORLDS, STEPS = 40, 250
@@ -173,7 +175,7 @@ def test_a_program_gives_pythons_actions_on_ten_thousand_observations(
         (held_policy, "baseline"),
         ("single-dof", "couplings-1-2"),
         ("single-dof-scaled", "two-brakes"),
-        ("universal", "delrin_experimental"),
+        (partial(releasing, "universal"), "delrin_experimental"),
         ("universal", "two-brakes"),
     ],
 )
@@ -744,7 +746,7 @@ def two_outputs() -> Any:
     ("name", "machine", "numbers"),
     [
         ("ppo-standard", "baseline", "double"),
-        ("residual", "baseline", "double"),
+        (partial(releasing, "residual"), "baseline", "double"),
         ("residual", "baseline", "float"),
         ("universal", "two-brakes", "double"),
         (two_outputs, "two-brakes", "double"),
@@ -767,14 +769,16 @@ def test_onnx_gives_the_policys_actions(
         Acting(bind(policy, machine, layout)),
         [each.name for each in session.get_inputs()],
     )
-    base = Acting(bind(interface.base, machine, layout)) if interface.base else None
+    base = bind(interface.base, machine, layout) if interface.base else None
+    law, memory = base and base.law, base and base.start(WORLDS)
     assert set(names) <= {*layout.names, "base_1", "base_2", "base_3", "base_4", "earlier"}
     past: list[Any] = []
     means: list[Any] = []
     for obs in np.ascontiguousarray(recorded[0][:100, :, : len(layout)]):
         given = {each: obs[:, [layout.index(each)]] for each in layout.names}
-        if base:
-            volts = np.pad(base(obs), ((0, 0), (0, 4 - len(interface.clutches)))).astype(np.float32)
+        if law:
+            volts = law.act(obs, memory, RELEASED)
+            volts = np.pad(volts, ((0, 0), (0, 4 - len(interface.clutches)))).astype(np.float32)
             given |= {f"base_{k + 1}": volts[:, [k]] for k in range(4)}
         if "earlier" in names:
             given["earlier"] = np.zeros(

@@ -17,7 +17,7 @@ from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.intervals import Interval
 from pter_gym.controllers import Free
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.params import ACTUATORS, BASELINE, Arm, MachineSpread, TorqueCurve
+from pter_gym.params import ACTUATORS, BASELINE, Arm, MachineSpread, TorqueCurve, find_machine
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
 from pter_gym.tools.device import examine_device, measures
@@ -31,7 +31,7 @@ from pter_gym.tools.device.measures import (
     _stiffness_of_wall,
 )
 from pter_gym.tools.device.promise import MIN_DRAWS, SEED as PROMISE_SEED, make_promise, order_of
-from pter_gym.tools.device.report import SCENARIOS, DeviceReport
+from pter_gym.tools.device.report import SCENARIOS, DeviceReport, _for_any
 
 THETA = np.array([0.4, 0.4 + math.pi / 2])
 
@@ -86,9 +86,10 @@ def test_examine_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
     pytest.importorskip("optuna")
     machine = replace(BASELINE, clutch=ACTUATORS["rough-mr-brake"].clutch)
     said: list[str] = []
-    report = examine_device(
-        machine, tmp_path, name="a <brake>", trials=2, episodes=4, on_progress=said.append
-    )
+    with pytest.warns(UserWarning, match=r"universal was not trained .* 5\.1 N·m, not 14\.6 to"):
+        report = examine_device(
+            machine, tmp_path, name="a <brake>", trials=2, episodes=4, on_progress=said.append
+        )
     stored = json.loads((tmp_path / "device.json").read_text("utf-8"))
     assert stored == json.loads(json.dumps(report.as_json()))
     assert (
@@ -131,6 +132,12 @@ def test_a_page_has_its_device_as_title(given: tuple, title: str) -> None:
 def test_gains_that_a_search_has_found_are_told() -> None:
     found = {"stiffness": 1234.5678, "tip_space": True}
     assert gains_in_words(found) == "stiffness 1235, tip_space True"
+
+
+def test_a_device_that_the_policy_for_any_device_refuses_is_examined_without_it():
+    assert [*_for_any(BASELINE)] == ["universal"]
+    for name in ("double-brakes", "couplings-1-2"):
+        assert not _for_any(find_machine(name))
 
 
 def test_a_data_sheet_is_a_straight_torque_curve_and_the_rest_is_pters(tmp_path: Path):

@@ -5,6 +5,7 @@ import re
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,7 @@ from pter_gym.policies.tuned import (
     with_gains,
 )
 from pter_gym.scenarios import PACES, find_scenario
+from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.tools.device.data_sheet import machine_of_sheet
 from pter_gym.tools.tuning import search
 from pter_gym.tools.tuning.gains_file import add_gains
@@ -88,6 +90,20 @@ def test_points_and_gains_go_both_ways(name: str) -> None:
             wanted = min(max(getattr(default, gain), space.low), space.high)
             assert getattr(again, gain) == pytest.approx(wanted, rel=1e-3)
     assert again.damping_tangential == pytest.approx(default.damping_tangential, rel=1e-3)
+
+
+@pytest.mark.parametrize(("path", "shown"), [(Line(), False), (Circle(), True)])
+def test_a_gain_that_multiplies_the_curvature_is_searched_where_a_path_bends(
+    path: Any, shown: bool
+) -> None:
+    law = find_law("single-dof", 0.25, "standard")
+    tasks = [PathFollowing(), PathFollowing(path=path)]
+    found = law.shown_by(tasks)
+    assert {*law.space} - {*found.space} == (set() if shown else {"lead"})
+    assert ("lead" in found.starts()[0]) == shown
+    unknown = replace(law, law=SimpleNamespace(needs={"lead": "curvatur"}))
+    with pytest.raises(ParameterError, match="'curvature'"):
+        unknown.shown_by(tasks)
 
 
 def test_a_search_is_repeatable_resumable_and_begins_with_known_gains(
