@@ -19,7 +19,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
     "Train": ("your-algorithm", "agents", "stock-algorithms", "cluster", "data", "gradients"),
     "The environment": ("environment", "reward", "scenarios/index", "scoring", "worst-hand"),
     "Control": ("extending", "controllers"),
-    "Hardware": ("devices", "identify", "deploy", "which-clutches"),
+    "Hardware": ("devices", "identify", "deploy", "fmu", "which-clutches"),
     "The robot": ("model", "hands", "reproduction", "calibration"),
     "Reference": ("api", "troubleshooting", "glossary", "development/index"),
 }

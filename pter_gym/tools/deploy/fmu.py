@@ -27,12 +27,15 @@ from pter_gym._engine.world import BASIC_ROWS, ROW, ROWS
 from pter_gym._internal.files import FilePath, expand_path, write_bytes_atomic
 from pter_gym._physics.model import model_of
 from pter_gym._physics.stability import largest_force
-from pter_gym.benchmark.episodes import Episodes
+from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.controllers import AnyPolicy, Policy, bind
 from pter_gym.controllers._policy import sensors_of
 from pter_gym.errors import DataError, DependencyError, ParameterError
+from pter_gym.hands import find_hand
 from pter_gym.params import Machine
 from pter_gym.paths import Path as Curve
+from pter_gym.scenarios import find_scenario
+from pter_gym.scenarios.paces import find_pace
 from pter_gym.tasks.path_following import TELEMETRY, observation_layout
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
 from pter_gym.tasks.path_following._specification import held_machine
@@ -169,6 +172,54 @@ def compile_units(folder: Path, units: Sequence[str], library: Path, target: str
         raise DataError(f"{compiler[0]} cannot compile the FMU for {target}: {last}")
 
 
+def find_unit(
+    policy: AnyPolicy | None = None,
+    *,
+    name: str = "policy",
+    scenario: str = "standard",
+    pace: str = "medium",
+    machine: Machine | str | None = None,
+    path: Curve | str | None = None,
+    hand: str | None = None,
+    controller: bool = False,
+    version: Version = "3.0",
+) -> Unit:
+    """Return a unit of a policy alone or of the arm in test episodes, as ``pter export`` does.
+
+    Parameters
+    ----------
+    policy, name
+        What sets the voltages, which otherwise are inputs, and what the unit is called.
+    scenario, pace, machine, path
+        Which test episodes; a machine and a path replace those of the scenario.
+    hand
+        A hand in place of the episodes', by its name; ``"open"`` makes its force an input.
+    controller
+        Whether to return the policy alone.
+    version
+        That of FMI.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such scenario, pace, machine, path or hand, or the unit cannot be made.
+    """
+    if controller:
+        if policy is None or hand is not None:
+            raise ParameterError("controller must be a policy alone, without a hand")
+        speed, curve = find_pace(pace), "line" if path is None else path
+        return policy_unit(
+            policy, name=name, machine=machine, path=curve, pace=speed, version=version
+        )
+    episodes = find_episodes(find_scenario(scenario, machine, path), pace)
+    episodes = episodes.first(min(len(episodes), MAX_EPISODES))
+    is_open = hand == "open"
+    if hand is not None and not is_open:
+        held = (replace(task, hand=find_hand(hand)) for task in episodes.tasks)
+        episodes = replace(episodes, tasks=tuple(held), time_limits=())
+    return arm_unit(episodes, policy, name=name, open_hand=is_open, version=version)
+
+
 def arm_unit(
     episodes: Episodes,
     policy: AnyPolicy | None = None,
@@ -212,9 +263,7 @@ def arm_unit(
     title = f"The passive arm PTER in test episodes of {episodes.scenario}, {kind}"
     files = {"arm_data.h": data, "arm.c": static("arm.c")}
     files |= translated(MODULE.read_bytes(), PREFIX)
-    return unit_of(
-        title, ("arm.c", "module.c"), files, variables, batch.task.control_period, version
-    )
+    return unit_of(title, files, variables, batch.task.control_period, version)
 
 
 def policy_unit(
@@ -238,23 +287,36 @@ def policy_unit(
         "pter.h": source.files["pter.h"],
     }
     title = f"The policy {name} for the passive arm PTER"
-    return unit_of(title, ("policy.c", "pter.c"), files, variables, period, version)
+    return unit_of(title, files, variables, period, version)
 
 
 def unit_of(
     title: str,
-    units: tuple[str, ...],
     files: Mapping[str, str],
-    variables: tuple[Variable, ...],
-    period: float,
-    version: Version,
+    variables: Sequence[Variable],
+    period: float = 0.01,
+    version: Version = "3.0",
 ) -> Unit:
-    """Return a unit of a model's source files."""
+    """Return a unit of a model in C.
+
+    Parameters
+    ----------
+    title
+        What it is, in a line.
+    files
+        Its source files by name, which define what ``model.h`` declares.
+    variables
+        Its variables, the real ones first: the numbers of ``model.h`` in their order.
+    period
+        Its control period [s].
+    version
+        That of FMI.
+    """
     api = f"fmi{version[0]}.c"
-    units = (api, "instance.c", *units)
     common = {file: static(file) for file in (api, "instance.c", "instance.h", "model.h")}
     sources = {**common, **files, "variables.h": tables_of(variables)}
-    whole = repr([title, period, version, *sources.items(), variables]).encode()
+    units = tuple(file for file in sources if file.endswith(".c"))
+    whole = repr([title, period, version, *sources.items(), *variables]).encode()
     token = sha256(whole).hexdigest()[:32]
     numbers = sum(not each.whole for each in variables)
     sources["data.h"] = defined(
@@ -272,7 +334,8 @@ def unit_of(
     if version == "3.0":
         plain["sources/buildDescription.xml"] = build_description(IDENTIFIER, units, FLAGS)
     plain |= {f"sources/{file}": text for file, text in sources.items()}
-    return Unit({file: text.encode() for file, text in plain.items()}, units, variables, version)
+    content = {file: text.encode() for file, text in plain.items()}
+    return Unit(content, units, tuple(variables), version)
 
 
 def static(file: str) -> str:
