@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from hashlib import sha256
 from importlib.util import find_spec
 from io import BytesIO
@@ -262,7 +263,7 @@ def arm_unit(
     kind = "with " + name if bound else "with voltages as inputs"
     title = f"The passive arm PTER in test episodes of {episodes.scenario}, {kind}"
     files = {"arm_data.h": data, "arm.c": static("arm.c")}
-    files |= translated(MODULE.read_bytes(), PREFIX)
+    files |= kernels()
     return unit_of(title, files, variables, batch.task.control_period, version)
 
 
@@ -336,6 +337,12 @@ def unit_of(
     plain |= {f"sources/{file}": text for file, text in sources.items()}
     content = {file: text.encode() for file, text in plain.items()}
     return Unit(content, units, tuple(variables), version)
+
+
+@cache
+def kernels() -> dict[str, str]:
+    """Return the source files of the module."""
+    return translated(MODULE.read_bytes(), PREFIX)
 
 
 def static(file: str) -> str:
@@ -432,8 +439,9 @@ def references(variables: Sequence[Variable]) -> dict[str, object]:
         "VELOCITY": "velocity_a",
         "TORQUE": "torque_1",
     }
-    found = {name: names.index(first) for name, first in groups.items() if first in names}
-    return {**found, "FORCE": names.index("force_along")} if "force_along" in names else found
+    if "force_along" in names:
+        groups["FORCE"] = "force_along"
+    return {name: names.index(first) for name, first in groups.items() if first in names}
 
 
 # --- source text ---
@@ -464,18 +472,23 @@ def numbers_table(name: str, values: NDArray[np.float64] | Sequence[float]) -> s
     return table("double", name, map(number, np.asarray(values, np.float64).ravel().tolist()))
 
 
+def whole_number(value: float) -> str:
+    """Return a whole number in C."""
+    return str(int(value))
+
+
 def tables_of(variables: Sequence[Variable]) -> str:
     """Return the tables of variables in C."""
     parts: list[str] = []
-    for word, whole in (("number", False), ("integer", True)):
+    for word, whole, text in (("number", False, number), ("integer", True, whole_number)):
         own = [each for each in variables if each.whole == whole]
         kind = "int32_t" if whole else "double"
-        text = (lambda value: str(int(value))) if whole else number
         parts += [
             table("char *const", f"{word}_names", (f'"{each.name}"' for each in own)),
-            table(kind, f"start_{word}s", (text(each.start) for each in own) if own else ()),
-            table(kind, f"least_{word}s", (text(each.least) for each in own)),
-            table(kind, f"most_{word}s", (text(each.most) for each in own)),
+            *(
+                table(kind, f"{name}_{word}s", map(text, (getattr(each, name) for each in own)))
+                for name in ("start", "least", "most")
+            ),
         ]
         if not whole:
             kinds = (each.causality.upper() for each in own)

@@ -220,12 +220,12 @@ class Module:
         self.exports: dict[str, tuple[int, int]] = {}
         self.codes: list[bytes] = []
         self.data: list[tuple[int, bytes]] = []
-        readers = {
+        readers: dict[int, Callable[[Bytes], None]] = {
             1: self._read_type,
-            3: lambda s: self.kinds.append(s.whole()),
+            3: self._read_kind,
             6: self._read_global,
             7: self._read_export,
-            10: lambda s: self.codes.append(s.take(s.whole())),
+            10: self._read_code,
             11: self._read_data,
         }
         while source:
@@ -239,6 +239,12 @@ class Module:
         source.byte()
         parameters, results = source.kinds(), source.kinds()
         self.types.append(Kind(tuple(parameters), results[0] if results else ""))
+
+    def _read_kind(self, source: Bytes) -> None:
+        self.kinds.append(source.whole())
+
+    def _read_code(self, source: Bytes) -> None:
+        self.codes.append(source.take(source.whole()))
 
     def _read_global(self, source: Bytes) -> None:
         _, changes = source.byte(), source.byte()
@@ -382,13 +388,15 @@ class Function:
         elif code in (BR, BR_IF, CALL) or LOCAL_GET <= code <= GLOBAL_SET:
             source.whole()
         elif code in LOADS or FIRST_STORE <= code < FIRST_STORE + len(STORES):
-            source.whole(), source.whole()
+            source.whole()
+            source.whole()
         elif code in (0x41, 0x42):
             source.signed()
         elif code in (0x43, 0x44):
             source.take(4 if code == 0x43 else 8)
         elif code == BR_TABLE:
-            source.each(source.whole), source.whole()
+            source.each(source.whole)
+            source.whole()
         elif code == MORE:
             more = source.whole()
             source.take({MEMORY_COPY: 2, MEMORY_FILL: 1}.get(more, 0))
