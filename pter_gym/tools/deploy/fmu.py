@@ -72,6 +72,7 @@ LINKED = ("-shared", "-fvisibility=hidden")
 
 ZIG_TARGETS = {
     "x86_64-linux": "x86_64-linux-gnu.2.17",
+    "aarch64-linux": "aarch64-linux-gnu.2.17",
     "x86_64-windows": "x86_64-windows-gnu",
     "x86_64-darwin": "x86_64-macos",
     "aarch64-darwin": "aarch64-macos",
@@ -158,7 +159,7 @@ def compile_units(folder: Path, units: Sequence[str], library: Path, target: str
     own = shutil.which("cc") if target == here() else None
     if own:
         compiler = [own]
-    elif find_spec("ziglang"):
+    elif find_spec("ziglang") and target in ZIG_TARGETS:
         compiler = [sys.executable, "-m", "ziglang", "cc", "-target", ZIG_TARGETS[target], "-s"]
     else:
         raise DependencyError(

@@ -259,6 +259,7 @@ def test_a_long_communication_step_is_several_control_steps(arm: Arm, plant: Pat
     for _ in range(12):
         other.step()
     np.testing.assert_array_equal(arm.get(SEEN), other.get(SEEN))
+    assert arm.get(["time"]) == other.get(["time"]) == pytest.approx(12 * PERIOD)
     other.free()
 
 
@@ -538,6 +539,7 @@ def test_all_platforms_have_a_library(tmp_path: Path) -> None:
     names = zipfile.ZipFile(io.BytesIO(file.read_bytes())).namelist()
     for platform, ending in (
         ("x86_64-linux", "so"),
+        ("aarch64-linux", "so"),
         ("x86_64-windows", "dll"),
         ("x86_64-darwin", "dylib"),
         ("aarch64-darwin", "dylib"),

@@ -66,13 +66,13 @@ FMI(int, fmi2SetupExperiment)(Instance *instance, int has_tolerance, double tole
                           double stop)
 {
     (void)has_tolerance, (void)tolerance, (void)has_stop, (void)stop;
-    instance->state.start = start;
+    instance->begin = start;
     return OK;
 }
 
 FMI(int, fmi2EnterInitializationMode)(Instance *instance)
 {
-    return instance_begin(instance, instance->state.start);
+    return instance_begin(instance, instance->begin);
 }
 
 FMI(int, fmi2ExitInitializationMode)(Instance *instance)

@@ -92,10 +92,6 @@ FMI(int, fmi3SetFloat64)(Instance *instance, const uint32_t references[], size_t
 FMI(int, fmi3GetFloat64)(Instance *instance, const uint32_t references[], size_t count, double values[], size_t n)
 {
     (void)n;
-    if (count == 1 && references[0] == TIME) {
-        values[0] = instance_time(instance);
-        return OK;
-    }
     return instance_get_numbers(instance, references, count, values);
 }
 

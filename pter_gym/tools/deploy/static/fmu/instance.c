@@ -191,12 +191,12 @@ Status instance_set_integers(Instance *instance, const uint32_t references[], si
 Status instance_get_numbers(Instance *instance, const uint32_t references[], size_t count, double values[])
 {
     for (size_t k = 0; k < count; k++)
-        if (!is_known(instance, "real variables", references[k], 0, NUMBERS))
+        if (references[k] != TIME && !is_known(instance, "real variables", references[k], 0, NUMBERS))
             return ERROR;
     if (instance->state.phase == INITIALISING || instance->state.phase == STEPPING)
         look(instance);
     for (size_t k = 0; k < count; k++)
-        values[k] = instance->state.numbers[references[k]];
+        values[k] = references[k] == TIME ? instance_time(instance) : instance->state.numbers[references[k]];
     return OK;
 }
 

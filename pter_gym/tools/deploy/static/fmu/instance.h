@@ -40,6 +40,7 @@ struct Instance {
     void (*logger)(void);
     void (*tell)(const Instance *instance, Status status, const char *message);
     char *name;
+    double begin; /* start time of the next simulation [s] */
     bool is_logging;
 };
 
