@@ -30,6 +30,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
         "devices",
         "identify",
         "deploy",
+        "fmu",
         "troubleshooting",
     ),
     "How it works": (
