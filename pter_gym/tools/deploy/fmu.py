@@ -25,7 +25,13 @@ from numpy.typing import NDArray
 from pter_gym._compiled.layout import Field
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import BASIC_ROWS, ROW, ROWS
-from pter_gym._internal.files import FilePath, expand_path, write_bytes_atomic
+from pter_gym._internal.files import (
+    FilePath,
+    check_target,
+    expand_path,
+    has_ending,
+    write_bytes_atomic,
+)
 from pter_gym._physics.model import model_of
 from pter_gym._physics.stability import largest_force
 from pter_gym.benchmark.episodes import Episodes, find_episodes
@@ -113,7 +119,10 @@ class Unit:
         ParameterError, StorageError
             If the file cannot be written.
         """
+        if not has_ending(file, ".fmu"):
+            raise ParameterError(f"fmu must end in .fmu, got {str(file)!r}")
         path = expand_path("fmu", file)
+        check_target("fmu", path)
         write_bytes_atomic(path, self.packed(self.libraries(platforms)))
         return path
 

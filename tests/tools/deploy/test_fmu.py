@@ -23,7 +23,7 @@ from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.errors import DependencyError, ParameterError
 from pter_gym.hands import MultiSineHand
-from pter_gym.params import BASELINE
+from pter_gym.params import BASELINE, Machine, find_machine
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
 from pter_gym.tools.deploy import Unit, arm_unit, find_unit, fmu as tool, policy_unit
 from pter_gym.tools.deploy.description import exponents
@@ -295,9 +295,12 @@ def test_episodes_differ(plant: Path) -> None:
 
 def test_a_seed_decides_what_a_reset_draws(quick: None, tmp_path: Path) -> None:
     task = PathFollowing(hand=MultiSineHand(random_phases=True))
-    unit = arm_unit(Episodes("a task", (BASELINE,), (task,), (7,), ("",)))
-    file = unit.write(tmp_path / "arm.fmu")
+    file = arm_unit(episode(task)).write(tmp_path / "arm.fmu")
     assert tip_after(file) == tip_after(file, seed=7) != tip_after(file, seed=8)
+
+
+def episode(task: PathFollowing, machine: Machine = BASELINE, seed: int = 7) -> Episodes:
+    return Episodes("a task", (machine,), (task,), (seed,), ("",))
 
 
 def tip_after(file: Path, **parameters: float) -> tuple[float, ...]:
@@ -512,13 +515,15 @@ def test_a_policy_alone_drives_the_arm(
 
 def test_what_a_unit_cannot_be_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="clutches"):
-        find_unit(machine="brakes")
+        arm_unit(episode(PathFollowing(), find_machine("two-brakes")))
     with pytest.raises(ParameterError, match="controller"):
         find_unit(controller=True)
     with pytest.raises(ParameterError, match="hand"):
         find_unit(hand="nobody")
     with pytest.raises(ParameterError, match="version"):
         find_unit(version="1.0")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ParameterError, match=r"must end in \.fmu"):
+        find_unit().write(tmp_path / "arm.zip")
     with pytest.raises(ParameterError, match="platforms"):
         find_unit().write(tmp_path / "arm.fmu", "mars")  # pyright: ignore[reportArgumentType]
 
