@@ -2,7 +2,6 @@
 
 import ctypes
 import importlib.util
-import io
 import os
 import resource
 import shutil
@@ -13,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -42,6 +42,8 @@ pytestmark = pytest.mark.skipif(
 needs_zig = pytest.mark.skipif(
     importlib.util.find_spec("ziglang") is None, reason="ziglang is not installed"
 )
+
+COMPILE_UNITS = tool.compile_units
 
 PERIOD = 0.01
 VOLTS = [f"volts_{k}" for k in range(1, 5)]
@@ -190,8 +192,11 @@ def test_an_episode_has_the_bits_of_the_package(
 
 @pytest.mark.long
 @needs_zig
-def test_ten_episodes_have_the_bits_of_the_package(functions: Path, tmp_path: Path) -> None:
+def test_ten_episodes_have_the_bits_of_the_package(
+    functions: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """With the compiler's optimisation, to the end of each episode."""
+    monkeypatch.setattr(tool, "compile_units", COMPILE_UNITS)
     plant = find_unit().write(tmp_path / "arm.fmu")
     closed = find_unit(find_policy("residual")).write(tmp_path / "closed.fmu")
     run = recorded(functions, tmp_path, 10, 1000)
@@ -492,24 +497,26 @@ def test_the_older_version_has_the_same_bits(plant: Path, quick: None, tmp_path:
 
 
 @pytest.mark.slow
-def test_a_policy_alone_drives_the_arm(
-    plant: Path, closed: Path, quick: None, tmp_path: Path
+def test_a_policy_alone_gives_the_voltages_of_the_closed_loop(
+    closed: Path, quick: None, tmp_path: Path
 ) -> None:
-    """Coupled, both units do what the closed loop does, but for the last bits of a sine."""
+    """Within a millivolt, since both have sines of their own, and a voltage is a float32."""
     unit = policy_unit(find_policy("residual"), name="residual")
-    policy = Arm(unit.write(tmp_path / "policy.fmu")).begin()
-    arm, whole = Arm(plant).begin(), Arm(closed).begin()
+    policy, whole = Arm(unit.write(tmp_path / "policy.fmu")).begin(), Arm(closed).begin()
     wires = {f"torque_{k}": f"observation.torque_{k}" for k in range(1, 5)}
     wires |= {f"angle_{link}": f"telemetry.theta_{link}" for link in "ab"}
     wires |= {f"velocity_{link}": f"observation.omega_{link}" for link in "ab"}
     inputs, outputs = (list(each) for each in zip(*wires.items(), strict=True))
+    found, expected = [], []
     for _ in range(100):
-        policy.set(**dict(zip(inputs, arm.get(outputs), strict=True)))
-        arm.push(policy.get(VOLTS))
-        for each in (policy, arm, whole):
+        policy.set(**dict(zip(inputs, whole.get(outputs), strict=True)))
+        found.append(policy.get(VOLTS))
+        for each in (policy, whole):
             each.step()
-    np.testing.assert_allclose(arm.get(TIP), whole.get(TIP), rtol=0.0, atol=1e-6)
-    for each in (policy, arm, whole):
+        expected.append(whole.get([f"telemetry.{name}" for name in VOLTS]))
+    assert np.ptp(expected, axis=0).min() > 1.0
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-3)
+    for each in (policy, whole):
         each.free()
 
 
@@ -546,16 +553,15 @@ def test_without_a_compiler_it_says_what_to_install(
     monkeypatch.setattr(tool.shutil, "which", lambda _: None)
     monkeypatch.setattr(tool, "find_spec", lambda _: None)
     with pytest.raises(DependencyError, match="ziglang"):
-        tool.compile_units(tmp_path, (), tmp_path / "x", tool.here())
+        COMPILE_UNITS(tmp_path, (), tmp_path / "x", tool.here())
 
 
 @pytest.mark.long
 @needs_zig
-def test_all_platforms_have_a_library(tmp_path: Path) -> None:
-    import zipfile
-
+def test_all_platforms_have_a_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tool, "compile_units", COMPILE_UNITS)
     file = find_unit().write(tmp_path / "arm.fmu", "all")
-    names = zipfile.ZipFile(io.BytesIO(file.read_bytes())).namelist()
+    names = ZipFile(file).namelist()
     for platform, ending in (
         ("x86_64-linux", "so"),
         ("aarch64-linux", "so"),
