@@ -162,7 +162,8 @@ def weighted(weight: Field[Any]) -> Any:
     ]
 
 
-Terms = NamedTuple("Terms", [(item.name, weighted(item)) for item in fields(RewardWeights)])
+_TERMS = [(item.name, weighted(item)) for item in fields(RewardWeights)]
+Terms = NamedTuple("Terms", _TERMS)
 """One number for each term of the reward."""
 
 
