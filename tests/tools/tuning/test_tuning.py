@@ -293,6 +293,7 @@ def test_a_search_does_not_depend_on_the_unit_of_the_drive(tmp_path: Path) -> No
         tune(
             *("torque-feedback", "standard", "medium"),
             machine=machine_of_sheet(torque=40.0, at=top, off=0.4, lag=0.05),
+            path=Line(length=0.1),
             **given,
         )
         for top in (24.0, 12.0, 0.25, 250.0)
