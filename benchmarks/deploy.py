@@ -4,7 +4,7 @@ episodes in which the compiled program drives the arm.
     python benchmarks/deploy.py [--quick]
 
 takes one or two minutes. It needs Debian's ``gcc-arm-none-eabi`` and ``qemu-system-arm``, and a C
-compiler or PyPI's ``ziglang``. The tables are in docs/deploy.md.
+compiler or PyPI's ``ziglang``. The tables are in docs/development/exported-c.md.
 
 The microcontroller is QEMU's Cortex-M4F, which counts instructions, not cycles. In the episodes a
 program gets observations over a pipe, one process for each world. For uneven periods and delays the

@@ -4,7 +4,7 @@
 
 The bound comes from the program's text: the dearer branch of every condition, and every loop to its
 end. The episode's are counted by operations.cc, the same program in C++ with numbers that count. It
-needs ``cc``, ``c++`` and PyPI's ``pycparser``; docs/deploy.md has the table.
+needs ``cc``, ``c++`` and PyPI's ``pycparser``; docs/development/exported-c.md has the table.
 """
 
 import operator

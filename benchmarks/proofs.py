@@ -2,7 +2,8 @@
 
     python benchmarks/proofs.py [--policies NAME …]
 
-Needs `frama-c` (Debian's frama-c-base); about half an hour. docs/deploy.md has the table.
+Needs `frama-c` (Debian's frama-c-base); about half an hour. docs/development/exported-c.md has the
+table.
 """
 
 from tempfile import TemporaryDirectory

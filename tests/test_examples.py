@@ -8,9 +8,11 @@ from documents import run_program
 
 EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 MARKS = {"make_and_step": pytest.mark.smoke} | dict.fromkeys(
-    ("gradients", "own_machine", "pid"), pytest.mark.long
+    ("fmu_hand", "gradients", "own_machine", "pid"), pytest.mark.long
 )
-"""The long ones compile kernels that no other example needs."""
+"""The long ones compile what no other example needs."""
+
+NEEDS = {"fmu_hand": "fmpy", "jax_env": "jax"}
 
 SHORTER = {
     "predictive": {
@@ -36,11 +38,11 @@ def test_an_example_fits_on_a_screen(path: Path) -> None:
 @pytest.mark.parametrize("path", RUN)
 def test_an_example_runs(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Ray's runs in an environment of its own; that of Stable-Baselines3 is README's."""
-    if path.stem == "jax_env":
-        pytest.importorskip("jax")
+    if path.stem in NEEDS:
+        pytest.importorskip(NEEDS[path.stem])
     program = path.read_text("utf-8")
     for old, new in SHORTER.get(path.stem, {}).items():
         assert old in program
         program = program.replace(old, new)
-    run_program([program], str(path))
+    run_program([program], str(path), __file__=str(path))
     assert capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""The adversary of a training: hands that push its policy furthest become training episodes.
+"""The adversary in training: the hands that push the policy furthest become training episodes.
 
 Each of the mixed draws has a population at each pace, which evolves a little at every search, as
 the policy changes. Hands are made as ``pter_gym.benchmark.worst_hand`` makes them.

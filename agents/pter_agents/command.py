@@ -1,12 +1,14 @@
 """``pter train`` and ``pter export``."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from pter_gym._commands.arguments import (
+    AnyPace,
     AnyScenario,
     EachPace,
     MachineName,
@@ -18,6 +20,9 @@ from pter_gym._commands.terminal import conclude, progress_bar, say, waiting
 from pter_gym.errors import ParameterError, needs_extra
 from pter_gym.policies._files import RUN
 from pter_gym.policies.find import kind_of
+
+if TYPE_CHECKING:
+    from pter_gym.tools.deploy import Source
 
 SMOKE_ROLLOUTS = 3
 SMOKE_EPISODES = 8
@@ -118,6 +123,31 @@ def train(
     )
 
 
+def write_program(source: "Source", folder: Path, prefix: str, *, prove: bool) -> None:
+    """Write a policy in C, prove it if wanted, and say how to compile it."""
+    from pter_gym.tools.deploy import proof
+
+    program = quote(str(folder / prefix))
+    compiled = f"cc -std=c99 -O2 {program}.c {quote(str(folder / 'main.c'))} -o {program}"
+    written = source.write(folder, driver=prove)
+    if prove:
+        with waiting("proving"):
+            proven = proof.prove(written, f"{prefix}.c")
+        say(str(proven))
+    conclude([written], compiled)
+
+
+def check_targets(given: Mapping[str, bool], **targets: Path | None) -> None:
+    """Raise a ParameterError if an option is given without any of the files that it is about."""
+    first = next(iter(targets))
+    for option, is_given in given.items():
+        if is_given and not any(targets.values()):
+            shown = "FILE.fmu" if first == "fmu" else "FOLDER"
+            raise ParameterError(
+                f"{first} must be given with {option}, as in `--{first} {shown} --{option}`"
+            )
+
+
 def export(
     run: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="RUN|NAME")] = "",
     name: str | None = None,
@@ -131,12 +161,19 @@ def export(
     path: Annotated[str, tyro.conf.arg(metavar="NAME|FILE.csv")] = "line",
     machine: MachineName = None,
     prove: bool = False,
+    fmu: Annotated[Path | None, tyro.conf.arg(metavar="FILE.fmu")] = None,
+    controller: bool = False,
+    hand: Annotated[str | None, tyro.conf.arg(metavar="open|NAME")] = None,
+    pace: AnyPace = "medium",
+    fmi: Literal["3.0", "2.0"] = "3.0",
+    platforms: Literal["here", "all"] = "here",
 ) -> None:
-    """Turn a run of `pter train` into a policy to share, or any policy into C or ONNX.
+    """Turn a run of `pter train` into a policy to share, or any policy into C, ONNX or an FMU.
 
     By default, writes a folder with NAME.safetensors, weights without code, and README.md, a model
-    card, in the layout of the Hugging Face Hub; nothing is uploaded. With --c or --onnx, writes
-    only these.
+    card, in the layout of the Hugging Face Hub; nothing is uploaded. With --c, --onnx or --fmu,
+    writes only these. An FMU is the simulated arm for Simulink, Modelica and other tools: driven by
+    the policy, or, without one, by voltages as inputs.
 
     Example: pter export residual --c residual-c
 
@@ -150,23 +187,34 @@ def export(
             ONNX nearly.
         weights: Weights in the C code; int8 takes a quarter of the memory, at some cost in score.
         prefix: Prefix of all names and files in C, so that two policies fit in one program.
-        scenario: Scenario whose gains a law uses.
-        path: Path that the C code holds.
-        machine: Name or file of the nominal machine, for C or ONNX.
+        scenario: Scenario whose gains a law uses, and whose test episodes an FMU has.
+        path: Path that the C code holds, or that of an FMU's episodes.
+        machine: Name or file of the nominal machine, for C, ONNX or an FMU.
         prove: Also write prove.c beside the C code, and prove with Frama-C that no reading makes it
             do anything undefined or command a voltage out of range.
+        fmu: File for the arm as a Functional Mock-up Unit (FMI, co-simulation).
+        controller: Write the policy alone as an FMU, from sensors to voltages.
+        hand: Hand in an FMU's episodes: a library arm or tremor; or open, for the force on the tip
+            as an input.
+        pace: Commanded pace in an FMU's episodes: slow, medium, brisk, or a speed in m/s.
+        fmi: Version of FMI.
+        platforms: Platforms of an FMU's binaries; all are Linux, Windows and macOS, and need Zig,
+            by `pip install ziglang`.
     """
     trained = (Path(run) / RUN).is_file()
-    look_at(policies=() if trained else (run,), machine=machine)
-    for_c = {"weights": weights != "float", "prefix": prefix != "pter", "path": path != "line"}
-    for_c["prove"] = prove
-    for_code = {"numbers": numbers != "double", "machine": machine is not None}
     coded = c is not None or onnx is not None
-    for option, is_given in (for_c if coded else for_c | for_code).items():
-        if is_given and c is None:
-            raise ParameterError(f"c must be given with {option}, as in `--c FOLDER --{option}`")
+    arm_alone = fmu is not None and not (run or coded or controller)
+    look_at(policies=() if trained or arm_alone else (run,), paces=(pace,), machine=machine)
+    check_targets({"weights": weights != "float", "prefix": prefix != "pter", "prove": prove}, c=c)
+    check_targets({"path": path != "line"}, c=c, fmu=fmu)
+    check_targets({"numbers": numbers != "double"}, c=c, onnx=onnx)
+    check_targets({"machine": machine is not None}, c=c, onnx=onnx, fmu=fmu)
+    for_fmu = {"controller": controller, "hand": hand is not None, "pace": pace != "medium"}
+    for_fmu |= {"fmi": fmi != "3.0", "platforms": platforms != "here"}
+    check_targets(for_fmu, fmu=fmu)
+    coded = coded or fmu is not None
     if coded and out is not None:
-        raise ParameterError("out must be left out with c or onnx, which say what is written")
+        raise ParameterError("out must be left out with c, onnx or fmu, which say what is written")
     if not coded:
         if not trained and kind_of(run) != "network":
             raise ParameterError(f"c must be given for a law, as in `--c FOLDER`, got {run!r}")
@@ -177,15 +225,32 @@ def export(
         conclude([written], f"pter benchmark --policies {compared}")
         return
     from pter_gym.benchmark import find_policy
-    from pter_gym.tools.deploy import proof, source_of, write_onnx
+    from pter_gym.tools.deploy import find_unit, source_of, write_onnx
 
+    policy, called = None, name or Path(run).stem
     if trained:
         from pter_agents import exporting
 
         policy = exporting.read_newest(Path(run))
-    else:
+    elif run:
         policy = find_policy(run, scenario)
-    called = name or Path(run).stem
+    if fmu is not None:
+        unit = find_unit(
+            policy,
+            name=called,
+            scenario=scenario,
+            pace=pace,
+            machine=machine,
+            path=None if path == "line" else path,
+            hand=hand,
+            controller=controller,
+            version=fmi,
+        )
+        with waiting("compiling"):
+            made = unit.write(fmu, platforms)
+        conclude([made], f"fmpy info {quote(str(made))}")
+    if policy is None:
+        return
     source = (
         source_of(
             policy,
@@ -203,11 +268,4 @@ def export(
         made = write_onnx(policy, onnx, name=called, machine=machine, numbers=numbers)
         say(f"wrote {made}")
     if source is not None and c is not None:
-        program = quote(str(c / prefix))
-        compiled = f"cc -std=c99 -O2 {program}.c {quote(str(c / 'main.c'))} -o {program}"
-        written = source.write(c, driver=prove)
-        if prove:
-            with waiting("proving"):
-                proven = proof.prove(written, f"{prefix}.c")
-            say(str(proven))
-        conclude([written], compiled)
+        write_program(source, c, prefix, prove=prove)

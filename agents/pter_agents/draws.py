@@ -1,4 +1,4 @@
-"""What trainings draw: the episodes of scenarios, for ``ALL`` wider ones, and validation episodes.
+"""What a training run draws: a scenario's episodes, wider ones for ``ALL``, and validation ones.
 
 The scenarios' paths mostly head along x, and their machines are near the paper's. A policy for all
 scenarios also trains on paths of every heading, either direction and tight bends, and on machines

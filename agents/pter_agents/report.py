@@ -85,8 +85,10 @@ def learning_curve(history: Mapping[int, PaceScores], laws: Mapping[str, PaceSco
     plain_ticks(panels[0, 0], "y")
     panels[0, 0].set_ylabel("path error [mm]")
     panels[1, 0].set_ylabel("arrive [%]")
-    note = "steps [million]; hollow: not ranked; dashed: tuned laws on the same episodes"
-    figure.supxlabel(note, fontsize=SMALL)
+    figure.supxlabel(
+        "steps [million]; hollow: not ranked; dashed: tuned laws on the same episodes",
+        fontsize=SMALL,
+    )
     return figure
 
 

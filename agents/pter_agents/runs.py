@@ -28,6 +28,9 @@ from pter_gym.policies._files import RUN, interface_codec
 SCORES, PROGRESS = "validation.json", "progress.csv"
 """Files of a run: its scores, and their table."""
 
+PROGRESS_COLUMNS = ("seconds", "steps", "pace", "path_error_m", "completed", "ranked")
+"""Of that table; ``ranked`` is True or False."""
+
 VERSIONS = "versions"
 """Part of a run's description: versions of packages, one table for each that trained."""
 
@@ -150,7 +153,7 @@ class RunFolder:
         """Add the scores of a validation to both files; any of later steps are dropped."""
         kept = {before: row for before, row in self.scores().items() if before < steps}
         write_text_atomic(self.path / SCORES, json.dumps({**kept, steps: scores}, indent=1) + "\n")
-        lines = ["seconds,steps,pace,path_error_m,completed,ranked", *self.progress(steps - 1)]
+        lines = [",".join(PROGRESS_COLUMNS), *self.progress(steps - 1)]
         for pace, each in scores.items():
             row = round(seconds, 1), steps, pace, each["path_error_m"], each["completed"]
             lines.append(",".join(map(str, (*row, is_ranked(each)))))

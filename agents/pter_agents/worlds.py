@@ -1,4 +1,4 @@
-"""The worlds of a training as the networks of a policy meet them: pure functions of JAX.
+"""The worlds of a training run as a policy's networks see them: pure functions of JAX.
 
 Trainings differ in ``SharedConstants`` and not in the code, except for a base's gains, so one
 compilation serves them all.
@@ -6,13 +6,13 @@ compilation serves them all.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import jax
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from jax import numpy as jnp
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pter_agents.draws import DEVICES, training_draws
 from pter_agents.settings import NO_BASE, TrainingArguments
@@ -36,8 +36,6 @@ SAMPLE_WORLDS, SAMPLE_STEPS = 256, 200
 DEVIATION = 0.4
 """Standard deviation of the random actions."""
 
-Numbers = Sequence[float] | NDArray[Any]
-
 
 class Selection(NamedTuple):
     """Indices of the entries that are seen, (K,), and the centres and scales of their inputs."""
@@ -47,7 +45,7 @@ class Selection(NamedTuple):
     scale: jax.Array
 
     @classmethod
-    def of(cls, entries: Numbers, center: Numbers, scale: Numbers) -> "Selection":
+    def of(cls, entries: ArrayLike, center: ArrayLike, scale: ArrayLike) -> "Selection":
         """Return a selection as arrays of 32 bits."""
         numbers = (jnp.asarray(each, jnp.float32) for each in (center, scale))
         return cls(jnp.asarray(entries, jnp.int32), *numbers)

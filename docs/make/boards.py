@@ -137,17 +137,22 @@ def best(results: Path) -> str:
 
 @board
 def suite(results: Path) -> str:
-    """Return a table of a row for each policy and a column for each scenario."""
-    boards = {scenario: list(boards_of(results, scenario).values()) for scenario in SCENARIOS}
-    columns = {scenario: in_order(found) for scenario, found in boards.items()}
+    """Return a table for each pace: rows of policies, columns of scenarios, the best bold."""
+    at_paces = {scenario: boards_of(results, scenario) for scenario in SCENARIOS}
+    names = [name for name in in_order(list(at_paces["standard"].values())) if name not in LEFT_OUT]
+    parts: list[str] = []
+    for pace, speed in PACES.items():
+        columns = [
+            {each.policy: error_of(each) for each in at_paces[scenario][pace].standings}
+            for scenario in SCENARIOS
+        ]
+        rows = [[code(name), *(column.get(name, "") for column in columns)] for name in names]
+        head = ["Policy", *map(code, SCENARIOS)]
+        parts.append(f"### {pace.capitalize()}: {speed:g} m/s\n\n{table(head, rows, '---:')}")
+    return "\n".join(parts)
 
-    def errors(row: list[Standing | None]) -> str:
-        cells = (marked(millimetres(each.error.value), each) for each in row if each)
-        return "<br>".join(map(joined, cells))
 
-    rows = [
-        [code(name), *(errors(column.get(name, [])) for column in columns.values())]
-        for name in columns["standard"]
-        if name not in LEFT_OUT
-    ]
-    return table(["Policy", *map(code, columns)], rows)
+def error_of(standing: Standing) -> str:
+    """Return a path error, bold if it is the best with a rank."""
+    text = millimetres(standing.error.value)
+    return joined(marked(f"**{text}**" if standing.rank == 1 else text, standing))

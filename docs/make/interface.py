@@ -1,38 +1,31 @@
 """List the public interface: `python docs/make/interface.py` writes tests/meta/interface.txt.
 
 It has a line for each name of the modules in docs/api.md, up to those behind the commands, with
-parameters, defaults and fields, and for what users write or read elsewhere: ids, commands, columns,
-entries and keys of files.
+parameters, defaults, fields and values, and the lines of `formats.py`. A digest stands for a value
+of many numbers.
 """
 
 import dataclasses
 import enum
 import inspect
+import json
 import pkgutil
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from hashlib import sha256
 from types import ModuleType
 from typing import Any, Literal, get_args, get_origin
 
-import gymnasium
-import numpy as np
 from markup import DOCS, ROOT
 
 from pter_gym import __version__
-from pter_gym._commands.main import commands, load_command
-from pter_gym.benchmark import ScenarioRun, WorstHand, leaderboards
-from pter_gym.benchmark.results import ORIGIN, RUN_ENTRIES, WORST
-from pter_gym.benchmark.scores import SCORES
-from pter_gym.benchmark.tables import TABLE_ENTRIES
-from pter_gym.envs import PathFollowingEnv
-from pter_gym.params import BASELINE
-from pter_gym.policies import Interface
-from pter_gym.scenarios import PACES, SCENARIOS
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, observation_layout
 
 LISTING = ROOT / "tests" / "meta" / "interface.txt"
 
 PLAIN = (bool, int, float, str, type(None))
+
+PROSE = {"asks", "grade", "posture", "provenance", "source", "title"}
+"""Fields whose text may be written better."""
 
 
 def modules(*, behind: bool) -> list[str]:
@@ -47,33 +40,9 @@ def lines() -> Iterator[str]:
     """Yield the lines of the listing."""
     for name in modules(behind=False):
         yield from lines_of_module(pkgutil.resolve_name(name))
-    yield from (f"id {each}" for each in sorted(gymnasium.registry) if each.startswith("PTER/"))
-    for name in commands():
-        yield f"command {name} {signature(load_command(name))}"
-    env = PathFollowingEnv(privileged=True)
-    board = leaderboards([some_run()])[0].as_json()
-    named: dict[str, Iterable[str]] = {
-        "scenarios": list(SCENARIOS),
-        "paces": list(PACES),
-        "observation": observation_layout(BASELINE, "force").names,
-        "privileged": env.privileged_layout.names,
-        "telemetry": TELEMETRY.names,
-        "scores": list(SCORES),
-        "run": [*RUN_ENTRIES, "episodes", "strata", WORST, ORIGIN],
-        "benchmark.json": board,
-        "benchmark.json, policies": board["policies"]["mine"],
-        "table": TABLE_ENTRIES,
-        "policy": [item.name for item in dataclasses.fields(Interface)],
-    }
-    for kind, names in named.items():
-        yield f"{kind}: {' '.join(names)}"
+    import formats  # needs what the extra `agents` brings
 
-
-def some_run() -> ScenarioRun:
-    """Return a run that has everything that a run may have."""
-    worst = WorstHand(0.1, 0.1, 8192, 12288, BASELINE, PathFollowing())
-    values = {name: np.zeros(2) for name in SCORES}
-    return ScenarioRun("standard", "medium", "mine", 0, None, ("", ""), values, worst=worst)
+    yield from formats.lines()
 
 
 def lines_of_module(module: ModuleType) -> Iterator[str]:
@@ -94,8 +63,10 @@ def lines_of_module(module: ModuleType) -> Iterator[str]:
             yield from lines_of_class(place, value)
         elif callable(value):
             yield f"{place}{signature(value)}"
+        elif isinstance(value, Mapping):
+            yield from (f"{place}[{key!r}] = {default(each)}" for key, each in value.items())
         else:
-            yield f"{place}: {type(value).__name__}"
+            yield f"{place} = {default(value)}"
 
 
 def lines_of_class(place: str, kind: type) -> Iterator[str]:
@@ -103,7 +74,10 @@ def lines_of_class(place: str, kind: type) -> Iterator[str]:
     bases = [base for base in kind.__mro__[1:] if not base.__module__.startswith("pter_gym")]
     inherited = {name for base in bases for name in vars(base)}
     is_made = not (issubclass(kind, enum.Enum | BaseException) or vars(kind).get("_is_protocol"))
-    yield f"{place}{signature(kind)}" if is_made else place
+    if issubclass(kind, BaseException):
+        yield f"{place}({', '.join(base.__name__ for base in kind.__mro__[1:-2])})"
+    else:
+        yield f"{place}{signature(kind)}" if is_made else place
     for name in sorted(dir(kind)):
         if name.startswith("_") or name in inherited:
             continue
@@ -141,12 +115,38 @@ class Text(str):
 
 
 def default(value: object) -> str:
-    """Return a default that is plain data as code, and of others what kind of thing it is."""
+    """Return plain data as code, and of others what they are: a name, or a kind and a digest."""
     if value == __version__:
         return "<version>"
     if isinstance(value, tuple) and all(isinstance(each, PLAIN) for each in value):
         return repr(tuple(value))
-    return repr(value) if isinstance(value, PLAIN) else f"<{type(value).__name__.strip('_')}>"
+    if isinstance(value, PLAIN):
+        return repr(value)
+    if isinstance(value, type) or inspect.isfunction(value):
+        return f"<{value.__name__}>"
+    if dataclasses.is_dataclass(value) or isinstance(value, tuple):
+        return f"<{type(value).__name__} {digest(value)}>"
+    return f"<{type(value).__name__.strip('_')}>"
+
+
+def digest(value: Any) -> str:
+    """Return a digest of a value's names and numbers, these to nine digits."""
+
+    def plain(each: Any) -> Any:
+        if dataclasses.is_dataclass(each) and not isinstance(each, type):
+            parts = {
+                f.name: getattr(each, f.name)
+                for f in dataclasses.fields(each)
+                if f.name not in PROSE
+            }
+            return [type(each).__name__, plain(parts)]
+        if isinstance(each, Mapping):
+            return {str(name): plain(part) for name, part in each.items()}
+        if isinstance(each, Sequence) and not isinstance(each, str):
+            return [plain(part) for part in each]
+        return f"{each:.9g}" if isinstance(each, float) else each
+
+    return sha256(json.dumps(plain(value)).encode()).hexdigest()[:8]
 
 
 def listing() -> str:

@@ -309,7 +309,7 @@ def claims() -> str:
         f"{count['prediction']} are predictions that hold, "
         f"{count['calibration']} hold because parameters were fitted\n"
         f"to them, and {count['not met']} are "
-        "[not met](/development/tables.md#the-papers-claims).\n"
+        "[not met](/tables.md#the-papers-claims).\n"
     )
 
 
@@ -433,14 +433,21 @@ def argument(hint: Any, parameter: inspect.Parameter, meaning: str) -> list[str]
         option = name.upper()
     elif kind is bool:
         option += f", --no-{option[2:]}"
-    choices = [
-        str(each)
-        for part in (kind, *get_args(kind))
-        if get_origin(part) is Literal
-        for each in get_args(part)
-    ]
-    meaning += f" One of {', '.join(map(code, choices))}." if choices else ""
+    if names := choices(hint):
+        meaning += f" One of {', '.join(map(code, names))}."
     return [code(option), default_text(parameter.default), " ".join(meaning.split())]
+
+
+def aliases(hint: Any) -> list[str]:
+    """Return further names of an option."""
+    return [name for each in get_args(hint) for name in getattr(each, "aliases", None) or ()]
+
+
+def choices(hint: Any) -> list[str]:
+    """Return the names that an argument accepts."""
+    (kind,) = get_args(hint)[:1] if hasattr(hint, "__metadata__") else (hint,)
+    parts = (part for part in (kind, *get_args(kind)) if get_origin(part) is Literal)
+    return [str(each) for part in parts for each in get_args(part)]
 
 
 def default_text(value: Any) -> str:

@@ -47,8 +47,8 @@ DESCRIPTION = "PTER, a passive haptic arm with four friction clutches."
 NUMBERS = {int: "a whole number", float: "a number"}
 """What an option's value must be, by its type."""
 
-INTERRUPTED = 130
-"""Exit status after Ctrl-C, as shells have it."""
+FAILED, INTERRUPTED = 2, 130
+"""Exit status after an error, and after Ctrl-C, as shells have it."""
 
 
 def commands() -> dict[str, EntryPoint]:
@@ -196,7 +196,7 @@ def main(arguments: list[str] | None = None) -> int:
         if not isinstance(error, BrokenPipeError):  # who reads the output has seen enough
             with suppress(OSError):
                 complain(reason_of_os_error(error, printed=printed))
-        return 2
+        return FAILED
 
 
 def reason_of_os_error(error: OSError, *, printed: bool = True) -> str:
@@ -230,7 +230,7 @@ def _run(arguments: list[str]) -> int:
             return (done() if callable(done) else done) or 0
     except PterError as error:
         complain(str(error))
-        return 2
+        return FAILED
 
 
 def show_warning(message: Warning | str, *_: object, **__: object) -> None:

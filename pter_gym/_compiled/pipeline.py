@@ -1,5 +1,5 @@
 # pyright: standard
-"""By which of numba's steps kernels and their functions are compiled, and what the user is told.
+"""Numba's pipeline for kernels and their functions, and the message while they compile.
 
 These are the steps of ``shortcuts.py``, which rely on numba's internals; or numba's own, with a
 warning, where a numba newer than those tested does not compile a small kernel right by them.

@@ -1,4 +1,4 @@
-"""Many worlds in one call. The single environment and the vector environments are built on this."""
+"""Many worlds in one call: the base of the single and the vector environments."""
 
 from collections.abc import Sequence
 from functools import partial

@@ -1,4 +1,4 @@
-"""An action becomes the voltages of a control step."""
+"""From an action to the voltages of a control step."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What is seen after a control step: readings, and the observation that they give."""
+"""Sensor readings after a control step, and the observation made of them."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What is stored of N worlds: the constants that they share, and their state."""
+"""Storage of N worlds: the constants that they share, and their state."""
 
 import os
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What is true of worlds and no sensor shows: state, machine, hand and task, as named numbers."""
+"""What no sensor shows of worlds: state, machine, hand and task, as named numbers."""
 
 from dataclasses import replace
 from functools import cache

@@ -1,1 +1,1 @@
-"""Helpers of every room, not for users: files, tables, plain data, the terminal, colours."""
+"""Helpers of all subpackages, not for users: checks, files, tables, plain data."""

@@ -23,4 +23,5 @@ from .scores import (
     score as score,
     score_episodes as score_episodes,
 )
+from .tables import write_table as write_table
 from .worst_hand import find_worst as find_worst

@@ -1,4 +1,4 @@
-"""Scenarios are run, and runs stored: a JSON file for each, and ``benchmark.json``, their boards.
+"""Run scenarios, and store the runs: a JSON file for each, and ``benchmark.json``, their boards.
 
 Episodes themselves can be written as a table in a CSV file.
 """

@@ -1,4 +1,4 @@
-"""The one loop of a policy over episodes, and the scores of what it has recorded."""
+"""The only loop of a policy over episodes, and the scores of what it records."""
 
 from collections.abc import Generator, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor

@@ -1,4 +1,4 @@
-"""Leaderboards as one table for a paper: in Markdown, LaTeX or CSV."""
+"""Leaderboards as a table for a paper: in Markdown, LaTeX or CSV."""
 
 import csv
 import io
@@ -68,6 +68,8 @@ def write_table(
 ) -> Path:
     """Write leaderboards as a table to a file, whose ending says in which form; return its path.
 
+    In LaTeX, differences to a baseline are a table of their own, so that both fit on a page.
+
     Parameters
     ----------
     boards
@@ -126,27 +128,30 @@ def _difference(
     return difference_interval(standing.errors, baseline.errors, board.strata)
 
 
+class Row(NamedTuple):
+    """A policy on a scenario, in text: its errors and its differences to the baseline by pace."""
+
+    scenario: str
+    policy: str
+    errors: list[str]
+    differences: list[str]
+
+
 def _texts(
     boards: Sequence[Leaderboard], baseline: str | None, bold: str
-) -> tuple[list[str], list[list[str]]]:
-    """Return the header, and rows, in whose first column a scenario stands once."""
+) -> tuple[list[str], list[Row]]:
+    """Return the titles of the paces, and the rows."""
     paces = list(dict.fromkeys(board.pace for board in boards))
-    header = ["Scenario", "Policy"]
-    for pace in paces:
-        header += [title_of_pace(pace), *([f"less {baseline}"] if baseline else [])]
-    rows: list[list[str]] = []
-    before: object = None
+    rows: list[Row] = []
     for at_paces, name, cells in _rows(boards, baseline):
         by_pace = dict(zip((board.pace for board in at_paces), cells, strict=True))
-        row = ["" if at_paces[0].scenario == before else at_paces[0].scenario, name]
-        for pace in paces:
-            cell = by_pace.get(pace, Cell(None, False, None))
-            row.append(_error(cell, bold))
-            if baseline:
-                row.append(with_interval(cell.difference, signed=True) if cell.difference else "")
-        rows.append(row)
-        before = at_paces[0].scenario
-    return header, rows
+        each = [by_pace.get(pace, Cell(None, False, None)) for pace in paces]
+        differences = [
+            with_interval(cell.difference, signed=True) if cell.difference else "" for cell in each
+        ]
+        errors = [_error(cell, bold) for cell in each]
+        rows.append(Row(at_paces[0].scenario, name, errors, differences))
+    return list(map(title_of_pace, paces)), rows
 
 
 def _error(cell: Cell, bold: str) -> str:
@@ -158,8 +163,8 @@ def _error(cell: Cell, bold: str) -> str:
     return (bold.format(value) if cell.is_best else value) + mark + ends
 
 
-def _caption(boards: Sequence[Leaderboard], baseline: str | None, command: str) -> list[str]:
-    """Return the sentences below the table."""
+def _caption(boards: Sequence[Leaderboard], command: str) -> list[str]:
+    """Return the sentences below the table of errors."""
     counts = sorted({board.episodes for board in boards})
     some = " or ".join(f"{count:,}" for count in counts)
     seeds = {board.seed for board in boards}
@@ -175,8 +180,6 @@ def _caption(boards: Sequence[Leaderboard], baseline: str | None, command: str) 
         sentences.append(
             f"{UNRANKED}: without a rank, as it arrives too seldom or is off the pace."
         )
-    if baseline:
-        sentences.append(f"Differences to {baseline} are over the same episodes.")
     if any(len(each.errors) > 1 for board in boards for each in board.standings):
         sentences.append("Intervals of policies with several training seeds are over these.")
     made = f"Made with pter_gym {boards[0].version}"
@@ -184,24 +187,56 @@ def _caption(boards: Sequence[Leaderboard], baseline: str | None, command: str) 
 
 
 def _markdown(boards: Sequence[Leaderboard], baseline: str | None, command: str) -> str:
-    header, rows = _texts(boards, baseline, "**{}**")
-    lines = [header, ["---", "---", *["---:"] * (len(header) - 2)], *rows]
+    """Return a table whose first column has a scenario once, and the differences beside errors."""
+    paces, rows = _texts(boards, baseline, "**{}**")
+    number = 2 if baseline else 1
+    titles = [title for pace in paces for title in (pace, f"less {baseline}")[:number]]
+    lines = [["Scenario", "Policy", *titles], ["---", "---", *["---:"] * len(titles)]]
+    before = ""
+    for row in rows:
+        pairs = zip(row.errors, row.differences, strict=True)
+        cells = [text for pair in pairs for text in pair[:number]]
+        lines.append(["" if row.scenario == before else row.scenario, row.policy, *cells])
+        before = row.scenario
     plain = (" | ".join(cell.replace("|", r"\|") for cell in line) for line in lines)
     table = "".join(f"| {line} |\n" for line in plain)
-    return f"{table}\n{' '.join(_caption(boards, baseline, command))}\n"
+    sentences = _caption(boards, command)
+    if baseline:
+        sentences.insert(-1, f"Differences to {baseline} are over the same episodes.")
+    return f"{table}\n{' '.join(sentences)}\n"
 
 
 def _latex(boards: Sequence[Leaderboard], baseline: str | None, command: str) -> str:
-    header, rows = _texts(boards, baseline, "\0{}\1")  # braces are escaped
-    columns = "ll" + "r" * (len(header) - 2)
-    lines = [r"% needs \usepackage{booktabs}", r"\begin{table}", r"\centering"]
-    lines += [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", _latex_row(header), r"\midrule"]
-    for k, row in enumerate(rows):
-        lines += [r"\midrule"] * bool(k and row[0])
-        lines.append(_latex_row(row))
-    caption = re.sub("`(.*?)`", "\2\\1\1", " ".join(_caption(boards, baseline, command)))
-    lines += [r"\bottomrule", r"\end{tabular}", rf"\caption{{{_escaped(caption)}}}", r"\end{table}"]
+    """Return a table of errors and one of differences, each narrower than a page."""
+    paces, rows = _texts(boards, baseline, "\0{}\1")  # braces are escaped
+    errors = [(row.scenario, row.policy, *row.errors) for row in rows]
+    text = _latex_table(paces, errors, " ".join(_caption(boards, command)))
+    if baseline:
+        differences = [
+            (row.scenario, row.policy, *row.differences) for row in rows if row.policy != baseline
+        ]
+        caption = f"Path error less that of {baseline} [mm], on the same episodes."
+        text += "\n" + _latex_table(paces, differences, caption)
+    return f"% needs \\usepackage{{booktabs}}\n{text}"
+
+
+def _latex_table(paces: list[str], rows: Sequence[tuple[str, ...]], caption: str) -> str:
+    """Return a table, in which each scenario is a line of its own above its policies."""
+    lines = [r"\begin{table}", r"\centering", r"\footnotesize", r"\setlength{\tabcolsep}{4pt}"]
+    lines += [rf"\begin{{tabular}}{{@{{}}l{'r' * len(paces)}@{{}}}}", r"\toprule"]
+    lines.append(_latex_row(["Policy", *paces]))
+    for scenario, same in itertools.groupby(rows, lambda row: row[0]):
+        title = rf"\emph{{{_escaped(scenario)}}}"
+        lines += [r"\midrule", rf"\multicolumn{{{1 + len(paces)}}}{{l}}{{{title}}} \\"]
+        lines += [_latex_row([_short(cell) for cell in cells]) for _, *cells in same]
+    caption = _escaped(re.sub("`(.*?)`", "\2\\1\1", caption))
+    lines += [r"\bottomrule", r"\end{tabular}", rf"\caption{{{caption}}}", r"\end{table}"]
     return "\n".join(lines) + "\n"
+
+
+def _short(cell: str) -> str:
+    """Return a cell with commas in its intervals, and without decimals from 100 mm on."""
+    return re.sub(r"(\d{3})\.\d", r"\1", cell).replace(" – ", ", ")
 
 
 def _latex_row(cells: Sequence[str]) -> str:

@@ -1,4 +1,4 @@
-"""What scores of path and pace need of episodes, summed up row by row, so no telemetry is kept.
+"""Sums over episodes for the scores of path and pace, row by row, without storing telemetry.
 
 Each sum is in the order of time, so an episode has the same bits alone and among others.
 """

@@ -1,4 +1,4 @@
-"""The built-in laws, known without loading anything that compiles."""
+"""The built-in laws by name, without loading anything that compiles."""
 
 LAWS = {
     "impedance": "_guided:Impedance",

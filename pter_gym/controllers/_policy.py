@@ -1,4 +1,4 @@
-"""What acts: a policy turns observations, and what it remembers, into clutch voltages.
+"""Policies: from observations, and what a policy remembers, to clutch voltages.
 
 A *controller* is a frozen set of gains, a trained network, or anything else with ``bind(machine,
 layout)``, which returns a policy for a nominal machine and the observations that it will get.
@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import Any, NamedTuple, Protocol, Self, SupportsIndex, cast, get_args, runtime_checkable
+from typing import Any, NamedTuple, Protocol, Self, SupportsIndex, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -373,11 +373,19 @@ def clutch_rows(machine: Machine) -> Rows:
     return tuple(clutch.row for clutch in machine.clutches)
 
 
+@runtime_checkable
+class NeedsSensors(Protocol):
+    """What says which sensors it needs."""
+
+    sensors: Sensors
+
+
 def sensors_of(policy: AnyPolicy) -> Sensors:
     """Return the sensors in a policy's ``sensors`` or layout, by default torque sensors."""
+    if isinstance(policy, NeedsSensors):
+        return policy.sensors
     names = policy.layout.names if isinstance(policy, Policy) else ()
-    usual = next((each for each in get_args(Sensors) if names_of(each) == names), "torque")
-    return cast("Sensors", getattr(policy, "sensors", usual))
+    return next((each for each in get_args(Sensors) if names_of(each) == names), "torque")
 
 
 def names_of(sensors: Sensors) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What a law of one's own is written with."""
+"""What users need to write a control law."""
 
 from pter_gym._compiled.compiler import compiled
 from pter_gym._compiled.records import rows

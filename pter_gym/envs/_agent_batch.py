@@ -60,12 +60,11 @@ class AgentBatch(Batch):
 
     @property
     def _changing(self) -> dict[str, NDArray[Any]]:
-        law, base, latest = self._memory
-        return {**super()._changing, "memory": law, "base": base, "latest": latest}
+        return {**super()._changing, **self._memory._asdict()}
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that changes, and which law this is for."""
-        return {**super().get_state(), "law": np.array(self.view.law_digest)}
+        return {**super().get_state(), "law_digest": np.array(self.view.law_digest)}
 
     def set_state(self, state: dict[str, NDArray[Any]]) -> None:
         """Bring the worlds to a state from ``get_state``, as ``Batch`` does.
@@ -75,9 +74,9 @@ class AgentBatch(Batch):
         ParameterError
             Also if it is of another base, or what it remembers is not finite.
         """
-        if str(state.get("law", "")) != self.view.law_digest:
+        if str(state.get("law_digest", "")) != self.view.law_digest:
             raise ParameterError("state must be of an environment with the same base")
-        for name in ("memory", "base", "latest"):
+        for name in Memory._fields:
             if not np.isfinite(state.get(name, 0.0)).all():
                 raise ParameterError(f"state[{name!r}] must hold finite numbers only")
         super().set_state(state)
@@ -143,7 +142,8 @@ class AgentBatch(Batch):
         rewards, flags = np.zeros(n), np.zeros((FLAGS, n), np.bool_)
         running, seen = alive.copy(), np.zeros((n, len(self.layout)), np.float32)
         for _ in range(self._calls):
-            returns = super().step(self.view.given(actions, self._memory), SKIP)
+            given, self._memory = self.view.given(actions, self._memory)
+            returns = super().step(given, SKIP)
             rewards += returns.rewards
             returns.telemetry[..., PAY] += np.nan_to_num(telemetry[..., PAY])
             telemetry[:, running] = returns.telemetry[:, running]
@@ -189,8 +189,8 @@ class AgentBatch(Batch):
         """Look at some worlds' observations; return what is seen of all."""
         rows = slice(None) if chosen.all() else chosen
         obs = obs[rows]
-        before = Memory(*(part[rows] for part in self._memory))
-        after = self.view.after(before, obs, np.full(len(obs), begins))
+        before = self._memory._make(part[rows] for part in self._memory)
+        after = self.view.after(before, obs, np.full(len(obs), begins), self.view.act)
         for part, new in zip(self._memory, after, strict=True):
             part[rows] = new
         return self.view.seen(self._memory)

@@ -1,4 +1,4 @@
-"""What this computer, or this process's container if that is less, has: memory and cores."""
+"""Memory and cores of this computer, or of the process's container if those are fewer."""
 
 import os
 import sys

@@ -45,6 +45,9 @@ FRAME_SKIP = 3
 """Control steps for which environments with a scenario hold an action: noise that is new at each
 step then gets through the clutches' lag, so that stock algorithms explore."""
 
+CONTEXTS = 512
+"""Draws of a scenario among which episodes choose."""
+
 
 class Arguments(ViewArguments, total=False):
     """Arguments of all environments, which ``PathFollowingEnv`` describes.
@@ -101,7 +104,7 @@ class WorldsMixin:
         What the worlds are.
     batch
         The worlds.
-    gains
+    whose_gains
         Name of the scenario whose gains control laws have here; ``paths`` on a path of one's own.
     view
         How agents see the worlds and act.
@@ -123,7 +126,7 @@ class WorldsMixin:
 
     worlds: "Worlds"
     batch: Batch
-    gains: str
+    whose_gains: str
     view: View
     base: "Controller | None"
     reach: float | None
@@ -171,7 +174,7 @@ class WorldsMixin:
         }
         given |= self._from_files
         self.worlds = worlds = find_worlds(**given)
-        self.gains, self.view = worlds.gains, worlds.view
+        self.whose_gains, self.view = worlds.whose_gains, worlds.view
         self.base, self.reach, self.history = self.view.base, self.view.reach, self.view.history
         self.batch = batch = worlds.batch(num_envs, max_episode_steps, telemetry, num_threads)
         self.frame_skip, self.observation_layout = batch.frame_skip, batch.layout
@@ -233,7 +236,7 @@ class Worlds:
         What these were drawn from, for episodes to draw from; None where each world has its own.
     source
         The scenario that these draws are from; None without one.
-    gains
+    whose_gains
         The scenario whose gains suit them.
     view
         How agents see them and act.
@@ -247,7 +250,7 @@ class Worlds:
     tasks: "PathFollowing | Sequence[PathFollowing]"
     draws: "Draws | None"
     source: Scenario | None
-    gains: str
+    whose_gains: str
     view: View
     privileged: bool
     options: Mapping[str, Any]
@@ -353,18 +356,18 @@ def find_worlds(
             raise ParameterError("contexts and context_seed must be given with a scenario")
         machines, draws, source = each(find_machine, machine), None, None
         tasks = _task_with(fields) if task is None else task
-        gains = gains_for(_checked_tasks(tasks))
+        whose_gains = gains_for(_checked_tasks(tasks))
     else:
         if isinstance(scenario, str | Scenario):
             fields.setdefault("starts", STARTS["path"])
         one = cast("Machine | FilePath | None", machine)
         own_path, own_hand = fields.pop("path", None), fields.pop("hand", None)
         source = find_scenario(scenario, one, own_path, hand=own_hand)
-        count = whole_number("contexts", 512 if contexts is None else contexts)
+        count = whole_number("contexts", CONTEXTS if contexts is None else contexts)
         seed = whole_number("context_seed", context_seed or 0, at_least=0)
         draws = source.draws.at_pace(fields.pop("pace", None)).with_task(**fields)
         machines, tasks = zip(*draws.pairs(count, seed), strict=True)
-        gains = source.whose_gains
+        whose_gains = source.whose_gains
     first = machines if isinstance(machines, Machine) else machines[0]
     usual = 1 if scenario is None else FRAME_SKIP
     return Worlds(
@@ -372,8 +375,8 @@ def find_worlds(
         tasks=tasks,
         draws=draws,
         source=source,
-        gains=gains,
-        view=find_view(gains, usual, first.clutch.voltage_max, **view),
+        whose_gains=whose_gains,
+        view=find_view(whose_gains, usual, first.clutch.voltage_max, **view),
         privileged=privileged,
         options={"sensors": sensors, "observe_context": observe_context},
     )

@@ -80,18 +80,13 @@ class AgentState(NamedTuple):
     world, episode
         Those of ``EnvState``.
     memory
-        The law's memory, uint32 (M,).
-    base
-        Its voltages [V], float32 (4,).
-    latest
-        The latest observations, float32 (steps, entries).
+        ``law``, the memory of the law, uint32 (M,), ``base``, its voltages [V], float32 (4,), and
+        ``latest``, the latest observations, float32 (steps, entries).
     """
 
     world: jax.Array
     episode: jax.Array
-    memory: jax.Array
-    base: jax.Array
-    latest: jax.Array
+    memory: Memory[jax.Array, jax.Array]
 
 
 AnyState = EnvState | AgentState
@@ -207,9 +202,8 @@ class JaxEnv:
         if self._view is None:
             return
         blank = self._view.start(1)
-        self._blank = on_cpu(
-            Memory(words_of(blank.law), jnp.asarray(blank.base), jnp.asarray(blank.latest))
-        )
+        law = words_of(blank.law)
+        self._blank = on_cpu(Memory(law, *(jnp.asarray(part) for part in blank[1:])))
         if (base := self._view.base) is not None:
             law = base.law
             self._law = _following(register_law(law.function, guarded(law.function)))
@@ -265,7 +259,7 @@ class JaxEnv:
         if self._view is None:
             return obs, EnvState(world, episode)
         obs, memory = self._look(self._view, self._blank, obs, pair_of(world), begins=True)
-        return obs, AgentState(world, episode, *memory)
+        return obs, AgentState(world, episode, memory)
 
     def step(
         self,
@@ -358,16 +352,15 @@ class JaxEnv:
 
         def control(before: Advanced, _: None) -> tuple[Advanced, None]:
             own = cast(AgentState, before[0])
-            memory = Memory(*(part[None] for part in own[2:]))
-            volts = view.given(given[None], memory)[0]
-            stepped, obs, last, reward, flags = self._control(own, volts, shared)
+            rows, memory = view.given(given[None], jax.tree.map(_one_row, own.memory))
+            stepped, obs, last, reward, flags = self._control(own, rows[0], shared)
             over, world = _is_over(flags), stepped.world
             final, after = self._look(view, memory, last, pair_of(own.world), begins=False)
             first, begun = self._look(
                 view, self._blank, obs, pair_of(world), begins=True, acts=over
             )
             new = jax.tree.map(partial(jnp.where, over), (first, begun), (final, after))
-            state = AgentState(*stepped[:2], *new[1])
+            state = AgentState(*stepped[:2], new[1])
             result = state, new[0], final, before[3] + reward, flags
             return jax.tree.map(partial(jnp.where, _is_over(before[4])), before, result), None
 
@@ -385,13 +378,13 @@ class JaxEnv:
     def _look(
         self,
         view: BoundView,
-        memory: Memory,
+        memory: Memory[jax.Array, jax.Array],
         obs: jax.Array,
         pair: jax.Array,
         *,
         begins: bool,
         acts: jax.Array | bool = True,
-    ) -> tuple[jax.Array, Memory]:
+    ) -> tuple[jax.Array, Memory[jax.Array, jax.Array]]:
         """Return what is seen after a look at a pair's world, and the memory, (1, …) before it.
 
         The base acts where it is true that it ``acts``; elsewhere the result is not used.
@@ -418,7 +411,7 @@ class JaxEnv:
         expected = [(self._empty.shape, jnp.uint32), ((4,), jnp.uint32)]
         if self._view is not None:
             expected += [(part.shape[1:], part.dtype) for part in self._blank]
-        parts = state[: len(expected)]
+        parts = jax.tree.leaves(state)[: len(expected)]
         if [(jnp.shape(part), jnp.result_type(part)) for part in parts] != expected:
             raise ParameterError(
                 "state must be one of this environment, of the shapes "
@@ -554,6 +547,10 @@ def _many(run: _Call) -> _Call:
 
 def _is_over(flags: jax.Array) -> jax.Array:
     return flags[FLAG.terminated] | flags[FLAG.truncated]
+
+
+def _one_row(x: jax.Array) -> jax.Array:
+    return x[None]
 
 
 def _one(call: _Call, own: Arrays, shared: Shared | LawParams) -> Arrays:

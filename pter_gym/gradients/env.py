@@ -7,6 +7,7 @@ observation as functions of JAX made from their source.
 """
 
 from collections.abc import Sequence
+from dataclasses import fields
 from functools import partial
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -49,6 +50,9 @@ class DifferentiableEnvState(NamedTuple):
     numbers: jax.Array
 
 
+CARRIED = "frame_skip", "action_unit"
+"""Fields of a view that a step to be differentiated follows."""
+
 EpisodeEnd = Literal["raise", "constant"]
 """What to do with a derivative that would pass through the end of an episode, a jump."""
 
@@ -63,10 +67,14 @@ class DifferentiableEnv(jax_env.JaxEnv):
     def __init__(self, env: Any, episode_end: EpisodeEnd) -> None:
         if episode_end not in get_args(EpisodeEnd):
             raise unknown_name("episode_end", episode_end, get_args(EpisodeEnd))
-        if env.base is not None:
-            raise ParameterError("base must be None for a step to be differentiated")
-        if env.history:
-            raise ParameterError("history must be () for a step to be differentiated")
+        if others := [
+            field.name
+            for field in fields(env.view)
+            if field.name not in CARRIED and getattr(env.view, field.name) != field.default
+        ]:
+            raise ParameterError(
+                f"{', '.join(others)} must not be given for a step to be differentiated"
+            )
         if not env.batch.machine.has_paper_clutches:
             raise ParameterError(
                 "machine must have the paper's clutches for a step to be differentiated"

@@ -1,4 +1,4 @@
-"""Machines about one: what a log leaves open of its numbers."""
+"""Machines around an identified one, as far as a log leaves its numbers open."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace

@@ -1,4 +1,4 @@
-"""What paths are called, known without loading anything that compiles."""
+"""Names of paths, without loading anything that compiles."""
 
 PATH_NAMES = ("line", "arc", "circle", "sine")
 """Names of paths, in their order in ``PATHS``."""

@@ -11,6 +11,7 @@ from typing import Annotated, NamedTuple
 from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import Entry, Records, read, width
 from pter_gym._physics.arm import UnitVector
+from pter_gym._physics.scalars import clamp
 from pter_gym.paths._arcs import SEGMENT, ArcSegment
 
 SEGMENT_WIDTH = width(ArcSegment)
@@ -85,7 +86,7 @@ def project(constants: Records, first: int, count: int, segment: int, x: float, 
         direction = neighbour(arc, segment, count, foot.arc_length, direction)
         if direction == 0:
             break
-        segment += direction
+        segment = int(clamp(segment + direction, 0, count - 1))  # no change; for proofs of C
         foot = foot_on(segment_at(constants, first, segment), segment, x, y)
     return foot
 

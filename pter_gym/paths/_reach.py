@@ -1,4 +1,4 @@
-"""Where the tip of an arm can go, known without loading anything that compiles."""
+"""The reach of an arm, without loading anything that compiles."""
 
 import math
 

@@ -67,8 +67,8 @@ def load_policy(policy: "FilePath | AnyPolicy", env: Any) -> "ActingPolicy":
         If a file of the policy is damaged.
     """
     if isinstance(policy, str | os.PathLike):
-        (gains,) = attributes(env, "gains")
-        policy = find_policy(cast("FilePath", policy), gains)
+        (whose_gains,) = attributes(env, "whose_gains")
+        policy = find_policy(cast("FilePath", policy), whose_gains)
     return ActingPolicy(policy, env)
 
 

@@ -8,6 +8,7 @@ from hashlib import sha256
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.layout import Field, Layout
@@ -19,6 +20,7 @@ from pter_gym.controllers._network import BASE_INPUTS
 from pter_gym.controllers._policy import CompiledLaw
 from pter_gym.errors import ParameterError
 from pter_gym.params import SLOTS, Machine
+from pter_gym.policies._history import Floats
 from pter_gym.policies._interface import corrected
 from pter_gym.policies.find import Kind, find_policy, kind_of
 
@@ -31,8 +33,7 @@ REACH = 1.0 / 3.0
 BASES: tuple[Kind, ...] = ("law", "tuned law", "gains", "code")
 """What the name of a base may mean."""
 
-
-Numbers = TypeVar("Numbers", Observations, "jax.Array")
+Actions = TypeVar("Actions", NDArray[np.floating], "jax.Array")
 
 
 def find_base_law(base: object, scenario: str) -> Controller:
@@ -119,12 +120,14 @@ class BaseLaw:
             )
         return volts, after
 
-    def seen(self, obs: Numbers, base: Numbers) -> Numbers:
+    def seen(self, obs: Floats, base: Floats) -> Floats:
         """Return observations, float32 (N, entries), that end with the law's voltages."""
         library = obs.__array_namespace__()
         volts = library.maximum(base, 0.0)
         return library.concat([obs, volts * self._inverse_scale], axis=1)
 
-    def corrected(self, actions: Numbers, base: Numbers) -> Numbers:
-        """Return the voltages [V] of actions, float32 (N, clutches), on those of the law."""
-        return corrected(actions, base[:, : self._clutches], self._reach, self._voltage_max)
+    def corrected(self, actions: Actions, base: "Observations | jax.Array") -> Actions:
+        """Return the voltages [V], float32, of actions, (N, clutches), on those of the law."""
+        return corrected(
+            actions.astype(np.float32), base[:, : self._clutches], self._reach, self._voltage_max
+        )

@@ -1,4 +1,4 @@
-"""What was observed some control steps ago, which an observation may end with.
+"""Observations of some control steps ago, which may be appended to an observation.
 
 The functions are those of worlds, of policies and, with JAX's arrays, of ``pter_gym.envs.jax``.
 """
@@ -17,7 +17,7 @@ from pter_gym.errors import ParameterError
 if TYPE_CHECKING:
     import jax
 
-Numbers = TypeVar("Numbers", NDArray[np.float32], "jax.Array")
+Floats = TypeVar("Floats", NDArray[np.float32], "jax.Array")
 
 MAX_HISTORY = 200
 """Most control steps that an observation may look back."""
@@ -58,9 +58,7 @@ class History:
         self.shape = max((0, *steps)) + 1, len(layout)
         self._ages = np.array((0, *steps))
 
-    def after(
-        self, latest: Numbers, obs: Numbers, begins: "NDArray[np.bool_] | jax.Array"
-    ) -> Numbers:
+    def after(self, latest: Floats, obs: Floats, begins: "NDArray[np.bool_] | jax.Array") -> Floats:
         """Return the latest observations after another one, the newest first.
 
         Where an episode ``begins``, (N,), all of them are its first observation.
@@ -69,6 +67,6 @@ class History:
         moved = library.concat([present, latest[:, :-1]], axis=1)
         return library.where(begins[:, None, None], present, moved)
 
-    def seen(self, latest: Numbers) -> Numbers:
+    def seen(self, latest: Floats) -> Floats:
         """Return the present observations and the earlier ones after them, (N, entries)."""
         return latest[:, self._ages].reshape(len(latest), -1)

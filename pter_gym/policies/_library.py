@@ -157,7 +157,7 @@ class LibraryController:
 
         def act(observations: Observations, memory: Any) -> Any:
             actions = self._actions(observations, memory)
-            return actions if self._view.looks else view.volts(actions, view.start(0))
+            return actions if self._view.looks else view.volts(actions)
 
         def start(worlds: int) -> NDArray[np.object_]:
             return np.zeros(worlds, object)

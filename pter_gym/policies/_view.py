@@ -1,4 +1,4 @@
-"""What lies between worlds and whoever acts in them: what it sees, and what its actions do.
+"""How an agent sees worlds and acts in them, whichever interface it uses.
 
 Environments, JAX's worlds and models in an evaluation look through the same ``View``. Its functions
 take and return arrays of NumPy, or of JAX.
@@ -6,7 +6,7 @@ take and return arrays of NumPy, or of JAX.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypedDict, get_args
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypedDict, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +19,14 @@ from pter_gym._internal.fields import check_number
 from pter_gym.controllers import Controller, Policy
 from pter_gym.errors import ParameterError
 from pter_gym.params import SLOTS, Machine
-from pter_gym.policies._base_law import REACH, BaseLaw, find_base_law
-from pter_gym.policies._history import History, checked_history
-from pter_gym.tasks.path_following._actions import volts_of
+from pter_gym.policies._base_law import REACH, Actions, BaseLaw, find_base_law
+from pter_gym.policies._history import Floats, History, checked_history
+from pter_gym.tasks.path_following._actions import volts_of_each
 
 if TYPE_CHECKING:
     import jax
+
+LawMemory = TypeVar("LawMemory", Array, "jax.Array")
 
 
 class ViewArguments(TypedDict, total=False):
@@ -103,7 +105,7 @@ class View:
 
 
 def find_view(
-    gains: str,
+    whose_gains: str,
     usual_skip: int,
     voltage_max: float,
     *,
@@ -119,7 +121,7 @@ def find_view(
     machine's largest voltage. Without a base, actions are held for ``usual_skip`` control steps by
     default.
     """
-    law = None if base is None else find_base_law(base, gains)
+    law = None if base is None else find_base_law(base, whose_gains)
     usual = usual_skip if law is None else 1
     skip = usual if frame_skip is None else frame_skip
     if law is not None and reach is None:
@@ -127,22 +129,25 @@ def find_view(
     return View(skip, checked_history(history), law, reach, action_unit)
 
 
-class Memory(NamedTuple):
+class Memory(NamedTuple, Generic[LawMemory, Floats]):
     """What a view remembers of N worlds.
 
     Attributes
     ----------
     law
-        Memory of the base, float64 (N, M).
+        Memory of the base, float64 (N, M); as words in JAX.
     base
         Its latest voltages [V], float32 (N, 4).
     latest
         The latest observations, float32 (N, steps, entries).
     """
 
-    law: Any
-    base: Any
-    latest: Any
+    law: LawMemory
+    base: Floats
+    latest: Floats
+
+
+ArrayMemory = Memory[Array, Observations]
 
 
 class BoundView:
@@ -172,7 +177,7 @@ class BoundView:
         self._top, self._clutches = machine.clutch.voltage_max, len(machine.clutches)
         self.bounds = (0.0, self._top) if view.action_unit == "volt" else (-1.0, 1.0)
 
-    def start(self, worlds: int) -> Memory:
+    def start(self, worlds: int) -> ArrayMemory:
         """Return the memory of worlds whose episodes begin, before they are looked at."""
         law = np.zeros((worlds, 0)) if self.base is None else self.base.start(worlds)
         latest = np.zeros((worlds, *self._history.shape), np.float32)
@@ -180,35 +185,44 @@ class BoundView:
 
     def after(
         self,
-        memory: Memory,
-        obs: Any,
+        memory: Memory[LawMemory, Floats],
+        obs: Floats,
         begins: "Mask | jax.Array",
-        act: Callable[[Any, Any], tuple[Any, Any]] | None = None,
-    ) -> Memory:
+        act: Callable[[Floats, LawMemory], tuple[Floats, LawMemory]],
+    ) -> Memory[LawMemory, Floats]:
         """Return the memory after a look at the worlds' observations, float32 (N, entries).
 
         In worlds that begin, (N,), all earlier observations equal this one. ``act`` is the base's
-        ``act`` for arrays of JAX.
+        for such arrays: ``self.act``, or that of JAX.
         """
-        law, base, latest = memory
         if self.base is not None:
-            base, law = (act or self.base.act)(obs, law)
-            obs = self.base.seen(obs, base)
-        return Memory(law, base, self._history.after(latest, obs, begins))
+            base, law = act(obs, memory.law)
+            obs, memory = self.base.seen(obs, base), memory._replace(law=law, base=base)
+        return memory._replace(latest=self._history.after(memory.latest, obs, begins))
 
-    def seen(self, memory: Memory) -> Any:
+    def act(self, obs: Observations, law: Array) -> tuple[Observations, Array]:
+        """Return what the base's ``act`` does."""
+        assert self.base is not None
+        return self.base.act(obs, law)
+
+    def seen(self, memory: Memory[LawMemory, Floats]) -> Floats:
         """Return what is seen after the latest look, float32 (N, len(layout))."""
         return self._history.seen(memory.latest)
 
-    def given(self, actions: Any, memory: Memory) -> Any:
-        """Return what actions, (N, clutches), give to worlds, in ``unit_of_worlds``."""
-        return actions if self.base is None else self.base.corrected(actions, memory.base)
+    def given(
+        self, actions: Actions, memory: Memory[LawMemory, Floats]
+    ) -> tuple[Actions, Memory[LawMemory, Floats]]:
+        """Return what actions, (N, clutches), give to worlds in a control step, and the memory.
 
-    def volts(self, actions: NDArray[np.float64], memory: Memory) -> NDArray[np.floating]:
-        """Return the voltages [V] of actions within their bounds, (N, clutches)."""
+        It is in ``unit_of_worlds``.
+        """
         if self.base is not None:
-            return self.given(actions.astype(np.float32), memory)
-        return volts_of(actions, *self.bounds, self._top)  # pyright: ignore[reportArgumentType, reportReturnType]
+            actions = self.base.corrected(actions, memory.base)
+        return actions, memory
+
+    def volts(self, given: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Return the voltages [V] of what worlds are given."""
+        return given if self.base is not None else volts_of_each(given, *self.bounds, self._top)
 
     def policy(self, agent: Policy) -> Policy:
         """Return the policy that acts at every control step as an agent behind this view would.
@@ -227,13 +241,14 @@ class BoundView:
         def act(observations: Observations, memory: Held) -> NDArray[np.floating]:
             decides = memory.age % self.view.frame_skip == 0
             if self.view.looks:
-                memory.view = self.after(memory.view, observations, memory.age == 0)
+                memory.view = self.after(memory.view, observations, memory.age == 0, self.act)
             if decides.any():
                 seen = self.seen(memory.view) if self.view.looks else observations
                 actions = agent.checked(agent.act(seen, memory.own), seen, self._clutches)
                 memory.actions[decides] = actions[decides]
             memory.age += 1
-            return self.volts(memory.actions, memory.view)
+            given, memory.view = self.given(memory.actions, memory.view)
+            return self.volts(given)
 
         return replace(agent, act=act, start=start, frame_skip=1, any_frame_skip=False, made=None)
 
@@ -253,14 +268,14 @@ class Held:
     """
 
     own: Any
-    view: Memory
+    view: ArrayMemory
     actions: Array
     age: NDArray[np.intp]
 
     def __getitem__(self, rows: Mask) -> Self:
         """Return the memory of some worlds."""
         own = None if self.own is None else self.own[rows]
-        view = Memory(*(part[rows] for part in self.view))
+        view = self.view._make(part[rows] for part in self.view)
         return type(self)(own, view, self.actions[rows], self.age[rows])
 
     def __setitem__(self, rows: Mask, other: Self) -> None:

@@ -1,4 +1,4 @@
-"""Draws of test episodes, stored and of a seed, separate from those of training episodes."""
+"""Draws of stored and seeded test episodes, separate from those of training episodes."""
 
 import math
 from dataclasses import replace

@@ -138,14 +138,14 @@ def test_worlds_with_drawn_devices_act_as_the_policy_bound_to_each_device() -> N
     worlds, policy = ppo.worlds, ppo.policy()
     state = ppo.state.carry.worlds
     means = changed.act(worlds.inputs(state))
-    corrected = np.asarray(worlds.env.batch.view.base.corrected(means, state.env.base))
+    corrected = np.asarray(worlds.env.batch.view.base.corrected(means, state.env.memory.base))
     machines = [machine for machine, _ in worlds.env.batch.pairs]
     pairs = np.asarray(pair_of(state.env.world)).astype(int)
     assert len({*pairs}) > 5
     layout = worlds.env.batch.view.base.policy.layout
     for world, pair in enumerate(pairs):
         bound = policy.bind(machines[pair], layout)
-        obs = np.asarray(state.env.latest)[world, :1, : len(layout)]
+        obs = np.asarray(state.env.memory.latest)[world, :1, : len(layout)]
         volts = bound.act(np.ascontiguousarray(obs), bound.start(1))
         np.testing.assert_allclose(volts[0], corrected[world], atol=1e-3)
 

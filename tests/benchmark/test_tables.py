@@ -1,11 +1,14 @@
 """Leaderboards as one table for a paper."""
 
 import csv
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib import get_data_path
+from matplotlib.ft2font import FT2Font
 from scipy import stats
 
 from benchmark.handmade import with_error
@@ -15,7 +18,7 @@ from pter_gym.benchmark.intervals import mean_interval
 from pter_gym.benchmark.results import ResultsFolder
 from pter_gym.benchmark.tables import write_table
 from pter_gym.errors import ParameterError
-from pter_gym.scenarios import SCENARIOS
+from pter_gym.scenarios import PACES, SCENARIOS
 
 
 @pytest.fixture
@@ -74,7 +77,54 @@ def test_latex_has_no_bare_sign(boards: tuple[Leaderboard, ...], tmp_path: Path)
     assert text.isascii()
     assert text.count("{") == text.count("}")
     rows = [line for line in text.splitlines() if line.endswith(r"\\")]
-    assert {row.count("&") for row in rows} == {2}
+    assert {row.count("&") for row in rows} == {0, 1}
+    assert [row for row in rows if "emph" in row] == [
+        rf"\multicolumn{{2}}{{l}}{{\emph{{{name}}}}} \\" for name in ("paths", "wall")
+    ]
+
+
+LINE = 345.0
+"""Width of a line of LaTeX's class article [pt], the narrowest of the usual ones."""
+
+EIGHT_POINT = 0.85
+"""Width of digits of cmr8, which \\footnotesize has, over those of cmr10: 4.25 pt and 5 pt."""
+
+
+def width_of(text: str, bold: FT2Font, plain: FT2Font) -> float:
+    """Return the width of a cell in LaTeX at ten points [pt], as its font file says it."""
+    total = 0.0
+    for part in re.findall(r"\\textbf\{.*?\}|[^\\]+|\\\w+", text.replace("$-$", "+")):
+        font = bold if "textbf" in part else plain
+        letters = "+" if part == r"\dagger" else re.sub(r"\\textbf|[{}$]", "", part)
+        total += sum(font.load_char(ord(each)).linearHoriAdvance / 65536 for each in letters)
+    return total
+
+
+def test_tables_of_latex_fit_on_a_line(tmp_path: Path) -> None:
+    errors = {"single-dof-tuned": 0.0999, "torque-feedback-tuned": 0.1999, "lost": 0.25}
+    spread = np.linspace(0.4, 1.6, 40)
+    boards: list[Leaderboard] = []
+    for pace in PACES:
+        runs = [replace(with_error(name, error), pace=pace) for name, error in errors.items()]
+        runs[1] = replace(
+            runs[1],
+            scores=runs[1].scores | {"path_error_m": spread * runs[1].scores["path_error_m"]},
+        )
+        boards += leaderboards(runs)
+    text = write_table(tmp_path / "t.tex", boards, baseline="single-dof-tuned").read_text()
+    bold, plain = (
+        FT2Font(f"{get_data_path()}/fonts/ttf/{name}.ttf") for name in ("cmb10", "cmr10")
+    )
+    for font in (bold, plain):
+        font.set_size(10, 72)
+    tables = text.split(r"\begin{table}")[1:]
+    assert len(tables) == 2
+    for table in tables:
+        rows = [row[:-3].split(" & ") for row in table.splitlines() if row.count(" & ") == 3]
+        widths = [
+            max(width_of(cell, bold, plain) for cell in cells) for cells in zip(*rows, strict=True)
+        ]
+        assert EIGHT_POINT * sum(widths) + 4.0 * 2 * (len(widths) - 1) < LINE
 
 
 def test_csv_has_all_digits(boards: tuple[Leaderboard, ...], tmp_path: Path) -> None:

@@ -105,7 +105,7 @@ def test_the_list_of_arguments_is_one() -> None:
     """Their types for editors, their defaults, and what the docstring describes."""
     given = Arguments.__annotations__
     listed = {**signature(find_worlds).parameters, **signature(find_view).parameters}
-    assert given.keys() == listed.keys() - {"view", "gains", "usual_skip", "voltage_max"}
+    assert given.keys() == listed.keys() - {"view", "whose_gains", "usual_skip", "voltage_max"}
     _, _, page = str(PathFollowingEnv.__doc__).partition("## Arguments")
     items = re.findall(r"^ *- (`\w+`(?:, `\w+`)*):", page.partition("##")[0], re.MULTILINE)
     told = [name for item in items for name in re.findall(r"\w+", item)]
@@ -121,9 +121,9 @@ def test_a_hand_is_an_argument_as_a_path_is() -> None:
         drawn: Any = gymnasium.make("PTER/Hands-v0", hand=hand, contexts=8).unwrapped
         assert {task.hand for _, task in (*alone.batch.pairs, *drawn.batch.pairs)} == {found}
         assert len({task.pace for _, task in drawn.batch.pairs}) == 8
-        assert alone.gains == ("hands" if found is arm else "standard")
+        assert alone.whose_gains == ("hands" if found is arm else "standard")
     held: Any = gymnasium.make(ID, hand="rough-posture", contexts=2).unwrapped
-    assert (held.gains, held.scenario.name) == ("hands", "standard-by-humanarm")
+    assert (held.whose_gains, held.scenario.name) == ("hands", "standard-by-humanarm")
     spec: Any = EnvSpec.from_json(gymnasium.make(ID, hand=push, contexts=2).spec.to_json())  # pyright: ignore[reportOptionalMemberAccess]
     assert gymnasium.make(spec).unwrapped.batch.pairs[0][1].hand == push  # pyright: ignore[reportAttributeAccessIssue]
     with pytest.raises(ParameterError, match="hand must be among"):

@@ -92,6 +92,15 @@ def test_an_action_adds_its_share_of_the_reach() -> None:
     assert reaches == [8.0, 4.0]
 
 
+def test_the_reach_is_a_fraction_of_the_machines_largest_voltage() -> None:
+    half = replace(BASELINE, clutch=replace(BASELINE.clutch, voltage_max=12.0))
+    usual, low = (
+        PathFollowingEnv(scenario="standard", base=BASE, machine=machine)
+        for machine in (BASELINE, half)
+    )
+    assert low.reach == 0.5 * usual.reach == 4.0
+
+
 def test_a_copy_of_the_state_goes_on_alike() -> None:
     env = PathFollowingVectorEnv(WORLDS, base=BASE, **SHORT)
     env.reset(seed=0)
@@ -277,7 +286,7 @@ def test_a_state_of_another_base_or_without_numbers_is_refused() -> None:
     state = env.get_state()
     with pytest.raises(ParameterError, match="with the same base"):
         env.set_state(other.get_state())
-    for name in ("memory", "base", "latest"):
+    for name in ("law", "base", "latest"):
         broken = env.get_state()
         broken[name][0] = np.nan
         with pytest.raises(ParameterError, match=name):

@@ -240,7 +240,7 @@ def test_environments_know_whose_gains_their_episodes_need(
     keywords: dict[str, Any], name: str
 ) -> None:
     keywords |= {"contexts": 3} if "scenario" in keywords else {}
-    assert gymnasium.make("PTER/PathFollowing-v0", **keywords).unwrapped.gains == name  # pyright: ignore[reportAttributeAccessIssue]
+    assert gymnasium.make("PTER/PathFollowing-v0", **keywords).unwrapped.whose_gains == name  # pyright: ignore[reportAttributeAccessIssue]
     pytest.importorskip("stable_baselines3")
     from pter_gym.envs.sb3 import make_sb3_vec_env
 

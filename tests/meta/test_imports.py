@@ -51,7 +51,10 @@ LAWS_MAY_IMPORT = {
 SHARED = ("pter_gym.tools.figures", "pter_gym.tools.palette")
 """What tools share: the style of all figures, and its colours."""
 
-COMPOSES = {"pter_gym.tools.device": "pter_gym.tools.tuning"}
+COMPOSES = {
+    "pter_gym.tools.device": "pter_gym.tools.tuning",
+    "pter_gym.tools.deploy": "pter_gym.tools.web",  # whose module an FMU is
+}
 """Which tool may use which other one."""
 
 HEAVY = {"matplotlib", "numba", "pygame", "safetensors", "scipy", "stable_baselines3", "torch"}

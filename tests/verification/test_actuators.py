@@ -22,6 +22,7 @@ from pter_gym.params import (
     TorqueCurve,
     find_machine,
 )
+from pter_gym.params._actuators import _actuator
 
 ROUND = Arm(length_a=0.5, length_b=0.5, inertia_a=1.0, inertia_b=1.0, coupling=0.0)
 """Two wheels of 1 kg·m²: no link moves the other one."""
@@ -215,6 +216,13 @@ def test_each_clutch_falls_with_its_own_slip() -> None:
 
 
 NEUTRAL = {"stribeck": 0.0, "viscous": 0.0, "fall_ratio": 1.0, "fade": 0.0}
+
+
+def test_a_breakaway_ratio_is_breakaway_over_dynamic_torque() -> None:
+    table = {"grade": "measured", "provenance": "", "source": "", "unknown": ()}
+    numbers = {"slope": 0.5, "off_state": 0.2, "breakaway_ratio": 1.4, "voltage_max": 12.0}
+    clutch = _actuator("brake", {**table, **numbers}, None).clutch
+    assert clutch.breakaway.torque(9.0) == pytest.approx(1.4 * (0.2 + 0.5 * 9.0))
 
 
 @pytest.mark.parametrize("name", ACTUATORS)

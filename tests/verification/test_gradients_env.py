@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pter_gym import initial_state
 from pter_gym._engine.judgement import judge_step, locate
 from pter_gym._engine.world import ROW
 from pter_gym.errors import ParameterError
@@ -20,8 +21,10 @@ jnp = jax.numpy
 from pter_gym.envs import jax as jax_env  # noqa: E402  (needs JAX)
 from pter_gym.gradients import env as env_module  # noqa: E402
 from pter_gym.gradients.env import make  # noqa: E402
+from pter_gym.gradients.jax import make_rollout  # noqa: E402
 
 WORLDS = 45
+QUICK = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
 CREEPING = replace(BASELINE, clutch=replace(BASELINE.clutch, band="printed"))
 KINDS: dict[str, dict[str, Any]] = {
     "standard": {"env_id": "PTER/Standard-v0"},
@@ -98,9 +101,8 @@ def test_a_step_has_the_gradient_of_paired_steps() -> None:
         seen, _, reward, *_ = step(state, action)
         return by @ seen + reward
 
-    quick = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
     derivative = jax.jit(jax.grad(partial(total, partial(env.step, None))))
-    differentiate = derivative.lower(action).compile(compiler_options=quick)
+    differentiate = derivative.lower(action).compile(compiler_options=QUICK)
     z = rng.normal(size=4).astype(np.float32)
     near, far = (
         float(total(step, action + size * z) - total(step, action - size * z)) / (2.0 * size)
@@ -109,6 +111,32 @@ def test_a_step_has_the_gradient_of_paired_steps() -> None:
     found = float(differentiate(action) @ z)
     assert abs(found - near) <= abs(far - near) + 1e-3 * abs(near)
     assert abs(far - near) < 0.01 * abs(near)
+
+
+@pytest.mark.slow
+def test_a_rollout_has_the_gradient_of_paired_rollouts() -> None:
+    """By voltages, push and a length; with the kernels that steps use."""
+    rng = np.random.default_rng(3)
+    with jax.enable_x64(True):
+        roll, by = make_rollout(), rng.normal(size=(7, 2))
+        state = initial_state(BASELINE, (0.5, 2.0), (0.8, -0.3), np.ones(4))
+
+        def total(volts: Any, push: Any, length: Any) -> Any:
+            motion = roll(state, volts, push, numbers={"arm.length_a": length})
+            return (by * motion.omega).sum() + (by * motion.tip_velocity).sum()
+
+        inputs = rng.uniform(0.5, 3.0, (6, 4)), np.array([20.0, -10.0]), np.array(0.28)
+        differentiate = jax.jit(jax.value_and_grad(total, (0, 1, 2))).lower(*inputs)
+        run = differentiate.compile(compiler_options=QUICK)
+        z = [rng.normal(size=each.shape) for each in inputs]
+        found = sum(float(np.vdot(one, dx)) for one, dx in zip(run(*inputs)[1], z, strict=True))
+
+        def value(step: float) -> float:
+            return float(run(*(x + step * dx for x, dx in zip(inputs, z, strict=True)))[0])
+
+        near, far = ((value(size) - value(-size)) / (2.0 * size) for size in (1e-5, 2e-5))
+    assert abs(found - near) <= abs(far - near) + 1e-8 * abs(near)
+    assert abs(far - near) < 1e-6 * abs(near)
 
 
 JUDGE, LOCATE = (env_module._twin(stage) for stage in (judge_step, locate))
@@ -241,7 +269,8 @@ def test_a_gradient_through_the_end_of_an_episode_raises() -> None:
         ({"machine": "couplings-2-1"}, "machine"),
         ({"env_id": "PTER/Everything-v0"}, "hand"),
         ({"episode_end": "ignore"}, "episode_end"),
-        ({"base": "impedance"}, "base"),
+        ({"base": "impedance"}, "base, reach"),
+        ({"history": (1,)}, "history"),
         ({"machine": CREEPING}, "band"),
     ],
 )

@@ -1,4 +1,4 @@
-"""When an episode is over, and how."""
+"""When an episode ends, and why."""
 
 from typing import NamedTuple
 

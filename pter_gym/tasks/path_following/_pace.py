@@ -1,4 +1,4 @@
-"""The pace that is judged: of late, and without the time that a start takes."""
+"""The pace for reward and score: a recent average, without the start-up time."""
 
 import math
 

@@ -162,8 +162,7 @@ def weighted(weight: Field[Any]) -> Any:
     ]
 
 
-_TERMS = [(item.name, weighted(item)) for item in fields(RewardWeights)]
-Terms = NamedTuple("Terms", _TERMS)
+Terms = NamedTuple("Terms", [(item.name, weighted(item)) for item in fields(RewardWeights)])
 """One number for each term of the reward."""
 
 

@@ -235,7 +235,10 @@ def sensing_of(task: PathFollowing, machine: Machine) -> Sensing:
     if machine.delay == 0.0:
         return task.sensing
     steps, longest = round(machine.delay / task.control_period), MAX_DELAY * task.control_period
-    accepted = f"at most {longest:g} s, {MAX_DELAY} control steps"
+    accepted = (
+        f"at most {longest:g} s, {MAX_DELAY} control steps (a task with a longer control_period "
+        "takes more)"
+    )
     require(steps <= MAX_DELAY, machine, "delay", accepted)
     return replace(task.sensing, delay=steps)
 

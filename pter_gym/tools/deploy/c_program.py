@@ -35,7 +35,7 @@ from pter_gym.tools.deploy.values import (
     Array,
     ConstantTable,
     Expression,
-    Numbers,
+    Precision,
     Region,
     Weights,
     check_choice,
@@ -107,7 +107,7 @@ def source_of(
     name: str = "policy",
     machine: Machine | str | None = None,
     path: Curve | str = "line",
-    numbers: Numbers = "double",
+    numbers: Precision = "double",
     weights: Weights = "float",
     prefix: str = "pter",
 ) -> Source:
@@ -134,7 +134,7 @@ def source_of(
         If the policy is no compiled law or cannot be translated, or another argument is not as
         stated.
     """
-    check_choice("numbers", numbers, Numbers)
+    check_choice("numbers", numbers, Precision)
     check_choice("weights", weights, Weights)
     machine, curve = find_machine(machine), find_path(path)
     if not PREFIX.fullmatch(prefix):

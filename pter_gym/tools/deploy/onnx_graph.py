@@ -27,7 +27,7 @@ from pter_gym.params import Machine, find_machine
 from pter_gym.policies import TrainedController
 from pter_gym.policies._interface import input_names, input_values, to_volts
 from pter_gym.tasks.path_following import observation_layout
-from pter_gym.tools.deploy.values import Numbers, check_choice
+from pter_gym.tools.deploy.values import Precision, check_choice
 
 KINDS: dict[str, Any] = {"double": np.float64, "float": np.float32}
 
@@ -41,7 +41,7 @@ def write_onnx(
     *,
     name: str = "policy",
     machine: Machine | str | None = None,
-    numbers: Numbers = "double",
+    numbers: Precision = "double",
 ) -> Path:
     """Write a trained policy as an ONNX model with opset 18, and return the path of the file.
 
@@ -73,7 +73,7 @@ def write_onnx(
     StorageError
         If the file cannot be written.
     """
-    check_choice("numbers", numbers, Numbers)
+    check_choice("numbers", numbers, Precision)
     path = expand_path("onnx", file)
     if not has_ending(path, ".onnx"):
         raise ParameterError(f"onnx must end in .onnx, got {str(path)!r}")
@@ -96,7 +96,7 @@ def write_onnx(
 class Graph:
     """Nodes and constants in the making; a method returns the name of the tensor that it makes."""
 
-    def __init__(self, numbers: Numbers) -> None:
+    def __init__(self, numbers: Precision) -> None:
         self.numbers = numbers.upper()
         self.kind = KINDS[numbers]
         self.nodes: list[Any] = []
@@ -224,7 +224,7 @@ class Columns:
         return self.graph.node("Concat", *self.names, axis=1)
 
 
-def model_of(policy: TrainedController, name: str, machine: Machine, numbers: Numbers) -> Any:
+def model_of(policy: TrainedController, name: str, machine: Machine, numbers: Precision) -> Any:
     """Return the ONNX model of a trained policy, after a check that it fits the machine."""
     from onnx import TensorProto, helper
 

@@ -13,7 +13,7 @@ ATOM, UNARY, PRODUCT, SUM, COMPARISON, AND, OR, CHOICE = 8, 7, 6, 5, 4, 3, 2, 1
 """How tightly operators of C bind."""
 
 
-Numbers = Literal["double", "float"]
+Precision = Literal["double", "float"]
 """Type of the arithmetic: float64 with Python's bits, or float32, as small processors have it."""
 
 Weights = Literal["float", "int8"]

@@ -66,7 +66,7 @@ def device(
     own = machine_of_sheet(**sheet) if is_sheet else find_device(machine)
 
     from pter_gym.params import save_machine
-    from pter_gym.tools.device.report import UNIVERSAL, examine_device
+    from pter_gym.tools.device.report import SCENARIOS, UNIVERSAL, examine_device
     from pter_gym.tools.tuning.search import load_optuna
 
     load_optuna()
@@ -79,7 +79,7 @@ def device(
         report = examine_device(
             own,
             out,
-            name=Path(machine).stem or "data sheet",
+            name=title_of(machine, torque, at),
             pace=pace,
             trials=trials,
             episodes=episodes,
@@ -91,6 +91,8 @@ def device(
         say(promise.sentence)
     for board in report.boards:
         say(f"{board.scenario}, path errors: {errors(board)}")
+        gains = gains_in_words(report.gains[board.scenario])
+        say(f"  {SCENARIOS[board.scenario]}-tuned has {gains}")
         for each in board.standings:
             if each.worst:
                 say(each.worst.sentence(each.policy))
@@ -98,6 +100,23 @@ def device(
     filmed = ",".join(["single-dof-tuned", *sorted(names & {UNIVERSAL})])
     watched = f"pter watch {filmed} --machine {quote(str(file))} --out film.webp"
     conclude([out / "index.html", file], watched)
+
+
+def title_of(machine: str, torque: float | None, at: float | None) -> str:
+    """Return what a page calls a device: its name, the folder of its file, or its data sheet."""
+    file = Path(machine)
+    if machine:
+        return file.parent.name if file.stem == "machine" and file.parent.name else file.stem
+    numbers = [f"{torque:g} N·m" if torque else "PTER's torque", f" at {at:g} V" if at else ""]
+    return f"a clutch of {''.join(numbers)}"
+
+
+def gains_in_words(gains: dict[str, float | bool]) -> str:
+    """Return the gains that a search has found."""
+    return ", ".join(
+        f"{name} {gain if isinstance(gain, bool) else f'{gain:.4g}'}"
+        for name, gain in gains.items()
+    )
 
 
 def errors(board: "Leaderboard") -> str:

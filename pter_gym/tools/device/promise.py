@@ -1,4 +1,4 @@
-"""What may be promised of the machines that fit a log: a tolerance limit of a policy's error."""
+"""A tolerance limit of a policy's error over the machines that fit a log."""
 
 import math
 from dataclasses import dataclass

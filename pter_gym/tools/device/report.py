@@ -241,7 +241,7 @@ ROWS = {
 STYLE = (
     "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;"
     "color-scheme:light dark}table{border-collapse:collapse;display:block;overflow-x:auto}"
-    "td,th{padding:.2rem .8rem;text-align:right}td:first-child,th:first-child{text-align:left}"
+    "td,th{padding:.2rem .8rem;text-align:right}.text{text-align:left}"
     "img{max-width:100%;background:#fff}figure{margin:1.5rem 0}"
 )
 
@@ -259,7 +259,7 @@ def page(report: DeviceReport, pictures: dict[str, str]) -> str:
     promises = "".join(f"<p>{escape(promise.sentence)}</p>" for promise in report.promises)
     boards = "".join(map(_board, report.boards))
     figures = "".join(
-        f'<figure><img src="{escape(name)}" alt="">'
+        f'<figure><img src="{escape(name)}" alt="{escape(caption)}">'
         f"<figcaption>{escape(caption)}</figcaption></figure>"
         for name, caption in pictures.items()
     )
@@ -283,7 +283,7 @@ def _board(board: Leaderboard) -> str:
             _number(100.0 * standing.scores["completed"], "%"),
             _number(standing.scores["resisting_force_n"], "N"),
             _number(standing.scores["peak_force_n"], "N"),
-            str(standing.rank or standing.reason),
+            standing.reason or f"rank {standing.rank}",
         )
         for standing in board.standings
     ]
@@ -294,11 +294,16 @@ def _board(board: Leaderboard) -> str:
 
 
 def _table(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    head = "".join(f"<th>{escape(cell)}</th>" for cell in heads)
-    body = "".join(
-        f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows
-    )
-    return f"<table><tr>{head}</tr>{body}</table>"
+    """Return a table, whose columns of words are set left and those of numbers right."""
+    columns = zip(*rows, strict=True)
+    kinds = ["" if any(cell[:1].isdigit() for cell in column) else "text" for column in columns]
+
+    def line(tag: str, cells: tuple[str, ...]) -> str:
+        pairs = zip(cells, kinds, strict=True)
+        texts = (f'<{tag} class="{kind}">{escape(cell)}</{tag}>' for cell, kind in pairs)
+        return f"<tr>{''.join(texts)}</tr>"
+
+    return f"<table>{line('th', heads)}{''.join(line('td', row) for row in rows)}</table>"
 
 
 def _number(value: float, unit: str) -> str:

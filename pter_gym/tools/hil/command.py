@@ -46,9 +46,9 @@ def hil(
 ) -> None:
     """Let a program on its own hardware drive the simulated arm over a serial line.
 
-    The arm sends what its sensors read and waits for voltages; docs/deploy.md has the protocol, and
-    examples/serial_loop.c is an example. Scores are compared with those of the policy in Python on
-    the same test episodes. For Linux and macOS.
+    The arm sends what its sensors read and waits for voltages; docs/commands/hil.md has the
+    protocol, and examples/serial_loop.c is an example. Scores are compared with those of the policy
+    in Python on the same test episodes. For Linux and macOS.
 
     Example: pter hil residual ./loop --episodes 10
 

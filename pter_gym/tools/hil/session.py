@@ -1,4 +1,4 @@
-"""Episodes in which whoever is at the other end of a line sets the voltages.
+"""Episodes in which the program at the other end of a serial line sets the voltages.
 
 All numbers are little-endian. A payload to the partner begins with a uint32. It is 0 before an
 episode; then come the uint32 ``VERSION``, the pace and the path's arcs. Otherwise it is the number
@@ -30,7 +30,11 @@ from pter_gym.tools.hil.line import SerialLine
 VERSION = 1
 """Version of the protocol, which both sides tell before an episode."""
 
+BEGINNING, READING = struct.Struct("<IId"), struct.Struct("<I10d")
+"""What the partner gets: before an episode, with the rows of the path after it; at each step."""
+
 ANSWER, GREETING = struct.Struct("<I4f"), struct.Struct("<II")
+"""What it answers."""
 
 HELLO, PATIENCE = 1.0, 20.0
 """Seconds between tries to begin an episode, and until the partner must have answered one."""
@@ -105,7 +109,7 @@ class Partner:
         arcs = np.ascontiguousarray(task.path.arcs.table, "<f8")
         started = time.monotonic()
         while (now := time.monotonic()) - started < PATIENCE:
-            self.line.send(struct.pack("<IId", 0, VERSION, task.pace) + arcs.tobytes())
+            self.line.send(BEGINNING.pack(0, VERSION, task.pace) + arcs.tobytes())
             while (number := self.hear(now + HELLO)) is not None:
                 if number == 0:
                     self.heard = self.due = time.monotonic()
@@ -121,7 +125,7 @@ class Partner:
         started = time.monotonic()
         self.due = max(self.due, started) + self.period if self.period else started
         self.number += 1
-        self.line.send(struct.pack("<I", self.number) + reading.astype("<f8").tobytes())
+        self.line.send(READING.pack(self.number, *reading))
         while (number := self.hear(started + self.deadline)) is not None:
             if number == self.number:
                 self.latencies.append(self.heard - started)

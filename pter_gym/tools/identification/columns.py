@@ -1,5 +1,5 @@
 # pyright: standard
-"""Columns of a log as they were recorded, of a machine or of one clutch on a bench.
+"""Recorded columns of a log, of a machine or of one clutch on a bench.
 
 What a column's name says of its unit decides. Only stamps whose name says nothing are judged by
 their mean interval. All that was taken from names or assumed is in the remarks.

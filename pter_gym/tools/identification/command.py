@@ -95,14 +95,18 @@ def show_bench(bench: "Bench", log: str, start: "Machine", out: Path) -> None:
     show_findings(found.findings)
     file, drive = out / "clutch.toml", "\nVolts are amperes here." if bench.drive == "A" else ""
     title = f"Written by pter identify --clutch: four clutches as the one on the bench.{drive}"
+    machine = found.machine(start)
+    late = too_late(machine)
+    for sentence in late:
+        say(sentence)
     save_machine(
-        found.machine(start),
+        machine,
         file,
         origin=ASSUMED,
         origins=origins_of((*found.findings, *found.derived), log),
-        title="\n".join((title, *found.sentences)),
+        title="\n".join((title, *found.sentences, *late)),
     )
-    conclude([file], f"pter device {quote(str(file))}")
+    conclude([file], *(() if late else (f"pter device {quote(str(file))}",)))
 
 
 def show_machine(log: "Log", start: "Machine", out: Path) -> None:
@@ -120,7 +124,8 @@ def show_machine(log: "Log", start: "Machine", out: Path) -> None:
         result = search(
             log, start, lambda share: progress.update(task, completed=round(100 * share))
         )
-    title = "\n".join(["Written by pter identify. Assumed:", *result.assumptions])
+    late = too_late(result.machine)
+    title = "\n".join(["Written by pter identify. Assumed:", *result.assumptions, *late])
     text = format_machine(result.machines, ASSUMED, result.origins, title)
     write_files_atomic(out, {"machine.toml": text.encode(), "identified.png": png(picture(result))})
     for sentence in (result.verdict.sentence, *result.verdict.hints):
@@ -128,8 +133,30 @@ def show_machine(log: "Log", start: "Machine", out: Path) -> None:
     show_findings(result.findings)
     for assumption in result.assumptions:
         say(f"assumed: {assumption}")
+    for sentence in late:
+        say(sentence)
     machine = out / "machine.toml"
-    conclude([machine, out / "identified.png"], f"pter device {quote(str(machine))}")
+    commands = () if late else (f"pter device {quote(str(machine))}",)
+    conclude([machine, out / "identified.png"], *commands)
+
+
+def too_late(machine: "Machine") -> tuple[str, ...]:
+    """Return what to do with a machine whose delay scenarios do not take, in a sentence."""
+    from pter_gym.tasks.path_following import PathFollowing
+    from pter_gym.tasks.path_following._specification import MAX_DELAY, sensing_of
+
+    try:
+        sensing_of(PathFollowing(), machine)
+    except ParameterError:
+        most = MAX_DELAY * PathFollowing.control_period
+        sentence = (
+            f"Scenarios take a delay of at most {1e3 * most:g} ms, and refuse this machine's "
+            f"{1e3 * machine.delay:.3g} ms. With delay = {most:g} in the file, pter device and "
+            "others run, but their scores are better than the machine's; a task of your own with "
+            f"control_period={machine.delay / MAX_DELAY:.2g} or more takes the whole delay."
+        )
+        return (sentence,)
+    return ()
 
 
 def read_start(machine: str, lengths: str | None, voltage_max: float | None) -> "Machine":

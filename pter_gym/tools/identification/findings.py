@@ -1,4 +1,4 @@
-"""Numbers that a log tells: each with its interval, its state, and where a file has it."""
+"""Identified numbers: each with its interval, its state, and its place in a file."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

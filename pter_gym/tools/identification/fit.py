@@ -129,10 +129,15 @@ class Fit:
 
     def choose_ratio(self) -> None:
         """Take the best of several ratios of breakaway to dynamic torque, if it is searched."""
-        if "breakaway_ratio" in self.free:
-            before = float(self.p[AT["breakaway_ratio"]])
-            tried = [self.p + along("breakaway_ratio", ratio - before) for ratio in RATIOS]
-            self.p = min([self.p, *tried], key=self._misfit)
+        self.p = self.with_best_ratio(self.p)
+
+    def with_best_ratio(self, p: Array) -> Array:
+        """Return coordinates at the best of several breakaway ratios, if that is searched."""
+        if "breakaway_ratio" not in self.free:
+            return p
+        before = float(p[AT["breakaway_ratio"]])
+        tried = [p + along("breakaway_ratio", ratio - before) for ratio in RATIOS]
+        return min([p, *tried], key=self.misfit)
 
     def choose_from(self, starts: Iterable[Array]) -> None:
         """Search from each of some coordinates, and take what leaves least."""
@@ -143,7 +148,7 @@ class Fit:
             found.append((float(left.sum()), self.p))
         self.p = min(found, key=lambda each: each[0])[1]
 
-    def _misfit(self, p: Array) -> float:
+    def misfit(self, p: Array) -> float:
         """Return a sum over the windows that no lone window rules."""
         size = np.mean(self._near(p) ** 2, axis=1)[self.windows.used] / self.error**2
         return float(np.sum(size / (1.0 + size / 100.0)))

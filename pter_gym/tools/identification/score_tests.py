@@ -1,5 +1,5 @@
 # pyright: standard
-"""What the residuals of a fit still tell: score tests.
+"""Score tests: what the residuals of a fit still show.
 
 A test asks how much of a further change of the predicted angles the residuals contain, beyond what
 the free coordinates could do instead. Its error is the larger of that by the noise of angles and
@@ -9,7 +9,7 @@ and those of each coordinate in one part of the log only: a number that differs 
 none of the machine's.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -109,16 +109,29 @@ def admit_terms(fit: Fit, kept: dict[str, str]) -> None:
             for (name, size), amount in tests.items()
         }
         name, size = max(asked, key=lambda each: asked[each])
+        starts = [fit.p + along("stribeck", each) for each in STRIBECKS]
         if asked[name, size] < SIGNIFICANT:
-            kept |= {each: _why_unseen(fit, each, tests) for each in waiting}
-            return
+            starts = _nearer(fit, starts) if "stribeck" in waiting else []
+            if not starts:
+                kept |= {each: _why_unseen(fit, each, tests) for each in waiting}
+                return
+            name = "stribeck"
         fit.free.append(name)
         if name == "stribeck":  # another ratio of breakaway to dynamic torque explains half of it
-            fit.choose_from([fit.p + along(name, each) for each in STRIBECKS])
+            fit.choose_from(starts)
         else:
             fit.p = fit.shape.within(fit.p + along(name, tests[name, size].value))
         fit.search()
         waiting.remove(name)
+
+
+def _nearer(fit: Fit, starts: Iterable[Array]) -> list[Array]:
+    """Return the best of starts at several breakaway ratios, if it fits better than the search.
+
+    The search may have ended at a ratio from which no small step shows the Stribeck effect.
+    """
+    best = min((fit.p, *map(fit.with_best_ratio, starts)), key=fit.misfit)
+    return [] if best is fit.p else [best]
 
 
 def _why_unseen(fit: Fit, name: str, tests: Mapping[tuple[str, float], Amount]) -> str:

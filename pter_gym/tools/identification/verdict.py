@@ -91,7 +91,7 @@ class Verdict:
     @property
     def grade(self) -> str:
         """One of ``EXACT``, ``SIMULATION`` and ``NEITHER``: by what is surely left, and may be."""
-        if not self.enough or self.rho_low > MAX_RHO:
+        if not self.enough or self.rho_low > MAX_RHO or self.rho_high >= 1.0:
             return NEITHER
         exact = self.far <= MAX_FAR and self.rho_high <= MAX_EXACT_RHO
         return EXACT if exact else SIMULATION

@@ -18,7 +18,8 @@ from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.units import from_inch_pounds
 
 STUDY = read_toml(Path(__file__).with_name("study.toml"), "study")
-"""The numbers of the experiments by section and name, found by a search: ``docs/calibration.md``.
+"""The numbers of the experiments by section and name, found by a search:
+``docs/development/calibration.md``.
 
 Scenarios have the defaults of the classes.
 """

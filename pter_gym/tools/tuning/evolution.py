@@ -1,4 +1,4 @@
-"""CMA-ES as a sampler of Optuna's, made anew from the numbers of the finished trials each time.
+"""CMA-ES as a sampler of Optuna, rebuilt from the finished trials each time.
 
 Optuna's own sampler keeps its state in the trials as a pickle, which a journal of somebody else's
 could use to run code.

@@ -644,6 +644,13 @@ def test_no_reading_makes_a_program_do_what_is_undefined(
 
 @needs_frama_c
 @pytest.mark.long
+def test_a_path_of_many_arcs_is_proven(tmp_path: Path):
+    source_of(find_policy("impedance"), path="sine").write(tmp_path, driver=True)
+    assert "proven for every reading" in str(prove(tmp_path))
+
+
+@needs_frama_c
+@pytest.mark.long
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_in_a_program_is_found(fault: str, tmp_path: Path):
     source = source_of(find_policy("ppo-standard"))

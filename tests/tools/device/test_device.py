@@ -5,21 +5,33 @@ import math
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from pter_gym._commands.main import main
 from pter_gym.benchmark import evaluate, find_policy
+from pter_gym.benchmark.boards import Leaderboard, Standing
 from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.benchmark.intervals import Interval
+from pter_gym.controllers import Free
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import ACTUATORS, BASELINE, Arm, MachineSpread, TorqueCurve, find_machine
-from pter_gym.tools.device import examine_device
-from pter_gym.tools.device.command import errors
+from pter_gym.paths import Line
+from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
+from pter_gym.tools.device import examine_device, measures
+from pter_gym.tools.device.command import errors, gains_in_words, title_of
 from pter_gym.tools.device.data_sheet import find_device, machine_of_sheet
-from pter_gym.tools.device.measures import FREQUENCY, SHAKE, _free_impedance
+from pter_gym.tools.device.measures import (
+    FREQUENCY,
+    SHAKE,
+    Rendering,
+    _free_impedance,
+    _stiffness_of_wall,
+)
 from pter_gym.tools.device.promise import MIN_DRAWS, SEED as PROMISE_SEED, make_promise, order_of
-from pter_gym.tools.device.report import SCENARIOS, _for_any
+from pter_gym.tools.device.report import SCENARIOS, DeviceReport, _for_any
 
 THETA = np.array([0.4, 0.4 + math.pi / 2])
 
@@ -39,6 +51,33 @@ def test_an_arm_held_by_drag_does_not_move():
     curve = replace(BASELINE.clutch.dynamic, off_state=20.0)
     machine = replace(BASELINE, clutch=replace(BASELINE.clutch, breakaway=curve, dynamic=curve))
     assert _free_impedance(machine, THETA) == math.inf
+
+
+def test_the_stiffness_of_a_wall_is_of_the_force_into_it(monkeypatch: pytest.MonkeyPatch):
+    """A spring of 700 N/m behind a tilted surface, and a push of 30 N along it."""
+    task = PathFollowing(path=Line(direction=0.4), free_left=0.1)
+    rows = np.zeros((41, len(TELEMETRY)))
+    depth = np.linspace(-2e-3, 8e-3, 41)
+    into = 700.0 * depth.clip(0.0)
+    rows[:, COLUMN.normal_error] = -depth
+    rows[:, COLUMN.force.x] = 30.0 * math.cos(0.4) + into * math.sin(0.4)
+    rows[:, COLUMN.force.y] = 30.0 * math.sin(0.4) - into * math.cos(0.4)
+    pairs = SimpleNamespace(pairs=lambda *_: [(BASELINE, task)])
+    monkeypatch.setattr(measures, "find_scenario", lambda *_: SimpleNamespace(draws=pairs))
+    ridden = SimpleNamespace(telemetry=rows)
+    monkeypatch.setattr(measures, "record_episode", lambda *_, **__: ridden)
+    assert _stiffness_of_wall(BASELINE, Free(), "medium") == pytest.approx(700.0)
+
+
+def test_a_device_that_is_too_weak_is_told_how_much_torque_it_lacks():
+    """A third of PTER's steering force, with a law that is not ranked."""
+    numbers = dict.fromkeys(Rendering.__dataclass_fields__, 1.0)
+    own, usual = (Rendering(**{**numbers, "least_steering_n": n}) for n in (20.0, 60.0))
+    standing = Standing("law", None, None, Interval(0.1, 0.1, 0.1), {"mean_force_n": 50.0}, THETA)
+    board = Leaderboard("standard", "medium", 4, 0, (standing,))
+    report = DeviceReport("brake", "medium", own, usual, {}, (board,))
+    assert report.verdict.startswith("No: it steers with 20 N")
+    assert "With about 3 times the torque it would." in report.verdict
 
 
 @pytest.mark.slow
@@ -65,12 +104,34 @@ def test_examine_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
     for picture in ("forces.png", *(f"{name}.webp" for name in SCENARIOS)):
         assert picture in page
         assert (tmp_path / picture).stat().st_size > 1000
+    assert 'alt=""' not in page
+    assert '<td class="text">single-dof-tuned</td><td class="">' in page
     assert len(said) == len(SCENARIOS) + 4
     guided = next(board for board in report.boards if board.scenario == "standard")
     assert all(each.policy in errors(guided) for each in guided.standings)
     worst = {each.policy: each.worst for each in guided.standings if each.worst}
     assert worst.keys() == {"single-dof-tuned", "universal"}
     assert all(found.sentence(name) in page for name, found in worst.items())
+
+
+@pytest.mark.parametrize(
+    ("given", "title"),
+    [
+        (("particle-brake", None, None), "particle-brake"),
+        (("mine/machine.toml", None, None), "mine"),
+        (("machine.toml", None, None), "machine"),
+        (("my.toml", None, None), "my"),
+        (("", 5.4, 12.0), "a clutch of 5.4 N·m at 12 V"),
+        (("", None, None), "a clutch of PTER's torque"),
+    ],
+)
+def test_a_page_has_its_device_as_title(given: tuple, title: str) -> None:
+    assert title_of(*given) == title
+
+
+def test_gains_that_a_search_has_found_are_told() -> None:
+    found = {"stiffness": 1234.5678, "tip_space": True}
+    assert gains_in_words(found) == "stiffness 1235, tip_space True"
 
 
 def test_a_device_that_the_policy_for_any_device_refuses_is_examined_without_it():

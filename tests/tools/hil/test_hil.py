@@ -8,6 +8,7 @@ import struct
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Thread
@@ -20,9 +21,9 @@ import pytest
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import find_policy
 from pter_gym.errors import ParameterError, PartnerError
-from pter_gym.params import BASELINE
+from pter_gym.params import ACTUATORS, BASELINE, Machine
 from pter_gym.scenarios import SCENARIOS
-from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from pter_gym.tasks.path_following import COLUMN, PathFollowing, Sensing, Starts
 from pter_gym.tools.deploy import source_of
 from pter_gym.tools.hil import session
 from pter_gym.tools.hil.command import BANDS, hil
@@ -135,7 +136,10 @@ class Fake(Thread):
 
 
 def drive(
-    answers: Answer, deadline: float = PATIENT, greeting: bytes = GREETING.pack(0, VERSION)
+    answers: Answer,
+    deadline: float = PATIENT,
+    greeting: bytes = GREETING.pack(0, VERSION),
+    machine: Machine = BASELINE,
 ) -> tuple[Partner, Any, PartnerError | None]:
     """A partner's ride on the line: the partner, the telemetry, and what has ended it."""
     fake = Fake(answers, greeting)
@@ -143,7 +147,7 @@ def drive(
     rows: list[Any] = []
     error = None
     try:
-        partner.drive(BASELINE, PathFollowing(pace=0.25), 0, rows)
+        partner.drive(machine, PathFollowing(pace=0.25), 0, rows)
     except PartnerError as raised:
         error = raised
     fake.line.close()
@@ -186,6 +190,26 @@ def test_a_partner_of_another_version_is_refused(greeting: bytes) -> None:
     _, rows, error = drive(lambda k, _: framed(volts(k)), greeting=greeting)
     assert f"version {VERSION} of the protocol" in str(error)
     assert len(rows) == 1
+
+
+def test_the_largest_voltage_is_the_machines() -> None:
+    machine = replace(BASELINE, clutch=ACTUATORS["rough-mr-brake"].clutch)
+    assert machine.clutch.voltage_max == 12.0
+    _, rows, error = drive(
+        lambda k, _: framed(volts(k, *[12.1 if k == 3 else 12.0] * 4)), machine=machine
+    )
+    assert "from 0 to 12, got" in str(error)
+    assert len(rows) == 3
+
+
+def test_a_partner_reads_sensors_with_the_delay_of_the_task() -> None:
+    task = PathFollowing(starts=Starts(moving=1.0), sensing=Sensing(delay=2))
+    batch = Batch(BASELINE, task, 1)
+    rows = [batch.reset([0])[1][0]]
+    rows += [batch.step_alone(np.zeros(4))[1] for _ in range(5)]
+    theta = [*COLUMN.theta]
+    assert not np.array_equal(rows[-1][theta], rows[-3][theta])
+    np.testing.assert_array_equal(session.reading_of(batch, rows[-1])[:2], rows[-3][theta])
 
 
 WRONG: dict[str, tuple[Answer, str]] = {

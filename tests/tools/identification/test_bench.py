@@ -1,5 +1,6 @@
 """One clutch on a bench: its numbers, what its log does not tell, and its file."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,6 +10,9 @@ import pytest
 from pter_gym._commands.main import main
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Clutch, find_machine
+from pter_gym.scenarios import find_scenario
+from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.tasks.path_following._specification import sensing_of
 from pter_gym.tools.identification.bench import Bench, BenchResult, identify_clutch, read_bench
 
 TRUE = {
@@ -101,6 +105,9 @@ def test_what_the_log_does_not_tell_is_kept_and_named(log: Callable, untold: set
         assert kept.keys() & {"viscous", "off_state"}
     tied = " ".join(f.reason.partition("only together with")[2] for f in kept.values())
     assert not [f for f in findings if f.status == "identified" and f.quantity.name in tied]
+    if "breakaway_ratio" in kept:
+        ratio = start.breakaway.slope / start.dynamic.slope
+        assert kept["breakaway_ratio"].quantity.value == pytest.approx(ratio)
     for name in kept.keys() & {"stribeck", "viscous", "time_constant", "fall_ratio"}:
         f = kept[name]
         assert f.status == "kept"
@@ -211,6 +218,29 @@ def test_a_brake_that_saturates_and_releases_late(tmp_path: Path):
     assert torque == pytest.approx(curve(np.array(12.0)), rel=0.005)
     assert found.delay == told["fall_dead_time"].quantity.value
     assert "falls 14 ms later than it rises" in found.sentences[1]
+
+
+def test_a_dead_time_that_scenarios_refuse_is_told_with_what_to_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """40 ms: the machine is refused with its limit, and runs with the delay that the file says."""
+    rows = two_way_rows(lambda volts: 0.3 + 0.6 * volts, late=(20, 20))[:10000]
+    file = saved(rows, tmp_path)
+    out = tmp_path / "mine"
+    assert main(["identify", str(file), "--clutch", "--out", str(out)]) == 0
+    told, text = capsys.readouterr().out, (out / "clutch.toml").read_text("utf-8")
+    for place in (" ".join(told.split()), text):
+        assert "With delay = 0.02 in the file" in place
+        assert "control_period=0.02 or more" in place
+    assert "next:" not in told
+    machine = find_machine(str(out / "clutch.toml"))
+    assert machine.delay == pytest.approx(0.04, abs=0.002)
+    with pytest.raises(ParameterError, match="longer control_period"):
+        find_scenario("standard", machine)
+    assert sensing_of(PathFollowing(control_period=0.02), machine).delay == 2
+    shorter = re.sub(r"(?m)^delay = \S+", "delay = 0.02", text)
+    (out / "clutch.toml").write_text(shorter, "utf-8")
+    find_scenario("standard", str(out / "clutch.toml"))
 
 
 def test_products_have_intervals_of_their_own():

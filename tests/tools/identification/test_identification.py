@@ -13,6 +13,7 @@ from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.params import BASELINE, Arm, Clutch, Machine, TorqueCurve, find_machine
 from pter_gym.params._files import format_machine
 from pter_gym.tools.identification import Identification, Log, identify, quantities, write_log
+from pter_gym.tools.identification.command import read_start
 from pter_gym.tools.identification.identifying import ASSUMED
 from pter_gym.tools.identification.parameters import AT, COUNT, NAMES, STEPS, Shape
 from pter_gym.tools.identification.shooting import LogInputs, differentiate, make_inputs, predict
@@ -59,6 +60,23 @@ def test_windows_are_the_simulator():
     state = initial_state(machine, start[0, :2], start[0, 2:], volts=volts[0])
     way = simulate(machine, state, inputs.delayed_volts(0.0)[0], inputs.early_force(0.0)[0])
     assert np.array_equal(angles[0], way.theta[1::2])
+
+
+def test_coordinates_and_numbers_are_of_the_machine_that_they_come_from():
+    """Breakaway over dynamic torque, not the inverse; and a machine comes back from its own."""
+    curve = OTHER.clutch.dynamic
+    machine = replace(OTHER, clutch=replace(OTHER.clutch, breakaway=curve.scaled(1.3)))
+    shape = Shape(machine, top=24.0)
+    found = shape.machine(shape.coordinates(machine))
+    assert found.clutch.breakaway.torque(20.0) == pytest.approx(1.3 * curve.torque(20.0))
+    assert found.arm.inertia_b == pytest.approx(machine.arm.inertia_b)
+    told = {each.name: each.value for each in quantities(machine, 0.0, 24.0)}
+    assert told["breakaway_ratio"] == pytest.approx(1.3)
+
+
+def test_lengths_are_those_of_links_a_and_b():
+    arm = read_start("baseline", "0.5,0.4", None).arm
+    assert (arm.length_a, arm.length_b) == (0.5, 0.4)
 
 
 def test_the_lag_is_that_of_the_clutches():

@@ -40,6 +40,7 @@ from pter_gym.policies.tuned import (
 )
 from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.tools.device.data_sheet import machine_of_sheet
 from pter_gym.tools.tuning import search
 from pter_gym.tools.tuning.gains_file import add_gains
 from pter_gym.tools.tuning.laws import Range, find_law
@@ -283,6 +284,22 @@ def test_a_search_for_another_machine_is_another_one(tmp_path: Path) -> None:
     )
     assert named.assessment != usual.assessment
     assert len(optuna.get_all_study_names(open_journal(given["storage"]))) == 2
+
+
+def test_a_search_does_not_depend_on_the_unit_of_the_drive(tmp_path: Path) -> None:
+    """One device told in volts or amperes: the same gains, and the same error but for rounding."""
+    given: dict[str, Any] = {"trials": 3, "episodes": 2, "storage": tmp_path / "trials.journal"}
+    usual, *others = (
+        tune(
+            *("torque-feedback", "standard", "medium"),
+            machine=machine_of_sheet(torque=40.0, at=top, off=0.4, lag=0.05),
+            **given,
+        )
+        for top in (24.0, 12.0, 0.25, 250.0)
+    )
+    for each in others:
+        assert each.gains == usual.gains
+        assert each.assessment == pytest.approx(usual.assessment, rel=1e-4)
 
 
 FOUND = TunedGains(

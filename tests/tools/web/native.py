@@ -8,11 +8,20 @@ and hashes of all that came of it.
     python native.py FUNCTIONS.so trial FILE
 
 repeats a trial of a page and prints, as JSON, at which steps something came of it that was not the
-same bits."""
+same bits.
+
+    python native.py FUNCTIONS.so episodes FILE.npz POLICY COUNT STEPS own|recorded
+
+lets a policy act in the first test episodes and writes what came of it; with ``recorded``, forces
+of a recording push the tip.
+
+Where numba does not compile, Python calls the functions of the library."""
 
 import ctypes
 import hashlib
 import json
+import math
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -32,6 +41,13 @@ def link(functions: str) -> None:
     """Let compiled code call the functions of a library; before any of it is loaded."""
     _ = cpu_target.target_context  # numba names its own functions when this is made
     library = ctypes.CDLL(functions)
+    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        for name in set(MATHEMATICS) - {"sincos"}:
+            function = getattr(library, f"pter_{name}")
+            function.restype = ctypes.c_double
+            function.argtypes = [ctypes.c_double] * (2 if name == "atan2" else 1)
+            setattr(math, name, function)
+        return
     for name in MATHEMATICS:
         address = ctypes.cast(getattr(library, f"pter_{name}"), ctypes.c_void_p).value
         llvm.add_symbol(name, address)
@@ -129,6 +145,33 @@ def run_scenarios(folder: Path, steps: int) -> None:
     (folder / "runs.json").write_text(json.dumps(runs))
 
 
+def record(file: Path, name: str, count: int, steps: int, hand: str) -> None:
+    """Write telemetry, observations in their units, and the forces (x, y) of a recording."""
+    from dataclasses import replace
+
+    from pter_gym.benchmark import find_policy
+    from pter_gym.benchmark.episodes import find_episodes
+    from pter_gym.benchmark.rollout import record_episodes
+    from pter_gym.hands import RecordedForces
+    from pter_gym.tasks.path_following import observation_layout
+
+    episodes = find_episodes("standard", "medium").first(count)
+    episodes = replace(episodes, time_limits=(steps,) * count)
+    forces = np.random.default_rng(1).uniform((10.0, -8.0), (40.0, 8.0), (steps, 2))
+    if hand == "recorded":
+        _, _, cos, sin, *_ = episodes.tasks[0].path.arcs.table[0].tolist()
+        x, y = np.vstack([np.zeros(2), forces]).T
+        along, across = x * cos + y * sin, y * cos - x * sin
+        recording = RecordedForces(
+            times=tuple(0.01 * np.arange(steps + 1)), along=tuple(along), across=tuple(across)
+        )
+        tasks = tuple(replace(task, hand=recording) for task in episodes.tasks)
+        episodes = replace(episodes, tasks=tasks)
+    run = record_episodes(find_policy(name), episodes, sensors="force")
+    scales = observation_layout(episodes.machines[0], "force").scales
+    np.savez(file, telemetry=run.telemetry, observations=run.obs * scales, forces=forces)
+
+
 def differences(trial: dict[str, Any], csv: Path) -> list[int]:
     """Repeat a trial from its CSV file, seed and voltages; return the steps at which it differs."""
     from pter_gym._engine.batch import Batch
@@ -163,6 +206,8 @@ if __name__ == "__main__":
     link(functions)
     if what == "worlds":
         run_scenarios(Path(file), int(rest[0]))
+    elif what == "episodes":
+        record(Path(file), rest[0], int(rest[1]), int(rest[2]), rest[3])
     else:
         told = json.loads(Path(file).read_text())
         csv = Path(file).with_suffix(".csv")
