@@ -128,7 +128,7 @@ def test_each_kind_of_hand_is_searched_by_itself(
     def error(task: PathFollowing) -> float:
         hand: Any = task.hand
         if hand.phases[0] == 0.0:
-            return 0.5 * math.exp(-abs(hand.push - 47.0))
+            return 0.5 * math.exp(-abs(hand.push - 47.0) / 30.0)
         return math.exp(-abs(hand.phases[0] - 5.0))
 
     def errors(_policy: object, episodes: Episodes, _threads: int) -> np.ndarray:
@@ -143,7 +143,7 @@ def test_each_kind_of_hand_is_searched_by_itself(
     phases = Vary(usual, phases=(Uniform(0.1, 6.0), 0.0, 0.0, 0.0, 0.0))
     draws = Draws(task=Vary(PathFollowing(), hand=OneOf((pushes, phases))))
     found = find_worst(Free(), draws)
-    assert found.tried == found.random + 40 * POPULATION
+    assert found.random + 20 * POPULATION < found.tried <= found.random + 40 * POPULATION
     assert found.path_error_m == pytest.approx(1.0, abs=2e-3)
     first, *others = populations
     assert first == {True, False}
