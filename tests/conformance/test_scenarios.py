@@ -244,7 +244,7 @@ def test_environments_know_whose_gains_their_episodes_need(
     pytest.importorskip("stable_baselines3")
     from pter_gym.envs.sb3 import make_sb3_vec_env
 
-    assert make_sb3_vec_env(2, **keywords).get_attr("gains") == [name] * 2
+    assert make_sb3_vec_env(2, **keywords).get_attr("whose_gains") == [name] * 2
 
 
 # --- one's own machine ---

@@ -283,7 +283,7 @@ def _board(board: Leaderboard) -> str:
             _number(100.0 * standing.scores["completed"], "%"),
             _number(standing.scores["resisting_force_n"], "N"),
             _number(standing.scores["peak_force_n"], "N"),
-            standing.reason or f"rank {standing.rank}",
+            str(standing.reason or f"rank {standing.rank}"),
         )
         for standing in board.standings
     ]
