@@ -156,7 +156,7 @@ def find_worst(
         return errors
 
     if width:
-        order = np.argsort(-errors, kind="stable")
+        order: list[int] = np.argsort(-errors, kind="stable").tolist()
         kinds = [hands.kinds[k] for k in order]
         size = POPULATION if len({*kinds[:POPULATION]}) == 1 else POPULATION // 2
         for kind, generations in shares(kinds[:POPULATION], SEARCHED // size).items():
