@@ -22,6 +22,7 @@ from pter_gym.policies._files import RUN
 from pter_gym.policies.find import kind_of
 
 if TYPE_CHECKING:
+    from pter_gym.controllers import AnyPolicy
     from pter_gym.tools.deploy import Source
 
 SMOKE_ROLLOUTS = 3
@@ -148,6 +149,28 @@ def check_targets(given: Mapping[str, bool], **targets: Path | None) -> None:
             )
 
 
+def share(run: str, out: Path | None, name: str | None) -> None:
+    """Write a policy with its card."""
+    from pter_agents import exporting
+
+    if not (Path(run) / RUN).is_file() and kind_of(run) != "network":
+        raise ParameterError(f"c must be given for a law, as in `--c FOLDER`, got {run!r}")
+    written = exporting.export(run, out, name=name)
+    compared = f"{quote(str(written.with_suffix('')))} single-dof-tuned"
+    conclude([written], f"pter benchmark --policies {compared}")
+
+
+def newest_or_named(run: str, scenario: str) -> "AnyPolicy":
+    """Return the newest policy of a run's folder, or the policy of a name."""
+    if (Path(run) / RUN).is_file():
+        from pter_agents import exporting
+
+        return exporting.read_newest(Path(run))
+    from pter_gym.benchmark import find_policy
+
+    return find_policy(run, scenario)
+
+
 def export(
     run: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="RUN|NAME")] = "",
     name: str | None = None,
@@ -212,29 +235,16 @@ def export(
     for_fmu = {"controller": controller, "hand": hand is not None, "pace": pace != "medium"}
     for_fmu |= {"fmi": fmi != "3.0", "platforms": platforms != "here"}
     check_targets(for_fmu, fmu=fmu)
-    coded = coded or fmu is not None
-    if coded and out is not None:
+    if out is not None and (coded or fmu is not None):
         raise ParameterError("out must be left out with c, onnx or fmu, which say what is written")
-    if not coded:
-        if not trained and kind_of(run) != "network":
-            raise ParameterError(f"c must be given for a law, as in `--c FOLDER`, got {run!r}")
-        from pter_agents import exporting
-
-        written = exporting.export(run, out, name=name)
-        compared = f"{quote(str(written.with_suffix('')))} single-dof-tuned"
-        conclude([written], f"pter benchmark --policies {compared}")
+    if not coded and fmu is None:
+        share(run, out, name)
         return
-    from pter_gym.benchmark import find_policy
-    from pter_gym.tools.deploy import find_unit, source_of, write_onnx
-
-    policy, called = None, name or Path(run).stem
-    if trained:
-        from pter_agents import exporting
-
-        policy = exporting.read_newest(Path(run))
-    elif run:
-        policy = find_policy(run, scenario)
+    policy = newest_or_named(run, scenario) if run else None
+    called = name or Path(run).stem
     if fmu is not None:
+        from pter_gym.tools.deploy import find_unit
+
         unit = find_unit(
             policy,
             name=called,
@@ -251,19 +261,19 @@ def export(
         conclude([made], f"fmpy info {quote(str(made))}")
     if policy is None:
         return
-    source = (
-        source_of(
+    from pter_gym.tools.deploy import source_of, write_onnx
+
+    source = None
+    if c is not None:
+        source = source_of(
             policy,
             name=called,
             machine=machine,
             path=path,
+            prefix=prefix,
             numbers=numbers,
             weights=weights,
-            prefix=prefix,
         )
-        if c
-        else None
-    )
     if onnx is not None:
         made = write_onnx(policy, onnx, name=called, machine=machine, numbers=numbers)
         say(f"wrote {made}")

@@ -169,11 +169,9 @@ def find_worst(
 def shares(kinds: Sequence[Kind], generations: int) -> dict[Kind, int]:
     """Return how many generations are for each kind of the worst hands, the frequent ones first."""
     counted = Counter(kinds).most_common(max(1, generations // FEWEST))
-    while (
-        generations * counted[-1][1] < FEWEST * sum(count for _, count in counted) and counted[1:]
-    ):
-        counted.pop()
     whole = sum(count for _, count in counted)
+    while len(counted) > 1 and generations * counted[-1][1] < FEWEST * whole:
+        whole -= counted.pop()[1]
     found = {kind: generations * count // whole for kind, count in counted}
     found[counted[0][0]] += generations - sum(found.values())
     return found

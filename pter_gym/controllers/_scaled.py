@@ -61,8 +61,8 @@ def traits_of(machine: Machine) -> Traits:
 
 def ratios_of(machine: Machine) -> Ratios:
     """Return a machine's traits over PTER's; raises as ``traits_of``."""
-    pairs = zip(traits_of(machine), traits_of(BASELINE), strict=True)
-    return Ratios(*[own / usual for own, usual in pairs][: len(Ratios._fields)])
+    own, usual = traits_of(machine), traits_of(BASELINE)
+    return Ratios(*(getattr(own, name) / getattr(usual, name) for name in Ratios._fields))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -43,7 +43,7 @@ from pter_gym.params import Machine
 from pter_gym.paths import Path as Curve
 from pter_gym.scenarios import find_scenario
 from pter_gym.scenarios.paces import find_pace
-from pter_gym.tasks.path_following import TELEMETRY, observation_layout
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, observation_layout
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
 from pter_gym.tasks.path_following._specification import held_machine
 from pter_gym.tools.deploy.c_program import source_of
@@ -51,7 +51,7 @@ from pter_gym.tools.deploy.description import Variable, build_description, descr
 from pter_gym.tools.deploy.values import check_choice
 from pter_gym.tools.deploy.wasm_to_c import translated
 from pter_gym.tools.web.site import MODULE
-from pter_gym.tools.web.tables import HANDS, numbered_gains
+from pter_gym.tools.web.tables import HANDS, LAWS, numbered_gains
 
 STATIC = Path(__file__).parent / "static" / "fmu"
 
@@ -218,9 +218,9 @@ def find_unit(
     if controller:
         if policy is None or hand is not None:
             raise ParameterError("controller must be a policy alone, without a hand")
-        speed, curve = find_pace(pace), "line" if path is None else path
+        curve = "line" if path is None else path
         return policy_unit(
-            policy, name=name, machine=machine, path=curve, pace=speed, version=version
+            policy, name=name, machine=machine, path=curve, pace=pace, version=version
         )
     episodes = find_episodes(find_scenario(scenario, machine, path), pace)
     episodes = episodes.first(min(len(episodes), MAX_EPISODES))
@@ -283,14 +283,14 @@ def policy_unit(
     name: str = "policy",
     machine: Machine | str | None = None,
     path: Curve | str = "line",
-    pace: float = 0.25,
+    pace: str | float = "medium",
     version: Version = "3.0",
 ) -> Unit:
     """Return a unit of a policy alone, from sensors' readings to voltages; see ``source_of``."""
     check_choice("version", version, Version)
     source = source_of(policy, name=name, machine=machine, path=path)
-    variables = tuple(policy_variables(pace))
-    period = source.policy.control_period or 0.01
+    variables = tuple(policy_variables(find_pace(pace)))
+    period = source.policy.control_period or PathFollowing.control_period
     files = {
         "policy_data.h": defined(references(variables)),
         "policy.c": static("policy.c"),
@@ -305,7 +305,7 @@ def unit_of(
     title: str,
     files: Mapping[str, str],
     variables: Sequence[Variable],
-    period: float = 0.01,
+    period: float = PathFollowing.control_period,
     version: Version = "3.0",
 ) -> Unit:
     """Return a unit of a model in C.
@@ -365,13 +365,11 @@ def bound_policy(policy: AnyPolicy, name: str, episodes: Episodes) -> Policy:
     layout = observation_layout(episodes.machines[0], sensors_of(policy))
     bound = bind(policy, episodes.nominal, layout)
     bound.check_period(episodes.tasks[0].control_period)
-    try:
-        numbered_gains(bound)
-    except (AttributeError, ValueError):
+    if bound.law is None or bound.law.function not in LAWS:
         raise ParameterError(
             f"policies must be laws or trained policies of the package to act in an FMU, {name!r} "
             "is neither; `--controller` takes any that becomes C"
-        ) from None
+        )
     return bound
 
 
