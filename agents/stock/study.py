@@ -73,6 +73,7 @@ CALLS = {
         {**BASE, **NEAR},
     ),
     "SAC on a law": Call(sb3.SAC, 16, 100_000, ENTROPY, BASE),
+    "TD3 on a law": Call(sb3.TD3, 16, 100_000, NOISE, BASE),
 }
 LEVELS = (28.0, 27.0, 35.0), (10.0, 10.0, 20.0)
 """Path errors at the slow, medium and brisk pace [mm]: those of the paper's better law with tuned
