@@ -147,12 +147,18 @@ def _field(name: str, entries: tuple[Entry, ...], machine: Any) -> Field:
 
 def flat(value: Any) -> tuple[Any, ...]:
     """Return the numbers of a record in their order; of a number, itself alone."""
+    numbers = list[Any]()
+    _flatten(value, numbers)
+    return tuple(numbers)
+
+
+def _flatten(value: Any, numbers: list[Any]) -> None:
     record: Any = value
-    return (
-        tuple(number for part in record for number in flat(part))
-        if isinstance(value, tuple)
-        else (value,)
-    )
+    if isinstance(value, tuple):
+        for part in record:
+            _flatten(part, numbers)
+    else:
+        numbers.append(value)
 
 
 def load(w: Any, at: R, i: int) -> R:

@@ -158,7 +158,7 @@ class Batch(Storage):
             low=self.action_low,
             high=self.action_high,
             slack=4.0 * float(np.spacing(np.float32(self.action_high))),
-            substep=held_machine(self.task, self.machine).substep,
+            substep=held_machine(self.task, self.machine).machine.substep,
             substeps=substeps(self.task, self.machine),
             max_steps=NO_LIMIT if max_steps is None else whole_number("max_steps", max_steps),
             frame_skip=self.frame_skip,

@@ -1,6 +1,7 @@
 """How fields are declared and checked: unit, provenance and range of each, one form of message."""
 
 import math
+from collections.abc import Callable
 from dataclasses import MISSING, field, fields
 from functools import cache
 from operator import attrgetter
@@ -64,25 +65,42 @@ class Checked:
 
     def __post_init__(self) -> None:
         """Check each field by itself."""
-        types = types_of(type(self))
-        for item in fields(cast(Any, self)):
-            kind, limits, name = types[item.name], item.metadata.get("limits", {}), item.name
-            if kind is float:
-                require_number(self, name, **limits)
-            elif kind is int:
-                require_whole(self, name, **limits)
-            elif get_origin(kind) is tuple and get_args(kind)[0] is float:
-                require_numbers(self, name, **limits)
-            elif get_origin(kind) is Literal:
-                value, accepted = getattr(self, name), get_args(kind)
-                require(value in accepted, self, name, f"one of {', '.join(accepted)}")
-            elif isinstance(kind, type):
-                require_kind(self, name, kind)
+        for require_fit, name, accepted, limits in _checks_of(type(self)):
+            require_fit(self, name, *accepted, **limits)
+
+
+@cache
+def _checks_of(
+    kind: type,
+) -> tuple[tuple[Callable[..., None], str, tuple[Any, ...], dict[str, Any]], ...]:
+    """Return what is required of each field of a class: by which function, and its arguments."""
+    types = types_of(kind)
+
+    def check_of(item: Any) -> tuple[Callable[..., None], tuple[Any, ...]] | None:
+        hint: Any = types[item.name]
+        if hint is float:
+            return require_number, ()
+        if hint is int:
+            return require_whole, ()
+        if get_origin(hint) is tuple and get_args(hint)[0] is float:
+            return require_numbers, ()
+        if get_origin(hint) is Literal:
+            return require_option, get_args(hint)
+        return (require_kind, (hint,)) if isinstance(hint, type) else None
+
+    checks = ((item, check_of(item)) for item in fields(cast("Any", kind)))
+    return tuple(
+        (check[0], item.name, check[1], {**item.metadata.get("limits", {})})
+        for item, check in checks
+        if check
+    )
 
 
 def plain_field(owner: object, name: str) -> Any:
     """Return a field's value; a number of NumPy's in it becomes Python's, also within a tuple."""
     value: Any = getattr(owner, name)
+    if type(value) is float:
+        return value
     is_tuple = isinstance(value, tuple)
     plain = tuple(map(builtin, cast("tuple[Any, ...]", value))) if is_tuple else builtin(value)
     object.__setattr__(owner, name, plain)
@@ -139,6 +157,12 @@ def require_whole(owner: object, name: str, *, at_least: int = 1, below: float =
     fits = type(value) is not bool and isinstance(value, int) and at_least <= value < below
     accepted = f"a whole number ≥ {at_least}{f' and < {below:g}' if math.isfinite(below) else ''}"
     require(fits, owner, name, accepted)
+
+
+def require_option(owner: object, name: str, *options: object) -> None:
+    """Raise a ParameterError unless a field is one of these values."""
+    accepted = f"one of {', '.join(map(str, options))}"
+    require(getattr(owner, name) in options, owner, name, accepted)
 
 
 def require_kind(owner: object, name: str, *kinds: type) -> None:

@@ -20,7 +20,6 @@ from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine, MachineSpread
 from pter_gym.scenarios.paces import find_pace
 from pter_gym.tasks.path_following import PathFollowing, check_machine
-from pter_gym.tasks.path_following._specification import check_motion
 
 __all__ = ["Distribution", "Draws", "LogUniform", "OneOf", "Shared", "Uniform", "Vary"]
 
@@ -60,6 +59,12 @@ def drawn(value: object, rng: np.random.Generator) -> object:
     if isinstance(value, tuple):
         return tuple(drawn(item, rng) for item in cast("tuple[object, ...]", value))
     return value.draw(rng) if _is_distribution(value) else value
+
+
+def _varies(value: object) -> bool:
+    """Return whether draws of a value may differ."""
+    several = isinstance(value, tuple)
+    return any(map(_varies, value)) if several else _is_distribution(value)
 
 
 def extremes(value: object) -> Sequence[object]:
@@ -173,10 +178,13 @@ class Vary(Generic[Drawn]):
                 raise ParameterError(
                     f"{type(template).__name__} has no field {name!r}; it has {', '.join(known)}"
                 )
-        self.extremes()
+        ends = self.extremes()
+        self._fixed = None if any(map(_varies, fields.values())) else ends[-1]
 
     def draw(self, rng: np.random.Generator) -> Drawn:
-        """Return the template with its drawn fields."""
+        """Return the template with its drawn fields; without any, the same object each time."""
+        if self._fixed is not None:
+            return self._fixed
         return replace(self.template, **{k: drawn(v, rng) for k, v in self.fields.items()})
 
     def extremes(self) -> Sequence[Drawn]:
@@ -394,8 +402,7 @@ class Draws(Checked):
 
 def check_pair(machine: Machine, task: PathFollowing) -> None:
     """Raise a ParameterError if the path is too near to singular poses of the machine."""
-    check_machine(replace(task, singularity_margin=ROOM * task.singularity_margin), machine)
-    check_motion(task, machine)  # which is faster nearer to singular poses
+    check_machine(task, machine, ROOM)
 
 
 @lru_cache(maxsize=32)

@@ -70,13 +70,13 @@ def test_the_nearest_and_the_farthest_point_are_among_the_extremes(seed: int):
     arcs = chain(pieces)
     step = arcs.length / 50_000
     x, y, _, _ = arcs.at(np.linspace(0.0, arcs.length, 50_001))
-    found, dense = np.hypot(*arcs.extremes().T), np.hypot(x, y)
+    found, dense = np.hypot(*arcs.extremes.T), np.hypot(x, y)
     assert dense.min() - step / 2 < found.min() < dense.min() + 1e-12
     assert dense.max() - 1e-12 < found.max() < dense.max() + step / 2
 
 
 def test_the_extremes_of_a_circle_about_the_origin_are_on_it():
-    points = Circle(center_y=0.0, radius=0.3).arcs.extremes()
+    points = Circle(center_y=0.0, radius=0.3).arcs.extremes
     assert np.hypot(*points.T) == pytest.approx(0.3)
 
 

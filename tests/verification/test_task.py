@@ -295,7 +295,7 @@ def test_the_strongest_force_that_a_hand_can_have(hand: Any, force: float):
     machine = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.4, length_b=0.5))
     task = PathFollowing(hand=hand, pace=0.5, path=Line(length=0.6), error_max=0.2)
     travel = largest_travel(
-        model_of(held_machine(task, machine)).arm, machine.substep, task.control_period
+        model_of(held_machine(task, machine).machine).arm, machine.substep, task.control_period
     )
     assert strongest(task, machine) == pytest.approx(
         force + 0.5 * travel * hand.impedance.stiffness
@@ -604,7 +604,7 @@ def test_the_elbows_sine_by_the_arm_at_a_tip():
 def test_substeps_of_a_control_period(ratio: float, count: int):
     machine, task = replace(BASELINE, substep=1e-5), PathFollowing(control_period=ratio * 1e-5)
     assert substeps(task, machine) == count
-    assert held_machine(task, machine).substep == pytest.approx(ratio * 1e-5 / count, rel=1e-12)
+    assert held_machine(task, machine).machine.substep == pytest.approx(ratio * 1e-5 / count, rel=1e-12)
 
 
 def test_a_control_period_of_too_many_substeps_is_refused():

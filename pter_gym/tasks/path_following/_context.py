@@ -5,7 +5,7 @@ from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.records import Entry, layout_of, rows, width
 from pter_gym._physics.arrangement import Arrangement
-from pter_gym._physics.model import Model, arrangement_of, model_of
+from pter_gym._physics.model import Model, arrangement_of
 from pter_gym._physics.stability import largest_energy
 from pter_gym.hands import HandModel
 from pter_gym.params import BASELINE, Machine
@@ -79,12 +79,10 @@ def context_of(
         Start and number of the path's arcs and of the hand's recorded instants in the array of
         constants.
     """
-    machine_in_hand = held_machine(task, machine)
-    hand = task.hand.model(task.pace, machine_in_hand.substep, recording)
-    model = model_of(machine_in_hand)
-    fastest = largest_energy(
-        model.arm, machine_in_hand.substep, task.control_period, strongest(task, machine)
-    )
+    held = held_machine(task, machine)
+    model, in_hand, substep = held.model, held.machine.hand, held.machine.substep
+    hand = task.hand.model(task.pace, substep, recording)
+    fastest = largest_energy(model.arm, substep, task.control_period, strongest(task, machine))
     clutch, top = machine.clutch, machine.clutch.voltage_max
     scale = math.fsum(machine.slot_scale) / len(machine.clutches)
     return Context(
@@ -98,12 +96,12 @@ def context_of(
             / BASELINE.clutch.breakaway.torque(top),
             dynamic_factor=scale * clutch.dynamic.torque(top) / BASELINE.clutch.dynamic.torque(top),
             friction_drift=task.friction_drift,
-            hand_mass=machine_in_hand.hand.mass,
-            hand_damping=machine_in_hand.hand.damping,
-            hand_stiffness=machine_in_hand.hand.stiffness,
+            hand_mass=in_hand.mass,
+            hand_damping=in_hand.damping,
+            hand_stiffness=in_hand.stiffness,
             hand_push=hand.push,
         ),
-        arrangement=arrangement_of(machine_in_hand),
+        arrangement=arrangement_of(machine),
     )
 
 

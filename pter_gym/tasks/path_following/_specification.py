@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import Any
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pter_gym._internal.fields import Checked, parameter, require, require_number
 from pter_gym._physics.arm import elbow_cosine
-from pter_gym._physics.model import max_damping, model_of
+from pter_gym._physics.model import Model, max_damping, model_of
 from pter_gym._physics.stability import (
     MAX_CONDITION,
     MAX_SUBSTEPS,
@@ -23,7 +23,7 @@ from pter_gym._physics.stability import (
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.hands import MultiSineHand, Operator
 from pter_gym.hands._operators import NO_HAND
-from pter_gym.params import Arm, Machine
+from pter_gym.params import Arm, Hand, Machine
 from pter_gym.paths import Line, Path
 from pter_gym.paths._arcs import Arcs, ArcSegment
 from pter_gym.paths._reach import SINGULARITY_MARGIN, check_reach
@@ -243,8 +243,44 @@ def sensing_of(task: PathFollowing, machine: Machine) -> Sensing:
     return replace(task.sensing, delay=steps)
 
 
-def held_machine(task: PathFollowing, machine: Machine) -> Machine:
-    """Return the machine with the task's hand at the tip, and substeps that fill a control period.
+@dataclass(frozen=True)
+class HeldMachine:
+    """A machine with a task's hand at its tip, and what the integrator can hold of it.
+
+    Attributes
+    ----------
+    machine
+        It, with substeps that fill a control period.
+    period
+        Control period [s].
+    """
+
+    machine: Machine
+    period: float
+
+    @cached_property
+    def model(self) -> Model:
+        """Its constants."""
+        return model_of(self.machine)
+
+    @cached_property
+    def condition(self) -> float:
+        """A bound of the condition of its mass matrix."""
+        return condition(self.model.arm, self.machine.substep)
+
+    @cached_property
+    def force(self) -> float:
+        """The largest force of a hand [N]."""
+        return largest_force(self.model.arm, self.machine.substep, self.period)
+
+    @cached_property
+    def travel(self) -> float:
+        """How far the tip may move in a control step [m]."""
+        return largest_travel(self.model.arm, self.machine.substep, self.period)
+
+
+def held_machine(task: PathFollowing, machine: Machine) -> HeldMachine:
+    """Return the machine with the task's hand at the tip.
 
     Raises
     ------
@@ -252,15 +288,22 @@ def held_machine(task: PathFollowing, machine: Machine) -> Machine:
         If both the machine and the task have a hand, the explicit spring of the hand is too stiff
         for the machine, or there would be too many substeps.
     """
-    impedance, substep = task.hand.impedance, task.control_period / substeps(task, machine)
-    if impedance == NO_HAND:
-        return machine if substep == machine.substep else replace(machine, substep=substep)
-    require(machine.hand == NO_HAND, machine, "hand", "none, since the task's hand brings its own")
-    return replace(machine, hand=impedance, substep=substep)
+    impedance, period = task.hand.impedance, task.control_period
+    if impedance != NO_HAND:
+        accepted = "none, since the task's hand brings its own"
+        require(machine.hand == NO_HAND, machine, "hand", accepted)
+    return _held(machine, impedance, period / substeps(task, machine), period)
 
 
-def check_machine(task: PathFollowing, machine: Machine) -> None:
-    """Check that a machine can do the task.
+@lru_cache(maxsize=256)
+def _held(machine: Machine, impedance: Hand, substep: float, period: float) -> HeldMachine:
+    changed = {"hand": impedance} if impedance != NO_HAND else {}
+    changed |= {"substep": substep} if substep != machine.substep else {}
+    return HeldMachine(replace(machine, **changed) if changed else machine, period)
+
+
+def check_machine(task: PathFollowing, machine: Machine, room: float = 1.0) -> None:
+    """Check that a machine can do the task, whose path keeps ``room`` times its margin.
 
     Raises
     ------
@@ -272,7 +315,7 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
         too fast for the integrator (``pter_gym._physics.stability``).
     """
     sensing_of(task, machine)
-    substep = held_machine(task, machine).substep
+    substep = held_machine(task, machine).machine.substep
     require(
         max(task.hand.frequencies, default=0.0) * substep <= 0.1,
         task,
@@ -283,8 +326,12 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
     check_motion(task, machine)
     arm = machine.arm
     widest = task.error_max + max(task.free_left, task.free_right)
-    _check_path(task.path, widest, task.singularity_margin, arm.length_a, arm.length_b)
-    _check_start(task, arm)
+    margin = room * task.singularity_margin
+    accepted = f"< {1.0 / room:g}, so that drawn paths keep {room:g} times as much"
+    require(margin < 1.0, task, "singularity_margin", accepted)
+    _check_path(task.path, widest, margin, arm.length_a, arm.length_b)
+    if task.start_offset != 0.0:
+        _check_start(task, arm, margin)
 
 
 def check_motion(task: PathFollowing, machine: Machine) -> None:
@@ -295,16 +342,15 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
     ParameterError
         If it cannot, or if ``held_machine`` raises one.
     """
-    machine_in_hand = held_machine(task, machine)
-    arm, h, period = model_of(machine_in_hand).arm, machine_in_hand.substep, task.control_period
+    held = held_machine(task, machine)
     require(
-        condition(arm, h) <= MAX_CONDITION,
+        held.condition <= MAX_CONDITION,
         machine,
         "arm",
         "so far from singular that the mass matrix with the hand's mass and damping has a "
-        f"condition of at most {MAX_CONDITION:g}, not {condition(arm, h):.3g}",
+        f"condition of at most {MAX_CONDITION:g}, not {held.condition:.3g}",
     )
-    force, most = strongest(task, machine), largest_force(arm, h, period)
+    force, most = strongest(task, machine), held.force
     require(
         force <= most,
         task,
@@ -314,6 +360,7 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
         "more",
     )
     if task.starts.moving > 0.0:
+        arm, h, period = held.model.arm, held.machine.substep, task.control_period
         fastest = (
             task.pace
             * math.hypot(MAX_START_SPEED_ALONG, MAX_START_SPEED_ACROSS)
@@ -343,17 +390,10 @@ def strongest(task: PathFollowing, machine: Machine) -> float:
 
 def _force_within(length: float, task: PathFollowing, machine: Machine) -> float:
     """Return that bound with the tip within a length [m] of the hand's target at first."""
-    machine_in_hand = held_machine(task, machine)
-    hand = task.hand.model(task.pace, machine_in_hand.substep, (0, 0))
+    held = held_machine(task, machine)
+    hand = task.hand.model(task.pace, held.machine.substep, (0, 0))
     largest_sample = np.abs(task.hand.sampled(task.control_period)).max(axis=0, initial=0.0)
-    stretch = (
-        length
-        + hand.intent_lead
-        + 0.5
-        * largest_travel(
-            model_of(machine_in_hand).arm, machine_in_hand.substep, task.control_period
-        )
-    )
+    stretch = length + hand.intent_lead + 0.5 * held.travel
     impedance = task.hand.impedance
     stiffness = impedance.stiffness * (1.0 + math.hypot(*impedance.stiffness_anisotropy))
     pull = stiffness * stretch + max_damping(impedance) * hand.intent_speed
@@ -378,10 +418,10 @@ def _check_path(
             f"{MAX_CURVATURE_RATIO / bend:.4g} m, {MAX_CURVATURE_RATIO:g} of the smallest radius "
             f"of {type(path).__name__}, got {error_max!r}"
         )
-    check_reach(path.arcs.extremes(), length_a, length_b, margin)
+    check_reach(path.arcs.extremes, length_a, length_b, margin)
 
 
-def _check_start(task: PathFollowing, arm: Arm) -> None:
+def _check_start(task: PathFollowing, arm: Arm, margin: float) -> None:
     (x, y), heading, offset = task.path.point(0.0), task.path.heading(0.0), task.start_offset
     cos, sin = math.cos(heading), math.sin(heading)
     starts = Arcs(
@@ -389,13 +429,12 @@ def _check_start(task: PathFollowing, arm: Arm) -> None:
             [ArcSegment(x + offset * sin, y - offset * cos, -sin, cos, 0.0, 0.0, 2.0 * offset)]
         )
     )
-    elbows = sin_elbow(arm.length_a, arm.length_b, starts.extremes())
+    elbows = sin_elbow(arm.length_a, arm.length_b, starts.extremes)
     require(
-        float(elbows.min()) > task.singularity_margin,
+        float(elbows.min()) > margin,
         task,
         "start_offset",
-        "so small that all starts are within reach with |sin(θA − θB)| > "
-        f"{task.singularity_margin:g}",
+        f"so small that all starts are within reach with |sin(θA − θB)| > {margin:g}",
     )
 
 
