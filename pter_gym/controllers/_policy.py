@@ -361,11 +361,17 @@ def check_same(
 
 def check_drive(machine: Machine, clutches: Rows, voltage_max: float) -> None:
     """Raise a ParameterError unless a machine has a policy's clutches and largest voltage [V]."""
-    rows, top = clutch_rows(machine), machine.clutch.voltage_max
-    accepted = f"{clutches}, for which the policy is made"
-    require(rows == clutches, machine, "clutches", accepted, got=rows)
+    check_rows(machine, clutches)
+    top = machine.clutch.voltage_max
     accepted = f"{voltage_max:g} V, for which the policy is made"
     require(top == voltage_max, machine.clutch, "voltage_max", accepted, got=top)
+
+
+def check_rows(machine: Machine, clutches: Rows) -> None:
+    """Raise a ParameterError unless a machine has a policy's clutches."""
+    rows = clutch_rows(machine)
+    accepted = f"{clutches}, for which the policy is made"
+    require(rows == clutches, machine, "clutches", accepted, got=rows)
 
 
 def clutch_rows(machine: Machine) -> Rows:

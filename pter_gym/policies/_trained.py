@@ -15,7 +15,7 @@ from pter_gym._compiled.records import flat
 from pter_gym._internal.fields import require
 from pter_gym.controllers import Policy, Scaled
 from pter_gym.controllers._network import LAW_WIDTH, Network, memory_width, network_on, source_of
-from pter_gym.controllers._policy import CompiledLaw, check_drive, clutch_rows
+from pter_gym.controllers._policy import CompiledLaw, check_rows, clutch_rows
 from pter_gym.errors import DataError, unknown_name
 from pter_gym.params import SLOTS, Machine, find_machine
 from pter_gym.policies._interface import Interface, input_names
@@ -100,14 +100,13 @@ class TrainedController:
         Raises
         ------
         ParameterError
-            If the observations lack an input, or the machine's largest voltage or W differs from
-            those in training.
+            If the observations lack an input, or the machine's W differs from that in training.
         """
         machine = find_machine(machine)
-        if self.interface.for_any_machine:
-            return self.for_machine(machine).bind(machine, layout)
+        own = self.for_machine(machine)
+        if own is not self:
+            return own.bind(machine, layout)
         interface = self.interface
-        check_drive(machine, interface.clutches, interface.voltage_max)
         names = input_names(layout, residual=interface.base is not None)
         for entry in interface.inputs:
             if entry.name not in names:
@@ -126,11 +125,11 @@ class TrainedController:
         return replace(policy, made=partial(self.bind, machine, layout))
 
     def for_machine(self, machine: Machine) -> "TrainedController":
-        """Return a policy for any machine with one machine's numbers in it.
+        """Return the policy with one machine's numbers in it; itself, if they are its own.
 
-        Voltages are fractions of the largest. What the policy sees of a clutch that the machine
-        lacks is constant and becomes part of the first biases. A warning names what is outside of
-        the training.
+        Voltages are fractions of the largest. What a policy for any machine sees of a clutch that
+        the machine lacks is constant and becomes part of the first biases. A warning names what is
+        outside of the training.
 
         Raises
         ------
@@ -138,9 +137,11 @@ class TrainedController:
             If the machine has no clutch, or others than those of the training.
         """
         interface = self.interface
-        if not interface.for_any_machine:
-            return self
         rows, top = clutch_rows(machine), machine.clutch.voltage_max
+        if not interface.for_any_machine:
+            check_rows(machine, interface.clutches)
+            if top == interface.voltage_max:
+                return self
         fits = len({*rows}) == len(rows) and {*rows} <= {*interface.clutches}
         require(fits, machine, "clutches", f"some of {interface.clutches}", got=rows)
         if beyond := interface.beyond_training(machine):

@@ -112,10 +112,12 @@ def test_damaged_numbers_are_refused() -> None:
     "policy",
     [
         network(),
+        network(base=PTER),
+        network(("normal_error", "omega_a", "volts_1"), base=None, normalised=True),
         find_tuned(SCALED),
         *(find_tuned(f"{law}-tuned", "standard") for law in ("single-dof", "torque-feedback")),
     ],
-    ids=["network", "scaled", "single-dof", "torque-feedback"],
+    ids=["network", "of one machine", "without a law", "scaled", "single-dof", "torque-feedback"],
 )
 def test_a_voltage_is_a_fraction_of_the_largest(policy: Any) -> None:
     """The same clutches at half the voltages: powers of two, so the same bits but for them."""
@@ -127,12 +129,12 @@ def test_a_voltage_is_a_fraction_of_the_largest(policy: Any) -> None:
     np.testing.assert_allclose(low.volts, 0.5 * high.volts, atol=1e-6)
 
 
-def test_other_policies_keep_to_their_machine() -> None:
+def test_other_policies_keep_to_their_clutches() -> None:
     policy = network(base=PTER)
     assert policy.for_machine(device(2.0)) is policy
-    layout = observation_layout(BASELINE, "torque")
-    with pytest.raises(ParameterError, match="voltage_max must be 24 V"):
-        policy.bind(device(top=12.0), layout)
+    brakes = replace(BASELINE, clutches=(BRAKE_A, COUPLED))
+    with pytest.raises(ParameterError, match=r"clutches must be .*, for which the policy is made"):
+        policy.bind(brakes, observation_layout(brakes, "torque"))
 
 
 def test_a_clutch_that_is_not_there_is_one_without_torque() -> None:
