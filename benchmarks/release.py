@@ -17,7 +17,7 @@ from pter_gym.benchmark.boards import worst_twentieth
 from pter_gym.controllers._steering import Steering
 from pter_gym.policies.tuned import controller_of, read_gains
 
-DISTANCES = (0.0, 0.001, 0.002, 0.003, 0.005, 0.008, 0.012, 0.02)
+DISTANCES = (0.0, 0.0003, 0.0005, 0.001, 0.002, 0.003, 0.005, 0.01)
 """Those that are tried [m]; 0: never."""
 
 SEED = 2**31 + 2
@@ -51,7 +51,7 @@ def choose(law, drawn) -> None:
     chosen = min((row for row in rows if row[0] <= SLACK * least), key=lambda row: row[2])
     for distance, row in zip(DISTANCES, rows, strict=True):
         numbers = "".join(f"{1e3 * number:9.2f}" for number in row)
-        print(f"  {1e3 * distance:4.0f} mm{numbers}{'  *' if row is chosen else ''}", flush=True)
+        print(f"  {1e3 * distance:5.1f} mm{numbers}{'  *' if row is chosen else ''}", flush=True)
 
 
 if __name__ == "__main__":
