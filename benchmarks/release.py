@@ -2,20 +2,21 @@
 
     python benchmarks/release.py [EPISODES]
 
-For each entry of ``pter_gym/presets/tuned.toml`` of a law with that gain: on training episodes that
-no search has seen, what ``pter tune`` minimises, the mean of the worst twentieth and the largest
-error, all in mm, for each distance tried. Of the distances whose first number is within 1 % of the
-least, the one with the smallest largest error is marked. Gains that decide about one episode in ten
-thousand cannot be searched together with the others on 200 episodes.
+For each scenario, law with that gain and pace, with the gains that serve there: on training
+episodes that no search has seen, what ``pter tune`` minimises, the mean of the worst twentieth and
+the largest error, all in mm, for each distance. Of the distances whose first number is within 1 %
+of the least, the one with the smallest largest error is marked. What decides about one episode in
+ten thousand cannot be searched together with the other gains on 200 episodes.
 """
 
 import sys
 from dataclasses import replace
 
-from pter_gym.benchmark import Assessment, evaluate, training_episodes
+from pter_gym.benchmark import Assessment, Episodes, evaluate, training_episodes
 from pter_gym.benchmark.boards import worst_twentieth
-from pter_gym.controllers._steering import Steering
-from pter_gym.policies.tuned import controller_of, read_gains
+from pter_gym.controllers import PaceSchedule, SingleDof, VelocityRatio
+from pter_gym.policies.tuned import find_tuned
+from pter_gym.scenarios import PACES, SCENARIOS
 
 DISTANCES = (0.0, 0.0003, 0.0005, 0.001, 0.002, 0.003, 0.005, 0.01)
 """Those that are tried [m]; 0: never."""
@@ -27,23 +28,22 @@ SLACK = 1.01
 
 
 def main(episodes: int = 1000) -> None:
-    """Print a row for each entry and distance."""
-    for scenario, laws in read_gains().items():
-        for name, paces in laws.items():
-            for pace, entry in paces.items():
-                law = controller_of(name, entry, "tuned.toml")
-                if isinstance(law, Steering):
-                    drawn = training_episodes(scenario, pace, episodes, SEED)
+    """Print a row for each scenario, law, pace and distance."""
+    for scenario in SCENARIOS:
+        for name in ("velocity-ratio-tuned", "single-dof-tuned"):
+            for pace, speed in PACES.items():
+                schedule = find_tuned(name, scenario)
+                law = schedule.at(speed) if isinstance(schedule, PaceSchedule) else None
+                if isinstance(law, SingleDof | VelocityRatio):
                     print(f"{scenario} {name} {pace}", flush=True)
-                    choose(law, drawn)
+                    choose(law, training_episodes(scenario, pace, episodes, SEED))
 
 
-def choose(law, drawn) -> None:
+def choose(law: SingleDof | VelocityRatio, drawn: Episodes) -> None:
     """Print a row for each distance, the chosen one marked."""
-    rows = []
+    rows: list[tuple[float, float, float]] = []
     for distance in DISTANCES:
-        tried = replace(law, release=distance)
-        scores = evaluate(tried, drawn, 1, ranking=True)
+        scores = evaluate(replace(law, release=distance), drawn, 1, ranking=True)
         means = {name: float(scores[name].mean()) for name in Assessment._fields}
         errors = scores["path_error_m"]
         rows.append((Assessment(**means).value, worst_twentieth(errors), float(errors.max())))
