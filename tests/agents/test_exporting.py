@@ -71,6 +71,7 @@ def test_an_export_that_fails_leaves_the_older_one_whole(
     assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
 
 
+@pytest.mark.agents
 def test_a_card_has_the_versions_of_the_training(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
