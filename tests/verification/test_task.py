@@ -604,7 +604,9 @@ def test_the_elbows_sine_by_the_arm_at_a_tip():
 def test_substeps_of_a_control_period(ratio: float, count: int):
     machine, task = replace(BASELINE, substep=1e-5), PathFollowing(control_period=ratio * 1e-5)
     assert substeps(task, machine) == count
-    assert held_machine(task, machine).machine.substep == pytest.approx(ratio * 1e-5 / count, rel=1e-12)
+    assert held_machine(task, machine).machine.substep == pytest.approx(
+        ratio * 1e-5 / count, rel=1e-12
+    )
 
 
 def test_a_control_period_of_too_many_substeps_is_refused():
