@@ -311,7 +311,7 @@ def check_law(machine: Machine, law: Any, count: int, steps: int) -> None:
 def test_single_dof_lines_engage_a_coupling_of_any_ratio() -> None:
     machine = replace(BASELINE, clutches=FOUR_COUPLINGS)
     batch = Batch(machine, PathFollowing(), 16)
-    rows = rollouts.simulate(batch, SingleDof().bind(machine, batch.layout), [*range(16)], 200)
+    rows = rollouts.simulate(batch, SingleDof(), [*range(16)], 200, machine)
     assert np.nan_to_num(rows[..., [*COLUMN.volts]]).max(axis=(0, 1)).astype(bool).sum() >= 2
 
 
