@@ -63,8 +63,9 @@ def drawn(value: object, rng: np.random.Generator) -> object:
 
 def _varies(value: object) -> bool:
     """Return whether draws of a value may differ."""
-    several = isinstance(value, tuple)
-    return any(map(_varies, value)) if several else _is_distribution(value)
+    if isinstance(value, tuple):
+        return any(map(_varies, cast("tuple[object, ...]", value)))
+    return _is_distribution(value)
 
 
 def extremes(value: object) -> Sequence[object]:

@@ -119,7 +119,7 @@ def test_values_beyond_the_limits_are_refused(text: str, make: Callable[[], Any]
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_draws_of_scenarios_are_far_from_the_limits(name: str) -> None:
     for machine, task in SCENARIOS[name].draws.pairs(64):
-        arm = model_of(held_machine(task, machine)).arm
+        arm = held_machine(task, machine).model.arm
         force = strongest(task, machine)
         assert force < 0.5 * largest_force(arm, machine.substep, task.control_period)
         assert condition(arm, machine.substep) < 10.0

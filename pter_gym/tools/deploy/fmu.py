@@ -384,7 +384,8 @@ def arm_variables(
     for k in range(0 if closed else 4):
         yield Variable(f"volts_{k + 1}", "input", "V", f"voltage of clutch {k + 1}", 0.0, 0.0, top)
     if pushed:
-        arm, substep = model_of(batch.machine).arm, held_machine(task, batch.machine).substep
+        arm = model_of(batch.machine).arm
+        substep = held_machine(task, batch.machine).machine.substep
         most = math.floor(largest_force(arm, substep, task.control_period) / math.sqrt(2.0))
         for axis in "xy":
             meaning = "force of a hand on the tip, reached at the end of a control step"
