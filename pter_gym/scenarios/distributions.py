@@ -61,13 +61,6 @@ def drawn(value: object, rng: np.random.Generator) -> object:
     return value.draw(rng) if _is_distribution(value) else value
 
 
-def _varies(value: object) -> bool:
-    """Return whether draws of a value may differ."""
-    if isinstance(value, tuple):
-        return any(map(_varies, cast("tuple[object, ...]", value)))
-    return _is_distribution(value)
-
-
 def extremes(value: object) -> Sequence[object]:
     """Return a distribution's extremes, tuples of all first and all last ones, or the value."""
     if isinstance(value, tuple):
@@ -179,13 +172,10 @@ class Vary(Generic[Drawn]):
                 raise ParameterError(
                     f"{type(template).__name__} has no field {name!r}; it has {', '.join(known)}"
                 )
-        ends = self.extremes()
-        self._fixed = None if any(map(_varies, fields.values())) else ends[-1]
+        self.extremes()
 
     def draw(self, rng: np.random.Generator) -> Drawn:
-        """Return the template with its drawn fields; without any, the same object each time."""
-        if self._fixed is not None:
-            return self._fixed
+        """Return the template with its drawn fields."""
         return replace(self.template, **{k: drawn(v, rng) for k, v in self.fields.items()})
 
     def extremes(self) -> Sequence[Drawn]:
