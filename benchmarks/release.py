@@ -1,4 +1,4 @@
-"""From which distance on the shipped laws let go of a clutch that sticks: their gain ``release``.
+"""From which distance on tuned laws should let go of a clutch that sticks: their gain ``release``.
 
     python benchmarks/release.py [EPISODES]
 

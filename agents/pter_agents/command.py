@@ -149,11 +149,16 @@ def check_targets(given: Mapping[str, bool], **targets: Path | None) -> None:
             )
 
 
+def is_run(name: str) -> bool:
+    """Return whether this is the folder of a training."""
+    return (Path(name) / RUN).is_file()
+
+
 def share(run: str, out: Path | None, name: str | None) -> None:
     """Write a policy with its card."""
     from pter_agents import exporting
 
-    if not (Path(run) / RUN).is_file() and kind_of(run) != "network":
+    if not is_run(run) and kind_of(run) != "network":
         raise ParameterError(f"c must be given for a law, as in `--c FOLDER`, got {run!r}")
     written = exporting.export(run, out, name=name)
     compared = f"{quote(str(written.with_suffix('')))} single-dof-tuned"
@@ -162,7 +167,7 @@ def share(run: str, out: Path | None, name: str | None) -> None:
 
 def newest_or_named(run: str, scenario: str) -> "AnyPolicy":
     """Return the newest policy of a run's folder, or the policy of a name."""
-    if (Path(run) / RUN).is_file():
+    if is_run(run):
         from pter_agents import exporting
 
         return exporting.read_newest(Path(run))
@@ -224,7 +229,7 @@ def export(
         platforms: Platforms of an FMU's binaries; all are Linux, Windows and macOS, and need Zig,
             by `pip install ziglang`.
     """
-    trained = (Path(run) / RUN).is_file()
+    trained = is_run(run)
     coded = c is not None or onnx is not None
     arm_alone = fmu is not None and not (run or coded or controller)
     look_at(policies=() if trained or arm_alone else (run,), paces=(pace,), machine=machine)

@@ -90,7 +90,7 @@ def _checks_of(
 
     checks = ((item, check_of(item)) for item in fields(cast("Any", kind)))
     return tuple(
-        (check[0], item.name, check[1], {**item.metadata.get("limits", {})})
+        (check[0], item.name, check[1], item.metadata.get("limits", {}))
         for item, check in checks
         if check
     )

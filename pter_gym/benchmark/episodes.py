@@ -35,8 +35,8 @@ EPISODE_FIELDS = ("machines", "tasks", "seeds", "strata", "time_limits")
 
 EPISODES_ENDING = ".json.gz"
 
-CHUNK, LEAST_CHUNK = 512, 64
-"""Most episodes that are simulated together, and fewest if there are as many."""
+CHUNK = 128
+"""Episodes that are simulated together."""
 
 LONGEST = 20_000
 """Most control steps of an episode: 200 s at 100 Hz."""
@@ -100,9 +100,8 @@ class Episodes:
 
     @cached_property
     def chunks(self) -> "tuple[Episodes, ...]":
-        """The episodes in chunks, each simulated together; two threads share a few."""
-        size = min(max(-(-len(self) // 2), LEAST_CHUNK), CHUNK)
-        return tuple(self[start : start + size] for start in range(0, len(self), size))
+        """The episodes in chunks, each simulated together."""
+        return tuple(self[start : start + CHUNK] for start in range(0, len(self), CHUNK))
 
     @contextmanager
     def worlds(self, sensors: Sensors) -> Generator[Batch]:

@@ -138,12 +138,13 @@ class TrainedController:
         """
         interface = self.interface
         rows, top = clutch_rows(machine), machine.clutch.voltage_max
-        if not interface.for_any_machine:
+        if interface.for_any_machine:
+            fits = len({*rows}) == len(rows) and {*rows} <= {*interface.clutches}
+            require(fits, machine, "clutches", f"some of {interface.clutches}", got=rows)
+        else:
             check_rows(machine, interface.clutches)
             if top == interface.voltage_max:
                 return self
-        fits = len({*rows}) == len(rows) and {*rows} <= {*interface.clutches}
-        require(fits, machine, "clutches", f"some of {interface.clutches}", got=rows)
         if beyond := interface.beyond_training(machine):
             text = f"{self.name} was not trained on such a machine: {'; '.join(beyond)}"
             warnings.warn(text, stacklevel=2)

@@ -295,7 +295,7 @@ def test_the_strongest_force_that_a_hand_can_have(hand: Any, force: float):
     machine = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.4, length_b=0.5))
     task = PathFollowing(hand=hand, pace=0.5, path=Line(length=0.6), error_max=0.2)
     travel = largest_travel(
-        model_of(held_machine(task, machine).machine).arm, machine.substep, task.control_period
+        held_machine(task, machine).model.arm, machine.substep, task.control_period
     )
     assert strongest(task, machine) == pytest.approx(
         force + 0.5 * travel * hand.impedance.stiffness

@@ -32,8 +32,6 @@ from pter_gym._internal.files import (
     has_ending,
     write_bytes_atomic,
 )
-from pter_gym._physics.model import model_of
-from pter_gym._physics.stability import largest_force
 from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.controllers import AnyPolicy, Policy, bind
 from pter_gym.controllers._policy import sensors_of
@@ -384,9 +382,7 @@ def arm_variables(
     for k in range(0 if closed else 4):
         yield Variable(f"volts_{k + 1}", "input", "V", f"voltage of clutch {k + 1}", 0.0, 0.0, top)
     if pushed:
-        arm = model_of(batch.machine).arm
-        substep = held_machine(task, batch.machine).machine.substep
-        most = math.floor(largest_force(arm, substep, task.control_period) / math.sqrt(2.0))
+        most = math.floor(held_machine(task, batch.machine).force / math.sqrt(2.0))
         for axis in "xy":
             meaning = "force of a hand on the tip, reached at the end of a control step"
             yield Variable(f"force_{axis}", "input", "N", meaning, 0.0, -most, most)
