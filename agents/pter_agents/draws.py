@@ -127,9 +127,32 @@ BENDS = OneOf(
 )
 """Tight arcs and circles."""
 
+EDGES = OneOf(
+    (
+        Vary(
+            Arc(),
+            x=Uniform(-0.5, -0.1),
+            y=Uniform(0.55, 0.7),
+            direction=Uniform(0.0, 0.9),
+            radius=Uniform(0.2, 0.5),
+            angle=Uniform(1.0, 1.9),
+        ),
+        Vary(
+            Arc(),
+            x=Uniform(-0.5, -0.1),
+            y=Uniform(0.4, 0.66),
+            direction=Uniform(-0.5, 0.3),
+            radius=Uniform(0.2, 0.55),
+            angle=Uniform(-2.0, -1.2),
+        ),
+    )
+)
+"""Arcs that turn left far out, and arcs that turn right near the base, where clutches stick."""
+
 WIDER = (
     Draws(task=Vary(CURVED, path=TURNED, hand=OneOf((EQ5, FORCES)), pace=PACE), weight=6),
     Draws(task=Vary(replace(CURVED, error_max=TIGHT), path=BENDS, hand=EQ5, pace=PACE), weight=2),
+    Draws(task=Vary(CURVED, path=EDGES, hand=OneOf((EQ5, FORCES)), pace=PACE), weight=2),
     Draws(
         machine=Vary(
             BASELINE,
