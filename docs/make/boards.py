@@ -24,6 +24,16 @@ README = (
 )
 """Policies whose scores README shows."""
 
+SEARCHED = (
+    "residual",
+    "universal",
+    "ppo-standard",
+    "single-dof-tuned",
+    "torque-feedback-tuned",
+    "impedance-tuned",
+)
+"""Policies whose worst hands are searched on every scenario."""
+
 ERRORS = {"Worst 1/20": "worst_path_error_m", "RMS": "rms_error_m"}
 """Errors that a leaderboard shows beside the path error, by their titles."""
 
@@ -150,6 +160,23 @@ def suite(results: Path) -> str:
         head = ["Policy", *map(code, SCENARIOS)]
         parts.append(f"### {pace.capitalize()}: {speed:g} m/s\n\n{table(head, rows, '---:')}")
     return "\n".join(parts)
+
+
+@board
+def worst_hands(results: Path) -> str:
+    """Return mean and largest errors of the policies in `SEARCHED` at the three paces."""
+    rows: list[list[str]] = []
+    for scenario in SCENARIOS:
+        boards = boards_of(results, scenario).values()
+        by_name = [{each.policy: each for each in board.standings} for board in boards]
+        means, worst = list[str](), list[str]()
+        for name in SEARCHED:
+            found = [policies[name] for policies in by_name]
+            means.append(joined(" / ".join(millimetres(each.error.value) for each in found)))
+            errors = (each.worst.path_error_m for each in found if each.worst)
+            worst.append(joined(" / ".join(map(millimetres, errors))))
+        rows += [[code(scenario), "mean", *means], ["", "worst", *worst]]
+    return table(["Scenario", "", *map(code, SEARCHED)], rows)
 
 
 def error_of(standing: Standing) -> str:

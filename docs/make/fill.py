@@ -64,19 +64,24 @@ def write(block: Block, content: str) -> None:
 
 
 def score(results: Path) -> None:
-    """Run all policies on test episodes of all scenarios."""
+    """Run all policies on test episodes of all scenarios, and search worst hands for some."""
     from pter_gym._commands.main import main as pter
     from pter_gym.policies import shipped_policies
     from pter_gym.policies.tuned import tuned_policies
     from pter_gym.scenarios import SCENARIOS
 
-    policies = ",".join(
-        (*boards.LEFT_OUT, "impedance", "torque-feedback", *tuned_policies(), *shipped_policies())
+    everyone = (
+        *boards.LEFT_OUT,
+        *("impedance", "torque-feedback"),
+        *tuned_policies(),
+        *shipped_policies(),
     )
+    others = ",".join(name for name in everyone if name not in boards.SEARCHED)
     for scenario in SCENARIOS:
-        options = ["--scenario", scenario, "--seed", str(SEED), "--no-film", "--policies", policies]
-        if status := pter(["benchmark", *options, "--out", str(results)]):
-            raise SystemExit(status)
+        options = ["--scenario", scenario, "--seed", str(SEED), "--no-film", "--out", str(results)]
+        for policies in (["--policies", others], ["--worst", "--policies", *boards.SEARCHED]):
+            if status := pter(["benchmark", *options, *policies]):
+                raise SystemExit(status)
 
 
 def check_commands() -> None:
