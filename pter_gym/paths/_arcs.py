@@ -245,7 +245,8 @@ def fit_arcs(curve: ParametricCurve, knots: Sequence[float], sharpest: float = m
         If an arc has at least the curvature ``sharpest`` [1/m].
     """
     pieces: list[Piece] = []
-    for begin, end in pairwise(knots):
+    samples = ((knot, *curve(knot)) for knot in knots)
+    for begin, end in pairwise(samples):
         for piece in _fit(curve, begin, end):
             if abs(piece[2]) >= sharpest:
                 raise ArithmeticError(f"it bends by {piece[2]:g} 1/m")
@@ -253,18 +254,23 @@ def fit_arcs(curve: ParametricCurve, knots: Sequence[float], sharpest: float = m
     return chain(pieces)
 
 
-def _fit(curve: ParametricCurve, begin: float, end: float) -> Iterator[Piece]:
-    (p, dp), (q, dq) = curve(begin), curve(end)
+Sample = tuple[float, complex, complex]
+"""A parameter with the point [m] and the derivative of a curve there."""
+
+
+def _fit(curve: ParametricCurve, begin: Sample, end: Sample) -> Iterator[Piece]:
+    (t, p, dp), (u, q, dq) = begin, end
     pair = biarc(p, dp / abs(dp), q, dq / abs(dq))
-    inner = [curve(begin + (end - begin) * k / (_CHECKS + 1))[0] for k in range(1, _CHECKS + 1)]
+    inner = (curve(t + (u - t) * k / (_CHECKS + 1))[0] for k in range(1, _CHECKS + 1))
     if abs(q - p) < _MIN_SPAN or all(
         any(_distance_from_arc(piece, point) <= TOLERANCE for piece in pair) for point in inner
     ):
         yield from pair
     else:
-        middle = 0.5 * (begin + end)
-        yield from _fit(curve, begin, middle)
-        yield from _fit(curve, middle, end)
+        middle = 0.5 * (t + u)
+        between = (middle, *curve(middle))
+        yield from _fit(curve, begin, between)
+        yield from _fit(curve, between, end)
 
 
 def _distance_from_arc(piece: Piece, point: complex) -> float:
