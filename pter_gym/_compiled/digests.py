@@ -9,6 +9,7 @@ import builtins
 import dis
 import hashlib
 import sys
+from collections import ChainMap
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -52,7 +53,7 @@ def _compiler_text() -> str:
         compile((Path(__file__).with_name(name)).read_text("utf-8"), name, "exec", optimize=2)
         for name in _COMPILER
     ]
-    return "\n".join(_text(code, []) for code in codes)
+    return "\n".join(_text(code, _Reached()) for code in codes)
 
 
 class _UnknownError(Exception):
@@ -65,15 +66,30 @@ def texts_of(function: Any) -> list[str]:
     Functions are known by their numbers in the order in which they are reached, since they may
     call each other.
     """
-    reached: list[FunctionType] = []
+    reached = _Reached()
     texts = [_text(function, reached)]
-    for each in reached:  # grows on the way
+    for each in reached.functions:  # grows on the way
         texts.append(_text(each.__code__, reached))
         texts.extend(f"{name}={_text(value, reached)}" for name, value in _reads(each))
     return texts
 
 
-def _text(value: Any, reached: list[FunctionType]) -> str:  # noqa: C901  (one case for each kind of value)
+class _Reached:
+    """Functions in the order in which they are reached."""
+
+    def __init__(self) -> None:
+        self.functions: list[FunctionType] = []
+        self._numbers: dict[FunctionType, int] = {}
+
+    def number_of(self, function: FunctionType) -> int:
+        """Return the number of a function, which is the next one if it is new."""
+        if function not in self._numbers:
+            self._numbers[function] = len(self.functions)
+            self.functions.append(function)
+        return self._numbers[function]
+
+
+def _text(value: Any, reached: _Reached) -> str:  # noqa: C901  (one case for each kind of value)
     def of(*values: Any) -> str:
         return f"({','.join(_text(each, reached) for each in values)},)"
 
@@ -94,9 +110,7 @@ def _text(value: Any, reached: list[FunctionType]) -> str:  # noqa: C901  (one c
         case Dispatcher():
             return of(value.py_func, *sorted(value.targetoptions.items()))
         case FunctionType():
-            if value not in reached:
-                reached.append(value)
-            return f"#{reached.index(value)}"
+            return f"#{reached.number_of(value)}"
         case CodeType():
             return _code_text(value)
         case frozenset():  # in code
@@ -137,7 +151,7 @@ def _code_text(code: CodeType) -> str:
     lines = [repr((names, counts))]
     for each in _instructions(code):
         constant = each.arg if each.opcode in dis.hasconst else None
-        value = each.argval if constant is None else _text(code.co_consts[constant], [])
+        value = each.argval if constant is None else _text(code.co_consts[constant], _Reached())
         lines.append(f"{each.opname} {value}")
     return "\n".join(lines)
 
@@ -149,24 +163,23 @@ def _instructions(code: CodeType) -> tuple[dis.Instruction, ...]:
 
 def _reads(function: FunctionType) -> Iterator[tuple[str, Any]]:
     """Yield what a function reads outside itself, by name, and its defaults."""
-    scope = {**vars(builtins), **function.__globals__}
+    scope = ChainMap(function.__globals__, vars(builtins))
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     try:
         yield from [(name, cell.cell_contents) for name, cell in cells]
-        yield from [(name, scope[name]) for name in sorted({*_globals(function.__code__)})]
+        yield from [(name, scope[name]) for name in _globals(function.__code__)]
     except (ValueError, KeyError):  # it is not there yet
         raise _UnknownError from None
     yield "defaults", (function.__defaults__, *(function.__kwdefaults__ or {}).items())
 
 
-def _globals(code: CodeType) -> Iterator[str]:
-    """Yield the global names that code and the functions within it read."""
-    for instruction in _instructions(code):
-        # after these it is unknown what it reads
-        if instruction.opname in ("IMPORT_NAME", "LOAD_BUILD_CLASS"):
-            raise _UnknownError
-        if instruction.opname == "LOAD_GLOBAL":
-            yield instruction.argval
-    for inner in code.co_consts:
-        if isinstance(inner, CodeType):
-            yield from _globals(inner)
+@cache
+def _globals(code: CodeType) -> tuple[str, ...]:
+    """Return the global names that code and the functions within it read, in order."""
+    instructions = _instructions(code)
+    # after these it is unknown what it reads
+    if any(each.opname in ("IMPORT_NAME", "LOAD_BUILD_CLASS") for each in instructions):
+        raise _UnknownError
+    own = {each.argval for each in instructions if each.opname == "LOAD_GLOBAL"}
+    inner = (_globals(each) for each in code.co_consts if isinstance(each, CodeType))
+    return tuple(sorted(own.union(*inner)))
