@@ -191,8 +191,8 @@ class Devices:
     Torques are 0.3 to 3 times PTER's, each within 10 % of a common one, and linear in the voltage
     or as PTER's; up to a tenth of it acts without voltage, in every other device. Breakaway torques
     are 1 to 1.5 times as large, time constants 5 ms to 0.3 s. Links are 0.6 to 1.5 times as long,
-    each within 10 %, and 0.6 to 2 times as heavy as these would be. Three in five have the paper's
-    four clutches, one the brakes and a coupling, one the brakes alone.
+    each within 10 %, and 0.6 to 2 times as heavy as these would be. Half have the paper's four
+    clutches; of the others, each lacks one of these, or both couplings.
     """
 
     middle = BASELINE
@@ -203,7 +203,16 @@ class Devices:
     )
     breakaway, off_state = Uniform(1.0, 1.5), Uniform(-0.1, 0.1)
     each = LogUniform(0.9, 1.11)
-    there = OneOf((*[(1.0, 1.0, 1.0, 1.0)] * 3, (1.0, 1.0, 1.0, 0.0), (1.0, 1.0, 0.0, 0.0)))
+    there = OneOf(
+        (
+            *[(1.0, 1.0, 1.0, 1.0)] * 5,
+            (0.0, 1.0, 1.0, 1.0),
+            (1.0, 0.0, 1.0, 1.0),
+            (1.0, 1.0, 0.0, 1.0),
+            (1.0, 1.0, 1.0, 0.0),
+            (1.0, 1.0, 0.0, 0.0),
+        )
+    )
 
     def draw(self, rng: np.random.Generator) -> Machine:
         """Return a device."""
@@ -254,7 +263,7 @@ class Devices:
         ends |= {
             "lag": (self.lag.low, self.lag.high),
             "breakaway": (self.breakaway.low, self.breakaway.high),
-            "brakes": (2.0, 2.0),
+            "brakes": (1.0, 2.0),
         }
         return tuple(Interval(name, low, high) for name, (low, high) in ends.items())
 
