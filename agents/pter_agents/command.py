@@ -41,6 +41,7 @@ def train(
     smoke: bool = False,
     machine: MachineName = None,
     adversary: bool = False,
+    teacher: str = "",
 ) -> None:
     """Train a policy on a scenario's training episodes by PPO.
 
@@ -66,6 +67,7 @@ def train(
             `pter identify`, all machines that fit the log.
         adversary: Also train on hands that push the policy furthest off the path, which are
             searched again as it learns.
+        teacher: Policy with the same inputs, by name or file, which a small network first imitates.
     """
     look_at(machine=machine)
     with waiting("loading"):
@@ -82,7 +84,7 @@ def train(
         from pter_gym.tools.figures import save
 
         changes = {**(SMOKE if smoke else {}), **({"adversary": ADVERSARY} if adversary else {})}
-        settings = load_settings(algo, config, **changes)
+        settings = load_settings(algo, config, teacher, **changes)
         episodes = SMOKE_EPISODES if smoke else TrainingArguments.validation_episodes
         arguments = TrainingArguments(
             algorithm=algo,

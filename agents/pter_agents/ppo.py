@@ -10,6 +10,10 @@ The clutches' lag filters out most noise that is independent at each control ste
 autoregressive: n = ρ·n' + σ·ε with a standard normal ε. Given n', the action a has mean μ + ρ·n'
 and standard deviation σ, so its likelihood is exact.
 
+With a teacher, the loss is at first how far the policy is from it (kickstarting, Schmitt et al.,
+arXiv:1803.03835): the Kullback-Leibler divergence of their actions under the exploration's noise,
+in the states that the policy itself meets.
+
 A path pays the same at any pace, so a slow step pays a quarter of a brisk one, and its advantages
 would be lost among theirs. So rewards are divided by the commanded pace: each control step is worth
 the same.
@@ -190,6 +194,8 @@ class PPO:
         with jax.default_device(cpus[0]):
             self.worlds = JaxWorlds(arguments)
             interface = self.worlds.interface
+            taught = self.worlds.teacher.layers if self.worlds.teacher else ()
+            self._teacher = [(jnp.asarray(weight.T), jnp.asarray(bias)) for weight, bias in taught]
             self._actions = len(interface.clutches)
             for_policy, for_value = jax.random.split(jax.random.key(self._seed))
             weights = Weights(
@@ -204,7 +210,7 @@ class PPO:
         self._whole, self._split = NamedSharding(mesh, whole), NamedSharding(mesh, split)
         over = partial(jax.shard_map, mesh=mesh, check_vma=False)
         state: Any = TrainState(whole, whole, split)  # pyright: ignore[reportArgumentType]
-        given = (whole, state, split, split, whole, whole)
+        given = (whole, state, split, split, whole, whole, whole)
         update = over(self._update, in_specs=given, out_specs=(state, whole))
         self._compiled = jax.jit(update, donate_argnums=1)
         self._compiled_begin = jax.jit(over(self._begin, in_specs=(whole, split), out_specs=split))
@@ -274,15 +280,28 @@ class PPO:
         every = Samples(*rows[:3], even, advantages + values[:-1])
         return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), every)
 
-    def _loss(self, weights: Weights, samples: Samples, deviation: Number) -> jax.Array:
-        """Return the clipped surrogate loss plus the value loss, as in Stable-Baselines3."""
+    def _loss(
+        self, weights: Weights, samples: Samples, deviation: Number, imitation: Number
+    ) -> jax.Array:
+        """Return the clipped surrogate loss plus the value loss, as in Stable-Baselines3.
+
+        The divergence from the teacher takes the place of a share ``imitation`` of the former.
+        """
         s = self._settings
-        drawn = (samples.targets - weights.act(samples.inputs)) / deviation
+        means = weights.act(samples.inputs)
+        drawn = (samples.targets - means) / deviation
         ratio = jnp.exp(0.5 * (jnp.square(samples.drawn) - jnp.square(drawn)).sum(1))
         clipped = jnp.clip(ratio, 1.0 - s.clip, 1.0 + s.clip)
         gain = jnp.minimum(samples.advantages * ratio, samples.advantages * clipped)
         missed = jnp.square(weights.value_of(samples.inputs) - samples.returns)
-        return s.value_weight * missed.mean() - gain.mean()
+        loss = s.value_weight * missed.mean() - (1.0 - imitation) * gain.mean()
+        if not self._teacher:
+            return loss
+        shown = jnp.clip(
+            _apply(self._teacher, samples.inputs[:, : self.worlds.interface.size]), -1, 1
+        )
+        divergence = 0.5 * jnp.square((shown - means) / deviation).sum(1)
+        return loss + imitation * divergence.mean()
 
     def _update(
         self,
@@ -292,6 +311,7 @@ class PPO:
         orders: jax.Array,
         deviation: Number,
         rate: Number,
+        imitation: Number,
     ) -> tuple[TrainState, jax.Array]:
         """Collect and learn in one part; return the state and the mean loss."""
         before, adam, carry = state
@@ -301,7 +321,7 @@ class PPO:
         def descend(kept: tuple[Weights, optax.OptState], chosen: jax.Array) -> Any:
             weights, adam = kept
             some = jax.tree.map(lambda x: x[chosen], samples)
-            found = jax.value_and_grad(self._loss)(weights, some, deviation)
+            found = jax.value_and_grad(self._loss)(weights, some, deviation, imitation)
             loss, gradient = lax.pmean(found, PART)
             change, adam = self._optimiser.update(gradient, adam)
             return (jax.tree.map(lambda w, d: w - rate * d, weights, change), adam), loss
@@ -331,7 +351,8 @@ class PPO:
         shares = np.array(orders, np.int32).reshape(PARTS, -1, s.minibatch // PARTS)
         given = jax.device_put((np.array(drawn), shares), self._split)
         shared = self._shared if done < s.effort_share else self._effortless
-        numbers = np.float32(s.deviation_at(done)), np.float32(s.learning_rate_at(done))
+        now = s.deviation_at(done), s.learning_rate_at(done), s.imitation_at(done)
+        numbers = map(np.float32, now)
         self.state, loss = self._compiled(shared, self.state, *given, *numbers)
         self.steps += self.rollout
         if not all(np.isfinite(x).all() for x in (loss, *jax.tree.leaves(self.state.weights))):

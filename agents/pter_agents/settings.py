@@ -29,6 +29,9 @@ MIXED_NAME = "all"
 NO_BASE = "none"
 """Name of the base of a policy that corrects no controller."""
 
+NO_TEACHER = ""
+"""Name of the teacher of a policy that learns by itself."""
+
 BASES = (NO_BASE, "impedance", "torque-feedback", *tuned_policies())
 """What a policy may correct: the paper's laws, and those with tuned or scaled gains."""
 
@@ -70,6 +73,17 @@ class Settings(RewardWeights):
     contexts: int = parameter("1", "drawn machines and tasks to train on")
     adversary: float = parameter(
         "1", "share of these with hands that push the policy furthest", default=0.0, **SHARE
+    )
+    teacher: str = parameter(
+        "name",
+        "policy that is imitated at first, with the same inputs and outputs",
+        default=NO_TEACHER,
+    )
+    imitation: float = parameter(
+        "1",
+        "share of the training in which this falls from all of the loss to nothing",
+        default=0.0,
+        **SHARE,
     )
     devices: bool = parameter(
         "1", "whether every pair has another device, of draws.DEVICES", default=False
@@ -123,6 +137,10 @@ class Settings(RewardWeights):
         fallen = max(0.0, done - self.exploring) / ((1.0 - self.exploring) or 1.0)
         return self.deviation * (self.deviation_end / self.deviation) ** min(fallen, 1.0)
 
+    def imitation_at(self, done: float) -> float:
+        """Return the weight of imitation after a share of the training."""
+        return max(0.0, 1.0 - done / self.imitation) if self.teacher and self.imitation else 0.0
+
     def learning_rate_at(self, done: float) -> float:
         """Return the learning rate after a share of the training."""
         fall = self.learning_rate - self.learning_rate_end
@@ -135,9 +153,11 @@ def _check_names(owner: object, choices: Mapping[str, tuple[str, ...]]) -> None:
             raise unknown_name(name, getattr(owner, name), known)
 
 
-def load_settings(algorithm: str, file: FilePath | None = None, **changes: object) -> Settings:
-    """Return the hyper-parameters of an algorithm; those in a TOML file, then ``changes``, replace
-    the defaults.
+def load_settings(
+    algorithm: str, file: FilePath | None = None, teacher: str = NO_TEACHER, **changes: object
+) -> Settings:
+    """Return the hyper-parameters of an algorithm, or with a teacher those of a small network that
+    imitates it; those in a TOML file, then ``changes``, replace them.
 
     Raises
     ------
@@ -150,6 +170,8 @@ def load_settings(algorithm: str, file: FilePath | None = None, **changes: objec
     if algorithm not in ALGORITHMS:
         raise unknown_name("algorithm", algorithm, ALGORITHMS)
     values = read_toml(Path(__file__).parent / f"{algorithm}.toml", "config")
+    if teacher:
+        values |= read_toml(Path(__file__).parent / "student.toml", "config") | {"teacher": teacher}
     if file is not None:
         values |= read_toml(expand_path("config", file), "config")
     return settings_from(values | changes)

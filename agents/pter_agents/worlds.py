@@ -4,7 +4,7 @@ Trainings differ in ``SharedConstants`` and not in the code, except for a base's
 compilation serves them all.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple, cast
 
@@ -18,14 +18,16 @@ from pter_agents.draws import DEVICES, training_draws
 from pter_agents.settings import NO_BASE, TrainingArguments
 from pter_gym._engine.storage import constants_of
 from pter_gym._engine.xla import words_of
-from pter_gym.controllers import PaceSchedule, Scaled
+from pter_gym.controllers import AnyPolicy, PaceSchedule, Scaled
 from pter_gym.controllers._network import INPUT_LIMIT
 from pter_gym.controllers._policy import clutch_rows
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.envs.jax import AnyState, EnvParams, JaxEnv, truth_of
-from pter_gym.policies import Input, Interface
+from pter_gym.errors import ParameterError
+from pter_gym.policies import Input, Interface, TrainedController
 from pter_gym.policies._base_law import find_base_law
 from pter_gym.policies._interface import input_names, input_values
+from pter_gym.policies.find import find_policy
 from pter_gym.scenarios.distributions import Pair
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
@@ -96,6 +98,13 @@ class JaxWorlds:
     env, interface, size
         The worlds as Gymnasium has them, the policy's inputs and outputs, and the number of inputs
         of the value network.
+    teacher
+        The policy to imitate, with the same inputs and outputs, if there is one.
+
+    Raises
+    ------
+    ParameterError
+        If the teacher has others.
     """
 
     def __init__(self, arguments: TrainingArguments) -> None:
@@ -107,6 +116,11 @@ class JaxWorlds:
         self._layout = present.observation_layout
         self._pace = self._layout.names.index("pace")
         inputs, truth = _sample(present, arguments.seed)
+        teacher = find_policy(s.teacher) if s.teacher else None
+        if isinstance(teacher, TrainedController) and _names(teacher.interface.inputs) == _names(
+            inputs
+        ):
+            inputs = teacher.interface.inputs
         nominal = env.nominal_machine
         if isinstance(env.base, Scaled):
             self._env.bind_base([machine for machine, _ in env.batch.pairs])
@@ -122,6 +136,7 @@ class JaxWorlds:
             clutch_rows(nominal),
             trained=DEVICES.trained if s.devices else (),
         )
+        self.teacher = _checked(teacher, self.interface) if teacher else None
         self.size = self.interface.size + len(truth.entries)
         centers, scales = zip(*((each.center, each.scale) for each in inputs), strict=True)
         self._first = SharedConstants(
@@ -199,6 +214,23 @@ class JaxWorlds:
         seen = shared.present.inputs(values).reshape(state.seen.shape)
         means = state.means + shared.shares[:, None] * (seen[:, :1] - state.means)
         return state._replace(seen=seen, means=jnp.where(fresh[:, None, None], seen[:, :1], means))
+
+
+def _names(inputs: Iterable[Input]) -> list[str]:
+    return [each.name for each in inputs]
+
+
+def _checked(teacher: AnyPolicy, ours: Interface) -> TrainedController:
+    """Return a teacher, or raise a ParameterError if it has other inputs or outputs."""
+    if not isinstance(teacher, TrainedController):
+        raise ParameterError(f"teacher must be a trained policy, got {teacher!r:.200}")
+    theirs = replace(teacher.interface, base=ours.base, trained=ours.trained)
+    for name, mine in vars(ours).items():
+        if mine != (other := getattr(theirs, name)):
+            raise ParameterError(
+                f"teacher must have the training's {name}, {mine!r:.200}, got {other!r:.200}"
+            )
+    return teacher
 
 
 def _truth(shared: SharedConstants, world: jax.Array) -> jax.Array:
