@@ -18,7 +18,7 @@ from pter_agents.draws import DEVICES, training_draws
 from pter_agents.settings import NO_BASE, TrainingArguments
 from pter_gym._engine.storage import constants_of
 from pter_gym._engine.xla import words_of
-from pter_gym.controllers import AnyPolicy, PaceSchedule, Scaled
+from pter_gym.controllers import PaceSchedule, Scaled
 from pter_gym.controllers._network import INPUT_LIMIT
 from pter_gym.controllers._policy import clutch_rows
 from pter_gym.envs._vector import PathFollowingVectorEnv
@@ -116,10 +116,8 @@ class JaxWorlds:
         self._layout = present.observation_layout
         self._pace = self._layout.names.index("pace")
         inputs, truth = _sample(present, arguments.seed)
-        teacher = find_policy(s.teacher) if s.teacher else None
-        if isinstance(teacher, TrainedController) and _names(teacher.interface.inputs) == _names(
-            inputs
-        ):
+        teacher = _find_teacher(s.teacher, inputs) if s.teacher else None
+        if teacher:
             inputs = teacher.interface.inputs
         nominal = env.nominal_machine
         if isinstance(env.base, Scaled):
@@ -136,7 +134,9 @@ class JaxWorlds:
             clutch_rows(nominal),
             trained=DEVICES.trained if s.devices else (),
         )
-        self.teacher = _checked(teacher, self.interface) if teacher else None
+        self.teacher = teacher
+        if teacher:
+            _check_teacher(teacher, self.interface)
         self.size = self.interface.size + len(truth.entries)
         centers, scales = zip(*((each.center, each.scale) for each in inputs), strict=True)
         self._first = SharedConstants(
@@ -216,21 +216,30 @@ class JaxWorlds:
         return state._replace(seen=seen, means=jnp.where(fresh[:, None, None], seen[:, :1], means))
 
 
-def _names(inputs: Iterable[Input]) -> list[str]:
-    return [each.name for each in inputs]
-
-
-def _checked(teacher: AnyPolicy, ours: Interface) -> TrainedController:
-    """Return a teacher, or raise a ParameterError if it has other inputs or outputs."""
+def _find_teacher(name: str, ours: Iterable[Input]) -> TrainedController:
+    """Return a policy whose inputs are in the order of ours, or raise a ParameterError."""
+    teacher = find_policy(name)
     if not isinstance(teacher, TrainedController):
-        raise ParameterError(f"teacher must be a trained policy, got {teacher!r:.200}")
+        raise ParameterError(f"teacher must be a trained policy, got {name!r:.200}")
+    theirs = teacher.interface.inputs
+    numbers = {each.name: number for number, each in enumerate(theirs)}
+    wanted = [each.name for each in ours]
+    if {*wanted} != {*numbers}:
+        raise ParameterError(f"teacher must have the inputs {wanted}, got {[*numbers]}")
+    order = np.array([numbers[each] for each in wanted])
+    (weight, bias), *others = teacher.layers
+    columns = np.arange(weight.shape[1]).reshape(-1, len(theirs))[:, order].ravel()
+    interface = replace(teacher.interface, inputs=tuple(theirs[each] for each in order))
+    first = np.ascontiguousarray(weight[:, columns]), bias
+    return replace(teacher, interface=interface, layers=(first, *others))
+
+
+def _check_teacher(teacher: TrainedController, ours: Interface) -> None:
+    """Raise a ParameterError unless a teacher's outputs mean what ours do."""
     theirs = replace(teacher.interface, base=ours.base, trained=ours.trained)
     for name, mine in vars(ours).items():
         if mine != (other := getattr(theirs, name)):
-            raise ParameterError(
-                f"teacher must have the training's {name}, {mine!r:.200}, got {other!r:.200}"
-            )
-    return teacher
+            raise ParameterError(f"teacher must have {name} {mine!r:.200}, got {other!r:.200}")
 
 
 def _truth(shared: SharedConstants, world: jax.Array) -> jax.Array:
