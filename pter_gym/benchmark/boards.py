@@ -120,7 +120,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Leaderboard:
-    """The policies on so many episodes of a scenario at a pace, by their mean path error.
+    """Policies on episodes of a scenario at a pace, ordered by their mean path error.
 
     ``seed`` is that of test episodes, None for the stored ones; ``version`` that of the package
     that made the runs; ``digest`` that of a user's scenario; ``strata`` labels of the episodes.
@@ -154,8 +154,8 @@ class Leaderboard:
 def leaderboards(runs: Iterable[ScenarioRun]) -> tuple[Leaderboard, ...]:
     """Return a leaderboard for each set of episodes and pace, the slowest first.
 
-    Scenarios are in their own order, others follow. Runs of other versions of the package are not
-    mixed. Where a name stands for different policies at different paces, the digest of each is part
+    The suite's scenarios come first, in their order. Runs of different versions of the package are
+    kept apart. If a name denotes different policies at different paces, their digests become part
     of it.
     """
     groups: dict[tuple[Any, ...], list[ScenarioRun]] = {}

@@ -259,8 +259,8 @@ class Worlds:
     def nominal(self) -> Machine:
         """The machine that laws know: the middle of the draws.
 
-        Where worlds have machines of their own, it is the paper's with their clutches and largest
-        voltage; a ParameterError if the clutches differ.
+        If worlds have machines of their own, it is the paper's with their clutches and largest
+        voltage; different clutches raise a ParameterError.
         """
         if self.draws is not None:
             return self.draws.middle
@@ -272,7 +272,7 @@ class Worlds:
         """The scenario that scores a policy trained here.
 
         That of a task has episodes that begin at rest and aren't truncated. Raises a ParameterError
-        where worlds have machines or tasks of their own.
+        if worlds have machines or tasks of their own.
         """
         if self.source is not None:
             return self.source

@@ -42,7 +42,7 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Gradient:
-    """Derivatives of a scalar by the inputs of a rollout, N control steps of S substeps each.
+    """Derivatives of a scalar with respect to a rollout's inputs, N control steps of S substeps.
 
     Attributes
     ----------
@@ -168,7 +168,7 @@ def rollout(
     Parameters
     ----------
     machine
-        The machine or its name, None for PTER as it is.
+        The machine or its name, None for the default PTER.
     state
         Where to start.
     volts

@@ -82,7 +82,7 @@ def read_policy(name: FilePath) -> "TrainedController":
     Raises
     ------
     ParameterError
-        If a policy cannot have this name, or there is none by it; the message suggests the nearest.
+        If a policy cannot have this name, or none has it; the message suggests the nearest.
     DataError
         If the file is too large or malformed.
     """

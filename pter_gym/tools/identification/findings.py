@@ -24,7 +24,7 @@ class Finding:
         Value of the start.
     status
         ``identified``: within ±5 % of its scale, by a model that describes the log. ``uncertain``:
-        used, but less sure. ``kept``: the log does not show it, so it is that of the start.
+        used, but less certain. ``kept``: the log does not determine it, so it is that of the start.
     reason
         Why it is kept.
     """

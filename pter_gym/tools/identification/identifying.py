@@ -65,15 +65,15 @@ ASSUMED = "chosen: stated to pter identify, or that of its start"
 
 @dataclass(frozen=True, kw_only=True)
 class Identification:
-    """What a log tells of a machine.
+    """A machine identified from a log.
 
     Attributes
     ----------
     log, start
         What was given.
     machine
-        The start with what was identified, and the delay from a recorded voltage to the motion that
-        it makes.
+        The start with the identified numbers, and the delay from a recorded voltage to the motion
+        that it causes.
     machines
         The machine and those that fit the log as well; the machine alone if the model does not
         describe the log.
@@ -98,7 +98,7 @@ class Identification:
 
     @property
     def assumptions(self) -> tuple[str, ...]:
-        """What no log of this kind shows, as sentences."""
+        """What no log of this kind can show, as sentences."""
         clutch, (a, b) = self.start.clutch, self.fit.shape.offsets(self.fit.p)
         late = 1e3 * self.fit.p[AT["force_delay"]]
         return (
@@ -145,8 +145,8 @@ def identify(
     Raises
     ------
     ParameterError
-        If a voltage exceeds the largest of the start or is of a clutch that it has not, or nothing
-        moves.
+        If a voltage exceeds the largest of the start or belongs to a clutch that it lacks, or
+        nothing moves.
     """
     start = find_machine(start)
     motion = _checked(log, start)
