@@ -216,7 +216,7 @@ class Storage:
         if not self._fits(state["worlds"]):
             raise ParameterError(
                 "state['worlds'] must be of an environment with the same machines and tasks, "
-                "in motion that it can hold"
+                "and no faster than its integrator can hold"
             )
         for name, mine in self._changing.items():
             mine[:] = state[name]
@@ -267,7 +267,9 @@ class Storage:
             if row < worlds.shape[1]:
                 worlds[block, row, lane] = number
         if not self._fits(worlds):
-            raise ParameterError("state must be in motion that machines and tasks can hold")
+            raise ParameterError(
+                "state must be on an arc of the path, and no faster than the integrator can hold"
+            )
         self._worlds[:] = worlds
 
     def _check_seeded(self) -> None:

@@ -187,7 +187,7 @@ def score_episodes(
     runs = np.isfinite(column(telemetry[1], "time"))
     if not runs.all():
         raise ParameterError(
-            f"telemetry must hold a step of each episode at least, got none of {runs.argmin()}"
+            f"telemetry must hold at least one step of each episode, got none of {runs.argmin()}"
         )
     episodes = Recorded(telemetry, tasks, find_machine(machine).clutch.voltage_max)
     scores = {name: metric.find(episodes) for name, metric in METRICS.items()}

@@ -330,7 +330,7 @@ def bind(policy: AnyPolicy, machine: Machine | str | None, layout: Layout) -> Po
         raise ParameterError(f"policy must have a method bind or be callable, got {policy!r:.200}")
     if hasattr(policy, "reset"):
         raise ParameterError(
-            "policy must remember nothing by itself: "
+            "policy must not keep a memory of its own: "
             "Policy.from_function(act, layout, start=…) makes a "
             f"policy with a memory, got {policy!r:.200} with a method reset"
         )

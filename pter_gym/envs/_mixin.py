@@ -165,7 +165,9 @@ class WorldsMixin:
         for name in arguments:
             if name not in known:
                 listed = (*known, *signature(type(self)).parameters)
-                raise ParameterError(f"{name} is no argument of worlds{nearest(name, listed)}")
+                raise ParameterError(
+                    f"{name} is not an argument of environments{nearest(name, listed)}"
+                )
         given: dict[str, Any] = {name: each(_from_plain, arg) for name, arg in arguments.items()}
         self._from_files = {
             name: each(find, given[name])

@@ -85,7 +85,7 @@ def first_order(function: Stage) -> Stage:
 
     def refuse(*_: Any) -> Any:
         raise ParameterError(
-            "derivatives must be first ones in reverse mode (jax.grad, jax.vjp, jax.jacrev)"
+            "derivatives must be of first order, in reverse mode (jax.grad, jax.vjp, jax.jacrev)"
         )
 
     once.defjvp(refuse)

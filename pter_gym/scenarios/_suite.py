@@ -94,7 +94,7 @@ class Scenario:
         draws = repr(self.own)
         if unknown := re.search(r"<?(\S+)(?: object)? at 0x", draws):
             raise ParameterError(
-                f"scenario must be told by its repr: make {unknown[1]} a frozen dataclass"
+                f"scenario must be identified by its repr: make {unknown[1]} a frozen dataclass"
             )
         return hashlib.sha256(draws.encode()).hexdigest()[:16] if self.own else ""
 
