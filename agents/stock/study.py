@@ -117,9 +117,7 @@ class Curve(PathErrorCallback):
         self._began = process_time()
 
 
-def train(
-    algorithm: str, seed: int, steps: int | None, assessments: int, fresh: int
-) -> list[Row]:
+def train(algorithm: str, seed: int, steps: int | None, assessments: int, fresh: int) -> list[Row]:
     """Return the assessments of a training, and the test scores of its best or last model."""
     call = CALLS[algorithm]
     total = steps or call.steps
