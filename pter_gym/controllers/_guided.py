@@ -51,7 +51,7 @@ class Guided:
     damping_tangential: float = parameter("N·s/m", "fitted: damper along the path", default=106.4)
     pace_fraction: float = parameter(
         "1",
-        "chosen: the damper along the path leaves this part of the commanded pace alone; paper: 0",
+        "chosen: fraction of the pace below which the damper along the path does nothing; paper: 0",
         default=0.0,
     )
     pace_integral: float = parameter(
@@ -169,7 +169,7 @@ class TorqueFeedback(Impedance):
         default=0.5310447474796312,
     )
     hold_when_stuck: bool = parameter(
-        "1", "chosen: leave the loop out where it has no effect", default=False
+        "1", "chosen: switch the loop off where it has no effect", default=False
     )
 
 

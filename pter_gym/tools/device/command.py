@@ -43,7 +43,7 @@ def device(
     Args:
         machine: Name of a machine or of a clutch, or a file, which may hold just a table [clutch]
             with the four numbers below, torque and at also as lists.
-        torque: Torque of a clutch [N·m] at the voltage --at, in place of PTER's.
+        torque: Torque of a clutch [N·m] at the voltage --at, instead of PTER's.
         at: Its largest voltage [V], or current [A].
         off: Its torque without voltage [N·m].
         lag: Time constant of its torque [s].

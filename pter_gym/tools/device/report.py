@@ -92,7 +92,7 @@ class DeviceReport:
             return f"Yes: it keeps the pace on {', '.join(ranked)}; {forces}."
         if own <= 0.0:
             return f"No: {forces}."
-        more = f" With about {usual / own:.2g} times the torque it would." if own < usual else ""
+        more = f" It would need about {usual / own:.2g} times the torque." if own < usual else ""
         return f"No: {forces}.{more}"
 
     def as_json(self) -> dict[str, Any]:
