@@ -92,7 +92,7 @@ def device(
     for board in report.boards:
         say(f"{board.scenario}, path errors: {errors(board)}")
         gains = gains_in_words(report.gains[board.scenario])
-        say(f"  {SCENARIOS[board.scenario]}-tuned has {gains}")
+        say(f"  gains of {SCENARIOS[board.scenario]}-tuned: {gains}")
         for each in board.standings:
             if each.worst:
                 say(each.worst.sentence(each.policy))

@@ -104,10 +104,10 @@ class Identification:
         return (
             "The force sensor's gain is exact: all inertias and torques are proportional to it.",
             f"Links are {self.start.arm.length_a:g} m and {self.start.arm.length_b:g} m long.",
-            f"Clutches drag with {clutch.viscous:g} N·m·s: more is viscous friction of the axes.",
+            f"Clutches drag with {clutch.viscous:g} N·m·s; more is viscous friction of the axes.",
             f"Constant torques on the axes, {a:.3g} and {b:.3g} N·m, are not in the file.",
             f"The delay of the recorded forces, {late:.2g} ms, is not in the file either.",
-            f"Clutches lose {100.0 * clutch.fade:g} % of their torque per joule, as warm as here.",
+            f"Clutches lose {100.0 * clutch.fade:g} % of their torque per joule of heat.",
         )
 
     @property
