@@ -377,11 +377,11 @@ def _worst(boards: Sequence[Leaderboard]) -> list[str]:
     one = found[0]
     title = f"{boards[0].scenario}, worst hand found in {one.tried:,} episodes: path error [mm]"
     note = (
-        f"In brackets the largest error of {one.random:,} random episodes: with "
-        f"{percent(CONFIDENCE)} confidence at most one in {one.one_in:,} is worse. The worst "
-        "that a search finds is a lower bound of what there may be."
+        f"In brackets, the largest error of {one.random:,} random episodes: with "
+        f"{percent(CONFIDENCE)} confidence at most one in {one.one_in:,} is worse. The error "
+        "found is a lower bound on the largest one."
         if one.tried > 1
-        else "The scenario draws nothing, so there is one episode."
+        else "The scenario has only one episode."
     )
     lines = _lines([""] * (1 + len(rows)), ["", *rows], columns)
     return ["\n".join([title, "", *lines, "", _fill(note), ""])]

@@ -240,7 +240,7 @@ class WorstHand:
         """Return a sentence for reports."""
         worst = f"gives {policy} {millimetres(self.path_error_m)} mm"
         if self.tried == 1:
-            return f"The scenario draws nothing; its only episode {worst}."
+            return f"The scenario's only episode {worst}."
         return (
             f"The worst of {self.tried:,} episodes {worst}; with {percent(CONFIDENCE)} confidence "
             f"at most one random episode in {self.one_in:,} gives more than "

@@ -178,7 +178,7 @@ def _caption(boards: Sequence[Leaderboard], command: str) -> list[str]:
     ]
     if any(each.reason for board in boards for each in board.standings):
         sentences.append(
-            f"{UNRANKED}: without a rank, as it arrives too seldom or is off the pace."
+            f"{UNRANKED}: without a rank, as it arrives too rarely or is off the pace."
         )
     if any(len(each.errors) > 1 for board in boards for each in board.standings):
         sentences.append("Intervals of policies with several training seeds are over these.")

@@ -45,7 +45,7 @@ class Finding:
     def origin(self) -> str:
         """Where the number comes from, in words."""
         if self.status == "kept":
-            return f"not shown by it and kept: {self.reason}"
+            return f"not determined by it and kept: {self.reason}"
         unsure = "uncertain, " if self.status == "uncertain" else ""
         return f"{unsure}95 % interval {self.low:.4g} to {self.high:.4g}"
 
