@@ -22,9 +22,9 @@ units = {
 slaves, references = {}, {}
 for name, unit in units.items():
     file = unit.write(Path(mkdtemp()) / f"{name}.fmu")
-    told = fmpy.read_model_description(file)
-    references[name] = {each.name: each.valueReference for each in told.modelVariables}
-    place, token = fmpy.extract(file), told.instantiationToken
+    description = fmpy.read_model_description(file)
+    references[name] = {each.name: each.valueReference for each in description.modelVariables}
+    place, token = fmpy.extract(file), description.instantiationToken
     slave = FMU3Slave(name, guid=token, unzipDirectory=place, modelIdentifier="pter")
     slave.instantiate()
     slave.enterInitializationMode()

@@ -15,8 +15,8 @@ for iteration in range(ITERATIONS):
     if iteration % 10 == 0:
         print(f"iteration {iteration:2}: {1000 * np.hypot(*miss):5.1f} mm from the goal")
 
-    # the derivative of miss² by the tip's positions in, those by voltages, forces, start and
-    # machine out
+    # from the derivative of miss² with respect to the tip's positions to those with respect to
+    # voltages, forces, start and machine
     by_position = np.zeros_like(run.tip_position)
     by_position[-1] = 2.0 * miss
     gradient = run.gradient(tip_position=by_position)

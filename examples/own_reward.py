@@ -10,7 +10,7 @@ from pter_gym.tasks.path_following import RewardWeights
 
 
 class SmoothActions(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """Subtract a price on the change of the action from the reward."""
+    """Subtract a cost for changes of the action from the reward."""
 
     def __init__(self, env: gymnasium.Env[Any, Any], price: float = 0.05) -> None:
         super().__init__(env)
@@ -27,7 +27,7 @@ class SmoothActions(gymnasium.Wrapper[Any, Any, Any, Any]):
         return observation, float(reward) - self.price * change, terminated, truncated, info
 
 
-# half of the pay for being within 6 mm of the path, and a price on the tip's acceleration
+# half of the weight on being within 6 mm of the path, and a cost of the tip's acceleration
 weights = RewardWeights(tracking=50.0, precision=50.0, acceleration=0.01)
 env = SmoothActions(gymnasium.make("PTER/Standard-v0", reward=weights))
 env.reset(seed=0)

@@ -18,7 +18,7 @@ HELD, HORIZON = 3, 12  # control steps for which a voltage is held; steps planne
 TASK = PathFollowing()
 CALM = replace(TASK, hand=replace(TASK.hand, amplitudes=(0.0,) * 5))
 SAMPLES, ROUNDS, TEMPERATURE = 256, 5, 0.01
-ERROR, PACE, ACROSS = 250.0, 8.0, 5.0  # costs: per m, per share of the pace, per m/s across
+ERROR, PACE, ACROSS = 250.0, 8.0, 5.0  # costs: per m, per fraction of the pace, per m/s across
 
 
 @cache

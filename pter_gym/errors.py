@@ -34,7 +34,7 @@ def printable(text: str) -> str:
 
 
 class PterError(Exception):
-    """Base of every error that this package raises on purpose."""
+    """Base of all errors that this package raises deliberately."""
 
     def __str__(self) -> str:
         """Return the message; control characters, as a file's name may have them, are escaped."""
@@ -54,15 +54,15 @@ class ActionError(PterError, gymnasium.error.InvalidAction, ValueError):
 
 
 class DivergenceError(PterError, ArithmeticError):
-    """A motion has grown beyond what floating point can hold; a smaller substep avoids that."""
+    """A motion has grown beyond the range of floating point; use a smaller substep."""
 
 
 class ResetNeededError(PterError, gymnasium.error.ResetNeeded):
-    """A step was asked for before the first reset or after the end of an episode."""
+    """A step was requested before the first reset or after the end of an episode."""
 
 
 class DependencyError(PterError, gymnasium.error.DependencyNotInstalled):
-    """An optional package is needed; the message says which extra brings it."""
+    """An optional package is needed; the message names the extra that installs it."""
 
 
 class DataError(PterError, RuntimeError):
@@ -74,11 +74,11 @@ class StorageError(PterError, OSError):
 
 
 class ProofError(PterError, AssertionError):
-    """Exported code could not be proven; the message names the places and what may happen there."""
+    """Exported code could not be proven; the message says where and what may go wrong."""
 
 
 class PartnerError(PterError, RuntimeError):
-    """The partner of ``pter hil`` has ended, does not answer in time, or answers something else."""
+    """The partner of ``pter hil`` has ended, is late with an answer, or sends an invalid one."""
 
 
 def needs_extra(feature: str, extra: str) -> DependencyError:

@@ -22,7 +22,7 @@ def train(
     seed: int = 0, steps: int = 1_250_000, worlds: int = 64, horizon: int = 64, workers: int = 0
 ) -> Any:
     rollout = worlds * horizon * max(workers, 1)
-    network = DefaultModelConfig(  # as Stable-Baselines3's: with others a training is caught
+    network = DefaultModelConfig(  # like Stable-Baselines3's: with others the training gets stuck
         fcnet_hiddens=[64, 64],
         fcnet_activation="tanh",
         fcnet_kernel_initializer="orthogonal_",

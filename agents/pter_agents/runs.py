@@ -63,7 +63,7 @@ class RunFolder:
         """Write what is trained, or raise a ParameterError if the folder already holds a run."""
         if (self.path / RUN).exists():
             raise ParameterError(
-                f"out holds a run already, {self.path}: give --resume, or another folder"
+                f"out already holds a run, {self.path}: give --resume or another folder"
             )
         plain = interface_codec().to_plain(interface)
         self._describe({**arguments.as_json(), "interface": plain, VERSIONS: [versions_now()]})

@@ -1,4 +1,4 @@
-"""What stock algorithms learn, by decisions and by seconds of a core.
+"""What stock algorithms learn, by environment steps and by seconds of a core.
 
     python agents/stock/study.py --algorithms SAC PPO --seeds 1 2 3
     python agents/stock/study.py --seeds 1 2 3 4 5 --out curves.csv --picture curves.png
@@ -7,7 +7,7 @@ Trains each algorithm of Stable-Baselines3 and sb3-contrib as its row of `CALLS`
 each seed, and assesses it along the way on held-out training episodes at each pace. The best model
 by these is then scored on test episodes; with `--assessments 0`, the last one. All of it is
 appended to a CSV file; what is already there is not trained again. Ends with a table: the test
-scores, and how many decisions, and seconds of a core, a seed needs to come below the errors of
+scores, and how many steps, and seconds of a core, a seed needs to come below the errors of
 `LEVELS` at every pace.
 """
 
@@ -36,11 +36,11 @@ from pter_gym.tools.pictures.plots import plain_ticks
 
 
 class Call(NamedTuple):
-    """How an algorithm is called: worlds, decisions, and what differs from its defaults."""
+    """How an algorithm is called: worlds, environment steps, and what differs from its defaults."""
 
     made: Any
     worlds: int
-    decisions: int
+    steps: int
     settings: dict[str, Any]
     env: dict[str, Any] = {}
 
@@ -86,7 +86,7 @@ class Row(NamedTuple):
     algorithm: str
     seed: int
     episodes: str
-    decisions: int
+    steps: int
     seconds: float
     slow: float
     medium: float
@@ -117,12 +117,10 @@ class Curve(PathErrorCallback):
         self._began = process_time()
 
 
-def train(
-    algorithm: str, seed: int, decisions: int | None, assessments: int, fresh: int
-) -> list[Row]:
+def train(algorithm: str, seed: int, steps: int | None, assessments: int, fresh: int) -> list[Row]:
     """Return the assessments of a training, and the test scores of its best or last model."""
     call = CALLS[algorithm]
-    total = decisions or call.decisions
+    total = steps or call.steps
     worlds = make_sb3_vec_env(call.worlds, scenario="standard", **call.env)
     model = call.made("MlpPolicy", worlds, seed=seed, device="cpu", **call.settings)
     with TemporaryDirectory() as folder:
@@ -174,7 +172,7 @@ def first_below(rows: list[Row], level: tuple[float, ...]) -> Row | None:
 
 
 def amount(rows: list[Row | None], kind: str) -> str:
-    """Return the median of decisions or seconds, – if that seed did not get there."""
+    """Return the median of steps or seconds, – if that seed did not get there."""
     middle = median(getattr(row, kind) if row else float("inf") for row in rows)
     return "–" if middle == float("inf") else f"{middle:,.0f}"
 
@@ -192,11 +190,11 @@ def print_table(rows: list[Row]) -> None:
         ranked = sum(end.ranked == len(PACES) for end in ends)
         errors = "/".join(f"{median(e):.1f}" for e in zip(*(e.errors for e in ends), strict=True))
         cells = [algorithm, f"{ranked} of {len(ends)}", errors]
-        cells.append(f"{ends[0].decisions:,}, {median(end.seconds for end in ends):.0f}")
+        cells.append(f"{ends[0].steps:,}, {median(end.seconds for end in ends):.0f}")
         for level in LEVELS:
             found = [first_below(run, level) for run in runs]
             there = f"{sum(row is not None for row in found)} of {len(runs)}"
-            cells.append(f"{there}, {amount(found, 'decisions')}, {amount(found, 'seconds')}")
+            cells.append(f"{there}, {amount(found, 'steps')}, {amount(found, 'seconds')}")
         print("| " + " | ".join(cells) + " |")
         seeds = ", ".join("/".join(f"{x:.1f}" for x in end.errors) for end in ends)
         each_seed.append(f"- {algorithm}: {seeds}")
@@ -208,13 +206,13 @@ def draw(rows: list[Row], path: Path) -> None:
     """Draw the mean error over the paces, a line for each seed and a thick one for the median."""
     names = [name for name in CALLS if any(row.algorithm == name for row in rows)]
     figure = Figure(figsize=(WIDTH, 3.6))
-    kinds = {"decisions": "decisions", "seconds": "seconds of a core"}
+    kinds = {"steps": "environment steps", "seconds": "seconds of a core"}
     for axes, (kind, unit) in zip(figure.subplots(1, 2, sharey=True), kinds.items(), strict=True):
         for name, colour in zip(names, COLOURS, strict=False):
             own = [
                 row
                 for row in rows
-                if (row.algorithm, row.episodes) == (name, HELD_OUT) and row.decisions
+                if (row.algorithm, row.episodes) == (name, HELD_OUT) and row.steps
             ]
             runs = [[row for row in own if row.seed == seed] for seed in {row.seed for row in own}]
             amounts = [[getattr(row, kind) for row in run] for run in runs]
@@ -226,7 +224,7 @@ def draw(rows: list[Row], path: Path) -> None:
             axes.plot(x, y, color=colour, linewidth=2.0, label=name)
         axes.set(xscale="log", yscale="log")
         plain_ticks(axes, "y")
-        label(axes, unit, "mean path error [mm]" if kind == "decisions" else "")
+        label(axes, unit, "mean path error [mm]" if kind == "steps" else "")
     figure.axes[0].legend(fontsize=7.5)
     path.write_bytes(png(figure))
 
@@ -234,7 +232,7 @@ def draw(rows: list[Row], path: Path) -> None:
 def study(
     algorithms: tuple[str, ...] = ("PPO", "A2C", "TRPO", "SAC", "TQC", "CrossQ", "TD3"),
     seeds: tuple[int, ...] = (1,),
-    decisions: int | None = None,
+    steps: int | None = None,
     assessments: int = 20,
     fresh: int = 0,
     out: Path = Path("curves.csv"),
@@ -245,7 +243,7 @@ def study(
     for seed in seeds:
         for algorithm in algorithms:
             if (algorithm, seed) not in known:
-                append(out, train(algorithm, seed, decisions, assessments, fresh))
+                append(out, train(algorithm, seed, steps, assessments, fresh))
     rows = [row for row in read(out) if row.algorithm in algorithms]
     print_table(rows)
     if picture is not None:

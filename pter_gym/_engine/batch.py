@@ -181,15 +181,15 @@ class Batch(Storage):
             One seed ≥ 0 for each world, or None for an unseeded reset, which goes on to the next
             episode of the world's present seed (drawn from the operating system at first).
         chosen
-            Which worlds to reset, shape (N,); all by default. The others stay as they are.
+            Which worlds to reset, shape (N,); all by default. The others don't change.
         all_seen
-            Whether to return the rows of the others too, which otherwise hold anything.
+            Whether to return the rows of the others too, which are otherwise undefined.
 
         Returns
         -------
         observations, telemetry
             Of all worlds: float32 (N, len(layout)) and float64 (N or 0, len(TELEMETRY)), fresh
-            arrays. The telemetry holds the pose, and zero for what only a step tells.
+            arrays. The telemetry holds the pose, and zero for entries that only a step computes.
         """
         chosen = np.ones(self.num_worlds, np.bool_) if chosen is None else chosen
         words = self.next_words(seeds, chosen)

@@ -191,11 +191,11 @@ class Storage:
         return {"worlds": self._worlds, "words": self._words, "seeded": self._seeded}
 
     def get_state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all that changes, which ``set_state`` brings back bit for bit."""
+        """Return copies of all that changes; ``set_state`` restores them bit for bit."""
         return {name: part.copy() for name, part in self._changing.items()}
 
     def set_state(self, state: dict[str, NDArray[Any]]) -> None:
-        """Bring the worlds to a state from ``get_state`` of a batch of the same size.
+        """Restore a state from ``get_state`` of a batch of the same size.
 
         Raises
         ------
@@ -216,7 +216,7 @@ class Storage:
         if not self._fits(state["worlds"]):
             raise ParameterError(
                 "state['worlds'] must be of an environment with the same machines and tasks, "
-                "in motion that it can hold"
+                "and no faster than its integrator can hold"
             )
         for name, mine in self._changing.items():
             mine[:] = state[name]
@@ -228,23 +228,23 @@ class Storage:
         return read(columns, STATE, 0)
 
     def set_worlds(self, state: WorldState) -> None:
-        """Put all worlds, which have been reset, into states; machines, tasks and seeds stay.
+        """Set the states of all worlds, which must have been reset; machines, tasks and seeds stay.
 
-        A world that continues from a state has the bits of the one that the state came from, if
-        machine, task, seed and episode are the same. For a state that was seen, replace what is
-        known of another one::
+        A world that continues from a state gives the same bits as the world that the state came
+        from, if machine, task, seed and episode are the same. To use measurements, replace the
+        measured numbers of another state::
 
             state = batch.get_worlds()
             batch.set_worlds(state._replace(command=state.command._make(volts)))
 
-        Angles of the links need their cosines and sines, and arc lengths on a path of several arcs
-        the number of the arc, ``foot.segment``.
+        With the angles of the links also set their cosines and sines, and with an arc length on a
+        path of several arcs the number of the arc, ``foot.segment``.
 
         Parameters
         ----------
         state
-            Numbers of each world (N,), or one for all of them. ``Extras``, of worlds that keep
-            none, are left out.
+            Numbers of each world (N,), or one for all of them. Worlds without ``Extras`` ignore
+            these.
 
         Raises
         ------
@@ -267,7 +267,9 @@ class Storage:
             if row < worlds.shape[1]:
                 worlds[block, row, lane] = number
         if not self._fits(worlds):
-            raise ParameterError("state must be in motion that machines and tasks can hold")
+            raise ParameterError(
+                "state must be on an arc of the path, and no faster than the integrator can hold"
+            )
         self._worlds[:] = worlds
 
     def _check_seeded(self) -> None:

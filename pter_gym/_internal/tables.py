@@ -200,7 +200,7 @@ def _rows(path: Path, max_size: int, comments: list[str]) -> Iterator[Line]:
     """Yield numbers of lines and their entries as they are read; collect comments above them."""
     if not path.is_file():
         raise ValueError(
-            "it is no regular file" if os.path.lexists(path) else "there is no such file"
+            "it is not a regular file" if os.path.lexists(path) else "there is no such file"
         )
     with path.open("rb") as file:
         if os.fstat(file.fileno()).st_size > max_size:

@@ -1,4 +1,4 @@
-"""Open-loop trajectories, for people who want the physics without the environment."""
+"""Open-loop trajectories: the physics without the environment."""
 
 from dataclasses import dataclass, field
 from functools import cache
@@ -67,10 +67,10 @@ class State:
     torque_breakaway, torque_dynamic
         Present torque limits of the four clutches [N·m], shape (4,).
     lagged_volts
-        Lagged clutch voltages [V], shape (4,); they differ from the command with ``lag="voltage"``
-        only.
+        Lagged clutch voltages [V], shape (4,); they differ from the command only with
+        ``lag="voltage"``.
     heat
-        Heat of the clutches [J], shape (4,); it changes with a ``fade`` only.
+        Heat of the clutches [J], shape (4,); it changes only with a ``fade``.
     """
 
     theta: Array
@@ -142,7 +142,7 @@ def initial_state(
     Parameters
     ----------
     machine
-        The machine or its name; None for PTER as it is.
+        The machine or its name; None for the default PTER.
     theta, omega
         Absolute link angles [rad] and angular velocities [rad/s], shape (2,).
     volts
@@ -182,7 +182,7 @@ def simulate(
     Parameters
     ----------
     machine
-        The machine or its name, None for PTER as it is; its ``substep`` is the time step.
+        The machine or its name, None for the default PTER; its ``substep`` is the time step.
     state
         Where to start: from ``initial_state`` or the ``final`` of an earlier trajectory.
     volts

@@ -120,7 +120,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Leaderboard:
-    """The policies on so many episodes of a scenario at a pace, by their mean path error.
+    """Policies on episodes of a scenario at a pace, ordered by their mean path error.
 
     ``seed`` is that of test episodes, None for the stored ones; ``version`` that of the package
     that made the runs; ``digest`` that of a user's scenario; ``strata`` labels of the episodes.
@@ -154,8 +154,8 @@ class Leaderboard:
 def leaderboards(runs: Iterable[ScenarioRun]) -> tuple[Leaderboard, ...]:
     """Return a leaderboard for each set of episodes and pace, the slowest first.
 
-    Scenarios are in their own order, others follow. Runs of other versions of the package are not
-    mixed. Where a name stands for different policies at different paces, the digest of each is part
+    The suite's scenarios come first, in their order. Runs of different versions of the package are
+    kept apart. If a name denotes different policies at different paces, their digests become part
     of it.
     """
     groups: dict[tuple[Any, ...], list[ScenarioRun]] = {}
@@ -377,11 +377,11 @@ def _worst(boards: Sequence[Leaderboard]) -> list[str]:
     one = found[0]
     title = f"{boards[0].scenario}, worst hand found in {one.tried:,} episodes: path error [mm]"
     note = (
-        f"In brackets the largest error of {one.random:,} random episodes: with "
-        f"{percent(CONFIDENCE)} confidence at most one in {one.one_in:,} is worse. The worst "
-        "that a search finds is a lower bound of what there may be."
+        f"In brackets, the largest error of {one.random:,} random episodes: with "
+        f"{percent(CONFIDENCE)} confidence at most one in {one.one_in:,} is worse. The error "
+        "found is a lower bound on the largest one."
         if one.tried > 1
-        else "The scenario draws nothing, so there is one episode."
+        else "The scenario has only one episode."
     )
     lines = _lines([""] * (1 + len(rows)), ["", *rows], columns)
     return ["\n".join([title, "", *lines, "", _fill(note), ""])]

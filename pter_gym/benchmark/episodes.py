@@ -85,7 +85,7 @@ class Episodes:
         seeds: Iterable[int],
         strata: Iterable[str] = (),
     ) -> Self:
-        """Return episodes of pairs, whose policies know the machine in the middle of ``draws``."""
+        """Return episodes of pairs; policies know the machine in the middle of ``draws``."""
         machines, tasks = zip(*pairs, strict=True)
         strata = tuple(strata) or ("",) * len(tasks)
         return cls(scenario, machines, tasks, tuple(seeds), strata, draws.middle)
@@ -206,7 +206,7 @@ def training_episodes(
 ) -> Episodes:
     """Return training episodes of a scenario at a pace, the shortest episodes first.
 
-    ``seed`` is that of the draws, and a machine replaces those that they would hold.
+    ``seed`` selects the episodes, and ``machine`` replaces their machines.
     """
     scenario = find_scenario(scenario, machine)
     # those of a chunk end at about one time

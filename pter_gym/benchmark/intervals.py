@@ -39,8 +39,8 @@ def mean_interval(values: ArrayLike, strata: Sequence[Hashable] = ()) -> Interva
     """Return the mean of values (N,) of episodes, or (S, N) of S training seeds, and its interval.
 
     Over episodes it is a bootstrap (BCa), as errors are skewed. Over several training seeds
-    it is Student's for their S means: an interval from five resampled seeds would hold the mean in
-    83 % of cases only.
+    it is Student's for their S means: an interval from five resampled seeds would cover the mean in
+    only 83 % of cases.
 
     Parameters
     ----------
@@ -81,9 +81,9 @@ def difference_interval(
 ) -> Interval:
     """Return how much larger the mean of values is than that of others, and its interval.
 
-    Both are scores of the same episodes, (N,), or (S, N) of S training seeds. It is the interval of
-    ``mean_interval`` for their differences, so over training seeds if one of the two has several,
-    and Welch's for the seeds' means if both have.
+    Both are scores of the same episodes, (N,), or (S, N) of S training seeds. The interval is that
+    of ``mean_interval`` for the differences, over training seeds if one of the two has several, and
+    Welch's for the seeds' means if both have.
 
     Raises
     ------
@@ -110,10 +110,10 @@ def difference_interval(
 
 
 def largest_rate(values: ArrayLike) -> float:
-    """Return the upper end of the 95 % interval of the share of True.
+    """Return the upper end of the 95 % interval of the fraction of True.
 
-    It is Wilson's (Journal of the American Statistical Association 22, 1927), since a share near 1
-    is too skewed for the bootstrap, and a share of 1 has none.
+    It is Wilson's (Journal of the American Statistical Association 22, 1927), since a fraction near
+    1 is too skewed for the bootstrap, and a fraction of 1 has none.
     """
     arrived = np.asarray(values, np.float64)
     share, count = float(arrived.mean()), arrived.size

@@ -61,7 +61,7 @@ PACKAGES = ("numba", "numpy", "scipy")
 class ResultsFolder:
     """The folder of results at ``path``; ``summary`` is the file with all leaderboards.
 
-    Files are written atomically and one benchmark at a time writes, so several may share it.
+    Files are written atomically, by one benchmark at a time, so several may share the folder.
     """
 
     def __init__(self, path: FilePath) -> None:
@@ -98,7 +98,7 @@ class ResultsFolder:
         return runs
 
     def worst_hand(self, policy: str, scenario: Scenario, pace: str | float) -> WorstHand:
-        """Return the worst hand for a policy; a ParameterError if this version searched none."""
+        """Return the worst hand for a policy; raise a ParameterError if none is stored."""
         which = (policy, scenario.name, scenario.digest, name_of_pace(pace), __version__)
         names = ("policy", "scenario", "digest", "pace", "version")
         runs = (run for run in self.runs() if tuple(getattr(run, name) for name in names) == which)
@@ -281,7 +281,7 @@ def run_scenario(
     Raises
     ------
     ParameterError
-        If there is no such scenario, policy or pace, or there are fewer episodes than asked for.
+        If there is no such scenario, policy or pace, or there are fewer episodes than requested.
     DataError
         If stored test episodes are damaged.
     """

@@ -156,7 +156,7 @@ def check_acting(policy: AnyPolicy, episodes: Episodes) -> None:
 
 
 class Episode(NamedTuple):
-    """One episode with all that a policy saw and did: T control steps.
+    """One episode of T control steps, with all that a policy observed and did.
 
     Attributes
     ----------
@@ -210,7 +210,7 @@ UNSEEN = 10_000
 class Assessment(NamedTuple):
     """How good a policy is on training episodes: the means of the scores that decide ranks.
 
-    Of ``assess(…, worst=True)``, the path error is the largest, not the mean.
+    With ``assess(…, worst=True)``, the path error is the largest instead of the mean.
     """
 
     path_error_m: float
@@ -276,10 +276,10 @@ def examine(
     scenario, pace
         As in ``run_scenario``.
     episodes, seed
-        Number of draws, and their seed, ≥ 0; training uses ``context_seed``, 0 by default.
+        Number of episodes, and the seed that selects them, ≥ 0; training uses ``context_seed``, 0
+        by default.
     machine
-        One machine in place of those that the scenario draws, as in ``find_scenario``; policies
-        know about it.
+        A machine that replaces those of the scenario, as in ``find_scenario``; policies know it.
     """
     drawn = find_scenario(scenario, machine)
     draws = training_episodes(drawn, pace, episodes, seed)

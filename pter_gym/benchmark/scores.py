@@ -187,7 +187,7 @@ def score_episodes(
     runs = np.isfinite(column(telemetry[1], "time"))
     if not runs.all():
         raise ParameterError(
-            f"telemetry must hold a step of each episode at least, got none of {runs.argmin()}"
+            f"telemetry must hold at least one step of each episode, got none of {runs.argmin()}"
         )
     episodes = Recorded(telemetry, tasks, find_machine(machine).clutch.voltage_max)
     scores = {name: metric.find(episodes) for name, metric in METRICS.items()}
@@ -200,18 +200,18 @@ CONFIDENCE = 0.999
 
 @dataclass(frozen=True)
 class WorstHand:
-    """The episode with the largest path error of those tried, and what random ones tell.
+    """The episode with the largest path error of those tried, and the evidence of random ones.
 
     Attributes
     ----------
     path_error_m
-        Its path error [m], a lower bound of the largest one that there is.
+        Its path error [m], a lower bound on the largest possible one.
     random_error_m
         Largest path error [m] of a random episode.
     random, tried
-        How many random episodes, and all episodes; 1 if the scenario draws nothing.
+        Number of random episodes and of all episodes; 1 if the scenario has only one.
     machine, task
-        What makes the episode, with the seed 0.
+        Machine and task of the episode, whose seed is 0.
     """
 
     path_error_m: float
@@ -232,15 +232,15 @@ class WorstHand:
         return math.floor(1.0 / -math.expm1(math.log(1.0 - CONFIDENCE) / self.random))
 
     def as_json(self) -> dict[str, float]:
-        """Return its numbers as reports have them."""
+        """Return its numbers as plain data."""
         names = ("path_error_m", "random_error_m", "random", "tried", "one_in")
         return {name: getattr(self, name) for name in names}
 
     def sentence(self, policy: str) -> str:
-        """Return what it says of a policy in words."""
+        """Return a sentence for reports."""
         worst = f"gives {policy} {millimetres(self.path_error_m)} mm"
         if self.tried == 1:
-            return f"The scenario draws nothing; its only episode {worst}."
+            return f"The scenario's only episode {worst}."
         return (
             f"The worst of {self.tried:,} episodes {worst}; with {percent(CONFIDENCE)} confidence "
             f"at most one random episode in {self.one_in:,} gives more than "
@@ -265,9 +265,9 @@ class ScenarioRun:
     digest
         Digest of a user's scenario, whose name need not be unique; empty for the suite's.
     worst
-        The worst hand for it, where one was searched.
+        The worst hand for the policy, if one was searched for.
     origin
-        What made it: the date, versions of packages, the commit of a checkout, and the digest of
+        Where it comes from: date, versions of packages, the commit of a checkout, and the digest of
         the policy: of a law's code with its gains or weights, otherwise of the file of its code.
     strata, scores
         A label for each episode; by the name of each defined score, an array with an entry for each

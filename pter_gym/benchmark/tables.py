@@ -66,7 +66,7 @@ def check_table(path: FilePath) -> None:
 def write_table(
     path: FilePath, boards: Sequence[Leaderboard], *, baseline: str | None = None, command: str = ""
 ) -> Path:
-    """Write leaderboards as a table to a file, whose ending says in which form; return its path.
+    """Write leaderboards as a table to a file, whose ending selects the format; return its path.
 
     In LaTeX, differences to a baseline are a table of their own, so that both fit on a page.
 
@@ -77,7 +77,7 @@ def write_table(
     baseline
         Policy to which differences are given, with intervals over the same episodes.
     command
-        What makes the table again, for its caption.
+        Command that reproduces the table, for its caption.
 
     Raises
     ------
@@ -178,7 +178,7 @@ def _caption(boards: Sequence[Leaderboard], command: str) -> list[str]:
     ]
     if any(each.reason for board in boards for each in board.standings):
         sentences.append(
-            f"{UNRANKED}: without a rank, as it arrives too seldom or is off the pace."
+            f"{UNRANKED}: without a rank, as it arrives too rarely or is off the pace."
         )
     if any(len(each.errors) > 1 for board in boards for each in board.standings):
         sentences.append("Intervals of policies with several training seeds are over these.")

@@ -1,7 +1,7 @@
 """The worst hand: the largest path error of a policy that a search finds among a scenario's draws.
 
-Whatever a scenario draws (a hand with its phases, a path, a machine) is made of numbers within
-[0, 1) in place of a generator's. So any scenario can be searched, within the bounds that it has.
+Everything that a scenario draws (a hand with its phases, a path, a machine) is computed from
+numbers within [0, 1) instead of a generator's. So any scenario can be searched within its bounds.
 """
 
 from collections import Counter
@@ -124,16 +124,15 @@ def find_worst(
     policy, scenario, pace
         As in ``run_scenario``; the policy knows the nominal machine.
     seed
-        Another one has other random hands: how far two searches agree.
+        Selects the random hands; the closer two searches agree, the more you can trust either.
     num_threads
-        Threads that share the episodes of a compiled law; the answer does not depend on it.
+        Threads that share the episodes of a compiled law; the result does not depend on it.
 
     Raises
     ------
     ParameterError
-        If there is no such scenario or pace, the seed is out of range, or a distribution of one's
-        own asks the generator for something else than ``uniform``, ``integers`` and
-        ``standard_normal``.
+        If there is no such scenario or pace, the seed is out of range, or a distribution of yours
+        calls other methods of the generator than ``uniform``, ``integers`` and ``standard_normal``.
     """
     scenario, speed = find_scenario(scenario), find_pace(pace)
     seed = whole_number("seed", seed, at_least=0)

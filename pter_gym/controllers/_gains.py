@@ -80,7 +80,8 @@ class Gains(NamedTuple):
     """Gains that the parts of guiding laws read, 0 for a law without them.
 
     ``Guided`` and its subclasses declare units and meanings. ``release`` is the inverse of what
-    ``Steering`` declares, so that halfway to 0, which is never, lies at twice the distance.
+    ``Steering`` declares, so interpolating halfway between a distance and 0, never, doubles the
+    distance.
     """
 
     stiffness: float

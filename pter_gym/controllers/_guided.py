@@ -44,15 +44,14 @@ class Guided:
     the plant's curve. Below 4 V, where the paper could not measure, the table is extrapolated to (0
     V, 0 N·m). It ends at the largest voltage, which replaces all knots from there on.
 
-    Voltages, here and in ``feedback``, are those of PTER's drive, which ends at 24 V. Another
-    machine's are in proportion to its largest voltage, so a device has the same law whatever the
-    unit of its drive.
+    Voltages, here and in ``feedback``, refer to PTER's 24 V drive and scale with the machine's
+    largest voltage, so a law doesn't depend on the unit of a device's drive.
     """
 
     damping_tangential: float = parameter("N·s/m", "fitted: damper along the path", default=106.4)
     pace_fraction: float = parameter(
         "1",
-        "chosen: the damper along the path leaves this part of the commanded pace alone; paper: 0",
+        "chosen: fraction of the pace below which the damper along the path does nothing; paper: 0",
         default=0.0,
     )
     pace_integral: float = parameter(
@@ -125,7 +124,7 @@ class Guided:
         return record(**missing | {name: float(getattr(self, name)) for name in names})
 
     def at(self, pace: float) -> "Guided":  # noqa: ARG002
-        """Return itself, the gains for every commanded pace [m/s]; see ``PaceSchedule.at``."""
+        """Return itself: its gains are the same at all paces [m/s]; see ``PaceSchedule.at``."""
         return self
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
@@ -170,7 +169,7 @@ class TorqueFeedback(Impedance):
         default=0.5310447474796312,
     )
     hold_when_stuck: bool = parameter(
-        "1", "chosen: leave the loop out where it has no effect", default=False
+        "1", "chosen: switch the loop off where it has no effect", default=False
     )
 
 

@@ -62,7 +62,7 @@ def _build_act(digest: str) -> Any:
 def kernel_of(law: Law) -> Any:
     """Return ``act(obs, scales, gains, memory, released, top, volts)``, a law in N worlds.
 
-    The kernel of a user's law is made anew when its code, or a value that it reads, has changed.
+    The kernel of a user's law is recompiled when its code, or a value that it reads, has changed.
     """
     if is_ours(law):
         return _kernel(law)

@@ -63,8 +63,8 @@ class CompiledLaw(NamedTuple):
 class Policy:
     """What acts in N worlds: ``volts = policy.act(observations, memory)``.
 
-    It changes nothing but the memory, which belongs to whoever calls it, so one policy can act in
-    several places at once. ``from_law`` and ``from_function`` make policies.
+    It changes only the memory, which belongs to the caller, so one policy can act in several places
+    at once. ``from_law`` and ``from_function`` make policies.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Policy:
     start
         ``start(worlds, episodes=None)`` returns the memory of N worlds whose episodes begin: an
         array with a row for each, or None. ``episodes`` numbers the episodes, 0 … N − 1 by default;
-        a policy that draws at random draws other numbers in each.
+        a random policy draws different numbers in each.
     frame_skip
         Control steps for which its voltages are held, as in training.
     any_frame_skip
@@ -88,7 +88,7 @@ class Policy:
     control_period
         The only control period at which it may act [s]; None for any.
     made
-        Makes it again in another process, for ``pickle``.
+        Recreates it in another process, for ``pickle``.
     machine
         The nominal machine that it is bound to, if it depends on one.
     """
@@ -121,9 +121,9 @@ class Policy:
             )
 
     def volts(self, observations: Observations, memory: Any, machine: Machine) -> Volts:
-        """Return what ``act`` does, within the range of a machine's drive, (N, clutches).
+        """Return the voltages of ``act`` within the range of a machine's drive, (N, clutches).
 
-        Voltages beyond the range are clipped, as a drive does, with one warning.
+        Voltages beyond the range are clipped, as by a drive, with one warning.
 
         Raises
         ------
@@ -177,7 +177,7 @@ class Policy:
         frame_skip: int | None = None,
         control_period: float | None = None,
     ) -> "Policy":
-        """Return the policy that a compiled law is.
+        """Return the policy of a compiled law.
 
         Parameters
         ----------
@@ -198,7 +198,7 @@ class Policy:
         frame_skip
             Control steps for which the voltages are held; by default, any number will do.
         control_period
-            The only control period at which it may act [s]; by default, any will do.
+            The only control period at which it may act [s]; any by default.
         """
         arrays = gains if isinstance(gains, Mapping) else {"gains": gains}
         ends = np.cumsum([np.size(part) for part in arrays.values()]).tolist()
@@ -261,7 +261,7 @@ class Policy:
         start: Callable[[int], Any] | None = None,
         frame_skip: int | None = None,
     ) -> "Policy":
-        """Return the policy that a Python function is.
+        """Return the policy of a Python function.
 
         Parameters
         ----------
@@ -271,7 +271,7 @@ class Policy:
         layout
             Layout of the observations.
         start
-            Returns the memory of so many worlds at the start of their episodes, an array with a row
+            Returns the memory of N worlds at the start of their episodes, an array with a row
             for each; the function changes it in place.
         frame_skip
             Control steps for which the voltages are held; by default, any number will do.
@@ -319,8 +319,7 @@ def bind(policy: AnyPolicy, machine: Machine | str | None, layout: Layout) -> Po
     ------
     ParameterError
         If it is none of these, it cannot be bound to this machine and layout or is bound to others,
-        or it is an object with a ``reset`` of its own: what it remembers must be a memory that
-        ``start`` makes.
+        or it has a ``reset`` method: what it remembers must be a memory that ``start`` returns.
     """
     if isinstance(policy, Controller):
         policy = policy.bind(find_machine(machine), layout)
@@ -331,7 +330,7 @@ def bind(policy: AnyPolicy, machine: Machine | str | None, layout: Layout) -> Po
         raise ParameterError(f"policy must have a method bind or be callable, got {policy!r:.200}")
     if hasattr(policy, "reset"):
         raise ParameterError(
-            "policy must remember nothing by itself: "
+            "policy must not keep a memory of its own: "
             "Policy.from_function(act, layout, start=…) makes a "
             f"policy with a memory, got {policy!r:.200} with a method reset"
         )

@@ -1,10 +1,10 @@
-"""Steering by the tip's direction: what the single-DOF and velocity-ratio laws ask of clutches.
+"""Steering by the tip's direction: how the single-DOF and velocity-ratio laws use the clutches.
 
 Both want the tip to move in a direction that leads back to the path: along
 t + (lead·κ·v − approach·e)·n, with the path's tangent t, normal n and curvature κ at the tip's
 foot, its distance e from it and its speed v along it. ``lead`` is a time: the clutches lag, so the
 tip has to turn before the path does. The laws differ in how clutches turn the tip's velocity there.
-Passive clutches cannot choose a speed, so the damper along the path has that for itself.
+Passive clutches cannot choose a speed, so only the damper along the path controls it.
 """
 
 import math
@@ -229,11 +229,11 @@ class SingleDof(Steering):
     """Single-DOF lines: engage the clutch whose line of motion is closest to the desired direction.
 
     While one clutch is stuck, the tip has a single degree of freedom, along a line that the pose
-    and the clutch determine. Some clutches turn the tip's velocity towards the desired direction,
-    by the nominal mass matrix. Of these the law engages the clutch with the largest cos² of the
+    and the clutch determine. Of the clutches that turn the tip's velocity towards the desired
+    direction, by the nominal mass matrix, the law engages the one with the largest cos² of the
     angle between its line and that direction. Its torque is ``strength·|sin δ|`` with the angle δ
-    between velocity and desired direction, and adds to what the damper along the path asks of it.
-    ``reluctance`` is added to the cos² of the clutch engaged last, against chatter.
+    between velocity and desired direction, in addition to that for the damper along the path.
+    ``reluctance`` is added to the cos² of the clutch engaged last, to prevent chatter.
     """
 
     steering = engage_line
@@ -251,7 +251,7 @@ class VelocityRatio(Steering):
 
     J⁻¹ turns the desired direction into a ratio of joint velocities. A joint torque normal to it,
     strength·sin δ with the angle δ between joint velocity and desired ratio, turns the joint
-    velocity there; together with the damper along the path it goes through the allocation of the
+    velocity towards it. The sum of this torque and the damper's goes through the allocation of the
     paper's controller.
     """
 

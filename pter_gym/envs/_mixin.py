@@ -165,7 +165,9 @@ class WorldsMixin:
         for name in arguments:
             if name not in known:
                 listed = (*known, *signature(type(self)).parameters)
-                raise ParameterError(f"{name} is no argument of worlds{nearest(name, listed)}")
+                raise ParameterError(
+                    f"{name} is not an argument of environments{nearest(name, listed)}"
+                )
         given: dict[str, Any] = {name: each(_from_plain, arg) for name, arg in arguments.items()}
         self._from_files = {
             name: each(find, given[name])
@@ -259,8 +261,8 @@ class Worlds:
     def nominal(self) -> Machine:
         """The machine that laws know: the middle of the draws.
 
-        Where worlds have machines of their own, it is the paper's with their clutches and largest
-        voltage; a ParameterError if the clutches differ.
+        If worlds have machines of their own, it is the paper's with their clutches and largest
+        voltage; different clutches raise a ParameterError.
         """
         if self.draws is not None:
             return self.draws.middle
@@ -272,7 +274,7 @@ class Worlds:
         """The scenario that scores a policy trained here.
 
         That of a task has episodes that begin at rest and aren't truncated. Raises a ParameterError
-        where worlds have machines or tasks of their own.
+        if worlds have machines or tasks of their own.
         """
         if self.source is not None:
             return self.source

@@ -189,9 +189,9 @@ class PathFollowingVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverr
         return self.batch.get_worlds()
 
     def set_worlds(self, state: WorldState) -> None:
-        """Put all worlds into states, such as one that was seen; see ``Batch.set_worlds``.
+        """Set the states of all worlds, for instance to a measured one; see ``Batch.set_worlds``.
 
-        With a base or a history, what these remember stays as it is.
+        The memory of a base or a history doesn't change.
         """
         self.batch.set_worlds(state)
 

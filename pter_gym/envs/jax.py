@@ -1,12 +1,12 @@
 """The worlds as pure functions of JAX, in the style of gymnax 1.0, on the same compiled kernel.
 
-``reset`` and ``step`` are of one world; ``jax.vmap`` makes them those of many, in one call of the
-kernel, and ``jax.jit`` and ``jax.lax.scan`` take them as they are. A world with seed s goes through
-the same episodes, bit for bit, as one of ``gymnasium.make_vec`` with that seed.
+``reset`` and ``step`` act on one world; ``jax.vmap`` extends them to many, in one call of the
+kernel, and both work under ``jax.jit`` and ``jax.lax.scan``. A world with seed s goes through the
+same episodes, bit for bit, as one of ``gymnasium.make_vec`` with that seed.
 
-Worlds run on the CPU, and so does a function with a step that ``jit`` compiles. If JAX has a GPU
-too, networks may use it in functions of their own; what was committed to the GPU is brought over
-with ``jax.device_put``.
+Worlds run on the CPU, and so does a jitted function that contains a step. If JAX also has a GPU,
+networks may use it in separate functions; ``jax.device_put`` moves arrays that are committed to the
+GPU.
 """
 
 from collections.abc import Sequence
@@ -236,7 +236,7 @@ class JaxEnv:
     def reset_to_seed(
         self, seed: int | jax.Array | NDArray[np.uint32], params: EnvParams | None = None
     ) -> tuple[jax.Array, AnyState]:
-        """Return what ``gymnasium.make_vec`` has of a world after a reset with a seed.
+        """Return observation and state of a world as ``gymnasium.make_vec`` resets it to a seed.
 
         Parameters
         ----------
@@ -268,7 +268,7 @@ class JaxEnv:
         action: jax.Array,
         params: EnvParams | None = None,
     ) -> tuple[jax.Array, AnyState, jax.Array, jax.Array, jax.Array, Info]:
-        """Advance a world by ``frame_skip`` control periods; a next episode follows one that ends.
+        """Advance a world by ``frame_skip`` control periods; a new episode follows one that ends.
 
         Parameters
         ----------
@@ -285,23 +285,23 @@ class JaxEnv:
         Returns
         -------
         observation, state
-            After a reset where the episode has ended.
+            After a reset if the episode has ended.
         reward
             float32 (). With a base or a history, the rewards of the control steps are rounded one
             by one.
         terminated, truncated
             bool ().
         info
-            ``terminated`` and ``truncated`` too, ``is_success``, and ``final_observation``: before
-            such a reset.
+            ``terminated``, ``truncated``, ``is_success``, and ``final_observation``, which is from
+            before such a reset.
 
         Raises
         ------
         ActionError
             If the action has another shape or type.
         ParameterError
-            If state or params are of an environment of another kind. The numbers in a state are not
-            known yet: what a damaged one returns is NaN.
+            If state or params are of an environment of another kind. The numbers in a state cannot
+            be checked: a damaged one returns NaN.
         """
         del key
         space = self.action_space()
@@ -324,8 +324,8 @@ class JaxEnv:
     def privileged(self, state: AnyState, params: EnvParams | None = None) -> jax.Array:
         """Return what no sensor shows of a world, float32 (len(env.privileged_layout),).
 
-        It is in that layout's units and rounded toward zero; where an episode has just ended, it is
-        of the next one.
+        It is in that layout's units and rounded toward zero; if an episode has just ended, it is
+        that of the next one.
 
         Raises
         ------

@@ -54,7 +54,7 @@ class PterVecEnv(VecEnv):
     def reset(self) -> NDArray[np.float32]:
         """Start new episodes, with the seeds of ``seed`` if it was called since the last reset.
 
-        Seeds and options are those of one reset, also if it refuses them.
+        Seeds and options apply to one reset only, even if it raises an error.
         """
         seeds, options = self._seeds, cast("object", self._options)
         self._reset_seeds()
@@ -154,7 +154,7 @@ def make_sb3_vec_env(num_envs: int, **arguments: Any) -> PterVecEnv:
 
 
 class ModelAssessment(NamedTuple):
-    """A model's assessments by pace, after so many steps."""
+    """A model's assessments by pace, after a number of steps."""
 
     steps: int
     paces: Mapping[str, Assessment]
@@ -166,7 +166,7 @@ class ModelAssessment(NamedTuple):
 
     @property
     def merit(self) -> tuple[int, float]:
-        """What orders models, the best first: paces without a rank, then the path error [m]."""
+        """Sort key of models, the best first: paces without a rank, then the path error [m]."""
         return sum(not each.ranked for each in self.paces.values()), self.path_error_m
 
     def __str__(self) -> str:
@@ -181,16 +181,15 @@ class ModelAssessment(NamedTuple):
 class PathErrorCallback(BaseCallback):
     """Assesses the model as the benchmark scores policies, and keeps the best one.
 
-    It does so before a training, every ``eval_freq`` steps and after it, on held-out training
+    It does so before training, every ``eval_freq`` steps and after training, on held-out training
     episodes of the environment's scenario and machine, as ``benchmark.examine`` draws them: they
-    begin at rest, whatever ``starts``, ``reward`` and workspace training has. Test episodes are not
-    read. The model acts as in ``from_sb3(model)``, with the statistics of a ``VecNormalize`` and
-    with the law under its actions. Training is the same with and without it.
+    begin at rest, whatever ``starts``, ``reward`` and workspace are in training. Test episodes are
+    not read. The model acts as in ``from_sb3(model)``, with the statistics of a ``VecNormalize``
+    and with the law that its actions correct. The callback does not affect training.
 
-    For each pace the model's logger gets ``path_error_mm/PACE``, ``completed/PACE``, the share of
-    the episodes in which the end was reached, and ``ranked/PACE``, 1 where the means are within the
-    leaderboard's limits; ``path_error_mm/mean`` is the mean over the paces. TensorBoard and CSV
-    show them.
+    For each pace the model's logger gets ``path_error_mm/PACE``, ``completed/PACE``, the fraction
+    of completed episodes, and ``ranked/PACE``, 1 if the means are within the leaderboard's limits;
+    ``path_error_mm/mean`` is the mean over the paces. TensorBoard and CSV show them.
 
     The best model is ranked at the most paces, and among those has the smallest mean path error.
 
@@ -200,10 +199,11 @@ class PathErrorCallback(BaseCallback):
         Steps between two assessments, of all worlds together, as ``total_timesteps`` counts them.
     best_model_save_path
         Folder for the best model, ``best_model.zip``, and the statistics of a ``VecNormalize``,
-        ``vecnormalize.pkl``; written atomically. It is made if missing. By default none is kept.
+        ``vecnormalize.pkl``, created if necessary; files are written atomically. By default none is
+        kept.
     paces
         Paces to assess it at, names or speeds [m/s]; by default the one of all training episodes,
-        or else the benchmark's three.
+        otherwise the benchmark's three.
     episodes
         Episodes at each pace.
     verbose
@@ -214,7 +214,7 @@ class PathErrorCallback(BaseCallback):
     assessments : list of ModelAssessment
         All assessments, in order: ``steps``, and ``paces`` with the ``Assessment`` at each.
     held_out : dict of str to Episodes
-        The episodes by pace, from the beginning of a training on.
+        The episodes by pace, from the beginning of training.
 
     Raises
     ------

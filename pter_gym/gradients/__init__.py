@@ -2,7 +2,7 @@
 
 ``rollout`` simulates a machine with given voltages and forces; ``Rollout.gradient`` returns the
 derivatives of a scalar with respect to voltages, forces, the initial state and the machine.
-``pter_gym.gradients.jax`` has it for ``jax.grad``.
+``pter_gym.gradients.jax`` does the same for ``jax.grad``.
 """
 
 from pter_gym.gradients._rollout import Gradient, Rollout, rollout

@@ -42,7 +42,7 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Gradient:
-    """Derivatives of a scalar by the inputs of a rollout, N control steps of S substeps each.
+    """Derivatives of a scalar with respect to a rollout's inputs, N control steps of S substeps.
 
     Attributes
     ----------
@@ -122,13 +122,14 @@ class Rollout:
         names = (*STATE, "tip_position", "tip_velocity")
         if name not in names:
             raise ParameterError(
-                f"the derivative must be by one of {', '.join(names)}, got {name!r}"
+                f"derivatives must be with respect to one of {', '.join(names)}, got {name!r}"
             )
         array = finite_array(name, values)
         shape = getattr(self, name).shape
         if array.shape != shape:
             raise ParameterError(
-                f"the derivative by {name} must have the shape {shape}, got {array.shape}"
+                f"the derivative with respect to {name} must have the shape {shape}, "
+                f"got {array.shape}"
             )
         return array
 
@@ -168,7 +169,7 @@ def rollout(
     Parameters
     ----------
     machine
-        The machine or its name, None for PTER as it is.
+        The machine or its name, None for the default PTER.
     state
         Where to start.
     volts

@@ -60,8 +60,8 @@ EpisodeEnd = Literal["raise", "constant"]
 class DifferentiableEnv(jax_env.JaxEnv):
     """A ``JaxEnv`` whose ``step`` has a derivative; make one with ``make``.
 
-    Observation, reward and next state are differentiated by the action and the state. ``params``
-    counts as constant; ``step`` takes its constants alone.
+    Observation, reward and next state are differentiable with respect to the action and the state.
+    ``params`` is constant, and ``step`` uses only its ``constants``.
     """
 
     def __init__(self, env: Any, episode_end: EpisodeEnd) -> None:
@@ -145,12 +145,13 @@ def make(
     episode_end
         A derivative that would pass through a step in which an episode ends raises an error: a
         ``ParameterError``, or within ``jit``, ``vmap`` and ``scan`` the error of JAX that quotes
-        it. With ``"constant"``, state, observations and reward after such a step count as constant.
+        it. With ``"constant"``, state, observations and reward after such a step are treated as
+        constant.
 
     Raises
     ------
     ParameterError
-        As there, and if machine, hand or sensors are such that a step has no derivative here.
+        As there, and if a step has no derivative with this machine, hand or sensors.
     """
     keywords = {"sensors": "encoders", **keywords}
     env = DifferentiableEnv.from_id(env_id, keywords, episode_end=episode_end)

@@ -85,7 +85,7 @@ def first_order(function: Stage) -> Stage:
 
     def refuse(*_: Any) -> Any:
         raise ParameterError(
-            "derivatives must be first ones in reverse mode (jax.grad, jax.vjp, jax.jacrev)"
+            "derivatives must be of first order, in reverse mode (jax.grad, jax.vjp, jax.jacrev)"
         )
 
     once.defjvp(refuse)
@@ -112,7 +112,7 @@ def make_rollout(
     Parameters
     ----------
     machine
-        The machine or its name, None for PTER as it is.
+        The machine or its name, None for the default PTER.
     period
         Length of a control step [s].
 
@@ -121,7 +121,7 @@ def make_rollout(
     Callable
         ``rollout(state, volts, hand_force, hand_target=(0.0, 0.0), numbers=None)`` takes a
         ``State`` or a dict of its fields, and what ``rollout`` takes; voltages out of range are
-        clipped. ``numbers`` replaces numbers of the machine by their places, such as
+        clipped. ``numbers`` replaces parameters of the machine by name, such as
         ``{"clutch.time_constant": 0.1}``. It returns a ``JaxMotion``.
 
     Raises

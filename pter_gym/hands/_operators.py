@@ -42,7 +42,7 @@ NO_HAND = Hand()
 
 
 class Operator(Checked, ABC):
-    """A kind of hand, a frozen dataclass: its impedance, added to the arm, and its own forces.
+    """A kind of hand, a frozen dataclass: its forces, and the impedance that it adds to the arm.
 
     Attributes
     ----------

@@ -135,7 +135,7 @@ def _acceleration(name: str) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class PhysiologicalTremor(TremorArm):
-    """An arm with everybody's tremor: ``tremor-physiological`` of ``LIBRARY_TREMORS``."""
+    """An arm with the tremor that everyone has: ``tremor-physiological`` of ``LIBRARY_TREMORS``."""
 
     frequency: float = _frequency("tremor-physiological")
     acceleration: float = _acceleration("tremor-physiological")

@@ -1,7 +1,7 @@
-"""What a passive haptic device can render, and how well it did.
+"""What a passive haptic device can render, and how well it did so.
 
-``force_region`` and its relatives say which forces at the handle the clutches of a machine can
-make, from geometry and torque curves alone. The other functions are scores of time series, logged
+``force_region`` and its relatives return the forces that the clutches of a machine can exert at the
+handle, from geometry and torque curves alone. The other functions are scores of time series, logged
 or simulated.
 """
 

@@ -1,11 +1,11 @@
-"""The forces that the clutches can make at the handle, in closed form.
+"""The forces that the clutches can exert at the handle, in closed form.
 
-Clutches only resist, so which forces a passive device can display depends on how it moves.
+Clutches only resist, so the forces that a passive device can display depend on its motion.
 
 With torques τ of the clutches, the force on the hand is F = J⁻ᵀ·Wᵀτ, and the clutches slip at
 W·J⁻¹·v, where v is the velocity of the tip: one matrix and its transpose. Each torque is within an
 interval, so the forces fill a zonotope, a sum of segments. Friction of the axes, inertia and the
-lag of the clutches are left out.
+lag of the clutches are neglected.
 """
 
 from typing import Any, NamedTuple
@@ -56,9 +56,9 @@ def force_per_torque(machine: Machine, theta: ArrayLike) -> Array:
 def torque_limits(machine: Machine, slip: ArrayLike) -> tuple[Array, Array]:
     """Return the least and largest steady torques [N·m] over all voltages, (…, SLOTS) each.
 
-    A clutch that slips makes at least its torque of 0 V and at most that of the largest voltage, at
-    the present speed, against the slip. One that sticks makes any torque up to the one that it can
-    hold, in either direction.
+    A slipping clutch exerts at least its torque at 0 V and at most that at the largest voltage, at
+    the present speed, against the slip. A sticking one exerts any torque up to the largest that it
+    can hold, in either direction.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def force_range(machine: Machine, theta: ArrayLike, tip_velocity: ArrayLike) -> 
     """Return the largest force against the velocity of the tip and the largest ones normal to it.
 
     Each is the largest component, whatever the other one is. Arguments are those of
-    ``force_region``; the tip moves.
+    ``force_region``; the tip must move.
     """
     velocity = np.asarray(tip_velocity, np.float64)
     x, y = np.moveaxis(velocity / np.linalg.norm(velocity, axis=-1, keepdims=True), -1, 0)
@@ -158,8 +158,8 @@ def force_extremes(
 ) -> ForceExtremes:
     """Return the extremes of ``force_range`` over directions of motion.
 
-    Directions are equally spaced, and those in which a clutch sticks. The smallest steering force
-    is the one to the side that has less, in the worst direction.
+    The directions are equally spaced, plus those in which a clutch sticks. The smallest steering
+    force is the one to the weaker side, in the worst direction.
 
     Parameters
     ----------

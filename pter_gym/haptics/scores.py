@@ -70,7 +70,7 @@ def total(values: ArrayLike) -> Array:
 def apparent_stiffness(force: ArrayLike, penetration: ArrayLike) -> float:
     """Return the stiffness [N/m] that a wall seems to have: force over depth, by least squares.
 
-    Its damping and friction count, so it is the wall's own stiffness only for slow pushes into a
+    Damping and friction contribute, so it is the wall's own stiffness only for slow pushes into a
     wall without friction.
 
     Parameters
@@ -104,8 +104,8 @@ def z_width(stiffness: float, free_impedance: float, frequency: float) -> float:
 
     Colgate and Brown, Factors affecting the Z-width of a haptic display (IEEE ICRA 1994); Hayward
     and Astley, Performance measures for haptic interfaces (Robotics Research: The Seventh
-    International Symposium, 1996). A width holds for its frequency alone: a wall's impedance falls
-    with it, and a mass's rises.
+    International Symposium, 1996). A Z-width holds for one frequency: a wall's impedance falls with
+    the frequency, and a mass's rises.
 
     Parameters
     ----------

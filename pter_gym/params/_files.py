@@ -1,7 +1,7 @@
 """Machines as TOML files: the plain data of their dataclasses, with units and sources as comments.
 
 ``save_machine`` and ``pter identify`` write them; ``find_machine`` and ``--machine`` read them. A
-file may also say how uncertain its numbers are: ``find_machines`` reads that too.
+file may also state the uncertainty of its numbers, which ``find_machines`` reads too.
 """
 
 import json
@@ -37,9 +37,9 @@ def _codec() -> "Codec":
 
 
 def find_machine(machine: Machine | FilePath | None) -> Machine:
-    """Return a machine given as itself, by its name or by its file; ``BASELINE`` for None.
+    """Return a machine, given as an object, a name or a file; ``BASELINE`` for None.
 
-    A name is one of ``MACHINES``, or of ``ACTUATORS`` for PTER with four of these in place of its
+    A name is one of ``MACHINES``, or of ``ACTUATORS`` for PTER with four of these instead of its
     clutches.
 
     Raises
@@ -70,9 +70,9 @@ def find_machine(machine: Machine | FilePath | None) -> Machine:
 
 
 def find_machines(machine: Machine | FilePath) -> Machine | MachineSpread:
-    """Return the machines that a file describes, or the machine if it says nothing of others.
+    """Return the distribution of machines that a file describes, or its only machine.
 
-    Takes and raises what ``find_machine`` does.
+    Arguments and errors are those of ``find_machine``.
     """
     middle = find_machine(machine)
     if not is_machine_file(source := builtin(machine)):
@@ -129,12 +129,12 @@ def save_machine(
     origins: Mapping[str, str] | None = None,
     title: str = "",
 ) -> None:
-    """Write a machine to a file, which commands and ``find_machine`` accept in place of its name.
+    """Write a machine to a file, which commands and ``find_machine`` accept instead of a name.
 
     Parameters
     ----------
     machine
-        What to write; of machines about one, the one and how far others are from it.
+        The machine, or a ``MachineSpread``, of which the covariance is written too.
     path
         The file, whose name ends in ``.toml``.
     origin

@@ -30,7 +30,7 @@ class Arm(Checked):
 
     Angles are absolute; M12 = coupling·cos(θA − θB). We found no source for link lengths and
     inertias. Each axis may have dry and viscous friction against the base, which the paper's
-    equations leave out.
+    equations omit.
     """
 
     length_a: float = parameter("m", _LENGTH, above=0.0, default=0.5645)
@@ -98,11 +98,11 @@ class Clutch(Checked):
 
     While it slips at ω it exerts ``T_k + (T_s − T_k)·ω_s²/(ω_s² + ω²) + viscous·|ω|``, a case of
     the paper's g(ω, v) (Eq. 2). With ``stribeck`` ω_s = 0 and without ``viscous``, as for PTER,
-    that is T_k at any speed. A torque that falls does so with ``fall_ratio`` times the time
-    constant of one that rises. A clutch that has taken up the heat H keeps 1/(1 + fade·H) of its
-    torque, and H decays with the time constant ``cooling``.
+    that is T_k at any speed. A falling torque has ``fall_ratio`` times the time constant of a
+    rising one. A clutch that has absorbed the heat H keeps 1/(1 + fade·H) of its torque, and H
+    decays with the time constant ``cooling``.
 
-    Within the stick band it holds up to T_s. Where T_k exceeds T_s, Eq. 2 as printed lets it creep
+    Within the stick band it holds up to T_s. If T_k exceeds T_s, Eq. 2 as printed lets it creep
     at the edge of the band, δω, under a load between the two (``band`` "printed", without
     ``stribeck``, which has no such edge); as the band vanishes, that load holds it ("vanishing").
     """
@@ -156,13 +156,13 @@ class Clutch(Checked):
 class Hand(Checked):
     """Mass, damper and spring that the hand adds at the tip, in addition to its force.
 
-    The paper's tests have none of them.
+    In the paper's tests all three are zero.
 
     The mass is added to the arm's exactly; the damping is integrated implicitly, the spring
     explicitly. Damping and stiffness may depend on the direction: with an anisotropy (e, f), the
     matrix in the world frame is the number times [[1 + e, f], [f, 1 − e]], and √(e² + f²) ≤ 1. The
-    mass is isotropic, since only then does the mass matrix remain a function of θA − θB alone; the
-    limits of the integrator and its speed rest on that.
+    mass is isotropic, since only then does the mass matrix depend on θA − θB alone, on which the
+    limits of the integrator and its speed rely.
     """
 
     mass: float = parameter("kg", _NO_HAND, at_least=0.0, default=0.0)
@@ -188,7 +188,7 @@ class Machine(Checked):
     """A PTER: arm, clutches, friction model, and the hand that holds the tip.
 
     A machine with fewer than the paper's four clutches has empty slots, whose voltages have no
-    effect. A delay replaces that of a task's sensors, rounded to control steps.
+    effect. A delay, rounded to control steps, replaces that of a task's sensors.
     """
 
     arm: Arm = parameter("1", "see Arm", default=Arm())

@@ -1,4 +1,4 @@
-"""The machines that have names: the paper's three, and arrangements that were never built."""
+"""The machines with names: the paper's three, and arrangements that were never built."""
 
 from dataclasses import replace
 

@@ -18,8 +18,9 @@ MACHINE_TRIES = 1000
 class MachineSpread(Checked):
     """Machines whose numbers are normally distributed about those of one.
 
-    ``pter identify`` writes one into its machine file, for what the log leaves open. A number below
-    the least that its field accepts becomes the least, and what is no machine is drawn again.
+    ``pter identify`` writes one into its machine file, for the numbers that the log leaves
+    uncertain. A number below the minimum of its field becomes the minimum, and an invalid machine
+    is drawn again.
 
     Attributes
     ----------

@@ -91,7 +91,7 @@ class Arcs:
 
     @cached_property
     def extremes(self) -> Array:
-        """Points of the chain [m], (3 S + 1, 2), with the ones nearest and farthest to 0.
+        """Points of the chain [m], (3 S + 1, 2), including those nearest to and farthest from 0.
 
         They are the joints, and the points of each arc on the line through its centre and the
         origin.

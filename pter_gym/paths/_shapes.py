@@ -146,9 +146,10 @@ class Sine(_Directed):
 class Spline(Path):
     """A natural cubic spline through waypoints (x, y) [m], parametrised by chord length.
 
-    With ``smooth`` it may pass by the waypoints, by up to that many metres (root mean square) in x
-    and in y, the noise of a recorded path. Of the natural smoothing splines within that distance it
-    is the one with the widest sharpest bend: at a larger distance, narrow hairpins get sharper.
+    With ``smooth`` it may deviate from the waypoints by up to that many metres (root mean square)
+    in x and in y, to remove the noise of a recorded path. Of the natural smoothing splines within
+    that distance it is the one whose sharpest bend is widest, as narrow hairpins get sharper at
+    larger distances.
     """
 
     points: Points = parameter("m", "chosen")
@@ -321,15 +322,15 @@ def fault_in(points: Sequence[Any], label: Callable[[int], str]) -> str | None:
 def read_path(file: FilePath, *, smooth: float = 0.0) -> Spline:
     """Return the spline through the points of a CSV file with the columns ``x`` and ``y`` [m].
 
-    Files as people have them are read: names such as ``x_m`` or none, behind ``#`` or not, columns
-    separated by commas or semicolons, decimal commas after semicolons, and further columns.
+    Files may have names such as ``x_m`` or none, in a comment or not, columns separated by commas
+    or semicolons, decimal commas with semicolons, and further columns.
 
     Parameters
     ----------
     file
         The file.
     smooth
-        Distance from the points that the path may have, see ``Spline``.
+        Distance by which the path may deviate from the points [m], see ``Spline``.
 
     Raises
     ------
@@ -357,9 +358,9 @@ PATHS: Mapping[str, Path] = MappingProxyType(
 
 
 def find_path(path: Path | FilePath) -> Path:
-    """Return a path given as itself, by its name in ``PATHS``, or as a file for ``read_path``.
+    """Return a path, given as an object, a name in ``PATHS``, or a file for ``read_path``.
 
-    If there is none, it raises a ParameterError that lists the names.
+    If there is none, raise a ParameterError that lists the names.
     """
     shape = builtin(path)
     if isinstance(shape, Path):

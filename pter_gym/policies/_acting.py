@@ -101,7 +101,7 @@ class ActingPolicy:
         (skip,) = attributes(env, "frame_skip")
         if attributes(env, "base") != {None}:
             raise ParameterError(
-                "env must have no base for a policy, whose voltages are no corrections: "
+                "env must have no base, since a policy returns voltages and not corrections: "
                 "make it without base"
             )
         self._single = isinstance(env, gymnasium.Env)

@@ -82,7 +82,7 @@ def read_policy(name: FilePath) -> "TrainedController":
     Raises
     ------
     ParameterError
-        If a policy cannot have this name, or there is none by it; the message suggests the nearest.
+        If a policy cannot have this name, or none has it; the message suggests the nearest.
     DataError
         If the file is too large or malformed.
     """
@@ -157,7 +157,7 @@ def check_name(name: object) -> None:
     """Raise a ParameterError unless a policy may have this name, which is never a path."""
     if not isinstance(name, str) or len(name) > MAX_NAME_LENGTH or not NAME.fullmatch(name):
         raise ParameterError(
-            "policies must have names of small letters, digits and single hyphens, "
+            "policies must have names of lower-case letters, digits and single hyphens, "
             f"at most {MAX_NAME_LENGTH} of them, "
             f"got {name!r:.200}"
         )

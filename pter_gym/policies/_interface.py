@@ -56,11 +56,11 @@ class Input:
     scale: float = 1.0
 
     def scaled(self, value: float) -> float:
-        """Return what a network sees of a value in the input's unit."""
+        """Return the network's input for a value in the input's unit."""
         return min(max((value - self.center) / self.scale, -INPUT_LIMIT), INPUT_LIMIT)
 
     def on(self, machine: Machine, interface: "Interface") -> "Input | None":
-        """Return the input on another machine than the training's; None of a missing clutch."""
+        """Return the input on another machine than the training's; None for a missing clutch."""
         kind, _, number = self.name.rpartition("_")
         clutches = [str(1 + k) for k in range(len(interface.clutches))]
         if kind not in ("volts", "base", "torque") or number not in clutches:
@@ -81,7 +81,7 @@ class Input:
 
 @dataclass(frozen=True)
 class Interval:
-    """What a trait of the training's machines was between.
+    """The range of a trait of the machines in training.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ class Interface:
     control_period
         Control period of its training [s].
     trained
-        The machines of its training, if they differed.
+        Ranges of the machines in training, if they differed.
     """
 
     inputs: tuple[Input, ...]
@@ -182,7 +182,7 @@ class Interface:
         return isinstance(self.base, Scaled)
 
     def beyond_training(self, machine: Machine) -> list[str]:
-        """Return what is outside of a machine's training, in words."""
+        """Return in words which traits of a machine are outside the training's ranges."""
         traits, entries = traits_of(machine), layout_of(Traits).fields
         known = {each.name: (value, each) for each, value in zip(entries, traits, strict=True)}
         beyond: list[str] = []

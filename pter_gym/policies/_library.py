@@ -45,9 +45,9 @@ def from_sb3(
         Number of control steps for which each action is held; by default, that of the environment.
     env
         The environment in which the model was trained, or one like it; by default, the one attached
-        to the model, otherwise that of ``vec_normalize``. It says what observations and actions
-        mean, which law a model corrects that was trained with ``base``, and which earlier
-        observations it sees that was trained with ``history``.
+        to the model, otherwise that of ``vec_normalize``. It determines what observations and
+        actions mean, which law a model with ``base`` corrects, and which earlier observations a
+        model with ``history`` sees.
 
     Raises
     ------

@@ -125,11 +125,11 @@ class TrainedController:
         return replace(policy, made=partial(self.bind, machine, layout))
 
     def for_machine(self, machine: Machine) -> "TrainedController":
-        """Return the policy with one machine's numbers in it; itself, if they are its own.
+        """Return the policy specialised for one machine; itself, if it is made for this one.
 
-        Voltages are fractions of the largest. What a policy for any machine sees of a clutch that
-        the machine lacks is constant and becomes part of the first biases. A warning names what is
-        outside of the training.
+        Voltages are fractions of the largest. What a policy for any machine observes of a clutch
+        that the machine lacks is constant and becomes part of the first biases. A warning names
+        traits outside the training's ranges.
 
         Raises
         ------

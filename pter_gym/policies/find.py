@@ -1,4 +1,4 @@
-"""What a policy's name means: ``kind_of`` says it, and ``find_policy`` returns the policy.
+"""What a policy's name means: ``kind_of`` classifies it, and ``find_policy`` returns the policy.
 
 A new kind of name is an entry of ``Kind`` and ``NAMES``, and a line in each of these functions.
 Nothing that compiles is loaded before ``find_policy``.

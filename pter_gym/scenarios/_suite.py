@@ -46,11 +46,11 @@ class Scenario:
         Number from which the seed of its test episodes is derived; by default, the seed is
         derived from name and version.
     own
-        Its draws; by default those of the suite's scenario of this name.
+        Its own draws; by default those of the suite's scenario of this name.
     gains
         The scenario whose gains control laws have, by default this one.
     residual
-        Mean return of the trained policy ``residual``, deciding at each control step, in 256
+        Mean return of the trained policy ``residual``, acting at each control step, in 256
         training episodes as the id draws them; its standard error is below 2.
     """
 
@@ -88,12 +88,13 @@ class Scenario:
         Raises
         ------
         ParameterError
-            If they hold an object that has no repr of its own, so no other process can tell it.
+            If they hold an object without a repr of its own, by which other processes could
+            identify it.
         """
         draws = repr(self.own)
         if unknown := re.search(r"<?(\S+)(?: object)? at 0x", draws):
             raise ParameterError(
-                f"scenario must be told by its repr: make {unknown[1]} a frozen dataclass"
+                f"scenario must be identified by its repr: make {unknown[1]} a frozen dataclass"
             )
         return hashlib.sha256(draws.encode()).hexdigest()[:16] if self.own else ""
 
@@ -106,8 +107,8 @@ class Scenario:
     def reward_threshold(self) -> float | None:
         """Mean return of training episodes from which the id counts as solved.
 
-        Nine tenths of what ``residual`` earns, and more than any control law does. Episodes begin
-        anywhere along the path, so few pay the 100 of a whole one.
+        90 % of what ``residual`` earns, and more than any control law does. Episodes begin anywhere
+        along the path, so few can earn the 100 of a whole one.
         """
         return None if self.residual is None else round(0.9 * self.residual, 1)
 
@@ -124,17 +125,18 @@ def find_scenario(
     Parameters
     ----------
     scenario
-        Its name, or itself. Or draws, or a task whose episodes differ in the phases of its hand's
-        sines: scenarios of 200 episodes.
+        A scenario or its name. Draws, or a task, whose episodes differ in the phases of its hand's
+        sines, become a scenario of 200 episodes.
     machine
-        A machine for all its episodes, in place of those that it draws: the machine, its name in
-        ``pter_gym.params.MACHINES``, or its file. Or machines about one, as ``find_machines``
-        returns them. Paths and hands are drawn as usual.
+        A machine for all its episodes, instead of drawn ones: the machine, its name in
+        ``pter_gym.params.MACHINES``, or its file. Or a ``MachineSpread``, as ``find_machines``
+        returns it. Paths and hands are drawn as usual.
     path
         A path for all its episodes: the path, its name in ``pter_gym.paths.PATHS``, or a CSV file
         of waypoints. The workspace about it is at most as wide as its bends allow.
     smooth
-        How far a path from a file may pass by its waypoints [m], see ``pter_gym.paths.Spline``.
+        How far a path from a file may deviate from its waypoints [m], see
+        ``pter_gym.paths.Spline``.
     hand
         A hand for all its episodes, or its name as ``pter_gym.hands.find_hand`` takes it.
 

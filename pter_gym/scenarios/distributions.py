@@ -212,7 +212,7 @@ class Vary(Generic[Drawn]):
 
 
 def middle(value: object, usual: object) -> object:
-    """Return a value, or its ``middle``; of what draws several values without one the usual."""
+    """Return a value or the ``middle`` of a distribution; by default the usual value."""
     if hasattr(value, "middle"):
         return cast("Vary[DataclassInstance]", value).middle
     first, *others = extremes(value)
@@ -228,7 +228,7 @@ class Draws(Checked):
     machine, task
         Distributions or fixed values.
     instead
-        A machine in place of drawn ones, machines about one, or a distribution of machines;
+        A machine, a ``MachineSpread`` or a distribution of machines that replaces ``machine``;
         everything else is drawn as before.
     also
         Further draws to mix in.
@@ -259,11 +259,11 @@ class Draws(Checked):
 
     @property
     def middle(self) -> Machine:
-        """The machine that laws know in all episodes: the one of all, or about which others vary.
+        """The machine that laws know in all episodes: the only one, or the middle of several.
 
-        Of a ``MachineSpread`` that is its machine, of a ``Vary`` its template, of a ``OneOf`` that
-        of the first option, of mixed draws that of the first part. A distribution of one's own says
-        it by an attribute ``middle``.
+        For a ``MachineSpread`` that is its machine, for a ``Vary`` its template, for a ``OneOf``
+        that of the first option, for mixed draws that of the first part. Your own distributions
+        define it by an attribute ``middle``.
 
         Raises
         ------
@@ -347,7 +347,7 @@ class Draws(Checked):
         return [pair for one in components for pair in _pairs(one, share * one.weight, seed)]
 
     def draw(self, rng: np.random.Generator) -> Pair:
-        """Return a matching pair; a path that does not fit the workspace is drawn again."""
+        """Return a matching pair; paths that do not fit the workspace are drawn again."""
         one = self._component(rng)
         for attempt in range(TRIES):
             machine, task = one._parts(rng)
@@ -361,10 +361,10 @@ class Draws(Checked):
         raise AssertionError
 
     def draw_once(self, rng: np.random.Generator) -> Pair | None:
-        """Return a pair, None if what is drawn first does not match.
+        """Return a pair, or None if the first draw does not match.
 
-        The distributions here ask ``rng`` for ``uniform`` and ``integers``, a ``MachineSpread`` for
-        ``standard_normal``.
+        The distributions here call ``uniform`` and ``integers`` of ``rng``, a ``MachineSpread``
+        calls ``standard_normal``.
         """
         machine, task = self._component(rng)._parts(rng)
         try:

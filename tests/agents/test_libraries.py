@@ -56,10 +56,10 @@ def test_the_study_shows_each_seed_and_trains_none_twice(
 ) -> None:
     study = load_script(FOLDER.parent / "stock" / "study.py").study
     out, picture = tmp_path / "curves.csv", tmp_path / "curves.png"
-    study(("A2C",), (1,), decisions=2048, assessments=2, out=out)
+    study(("A2C",), (1,), steps=2048, assessments=2, out=out)
     first = out.read_text("utf-8")
     assert len(first.splitlines()) == 1 + 3 + 1  # before, after half and all of it, and the test
-    study(("A2C",), (1, 2), decisions=2048, assessments=2, out=out, picture=picture)
+    study(("A2C",), (1, 2), steps=2048, assessments=2, out=out, picture=picture)
     assert out.read_text("utf-8").startswith(first)
     assert "| A2C | 0 of 2 |" in capsys.readouterr().out
     assert picture.stat().st_size > 10_000

@@ -97,7 +97,7 @@ def test_numpys_numbers_are_numbers_at_every_door(door: Any, arguments: dict[str
 @pytest.mark.parametrize("door", DOORS.values(), ids=DOORS)
 def test_an_unknown_argument_is_told_with_the_nearest_at_every_door(door: Any) -> None:
     for name, meant in (("sensor", "sensors"), ("hands", "hand"), ("frameskip", "frame_skip")):
-        with pytest.raises(ParameterError, match=f"{name} is no .* did you mean '{meant}'"):
+        with pytest.raises(ParameterError, match=f"{name} is not .* did you mean '{meant}'"):
             door(ID, **{name: 1})
 
 

@@ -110,7 +110,7 @@ def pace_cost(ratio: float) -> float:
 class RewardWeights(Checked):
     """Weights of the reward terms of ``reward_terms``, each ≥ 0.
 
-    A stored task that lacks one has its default.
+    Weights that a stored task lacks have their defaults.
     """
 
     tracking: float = parameter(

@@ -69,7 +69,7 @@ TELEMETRY = Layout(tuple(replace(field, scale=1.0) for field in layout_of(Teleme
 
 
 class Reason(StrEnum):
-    """What has terminated an episode."""
+    """Why an episode was terminated."""
 
     ARRIVED = "arrived"
     MISSED = "the end of the path was missed"

@@ -116,8 +116,8 @@ def source_of(
     Parameters
     ----------
     policy, name
-        A control law or a trained policy, as ``pter_gym.benchmark.find_policy`` finds it, and what
-        the files call it.
+        A control law or a trained policy, as ``pter_gym.benchmark.find_policy`` returns it, and its
+        name in the files.
     machine
         The nominal machine, which the law knows; by default the paper's.
     path
@@ -126,12 +126,12 @@ def source_of(
         Types of the arithmetic and of the stored weights.
     prefix
         Begins the names of files, functions, types and, in capitals, macros: two policies in one
-        program have different ones.
+        program need different prefixes.
 
     Raises
     ------
     ParameterError
-        If the policy is no compiled law or cannot be translated, or another argument is not as
+        If the policy is not a compiled law or cannot be translated, or another argument is not as
         stated.
     """
     check_choice("numbers", numbers, Precision)

@@ -198,11 +198,11 @@ def find_unit(
     Parameters
     ----------
     policy, name
-        What sets the voltages, which otherwise are inputs, and what the unit is called.
+        Policy that sets the voltages, which otherwise are inputs, and the unit's name.
     scenario, pace, machine, path
         Which test episodes; a machine and a path replace those of the scenario.
     hand
-        A hand in place of the episodes', by its name; ``"open"`` makes its force an input.
+        Name of a hand that replaces the episodes'; ``"open"`` makes its force an input.
     controller
         Whether to return the policy alone.
     version
@@ -244,7 +244,7 @@ def arm_unit(
     episodes
         Test episodes, of which the unit has the first ``MAX_EPISODES``.
     policy, name
-        What sets the voltages, which are inputs by default, and what the unit is called.
+        Policy that sets the voltages, which are inputs by default, and the unit's name.
     open_hand
         Whether the force on the tip is an input instead of the hand's.
     version

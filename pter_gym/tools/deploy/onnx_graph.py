@@ -55,7 +55,7 @@ def write_onnx(
     Parameters
     ----------
     policy, name
-        A trained policy and what the model is called.
+        A trained policy, and the model's name.
     file
         Ends in ``.onnx``.
     machine

@@ -213,7 +213,7 @@ class Module:
     def __init__(self, data: bytes) -> None:
         source = Bytes(data)
         if source.take(8) != b"\0asm\1\0\0\0":
-            raise DataError("this is no WebAssembly module")
+            raise DataError("this is not a WebAssembly module")
         self.types: list[Kind] = []
         self.kinds: list[int] = []
         self.globals: list[tuple[bool, int]] = []

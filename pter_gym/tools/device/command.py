@@ -43,7 +43,7 @@ def device(
     Args:
         machine: Name of a machine or of a clutch, or a file, which may hold just a table [clutch]
             with the four numbers below, torque and at also as lists.
-        torque: Torque of a clutch [N·m] at the voltage --at, in place of PTER's.
+        torque: Torque of a clutch [N·m] at the voltage --at, instead of PTER's.
         at: Its largest voltage [V], or current [A].
         off: Its torque without voltage [N·m].
         lag: Time constant of its torque [s].
@@ -92,7 +92,7 @@ def device(
     for board in report.boards:
         say(f"{board.scenario}, path errors: {errors(board)}")
         gains = gains_in_words(report.gains[board.scenario])
-        say(f"  {SCENARIOS[board.scenario]}-tuned has {gains}")
+        say(f"  gains of {SCENARIOS[board.scenario]}-tuned: {gains}")
         for each in board.standings:
             if each.worst:
                 say(each.worst.sentence(each.policy))

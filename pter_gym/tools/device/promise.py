@@ -53,9 +53,10 @@ class Promise:
     def sentence(self) -> str:
         """The promise in words."""
         return (
-            f"Of the machines that fit your log, {100 * SHARE:.0f} % give {self.policy} at most "
-            f"{1e3 * self.error_m:.1f} mm on {self.scenario} (with {100 * CONFIDENCE:.0f} % "
-            f"confidence, from {self.draws} draws); it ranks on {100 * self.ranked:.0f} %."
+            f"On {100 * SHARE:.0f} % of the machines that fit your log, {self.policy} has an error "
+            f"of at most {1e3 * self.error_m:.1f} mm on {self.scenario} (with "
+            f"{100 * CONFIDENCE:.0f} % confidence, from {self.draws} samples); it is ranked on "
+            f"{100 * self.ranked:.0f} %."
         )
 
 

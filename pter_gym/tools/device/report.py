@@ -48,7 +48,7 @@ SEED = 1
 
 @dataclass(frozen=True)
 class DeviceReport:
-    """What an examination has found.
+    """Results of an examination.
 
     Attributes
     ----------
@@ -62,8 +62,8 @@ class DeviceReport:
         A leaderboard for each scenario: the tuned law, the policy without voltage, a policy trained
         for the device if there is one, and on ``standard`` the one for any device.
     promises
-        Of the machines that fit a log, if the device is known from one: for each policy, what may
-        be promised on ``standard``.
+        If the device is known from a log: for each policy, the error on ``standard`` promised for
+        the machines that fit the log.
     """
 
     device: str
@@ -92,7 +92,7 @@ class DeviceReport:
             return f"Yes: it keeps the pace on {', '.join(ranked)}; {forces}."
         if own <= 0.0:
             return f"No: {forces}."
-        more = f" With about {usual / own:.2g} times the torque it would." if own < usual else ""
+        more = f" It would need about {usual / own:.2g} times the torque." if own < usual else ""
         return f"No: {forces}.{more}"
 
     def as_json(self) -> dict[str, Any]:
@@ -127,7 +127,7 @@ def examine_device(
     Parameters
     ----------
     machine
-        The machine, its name, or its file; or machines about one, of which something is promised.
+        The machine, its name, or its file; or a ``MachineSpread``, for which errors are promised.
     out
         The folder, created if necessary.
     name

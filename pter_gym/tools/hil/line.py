@@ -83,7 +83,7 @@ class SerialLine:
         rest = framed(payload)
         while rest:
             if not select.select([], [self._end], [], PATIENCE)[1]:
-                raise PartnerError(f"the line has taken no bytes for {PATIENCE:g} s")
+                raise PartnerError(f"the line has accepted no bytes for {PATIENCE:g} s")
             try:
                 rest = rest[os.write(self._end, rest) :]
             except OSError as error:

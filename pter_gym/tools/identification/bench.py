@@ -43,7 +43,7 @@ LAGS, DELAYS, KNEES = (0.005, 0.015, 0.05, 0.15, 0.4), (0.0, 0.01, 0.03, 0.1), (
 voltage."""
 
 UNSEEN = 1.0
-"""Half of the 95 % interval over the scale from which the log does not tell a number."""
+"""Half of the 95 % interval over the scale from which the log does not determine a number."""
 
 STRAIGHT = "torque is straight where the clutch slipped"
 
@@ -174,7 +174,7 @@ def _against(recording: Recording, torque: Array, omega: Array) -> tuple[Array, 
         against = -against
     if -against.clip(max=0.0).sum() > ASTRAY * np.abs(against).sum():
         raise ParameterError(
-            f"{recording.file}: torque must oppose omega both ways: are both signed?"
+            f"{recording.file}: torque must oppose omega in both directions: are both signed?"
         )
     return against, []
 
@@ -182,7 +182,7 @@ def _against(recording: Recording, torque: Array, omega: Array) -> tuple[Array, 
 def identify_clutch(bench: Bench, start: Clutch) -> BenchResult:
     """Identify the torque of a clutch, its rise and fall, and the dead times before them.
 
-    What the log does not tell keeps the value of ``start``; a dead time, 0; the torque, a line.
+    What the log does not determine keeps the value of ``start``, a dead time 0, the torque a line.
 
     Raises
     ------
@@ -247,7 +247,7 @@ class _BenchFit:
 
     @property
     def own(self) -> dict[str, float]:
-        """What a coordinate is where the log does not tell it."""
+        """What a coordinate is where the log does not determine it."""
         same = ("stribeck", "viscous", "time_constant", "fall_ratio")
         return {name: getattr(self.start, name) for name in same} | {
             "slope": self.start.dynamic.slope,
@@ -306,7 +306,7 @@ class _BenchFit:
             return False
         tied = self._tied[worst]
         together = f"; only together with {', '.join(tied)}" if tied else ""
-        self.kept[worst] = f"the log does not tell it{together}"
+        self.kept[worst] = f"the log does not determine it{together}"
         if worst not in ("bend", "knee"):
             self.unsure |= set(tied)
         values[worst] = self.own[worst]

@@ -94,7 +94,7 @@ def show_bench(bench: "Bench", log: str, start: "Machine", out: Path) -> None:
         say(sentence)
     show_findings(found.findings)
     file, drive = out / "clutch.toml", "\nVolts are amperes here." if bench.drive == "A" else ""
-    title = f"Written by pter identify --clutch: four clutches as the one on the bench.{drive}"
+    title = f"Written by pter identify --clutch: four clutches like the one on the bench.{drive}"
     machine = found.machine(start)
     late = too_late(machine)
     for sentence in late:
@@ -150,10 +150,10 @@ def too_late(machine: "Machine") -> tuple[str, ...]:
     except ParameterError:
         most = MAX_DELAY * PathFollowing.control_period
         sentence = (
-            f"Scenarios take a delay of at most {1e3 * most:g} ms, and refuse this machine's "
+            f"Scenarios accept a delay of at most {1e3 * most:g} ms, and refuse this machine's "
             f"{1e3 * machine.delay:.3g} ms. With delay = {most:g} in the file, pter device and "
             "others run, but their scores are better than the machine's; a task of your own with "
-            f"control_period={machine.delay / MAX_DELAY:.2g} or more takes the whole delay."
+            f"control_period={machine.delay / MAX_DELAY:.2g} or more simulates the whole delay."
         )
         return (sentence,)
     return ()

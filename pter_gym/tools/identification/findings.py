@@ -24,7 +24,7 @@ class Finding:
         Value of the start.
     status
         ``identified``: within ±5 % of its scale, by a model that describes the log. ``uncertain``:
-        used, but less sure. ``kept``: the log does not show it, so it is that of the start.
+        used, but less certain. ``kept``: the log does not determine it, so it is that of the start.
     reason
         Why it is kept.
     """
@@ -45,7 +45,7 @@ class Finding:
     def origin(self) -> str:
         """Where the number comes from, in words."""
         if self.status == "kept":
-            return f"not shown by it and kept: {self.reason}"
+            return f"not determined by it and kept: {self.reason}"
         unsure = "uncertain, " if self.status == "uncertain" else ""
         return f"{unsure}95 % interval {self.low:.4g} to {self.high:.4g}"
 

@@ -65,15 +65,15 @@ ASSUMED = "chosen: stated to pter identify, or that of its start"
 
 @dataclass(frozen=True, kw_only=True)
 class Identification:
-    """What a log tells of a machine.
+    """A machine identified from a log.
 
     Attributes
     ----------
     log, start
         What was given.
     machine
-        The start with what was identified, and the delay from a recorded voltage to the motion that
-        it makes.
+        The start with the identified numbers, and the delay from a recorded voltage to the motion
+        that it causes.
     machines
         The machine and those that fit the log as well; the machine alone if the model does not
         describe the log.
@@ -98,16 +98,16 @@ class Identification:
 
     @property
     def assumptions(self) -> tuple[str, ...]:
-        """What no log of this kind shows, as sentences."""
+        """What no log of this kind can show, as sentences."""
         clutch, (a, b) = self.start.clutch, self.fit.shape.offsets(self.fit.p)
         late = 1e3 * self.fit.p[AT["force_delay"]]
         return (
             "The force sensor's gain is exact: all inertias and torques are proportional to it.",
             f"Links are {self.start.arm.length_a:g} m and {self.start.arm.length_b:g} m long.",
-            f"Clutches drag with {clutch.viscous:g} N·m·s: more is viscous friction of the axes.",
+            f"Clutches drag with {clutch.viscous:g} N·m·s; more is viscous friction of the axes.",
             f"Constant torques on the axes, {a:.3g} and {b:.3g} N·m, are not in the file.",
             f"The delay of the recorded forces, {late:.2g} ms, is not in the file either.",
-            f"Clutches lose {100.0 * clutch.fade:g} % of their torque per joule, as warm as here.",
+            f"Clutches lose {100.0 * clutch.fade:g} % of their torque per joule of heat.",
         )
 
     @property
@@ -145,8 +145,8 @@ def identify(
     Raises
     ------
     ParameterError
-        If a voltage exceeds the largest of the start or is of a clutch that it has not, or nothing
-        moves.
+        If a voltage exceeds the largest of the start or belongs to a clutch that it lacks, or
+        nothing moves.
     """
     start = find_machine(start)
     motion = _checked(log, start)

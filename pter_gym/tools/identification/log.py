@@ -73,7 +73,7 @@ class Log:
     force
         Force of the hand on the tip in the world frame [N], shape (rows, 2).
     name
-        Of the file.
+        Name of the file.
     unmeasured
         Indices of rows that lie in gaps.
     angle_step
@@ -93,7 +93,7 @@ class Log:
 
     @property
     def times(self) -> Array:
-        """Times of the rows from the first one on [s]."""
+        """Times of the rows since the first [s]."""
         return self.interval * np.arange(len(self.theta), dtype=np.float64)
 
     @property
@@ -119,8 +119,8 @@ def read_log(
     Parameters
     ----------
     path
-        A table whose first line names its columns, in any order: ``t_s`` from any beginning, in s,
-        ms, µs or ns; ``V1`` to ``V4`` [V], of which those that are missing are 0; ``theta_A`` and
+        A table whose first line names its columns, in any order: ``t_s`` with any origin, in s, ms,
+        µs or ns; ``V1`` to ``V4`` [V], 0 if missing; ``theta_A`` and
         ``theta_B`` [rad]; ``F_x`` and ``F_y`` [N]. Names may state other units. Empty entries are
         interpolated, each column by itself; an empty voltage is the last one.
     columns

@@ -152,7 +152,7 @@ def _why_unseen(fit: Fit, name: str, tests: Mapping[tuple[str, float], Amount]) 
         "offset_a": (inertias[0], "N·m"),
         "offset_b": (inertias[1], "N·m"),
     }[name]
-    return f"the log does not ask for it, and would show {scale * shown:.2g} {unit}"
+    return f"the log does not require it, and would show {scale * shown:.2g} {unit}"
 
 
 def differences(fit: Fit, log: Log, motion: Smoothed) -> list[Difference]:

@@ -190,7 +190,7 @@ def _hints(fit: Fit, log: Log, verdict: Verdict) -> Iterator[str]:
     if verdict.one_way:
         yield "Voltages only rise or fall, so heat may hide in the torque curve: repeat the first."
     if 0.0 < log.volts.max() <= 1.0:
-        yield f"No voltage is above {log.volts.max():.3g} V: are V1 to V4 volts, or shares?"
+        yield f"No voltage is above {log.volts.max():.3g} V: are V1 to V4 in volts?"
     sizes = places(n for n in ("inertia_a", "inertia_b", *SCALES) if n in fit.free)
     ratios = np.exp((fit.p - fit.shape.coordinates(fit.shape.start))[sizes])
     if sizes and (ratios.min() > OTHER_SIZE or ratios.max() < 1.0 / OTHER_SIZE):
@@ -201,7 +201,7 @@ def _hints(fit: Fit, log: Log, verdict: Verdict) -> Iterator[str]:
     if verdict.grade == NEITHER and verdict.enough:
         yield (
             "Check the signs of F_x and F_y and their frame, the order of axes and clutches, "
-            "--degrees, --relative-b, and that all columns have one clock."
+            "--degrees, --relative-b, and that all columns share one clock."
         )
     elif verdict.enough and verdict.share > MAX_REL_HALF_WIDTH:
         yield (

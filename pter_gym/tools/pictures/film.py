@@ -278,7 +278,7 @@ def write_film(
         A file that ends in ``.webp``, ``.mp4`` or ``.png``, which holds only the last frame; its
         folder must exist.
     on_progress
-        Called with the share of the frames that have been drawn.
+        Called with the fraction of the frames that have been drawn.
 
     Raises
     ------

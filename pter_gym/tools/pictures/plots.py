@@ -52,7 +52,7 @@ def draw_scenario(boards: Sequence[Leaderboard], folder: Path) -> list[Path]:
 
 @styled
 def profiles(boards: Sequence[Leaderboard]) -> Figure:
-    """Return the performance profiles of a scenario: the share of episodes within an error.
+    """Return the performance profiles of a scenario: the fraction of episodes within an error.
 
     ``boards`` are leaderboards of one scenario; each pace has its panel.
     """

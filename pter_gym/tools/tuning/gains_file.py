@@ -72,8 +72,8 @@ def check_place(
             is_same = entry.get("digest", "") == scenario.digest
             if is_here and not replace and (entry.get("command") != command or not is_same):
                 raise ParameterError(
-                    f"out must be another file, or --replace given: {str(path)!r} has gains of "
-                    f"{law} for {scenario.name} at the pace {pace}"
+                    f"out must be another file, unless --replace is given: {str(path)!r} has "
+                    f"gains of {law} for {scenario.name} at the pace {pace}"
                 )
             if not is_here and not is_same:
                 raise ParameterError(

@@ -106,7 +106,7 @@ def tune(
 
     The search begins with the shipped gains and the defaults. Gains without effect on these
     episodes are left out (``needs`` of the law) and keep their defaults. It resumes from the trials
-    in its storage, whichever process ran them. A process alone gives the same result for the same
+    in its storage, whichever process ran them. A single process gives the same result for the same
     seed, even if it stops between trials and resumes.
 
     Parameters
@@ -122,16 +122,16 @@ def tune(
     storage
         File of the trials in Optuna's journal format, created if necessary.
     seed
-        Seed of the draws and the search.
+        Seed of the episodes and the search.
     machine
-        One machine for all draws, in place of those of the scenario: a machine, its name, or
-        its file.
+        A machine for all episodes, instead of those of the scenario: a machine, its name, or its
+        file.
     path
-        One path for all draws, as in ``find_scenario``.
+        A path for all episodes, as in ``find_scenario``.
     smooth
         Noise of a path from a file that is smoothed away [m], as in ``find_scenario``.
     worst
-        Whether the largest path error of the episodes is minimised in place of the mean.
+        Whether the largest path error of the episodes is minimised instead of the mean.
     on_trial
         Called after each trial with the number of finished trials and the smallest value so far
         [m].

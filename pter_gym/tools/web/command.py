@@ -38,7 +38,7 @@ def play(
         server = make_server(port, allow_host)
     except OSError as error:
         raise ParameterError(
-            f"port must be one that is free, or 0 for any, got {port}: {error.strerror}"
+            f"port must be free, or 0 for any, got {port}: {error.strerror}"
         ) from None
     address = f"http://{HOST}:{server.server_port}/"
     with server:

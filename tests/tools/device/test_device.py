@@ -77,7 +77,7 @@ def test_a_device_that_is_too_weak_is_told_how_much_torque_it_lacks():
     board = Leaderboard("standard", "medium", 4, 0, (standing,))
     report = DeviceReport("brake", "medium", own, usual, {}, (board,))
     assert report.verdict.startswith("No: it steers with 20 N")
-    assert "With about 3 times the torque it would." in report.verdict
+    assert "It would need about 3 times the torque." in report.verdict
 
 
 @pytest.mark.slow

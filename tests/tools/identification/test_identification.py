@@ -305,7 +305,7 @@ def test_the_file_is_the_machine_and_says_where_it_comes_from(tmp_path: Path):
     for line in (
         r"length_a = .*  # m; chosen: stated to pter identify, or that of its start",
         r"inertia_a = .*  # kg·m²; identified: from simulated, ",
-        r"knee = .*  # V; chosen: from simulated, not shown by it and kept: ",
+        r"knee = .*  # V; chosen: from simulated, not determined by it and kept: ",
         r"clutch_scale = .*  # 1; identified: from simulated, ",
     ):
         assert re.search(rf"(?m)^{line}", text)

@@ -40,8 +40,8 @@ typedef struct {
     pter_real angle[2], velocity[2], torque[4], force[2];
 } pter_reading;
 
-/* The path, as rows of pter_path_arcs and how many they are, and the commanded pace [m/s]. A row is x, y [m], cosine and sine of the
-   heading, curvature [1/m], arc length before it and its own [m]. */
+/* The path, an array of arcs like pter_path_arcs and their number, and the commanded pace [m/s]. An arc is x, y [m], cosine and
+   sine of the heading, curvature [1/m], arc length before it and its own [m]. */
 typedef struct {
     const pter_real *arcs;
     int32_t count;
@@ -54,7 +54,7 @@ extern const pter_real pter_path_arcs[PTER_ARCS * 7];
 /* Begin an episode. */
 void pter_reset(pter_state *state);
 
-/* Return the count, from the one before, of a counter of so many bits, which wraps at its end. */
+/* Return the unwrapped count of a counter of so many bits, given the count before. */
 int32_t pter_count(int32_t before, uint32_t counter, int bits);
 
 /* Set angle and angular velocity of link A (0) or B (1) from its encoder: counts now and a control step ago,
@@ -68,7 +68,7 @@ void pter_observe(pter_state *state, const pter_reading *reading, const pter_pat
                   float observation[PTER_ENTRIES]);
 
 /* Write the voltages of the four clutches [V] at a control step, from 0 to PTER_VOLTAGE_MAX. If anything in the
-   observation is NaN, they are 0, nothing is remembered of it, and the next step decides anew. */
+   observation is NaN, they are 0, the memory does not change, and the next step computes new voltages. */
 void pter_act(pter_state *state, const float observation[PTER_ENTRIES], float volts[4]);
 
 #ifdef __cplusplus
