@@ -22,6 +22,7 @@ from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.paths import Circle
 from pter_gym.policies import _files, read_policy
+from pter_gym.policies._files import encode_policy
 from pter_gym.scenarios import PACES
 
 pytestmark = pytest.mark.agents
@@ -443,7 +444,60 @@ def test_the_loss_is_that_of_a_plain_loop() -> None:
         missed.append((values[k] - returns[k]) ** 2)
     samples: Any = Samples(inputs, targets, drawn, advantages, returns)
     expected = s.value_weight * np.mean(missed) - np.mean(gains)
-    assert model._loss(weights, samples, deviation) == pytest.approx(expected, rel=1e-4)
+    assert model._loss(weights, samples, deviation, 0.0) == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_a_student_first_imitates_a_teacher_whose_inputs_are_in_any_order(tmp_path: Path) -> None:
+    from pter_agents.ppo import PPO, Samples
+
+    given = arguments(1, adversary=0.0)
+    untaught = PPO(given)
+    rng = np.random.default_rng(0)
+    big = untaught.policy()
+    layers = tuple(
+        (rng.normal(0.0, 0.2, weight.shape).astype(np.float32), bias) for weight, bias in big.layers
+    )
+    big = replace(big, layers=layers)
+    (weight, bias), *others = layers
+    count = len(big.interface.inputs)
+    backwards = weight.reshape(len(weight), -1, count)[:, :, ::-1].reshape(weight.shape)
+    interface = replace(big.interface, inputs=big.interface.inputs[::-1])
+    turned = replace(big, interface=interface, layers=((backwards, bias), *others))
+    file = tmp_path / "teacher.safetensors"
+    file.write_bytes(encode_policy(turned))
+    model = PPO(arguments(20, teacher=str(file), imitation=1.0, worlds=16, minibatch=64))
+    assert model.worlds.interface == big.interface
+
+    def missed(inputs: Any) -> float:
+        values = inputs[:, : big.interface.size].T
+        for weight, bias in big.layers[:-1]:
+            values = np.tanh(weight @ values + bias[:, None])
+        weight, bias = big.layers[-1]
+        shown = np.clip(weight @ values + bias[:, None], -1.0, 1.0).T
+        return float(np.square(model.state.weights.act(inputs) - shown).mean())
+
+    def now() -> Any:
+        return np.asarray(model.worlds.inputs(model.state.carry.worlds))
+
+    inputs = rng.standard_normal((256, model.worlds.size)).astype(np.float32)
+    none = np.zeros((256, 4), np.float32)
+    samples: Any = Samples(inputs, none, none, np.zeros(256), model.state.weights.value_of(inputs))
+    loss = model._loss(model.state.weights, samples, 0.5, 1.0)
+    assert loss == pytest.approx(0.5 * 4 * missed(inputs) / 0.5**2, rel=1e-3)
+    before = missed(now())
+    for _ in range(20):
+        model.advance()
+    assert missed(now()) < 0.5 * before
+
+
+def test_a_teacher_has_the_inputs_of_its_student() -> None:
+    from pter_agents.ppo import PPO
+
+    with pytest.raises(ParameterError, match="teacher must have the inputs"):
+        PPO(arguments(1, teacher="ppo-standard"))
+    with pytest.raises(ParameterError, match="teacher must be a trained policy"):
+        PPO(arguments(1, teacher="single-dof-tuned"))
 
 
 def test_noise_lasts_until_an_episode_ends_and_advantages_are_even_over_all_parts() -> None:
