@@ -226,9 +226,9 @@ def _find_teacher(name: str, ours: Iterable[Input]) -> TrainedController:
     wanted = [each.name for each in ours]
     if {*wanted} != {*numbers}:
         raise ParameterError(f"teacher must have the inputs {wanted}, got {[*numbers]}")
-    order = np.array([numbers[each] for each in wanted])
+    order = [numbers[each] for each in wanted]
     (weight, bias), *others = teacher.layers
-    columns = np.arange(weight.shape[1]).reshape(-1, len(theirs))[:, order].ravel()
+    columns = [first + each for first in range(0, weight.shape[1], len(theirs)) for each in order]
     interface = replace(teacher.interface, inputs=tuple(theirs[each] for each in order))
     first = np.ascontiguousarray(weight[:, columns]), bias
     return replace(teacher, interface=interface, layers=(first, *others))

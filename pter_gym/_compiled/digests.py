@@ -163,7 +163,7 @@ def _instructions(code: CodeType) -> tuple[dis.Instruction, ...]:
 
 def _reads(function: FunctionType) -> Iterator[tuple[str, Any]]:
     """Yield what a function reads outside itself, by name, and its defaults."""
-    scope = ChainMap(function.__globals__, vars(builtins))
+    scope = ChainMap(function.__globals__, builtins.__dict__)
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     try:
         yield from [(name, cell.cell_contents) for name, cell in cells]
