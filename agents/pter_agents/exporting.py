@@ -87,12 +87,17 @@ def about_run(
     arguments: TrainingArguments, steps: int, scores: PaceScores, versions: Mapping[str, str]
 ) -> dict[str, Any]:
     """Return what a card says about the training."""
-    settings, usual = asdict(arguments.settings), asdict(load_settings(arguments.algorithm))
+    given = arguments.settings
+    settings, usual = asdict(given), asdict(load_settings(arguments.algorithm, None, given.teacher))
     changed = {name: value for name, value in settings.items() if value != usual[name]}
+    settings["teacher"] = Path(given.teacher).name
     options = {name: getattr(arguments, name) for name in ("scenario", "pace", "steps", "seed")}
-    options |= ({"config": "FILE"} if changed else {}) | (
-        {"machine": "FILE"} if arguments.machine else {}
-    )
+    files = {
+        "teacher": settings["teacher"],
+        "config": "FILE" if changed else "",
+        "machine": "FILE" if arguments.machine else "",
+    }
+    options |= {name: file for name, file in files.items() if file}
     words = ("pter train", arguments.algorithm, *(f"--{name} {x}" for name, x in options.items()))
     scenario = SCENARIOS.get(arguments.scenario)
     return {
