@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from pter_gym.scenarios.distributions import Distribution, Draws
     from pter_gym.tasks.path_following import Failure
 
-    Failures = Distribution[tuple[Failure, ...]] | Sequence[Failure | Distribution[Failure]]
+    Failures = Distribution[object] | Sequence[Failure | Distribution[object]]
 
 FRAME_SKIP = 3
 """Control steps for which environments with a scenario hold an action: noise that is new at each
