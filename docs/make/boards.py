@@ -103,11 +103,16 @@ def failures(results: Path, scenario: str) -> str:
     """Return a table for each pace: rows of what fails, columns of policies."""
     parts = [f"{boards_of(results, scenario)['slow'].title}, nobody told:\n"]
     for pace, speed in PACES.items():
-        found = [each for each in all_boards(results) if each.pace == pace]
-        impaired = [each for each in found if each.scenario.startswith(scenario + FAULT)]
+        healthy = boards_of(results, scenario)[pace]
+        impaired = [
+            each
+            for each in all_boards(results)
+            if each.scenario.startswith(scenario + FAULT)
+            and (each.pace, each.episodes, each.seed) == (pace, healthy.episodes, healthy.seed)
+        ]
         if not impaired:
-            raise ValueError(f"{results} has no run of {scenario} with --faults")
-        head, *rows = fault_table([boards_of(results, scenario)[pace], *impaired])
+            raise ValueError(f"{results} has no runs with --faults of {healthy.title}")
+        head, *rows = fault_table([healthy, *impaired])
         cells = [[row[0], *map(joined, row[1:])] for row in rows]
         names = ["", *map(code, head[1:])]
         parts.append(f"### {pace.capitalize()}: {speed:g} m/s\n\n{table(names, cells, '---:')}")

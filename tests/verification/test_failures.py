@@ -1,5 +1,6 @@
 """Clutches that fail: what is left of their torque, what they hold, and who is told."""
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +12,7 @@ from pter_gym import BASELINE, Machine
 from pter_gym._compiled.records import flat
 from pter_gym._engine.batch import Batch
 from pter_gym._physics.clutch import PerClutch
+from pter_gym.controllers import FailureDetector
 from pter_gym.envs._mixin import find_worlds
 from pter_gym.errors import ParameterError
 from pter_gym.hands import MultiSineHand
@@ -199,3 +201,42 @@ def test_a_clutch_fails_once_and_is_there() -> None:
         check_machine(third, MACHINES["two-brakes"])
     with pytest.raises(ParameterError, match=r"Failure\.volts must be .* ≤ 24"):
         check_machine(PathFollowing(failures=(Failure(clutch=3, volts=24.1),)), BASELINE)
+
+
+def looked(detector: FailureDetector, *failures: Failure, **options: Any) -> list[int]:
+    """Return what a detector says at each control instant of an episode."""
+    _, _, observations = ran(*failures, **options)
+    memory = detector.start(1)
+    return [int(detector.look(obs[None, :24], memory)[0]) for obs in observations]
+
+
+def test_a_dead_clutch_is_named_once_it_slips_and_should_exert_a_torque() -> None:
+    """After eight control steps, of which the first has more than 3 N·m; and no healthy one is."""
+    volts = np.tile(np.array([6.0, 0.0, 0.0, 0.0], np.float32), (30, 1))
+    push = {"volts": volts, "hand": MultiSineHand(push=20.0)}
+    detector = FailureDetector(BASELINE)
+    assert set(looked(detector, **push)) == {0}
+    verdicts = looked(detector, Failure(clutch=1, torque=0.0), **push)
+    lag, settled = BASELINE.clutch.time_constant, BASELINE.clutch.dynamic.torque(6.0)
+    suspected = math.ceil(-math.log(1.0 - 3.0 / settled) * lag / 0.01)
+    assert verdicts == [0] * (suspected + 7) + [1] * (31 - suspected - 7)
+
+
+def test_a_clutch_that_is_stuck_on_is_named_where_it_holds_a_load() -> None:
+    volts = np.zeros((20, 4), np.float32)
+    detector = FailureDetector(BASELINE)
+    assert set(looked(detector, volts=volts)) == {0}
+    verdicts = looked(detector, Failure(clutch=3, volts=12.0), volts=volts, hand=MultiSineHand())
+    assert verdicts[-1] == 3
+
+
+def test_a_detector_looks_at_each_world_by_itself() -> None:
+    failures = Failure(clutch=2, torque=0.0), Failure(clutch=4, torque=0.0)
+    batch = Batch(BASELINE, [PathFollowing(failures=(one,)) for one in failures])
+    detector, memory = FailureDetector(BASELINE), FailureDetector(BASELINE).start(2)
+    obs, _ = batch.reset([0, 1])
+    detector.look(obs, memory)
+    for _ in range(20):
+        obs = batch.step(np.full((2, 4), [0.0, 8.0, 0.0, 8.0], np.float32)).obs
+        verdict = detector.look(obs, memory)
+    assert verdict.tolist() == [2, 4]
