@@ -17,6 +17,7 @@ from pter_gym.envs._mixin import find_worlds
 from pter_gym.errors import ParameterError
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import MACHINES
+from pter_gym.scenarios import find_scenario
 from pter_gym.scenarios.distributions import OneOf, Uniform, Vary
 from pter_gym.tasks._codec import codec
 from pter_gym.tasks.path_following import COLUMN, OBS, Failure, PathFollowing, Starts, check_machine
@@ -154,6 +155,9 @@ def test_failures_are_stored_with_a_task_if_there_are_any() -> None:
     assert "failures" not in codec().to_plain(PathFollowing())  # type: ignore[operator]
     task = PathFollowing(failures=(Failure(clutch=2, torque=0.0, after=0.5),))
     assert codec().from_plain(codec().to_plain(task)) == task
+    without, usual = find_scenario(task).digest, find_scenario(replace(task, failures=())).digest
+    assert (usual, without != usual) == (find_scenario(PathFollowing()).digest, True)
+    assert find_scenario(PathFollowing(pace=0.3)).digest == "fae40ed9bc664ade"  # of version 1.0.0
 
 
 def test_failures_are_drawn() -> None:
