@@ -4,8 +4,10 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from pter_gym import BASELINE, Machine
@@ -162,6 +164,15 @@ def test_digests_are_older_than_failures_and_tell_them() -> None:
     assert find_scenario(task).digest == "fae40ed9bc664ade"
     failing = replace(task, failures=(Failure(clutch=2, torque=0.0),))
     assert find_scenario(failing).digest != find_scenario(task).digest
+
+
+def test_an_environment_is_made_again_from_its_spec() -> None:
+    given: Any = {"failures": [Failure(clutch=2, torque=0.0, after=0.5)]}
+    env: Any = gymnasium.make("PTER/PathFollowing-v0", **given)
+    again: Any = gymnasium.make(EnvSpec.from_json(env.spec.to_json()))
+    assert (
+        again.unwrapped.task == env.unwrapped.task == PathFollowing(failures=(*given["failures"],))
+    )
 
 
 def test_failures_are_drawn() -> None:
