@@ -140,7 +140,8 @@ def digest(value: Any) -> str:
             parts = {
                 f.name: getattr(each, f.name)
                 for f in dataclasses.fields(each)
-                if f.name not in PROSE and getattr(each, f.name) != LATER.get(f.name)
+                if f.name not in PROSE
+                and getattr(each, f.name) != LATER.get(f.name, dataclasses.MISSING)
             }
             return [type(each).__name__, plain(parts)]
         if isinstance(each, Mapping):

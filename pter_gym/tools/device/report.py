@@ -62,12 +62,12 @@ class DeviceReport:
     boards
         A leaderboard for each scenario: the tuned law, the policy without voltage, a policy trained
         for the device if there is one, and on ``standard`` the one for any device.
-    failing
-        On ``standard``, a leaderboard of those but the policy without voltage for each way in which
-        a clutch may fail.
     promises
         If the device is known from a log: for each policy, the error on ``standard`` promised for
         the machines that fit the log.
+    failing
+        On ``standard``, a leaderboard of those but the policy without voltage for each way in which
+        a clutch may fail.
     """
 
     device: str
@@ -76,8 +76,8 @@ class DeviceReport:
     usual: Rendering
     gains: dict[str, dict[str, float | bool]]
     boards: tuple[Leaderboard, ...]
-    failing: tuple[Leaderboard, ...] = ()
     promises: tuple[Promise, ...] = ()
+    failing: tuple[Leaderboard, ...] = ()
 
     @property
     def whole_and_failing(self) -> list[Leaderboard]:
@@ -203,8 +203,8 @@ def examine_device(
         promises = [
             make_promise(policy, title, device, GUIDED, pace) for title, policy in guiding.items()
         ]
-    boards = leaderboards(runs), leaderboards(failing)
-    report = DeviceReport(name, pace, rendering, usual, gains, *boards, tuple(promises))
+    boards = leaderboards(runs), tuple(promises), leaderboards(failing)
+    report = DeviceReport(name, pace, rendering, usual, gains, *boards)
     on_progress("drawing")
     content = json.dumps(report.as_json(), indent=2, allow_nan=False) + "\n"
     with locked(folder / LOCK):
