@@ -9,6 +9,7 @@ from markup import code, joined, table
 from pter_gym.benchmark import Leaderboard, ResultsFolder, leaderboards
 from pter_gym.benchmark.boards import Standing, in_order
 from pter_gym.benchmark.cells import UNRANKED, millimetres, with_interval
+from pter_gym.benchmark.faults import FAULT, fault_table
 from pter_gym.scenarios import PACES, SCENARIOS
 
 LEFT_OUT = ("free", "locked", "random")
@@ -32,7 +33,7 @@ SEARCHED = (
     "torque-feedback-tuned",
     "impedance-tuned",
 )
-"""Policies whose worst hands are searched on every scenario."""
+"""Policies whose worst hands are searched on every scenario, and whose clutches fail on one."""
 
 ERRORS = {"Worst 1/20": "worst_path_error_m", "RMS": "rms_error_m"}
 """Errors that a leaderboard shows beside the path error, by their titles."""
@@ -95,6 +96,27 @@ def by_pace(results: Path, scenario: str, names: Collection[str] = ()) -> str:
             cells.append(joined(" / ".join(worst)))
     title = at_paces["slow"].title.removeprefix(scenario)
     return f"`{scenario}`{title}:\n\n{table(header, rows, '---:')}"
+
+
+@board
+def failures(results: Path, scenario: str) -> str:
+    """Return a table for each pace: rows of what fails, columns of policies."""
+    parts = [f"{boards_of(results, scenario)['slow'].title}, nobody told:\n"]
+    for pace, speed in PACES.items():
+        healthy = boards_of(results, scenario)[pace]
+        impaired = [
+            each
+            for each in all_boards(results)
+            if each.scenario.startswith(scenario + FAULT)
+            and (each.pace, each.episodes, each.seed) == (pace, healthy.episodes, healthy.seed)
+        ]
+        if not impaired:
+            raise ValueError(f"{results} has no runs with --faults of {healthy.title}")
+        head, *rows = fault_table([healthy, *impaired])
+        cells = [[row[0], *map(joined, row[1:])] for row in rows]
+        names = ["", *map(code, head[1:])]
+        parts.append(f"### {pace.capitalize()}: {speed:g} m/s\n\n{table(names, cells, '---:')}")
+    return "\n".join(parts)
 
 
 @board

@@ -39,6 +39,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
         "reward",
         "scoring",
         "worst-hand",
+        "failures",
         "controllers",
         "stock-algorithms",
         "which-clutches",

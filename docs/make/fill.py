@@ -79,7 +79,8 @@ def score(results: Path) -> None:
     others = ",".join(name for name in everyone if name not in boards.SEARCHED)
     for scenario in SCENARIOS:
         options = ["--scenario", scenario, "--seed", str(SEED), "--no-film", "--out", str(results)]
-        for policies in (["--policies", others], ["--worst", "--policies", *boards.SEARCHED]):
+        searched = ["--faults"] * (scenario == "standard") + ["--policies", *boards.SEARCHED]
+        for policies in (["--policies", others], ["--worst", *searched]):
             if status := pter(["benchmark", *options, *policies]):
                 raise SystemExit(status)
 

@@ -226,7 +226,7 @@ def some_report() -> DeviceReport:
     rendering = Rendering(*[1.0] * len(fields(Rendering)))
     promise = Promise("standard", "mine", 59, 0.1, 1.0)
     boards = leaderboards([some_run()])
-    return DeviceReport("mine", "medium", rendering, rendering, {}, boards, (promise,))
+    return DeviceReport("mine", "medium", rendering, rendering, {}, boards, (promise,), boards)
 
 
 def keys(content: Any, place: str = "") -> list[str]:

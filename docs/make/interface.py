@@ -27,6 +27,9 @@ PLAIN = (bool, int, float, str, type(None))
 PROSE = {"asks", "grade", "posture", "provenance", "source", "title"}
 """Fields whose text may be written better."""
 
+LATER: dict[str, Any] = {"failures": ()}
+"""Fields that are younger than digests, which leave them out where they have these defaults."""
+
 
 def modules(*, behind: bool) -> list[str]:
     """Return the names of the modules in docs/api.md, with or without those behind the commands."""
@@ -138,6 +141,7 @@ def digest(value: Any) -> str:
                 f.name: getattr(each, f.name)
                 for f in dataclasses.fields(each)
                 if f.name not in PROSE
+                and getattr(each, f.name) != LATER.get(f.name, dataclasses.MISSING)
             }
             return [type(each).__name__, plain(parts)]
         if isinstance(each, Mapping):

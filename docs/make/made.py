@@ -79,7 +79,7 @@ def value_text(value: Any) -> str:
         return ", ".join(getattr(each, "name", None) or number(each) for each in value)
     if isinstance(value, float):
         return number(value)
-    if isinstance(value, int | str):
+    if isinstance(value, int | str | None):
         return str(value)
     return code(f"{type(value).__name__}()")
 

@@ -41,6 +41,9 @@ USUAL_POLICIES = ("residual", "single-dof-tuned", "torque-feedback", "impedance"
 ON_A_MACHINE = ("universal", *USUAL_POLICIES[1:])
 """The same with the policy for any machine, on one of the user's."""
 
+WHERE_CLUTCHES_FAIL = ("universal", "residual", "single-dof-tuned")
+"""The policies for any machine and for this one, and the best tuned law."""
+
 FILM_PACE = "medium"
 """Pace of the film, if it is among those that are run."""
 
@@ -77,6 +80,10 @@ class Benchmark:
         worst: Also search for the hand that pushes the arm furthest off the path under each policy,
             and print its path error and an upper bound on how often a worse hand occurs. Takes
             12,288 episodes for each policy and pace.
+        faults: Also run the episodes with each clutch dead, with half of its torque, and stuck at a
+            quarter of the largest voltage, and print the path errors and how many arrive. Takes
+            twelve times as many episodes more. By default, of universal, residual and
+            single-dof-tuned.
         film: Whether to film the policies on a training episode of the scenario.
         out: Folder for the results, created if necessary.
         machine: Name or file of a machine, instead of the scenario's.
@@ -95,6 +102,7 @@ class Benchmark:
     seed: Annotated[int | None, tyro.conf.arg(metavar="NUMBER")] = None
     details: bool = False
     worst: bool = False
+    faults: bool = False
     film: bool = True
     out: Path = Path("pter-benchmark")
     machine: MachineName = None
@@ -105,6 +113,7 @@ class Benchmark:
         """Run the episodes, print and write what they show, and say how to go on."""
         self.check()
         from pter_gym.benchmark import ResultsFolder
+        from pter_gym.benchmark.faults import is_healthy
         from pter_gym.benchmark.tables import check_table
 
         if self.table is not None:
@@ -118,10 +127,11 @@ class Benchmark:
             boards = [self.rank(scenario, results, progress) for scenario in scenarios]
             files = [results.summary, *self.tabulate(boards)]
             progress.add_task("drawing", total=None)
-            files += [file for each in boards for file in draw_boards(each, results.path)]
+            healthy = [list(filter(is_healthy, each)) for each in boards]
+            files += [file for each in healthy for file in draw_boards(each, results.path)]
             if self.film and len(scenarios) == 1 and "film" in registered(PICTURES):
-                files.append(self.film_ranked(scenarios[0], boards[0], results.path, progress))
-        conclude(files, self.next_command(scenarios[0], boards[0]))
+                files.append(self.film_ranked(scenarios[0], healthy[0], results.path, progress))
+        conclude(files, self.next_command(scenarios[0], healthy[0]))
 
     @property
     def scenario_names(self) -> tuple[str, ...]:
@@ -131,8 +141,12 @@ class Benchmark:
     @property
     def names(self) -> list[str]:
         """The policies, one by one."""
-        usual = self.machine is not None and self.policies == USUAL_POLICIES
-        return [name for each in (ON_A_MACHINE if usual else self.policies) for name in split(each)]
+        names = self.policies
+        if names == USUAL_POLICIES and self.machine is not None:
+            names = ON_A_MACHINE
+        elif names == USUAL_POLICIES and self.faults:
+            names = WHERE_CLUTCHES_FAIL
+        return [name for each in names for name in split(each)]
 
     def check(self) -> None:
         """Raise a ParameterError if options do not fit together or name what is not there."""
@@ -158,9 +172,11 @@ class Benchmark:
         """Run the policies on a scenario; print and return the leaderboards of its episodes."""
         from pter_gym.benchmark import find_policy, leaderboards, run_scenario
         from pter_gym.benchmark.boards import boards_text, others_text
+        from pter_gym.benchmark.faults import faults, faults_text, is_healthy
 
         names = self.names
-        task = progress.add_task(scenario.name, total=len(names) * len(self.paces))
+        kinds = 1 + len(faults(scenario.nominal)) * self.faults
+        task = progress.add_task(scenario.name, total=len(names) * len(self.paces) * kinds)
         runs = run_scenario(
             scenario,
             {name: find_policy(name, scenario.whose_gains) for name in names},
@@ -169,12 +185,15 @@ class Benchmark:
             seed=self.seed,
             results=results,
             worst=self.worst,
+            faults=self.faults,
             on_progress=lambda _: progress.advance(task),
         )
         progress.remove_task(task)
         results.summarise()
         boards = leaderboards(runs)
-        say(boards_text(boards, details=self.details))
+        say(boards_text(list(filter(is_healthy, boards)), details=self.details))
+        if self.faults:
+            say(faults_text(boards))
         if others := others_text(results.runs(), runs):
             say(others)
         return boards

@@ -11,6 +11,7 @@ from pter_gym._compiled.records import Records, entrywise, load, read, store, wr
 from pter_gym._engine.command import clipped
 from pter_gym._engine.hand import hand_force, passive_force, plan_hand, plans
 from pter_gym._engine.judgement import locate, tip_acceleration, was_alive
+from pter_gym._engine.motion import applied_volts, shares_left
 from pter_gym._engine.sensors import observe, take_first_readings, write_observation
 from pter_gym._engine.world import (
     CONFIG,
@@ -57,7 +58,7 @@ _ONE = np.uint64(1)
 COVERED = 0.92
 """Episodes that begin moving do so within this share of the path."""
 
-WHOLE, NO_VOLTS = PerClutch(1.0, 1.0, 1.0, 1.0), PerClutch(0.0, 0.0, 0.0, 0.0)
+NO_VOLTS = PerClutch(0.0, 0.0, 0.0, 0.0)
 
 RELEASED = 0.2
 """Share of the clutches that are released where an episode begins with settled ones."""
@@ -222,16 +223,13 @@ def grip(w: Records, i: int, shares: PerClutch) -> None:
 
 @inlined
 def settle(w: Records, i: int, volts: PerClutch) -> None:
-    """Set the clutches as if settled at voltages [V]."""
+    """Set the clutches as if settled at a command [V]."""
     machine = load(w, ROW.machine, i)
     store(w, ROW.command, i, volts)
-    store(w, ROW.lagged_volts, i, volts)
-    store(
-        w,
-        ROW.torques,
-        i,
-        scaled(steady_torques(machine.breakaway, machine.dynamic, volts), machine.scale, WHOLE),
-    )
+    settled = applied_volts(w, i)
+    store(w, ROW.lagged_volts, i, settled)
+    steady = steady_torques(machine.breakaway, machine.dynamic, settled)
+    store(w, ROW.torques, i, scaled(steady, machine.scale, shares_left(w, i)))
 
 
 @entrywise

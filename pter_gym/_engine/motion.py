@@ -3,21 +3,51 @@
 from typing import Any
 
 from pter_gym._compiled.compiler import inlined
-from pter_gym._compiled.records import Records, load, read, store
+from pter_gym._compiled.records import Records, entrywise, load, read, store
 from pter_gym._engine.hand import move_hand, push_tip
 from pter_gym._engine.world import ROW
 from pter_gym._physics.arm import Load
-from pter_gym._physics.clutch import faded, heated, product
+from pter_gym._physics.clutch import PerClutch, faded, heated, product
 from pter_gym._physics.friction import slip_velocities
 from pter_gym._physics.scalars import clamp
 from pter_gym._physics.step import torques_at
 from pter_gym.tasks.path_following._context import CONTEXT
 
 
+@entrywise
 @inlined
-def set_strengths(w: Records, i: int, period: float) -> None:
-    """Find what friction drift and heat have made of the clutches' torques by now."""
-    factor = clamp(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
+def applied(command: float, held: float, after: float, step: float) -> float:
+    """Return the voltage [V] of a clutch: its command, or what it holds once it has failed."""
+    return held if (step >= after) & (held >= 0.0) else command
+
+
+@inlined
+def applied_volts(w: Records, i: int) -> PerClutch:
+    """Return the voltages [V] of the clutches, which follow the command unless they have failed."""
+    failing, step = load(w, ROW.task.failures, i), w[ROW.step, i]
+    return applied(load(w, ROW.command, i), failing.volts, failing.after, step)
+
+
+@entrywise
+@inlined
+def share_left(share: float, after: float, step: float) -> float:
+    """Return the share of its torque that a clutch gives, 1 until it fails."""
+    return share if step >= after else 1.0
+
+
+@inlined
+def shares_left(w: Records, i: int) -> PerClutch:
+    """Return the shares of their torques that the clutches give by now."""
+    failing = load(w, ROW.task.failures, i)
+    return share_left(failing.torque, failing.after, w[ROW.step, i])
+
+
+@inlined
+def set_clutches(w: Records, i: int, period: float) -> None:
+    """Find the clutches' voltages, and what drift, failures and heat have made of their torques."""
+    store(w, ROW.volts, i, applied_volts(w, i))
+    drift = clamp(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
+    factor = product(drift, shares_left(w, i))
     store(w, ROW.strength, i, faded(load(w, ROW.heat, i), w[ROW.machine.fade, i], factor))
 
 

@@ -14,7 +14,7 @@ from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import Records, load, store
 from pter_gym._engine.hand import plan_hand, plans
 from pter_gym._engine.judgement import judge_step, locate
-from pter_gym._engine.motion import heater, load_on, move_hands, set_strengths, torque_sensor
+from pter_gym._engine.motion import heater, load_on, move_hands, set_clutches, torque_sensor
 from pter_gym._engine.sensors import observe_reading, observe_world, scale_entries, take_reading
 from pter_gym._engine.world import CONFIG, ROW
 from pter_gym._physics.step import arrangement_from, control_step_on, count_nonzero, paper_clutches
@@ -23,8 +23,8 @@ from pter_gym.hands._model import renew_sines
 
 def _mover(arrangement_at: Any) -> Any:
     """Return what moves worlds with the clutches of ``arrangement_at``; see ``substep_on``."""
-    control_step = control_step_on(ROW, load_on, arrangement_at, move_hands)
-
+    driven = ROW._replace(command=ROW.volts)
+    control_step = control_step_on(driven, load_on, arrangement_at, move_hands)
     heat_clutches, sense_torques = heater(arrangement_at), torque_sensor(arrangement_at)
 
     @inlined
@@ -35,7 +35,7 @@ def _mover(arrangement_at: Any) -> Any:
         """
         h, count = config[CONFIG.substep], int(config[CONFIG.substeps])
         for i in range(lanes):
-            set_strengths(w, i, h * count)
+            set_clutches(w, i, h * count)
         control_step(
             w, lanes, h, count, count_nonzero(w, ROW.machine.voltage_decay.rise, lanes) > 0, guides
         )

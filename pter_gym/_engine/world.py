@@ -110,6 +110,7 @@ class Scratch(NamedTuple):
     """What a control step works with; nothing of it lasts."""
 
     start_velocity: Annotated[Vector, Entry("m/s", "the tip's velocity at the start of the step")]
+    volts: Annotated[PerClutch, Entry("V", "voltage of the clutches")]
     energy: Energy
     strength: Annotated[
         PerClutch, Entry("1", "torque, relative to that at the start of the episode")

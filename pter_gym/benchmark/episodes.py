@@ -128,8 +128,12 @@ class Episodes:
 
     def at_pace(self, speed: float) -> "Episodes":
         """Return the episodes at a commanded pace [m/s]; tasks that are the same object stay so."""
-        paced = {id(task): replace(task, pace=speed) for task in self.tasks}
-        return replace(self, tasks=tuple(paced[id(task)] for task in self.tasks), time_limits=())
+        return self.with_task(pace=speed)
+
+    def with_task(self, **values: Any) -> "Episodes":
+        """Return the episodes with other values in fields of all tasks, as ``at_pace``."""
+        changed = {id(task): replace(task, **values) for task in self.tasks}
+        return replace(self, tasks=tuple(changed[id(task)] for task in self.tasks), time_limits=())
 
 
 def time_limit(task: PathFollowing) -> int:

@@ -34,6 +34,7 @@ from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, re
 from pter_gym._version import __version__
 from pter_gym.benchmark.boards import PATH_ERROR, Leaderboard, leaderboards
 from pter_gym.benchmark.episodes import Episodes, find_episodes
+from pter_gym.benchmark.faults import faults as faults_of
 from pter_gym.benchmark.policies import Policies, find_policies
 from pter_gym.benchmark.rollout import bind_to, check_acting, evaluate
 from pter_gym.benchmark.scores import OPTIONAL, POLICY, SCORES, ScenarioRun, WorstHand
@@ -247,6 +248,7 @@ def run_scenario(
     seed: int | None = None,
     results: ResultsFolder | FilePath | None = None,
     worst: bool = False,
+    faults: bool = False,
     num_threads: int = 2,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[ScenarioRun, ...]:
@@ -272,6 +274,10 @@ def run_scenario(
         A folder of results or its path, where each run is stored.
     worst
         Whether to search for the worst hand for each policy, too; see ``find_worst``.
+    faults
+        Whether to run the same episodes with each clutch of the nominal machine dead, with half of
+        its torque, and stuck on, too; the scenario of these runs is called
+        ``"standard, clutch 1 dead"``, and so on.
     num_threads
         Threads that share the episodes of a compiled law, ≥ 1; scores do not depend on their
         number.
@@ -300,12 +306,16 @@ def run_scenario(
         results.make()
     for policy in (each for versions in by_name.values() for each in versions):
         check_acting(policy, next(iter(sets.values())))
+    kinds = {(scenario.name, pace): each for pace, each in sets.items()}
+    for title, failure in faults_of(scenario.nominal).items() if faults else ():
+        for pace, each in sets.items():
+            kinds[scenario.name + title, pace] = each.with_task(failures=(failure,))
     runs: list[ScenarioRun] = []
-    for pace, episode_set in sets.items():
+    for (title, pace), episode_set in kinds.items():
         for name, versions in by_name.items():
             trained = [
                 ScenarioRun(
-                    scenario.name,
+                    title,
                     pace,
                     name,
                     number,
@@ -314,7 +324,7 @@ def run_scenario(
                     evaluate(policy, episode_set, num_threads),
                     digest=scenario.digest,
                     worst=find_worst(policy, scenario, pace, num_threads=num_threads)
-                    if worst
+                    if worst and title == scenario.name
                     else None,
                     origin=origin_of(policy, episode_set),
                 )

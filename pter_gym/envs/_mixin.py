@@ -39,7 +39,10 @@ from pter_gym.tasks.path_following._specification import find_starts, largest_er
 
 if TYPE_CHECKING:
     from pter_gym.controllers import Controller
-    from pter_gym.scenarios.distributions import Draws
+    from pter_gym.scenarios.distributions import Distribution, Draws
+    from pter_gym.tasks.path_following import Failure
+
+    Failures = Distribution[object] | Sequence[Failure | Distribution[object]]
 
 FRAME_SKIP = 3
 """Control steps for which environments with a scenario hold an action: noise that is new at each
@@ -67,6 +70,7 @@ class Arguments(ViewArguments, total=False):
     error_max: float | None
     truncation_error: float | None
     starts: Starts | str | None
+    failures: "Failures | None"
     sensors: Sensors
     observe_context: bool
     privileged: bool
@@ -334,6 +338,7 @@ def find_worlds(
     error_max: float | None = None,
     truncation_error: float | None = None,
     starts: Starts | str | None = None,
+    failures: "Failures | None" = None,
     sensors: Sensors = "torque",
     observe_context: bool = False,
     privileged: bool = False,
@@ -345,6 +350,7 @@ def find_worlds(
         "hand": hand if hand is None else find_hand(hand),
         "pace": pace if pace is None else find_pace(pace),
         "starts": starts if starts is None else find_starts(starts),
+        "failures": tuple(failures) if _is_several(failures) else failures,
         "reward": reward,
         "error_max": error_max,
         "truncation_error": truncation_error,

@@ -98,13 +98,14 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
     ## Arguments
     - `machine`: a `Machine`, the name of one of `pter_gym.params.MACHINES`, or its file.
     - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, truncation error,
-      arrival, starts, sensing, reward weights.
-    - `path`, `hand`, `pace`, `reward`, `error_max`, `truncation_error`, `starts`: fields of a task
-      in place of `task`. `path` is a `Path`, its name in `pter_gym.paths.PATHS` or a CSV file of
-      waypoints, and the workspace about a curved one is as wide as its curvature allows; `hand` is
-      an `Operator` or its name, as `pter_gym.hands.find_hand` takes it; `pace` is in m/s or a name
-      in `pter_gym.scenarios.PACES`; `starts` may be a name in
-      `pter_gym.tasks.path_following.STARTS`.
+      arrival, starts, failures, sensing, reward weights.
+    - `path`, `hand`, `pace`, `reward`, `error_max`, `truncation_error`, `starts`, `failures`:
+      fields of a task in place of `task`. `path` is a `Path`, its name in `pter_gym.paths.PATHS` or
+      a CSV file of waypoints, and the workspace about a curved one is as wide as its curvature
+      allows; `hand` is an `Operator` or its name, as `pter_gym.hands.find_hand` takes it; `pace` is
+      in m/s or a name in `pter_gym.scenarios.PACES`; `starts` may be a name in
+      `pter_gym.tasks.path_following.STARTS`; `failures` are clutches that fail, such as
+      `[Failure(clutch=2, torque=0.0, after=0.5)]`, or with `scenario` a distribution of them.
     - `scenario`: what each episode draws its machine and task from, as for `PTER/Standard-v0`: a
       name in `pter_gym.scenarios.SCENARIOS`, a `Scenario`, or your own `Draws`
       (`pter_gym.scenarios.distributions`). `machine`, `path`, `hand` and the other fields then

@@ -17,7 +17,7 @@ from pter_gym._compiled.records import flat, leaves, load, store
 from pter_gym._engine.command import clipped, given_volts, take_command
 from pter_gym._engine.hand import move_hand, push_tip
 from pter_gym._engine.judgement import judge_step, locate
-from pter_gym._engine.motion import set_strengths
+from pter_gym._engine.motion import set_clutches
 from pter_gym._engine.sensors import observe_world, scale_entries
 from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANTS, EXTRAS, FLAG, KEPT, ROW, World
 from pter_gym._physics.clutch import PerClutch
@@ -275,7 +275,7 @@ def _following(config: Any, frame_skip: int) -> Stage:
         column = jnp.stack(
             [jnp.asarray(body.rows.get(row, 0.0), float) for row in range(BODY_WIDTH)]
         )
-        volts, push = jnp.stack(load(w, ROW.command, 0)), jnp.stack(force)
+        volts, push = jnp.stack(load(w, ROW.volts, 0)), jnp.stack(force)
         states = roll(column, volts[None], push[None], jnp.zeros_like(push)[None])
         state = jnp.unstack(states[1])
         after = Column(dict(enumerate(state, int(BODY.motion.theta_a))))
@@ -302,7 +302,7 @@ def _following(config: Any, frame_skip: int) -> Stage:
             most = w[ROW.machine.voltage_max, 0]
             given = _twin(given_volts)(action[None], 0, shared.low, shared.high, most)
             _twin(take_command)(w, 0, given)
-            _twin(set_strengths)(w, 0, period)
+            _twin(set_clutches)(w, 0, period)
             move(w)
             _twin(locate)(w, 0, constants)
             _twin(judge_step)(w, 0, period, shared.max_steps)

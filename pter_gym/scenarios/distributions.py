@@ -54,6 +54,12 @@ def _is_distribution(value: object) -> TypeGuard[Distribution[object]]:
     return hasattr(value, "draw")
 
 
+def _is_drawn(value: object) -> bool:
+    if isinstance(value, tuple):
+        return any(map(_is_drawn, cast("tuple[object, ...]", value)))
+    return _is_distribution(value)
+
+
 def drawn(value: object, rng: np.random.Generator) -> object:
     """Return a draw from a distribution or from each entry of a tuple, or the value itself."""
     if isinstance(value, tuple):
@@ -284,7 +290,7 @@ class Draws(Checked):
         return replace(change(self), also=tuple(map(change, self.also)))
 
     def with_task(self, **values: object) -> "Draws":
-        """Return draws whose tasks have other values in fields that are not drawn.
+        """Return draws whose tasks have other values, or draw them, in fields that are not drawn.
 
         Raises
         ------
@@ -300,7 +306,9 @@ class Draws(Checked):
                     raise ParameterError(
                         f"{name} must be one of what all episodes share: {', '.join(shared)}"
                     )
-            return replace(draws, task=Vary(replace(template, **values), **varied))
+            more = {name: value for name, value in values.items() if _is_drawn(value)}
+            fixed = {name: value for name, value in values.items() if name not in more}
+            return replace(draws, task=Vary(replace(template, **fixed), **varied, **more))
 
         return self.map_components(changed) if values else self
 

@@ -30,7 +30,7 @@ from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
 from pter_gym.paths import Arc, Line, Sine
 from pter_gym.scenarios import SCENARIOS
-from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing, Sensing
+from pter_gym.tasks.path_following import COLUMN, TELEMETRY, Failure, PathFollowing, Sensing
 from rollouts import Acting, run
 
 ID = "PTER/PathFollowing-v0"
@@ -65,7 +65,10 @@ def tasks(count: int) -> list[PathFollowing]:
         PathFollowing(start_offset=0.02, hand=MultiSineHand(push=90.0, random_phases=True)),
         PathFollowing(start_offset=0.005, path=Line(x=-0.1, y=0.5, direction=0.1, length=0.2)),
         PathFollowing(start_offset=0.015, error_max=0.02, hand=MultiSineHand(random_phases=True)),
-        PathFollowing(hand=MultiSineHand(push=30.0)),
+        PathFollowing(
+            hand=MultiSineHand(push=30.0),
+            failures=(Failure(clutch=1, torque=0.5), Failure(clutch=3, volts=4.0, after=0.1)),
+        ),
         PathFollowing(
             path=Arc(x=-0.3, y=0.6, radius=0.3, angle=-1.0),
             hand=HumanArm(random_phases=True),

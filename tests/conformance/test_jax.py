@@ -14,7 +14,8 @@ from documents import DOCS, blocks_of, run_program
 from pter_gym.controllers import PerClutch, Policy, compiled
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.paths import Sine
-from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.scenarios.distributions import OneOf, Vary
+from pter_gym.tasks.path_following import Failure, PathFollowing
 from rollouts import releasing
 
 jax = pytest.importorskip("jax")
@@ -36,7 +37,13 @@ KINDS: dict[str, dict[str, Any]] = {
         "observe_context": True,
     },
     "one task with a corridor": {
-        "task": PathFollowing(path=Sine(), truncation_error=0.05, free_left=0.01, free_right=0.01),
+        "task": PathFollowing(
+            path=Sine(),
+            truncation_error=0.05,
+            free_left=0.01,
+            free_right=0.01,
+            failures=(Failure(clutch=2, torque=0.3, after=0.2), Failure(clutch=4, volts=2.0)),
+        ),
         "max_episode_steps": 60,
         "action_unit": "volt",
     },
@@ -53,6 +60,7 @@ KINDS: dict[str, dict[str, Any]] = {
         "contexts": 8,
         "sensors": "encoders",
         "history": (1, 3, 10),
+        "failures": [Vary(Failure(clutch=1, torque=0.0), clutch=OneOf((1, 2, 3, 4)))],
         "max_episode_steps": 20,
     },
     "a base and a history": {

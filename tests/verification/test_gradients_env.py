@@ -13,7 +13,7 @@ from pter_gym._engine.world import ROW
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.paths import Sine
-from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.tasks.path_following import Failure, PathFollowing
 
 jax = pytest.importorskip("jax")
 jnp = jax.numpy
@@ -85,10 +85,14 @@ def test_a_step_has_the_bits_of_jax_env(wide: bool) -> None:
 
 @pytest.mark.slow
 def test_a_step_has_the_gradient_of_paired_steps() -> None:
-    """After friction has drifted for a while, where no clutch sticks.
+    """After friction has drifted for a while and clutches have failed, where none sticks.
 
     Differences over ε and 2·ε tell what curvature makes of them, 10⁻³ is far above rounding."""
-    machine, task = replace(BASELINE, substep=0.005), PathFollowing(friction_drift=1.0)
+    failures = Failure(clutch=2, torque=0.7, after=0.3), Failure(clutch=4, volts=2.0, after=0.2)
+    machine, task = (
+        replace(BASELINE, substep=0.005),
+        PathFollowing(friction_drift=1.0, failures=failures),
+    )
     env, _ = make(machine=machine, task=task, frame_skip=1)
     step = jax.jit(partial(env.step, None))
     rng, action = np.random.default_rng(5), np.array([-0.4, -0.5, -0.6, -0.3], np.float32)

@@ -3,6 +3,7 @@ from ._reward import RewardWeights as RewardWeights
 from ._specification import (
     AT_REST as AT_REST,
     STARTS as STARTS,
+    Failure as Failure,
     PathFollowing as PathFollowing,
     Sensing as Sensing,
     Starts as Starts,

@@ -5,11 +5,18 @@ from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.records import Entry, layout_of, rows, width
 from pter_gym._physics.arrangement import Arrangement
+from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.model import Model, arrangement_of
 from pter_gym._physics.stability import largest_energy
 from pter_gym.hands import HandModel
-from pter_gym.params import BASELINE, Machine
-from pter_gym.tasks.path_following._model import PathModel, SensingModel, StartModel, TaskModel
+from pter_gym.params import BASELINE, SLOTS, Machine
+from pter_gym.tasks.path_following._model import (
+    FailureModel,
+    PathModel,
+    SensingModel,
+    StartModel,
+    TaskModel,
+)
 from pter_gym.tasks.path_following._observation import FORCE_SCALE
 from pter_gym.tasks.path_following._position import FreeBand
 from pter_gym.tasks.path_following._reward import PACE_WINDOW, Terms
@@ -125,6 +132,7 @@ def task_model(
         "pace_decay": -math.expm1(-task.control_period / PACE_WINDOW),
         "energy_max": energy_max,
         "starts": StartModel(**vars(task.starts)),
+        "failures": failure_model(task),
         "weight": Terms(**vars(task.reward)),
         "sensing": SensingModel(**vars(sensing), is_ideal=float(sensing == IDEAL_SENSING)),
     }
@@ -134,3 +142,19 @@ def task_model(
             for name in TaskModel._fields
         }
     )
+
+
+def failure_model(task: PathFollowing) -> FailureModel:
+    """Return what becomes of each clutch; the moments are in whole control steps."""
+    found = {failure.clutch: failure for failure in task.failures}
+    each = [found.get(clutch) for clutch in range(1, 1 + SLOTS)]
+    return FailureModel(
+        torque=PerClutch(*(1.0 if one is None else one.torque for one in each)),
+        volts=PerClutch(*(-1.0 if one is None or one.volts is None else one.volts for one in each)),
+        after=PerClutch(*(0.0 if one is None else steps_until(one.after, task) for one in each)),
+    )
+
+
+def steps_until(time: float, task: PathFollowing) -> float:
+    """Return the control steps that begin before a time [s]."""
+    return float(math.ceil(time / task.control_period * (1.0 - 1e-9)))

@@ -3,6 +3,7 @@
 from typing import Annotated, NamedTuple
 
 from pter_gym._compiled.records import Entry
+from pter_gym._physics.clutch import PerClutch
 from pter_gym.tasks.path_following._position import FreeBand
 from pter_gym.tasks.path_following._reward import Terms
 
@@ -45,6 +46,20 @@ class StartModel(NamedTuple):
     ]
 
 
+class FailureModel(NamedTuple):
+    """What becomes of the clutches, and when."""
+
+    torque: Annotated[
+        PerClutch, Entry("1", "share of the torque that is left", name="failed_torque")
+    ]
+    volts: Annotated[
+        PerClutch, Entry("V", "voltage that it holds, −1 for none", name="failed_volts")
+    ]
+    after: Annotated[
+        PerClutch, Entry("1", "control steps until it fails", 1000.0, name="failed_after")
+    ]
+
+
 class TaskModel(NamedTuple):
     """Constants of one task."""
 
@@ -66,5 +81,6 @@ class TaskModel(NamedTuple):
     friction_drift: Annotated[
         float, Entry("1/s", "relative change of all clutch torques in a second")
     ]
+    failures: FailureModel
     weight: Annotated[Terms, Entry("", "weight", 100.0)]
     sensing: SensingModel

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from pter_gym._physics.stability import (
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.hands import MultiSineHand, Operator
 from pter_gym.hands._operators import NO_HAND
-from pter_gym.params import Arm, Hand, Machine
+from pter_gym.params import SLOTS, Arm, Hand, Machine
 from pter_gym.paths import Line, Path
 from pter_gym.paths._arcs import Arcs, ArcSegment
 from pter_gym.paths._reach import SINGULARITY_MARGIN, check_reach
@@ -111,6 +111,41 @@ class Starts(Checked):
         require_number(self, "gripped", at_most=1.0 - self.moving)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Failure(Checked):
+    """What becomes of one clutch, and when; nobody tells the policy.
+
+    From then on it gives a share of its torque, 0 if it is dead, or it holds a voltage whatever the
+    command is, or both. Its torque changes with the lag of the clutch, and observations, telemetry
+    and the reward's effort go on to show the command.
+    """
+
+    clutch: int = parameter("1", "number of the clutch, from 1", at_least=1, below=SLOTS + 1)
+    torque: float = parameter(
+        "1",
+        "chosen: share of its torque that is left, viscous friction aside",
+        **_SHARE,
+        default=1.0,
+    )
+    volts: float | None = parameter(
+        "V", "chosen: voltage that it holds; None where it follows the command", default=None
+    )
+    after: float = parameter(
+        "s",
+        "chosen: time of the episode after which it fails; 0 for from the start",
+        at_least=0.0,
+        default=0.0,
+    )
+
+    def __post_init__(self) -> None:
+        """Check each field, and that something fails."""
+        super().__post_init__()
+        if self.volts is not None:
+            require_number(self, "volts", at_least=0.0)
+        fails = self.torque < 1.0 or self.volts is not None
+        require(fails, self, "torque", "below 1 for a clutch that holds no voltage")
+
+
 AT_REST = Starts()
 """All episodes begin at rest at the start of the path."""
 
@@ -196,6 +231,9 @@ class PathFollowing(Checked):
         at_most=1.0,
         default=0.0,
     )
+    failures: tuple[Failure, ...] = parameter(
+        "1", "chosen: what fails, see Failure; by default nothing", default=(), later=True
+    )
     sensing: Sensing = parameter("1", "see Sensing", default=IDEAL_SENSING)
     starts: Starts = parameter("1", "see Starts", default=AT_REST)
     reward: RewardWeights = parameter("1", "see RewardWeights", default=RewardWeights())
@@ -204,6 +242,15 @@ class PathFollowing(Checked):
         """Check each field, and that starts are within the workspace."""
         super().__post_init__()
         require_number(self, "start_offset", below=min(self.error_max, self.truncation_error))
+        failures = cast("object", self.failures)
+        each = cast("tuple[object, ...]", failures) if isinstance(failures, tuple) else (None,)
+        require(
+            all(isinstance(one, Failure) for one in each)
+            and len({one.clutch for one in self.failures}) == len(each),
+            self,
+            "failures",
+            "a tuple of Failures, each of another clutch",
+        )
 
 
 def substeps(task: PathFollowing, machine: Machine) -> int:
@@ -310,11 +357,13 @@ def check_machine(task: PathFollowing, machine: Machine, room: float = 1.0) -> N
     ParameterError
         If a point of the path or a start off it lies outside the arm's reach or too close to a
         singular pose, the path bends so much that its centre of curvature is within the workspace,
-        a control period has too many substeps, a sine is too fast for the substep, the machine's
-        hand has a spring, which would need an intent, its delay is too long, or the arm may become
-        too fast for the integrator (``pter_gym._physics.stability``).
+        a control period has too many substeps, a clutch that fails isn't there or holds more than
+        the largest voltage, a sine is too fast for the substep, the machine's hand has a spring,
+        which would need an intent, its delay is too long, or the arm may become too fast for the
+        integrator (``pter_gym._physics.stability``).
     """
     sensing_of(task, machine)
+    _check_failures(task, machine)
     substep = held_machine(task, machine).machine.substep
     require(
         max(task.hand.frequencies, default=0.0) * substep <= 0.1,
@@ -332,6 +381,16 @@ def check_machine(task: PathFollowing, machine: Machine, room: float = 1.0) -> N
     _check_path(task.path, widest, margin, arm.length_a, arm.length_b)
     if task.start_offset != 0.0:
         _check_start(task, arm, margin)
+
+
+def _check_failures(task: PathFollowing, machine: Machine) -> None:
+    count, most = len(machine.clutches), machine.clutch.voltage_max
+    for failure in task.failures:
+        require(
+            failure.clutch <= count, failure, "clutch", f"one of the machine's {count} clutches"
+        )
+        if failure.volts is not None:
+            require_number(failure, "volts", at_most=most)
 
 
 def check_motion(task: PathFollowing, machine: Machine) -> None:

@@ -35,8 +35,8 @@ def device(
     identify`, it also says what holds for all machines that fit the log.
 
     Tunes a law on each of the scenarios standard, corridor and wall, and scores it on test
-    episodes, on standard beside the policy for any device. Writes index.html, device.json and
-    pictures. Needs the extra tune.
+    episodes, on standard beside the policy for any device, also where a clutch fails. Writes
+    index.html, device.json and pictures. Needs the extra tune.
 
     Example: pter device particle-brake --out particle-brake
 
@@ -65,6 +65,7 @@ def device(
 
     own = machine_of_sheet(**sheet) if is_sheet else find_device(machine)
 
+    from pter_gym.benchmark.faults import faults_text
     from pter_gym.params import save_machine
     from pter_gym.tools.device.report import SCENARIOS, UNIVERSAL, examine_device
     from pter_gym.tools.tuning.search import load_optuna
@@ -96,6 +97,7 @@ def device(
         for each in board.standings:
             if each.worst:
                 say(each.worst.sentence(each.policy))
+    say(faults_text(report.whole_and_failing))
     names = {each.policy for board in report.boards for each in board.standings}
     filmed = ",".join(["single-dof-tuned", *sorted(names & {UNIVERSAL})])
     watched = f"pter watch {filmed} --machine {quote(str(file))} --out film.webp"

@@ -15,6 +15,7 @@ from pter_gym._version import __version__
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.boards import Leaderboard, leaderboards
 from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.benchmark.faults import fault_table, faults
 from pter_gym.benchmark.rollout import evaluate, record_episode
 from pter_gym.benchmark.scores import ScenarioRun
 from pter_gym.benchmark.worst_hand import find_worst
@@ -64,6 +65,9 @@ class DeviceReport:
     promises
         If the device is known from a log: for each policy, the error on ``standard`` promised for
         the machines that fit the log.
+    failing
+        On ``standard``, a leaderboard of those but the policy without voltage for each way in which
+        a clutch may fail.
     """
 
     device: str
@@ -73,6 +77,12 @@ class DeviceReport:
     gains: dict[str, dict[str, float | bool]]
     boards: tuple[Leaderboard, ...]
     promises: tuple[Promise, ...] = ()
+    failing: tuple[Leaderboard, ...] = ()
+
+    @property
+    def whole_and_failing(self) -> list[Leaderboard]:
+        """The leaderboards on ``standard``: of the whole device, and where a clutch fails."""
+        return [board for board in self.boards if board.scenario == GUIDED] + [*self.failing]
 
     @property
     def verdict(self) -> str:
@@ -107,6 +117,7 @@ class DeviceReport:
             "promises": [asdict(promise) for promise in self.promises],
             "gains": self.gains,
             "boards": [board.as_json() for board in self.boards],
+            "failing": [board.as_json() for board in self.failing],
         }
         return json.loads(json.dumps(content), parse_constant=lambda _: None)
 
@@ -160,6 +171,7 @@ def examine_device(
     guiding = {**_for_any(own), **(policies or {})}
     gains: dict[str, dict[str, float | bool]] = {}
     runs: list[ScenarioRun] = []
+    failing: list[ScenarioRun] = []
     tuned: dict[str, AnyPolicy] = {}
     for scenario, law in SCENARIOS.items():
         on_progress(f"tuning {law} for {scenario}")
@@ -176,6 +188,10 @@ def examine_device(
                 on_progress(f"searching for the worst hand for {title}")
                 worst = find_worst(policy, find_scenario(scenario, device), pace)
                 run = replace(run, worst=worst)
+                on_progress(f"letting clutches fail under {title}")
+                for fault, failure in faults(own).items():
+                    scores = evaluate(policy, some.with_task(failures=(failure,)))
+                    failing.append(replace(run, scenario=GUIDED + fault, scores=scores, worst=None))
             runs.append(run)
     on_progress("measuring forces")
     rendering = measure_rendering(own, tuned["wall"], pace)
@@ -187,7 +203,8 @@ def examine_device(
         promises = [
             make_promise(policy, title, device, GUIDED, pace) for title, policy in guiding.items()
         ]
-    report = DeviceReport(name, pace, rendering, usual, gains, leaderboards(runs), tuple(promises))
+    boards = leaderboards(runs), tuple(promises), leaderboards(failing)
+    report = DeviceReport(name, pace, rendering, usual, gains, *boards)
     on_progress("drawing")
     content = json.dumps(report.as_json(), indent=2, allow_nan=False) + "\n"
     with locked(folder / LOCK):
@@ -258,6 +275,7 @@ def page(report: DeviceReport, pictures: dict[str, str]) -> str:
     )
     promises = "".join(f"<p>{escape(promise.sentence)}</p>" for promise in report.promises)
     boards = "".join(map(_board, report.boards))
+    head, *rows = map(tuple, fault_table(report.whole_and_failing))
     figures = "".join(
         f'<figure><img src="{escape(name)}" alt="{escape(caption)}">'
         f"<figcaption>{escape(caption)}</figcaption></figure>"
@@ -270,6 +288,8 @@ def page(report: DeviceReport, pictures: dict[str, str]) -> str:
         f"<h1>{escape(report.device)}</h1><p>{escape(report.verdict)}</p>{promises}"
         f"<h2>What it can render</h2>{rendering}"
         f"<h2>Policies, pace {escape(report.pace)}</h2>{boards}"
+        "<h2>If a clutch fails</h2><p>Path error on standard [mm], and how many episodes arrive, "
+        f"if not all do. Nobody tells the policies what fails.</p>{_table(head, rows)}"
         f"<h2>Pictures</h2>{figures}<p>pter_gym {__version__}; the numbers are in "
         "<a href='device.json'>device.json</a>.</p></html>\n"
     )

@@ -106,7 +106,10 @@ def test_examine_writes_a_page_with_numbers_and_pictures(tmp_path: Path):
         assert (tmp_path / picture).stat().st_size > 1000
     assert 'alt=""' not in page
     assert '<td class="text">single-dof-tuned</td><td class="">' in page
-    assert len(said) == len(SCENARIOS) + 4
+    assert len(said) == len(SCENARIOS) + 6
+    assert len(report.failing) == 12
+    assert "<h2>If a clutch fails</h2>" in page
+    assert '<td class="text">clutch 4 stuck on</td>' in page
     guided = next(board for board in report.boards if board.scenario == "standard")
     assert all(each.policy in errors(guided) for each in guided.standings)
     worst = {each.policy: each.worst for each in guided.standings if each.worst}
