@@ -86,7 +86,8 @@ def looped_rows(levels: np.ndarray, seed: int = 0, *, half: float = 0.8) -> np.n
     rng, h = np.random.default_rng(seed), 2e-3
     times = h * np.arange(12000)
     volts = np.repeat(levels, -(-len(times) // len(levels)))[: len(times)].astype(float)
-    held, value, engaged = 0.0, 0.0, np.empty_like(volts)
+    held, engaged = 0.0, np.empty_like(volts)
+    value = max(volts[0] - half, 0.0)
     for k, command in enumerate(volts):
         held = float(np.clip(held, command - half, command + half))
         value = held + (value - held) * np.exp(-h / LOOPED["time_constant"])
