@@ -73,6 +73,7 @@ BELOW = {
             "any-device",
             "rewards",
             "calibration",
+            "hysteresis",
             "stock-algorithms",
             "control-laws",
             "gradients",

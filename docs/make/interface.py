@@ -27,7 +27,7 @@ PLAIN = (bool, int, float, str, type(None))
 PROSE = {"asks", "grade", "posture", "provenance", "source", "title"}
 """Fields whose text may be written better."""
 
-LATER: dict[str, Any] = {"failures": ()}
+LATER: dict[str, Any] = {"failures": (), "hysteresis": 0.0}
 """Fields that are younger than digests, which leave them out where they have these defaults."""
 
 
