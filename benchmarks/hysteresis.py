@@ -26,7 +26,7 @@ def errors(policy: str, share: float) -> list[str]:
     scenario, found = find_scenario("standard", machine), []
     for pace in PACES:
         episodes = training_episodes(scenario, pace, EPISODES, SEED)
-        scores = evaluate(find_policy(policy, scenario), episodes)
+        scores = evaluate(find_policy(policy, "standard"), episodes)
         found.append(f"{1e3 * scores['path_error_m'].mean():.1f}")
     return found
 
