@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from pter_gym.tasks.path_following import PathFollowing
 
 
-NO_FAILURE = "failures=(), "
-"""What the repr of a task says where nothing fails: digests are older than failures."""
+YOUNGER = ("failures=(), ", ", hysteresis=0.0")
+"""What reprs say of fields that are younger than digests, where these are off."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,9 @@ class Scenario:
             If they hold an object without a repr of its own, by which other processes could
             identify it.
         """
-        draws = repr(self.own).replace(NO_FAILURE, "")
+        draws = repr(self.own)
+        for field in YOUNGER:
+            draws = draws.replace(field, "")
         if unknown := re.search(r"<?(\S+)(?: object)? at 0x", draws):
             raise ParameterError(
                 f"scenario must be identified by its repr: make {unknown[1]} a frozen dataclass"
