@@ -100,7 +100,7 @@ def by_pace(results: Path, scenario: str, names: Collection[str] = ()) -> str:
 @board
 def failures(results: Path, scenario: str) -> str:
     """Return a table for each pace: rows of what fails, columns of policies."""
-    parts = [f"{boards_of(results, scenario)['slow'].title}, nobody told:\n"]
+    parts = [f"{boards_of(results, scenario)['slow'].title}:\n"]
     for pace, speed in PACES.items():
         healthy = boards_of(results, scenario)[pace]
         impaired = [

@@ -79,8 +79,8 @@ def score(results: Path) -> None:
     usual = ["benchmark", "--seed", str(SEED), "--no-film", "--out", str(results)]
     commands = [["--faults", "--policies", *boards.FAILING]]
     for scenario in SCENARIOS:
-        searched = {*boards.SEARCHED, *(boards.README if scenario == "standard" else ())}
-        searched = searched if scenario in boards.SEARCHED_ON else set[str]()
+        readme = boards.README if scenario == "standard" else ()
+        searched = {*boards.SEARCHED, *readme} if scenario in boards.SEARCHED_ON else set[str]()
         others = [name for name in everyone if name not in searched]
         commands += [["--scenario", scenario, "--policies", *others]]
         if searched:

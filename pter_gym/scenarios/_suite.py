@@ -11,7 +11,7 @@ id, its stored episodes and their strata follow from these. This module imports 
 import hashlib
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 from types import MappingProxyType
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from pter_gym.tasks.path_following import PathFollowing
 
 
-YOUNGER = ("failures=(), ", ", hysteresis=0.0")
-"""What reprs say of fields that are younger than digests, where these are off."""
+YOUNGER: Mapping[str, object] = {"failures": (), "hysteresis": 0.0}
+"""Fields that are younger than digests, which leave them out where they have these defaults."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +96,8 @@ class Scenario:
             identify it.
         """
         draws = repr(self.own)
-        for field in YOUNGER:
-            draws = draws.replace(field, "")
+        for name, default in YOUNGER.items():
+            draws = re.sub(rf", {name}={re.escape(repr(default))}(?=[,)])", "", draws)
         if unknown := re.search(r"<?(\S+)(?: object)? at 0x", draws):
             raise ParameterError(
                 f"scenario must be identified by its repr: make {unknown[1]} a frozen dataclass"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import optimize, stats
 
 from pter_gym._internal.files import FilePath
+from pter_gym._physics.clutch import sought
 from pter_gym.errors import ParameterError
 from pter_gym.params import Clutch, Machine, TorqueCurve
 from pter_gym.tools.identification.columns import Recording, read_columns
@@ -531,7 +532,7 @@ class _BenchFit:
         before, ends, value = list[float](), list[float](), float(targets[0]) - loop
         for command, passed in zip(targets.tolist(), np.diff(begin, append=np.inf), strict=True):
             before.append(value)
-            target = min(max(value, command - loop), command + loop)
+            target = sought(value, command, loop)
             ends.append(target)
             value = target + (value - target) * np.exp(
                 -passed / (lag[0] if target > value else lag[1])
@@ -549,7 +550,7 @@ def held_volts(volts: Array, loop: float) -> Array:
         return volts
     held, value = list[float](), 0.0
     for command in volts.tolist():
-        value = min(max(value, command - loop), command + loop)
+        value = sought(value, command, loop)
         held.append(value)
     return np.array(held)
 
