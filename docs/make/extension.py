@@ -154,12 +154,27 @@ def shorten_side_bar(
         context["toctree"] = lambda **options: whole(**options | {"maxdepth": 1})
 
 
+def keep_words_whole(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], tree: Any
+) -> None:
+    """Mark names and options, which browsers would break after a hyphen."""
+    if body := context.get("body"):
+        body = re.sub(r'<span class="pre(?=">[^<]{1,34}<)', r"\g<0> word", body)
+        context["body"] = re.sub(
+            r'<div class="highlight-(?:sh|text|powershell).*?</pre>',
+            lambda block: re.sub(r"(?<=\s)--[\w-]+", r'<span class="word">\g<0></span>', block[0]),
+            body,
+            flags=re.DOTALL,
+        )
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect to Sphinx."""
     app.add_html_math_renderer("mathml", (inline_formula, None), (formula, None))
     app.connect("builder-inited", bring_notebooks)
     app.connect("source-read", add_contents)
     app.connect("html-page-context", shorten_side_bar, priority=400)  # before the theme reads it
+    app.connect("html-page-context", keep_words_whole)
     app.connect("autodoc-process-docstring", process)
     app.connect("autodoc-skip-member", choose)
     app.connect("viewcode-follow-imported", follow)
