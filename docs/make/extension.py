@@ -22,6 +22,9 @@ PAGES = {"pter_gym.envs._single.PathFollowingEnv": "/environment"}
 COMMAND = re.compile(r"(pter|pip|python3?|docker|\w+=\w+ \S+|\.venv/bin/\w+) ")
 """How a block of commands begins."""
 
+COMMANDS = r'<div class="highlight-(?:sh|text|powershell).*?</pre>'
+"""A block of commands in a page."""
+
 
 def inline_formula(translator: Any, node: nodes.math) -> None:
     """Write a formula within a line as MathML, which browsers draw by themselves."""
@@ -160,12 +163,12 @@ def keep_words_whole(
     """Mark names and options, which browsers would break after a hyphen."""
     if body := context.get("body"):
         body = re.sub(r'<span class="pre(?=">[^<]{1,34}<)', r"\g<0> word", body)
-        context["body"] = re.sub(
-            r'<div class="highlight-(?:sh|text|powershell).*?</pre>',
-            lambda block: re.sub(r"(?<=\s)--[\w-]+", r'<span class="word">\g<0></span>', block[0]),
-            body,
-            flags=re.DOTALL,
-        )
+        context["body"] = re.sub(COMMANDS, mark_options, body, flags=re.DOTALL)
+
+
+def mark_options(block: re.Match[str]) -> str:
+    """Return a block of commands with its options marked."""
+    return re.sub(r"(?<=[\s>])--[\w-]+", r'<span class="word">\g<0></span>', block[0])
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -413,15 +413,15 @@ def command(name: str) -> str:
     ).groups()  # type: ignore[union-attr]
     meanings = {each.arg_name: each.description or "" for each in doc.params}
     hints = get_type_hints(function, include_extras=True)
-    rows = (
-        argument(hints[each.name], each, meanings.get(each.name, ""))
-        for each in inspect.signature(function).parameters.values()
-    )
+    rows: list[list[str]] = []
+    for each in inspect.signature(function).parameters.values():
+        option, usual, meaning = argument(hints[each.name], each, meanings.get(each.name, ""))
+        rows.append([option, meaning, usual])
     return "\n\n".join(
         [
             with_options_as_code(text),
             f"```sh\n{example}\n```",
-            table(["Argument", "Default", "What it is"], rows),
+            table(["Argument", "What it is", "Default"], rows),
         ]
     )
 
