@@ -64,23 +64,28 @@ def devices() -> dict[str, Machine]:
     return {**found, "weak-and-fast": weak, "big-arm": big_arm()}
 
 
-def tune(only: Annotated[tuple[str, ...], tyro.conf.Positional] = ()) -> None:
-    """Tune laws for devices, by default for all."""
+def tune_for(machines: dict[str, Machine], trials: int = TRIALS) -> None:
+    """Tune laws for machines, and write their gains beside those of the others."""
     HERE.mkdir(exist_ok=True)
     with TemporaryDirectory() as folder:
-        for name, machine in devices().items():
-            for law in LAWS if name in (only or devices()) else ():
+        for name, machine in machines.items():
+            for law in LAWS:
                 for pace in PACES:
                     found = search(
                         law,
                         "standard",
                         pace,
-                        trials=TRIALS,
+                        trials=trials,
                         machine=machine,
                         storage=Path(folder, f"{name}.journal"),
                     )
                     add_gains(replace(found, machine=None), HERE / f"{name}-{law}.toml")
                     print(name, law, pace, found.assessment, flush=True)
+
+
+def tune(only: Annotated[tuple[str, ...], tyro.conf.Positional] = ()) -> None:
+    """Tune laws for devices, by default for all."""
+    tune_for({name: machine for name, machine in devices().items() if name in (only or devices())})
 
 
 def best_law(name: str, pace: str) -> AnyPolicy:

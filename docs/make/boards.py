@@ -9,7 +9,7 @@ from markup import code, joined, table
 from pter_gym.benchmark import Leaderboard, ResultsFolder, leaderboards
 from pter_gym.benchmark.boards import Standing, in_order
 from pter_gym.benchmark.cells import UNRANKED, millimetres, with_interval
-from pter_gym.benchmark.faults import FAULT, fault_table
+from pter_gym.benchmark.faults import fault_table
 from pter_gym.scenarios import PACES, SCENARIOS
 
 LEFT_OUT = ("free", "locked", "random")
@@ -106,7 +106,8 @@ def failures(results: Path, scenario: str) -> str:
         impaired = [
             each
             for each in all_boards(results)
-            if each.scenario.startswith(scenario + FAULT)
+            if each.failures
+            and each.scenario.startswith(f"{scenario}, ")
             and (each.pace, each.episodes, each.seed) == (pace, healthy.episodes, healthy.seed)
         ]
         if not impaired:
