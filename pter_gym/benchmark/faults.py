@@ -12,6 +12,7 @@ from pter_gym.tasks.path_following import Failure
 WEAK, HELD = 0.5, 0.25
 """Share of its torque that a weak clutch gives, of the largest voltage that one stuck on has."""
 
+
 def faults(machine: Machine) -> dict[str, Failure]:
     """Return what may fail of a machine, by what follows the name of a scenario with it."""
     kinds: dict[str, dict[str, Any]] = {
@@ -39,7 +40,12 @@ def fault_table(boards: Sequence[Leaderboard]) -> list[list[str]]:
     for board in boards:
         standings = {each.policy: each for each in board.standings}
         title = board.scenario.removeprefix(f"{boards[0].scenario}, ")
-        rows.append([title if board.failures else "healthy", *(_cell(standings.get(name)) for name in names)])
+        rows.append(
+            [
+                title if board.failures else "healthy",
+                *(_cell(standings.get(name)) for name in names),
+            ]
+        )
     return rows
 
 

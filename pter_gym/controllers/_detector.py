@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import compiled, inlined, outlined
+from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import Entry, entrywise, flat, read, rows, width, write
 from pter_gym._internal.fields import require, require_kind, require_number
 from pter_gym._physics.arrangement import Arrangement
@@ -226,7 +227,7 @@ class FaultTolerant:
         own = sensors_of(self.controller)
         return "torque" if own == "encoders" else own
 
-    def bind(self, machine: Machine, layout: Any) -> Policy:
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy for a nominal machine.
 
         Raises
@@ -243,24 +244,23 @@ class FaultTolerant:
             )
         clutches = range(1, 1 + len(machine.clutches))
         machines = machine, *(without(machine, clutch) for clutch in clutches)
-        healthy, *others = policies = [self.controller.bind(each, layout) for each in machines]
-        law = healthy.law
+        policies = [self.controller.bind(each, layout) for each in machines]
+        healthy, laws = policies[0], [each.law for each in policies if each.law is not None]
         accepted = "a compiled law that acts at every control step"
-        require(law is not None and healthy.frame_skip == 1, self, "controller", accepted)
+        require(len(laws) > 0 and healthy.frame_skip == 1, self, "controller", accepted)
         healthy.check_period(self.period)
-        laws = [policy.law for policy in policies if policy.law is not None]
-        first = laws[0]
-        sizes = {each.gains.size for each in laws}
-        alike = {each.function for each in laws} == {first.function} and len(sizes) == 1
-        require(alike, self, "controller", "one law for all numbers of clutches")
-        differ = any((each.gains != first.gains).any() for each in laws[1:])
-        accepted = "one that depends on what clutches the machine has"
+        law, *others = laws
+        alike = all(
+            each.function is law.function and each.gains.size == law.gains.size for each in others
+        )
+        differ = alike and any((each.gains != law.gains).any() for each in others)
+        accepted = "one law that depends on what clutches the machine has"
         require(differ, self, "controller", accepted)
-        gains = {"detector": known_of(machine, self.period, first.gains.size)}
-        gains |= {name: first.gains[slice(*ends)] for name, ends in first.parts.items()}
-        gains |= {f"without_{k}": each.gains for k, each in zip(clutches, laws[1:], strict=True)}
+        gains = {"detector": known_of(machine, self.period, law.gains.size)}
+        gains |= {name: law.gains[slice(*ends)] for name, ends in law.parts.items()}
+        gains |= {f"without_{k}": each.gains for k, each in zip(clutches, others, strict=True)}
         policy = Policy.from_law(
-            watching(first.function),
+            watching(law.function),
             gains,
             machine,
             layout,

@@ -738,8 +738,9 @@ class _Body:
         """Return the tables of which one begins at ``first``, and remember which is chosen."""
         if table.choices != (first.shift, last.shift - first.shift) or first.text != last.text:
             raise self._refuse("a part of the gains that only the running program knows")
-        number = Expression("int", f"{bound(replace(first, shift=0), PRODUCT)} / {table.choices[1]}")
-        self.chosen = self._variable(CHOSEN, replace(number, level=PRODUCT))
+        place = bound(replace(first, shift=0), PRODUCT)
+        number = Expression("int", f"{place} / {table.choices[1]}", PRODUCT)
+        self.chosen = self._variable(CHOSEN, number)
         return table.tables()
 
     def _called(
