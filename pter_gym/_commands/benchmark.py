@@ -66,8 +66,9 @@ class Benchmark:
 
     Args:
         policies: Names of laws and trained policies, paths of exported ones or of gains from
-            `pter tune`, or FILE.py:attribute or package.module:attribute for your own. Commas may
-            separate them too. With --machine, the default is universal instead of residual.
+            `pter tune`, or FILE.py:attribute or package.module:attribute for your own; any of these
+            with +detector goes on without a clutch that fails. Commas may separate them too. With
+            --machine, the default is universal instead of residual.
         scenario: Scenario whose test episodes are run, or all.
         paces: Commanded paces: slow, medium, brisk, or speeds in m/s.
         path: Path of all episodes instead of the scenario's: a CSV file of waypoints x, y in

@@ -41,15 +41,13 @@ def fault_table(boards: Sequence[Leaderboard]) -> list[list[str]]:
         standings = {each.policy: each for each in board.standings}
         title = board.scenario.removeprefix(f"{boards[0].scenario}, ")
         rows.append(
-            [
-                title if board.failures else "healthy",
-                *(_cell(standings.get(name)) for name in names),
-            ]
+            [title if board.failures else "healthy", *(cell(standings.get(name)) for name in names)]
         )
     return rows
 
 
-def _cell(standing: Standing | None) -> str:
+def cell(standing: Standing | None) -> str:
+    """Return a path error [mm], and the share that arrives where that is not all."""
     if standing is None:
         return ""
     share = standing.scores["completed"]
