@@ -130,7 +130,7 @@ def detector(
         for title, (right, each) in sets.items():
             clutches, times = map(np.array, zip(*named(policy, each), strict=True))
             is_right = clutches == right
-            wrong = 100.0 * np.mean(~is_right & (clutches > 0))
+            wrong = 100.0 * float(np.mean(~is_right & (clutches > 0)))
             told = times[is_right & (clutches > 0)]
             when = f"{np.median(told):.2f} | {told.max():.2f}" if len(told) else "– | –"
             share = f"{100.0 * is_right.mean():.1f} | {wrong:.2f}"

@@ -189,7 +189,7 @@ class FailureDetector:
         """
         entries = len(self._policy.layout)
         self._policy.act(np.ascontiguousarray(observations[:, :entries]), memory)
-        return memory[:, WATCH.named].astype(np.intp)
+        return memory[:, int(WATCH.named)].astype(np.intp)
 
     @cached_property
     def _policy(self) -> Policy:

@@ -736,10 +736,11 @@ class _Body:
 
     def _one_of(self, table: ConstantTable, first: Expression, last: Expression) -> ConstantTable:
         """Return the tables of which one begins at ``first``, and remember which is chosen."""
-        if table.choices != (first.shift, last.shift - first.shift) or first.text != last.text:
+        size = last.shift - first.shift
+        if table.choices != (first.shift, size) or first.text != last.text:
             raise self._refuse("a part of the gains that only the running program knows")
         place = bound(replace(first, shift=0), PRODUCT)
-        number = Expression("int", f"{place} / {table.choices[1]}", PRODUCT)
+        number = Expression("int", f"{place} / {size}", PRODUCT)
         self.chosen = self._variable(CHOSEN, number)
         return table.tables()
 
