@@ -128,7 +128,7 @@ def detector(
         for title, failure in faults(episodes.nominal).items() if failing else ():
             sets[title.lstrip(", ")] = failure.clutch, few.with_task(failures=(failure,))
         for title, (right, each) in sets.items():
-            clutches, times = map(np.array, zip(*named(policy, each), strict=True))
+            clutches, times = (np.array(x) for x in zip(*named(policy, each), strict=True))
             is_right = clutches == right
             wrong = 100.0 * float(np.mean(~is_right & (clutches > 0)))
             told = times[is_right & (clutches > 0)]

@@ -24,7 +24,7 @@ from pter_gym.policies._files import (
 from pter_gym.policies.tuned import find_paced, find_tuned, read_tuned, tuned_policies
 
 if TYPE_CHECKING:
-    from pter_gym.controllers import AnyPolicy
+    from pter_gym.controllers import AnyPolicy, Controller
 
 Kind = Literal["law", "tuned law", "gains", "network", "code", "fault-tolerant"]
 
@@ -139,7 +139,8 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> "AnyPolicy
         case "fault-tolerant":
             from pter_gym.controllers import FaultTolerant
 
-            return FaultTolerant(find_policy(name.removesuffix(DETECTOR), scenario))  # type: ignore[arg-type]
+            policy = find_policy(name.removesuffix(DETECTOR), scenario)
+            return FaultTolerant(cast("Controller", policy))
 
 
 def text_of(name: object) -> str:
