@@ -4,8 +4,8 @@
     python benchmarks/failures.py score FOLDER
     python benchmarks/failures.py detector
 
-``tune`` writes the laws tuned for PTER without each clutch into benchmarks/devices, about a minute
-of CPU for each of 24. ``score`` adds runs on the test episodes of `standard` to a folder of results
+``tune`` writes the laws tuned for PTER without each clutch into benchmarks/devices, but those that
+are there, about a minute of CPU for each of 24. ``score`` adds runs on the test episodes of `standard` to a folder of results
 of ``pter benchmark``, with a clutch dead from the start: of policies that are told, of policies
 with a detector, and of the best of these laws; and runs in which a healthy clutch is called dead.
 ``detector`` prints how soon a detector names a clutch, and how often a healthy one, in training
@@ -128,7 +128,8 @@ def detector(
         for title, failure in faults(episodes.nominal).items() if failing else ():
             sets[title.lstrip(", ")] = failure.clutch, few.with_task(failures=(failure,))
         for title, (right, each) in sets.items():
-            clutches, times = (np.array(x) for x in zip(*named(policy, each), strict=True))
+            pairs = np.array(list(named(policy, each)))
+            clutches, times = pairs[:, 0], pairs[:, 1]
             is_right = clutches == right
             wrong = 100.0 * float(np.mean(~is_right & (clutches > 0)))
             told = times[is_right & (clutches > 0)]
