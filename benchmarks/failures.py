@@ -5,12 +5,12 @@
     python benchmarks/failures.py detector
 
 ``tune`` writes the laws tuned for PTER without each clutch into benchmarks/devices, but those that
-are there, about a minute of CPU for each of 24. ``score`` adds runs on the test episodes of `standard` to a folder of results
-of ``pter benchmark``, with a clutch dead from the start: of policies that are told, of policies
-with a detector, and of the best of these laws; and runs in which a healthy clutch is called dead.
-``detector`` prints how soon a detector names a clutch, and how often a healthy one, in training
-episodes. docs/failures.md has the tables; ``docs/make/fill.py --results FOLDER`` fills those of
-``score``.
+are there, about a minute of CPU for each of 24. ``score`` adds runs on the test episodes of
+`standard` to a folder of results of ``pter benchmark``, with a clutch dead from the start: of
+policies that are told, of policies with a detector, and of the best of these laws; and runs in
+which a healthy clutch is called dead. ``detector`` prints how soon a detector names a clutch, and
+how often a healthy one, in training episodes. docs/failures.md has the tables; those of ``score``
+are filled by ``docs/make/fill.py --results FOLDER``.
 """
 
 from collections.abc import Iterator
