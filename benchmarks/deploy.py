@@ -33,8 +33,8 @@ from pter_gym.tools.deploy import Source, source_of
 from pter_gym.tools.hil.session import follow
 
 HERE = Path(__file__).parent
-POLICIES = ("residual", "ppo-standard", "torque-feedback-tuned", "single-dof-tuned", "impedance")
-NETWORKS = POLICIES[:2]
+NETWORKS = ("residual", "ppo-standard", "universal", "universal+detector")
+POLICIES = (*NETWORKS, "torque-feedback-tuned", "single-dof-tuned", "impedance")
 TYPES = (("double", "float"), ("float", "float"), ("float", "int8"))
 PERIOD = 10  # ms
 TIMINGS = {"exact": (0, 0), "± 1 ms": (1, 0), "a period late": (0, PERIOD), "both": (1, PERIOD)}

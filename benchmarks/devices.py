@@ -4,10 +4,10 @@
     python benchmarks/devices.py table [POLICY …]
     python benchmarks/devices.py choose POLICY …
 
-``tune`` writes the laws tuned for each device into benchmarks/devices, about two minutes of CPU for
-each of twelve; ``table`` scores these and others on the test episodes of `standard`. Seeds of
-one policy are given as NAME=PATH,PATH,…. ``choose`` says which seed to ship: it scores on
-training draws of 60 devices from the distribution of ``pter train universal``.
+``tune`` writes the laws tuned for each device into benchmarks/devices, but those that are there,
+about two minutes of CPU for each of twelve; ``table`` scores these and others on the test episodes
+of `standard`. Seeds of one policy are given as NAME=PATH,PATH,…. ``choose`` says which seed to
+ship: it scores on training draws of 60 devices from the distribution of ``pter train universal``.
 docs/development/any-device.md has the table.
 """
 
@@ -64,23 +64,30 @@ def devices() -> dict[str, Machine]:
     return {**found, "weak-and-fast": weak, "big-arm": big_arm()}
 
 
-def tune(only: Annotated[tuple[str, ...], tyro.conf.Positional] = ()) -> None:
-    """Tune laws for devices, by default for all."""
+def tune_for(machines: dict[str, Machine], trials: int = TRIALS) -> None:
+    """Tune laws for machines, and write the gains that are not there yet."""
     HERE.mkdir(exist_ok=True)
     with TemporaryDirectory() as folder:
-        for name, machine in devices().items():
-            for law in LAWS if name in (only or devices()) else ():
-                for pace in PACES:
+        for name, machine in machines.items():
+            for law in LAWS:
+                file = HERE / f"{name}-{law}.toml"
+                there = read_gains(file).get("standard", {}).get(law, {})
+                for pace in (pace for pace in PACES if pace not in there):
                     found = search(
                         law,
                         "standard",
                         pace,
-                        trials=TRIALS,
+                        trials=trials,
                         machine=machine,
                         storage=Path(folder, f"{name}.journal"),
                     )
-                    add_gains(replace(found, machine=None), HERE / f"{name}-{law}.toml")
+                    add_gains(replace(found, machine=None), file)
                     print(name, law, pace, found.assessment, flush=True)
+
+
+def tune(only: Annotated[tuple[str, ...], tyro.conf.Positional] = ()) -> None:
+    """Tune laws for devices, by default for all."""
+    tune_for({name: machine for name, machine in devices().items() if name in (only or devices())})
 
 
 def best_law(name: str, pace: str) -> AnyPolicy:

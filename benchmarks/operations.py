@@ -20,11 +20,13 @@ from pycparser import CParser, c_ast as c
 
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.episodes import find_episodes
-from pter_gym.policies import TrainedController, shipped_policies
+from pter_gym.policies import shipped_policies
+from pter_gym.policies.find import DETECTOR
 from pter_gym.policies.tuned import tuned_policies
 from pter_gym.tools.deploy import source_of
 
 HERE = Path(__file__).parent
+NETWORKS = (*shipped_policies(), f"universal{DETECTOR}")
 STEP = ("pter_encoder", "pter_encoder", "pter_observe", "pter_act")
 """What a control step calls."""
 
@@ -270,7 +272,7 @@ def counted(folder: Path, rows: Any) -> list[Operations]:
     return [Operations(*map(int, row)) for row in np.frombuffer(run.stdout, "<u4").reshape(-1, 2)]
 
 
-def main(policies: tuple[str, ...] = ("impedance", *tuned_policies(), *shipped_policies())) -> None:
+def main(policies: tuple[str, ...] = ("impedance", *tuned_policies(), *NETWORKS)) -> None:
     """Print the table."""
     standard = find_episodes("standard", "medium").first(1)
     (machine,), (task,), (seed,) = standard.machines, standard.tasks, standard.seeds
@@ -278,7 +280,7 @@ def main(policies: tuple[str, ...] = ("impedance", *tuned_policies(), *shipped_p
     print("|---|---|---:|---:|---:|---:|")
     for name in policies:
         policy = find_policy(name)
-        is_network = isinstance(policy, TrainedController)
+        is_network = name in NETWORKS
         for weights in ("float", "int8") if is_network else ("float",):
             source = source_of(policy, name=name, weights=weights)
             with deploy.folder_of(source) as folder:

@@ -13,11 +13,13 @@ import tyro
 
 from pter_gym.benchmark import find_policy
 from pter_gym.errors import ProofError
-from pter_gym.policies import TrainedController, shipped_policies
+from pter_gym.policies import shipped_policies
+from pter_gym.policies.find import DETECTOR
 from pter_gym.policies.tuned import tuned_policies
 from pter_gym.tools.deploy import source_of
 from pter_gym.tools.deploy.proof import MachineModel, prove
 
+NETWORKS = (*shipped_policies(), f"universal{DETECTOR}")
 PAPER = ("impedance", "torque-feedback")
 MODELS = get_args(MachineModel)
 
@@ -32,13 +34,13 @@ def proven(source: Any, model: MachineModel) -> str:
             return f"{len(str(error).splitlines()) - 1} alarms"
 
 
-def main(policies: tuple[str, ...] = (*PAPER, *tuned_policies(), *shipped_policies())) -> None:
+def main(policies: tuple[str, ...] = (*PAPER, *tuned_policies(), *NETWORKS)) -> None:
     """Print the table."""
     print(f"| Policy | Numbers | Weights | {' | '.join(f'`{model}`' for model in MODELS)} |")
     print(f"|---|---|---|{'---:|' * len(MODELS)}")
     for name in policies:
         policy = find_policy(name)
-        rounded = ("int8",) if isinstance(policy, TrainedController) else ()
+        rounded = ("int8",) if name in NETWORKS else ()
         kinds: Any = [("double", "float"), ("float", "float"), *(("float", w) for w in rounded)]
         for numbers, weights in kinds:
             source = source_of(policy, name=name, numbers=numbers, weights=weights)

@@ -208,7 +208,8 @@ def export(
     Example: pter export residual --c residual-c
 
     Args:
-        run: Folder of a run, or a policy by its name or path; for C also the name of a law.
+        run: Folder of a run, or a policy by its name or path; for C also the name of a law, or any
+            of these with +detector, which goes on without a clutch that fails.
         name: Name of the policy; by default the algorithm's or its own.
         out: Folder for the policy, created if necessary; by default NAME.
         c: Folder for pter.h, pter.c and main.c, in C99 without libraries, created if necessary.

@@ -1,7 +1,9 @@
 """Blocks made from the scores in a results folder of `pter benchmark`."""
 
 from collections.abc import Callable, Collection
+from dataclasses import replace
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 from markup import code, joined, table
@@ -9,7 +11,8 @@ from markup import code, joined, table
 from pter_gym.benchmark import Leaderboard, ResultsFolder, leaderboards
 from pter_gym.benchmark.boards import Standing, in_order
 from pter_gym.benchmark.cells import UNRANKED, millimetres, with_interval
-from pter_gym.benchmark.faults import FAULT, fault_table
+from pter_gym.benchmark.faults import cell, fault_table
+from pter_gym.policies.find import DETECTOR
 from pter_gym.scenarios import PACES, SCENARIOS
 
 LEFT_OUT = ("free", "locked", "random")
@@ -33,6 +36,9 @@ SEARCHED, SEARCHED_ON = (
 
 FAILING = (*SEARCHED, "ppo-standard", "torque-feedback-tuned")
 """Policies that are scored where a clutch fails."""
+
+CLUTCHES = range(1, 5)
+"""Those that are dead, or called so, in the runs of `benchmarks/failures.py score`."""
 
 ERRORS = {"Worst 1/20": "worst_path_error_m", "RMS": "rms_error_m"}
 """Errors that a leaderboard shows beside the path error, by their titles."""
@@ -104,10 +110,9 @@ def failures(results: Path, scenario: str) -> str:
     for pace, speed in PACES.items():
         healthy = boards_of(results, scenario)[pace]
         impaired = [
-            each
-            for each in all_boards(results)
-            if each.scenario.startswith(scenario + FAULT)
-            and (each.pace, each.episodes, each.seed) == (pace, healthy.episodes, healthy.seed)
+            replace(each, standings=tuple(one for one in each.standings if one.policy in FAILING))
+            for each in variants(results, healthy)
+            if each.failures
         ]
         if not impaired:
             raise ValueError(f"{results} has no runs with --faults of {healthy.title}")
@@ -116,6 +121,60 @@ def failures(results: Path, scenario: str) -> str:
         names = ["", *map(code, head[1:])]
         parts.append(f"### {pace.capitalize()}: {speed:g} m/s\n\n{table(names, cells, '---:')}")
     return "\n".join(parts)
+
+
+def variants(results: Path, healthy: Leaderboard) -> list[Leaderboard]:
+    """Return the boards of the same episodes with what fails, or is said to."""
+    same = (healthy.pace, healthy.episodes, healthy.seed)
+    return [
+        each
+        for each in all_boards(results)
+        if each.scenario.startswith(f"{healthy.scenario}, ")
+        and (each.pace, each.episodes, each.seed) == same
+    ]
+
+
+@board
+def remains(results: Path, scenario: str) -> str:
+    """Return what policies make of a dead clutch: not told, with a detector, told; the best law."""
+    title = boards_of(results, scenario)["slow"].title
+    head = ["Dead", "Pace", "Best law there"]
+    head += [f"{code(name)}: not told / detector / told" for name in SEARCHED]
+    return f"{title}:\n\n{table([*head, 'Told over best'], _rows_left(results, scenario))}"
+
+
+def _rows_left(results: Path, scenario: str) -> list[list[str]]:
+    rows: list[list[str]] = []
+    for clutch, (pace, healthy) in product(CLUTCHES, boards_of(results, scenario).items()):
+        title = f"{scenario}, clutch {clutch} dead"
+        (found,) = (each for each in variants(results, healthy) if each.scenario == title)
+        standings = {each.policy: each for each in found.standings}
+        best, told = standings["best law"], standings[f"{SEARCHED[1]}, told"]
+        triples = (
+            " / ".join(
+                cell(standings.get(each)) for each in (name, f"{name}{DETECTOR}", f"{name}, told")
+            )
+            for name in SEARCHED
+        )
+        ratio = f"{told.error.value / best.error.value:.2f}"
+        rows.append([str(clutch), pace, *map(joined, (cell(best), *triples)), ratio])
+    return rows
+
+
+@board
+def false_alarms(results: Path, scenario: str) -> str:
+    """Return what it costs that a healthy clutch is called dead from the start."""
+    rows: list[list[str]] = []
+    for pace, healthy in boards_of(results, scenario).items():
+        usual = {each.policy: each for each in healthy.standings}
+        boards = {each.scenario: each for each in variants(results, healthy)}
+        for name in SEARCHED:
+            cells = [cell(usual[name])]
+            for clutch in CLUTCHES:
+                called = boards[f"{scenario}, clutch {clutch} called dead"].standings
+                cells += [cell(each) for each in called if each.policy == name]
+            rows.append([code(name), pace, *map(joined, cells)])
+    return table(["Policy", "Pace", "none", *map(str, CLUTCHES)], rows)
 
 
 @board

@@ -9,6 +9,8 @@ A block asks for a function of `made` or `boards` by name, with arguments, and e
 """
 
 import re
+import subprocess
+import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -88,6 +90,8 @@ def score(results: Path) -> None:
     for options in commands:
         if status := pter([*usual, *options]):
             raise SystemExit(status)
+    failures = ROOT / "benchmarks" / "failures.py"
+    subprocess.run([sys.executable, failures, "score", results], check=True)
 
 
 def check_commands() -> None:

@@ -66,8 +66,9 @@ class Benchmark:
 
     Args:
         policies: Names of laws and trained policies, paths of exported ones or of gains from
-            `pter tune`, or FILE.py:attribute or package.module:attribute for your own. Commas may
-            separate them too. With --machine, the default is universal instead of residual.
+            `pter tune`, or FILE.py:attribute or package.module:attribute for your own; any of these
+            with +detector goes on without a clutch that fails. Commas may separate them too. With
+            --machine, the default is universal instead of residual.
         scenario: Scenario whose test episodes are run, or all.
         paces: Commanded paces: slow, medium, brisk, or speeds in m/s.
         path: Path of all episodes instead of the scenario's: a CSV file of waypoints x, y in
@@ -113,7 +114,6 @@ class Benchmark:
         """Run the episodes, print and write what they show, and say how to go on."""
         self.check()
         from pter_gym.benchmark import ResultsFolder
-        from pter_gym.benchmark.faults import is_healthy
         from pter_gym.benchmark.tables import check_table
 
         if self.table is not None:
@@ -127,7 +127,7 @@ class Benchmark:
             boards = [self.rank(scenario, results, progress) for scenario in scenarios]
             files = [results.summary, *self.tabulate(boards)]
             progress.add_task("drawing", total=None)
-            healthy = [list(filter(is_healthy, each)) for each in boards]
+            healthy = [[board for board in each if not board.failures] for each in boards]
             files += [file for each in healthy for file in draw_boards(each, results.path)]
             if self.film and len(scenarios) == 1 and "film" in registered(PICTURES):
                 files.append(self.film_ranked(scenarios[0], healthy[0], results.path, progress))
@@ -172,7 +172,7 @@ class Benchmark:
         """Run the policies on a scenario; print and return the leaderboards of its episodes."""
         from pter_gym.benchmark import find_policy, leaderboards, run_scenario
         from pter_gym.benchmark.boards import boards_text, others_text
-        from pter_gym.benchmark.faults import faults, faults_text, is_healthy
+        from pter_gym.benchmark.faults import faults, faults_text
 
         names = self.names
         kinds = 1 + len(faults(scenario.nominal)) * self.faults
@@ -191,7 +191,8 @@ class Benchmark:
         progress.remove_task(task)
         results.summarise()
         boards = leaderboards(runs)
-        say(boards_text(list(filter(is_healthy, boards)), details=self.details))
+        healthy = [board for board in boards if not board.failures]
+        say(boards_text(healthy, details=self.details))
         if self.faults:
             say(faults_text(boards))
         if others := others_text(results.runs(), runs):

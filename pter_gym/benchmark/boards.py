@@ -20,6 +20,7 @@ from pter_gym.benchmark.scores import CONFIDENCE, POLICY, SCORES, ScenarioRun, W
 from pter_gym.errors import printable
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.scenarios.paces import find_pace, title_of_pace
+from pter_gym.tasks.path_following import Failure
 
 COMPLETION = 0.99
 """Smallest share of completed episodes of a ranked policy."""
@@ -30,7 +31,7 @@ PACE_ERROR = 0.15
 PACE_ERRORS = ("mean_pace_error", "segment_pace_error")
 """The scores that are these errors."""
 
-EPISODE_SET = attrgetter("version", "scenario", "digest", "episodes", "seed")
+EPISODE_SET = attrgetter("version", "scenario", "digest", "episodes", "seed", "failures")
 """What runs and leaderboards on the same episodes share, at whatever pace."""
 
 PATH_ERROR = attrgetter("path_error_m")
@@ -123,7 +124,8 @@ class Leaderboard:
     """Policies on episodes of a scenario at a pace, ordered by their mean path error.
 
     ``seed`` is that of test episodes, None for the stored ones; ``version`` that of the package
-    that made the runs; ``digest`` that of a user's scenario; ``strata`` labels of the episodes.
+    that made the runs; ``digest`` that of a user's scenario; ``strata`` labels of the episodes;
+    ``failures`` what fails in all of them.
     """
 
     scenario: str
@@ -134,6 +136,7 @@ class Leaderboard:
     version: str = __version__
     digest: str = ""
     strata: tuple[str, ...] = field(default=(), compare=False, repr=False)
+    failures: tuple[Failure, ...] = ()
 
     @property
     def title(self) -> str:
@@ -208,6 +211,7 @@ def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
         run.version,
         run.digest,
         run.strata,
+        run.failures,
     )
 
 

@@ -12,9 +12,6 @@ from pter_gym.tasks.path_following import Failure
 WEAK, HELD = 0.5, 0.25
 """Share of its torque that a weak clutch gives, of the largest voltage that one stuck on has."""
 
-FAULT = ", clutch "
-"""What follows the name of a scenario whose clutch of this number fails."""
-
 
 def faults(machine: Machine) -> dict[str, Failure]:
     """Return what may fail of a machine, by what follows the name of a scenario with it."""
@@ -24,35 +21,33 @@ def faults(machine: Machine) -> dict[str, Failure]:
         "stuck on": {"volts": HELD * machine.clutch.voltage_max},
     }
     return {
-        f"{FAULT}{clutch} {name}": Failure(clutch=clutch, **kind)
+        f", clutch {clutch} {name}": Failure(clutch=clutch, **kind)
         for clutch in range(1, 1 + len(machine.clutches))
         for name, kind in kinds.items()
     }
 
 
-def is_healthy(board: Leaderboard) -> bool:
-    """Return whether nothing fails in the episodes of a leaderboard."""
-    return FAULT not in board.scenario
-
-
 def fault_table(boards: Sequence[Leaderboard]) -> list[list[str]]:
     """Return a table of leaderboards at one pace: a row for what fails, a column for each policy.
+
+    The first is that of the healthy machine.
 
     Policies are in the order of their errors where something fails. Cells are the mean path error
     [mm], and the share that arrives where that is not all.
     """
-    names = list(in_order([board for board in boards if not is_healthy(board)]))
+    names = list(in_order([board for board in boards if board.failures]))
     rows = [["", *names]]
     for board in boards:
         standings = {each.policy: each for each in board.standings}
-        title = (
-            "healthy" if is_healthy(board) else board.scenario[board.scenario.index(FAULT) + 2 :]
+        title = board.scenario.removeprefix(f"{boards[0].scenario}, ")
+        rows.append(
+            [title if board.failures else "healthy", *(cell(standings.get(name)) for name in names)]
         )
-        rows.append([title, *(_cell(standings.get(name)) for name in names)])
     return rows
 
 
-def _cell(standing: Standing | None) -> str:
+def cell(standing: Standing | None) -> str:
+    """Return a path error [mm], and the share that arrives where that is not all."""
     if standing is None:
         return ""
     share = standing.scores["completed"]
@@ -63,7 +58,7 @@ def _cell(standing: Standing | None) -> str:
 def faults_text(boards: Sequence[Leaderboard]) -> str:
     """Return a table for each pace of a scenario, for 80 columns."""
     parts: list[str] = []
-    for first in filter(is_healthy, boards):
+    for first in (board for board in boards if not board.failures):
         rows = fault_table([board for board in boards if board.pace == first.pace])
         longest = max(len(row[0]) for row in rows)
         room = (WIDTH - longest) // (len(rows[0]) - 1) - 2

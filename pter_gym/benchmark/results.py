@@ -14,6 +14,7 @@ from datetime import UTC, datetime
 from functools import lru_cache
 from hashlib import sha256
 from importlib import metadata
+from itertools import product
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -46,14 +47,15 @@ from pter_gym.policies._code import code_digest
 from pter_gym.scenarios import PACES, Scenario, find_scenario
 from pter_gym.scenarios.paces import name_of_pace, names_of_paces
 from pter_gym.tasks._codec import codec
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
+from pter_gym.tasks.path_following import TELEMETRY, Failure, PathFollowing
 
 RUN_ENTRIES = ("version", "scenario", "digest", "pace", "policy", "training_seed", "seed")
 """What a file says about a run, beside its numbers."""
 
 
-WORST, ORIGIN = "worst_hand", "origin"
-"""What it says beside them: the worst hand, where one was searched, and what made the run."""
+WORST, ORIGIN, FAILURES = "worst_hand", "origin", "failures"
+"""What it says beside them: the worst hand, where one was searched, what made the run, and what
+fails in it."""
 
 PACKAGES = ("numba", "numpy", "scipy")
 """Whose versions a run names."""
@@ -139,6 +141,8 @@ def write_run(folder: FilePath, run: ScenarioRun) -> None:
         "strata": run.strata,
         **{name: run.scores[name].tolist() for name in SCORES if name in run.scores},
     }
+    if run.failures:
+        content[FAILURES] = [codec().to_plain(each) for each in run.failures]
     if run.worst:
         content[WORST] = {name: codec().to_plain(part) for name, part in vars(run.worst).items()}
     lines = (
@@ -161,6 +165,7 @@ def read_run(path: FilePath) -> ScenarioRun:
             scores=scores,
             worst=_worst_of(content[WORST]) if WORST in content else None,
             origin={str(name): str(part) for name, part in content.get(ORIGIN, {}).items()},
+            failures=tuple(map(_failure_of, content.get(FAILURES, ()))),
         )
         for name in ("training_seed", "seed"):
             whole_number(name, getattr(run, name) or 0, at_least=0)
@@ -173,6 +178,14 @@ def read_run(path: FilePath) -> ScenarioRun:
         if run_path(path.parents[1], run).name != path.name:
             raise ValueError(f"policy must be that of the file's name, got {run.policy!r:.200}")
         return run
+
+
+def _failure_of(content: object) -> Failure:
+    """Return a failure in a run's file, or raise a ValueError."""
+    failure = codec().from_plain(content)
+    if not isinstance(failure, Failure):
+        raise ValueError(f"{FAILURES} must hold failures, got {failure!r:.200}")
+    return failure
 
 
 def _worst_of(content: dict[str, Any]) -> WorstHand:
@@ -306,12 +319,12 @@ def run_scenario(
         results.make()
     for policy in (each for versions in by_name.values() for each in versions):
         check_acting(policy, next(iter(sets.values())))
-    kinds = {(scenario.name, pace): each for pace, each in sets.items()}
+    kinds: dict[str, tuple[Failure, ...]] = {scenario.name: ()}
     for title, failure in faults_of(scenario.nominal).items() if faults else ():
-        for pace, each in sets.items():
-            kinds[scenario.name + title, pace] = each.with_task(failures=(failure,))
+        kinds[scenario.name + title] = (failure,)
     runs: list[ScenarioRun] = []
-    for (title, pace), episode_set in kinds.items():
+    for (title, failures), (pace, healthy) in product(kinds.items(), sets.items()):
+        episode_set = healthy.with_task(failures=failures) if failures else healthy
         for name, versions in by_name.items():
             trained = [
                 ScenarioRun(
@@ -324,9 +337,10 @@ def run_scenario(
                     evaluate(policy, episode_set, num_threads),
                     digest=scenario.digest,
                     worst=find_worst(policy, scenario, pace, num_threads=num_threads)
-                    if worst and title == scenario.name
+                    if worst and not failures
                     else None,
                     origin=origin_of(policy, episode_set),
+                    failures=failures,
                 )
                 for number, policy in enumerate(versions)
             ]

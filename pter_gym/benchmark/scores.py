@@ -14,7 +14,7 @@ from pter_gym.benchmark.cells import millimetres, percent
 from pter_gym.benchmark.measures import PRICE, TOUCH, Array, Recorded, column, mean_over
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
+from pter_gym.tasks.path_following import TELEMETRY, Failure, PathFollowing
 
 Values = NDArray[Any]
 
@@ -269,6 +269,8 @@ class ScenarioRun:
     origin
         Where it comes from: date, versions of packages, the commit of a checkout, and the digest of
         the policy: of a law's code with its gains or weights, otherwise of the file of its code.
+    failures
+        What fails in all episodes, beside what the scenario draws.
     strata, scores
         A label for each episode; by the name of each defined score, an array with an entry for each
         episode.
@@ -285,6 +287,7 @@ class ScenarioRun:
     digest: str = ""
     worst: WorstHand | None = None
     origin: Mapping[str, str] = field(default_factory=dict[str, str], compare=False)
+    failures: tuple[Failure, ...] = ()
 
     @property
     def episodes(self) -> int:

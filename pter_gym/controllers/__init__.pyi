@@ -1,5 +1,5 @@
 from ._by_name import CONTROLLERS as CONTROLLERS
-from ._detector import FailureDetector as FailureDetector
+from ._detector import FailureDetector as FailureDetector, FaultTolerant as FaultTolerant
 from ._guided import (
     Guided as Guided,
     Impedance as Impedance,

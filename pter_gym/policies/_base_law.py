@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 REACH = 1.0 / 3.0
 """What a correction of 1 is by default, as a part of the largest voltage."""
 
-BASES: tuple[Kind, ...] = ("law", "tuned law", "gains", "code")
+BASES: tuple[Kind, ...] = ("law", "tuned law", "gains", "code", "fault-tolerant")
 """What the name of a base may mean."""
 
 Actions = TypeVar("Actions", NDArray[np.floating], "jax.Array")

@@ -24,9 +24,12 @@ from pter_gym.policies._files import (
 from pter_gym.policies.tuned import find_paced, find_tuned, read_tuned, tuned_policies
 
 if TYPE_CHECKING:
-    from pter_gym.controllers import AnyPolicy
+    from pter_gym.controllers import AnyPolicy, Controller
 
-Kind = Literal["law", "tuned law", "gains", "network", "code"]
+Kind = Literal["law", "tuned law", "gains", "network", "code", "fault-tolerant"]
+
+DETECTOR = "+detector"
+"""What follows the name of a policy that goes on without a clutch that a detector names."""
 
 NAMES: dict[Kind, Callable[[], Collection[str]]] = {
     "law": LAWS.keys,
@@ -34,6 +37,7 @@ NAMES: dict[Kind, Callable[[], Collection[str]]] = {
     "network": shipped_policies,
     "gains": lambda: ["FILE.toml"],
     "code": lambda: ["FILE.py:attribute"],
+    "fault-tolerant": lambda: [f"NAME{DETECTOR}"],
 }
 """The known names of each kind, or how one is written."""
 
@@ -55,6 +59,9 @@ def kind_of(name: str, field: str = "policies", among: Collection[Kind] = tuple(
     ParameterError
         If it is nothing of these, or names a file that does not exist.
     """
+    if name.endswith(DETECTOR) and "fault-tolerant" in among:
+        kind_of(name.removesuffix(DETECTOR), field, among)
+        return "fault-tolerant"
     kind = _meant_by(name)
     if kind is None or kind not in among:
         raise unknown_name(field, name, [each for kind in among for each in NAMES[kind]()])
@@ -103,7 +110,9 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> "AnyPolicy
         - ``FILE.py:attribute`` or ``package.module:attribute``: a law or a callable from
           observations to volts. A class is called without arguments. The file is run, or the module
           imported, in this process, if need be from the current folder, which is then appended to
-          ``sys.path``.
+          ``sys.path``;
+        - any of these with ``+detector`` at the end: it goes on without a clutch once a detector
+          says that this has failed; see ``FaultTolerant``.
     scenario
         Scenario whose gains and dampers to use. With None, as in the paper's standard test,
         laws have their default gains.
@@ -127,6 +136,11 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> "AnyPolicy
             return read_policy(name)
         case "code":
             return load_attribute(name)
+        case "fault-tolerant":
+            from pter_gym.controllers import FaultTolerant
+
+            policy = find_policy(name.removesuffix(DETECTOR), scenario)
+            return FaultTolerant(cast("Controller", policy))
 
 
 def text_of(name: object) -> str:

@@ -71,6 +71,7 @@ def test_a_name_means_the_same_wherever_one_is_given(
         "gains.toml": "gains",
         "mine.py:Law": "code",
         "os.path:join": "code",
+        "net+detector": "fault-tolerant",
     }
     assert {name: kind_of(name) for name in kinds} == kinds
     for base in ("mine.py:Law", "gains.toml"):

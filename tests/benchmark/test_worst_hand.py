@@ -30,7 +30,7 @@ from pter_gym.hands import SINES, HandModel, MultiSineHand, Operator
 from pter_gym.params import BASELINE, MachineSpread
 from pter_gym.scenarios import PACES, SCENARIOS
 from pter_gym.scenarios.distributions import Draws, OneOf, Uniform, Vary
-from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.tasks.path_following import Failure, PathFollowing
 from rollouts import Acting
 
 RNG = np.random.default_rng(0)
@@ -117,6 +117,25 @@ def test_the_search_finds_a_worst_hand_that_is_known(
     else:
         assert found.path_error_m == pytest.approx(1.0, abs=2e-3)
         assert found.path_error_m > found.random_error_m
+
+
+@pytest.mark.usefixtures("few_hands")
+def test_which_clutch_fails_and_when_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+    def error(task: PathFollowing) -> float:
+        return sum(math.exp(-abs(each.after - 1.3)) for each in task.failures if each.clutch == 3)
+
+    def errors(_policy: object, episodes: Episodes, _threads: int) -> np.ndarray:
+        return np.array([error(task) for task in episodes.tasks])
+
+    monkeypatch.setattr(worst_hand, "path_errors", errors)
+    monkeypatch.setattr(worst_hand, "SEARCHED", 80 * POPULATION)
+    clutch, after = OneOf((1, 2, 3, 4)), Uniform(0.0, 2.0)
+    dead = Vary(Failure(clutch=1, torque=0.0), clutch=clutch, after=after)
+    draws = Draws(task=Vary(PathFollowing(), failures=OneOf(((), (dead,)))))
+    found = find_worst(Free(), draws)
+    (failure,) = found.task.failures
+    assert (failure.clutch, failure.torque) == (3, 0.0)
+    assert failure.after == pytest.approx(1.3, abs=2e-3)
 
 
 def test_each_kind_of_hand_is_searched_by_itself(

@@ -72,7 +72,11 @@ KINDS: dict[str, dict[str, Any]] = {
         "history": (2, 7),
         "max_episode_steps": 30,
     },
-    "a base, held": {"base": "impedance", "frame_skip": 3, "max_episode_steps": 20},
+    "a base with a detector, held": {
+        "base": "impedance+detector",
+        "frame_skip": 3,
+        "max_episode_steps": 20,
+    },
 }
 
 

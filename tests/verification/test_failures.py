@@ -1,7 +1,8 @@
 """Clutches that fail: what is left of their torque, what they hold, and who is told."""
 
 import math
-from dataclasses import replace
+import pickle
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium
@@ -13,16 +14,33 @@ from numpy.typing import NDArray
 from pter_gym import BASELINE, Machine
 from pter_gym._compiled.records import flat
 from pter_gym._engine.batch import Batch
-from pter_gym._physics.clutch import PerClutch
-from pter_gym.controllers import FailureDetector
+from pter_gym.benchmark import find_policy
+from pter_gym.controllers import (
+    MEMORY,
+    FailureDetector,
+    FaultTolerant,
+    Locked,
+    PerClutch,
+    Policy,
+    compiled,
+)
 from pter_gym.envs._mixin import find_worlds
 from pter_gym.errors import ParameterError
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import MACHINES
+from pter_gym.policies.find import kind_of
 from pter_gym.scenarios import find_scenario
 from pter_gym.scenarios.distributions import OneOf, Uniform, Vary
 from pter_gym.tasks._codec import codec
-from pter_gym.tasks.path_following import COLUMN, OBS, Failure, PathFollowing, Starts, check_machine
+from pter_gym.tasks.path_following import (
+    COLUMN,
+    OBS,
+    Failure,
+    PathFollowing,
+    Starts,
+    check_machine,
+    observation_layout,
+)
 
 STEPS, MOMENT = 30, 12
 """Control steps of an episode, and those before a clutch fails."""
@@ -250,6 +268,78 @@ def test_a_clutch_that_is_stuck_on_is_named_where_it_holds_a_load() -> None:
     assert set(looked(detector, volts=volts)) == {0}
     verdicts = looked(detector, Failure(clutch=3, volts=12.0), volts=volts, hand=MultiSineHand())
     assert verdicts[-1] == 3
+
+
+@compiled
+def counting(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    """Return 0.1 V more at each step for clutches that there are; last, the episode's number."""
+    memory[MEMORY.kept] += 0.1
+    return PerClutch(
+        gains[0] * memory[MEMORY.kept],
+        gains[1] * memory[MEMORY.kept],
+        gains[2] * memory[MEMORY.kept],
+        memory[MEMORY.episode],
+    )
+
+
+@dataclass(frozen=True)
+class Counting:
+    """A law that remembers how many steps went before."""
+
+    frame_skip: int | None = None
+
+    def bind(self, machine: Machine, layout: Any) -> Policy:
+        gains = machine.slot_scale
+        return Policy.from_law(counting, gains, machine, layout, frame_skip=self.frame_skip)
+
+
+def test_a_policy_goes_on_without_a_clutch_that_is_named_and_remembers_what_went_before() -> None:
+    layout = observation_layout(BASELINE, "torque")
+    policy = FaultTolerant(Counting()).bind(BASELINE, layout)
+    physical = np.zeros((2, len(layout)))
+    physical[:, [OBS.omega_a, *OBS.volts]] = 1.0, 0.0, 12.0, 12.0, 0.0
+    physical[:, [*OBS.torque]] = 0.0, 10.6, 10.6, 0.0
+    physical[:, OBS.omega_b] = 0.5
+    physical[1, OBS.torque.x2] = 0.0
+    obs = (physical / layout.scales).astype(np.float32)
+    memory = policy.start(2, [5, 7])
+    steps = np.array([policy.act(obs, memory) for _ in range(10)])
+    count = np.cumsum(np.full(10, 0.1)).astype(np.float32)
+    healthy = np.stack([count, count, count, np.full(10, 5.0)], axis=1)
+    np.testing.assert_array_equal(steps[:, 0], healthy)
+    left = np.where(np.arange(10) < 7, count, 0.0)
+    np.testing.assert_array_equal(steps[:, 1], np.stack([count, left, count, [7.0] * 10], axis=1))
+    assert memory[:, 1].tolist() == [0.0, 2.0]
+    obs[1] = obs[0]  # it reads a torque again, but who knows
+    assert policy.act(obs, memory)[1, 1] == 0.0
+    again = pickle.loads(pickle.dumps(policy))
+    np.testing.assert_array_equal(again.act(obs, again.start(2)), policy.act(obs, policy.start(2)))
+
+
+@pytest.mark.parametrize(
+    ("controller", "sensors", "options", "told"),
+    [
+        (Counting(), "encoders", {}, "torque sensors"),
+        (Counting(frame_skip=2), "torque", {}, "every control step"),
+        (find_policy("ppo-standard"), "torque", {}, "depends on what clutches"),
+        (find_policy("universal"), "torque", {"period": 0.02}, "control_period"),
+        (Locked(), "torque", {"period": 0.0}, "period"),
+    ],
+)
+def test_a_detector_says_what_it_cannot_watch(
+    controller: Any, sensors: Any, options: Any, told: str
+) -> None:
+    layout = observation_layout(BASELINE, sensors)
+    with pytest.raises(ParameterError, match=told):
+        FaultTolerant(controller, **options).bind(BASELINE, layout)
+
+
+def test_a_name_asks_for_a_detector() -> None:
+    found: Any = find_policy("impedance-tuned+detector", "paths")
+    assert found == FaultTolerant(find_policy("impedance-tuned", "paths"))
+    assert kind_of("impedance+detector") == "fault-tolerant"
+    with pytest.raises(ParameterError, match="impedance"):
+        kind_of("impedanse+detector")
 
 
 def test_a_detector_looks_at_each_world_by_itself() -> None:

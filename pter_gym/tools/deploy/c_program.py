@@ -20,7 +20,7 @@ from pter_gym._compiled.records import layout_of, read
 from pter_gym._internal.files import FilePath, expand_path, make_folder, write_files_atomic
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.model import model_of
-from pter_gym.controllers import AnyPolicy, Policy, bind
+from pter_gym.controllers import AnyPolicy, FaultTolerant, Policy, bind
 from pter_gym.controllers._policy import CompiledLaw, sensors_of
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
@@ -143,15 +143,16 @@ def source_of(
         )
     if prefix.lower() in RESERVED:
         raise ParameterError(f"prefix must be none of {', '.join(RESERVED)}, got {prefix!r}")
-    steps: tuple[float, ...] | None = None
-    if isinstance(policy, TrainedController):
-        policy, steps = policy.for_machine(machine), ()
+    tolerant = isinstance(policy, FaultTolerant)
+    network = policy.controller if tolerant else policy
+    steps = () if isinstance(network, TrainedController) else None
     if weights == "int8":
-        if not isinstance(policy, TrainedController):
+        if not isinstance(network, TrainedController):
             raise ParameterError(
                 f"weights must be float for {name!r}, which has no network, got {weights!r}"
             )
-        policy, steps = rounded(policy)
+        network, steps = rounded(network.for_machine(machine))
+        policy = replace(policy, controller=network) if tolerant else network
     layout = observation_layout(machine, sensors_of(policy))
     bound = bind(policy, machine, layout)
     law = bound.law
@@ -161,7 +162,7 @@ def source_of(
         )
     top = machine.clutch.voltage_max
     program = Program(ELEMENTARY, single=numbers == "float")
-    gains = ConstantTable(law.gains, tuple(regions(law, steps)))
+    gains = ConstantTable(law.gains, tuple(regions(law, steps)), choices_of(law))
     scales = ConstantTable(layout.scales, (Region("observation_scales", 0, len(layout)),))
     obs, memory = (
         Array("float", "observation", "real" if program.single else "single"),
@@ -243,6 +244,14 @@ def regions(law: CompiledLaw, steps: tuple[float, ...] | None) -> Iterator[Regio
             yield Region(name, first, last, "signed char", steps[int(layer)])
         else:
             yield Region(name, first, last, "float")
+
+
+def choices_of(law: CompiledLaw) -> tuple[int, int] | None:
+    """Return where the gains lie of which a law that goes on without a clutch chooses."""
+    if "detector" not in law.parts:
+        return None
+    first, end = law.parts["without_1"]
+    return law.parts["detector"][1], end - first
 
 
 def rounded(policy: TrainedController) -> tuple[TrainedController, tuple[float, ...]]:

@@ -90,6 +90,9 @@ PLAIN: dict[Any, str] = {
 }
 """Functions that every file has, or casts; numba's ``float``, too, leaves a float32 as it is."""
 
+CHOSEN = "chosen"
+"""What a function of C calls the number of the table that it reads, of several."""
+
 TAKEN = {
     "char",
     "default",
@@ -138,11 +141,14 @@ class Program:
         self.constants: dict[str, str] = {}
         self.functions: dict[Any, Translated] = {}
 
-    def call(self, function: Any, *arguments: Any, whole: bool = False) -> tuple[Any, str, bool]:
+    def call(
+        self, function: Any, *arguments: Any, whole: bool = False, chosen: Any = None
+    ) -> tuple[Any, str, bool]:
         """Return a function's value, a statement that calls it if the value does not, if it writes.
 
         What is known is computed at once; for the rest, the function is translated. Arguments that
-        it does not read are left out, unless the file calls it with the ``whole`` of them.
+        it does not read are left out, unless the file calls it with the ``whole`` of them. It reads
+        the ``chosen`` one of several tables.
         """
         python = getattr(function, "py_func", function)
         if all(is_known(each) for each in arguments):
@@ -154,6 +160,9 @@ class Program:
         for name, value in by_name.arguments.items():
             varies = is_number(value) or not (is_known(value) or isinstance(value, ConstantTable))
             (passed if varies else known)[name] = value
+        tables = (each for each in known.values() if isinstance(each, ConstantTable))
+        if any(each.values.ndim > 1 for each in tables):
+            passed[CHOSEN] = chosen
         key = (
             python,
             tuple(known.items()),
@@ -225,17 +234,6 @@ class Program:
             self.kinds.append(kind)
         return name_of(kind)
 
-    def looked_up(self, table: ConstantTable, at: Expression) -> Expression:
-        """Return a number of a table at a place that only the running program knows."""
-        first = at.shift + at.least
-        region = next((each for each in table.regions if each.first <= first < each.last), None)
-        if region is None:
-            raise Unsupported(f"policies: no part of the gains is looked up at {first}")
-        self.keep(table, region)
-        return self.stored(
-            f"{region.name}[{bound(replace(at, shift=at.shift - region.first), 0)}]", region.step
-        )
-
     def stored(self, text: str, step: float | None, kind: str = "real") -> Expression:
         """Return a stored number, which may count steps."""
         return (
@@ -247,7 +245,9 @@ class Program:
     def keep(self, table: ConstantTable, region: Region) -> None:
         """Keep a region of a table as an array of C."""
         kind = "single" if region.element == "float" else "real"
-        values = table.values[region.first : region.last].tolist()
+        tables = np.atleast_2d(table.values)[:, region.first : region.last]
+        differ = table.differ(region.first, region.last)
+        values = (tables if differ else tables[0]).ravel().tolist()
         words = (
             str(round(each / region.step)) if region.step else self.literal(each, kind)
             for each in values
@@ -320,6 +320,7 @@ class _Body:
             else:
                 self.names[name] = Expression(kind_of(value), called)
                 self.parameters[name] = f"{program.declared(kind_of(value))} {called}"
+        self.chosen: Any = self.names[CHOSEN] if CHOSEN in passed else None
 
     def translate(self, *, whole: bool) -> None:
         """Write the function, unless its value is known and it writes nothing."""
@@ -488,6 +489,7 @@ class _Body:
 
     def _variable(self, name: str, value: Any) -> Expression:
         """Declare a variable of C with a value; where in a table a place lies stays known."""
+        self.used |= self.program.constants.keys()
         kind, called, shift = kind_of(value), self._fresh(name), 0
         if kind == "int" and isinstance(value, Expression) and self.stored.count(name) == 1:
             value, shift = replace(value, shift=0), value.shift
@@ -607,7 +609,7 @@ class _Body:
 
     def _length(self, owner: Any) -> Any:
         if isinstance(owner, ConstantTable):
-            return len(owner.values)
+            return len(owner)
         if not isinstance(owner, Array):
             return len(owner)
         if (
@@ -675,6 +677,25 @@ class _Body:
         texts = (self.program.text(each, kind, CHOICE + 1) for each in (a, b))
         return Expression(kind, f"{bound(condition, OR)} ? {' : '.join(texts)}", CHOICE)
 
+    def _looked_up(self, table: ConstantTable, at: Any) -> Any:
+        """Return a number of a table: a known one if its place is and all tables have the same."""
+        if is_known(at) and not table.differ(at, at + 1):
+            return float(table.values[..., at].flat[0])
+        first = at if is_known(at) else at.shift + at.least
+        region = next((each for each in table.regions if each.first <= first < each.last), None)
+        if region is None:
+            raise Unsupported(f"policies: no part of the gains is looked up at {first}")
+        place = self._operation(ast.Sub(), at, region.first)
+        return self.program.stored(self._entry(self._kept(table, region), place), region.step)
+
+    def _kept(self, table: ConstantTable, region: Region) -> Array:
+        """Return a region of a table, or of the chosen one, as an array of C."""
+        self.program.keep(table, region)
+        count, offset = region.last - region.first, 0
+        if table.differ(region.first, region.last):
+            offset = self._operation(ast.Mult(), self.chosen, count)
+        return Array(region.element, region.name, "real", offset, count, region.step)
+
     def _entry(self, array: Array, at: Any) -> str:
         place = self._operation(ast.Add(), array.offset, at)
         return f"{array.base}[{self.program.text(place, 'int')}]"
@@ -684,7 +705,7 @@ class _Body:
         if isinstance(owner, Array):
             return self.program.stored(self._entry(owner, at), owner.step, owner.reads)
         if isinstance(owner, ConstantTable):
-            return float(owner.values[at]) if is_known(at) else self.program.looked_up(owner, at)
+            return self._looked_up(owner, at)
         parts = self._entries(owner)
         if is_known(at):
             return parts[at]
@@ -702,15 +723,26 @@ class _Body:
 
     def _sliced(self, owner: Any, first: Any, last: Any) -> Any:
         if isinstance(owner, ConstantTable):
+            if isinstance(first, Expression):
+                return self._one_of(owner, first, last)
             for each in owner.regions:
                 if each.element != "real" and each.first <= first and last <= each.last:
-                    self.program.keep(owner, each)
-                    return Array(
-                        each.element, each.name, "real", first - each.first, last - first, each.step
-                    )
+                    array = self._kept(owner, each)
+                    offset = self._operation(ast.Add(), array.offset, first - each.first)
+                    return replace(array, offset=offset, count=last - first)
             return owner.part(first, last)
         offset = self._operation(ast.Add(), owner.offset, first)
         return replace(owner, offset=offset, count=self._operation(ast.Sub(), last, first))
+
+    def _one_of(self, table: ConstantTable, first: Expression, last: Expression) -> ConstantTable:
+        """Return the tables of which one begins at ``first``, and remember which is chosen."""
+        size = last.shift - first.shift
+        if table.choices != (first.shift, size) or first.text != last.text:
+            raise self._refuse("a part of the gains that only the running program knows")
+        place = bound(replace(first, shift=0), PRODUCT)
+        number = Expression("int", f"{place} / {size}", PRODUCT)
+        self.chosen = self._variable(CHOSEN, number)
+        return table.tables()
 
     def _called(
         self, function: Any, arguments: list[Any], named: dict[str, Any], node: ast.AST
@@ -733,7 +765,7 @@ class _Body:
         function = self.program.elementary.get(function, function)
         if named or not isinstance(function, FunctionType | CPUDispatcher):
             raise self._refuse(node)
-        value, statement, writes = self.program.call(function, *arguments)
+        value, statement, writes = self.program.call(function, *arguments, chosen=self.chosen)
         self.touched |= writes
         if statement:
             self._emit(statement)

@@ -365,8 +365,8 @@ def bound_policy(policy: AnyPolicy, name: str, episodes: Episodes) -> Policy:
     bound.check_period(episodes.tasks[0].control_period)
     if bound.law is None or bound.law.function not in LAWS:
         raise ParameterError(
-            f"policies must be laws or trained policies of the package to act in an FMU, {name!r} "
-            "is neither; `--controller` takes any that becomes C"
+            "policies must be laws or trained policies of the package, without a detector, to act "
+            f"in an FMU, got {name!r}; `--controller` takes any that becomes C"
         )
     return bound
 

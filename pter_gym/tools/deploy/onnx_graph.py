@@ -19,7 +19,7 @@ from pter_gym._internal.files import (
     has_ending,
     write_bytes_atomic,
 )
-from pter_gym.controllers import AnyPolicy
+from pter_gym.controllers import AnyPolicy, FaultTolerant
 from pter_gym.controllers._network import BASE_INPUTS, INPUT_LIMIT
 from pter_gym.controllers._policy import sensors_of
 from pter_gym.errors import ParameterError, needs_extra
@@ -66,8 +66,8 @@ def write_onnx(
     Raises
     ------
     ParameterError
-        If the policy has no network, does not fit the machine, or the file is not as stated.
-        Nothing is then written.
+        If the policy has no network or a detector, does not fit the machine, or the file is not as
+        stated. Nothing is then written.
     DependencyError
         If ``onnx`` is not installed.
     StorageError
@@ -78,6 +78,11 @@ def write_onnx(
     if not has_ending(path, ".onnx"):
         raise ParameterError(f"onnx must end in .onnx, got {str(path)!r}")
     check_target("onnx", path)
+    if isinstance(policy, FaultTolerant):
+        raise ParameterError(
+            f"policies must be without a detector to become ONNX, got {name!r}: a graph does not "
+            "remember which clutch has failed; C code does"
+        )
     if not isinstance(policy, TrainedController):
         raise ParameterError(
             f"policies must be trained policies to become ONNX, {name!r} has no network"

@@ -92,19 +92,49 @@ class Region(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ConstantTable:
-    """Constants; the running program may index those in regions."""
+    """Constants; the running program may index those in regions.
+
+    Attributes
+    ----------
+    values
+        The constants, (entries,), or several tables of which the running program chooses one,
+        (tables, entries).
+    regions
+        Parts of each table.
+    choices
+        Where in the entries such tables lie behind each other: the first one, and their size.
+    """
 
     values: NDArray[np.float64]
     regions: tuple[Region, ...] = ()
+    choices: tuple[int, int] | None = None
+
+    def __len__(self) -> int:
+        """Return the number of entries."""
+        return self.values.shape[-1]
 
     def part(self, first: int, last: int) -> "ConstantTable":
         """Return a part of the table."""
-        regions = tuple(
+        return ConstantTable(self.values[..., first:last], self._regions(first, last))
+
+    def tables(self) -> "ConstantTable":
+        """Return the tables of which the running program chooses one."""
+        assert self.choices is not None
+        first, size = self.choices
+        return ConstantTable(
+            self.values[first:].reshape(-1, size), self._regions(first, first + size)
+        )
+
+    def _regions(self, first: int, last: int) -> tuple[Region, ...]:
+        return tuple(
             region._replace(first=region.first - first, last=region.last - first)
             for region in self.regions
             if first <= region.first and region.last <= last
         )
-        return ConstantTable(self.values[first:last], regions)
+
+    def differ(self, first: int, last: int) -> bool:
+        """Return whether some entries depend on what the running program chooses."""
+        return self.values.ndim > 1 and bool((self.values != self.values[0])[:, first:last].any())
 
 
 def is_known(value: Any) -> bool:

@@ -191,7 +191,8 @@ def examine_device(
                 on_progress(f"letting clutches fail under {title}")
                 for fault, failure in faults(own).items():
                     scores = evaluate(policy, some.with_task(failures=(failure,)))
-                    failing.append(replace(run, scenario=GUIDED + fault, scores=scores, worst=None))
+                    failed = replace(run, scenario=GUIDED + fault, failures=(failure,))
+                    failing.append(replace(failed, scores=scores, worst=None))
             runs.append(run)
     on_progress("measuring forces")
     rendering = measure_rendering(own, tuned["wall"], pace)

@@ -101,10 +101,9 @@ def choices() -> dict[str, Any]:
 
 
 def policies_of_the_paper() -> list[str]:
-    """Return the names of the trained policies for the paper's machine alone."""
+    """Return the names of the trained policies for the paper's clutches."""
     rows = tuple(clutch.row for clutch in BASELINE.clutches)
-    found = {name: read_policy(name).interface for name in shipped_policies()}
-    return [name for name, of in found.items() if of.clutches == rows and not of.for_any_machine]
+    return [name for name in shipped_policies() if read_policy(name).interface.clutches == rows]
 
 
 def pages_batch() -> Batch:

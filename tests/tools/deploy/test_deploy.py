@@ -34,9 +34,10 @@ from pter_gym.errors import ParameterError, ProofError, StorageError
 from pter_gym.params import BASELINE, MACHINES, Machine, find_machine
 from pter_gym.paths import find_path
 from pter_gym.policies import Input
+from pter_gym.policies.find import DETECTOR
 from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import find_scenario
-from pter_gym.tasks.path_following import COLUMN, OBS, PathFollowing, observation_layout
+from pter_gym.tasks.path_following import COLUMN, OBS, Failure, PathFollowing, observation_layout
 from pter_gym.tools.deploy import Source, source_of, write_onnx
 from pter_gym.tools.deploy.functions import arctangent, cosine, encoder, sine
 from pter_gym.tools.deploy.proof import MachineModel, prove
@@ -117,8 +118,12 @@ def ride(machines: Sequence[Any], tasks: Sequence[Any]) -> Any:
 
 @pytest.fixture(scope="module")
 def recorded() -> Any:
-    pairs = find_scenario("everything").draws.pairs(WORLDS, 1)
-    found = ride(*zip(*pairs, strict=True))
+    """Observations of episodes; in half of them, a clutch is dead."""
+    machines, tasks = zip(*find_scenario("everything").draws.pairs(WORLDS, 1), strict=True)
+    dead = [(), *((Failure(clutch=clutch, torque=0.0),) for clutch in (1, 2, 3, 4))]
+    failing = [dead[max(0, k % 8 - 3)] for k in range(WORLDS)]
+    tasks = [replace(task, failures=each) for task, each in zip(tasks, failing, strict=True)]
+    found = ride(machines, tasks)
     assert np.isfinite(found).all()
     return found, episodes_of(found)
 
@@ -139,12 +144,14 @@ def held_policy() -> Any:
     return replace(policy, interface=replace(policy.interface, frame_skip=3))
 
 
-LAWS = ("impedance", "single-dof-tuned", "residual")
+LAWS = ("impedance", "single-dof-tuned", "residual", "single-dof-tuned+detector")
 MORE_LAWS = sorted({*CONTROLLERS, *tuned_policies(), "ppo-standard"} - {*LAWS, "free", "random"})
+MORE_LAWS += ["universal+detector"]
 SMALLER = [
     ("torque-feedback-tuned", "float", "float"),
     ("residual", "float", "float"),
     ("ppo-standard", "double", "int8"),
+    pytest.param("universal+detector", "double", "int8", marks=pytest.mark.long),
 ]
 
 
@@ -162,9 +169,11 @@ def test_a_program_gives_pythons_actions_on_ten_thousand_observations(
 ):
     source = source_of(find_policy(name), name=name, numbers=numbers, weights=weights)
     observations, text = recorded
-    differ = np.abs(
-        said(built(source, tmp_path), text) - actions(source.policy, observations)
-    ).max()
+    expected = actions(source.policy, observations)
+    differ = np.abs(said(built(source, tmp_path), text) - expected).max()
+    if name.endswith(DETECTOR):
+        healthy = bind(find_policy(name.removesuffix(DETECTOR)), BASELINE, source.policy.layout)
+        assert (expected != actions(healthy, observations)).any(), "one is named"
     assert differ == 0.0 if numbers == "double" else 0.0 < differ < ROUNDING
 
 
@@ -843,6 +852,9 @@ def test_policies_that_c_cannot_express_are_refused(policy: Any, options: Any, m
         ("ppo-standard", "--c", "out", "--onnx", "policy.txt"),
         ("ppo-standard", "--c", "out", "--machine", "two-brakes"),
         ("ppo-standard", "--onnx", "policy.onnx", "--weights", "int8"),
+        ("universal+detector", "--onnx", "policy.onnx"),
+        ("universal+detector", "--fmu", "arm.fmu"),
+        ("ppo-standard+detector", "--c", "out"),
         ("ppo-standard", "--onnx", "policy.onnx", "--prefix", "mine"),
         ("ppo-standard", "--onnx", "policy.onnx", "--path", "sine"),
         ("ppo-standard", "--onnx", "policy.onnx", "--out", "folder"),

@@ -7,6 +7,7 @@ import struct
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -27,7 +28,7 @@ from pter_gym.policies._files import SHIPPED
 from pter_gym.policies.tuned import tuned_policies
 from pter_gym.scenarios import PACES
 from pter_gym.scenarios.variations import CURVED_WIDTH
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
+from pter_gym.tasks.path_following import TELEMETRY, Failure, PathFollowing
 from pter_gym.tools.pictures.drawing import clutch_states
 from pter_gym.tools.web import site
 from pter_gym.tools.web.site import make_server, site_files, write_site
@@ -234,7 +235,9 @@ def task_of(path: str, push: Path, pace: str = "medium") -> PathFollowing:
     return PathFollowing(path=PATHS[path], hand=read_forces(push), pace=PACES[pace], **width)
 
 
-def compare(play: Any, path: str, *, pace: str = "medium", machine: str = "baseline") -> Any:
+def compare(
+    play: Any, path: str, *, pace: str = "medium", machine: str = "baseline", dead: Any = ()
+) -> Any:
     """Compare the trial on the page with Python: the same push, the same voltages.
 
     Return its score.
@@ -244,7 +247,7 @@ def compare(play: Any, path: str, *, pace: str = "medium", machine: str = "basel
     push = play.saved("save-push", "push.csv")
     names, rows = playing.read_run(play.saved("save-run", "run.csv"))
     assert names == list(TELEMETRY.names)
-    task = task_of(path, push, pace)
+    task = replace(task_of(path, push, pace), failures=dead)
     batch = Batch(MACHINES[machine], task, 1, sensors="force")
     batch.reset([1])
     telemetry = np.array(rows)
@@ -252,6 +255,8 @@ def compare(play: Any, path: str, *, pace: str = "medium", machine: str = "basel
     expected = np.array([batch.step_alone(action)[1] for action in volts])
     np.testing.assert_allclose(telemetry[1:], expected, rtol=1e-7, atol=1e-7)
     states = clutch_states(telemetry[-1], MACHINES[machine])
+    for failure in dead:
+        states[failure.clutch - 1] = "dead"
     assert play.run("[0, 1, 2, 3].map((k) => page.trials[0].clutch(k))") == states
     scored = score(telemetry, task)
     for name, value in play.run("page.trials[0].result").items():
@@ -301,6 +306,34 @@ def test_every_policy_gets_the_same_push(path: str, play: Any) -> None:
     assert not play.run("document.getElementById('comparison').hidden")
     play.choose("pace", "brisk")
     assert play.run("document.getElementById('comparison').hidden"), "of another task"
+
+
+@pytest.mark.slow
+def test_a_clutch_dies_while_a_person_pushes(play: Any) -> None:
+    """As in Python, in the replays too, and in the next trial until it is repaired."""
+    play.open()
+    play.drag(seconds=1.0)
+    tick = "document.querySelectorAll('#clutches input')[2].click()"
+    play.run(tick)
+    play.drag()
+    (switched,) = play.run("page.trials[0].switched")
+    step = switched.pop("step")
+    assert switched == {"clutch": 2, "works": False}
+    dead = Failure(clutch=3, torque=0.0, after=PathFollowing.control_period * step)
+    assert step > 10
+    compare(play, "line", dead=(dead,))
+    play.until("!document.getElementById('comparison').hidden")
+    play.run("document.querySelector('#comparison button').click()")
+    play.until("page.trials.length === 2 && page.trials.every((trial) => trial.ended)", 60)
+    assert (
+        play.run("page.trials.map((trial) => [trial.works(2), trial.clutch(2)])")
+        == [[False, "dead"]] * 2
+    )
+    play.click("again")
+    play.until("page.trials.length === 1 && page.waiting")
+    assert not play.run("page.trials[0].works(2)")
+    play.run(tick)
+    assert play.run("page.trials[0].works(2)")
 
 
 def test_a_dot_keeps_the_pace(play: Any) -> None:

@@ -17,6 +17,7 @@ class Page {
   trials = []; // one that a person pushes, or two that replay the same push side by side
   pushed = null; // the last trial that a person finished
   waiting = true; // for the hand, before a trial begins
+  dead = new Set(); // clutches that give no torque
   #request = 0;
   #unspent = 0; // time that has passed but has not been simulated [s]
   #lastTime = null;
@@ -32,7 +33,7 @@ class Page {
       grab: () => this.grab(),
       key: (key) => key === "r" && (this.again(), true),
     });
-    this.readings = new Readings(tables.clutches);
+    this.readings = new Readings(tables.clutches, (clutch) => this.trials[0].toggle(clutch));
     this.comparison = new Comparison((policy) => this.compare(policy));
     this.palette = colours();
     matchMedia("(prefers-color-scheme: dark)").addEventListener(
@@ -77,7 +78,7 @@ class Page {
 
   /** Begin with one arm, which a person pushes. */
   begin() {
-    return this.show([this.workshop.trial(this.settings)], INVITATION);
+    return this.show([this.workshop.trial(this.settings, this.dead)], INVITATION);
   }
 
   /** Begin the present trial again, or leave a comparison. */
@@ -93,8 +94,8 @@ class Page {
   /** Replay the last push with the policy that braked it and with another one. */
   compare(policy) {
     byId("stages").scrollIntoView({ block: "nearest" });
-    const { settings, push } = this.pushed;
-    const pair = [settings, { ...settings, policy }].map((each) => this.workshop.trial(each, push));
+    const { settings } = this.pushed;
+    const pair = [settings, { ...settings, policy }].map((each) => this.#replay(each));
     return this.show(pair, `Your push again, with ${settings.policy} and with ${policy}.`);
   }
 
@@ -134,13 +135,18 @@ class Page {
     }
     this.pointer.release();
     this.say(verdict(trial));
-    const { settings, push } = trial;
-    const pushed = (this.pushed = { settings, push });
+    const { settings, push, switched } = trial;
+    const pushed = (this.pushed = { settings, push, switched });
     const replays = Object.keys(this.workshop.policies).map((policy) =>
-      this.workshop.trial({ ...settings, policy }, push),
+      this.#replay({ ...settings, policy }),
     );
     const results = (await Promise.all(replays)).map((replay) => replay.finish());
     if (this.pushed === pushed) this.comparison.show(results, settings.policy);
+  }
+
+  /** Make a replay of the last push, in which the same clutches fail, with other settings. */
+  #replay(settings) {
+    return this.workshop.trial(settings, this.dead, this.pushed);
   }
 
   // --- time ---

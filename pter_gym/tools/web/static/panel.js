@@ -35,13 +35,17 @@ function signed(value, digits) {
 
 /** Writes the present numbers of a trial into the page. */
 export class Readings {
-  constructor(clutches) {
+  /** `toggle(clutch)` is called where a person kills a clutch (0 to 3) or repairs it. */
+  constructor(clutches, toggle) {
     this.rows = clutches.map(({ name, colour }, k) => {
       const row = byId("clutches").tBodies[0].insertRow();
       const head = Object.assign(document.createElement("th"), { scope: "row" });
       const dot = document.createElement("i");
       dot.style.background = `var(--${colour})`;
-      head.append(dot, String(k + 1));
+      const works = Object.assign(document.createElement("input"), { type: "checkbox" });
+      works.setAttribute("aria-label", `clutch ${k + 1} works`);
+      works.addEventListener("change", () => toggle(k));
+      head.append(works, dot, String(k + 1));
       row.append(head);
       for (let cell = 0; cell < 4; cell++) row.insertCell();
       row.cells[1].textContent = name;
@@ -58,6 +62,9 @@ export class Readings {
     this.rows.forEach((row, k) => {
       const state = trial.clutch(k);
       row.dataset.state = state;
+      const [works] = row.getElementsByTagName("input");
+      works.checked = trial.works(k);
+      works.disabled = !trial.live;
       row.cells[2].textContent = `${now[`volts_${k + 1}`].toFixed(1)} V`;
       row.cells[3].textContent = `${signed(now[`torque_${k + 1}`], 1)} N·m`;
       row.cells[4].textContent = state;

@@ -22,14 +22,21 @@ export class Workshop {
     return new Workshop(await Simulator.fetch());
   }
 
-  /** Make a trial with settings of the page; `push` { along, across } takes the hand's place. */
-  async trial(settings, push = null) {
+  /**
+   * Make a trial with settings of the page.
+   *
+   * dead      clutches (0 to 3) that give no torque, which `Trial.toggle` changes
+   * replayed  what takes the hand's place: `push` { along, across }, and when clutches were
+   *           `switched`
+   */
+  async trial(settings, dead, replayed = null) {
+    const push = replayed?.push;
     const { policy, path, machine } = settings;
     const pace = this.tables.paces[settings.pace];
     const maxSteps = push ? this.timeLimit(path, pace, push) : MAX_STEPS;
     const hand = push ?? "pointer";
     const env = await this.simulator.make({ path, machine, pace, maxSteps, hand });
-    return new Trial(env, await this.#policy(policy, path), settings, push);
+    return new Trial(env, await this.#policy(policy, path), settings, dead, replayed);
   }
 
   async #policy(name, path) {
@@ -59,10 +66,11 @@ export class Workshop {
 export class Trial {
   #replayed;
 
-  constructor(env, controller, settings, push) {
-    Object.assign(this, { env, controller, settings });
-    this.#replayed = push;
-    this.live = push === null;
+  constructor(env, controller, settings, dead, replayed) {
+    Object.assign(this, { env, controller, settings, dead });
+    this.#replayed = replayed?.push;
+    this.live = replayed === null;
+    this.switched = replayed?.switched;
     this.hand = new SpringHand();
     this.period = env.tables.control_period;
     this.pace = env.context.task.pace;
@@ -79,6 +87,30 @@ export class Trial {
     this.rows = [this.#row()];
     this.ended = false;
     this.result = null;
+    if (!this.live) return;
+    this.switched = [];
+    for (const clutch of this.dead) this.#switch(clutch, false);
+  }
+
+  /** Return whether a clutch (0 to 3) gives torque. */
+  works(clutch) {
+    return this.env.state.task.failures.torque[`x${clutch + 1}`] !== 0;
+  }
+
+  /** Kill a clutch (0 to 3) in the present and later episodes, or repair it. */
+  toggle(clutch) {
+    const works = this.dead.delete(clutch);
+    if (!works) this.dead.add(clutch);
+    this.#switch(clutch, works);
+  }
+
+  #switch(clutch, works) {
+    this.switched.push({ step: this.rows.length - 1, clutch, works });
+    this.#apply({ clutch, works });
+  }
+
+  #apply({ clutch, works }) {
+    this.env.state.task.failures.torque[`x${clutch + 1}`] = works ? 1 : 0;
   }
 
   /** The present telemetry, by names. */
@@ -114,6 +146,8 @@ export class Trial {
   /** Advance by one control period; `pointer` is { x, y } [m] or null for a hand that lets go. */
   step(pointer) {
     if (!pointer) this.hand.release();
+    if (!this.live)
+      this.switched.filter(({ step }) => step === this.rows.length - 1).forEach(this.#apply, this);
     const force = this.live && pointer ? this.hand.force(this.env, pointer) : undefined;
     const { observation, ...result } = this.env.step(this.controller.act(this.observation), force);
     this.observation = observation;
@@ -126,9 +160,10 @@ export class Trial {
     return this.rows[row][this.columns[name]];
   }
 
-  /** Return the state of a clutch (0 to 3): released, stuck or slipping. */
+  /** Return the state of a clutch (0 to 3): dead, released, stuck or slipping. */
   clutch(index) {
     const { mode } = this.now;
+    if (!this.works(index)) return "dead";
     if (this.now[`volts_${index + 1}`] === 0 && this.now[`torque_${index + 1}`] === 0)
       return "released";
     return ["ZERO_DOF", `STUCK_${index + 1}`].includes(this.env.tables.modes[mode])
