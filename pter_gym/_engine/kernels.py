@@ -119,7 +119,7 @@ def _clear(w: Records, worlds: Records) -> None:
 
 
 @inlined
-def _take_contexts(w: Records, width: int, constants: Records, present: float) -> float:
+def _take_contexts(w: Records, width: int, constants: Any, present: float) -> float:
     """Read the constants of all lanes; those of ``present`` are there.
 
     Return whose they are, or −1 for several.
