@@ -119,7 +119,7 @@ def _clear(w: Records, worlds: Records) -> None:
 
 
 @inlined
-def _take_contexts(w: Records, width: int, constants: Records, present: float) -> float:
+def _take_contexts(w: Records, width: int, constants: Any, present: float) -> float:
     """Read the constants of all lanes; those of ``present`` are there.
 
     Return whose they are, or −1 for several.
@@ -129,10 +129,12 @@ def _take_contexts(w: Records, width: int, constants: Records, present: float) -
     for i in range(width):
         others += 1 if w[ROW.context_at, i] != first else 0
     if others > 0:
-        for row in range(CONSTANTS.end - CONSTANTS.first):
-            for i in range(width):  # all lanes of a row in turn: faster than all rows of a lane
-                place = np.uint64(w[ROW.context_at, i]) + np.uint64(row)
-                w[CONSTANTS.first + row, i] = constants[place]
+        many = CONSTANTS.end - CONSTANTS.first
+        for i in range(width):
+            begin = int(w[ROW.context_at, i])
+            own = constants[begin : begin + many]  # so no place is looked at for being negative
+            for row in range(many):
+                w[CONSTANTS.first + row, i] = own[row]
         return -1.0
     if first != present:
         begin = int(first)

@@ -63,6 +63,19 @@ def test_a_compiled_network_is_that_of_numpy(name: str) -> None:
         obs = batch.step(found).obs
 
 
+def test_a_network_in_many_worlds_has_the_bits_of_one_alone() -> None:
+    many = 71  # two blocks of 35, and a world that is left over
+    batch = Batch(BASELINE, PathFollowing(), many)
+    policy = releasing("residual", 0.0).bind(BASELINE, batch.layout)
+    together, alone = policy.start(many), policy.start(many)
+    obs, _ = batch.reset(range(many))
+    for _ in range(12):
+        volts = policy.act(obs, together)
+        each = [policy.act(obs[k : k + 1], alone[k : k + 1]) for k in range(many)]
+        np.testing.assert_array_equal(volts, np.concatenate(each))
+        obs = batch.step(volts).obs
+
+
 def test_no_correction_engages_a_clutch_that_the_base_releases() -> None:
     policy, batch = releasing("residual", 1e-6), Batch(BASELINE, PathFollowing(pace=0.5), 3)
     acting = Acting(policy.bind(BASELINE, batch.layout))
