@@ -1,0 +1,191 @@
+"""How well ``pter identify --hand`` measures hands that were not used to make it.
+
+    python benchmarks/measured_hands.py [CONDITION …] [--hands N] [--seconds S]
+
+Each hand moves the simulated arm to and fro for a minute while the clutches pulse as
+``pter_gym.tools.identification.pulses`` plans. For each condition it prints errors, coverage of the
+95 % intervals, and what was called identified although it was off by more than 10 %.
+"""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym import BASELINE, initial_state, simulate
+from pter_gym.params import Hand, Machine
+from pter_gym.tools.identification import Log
+from pter_gym.tools.identification.pulses import pulses
+
+Array = NDArray[np.float64]
+
+MIDDLE = np.array([0.720822, 2.170796])
+"""Angles of the links about which hands move [rad]."""
+
+SUBSTEP, PERIOD = 0.5e-3, 2e-3
+"""Substep of the simulated arm, and time between rows of the log [s]."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A hand's behaviour and the sensors that record it."""
+
+    tremor: float = 0.0  # N at 5 Hz
+    bits: int = 14
+    noise: float = 0.3  # N
+    offset: float = 0.0  # N
+    drift: float = 0.0  # N over the log
+    force_delay: int = 0  # control periods of 2 ms
+    delay: int = 0  # of angles and forces together, periods
+    handle: float = 0.0  # kg that the user forgot
+    change: float = 0.0  # of the stiffness from the first to the last second, relative
+    reaction: float = 0.0  # s, 0 for none: the hand then pushes against a pulse
+    lead: float = np.inf  # m by which the intent runs ahead at most
+    isotropic: bool = True
+    disturbances: tuple[float, ...] = (3.0, 3.0, 2.0, 1.0, 1.0)  # N at 0.5 to 8 Hz
+
+
+CONDITIONS = {
+    "plain": Condition(),
+    "directional": Condition(isotropic=False),
+    "tremor": Condition(tremor=6.0),
+    "10 bits": Condition(bits=10),
+    "12 bits": Condition(bits=12),
+    "16 bits": Condition(bits=16),
+    "0.1 N": Condition(noise=0.1),
+    "1 N": Condition(noise=1.0),
+    "offset 5 N": Condition(offset=5.0),
+    "drift 5 N": Condition(drift=5.0),
+    "force 2 ms late": Condition(force_delay=1),
+    "force 6 ms late": Condition(force_delay=3),
+    "sensors 20 ms late": Condition(delay=10),
+    "stiffness rises 40 %": Condition(change=0.4),
+    "reaction after 0.15 s": Condition(reaction=0.15),
+    "reaction after 0.1 s": Condition(reaction=0.1),
+    "lead 0.12 m": Condition(lead=0.12),
+}
+
+
+def draw_hand(rng: np.random.Generator, *, isotropic: bool) -> Hand:
+    """Return a hand within the ranges of published arms."""
+    hand = Hand(
+        mass=float(rng.uniform(0.6, 2.0)),
+        damping=float(rng.uniform(6.0, 30.0)),
+        stiffness=float(rng.uniform(120.0, 600.0)),
+    )
+    if isotropic:
+        return hand
+    size, turn = rng.uniform(0.2, 0.6), rng.uniform(0.0, 2.0 * np.pi)
+    both = tuple((size * np.array([np.cos(turn), np.sin(turn)])).tolist())
+    return replace(hand, stiffness_anisotropy=both, damping_anisotropy=both)
+
+
+def matrix(value: float, anisotropy: Sequence[float]) -> Array:
+    """Return a hand's damping or stiffness in all directions, (2, 2)."""
+    e, f = anisotropy
+    return value * np.array([[1.0 + e, f], [f, 1.0 - e]])
+
+
+def strokes(times: Array, rng: np.random.Generator) -> Array:
+    """Return where a hand wants to be [m], relative to the middle: strokes of minimum jerk."""
+    target, at, begin = np.zeros((len(times), 2)), np.zeros(2), 0.0
+    while begin < times[-1]:
+        turn, reach = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.1, 0.18)
+        to = reach * np.array([np.cos(turn), np.sin(turn)])
+        lasts = max(np.linalg.norm(to - at) / rng.uniform(0.15, 0.3), 0.3)
+        here = (times >= begin) & (times < begin + lasts)
+        u = (times[here] - begin) / lasts
+        target[here] = at + np.outer(u**3 * (10.0 - 15.0 * u + 6.0 * u * u), to - at)
+        at, begin = to, begin + lasts
+    return target
+
+
+def record(
+    hand: Hand,
+    condition: Condition,
+    rng: np.random.Generator,
+    seconds: float,
+    machine: Machine = BASELINE,
+    force: float = 15.0,
+) -> Log:
+    """Return the log of a hand that moves the arm while clutches pulse."""
+    machine = replace(machine, hand=hand, substep=SUBSTEP)
+    arm = machine.arm
+    per_row = round(PERIOD / SUBSTEP)
+    rows = round(seconds / PERIOD)
+    times = SUBSTEP * np.arange(rows * per_row)
+    volts = pulses(machine, MIDDLE, seconds, PERIOD, force, int(rng.integers(1 << 30)))
+    held = np.repeat(volts, per_row, axis=0)
+    middle = arm.length_a * unit(MIDDLE[0]) + arm.length_b * unit(MIDDLE[1])
+    target = middle + strokes(times, rng)
+    frequencies = 0.5 * 2.0 ** np.arange(5)
+    own = sum(
+        a * np.sin(2.0 * np.pi * (f * times[:, None] + rng.random(2)))
+        for a, f in zip(condition.disturbances, frequencies, strict=True)
+    )
+    own = own + condition.tremor * np.sin(2.0 * np.pi * (5.3 * times[:, None] + rng.random(2)))
+    stiffness = matrix(hand.stiffness, hand.stiffness_anisotropy)
+    damping = matrix(hand.damping, hand.damping_anisotropy)
+    x, v, theta, passive = simulated(machine, held, own, target, condition, stiffness, times)
+    a = np.gradient(v, SUBSTEP, axis=0)
+    total = passive + own - v @ damping - (hand.mass + condition.handle) * a
+    pick = slice(0, None, per_row)
+    total, theta = total[pick], theta[pick]
+    total = np.roll(total, condition.force_delay + condition.delay, axis=0)
+    theta = np.roll(theta, condition.delay, axis=0)
+    total = total + condition.noise * rng.standard_normal(total.shape) + condition.offset
+    total += condition.drift * np.linspace(0.0, 1.0, rows)[:, None]
+    step = 2.0 * np.pi / 2**condition.bits
+    first = 20  # rows that rolled round
+    return Log(
+        interval=PERIOD,
+        volts=volts[first:],
+        theta=(step * np.round(theta / step))[first:],
+        force=total[first:],
+    )
+
+
+def simulated(
+    machine: Machine,
+    volts: Array,
+    own: Array,
+    target: Array,
+    condition: Condition,
+    stiffness: Array,
+    times: Array,
+) -> tuple[Array, Array, Array, Array]:
+    """Return positions, velocities, angles at substeps, and the force of the spring, (T, 2)."""
+    state = initial_state(machine, MIDDLE)
+    reacts = condition.reaction > 0.0 or np.isfinite(condition.lead)
+    chunk = round(0.02 / SUBSTEP) if reacts or condition.change else len(times)
+    parts, springs, shift = list(), list(), np.zeros(2)
+    late = round(condition.reaction / 0.02)
+    for begin in range(0, len(times), chunk):
+        rows = slice(begin, begin + chunk)
+        to, grown = target[rows] + shift, 1.0
+        if condition.change:
+            grown = 1.0 + condition.change * (times[begin] / times[-1] - 0.5)
+        changed = replace(
+            machine, hand=replace(machine.hand, stiffness=machine.hand.stiffness * grown)
+        )
+        if parts and np.isfinite(condition.lead):
+            ahead = to - parts[-1][0][-1]
+            far = np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True) / condition.lead, 1.0)
+            to = parts[-1][0][-1] + ahead / far
+        if condition.reaction and len(parts) > late:
+            behind = target[begin - late * chunk] - parts[-late][0][-1]
+            shift = 0.5 * behind
+            to = target[rows] + shift
+        run = simulate(changed, state, volts[rows], own[rows], hand_target=to)
+        state = run.final
+        parts.append((run.tip_position, run.tip_velocity, run.theta))
+        springs.append((to - run.tip_position) @ (grown * stiffness))
+    x, v, theta = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    return x, v, theta, np.concatenate(springs)
+
+
+def unit(angle: float) -> Array:
+    """Return a unit vector."""
+    return np.array([np.cos(angle), np.sin(angle)])
