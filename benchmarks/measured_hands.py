@@ -44,7 +44,7 @@ class Condition:
     reaction: float = 0.0  # s, 0 for none: the hand then pushes against a pulse
     lead: float = np.inf  # m by which the intent runs ahead at most
     isotropic: bool = True
-    disturbances: tuple[float, ...] = (3.0, 3.0, 2.0, 1.0, 1.0)  # N at 0.5 to 8 Hz
+    disturbances: tuple[float, ...] = (2.1, 2.1, 1.4, 0.7, 0.7)  # N at 0.5 to 8 Hz
 
 
 CONDITIONS = {
@@ -88,18 +88,13 @@ def matrix(value: float, anisotropy: Sequence[float]) -> Array:
     return value * np.array([[1.0 + e, f], [f, 1.0 - e]])
 
 
-def strokes(times: Array, rng: np.random.Generator) -> Array:
-    """Return where a hand wants to be [m], relative to the middle: strokes of minimum jerk."""
-    target, at, begin = np.zeros((len(times), 2)), np.zeros(2), 0.0
-    while begin < times[-1]:
-        turn, reach = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.1, 0.18)
-        to = reach * np.array([np.cos(turn), np.sin(turn)])
-        lasts = max(np.linalg.norm(to - at) / rng.uniform(0.15, 0.3), 0.3)
-        here = (times >= begin) & (times < begin + lasts)
-        u = (times[here] - begin) / lasts
-        target[here] = at + np.outer(u**3 * (10.0 - 15.0 * u + 6.0 * u * u), to - at)
-        at, begin = to, begin + lasts
-    return target
+def loops(times: Array, rng: np.random.Generator) -> Array:
+    """Return where a hand wants to be [m], relative to the middle: irregular loops of 2 to 6 s."""
+    target = np.zeros((len(times), 2))
+    for _ in range(3):
+        turns = 2.0 * np.pi * (rng.uniform(0.17, 0.5, 2) * times[:, None] + rng.random(2))
+        target += 0.08 * np.sin(turns)
+    return target * np.minimum(times, 1.0)[:, None]
 
 
 def record(
@@ -119,7 +114,7 @@ def record(
     volts = pulses(machine, MIDDLE, seconds, PERIOD, force, int(rng.integers(1 << 30)))
     held = np.repeat(volts, per_row, axis=0)
     middle = arm.length_a * unit(MIDDLE[0]) + arm.length_b * unit(MIDDLE[1])
-    target = middle + strokes(times, rng)
+    target = middle + loops(times, rng)
     frequencies = 0.5 * 2.0 ** np.arange(5)
     own = sum(
         a * np.sin(2.0 * np.pi * (f * times[:, None] + rng.random(2)))

@@ -1,193 +1,370 @@
 # pyright: standard
-"""Mass, damper and spring of the hand that moves a machine, from clutch pulses."""
+"""Mass, damper and spring of the hand that moves a machine, from random clutch pulses.
 
-from dataclasses import dataclass
+A hand pushes with f = K·(x₀ − x) + B·(v₀ − v) − M·a + d, of which its intent x₀ and its disturbance
+d are unknown. Only the machine chose the pulses, so whatever the hand does by itself is
+uncorrelated with how the motion changes by them: the pulses are instruments.
+"""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 from scipy.interpolate import BSpline
 
-from pter_gym.params import Machine
+from pter_gym.errors import ParameterError
+from pter_gym.hands import NORMAL
+from pter_gym.params import Hand, Machine
+from pter_gym.tools.identification.findings import Finding, make_finding
 from pter_gym.tools.identification.log import Log
-from pter_gym.tools.identification.pulses import tip_forces
+from pter_gym.tools.identification.parameters import Quantity
+from pter_gym.tools.identification.pulses import Switches, predict, tip_positions
+from pter_gym.tools.identification.windows import SAME
 
 Array = NDArray[np.float64]
 
-BEFORE, AFTER, KNOT = 0.1, 0.2, 0.02
-SAME = 0.1
-SLIPPING = 0.15
-FOLDS = 10
+BEFORE, AFTER, LATER = 0.3, 0.2, 0.45
+"""Window about a switch that the fit uses [s]: a person reacts later. Time until which reactions
+are looked for."""
+
+KNOT = 0.02
+"""Time between knots of the test functions [s]."""
+
+SPAN = 6
+"""Knots that the support of a test function spans: quintic, so its second derivative is smooth."""
+
+PAST = 0.05
+"""Time before a switch from which velocities are taken [s]."""
+
+DRAWS = 8
+"""Other torques that could have been drawn, for each switch."""
+
+ITERATIONS = 4
+"""Estimates, each with instruments and weights by the one before."""
+
+MIN_SWITCHES = 150
+"""Fewest usable switches: some 20 s of pulses."""
+
+FINE, UNSEEN = 0.075, 0.5
+"""Half of the 95 % interval over the value up to which a number counts as identified, and from
+which the log does not tell it."""
+
+SURE = 1.96
+"""Half of a 95 % interval over the standard error."""
+
+RARE = 0.005
+"""Chance of a warning where there is nothing to warn of."""
+
+DIRECTIONS = ((0, 0), (0, 1), (1, 1))
+"""Entries xx, xy, yy of a symmetric matrix."""
+
+LIMITS = ((20.0, 3000.0), (1.0, 200.0), (0.1, 10.0))
+"""Stiffness, damping and mass between which instruments are predicted [N/m, N·s/m, kg]."""
+
+NAMES = (("stiffness", "N/m"), ("damping", "N·s/m"), ("mass", "kg"))
 
 
-def tip_positions(machine, theta):
-    la, lb = machine.arm.length_a, machine.arm.length_b
-    return la * np.stack([np.cos(theta[:, 0]), np.sin(theta[:, 0])], 1) + lb * np.stack(
-        [np.cos(theta[:, 1]), np.sin(theta[:, 1])], 1
+@dataclass(frozen=True)
+class MeasuredHand:
+    """What a log tells of a hand: its numbers, from how many switches, and warnings in words."""
+
+    findings: list[Finding]
+    switches: int
+    warnings: tuple[str, ...]
+
+    @property
+    def grade(self) -> str:
+        """``measured``, ``rough`` or ``not measured``."""
+        states = {self._found(name).status for name, _ in NAMES}
+        if "kept" in states:
+            return "not measured"
+        return "measured" if states == {"identified"} and not self.warnings else "rough"
+
+    @property
+    def sentence(self) -> str:
+        """The grade in words."""
+        return f"The hand is {self.grade}, by {self.switches} switches of clutches."
+
+    @property
+    def hand(self) -> Hand:
+        """The hand."""
+        by_name = {each.quantity.name: each.quantity.value for each in self.findings}
+        numbers = {name: by_name[name] for name, _ in NAMES}
+        for name in ("damping", "stiffness"):
+            numbers[f"{name}_anisotropy"] = by_name[f"{name}_e"], by_name[f"{name}_f"]
+        return Hand(**numbers)
+
+    def _found(self, name: str) -> Finding:
+        return next(each for each in self.findings if each.quantity.name == name)
+
+
+def identify_hand(log: Log, machine: Machine, start: Hand = NORMAL) -> MeasuredHand:
+    """Identify the mass, damper and spring of the hand that moves a machine.
+
+    Parameters
+    ----------
+    log
+        Angles, forces between hand and machine, and voltages with random pulses.
+    machine
+        The machine. Its clutches only have to be known roughly: they decide how precise the result
+        is, and do not bias it.
+    start
+        What the log does not tell keeps its value.
+
+    Raises
+    ------
+    ParameterError
+        If there are too few pulses.
+    """
+    fit = _HandFit(log, machine, start)
+    for k in range(ITERATIONS):
+        fit.improve(LATER if k == ITERATIONS - 1 else AFTER)
+    halves, apart = fit.halves()
+    late = fit.reaction()
+    warnings = [*_warnings(apart, late), *fit.uneven_mass()]
+    findings = fit.findings(halves if apart else np.zeros(3), sure=not (apart or late))
+    return MeasuredHand(findings, len(fit.at.rows), tuple(warnings))
+
+
+def _warnings(apart: bool, late: float | None) -> list[str]:
+    """Return what may be wrong, in sentences."""
+    said = list[str]()
+    if apart:
+        said.append(
+            "The hand differs between the halves of the log: it changed, or a sensor drifts. "
+            "Intervals hold both halves."
+        )
+    if late is not None:
+        said.append(
+            f"From {late:.2g} s after a switch the hand's own push depends on it: the person "
+            "reacts, or gives way. Numbers may be off."
+        )
+    return said
+
+
+class _HandFit:
+    """Numbers of a hand, the windows they come from, and the means to improve them.
+
+    ``theta`` are xx, xy, yy of stiffness, damping and mass, and by how much the forces are late
+    [s]; ``covariance`` is theirs.
+    """
+
+    def __init__(self, log: Log, machine: Machine, start: Hand) -> None:
+        self.machine, self.start, self.interval = machine, start, log.interval
+        first, last = round(BEFORE / log.interval), round(LATER / log.interval)
+        self.times = log.interval * np.arange(-first, last + 1, dtype=np.float64)
+        rows = _switches(log, first, last)
+        if len(rows) < MIN_SWITCHES:
+            raise ParameterError(
+                f"log must have at least {MIN_SWITCHES} switches of voltages away from its ends "
+                f"and gaps, got {len(rows)}"
+            )
+        self.at = _possible(log, machine, rows)
+        window = rows[:, None] + np.arange(-first, last + 1)
+        tip = tip_positions(machine, log.theta)[window]
+        self.force, self.tip = log.force[window], tip - tip[:, :1]
+        self.early = self._ends() < AFTER + 1e-9
+        self.delay, self.theta = 0.0, np.zeros(10)
+        for k, name in enumerate(("stiffness", "damping", "mass")):
+            self.theta[[3 * k, 3 * k + 2]] = getattr(start, name)
+
+    def _ends(self) -> Array:
+        """Return when test functions end [s]."""
+        count = int((self.times[-1] - self.times[0]) / KNOT + 1e-9) - SPAN + 1
+        return self.times[0] + KNOT * (np.arange(count) + SPAN)
+
+    def _through(self, values: Array, order: int = 0, late: float = 0.0) -> Array:
+        """Return ∫ φ⁽ᵒʳᵈᵉʳ⁾·values dt for each test function φ: (N, T, 2) to (N, 2, functions)."""
+        basis = BSpline.basis_element(KNOT * np.arange(SPAN + 1), extrapolate=False)
+        basis = basis.derivative(order) if order else basis
+        begin = self._ends() - KNOT * SPAN + late
+        weights = np.nan_to_num(basis(self.times[:, None] - begin)) * self.interval
+        return np.einsum("tk,jtd->jdk", weights, values)
+
+    def _columns(self, stiff: Array, damped: Array, heavy: Array, late: Array) -> Array:
+        """Return what each number multiplies, (N, 2, functions, 10)."""
+        columns = list[Array]()
+        for part in (stiff, damped, heavy):
+            for d, e in DIRECTIONS:
+                column = np.zeros_like(part)
+                column[:, d] = part[:, e]
+                column[:, e] = part[:, d]
+                columns.append(column)
+        return np.stack([*columns, late], axis=-1)
+
+    def improve(self, until: float) -> None:
+        """Estimate the numbers with instruments, up to a time [s], and weights by the present ones."""
+        self.outcome = self._through(self.force, 0, self.delay)
+        columns = self._columns(
+            *(sign * self._through(self.tip, k) for k, sign in ((0, 1.0), (1, -1.0), (2, 1.0))),
+            -self._through(self.force, 1, self.delay),
+        )
+        self.outcome -= self.outcome.mean(axis=0)
+        self.columns = columns - columns.mean(axis=0)
+        self.instruments = self._instruments(until)
+        left = self._left()[:, :, self.early].reshape(-1, self.early.sum())
+        covariance = left.T @ left / len(left)
+        covariance[np.diag_indices(len(covariance))] *= 1.0 + 1e-9
+        self.weights = np.linalg.inv(covariance)
+        weighted = np.einsum("jdkq,kl->jdlq", self.instruments[:, :, self.early], self.weights)
+        self.information = np.einsum("jdkq,jdkr->jqr", weighted, self.columns[:, :, self.early])
+        self.pull = np.einsum("jdkq,jdk->jq", weighted, self.outcome[:, :, self.early])
+        inverse = np.linalg.pinv(self.information.sum(axis=0))
+        self.theta = -inverse @ self.pull.sum(axis=0)
+        self.scores = self.pull + self.information @ self.theta
+        self.covariance = inverse @ (self.scores.T @ self.scores) @ inverse.T
+        self.delay += float(self.theta[-1].clip(-0.02, 0.02))
+        self.theta[-1] = 0.0
+
+    def _left(self) -> Array:
+        """Return what the hand does by itself, through the test functions."""
+        return self.outcome + self.columns @ self.theta
+
+    def _matrices(self) -> tuple[Array, Array, Array]:
+        """Return stiffness, damping and mass in all directions, within limits."""
+        found = list[Array]()
+        for k, limits in enumerate(LIMITS):
+            xx, xy, yy = self.theta[3 * k : 3 * k + 3]
+            sizes, axes = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
+            found.append((axes * sizes.clip(*limits)) @ axes.T)
+        return found[0], found[1], found[2]
+
+    def _instruments(self, until: float) -> Array:
+        """Return the columns as pulses change them by prediction."""
+        hand = self._matrices()
+        motion = predict(self.machine, self.at, hand, self.times, until)
+        force = -sum(each @ part for each, part in zip(motion, hand, strict=True))
+        return self._columns(*(self._through(each) for each in motion), -self._through(force, 1))
+
+    def halves(self) -> tuple[Array, bool]:
+        """Return half of the difference between halves of the log, and whether there is one."""
+        whole, found, errors = len(self.scores), list[Array](), np.zeros((3, 3))
+        for part in (slice(whole // 2), slice(whole // 2, whole)):
+            inverse = np.linalg.pinv(self.information[part].sum(axis=0))
+            theta = -inverse @ self.pull[part].sum(axis=0)
+            scores = self.pull[part] + self.information[part] @ theta
+            found.append(MEANS @ theta)
+            errors += MEANS @ inverse @ (scores.T @ scores) @ inverse.T @ MEANS.T
+        apart = found[1] - found[0]
+        size = float(apart @ np.linalg.pinv(errors) @ apart)
+        return 0.5 * np.abs(apart), size > stats.chi2.ppf(1.0 - RARE, 3)
+
+    def reaction(self) -> float | None:
+        """Return from when on what the hand does by itself depends on pulses [s], None if never."""
+        left, ends = self._left(), self._ends()
+        past = left[:, :, ends <= 0.0]
+        inverse = np.linalg.pinv(self.information.sum(axis=0))
+        moved = self.instruments[..., 0] + self.instruments[..., 2]  # along x, along y
+        late = np.flatnonzero(~self.early)
+        level = stats.norm.ppf(1.0 - 0.5 * RARE / len(late))
+        for k in late:
+            known = past.reshape(-1, past.shape[-1])
+            now = left[:, :, k].reshape(-1)
+            fresh = (now - known @ np.linalg.lstsq(known, now, rcond=None)[0]).reshape(-1, 2)
+            slope = np.einsum("jd,jdq->q", moved[:, :, k], self.columns[:, :, k])
+            score = np.einsum("jd,jd->j", moved[:, :, k], fresh) - self.scores @ inverse.T @ slope
+            if abs(score.sum()) > level * np.linalg.norm(score):
+                return float(ends[k] - 0.5 * SPAN * KNOT)
+        return None
+
+    def uneven_mass(self) -> list[str]:
+        """Return a sentence if the mass depends on the direction."""
+        contrast = np.zeros((2, 10))
+        contrast[0, [6, 8]], contrast[1, 7] = (0.5, -0.5), 1.0
+        if not _differ(contrast @ self.theta, contrast @ self.covariance @ contrast.T):
+            return []
+        return ["The mass depends on the direction: the file has its mean."]
+
+    def findings(self, more: Array, *, sure: bool) -> list[Finding]:
+        """Return the numbers; ``more`` is added to half of the intervals of the first three."""
+        means, errors = MEANS @ self.theta, np.sqrt(np.diag(MEANS @ self.covariance @ MEANS.T))
+        found = list[Finding]()
+        for (name, unit), value, half in zip(NAMES, means, SURE * errors + more, strict=True):
+            before = getattr(self.start, name)
+            reason = "" if half < UNSEEN * value else "the log does not tell it: pulse for longer"
+            value = float(before if reason else value)
+            quantity = Quantity(name, unit, value, value, (name,))
+            found.append(
+                make_finding(quantity, half, before, reason=reason, sure=sure, most=FINE)
+            )
+        for k, (name, _) in enumerate(NAMES[:2]):
+            found += self._anisotropy(3 * k, name, kept=found[k].status == "kept")
+        late = SURE * float(np.sqrt(self.covariance[-1, -1]))
+        quantity = Quantity("force_delay", "s", self.delay, self.interval)
+        return [*found, make_finding(quantity, late, 0.0, sure=sure)]
+
+    def _anisotropy(self, first: int, name: str, *, kept: bool) -> list[Finding]:
+        """Return (e, f) of the stiffness or the damping; see ``pter_gym.params.Hand``."""
+        xx, xy, yy = self.theta[first : first + 3]
+        value = np.array([xx - yy, 2.0 * xy]) / (xx + yy)
+        slopes = np.zeros((2, 10))
+        slopes[0, [first, first + 2]] = np.array([1.0 - value[0], -1.0 - value[0]]) / (xx + yy)
+        slopes[1, [first, first + 1, first + 2]] = (
+            np.array([-value[1], 2.0, -value[1]]) / (xx + yy)
+        )
+        covariance = slopes @ self.covariance @ slopes.T
+        reason = "" if _differ(value, covariance) and not kept else f"{name} shows no direction"
+        value = value / max(1.0, float(np.linalg.norm(value))) * (not reason)
+        halves = SURE * np.sqrt(np.diag(covariance))
+        return [
+            make_finding(
+                Quantity(f"{name}_{letter}", "1", float(each), 1.0, (f"{name}_anisotropy",)),
+                *(half, 0.0),
+                reason=reason,
+                most=FINE,
+            )
+            for letter, each, half in zip("ef", value, halves.tolist(), strict=True)
+        ]
+
+
+MEANS = np.kron(np.eye(3), [0.5, 0.0, 0.5]) @ np.eye(9, 10)
+"""Means over all directions of stiffness, damping and mass, by the numbers of a fit."""
+
+
+def _differ(values: Array, covariance: Array) -> bool:
+    """Return whether two values differ from zero."""
+    size = float(values @ np.linalg.pinv(covariance) @ values)
+    return size > stats.chi2.ppf(0.99, len(values))
+
+
+def _switches(log: Log, before: int, after: int) -> NDArray[np.int64]:
+    """Return the rows with which a voltage changes, clear of gaps and ends by so many rows."""
+    rows = np.flatnonzero(np.abs(np.diff(log.volts, axis=0)).max(axis=1) > SAME) + 1
+    rows = rows[np.diff(rows, prepend=-before) > 1]
+    rows = rows[(rows >= before) & (rows + after < len(log.volts))]
+    known = np.concatenate([[0], np.cumsum(log.is_clear(1))])
+    return rows[known[rows + after + 1] - known[rows - before] == before + after + 1]
+
+
+def _possible(log: Log, machine: Machine, rows: NDArray[np.int64]) -> Switches:
+    """Return switches with other torques that could have been drawn: those of other switches.
+
+    No set of clutches follows itself, so torques of the set before a switch are left out.
+    """
+    past = max(3, round(PAST / log.interval))
+    ramp = np.arange(past) - 0.5 * (past - 1)
+    ramp /= (ramp @ ramp) * log.interval
+    omega = np.einsum("p,jpi->ji", ramp, log.theta[rows[:, None] + np.arange(-past, 0)])
+    before, after = (_torques(machine, log.volts[each]) for each in (rows - 1, rows))
+    bits = 1 << np.arange(4)
+    was, now = ((log.volts[each] > SAME) @ bits for each in (rows - 1, rows))
+    rng, drawn = np.random.default_rng(0), np.empty((DRAWS, len(rows)), np.int64)
+    for each in np.unique(was):
+        here, others = was == each, np.flatnonzero(now != each)
+        others = others if len(others) else np.arange(len(rows))
+        drawn[:, here] = rng.choice(others, (DRAWS, int(here.sum())))
+    return Switches(
+        rows=rows,
+        theta=log.theta[rows - 1],
+        omega=omega,
+        before=before,
+        after=np.concatenate([after[None], after[drawn]]),
     )
 
 
-def switches(log):
-    rows = np.flatnonzero(np.abs(np.diff(log.volts, axis=0)).max(axis=1) > SAME) + 1
-    apart = np.diff(rows, prepend=-(10**9)) * log.interval > 0.015
-    return rows[apart]
-
-
-def pushes(log, machine, rows, rng, donors=8):
-    """State and torques at switches: angles, tip speed, T before, T after and of donors (D+1, N, 4)."""
-    curve = machine.clutch.dynamic
-    torque = np.vectorize(curve.torque)(log.volts) * np.array(machine.slot_scale)
-    past = max(3, round(0.05 / log.interval))
-    t = np.arange(past) - (past - 1) / 2
-    slope = t / (t @ t) / log.interval
-    omega = np.array([slope @ log.theta[r - past : r] for r in rows])
-    old, new = torque[rows - 1], torque[rows]
-    bits = 1 << np.arange(4)
-    was, now = (log.volts[rows - 1] > SAME) @ bits, (log.volts[rows] > SAME) @ bits
-    others = [np.flatnonzero((now != w)) for w in range(16)]
-    pick = np.array([rng.choice(others[w], donors) for w in was])  # (N, D)
-    return omega, old, np.concatenate([new[None], new[pick.T]])
-
-
-def tests(interval, before, after, knot, shift=0.0):
-    """Test functions: (3, k, n)."""
-    n0, n1 = round(before / interval), round(after / interval)
-    t = interval * np.arange(-n0, n1 + 1)
-    count = int((before + after) / knot + 1e-9)
-    knots = -before + knot * np.arange(count + 1)
-    found = []
-    for nu in range(3):
-        rows = []
-        for k in range(count - 5):
-            b = BSpline.basis_element(knots[k : k + 7], extrapolate=False)
-            b = b if not nu else b.derivative(nu)
-            rows.append(np.nan_to_num(b(t - shift)))
-        found.append(np.array(rows) * interval)
-    return np.array(found), n0, n1
-
-
-def columns(parts, iso):
-    cols = []
-    for part in parts:
-        if iso:
-            cols.append(part); continue
-        for d, e in ((0, 0), (0, 1), (1, 1)):
-            col = np.zeros_like(part)
-            col[:, :, d] += part[:, :, e]
-            if d != e:
-                col[:, :, e] += part[:, :, d]
-            cols.append(col)
-    return cols
-
-
-def response(machine, log, rows, p, theta, n0, n1, iso):
-    omega, old, new = p
-    arm = machine.arm
-    mats = []
-    for i in range(3):
-        if iso: mats.append(theta[i] * np.eye(2)); continue
-        a, b, c = theta[3 * i : 3 * i + 3]
-        mats.append(np.array([[a, b], [b, c]]))
-    w = [np.linalg.eigh(m) for m in mats]
-    K, B, M = (v @ np.diag(np.clip(l, lo, hi)) @ v.T for (l, v), lo, hi in zip(w, (20, 1, 0.1), (2000, 100, 5)))
-    angles = log.theta[rows - 1]
-    tips = tip_forces(machine, angles)  # (N, 4, 2), newtons per N·m
-    unit = joint_forces(machine, angles)
-    off = arm.coupling * np.cos(angles[:, 0] - angles[:, 1])
-    inertia = np.empty((len(rows), 2, 2))
-    inertia[:, 0, 0], inertia[:, 1, 1] = arm.inertia_a, arm.inertia_b
-    inertia[:, 0, 1] = inertia[:, 1, 0] = off
-    T = unit.transpose(0, 2, 1) @ inertia @ unit
-    inv = np.linalg.inv(T + M)
-    W = np.array(machine.slot_rows)
-    slip0 = omega @ W.T  # (N, 4)
-    back = np.einsum("xi,nid->nxd", W, unit)  # slip per tip velocity
-    base = old * np.tanh(slip0 / SLIPPING)
-    sims = len(new)
-    x = np.zeros((n1 + 1, sims, len(rows), 2))
-    vs = np.zeros_like(x); acs = np.zeros_like(x)
-    pos = np.zeros((sims, len(rows), 2)); vel = np.zeros_like(pos)
-    h = log.interval; sub = max(1, round(h / 2e-3)); h /= sub
-    for n in range(n1):
-        for s in range(sub):
-            t = (n + (s + 0.5) / sub) * log.interval - machine.delay
-            rise = 1 - np.exp(-max(t, 0.0) / machine.clutch.time_constant)
-            slip = slip0 + np.einsum("nxd,snd->snx", back, vel)
-            brake = (old + rise * (new - old)) * np.tanh(slip / SLIPPING) - base
-            load = -np.einsum("snx,nxd->snd", brake, tips) - pos @ K - vel @ B
-            acc = np.einsum("nde,sne->snd", inv, load)
-            vel = vel + h * acc
-            pos = pos + h * vel
-        x[n + 1], vs[n + 1], acs[n + 1] = pos, vel, acc
-    def centred(w):
-        out = np.zeros((len(rows), n0 + n1 + 1, 2))
-        out[:, n0:] = (w[:, 0] - w[:, 1:].mean(axis=1)).transpose(1, 0, 2)
-        return out
-    xc = centred(x)
-    return xc, -xc @ K - centred(vs) @ B - centred(acs) @ M
-
-
-def joint_forces(machine, theta):
-    """J^-1 (N, 2, 2): joint speeds per tip speed; = tip_forces for rows e1, e2."""
-    arm = machine.arm
-    lengths = np.array([arm.length_a, arm.length_b])
-    sine, cosine = lengths * np.sin(theta), lengths * np.cos(theta)
-    size = -sine[:, 0] * cosine[:, 1] + sine[:, 1] * cosine[:, 0]
-    return np.stack(
-        [np.stack([cosine[:, 1], sine[:, 1]], 1), np.stack([-cosine[:, 0], -sine[:, 0]], 1)], 1
-    ) / size[:, None, None]
-
-
-@dataclass
-class Fit:
-    theta: Array
-    cov: Array
-    windows: int
-    delay: float
-
-
-def fit(log: Log, machine: Machine, before=BEFORE, after=AFTER, knot=KNOT, delays=True, iso=False):
-    rows = switches(log)
-    phi, n0, n1 = tests(log.interval, before, after, knot)
-    rows = rows[(rows >= max(n0, 60)) & (rows + n1 < len(log.theta))]
-    clear = log.is_clear(1)
-    rows = rows[[clear[r - n0 : r + n1 + 1].all() for r in rows]]
-    p = pushes(log, machine, rows, np.random.default_rng(0))
-    x = tip_positions(machine, log.theta)
-    index = rows[:, None] + np.arange(-n0, n1 + 1)
-    X, F = x[index], log.force[index]  # (N, n, 2)
-    X = X - X[:, :1]
-    def through(k, what, f=phi):
-        return np.einsum("kn,jnd->jkd", f[k], what)
-    parts = [through(0, X), -through(1, X), through(2, X)]  # K, B, M
-    N, k = len(rows), phi.shape[1]
-    delay, theta = 0.0, np.array([300.0, 0, 300, 14, 0, 14, 1.2, 0, 1.2] + [0.0] * delays)
-    if iso: theta = np.array([300.0, 14, 1.2] + [0.0] * delays)
-    for step in range(6):
-        shifted, _, _ = tests(log.interval, before, after, knot, delay)
-        y = through(0, F, shifted).reshape(N, -1)
-        C = columns(parts, iso)
-        if delays:
-            C.append(-through(1, F, shifted))
-        C = np.stack([c.reshape(N, -1) for c in C], axis=2)  # (N, m, q)
-        y = y - y.mean(0); C = C - C.mean(0)
-        e = y + C @ theta
-        e2 = e.reshape(N, k, 2).transpose(0, 2, 1).reshape(2 * N, k)
-        S = e2.T @ e2 / len(e2)
-        W = np.kron(np.linalg.inv(S + 1e-9 * np.trace(S) / len(S) * np.eye(len(S))), np.eye(2))
-        r, rf = response(machine, log, rows, p, theta, n0, n1, iso)
-        hat = columns([through(0, r), -through(1, r), through(2, r)], iso)
-        if delays:
-            hat.append(-through(1, rf))
-        hat = np.stack([c.reshape(N, -1) for c in hat], axis=2)
-        H = np.einsum("jmq,mn->jnq", hat, W)
-        A = np.einsum("jnq,jnr->qr", H, C)
-        b = -np.einsum("jnq,jn->q", H, y)
-        theta = np.linalg.solve(A, b)
-        if delays:
-            delay += theta[-1] if step < 5 else 0.0
-            theta[-1] = 0.0
-    e = y + C @ theta
-    s = np.einsum("jnq,jn->jq", H, e)
-    Ai = np.linalg.inv(A)
-    cov = Ai @ (s.T @ s) @ Ai.T * N / (N - len(theta))
-    return Fit(theta, cov, N, delay)
+def _torques(machine: Machine, volts: Array) -> Array:
+    """Return the dynamic torques of clutches at voltages, both of shape (N, 4)."""
+    levels, place = np.unique(volts, return_inverse=True)
+    torque = np.array([machine.clutch.dynamic.torque(each) for each in levels.tolist()])
+    return torque[place].reshape(volts.shape) * np.array(machine.slot_scale)

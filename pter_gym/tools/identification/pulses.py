@@ -1,48 +1,155 @@
 # pyright: standard
-"""Which clutch pulses to give while a hand moves the arm, so that the log tells mass, damper and spring."""
+"""Clutch pulses that make a hand's mass, damper and spring visible, and what a pulse does to it."""
 
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym.errors import ParameterError
 from pter_gym.params import Machine
 
 Array = NDArray[np.float64]
 
-SHORTEST, LONGEST = 0.1, 0.3
+SHORTEST, LONGEST = 0.06, 0.2
 """Duration of a pulse, or of a pause between two [s]."""
 
 LEAST = 0.4
 """Smallest force of a pulse over the largest."""
 
+SMOOTH_SLIP = 0.15
+"""Slip velocity over which friction changes its sign in predictions [rad/s]."""
+
+STEP = 2e-3
+"""Longest step of a prediction [s]."""
+
 
 def pulses(
-    machine: Machine, middle: Array, seconds: float, period: float, force: float, seed: int
+    machine: Machine, middle: Array, seconds: float, interval: float, force: float, seed: int
 ) -> Array:
-    rng = np.random.default_rng(seed)
-    count = len(machine.clutches)
+    """Return random voltages [V], (rows, 4), of one or two clutches or none at a time.
+
+    Each set differs from the one before, and is otherwise independent of all that went before, as
+    the estimate requires.
+
+    Parameters
+    ----------
+    machine
+        The machine.
+    middle
+        Angles of the links in the middle of the motion [rad], shape (2,).
+    seconds, interval
+        Duration, and time between rows [s].
+    force
+        Largest force of all clutches together on the tip, in that pose [N].
+    seed
+        Of the pulses.
+
+    Raises
+    ------
+    ParameterError
+        If the force is not positive.
+    """
+    if not force > 0.0:
+        raise ParameterError(f"force must be > 0 N, got {force!r}")
+    rng, clutches = np.random.default_rng(seed), range(len(machine.clutches))
     levers = np.linalg.norm(tip_forces(machine, np.asarray(middle)[None])[0], axis=1)
-    rows = round(seconds / period)
-    volts, at, before = np.zeros((rows, 4)), 0, ()
-    while at < rows:
-        lasts = round(rng.uniform(SHORTEST, LONGEST) / period)
-        sets = [(), *((k,) for k in range(count)), *combinations(range(count), 2)]
-        on = sets[int(rng.choice([k for k, each in enumerate(sets) if each != before]))]
-        for k in on:
-            torque = rng.uniform(LEAST, 1.0) * force / levers[k] / len(on)
-            volts[at : at + lasts, k] = machine.clutch.dynamic.voltage(torque / machine.slot_scale[k])
-        at, before = at + lasts, on
+    scale, curve = machine.slot_scale, machine.clutch.dynamic
+    sets = [(), *((k,) for k in clutches), *combinations(clutches, 2)]
+    volts, begin, before = np.zeros((round(seconds / interval), 4)), 0, ()
+    while begin < len(volts):
+        end = begin + max(1, round(rng.uniform(SHORTEST, LONGEST) / interval))
+        before = [each for each in sets if each != before][rng.integers(len(sets) - 1)]
+        for k in before:
+            torque = rng.uniform(LEAST, 1.0) * force / levers[k] / len(before) / scale[k]
+            volts[begin:end, k] = min(curve.voltage(torque), machine.clutch.voltage_max)
+        begin = end
     return volts
 
 
+def joint_speeds(machine: Machine, theta: Array) -> Array:
+    """Return J⁻¹ at angles (N, 2) [rad], shape (N, 2, 2)."""
+    lengths = machine.arm.length_a, machine.arm.length_b
+    (sine_a, sine_b), (cosine_a, cosine_b) = ((lengths * of(theta)).T for of in (np.sin, np.cos))
+    size = sine_b * cosine_a - sine_a * cosine_b
+    rows = np.array([[cosine_b, sine_b], [-cosine_a, -sine_a]]) / size
+    return rows.transpose(2, 0, 1)
+
+
 def tip_forces(machine: Machine, theta: Array) -> Array:
-    """Return the forces on the tip [N] of 1 N·m in each clutch, (N, 4, 2), at angles (N, 2) [rad]."""
-    arm, rows = machine.arm, np.array(machine.slot_rows)
-    lengths = np.array([arm.length_a, arm.length_b])
-    sine, cosine = lengths * np.sin(theta), lengths * np.cos(theta)
-    size = -sine[:, 0] * cosine[:, 1] + sine[:, 1] * cosine[:, 0]  # det of J = [-sine; cosine]
-    inverse = np.stack(
-        [np.stack([cosine[:, 1], sine[:, 1]], 1), np.stack([-cosine[:, 0], -sine[:, 0]], 1)], 1
-    ) / size[:, None, None]
-    return np.einsum("xi,nij->nxj", rows, inverse)
+    """Return the forces on the tip of 1 N·m in each clutch [N], (N, 4, 2), at angles (N, 2)."""
+    return np.array(machine.slot_rows) @ joint_speeds(machine, theta)
+
+
+def tip_positions(machine: Machine, theta: Array) -> Array:
+    """Return the positions of the tip [m] at angles [rad], both of shape (N, 2)."""
+    lengths = np.array([machine.arm.length_a, machine.arm.length_b])
+    return np.stack([np.cos(theta) @ lengths, np.sin(theta) @ lengths], axis=1)
+
+
+@dataclass(frozen=True)
+class Switches:
+    """Switches of voltages: ``rows`` of the log, angles and velocities before them, (N, 2).
+
+    Torques are those before, (N, 4), and possible ones after, (1 + D, N, 4): first that which was
+    drawn, then others that could have been.
+    """
+
+    rows: NDArray[np.int64]
+    theta: Array
+    omega: Array
+    before: Array
+    after: Array
+
+
+def predict(
+    machine: Machine, at: Switches, hand: tuple[Array, Array, Array], times: Array, until: float
+) -> Array:
+    """Return how the tip's motion changes by a switch, compared with what could have been drawn.
+
+    Parameters
+    ----------
+    machine, at
+        The machine and its switches.
+    hand
+        Stiffness, damping and mass of the hand in all directions, (2, 2) each.
+    times
+        Even times from the switches [s], shape (T,).
+    until
+        Time until which the motion is predicted [s]; then it is zero.
+
+    Returns
+    -------
+    ndarray
+        Position [m], velocity and acceleration, (3, N, T, 2), less their mean over the possible
+        torques: so its expectation is zero, whatever the hand does by itself.
+    """
+    arm, (stiffness, damping, mass) = machine.arm, hand
+    joints, forces = joint_speeds(machine, at.theta), tip_forces(machine, at.theta)
+    slips = forces.transpose(0, 2, 1)  # slip per tip velocity: the same levers
+    inertia = np.empty((len(at.rows), 2, 2))
+    inertia[:, 0, 0], inertia[:, 1, 1] = arm.inertia_a, arm.inertia_b
+    inertia[:, 0, 1] = inertia[:, 1, 0] = arm.coupling * np.cos(at.theta[:, 0] - at.theta[:, 1])
+    compliance = np.linalg.inv(joints.transpose(0, 2, 1) @ inertia @ joints + mass)
+    own = at.omega @ np.array(machine.slot_rows).T
+    held = at.before * np.tanh(own / SMOOTH_SLIP)
+    after = at.after.transpose(1, 0, 2)
+    ahead = at.before[:, None] - after
+    position = np.zeros((*after.shape[:2], 2))
+    velocity, acceleration = np.zeros_like(position), np.zeros_like(position)
+    motion = np.zeros((3, len(at.rows), len(times), 2))
+    parts = max(1, round((times[1] - times[0]) / STEP))
+    step, lag = (times[1] - times[0]) / parts, machine.clutch.time_constant
+    for n, time in enumerate(times):
+        for k, each in enumerate((position, velocity, acceleration)):
+            motion[k, :, n] = each[:, 0] - each[:, 1:].mean(axis=1)
+        for part in range(parts if -1e-9 < time < until else 0):
+            passed = max(time + (part + 0.5) * step - machine.delay, 0.0)
+            slip = own[:, None] + velocity @ slips
+            brake = (after + np.exp(-passed / lag) * ahead) * np.tanh(slip / SMOOTH_SLIP)
+            load = (held[:, None] - brake) @ forces - position @ stiffness - velocity @ damping
+            acceleration = load @ compliance
+            velocity = velocity + step * acceleration
+            position = position + step * velocity
+    return motion
