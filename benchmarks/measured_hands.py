@@ -7,9 +7,8 @@ Each hand moves the simulated arm to and fro for a minute while the clutches pul
 95 % intervals, and what was called identified although it was off by more than 10 %.
 """
 
-import argparse
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ Array = NDArray[np.float64]
 MIDDLE = np.array([0.720822, 2.170796])
 """Angles of the links about which hands move [rad]."""
 
-SUBSTEP, PERIOD = 0.5e-3, 2e-3
+SUBSTEP, PERIOD = 0.5e-3, 5e-3
 """Substep of the simulated arm, and time between rows of the log [s]."""
 
 
@@ -37,8 +36,8 @@ class Condition:
     noise: float = 0.3  # N
     offset: float = 0.0  # N
     drift: float = 0.0  # N over the log
-    force_delay: int = 0  # control periods of 2 ms
-    delay: int = 0  # of angles and forces together, periods
+    force_delay: int = 0  # rows of 5 ms
+    delay: int = 0  # of angles and forces together, rows
     handle: float = 0.0  # kg that the user forgot
     change: float = 0.0  # of the stiffness from the first to the last second, relative
     reaction: float = 0.0  # s, 0 for none: the hand then pushes against a pulse
@@ -58,9 +57,9 @@ CONDITIONS = {
     "1 N": Condition(noise=1.0),
     "offset 5 N": Condition(offset=5.0),
     "drift 5 N": Condition(drift=5.0),
-    "force 2 ms late": Condition(force_delay=1),
-    "force 6 ms late": Condition(force_delay=3),
-    "sensors 20 ms late": Condition(delay=10),
+    "force 5 ms late": Condition(force_delay=1),
+    "force 15 ms late": Condition(force_delay=3),
+    "sensors 15 ms late": Condition(delay=3),
     "stiffness rises 40 %": Condition(change=0.4),
     "reaction after 0.15 s": Condition(reaction=0.15),
     "reaction after 0.1 s": Condition(reaction=0.1),
@@ -155,7 +154,7 @@ def simulated(
     state = initial_state(machine, MIDDLE)
     reacts = condition.reaction > 0.0 or np.isfinite(condition.lead)
     chunk = round(0.02 / SUBSTEP) if reacts or condition.change else len(times)
-    parts, springs, shift = list(), list(), np.zeros(2)
+    parts, springs, shift = [], [], np.zeros(2)
     late = round(condition.reaction / 0.02)
     for begin in range(0, len(times), chunk):
         rows = slice(begin, begin + chunk)

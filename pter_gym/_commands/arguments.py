@@ -61,6 +61,9 @@ PathName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.csv")]
 MachineName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.toml")]
 """A machine by its name or its file; None for what is usual."""
 
+HandName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.toml")]
+"""A hand by its name or its file; None for what is usual."""
+
 
 def look_at(
     *,
@@ -69,6 +72,7 @@ def look_at(
     path: str | None = None,
     smooth: float = 0.0,
     machine: str | None = None,
+    hand: str | None = None,
 ) -> None:
     """Look at what a user has named before anything that takes seconds is imported.
 
@@ -80,6 +84,10 @@ def look_at(
     for policy in policies:
         kind_of(policy)
     arm = find_machine(machine).arm
+    if hand is not None:
+        from pter_gym.hands import find_hand
+
+        find_hand(hand)
     if path is not None and has_ending(path, *TABLE_ENDINGS):
         columns = read_table(path, ("x", "y"), unit="m").columns
         if not smooth:
@@ -89,14 +97,18 @@ def look_at(
         raise unknown_name("path", path, (*PATH_NAMES, "FILE.csv"))
 
 
-def scenario_on(scenario: str, machine: str | None, path: str | None, smooth: float) -> "Scenario":
-    """Return a scenario on a user's path and with a user's machine, each also in its name.
+def scenario_on(
+    scenario: str, machine: str | None, path: str | None, smooth: float, hand: str | None = None
+) -> "Scenario":
+    """Return a scenario on a user's path, with a user's machine and hand, each also in its name.
 
     Says so if the path's bends leave little workspace.
     """
     if smooth < 0.0 or (smooth and not has_ending(path, *TABLE_ENDINGS)):
         raise ParameterError(f"smooth must be ≥ 0 mm, for a path from a file, got {smooth:g}")
-    chosen = find_scenario(scenario, machine, path, 1e-3 * smooth)
+    chosen = find_scenario(scenario, machine, path, 1e-3 * smooth, hand)
+    if hand:
+        chosen = replace(chosen, name=chosen.name.replace(hand, PurePath(hand).stem))
     if machine:
         title = f"{chosen.name}-with-{PurePath(machine).stem}"
         chosen = replace(chosen, name=title, gains=chosen.whose_gains)
@@ -120,10 +132,11 @@ def options(
     pace: str = "medium",
     path: str | None = None,
     machine: str | None = None,
+    hand: str | None = None,
     smooth: float = 0.0,
 ) -> str:
     """Return those of these options that are not usual, as a command line has them."""
-    given = {"scenario": scenario, "pace": pace, "path": path, "machine": machine}
+    given = {"scenario": scenario, "pace": pace, "path": path, "machine": machine, "hand": hand}
     usual = ("standard", "medium", None)
     shown = {name: value for name, value in given.items() if value not in usual}
     shown |= {"smooth": f"{smooth:g}"} if path and smooth else {}

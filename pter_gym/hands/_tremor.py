@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pter_gym._internal.fields import parameter, require, require_number
 from pter_gym.errors import unknown_name
+from pter_gym.hands._hand_files import is_hand_file, load_hand
 from pter_gym.hands._library import LIBRARY_ARMS, LIBRARY_TREMORS
 from pter_gym.hands._model import SINES, HandModel
 from pter_gym.hands._operators import EQ5_FREQUENCIES, MAX_INSTANTS, HumanArm, Operator
@@ -168,19 +169,23 @@ KINDS: Mapping[str, type[TremorArm]] = MappingProxyType(
 
 
 def find_hand(hand: Operator | str) -> Operator:
-    """Return a hand as it is, or by its name in ``LIBRARY_ARMS`` or ``LIBRARY_TREMORS``.
+    """Return a hand as it is, or by its file or name in ``LIBRARY_ARMS`` or ``LIBRARY_TREMORS``.
 
     A library arm becomes a human arm with its mass, damper and spring; a tremor becomes a human arm
-    that trembles with the middle of the tremor's ranges.
+    that trembles with the middle of the tremor's ranges. ``pter identify --hand`` writes files.
 
     Raises
     ------
     ParameterError
         If there is no such hand; the message suggests the nearest names.
+    DataError
+        If a file is malformed.
     """
     if isinstance(hand, Operator):
         return hand
     name = str(hand)
+    if is_hand_file(name):
+        return load_hand(name)
     if name in KINDS:
         return KINDS[name]()
     if name not in LIBRARY_ARMS:

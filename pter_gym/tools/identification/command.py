@@ -10,7 +10,7 @@ import tyro
 from rich.table import Table
 
 from pter_gym._commands.arguments import split_numbers
-from pter_gym._commands.terminal import conclude, progress_bar, say, terminal
+from pter_gym._commands.terminal import conclude, progress_bar, say, terminal, waiting
 from pter_gym._internal.files import make_folder
 from pter_gym.errors import ParameterError
 
@@ -33,6 +33,7 @@ def identify(
     degrees: bool = False,
     relative_b: bool = False,
     clutch: bool = False,
+    hand: bool = False,
     out: Path = Path("pter-identified"),
 ) -> None:
     """Identify a real machine from logs.
@@ -56,10 +57,14 @@ def identify(
         relative_b: Whether theta_B is measured from link A instead of the x axis.
         clutch: Whether the log is of one clutch or brake on a bench, with t_s, V, omega and torque;
             writes clutch.toml, a machine with four of these, instead.
+        hand: Whether to identify the hand that moved the machine, by random pulses of its clutches;
+            writes hand.toml, which other commands take as --hand, instead.
         out: Folder for the results, created if necessary.
     """
     from pter_gym.tools.identification import join_logs, read_log
 
+    if clutch and hand:
+        raise ParameterError("hand must be left out with --clutch: a bench has none")
     if not logs:
         raise ParameterError("logs must be given: LOG.csv … (`pter identify --help` explains)")
     start, names = read_start(machine, lengths, voltage_max), read_names(columns)
@@ -78,7 +83,7 @@ def identify(
     )
     for remark in log.remarks:
         say(remark)
-    show_machine(log, start, out)
+    (show_hand if hand else show_machine)(log, start, out)
 
 
 def show_bench(bench: "Bench", log: str, start: "Machine", out: Path) -> None:
@@ -140,6 +145,26 @@ def show_machine(log: "Log", start: "Machine", out: Path) -> None:
     conclude([machine, out / "identified.png"], *commands)
 
 
+def show_hand(log: "Log", machine: "Machine", out: Path) -> None:
+    """Identify the hand that moved a machine, print its numbers and write its file."""
+    from pter_gym._internal.files import write_text_atomic
+    from pter_gym.hands._hand_files import format_hand
+    from pter_gym.tools.identification.findings import origins_of
+    from pter_gym.tools.identification.hand import identify_hand
+
+    make_folder(out)
+    with waiting("identify"):
+        found = identify_hand(log, machine)
+    said = (found.sentence, *found.warnings)
+    for sentence in said:
+        say(sentence)
+    show_findings(found.findings, "docs/measure-a-hand.md")
+    title = "\n".join(["Written by pter identify --hand.", *said])
+    file = out / "hand.toml"
+    write_text_atomic(file, format_hand(found.hand, origins_of(found.findings, log.name), title))
+    conclude([file], f"pter benchmark --hand {quote(str(file))}")
+
+
 def too_late(machine: "Machine") -> tuple[str, ...]:
     """Return what to do with a machine whose delay scenarios do not take, in a sentence."""
     from pter_gym.tasks.path_following import PathFollowing
@@ -188,13 +213,10 @@ def read_names(columns: tuple[str, ...]) -> dict[str, str]:
     return {name: column for name, _, column in pairs}
 
 
-def show_findings(findings: "Sequence[Finding]") -> None:
+def show_findings(findings: "Sequence[Finding]", page: str = "docs/identify.md") -> None:
     """Print a table of the numbers, which fits a terminal of 80 columns, and why some are kept."""
     table = Table(
-        box=None,
-        padding=(0, 1),
-        pad_edge=False,
-        caption="±: half of the 95 % interval; docs/identify.md",
+        box=None, padding=(0, 1), pad_edge=False, caption=f"±: half of the 95 % interval; {page}"
     )
     table.add_column("number", no_wrap=True)
     for header in ("value", "±", "unit"):

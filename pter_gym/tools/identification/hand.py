@@ -6,7 +6,7 @@ d are unknown. Only the machine chose the pulses, so whatever the hand does by i
 uncorrelated with how the motion changes by them: the pulses are instruments.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -180,7 +180,7 @@ class _HandFit:
         basis = basis.derivative(order) if order else basis
         begin = self._ends() - KNOT * SPAN + late
         weights = np.nan_to_num(basis(self.times[:, None] - begin)) * self.interval
-        return np.einsum("tk,jtd->jdk", weights, values)
+        return values.transpose(0, 2, 1) @ weights
 
     def _columns(self, stiff: Array, damped: Array, heavy: Array, late: Array) -> Array:
         """Return what each number multiplies, (N, 2, functions, 10)."""
@@ -194,7 +194,7 @@ class _HandFit:
         return np.stack([*columns, late], axis=-1)
 
     def improve(self, until: float) -> None:
-        """Estimate the numbers with instruments, up to a time [s], and weights by the present ones."""
+        """Estimate the numbers, with instruments (until a time [s]) and weights by the present."""
         self.outcome = self._through(self.force, 0, self.delay)
         columns = self._columns(
             *(sign * self._through(self.tip, k) for k, sign in ((0, 1.0), (1, -1.0), (2, 1.0))),
@@ -283,11 +283,9 @@ class _HandFit:
         for (name, unit), value, half in zip(NAMES, means, SURE * errors + more, strict=True):
             before = getattr(self.start, name)
             reason = "" if half < UNSEEN * value else "the log does not tell it: pulse for longer"
-            value = float(before if reason else value)
-            quantity = Quantity(name, unit, value, value, (name,))
-            found.append(
-                make_finding(quantity, half, before, reason=reason, sure=sure, most=FINE)
-            )
+            told = float(before if reason else value)
+            quantity = Quantity(name, unit, told, told, (name,))
+            found.append(make_finding(quantity, half, before, reason=reason, sure=sure, most=FINE))
         for k, (name, _) in enumerate(NAMES[:2]):
             found += self._anisotropy(3 * k, name, kept=found[k].status == "kept")
         late = SURE * float(np.sqrt(self.covariance[-1, -1]))
@@ -300,9 +298,7 @@ class _HandFit:
         value = np.array([xx - yy, 2.0 * xy]) / (xx + yy)
         slopes = np.zeros((2, 10))
         slopes[0, [first, first + 2]] = np.array([1.0 - value[0], -1.0 - value[0]]) / (xx + yy)
-        slopes[1, [first, first + 1, first + 2]] = (
-            np.array([-value[1], 2.0, -value[1]]) / (xx + yy)
-        )
+        slopes[1, [first, first + 1, first + 2]] = np.array([-value[1], 2.0, -value[1]]) / (xx + yy)
         covariance = slopes @ self.covariance @ slopes.T
         reason = "" if _differ(value, covariance) and not kept else f"{name} shows no direction"
         value = value / max(1.0, float(np.linalg.norm(value))) * (not reason)

@@ -21,7 +21,7 @@ LEAST = 0.4
 SMOOTH_SLIP = 0.15
 """Slip velocity over which friction changes its sign in predictions [rad/s]."""
 
-STEP = 2e-3
+STEP = 5e-3
 """Longest step of a prediction [s]."""
 
 
