@@ -151,8 +151,8 @@ def split_numbers(field: str, text: str) -> list[float]:
         raise ParameterError(f"{field} must be numbers separated by commas, got {text!r}") from None
 
 
-def check_file(out: Path, suffix: str) -> None:
+def check_file(out: Path, suffix: str, field: str = "out") -> None:
     """Raise a ParameterError unless a file with this suffix can be written."""
     if not has_ending(out, suffix):
-        raise ParameterError(f"out must end in {suffix}, got {str(out)!r}")
-    check_target("out", out)
+        raise ParameterError(f"{field} must end in {suffix}, got {str(out)!r}")
+    check_target(field, out)

@@ -24,9 +24,12 @@ from pter_gym.tools.identification.windows import SAME
 
 Array = NDArray[np.float64]
 
-BEFORE, AFTER, LATER = 0.3, 0.2, 0.45
-"""Window about a switch that the fit uses [s]: a person reacts later. Time until which reactions
-are looked for."""
+BEFORE, REACTION, WATCHED = 0.3, 0.2, 0.25
+"""Time before a switch that the fit uses [s]; time after it in which no person reacts; and how much
+longer reactions are looked for."""
+
+REACTIONS = (0.15, 0.5)
+"""Accepted times in which no person reacts [s]: a shorter one leaves too little to see."""
 
 KNOT = 0.02
 """Time between knots of the test functions [s]."""
@@ -67,9 +70,14 @@ NAMES = (("stiffness", "N/m"), ("damping", "N·s/m"), ("mass", "kg"))
 
 @dataclass(frozen=True)
 class MeasuredHand:
-    """What a log tells of a hand: its numbers, from how many switches, and warnings in words."""
+    """What a log tells of a hand, from how many switches, and warnings in words.
+
+    ``estimates`` are stiffness, damping and mass with half of their 95 % intervals, of which the
+    findings leave out what is too uncertain.
+    """
 
     findings: list[Finding]
+    estimates: dict[str, tuple[float, float]]
     switches: int
     warnings: tuple[str, ...]
 
@@ -99,7 +107,9 @@ class MeasuredHand:
         return next(each for each in self.findings if each.quantity.name == name)
 
 
-def identify_hand(log: Log, machine: Machine, start: Hand = NORMAL) -> MeasuredHand:
+def identify_hand(
+    log: Log, machine: Machine, start: Hand = NORMAL, *, reaction: float = REACTION
+) -> MeasuredHand:
     """Identify the mass, damper and spring of the hand that moves a machine.
 
     Parameters
@@ -111,20 +121,27 @@ def identify_hand(log: Log, machine: Machine, start: Hand = NORMAL) -> MeasuredH
         is, and do not bias it.
     start
         What the log does not tell keeps its value.
+    reaction
+        Time after a switch that is used [s], in which the person does not react to it. Longer ones
+        tell the stiffness more precisely.
 
     Raises
     ------
     ParameterError
-        If there are too few pulses.
+        If there are too few pulses, or ``reaction`` is out of range.
     """
-    fit = _HandFit(log, machine, start)
+    if not REACTIONS[0] <= reaction <= REACTIONS[1]:
+        accepted = " to ".join(f"{each:g}" for each in REACTIONS)
+        raise ParameterError(f"reaction must be from {accepted} s, got {reaction:g}")
+    fit = _HandFit(log, machine, start, reaction)
     for k in range(ITERATIONS):
-        fit.improve(LATER if k == ITERATIONS - 1 else AFTER)
+        fit.improve(reaction + WATCHED * (k == ITERATIONS - 1))
     halves, apart = fit.halves()
     late = fit.reaction()
     warnings = [*_warnings(apart, late), *fit.uneven_mass()]
-    findings = fit.findings(halves if apart else np.zeros(3), sure=not (apart or late))
-    return MeasuredHand(findings, len(fit.at.rows), tuple(warnings))
+    estimates = fit.estimates(halves if apart else np.zeros(3))
+    findings = fit.findings(estimates, sure=not (apart or late))
+    return MeasuredHand(findings, estimates, len(fit.at.rows), tuple(warnings))
 
 
 def _warnings(apart: bool, late: float | None) -> list[str]:
@@ -150,9 +167,10 @@ class _HandFit:
     [s]; ``covariance`` is theirs.
     """
 
-    def __init__(self, log: Log, machine: Machine, start: Hand) -> None:
+    def __init__(self, log: Log, machine: Machine, start: Hand, reaction: float) -> None:
         self.machine, self.start, self.interval = machine, start, log.interval
-        first, last = round(BEFORE / log.interval), round(LATER / log.interval)
+        first = round(BEFORE / log.interval)
+        last = round((reaction + WATCHED) / log.interval)
         self.times = log.interval * np.arange(-first, last + 1, dtype=np.float64)
         rows = _switches(log, first, last)
         if len(rows) < MIN_SWITCHES:
@@ -164,7 +182,7 @@ class _HandFit:
         window = rows[:, None] + np.arange(-first, last + 1)
         tip = tip_positions(machine, log.theta)[window]
         self.force, self.tip = log.force[window], tip - tip[:, :1]
-        self.early = self._ends() < AFTER + 1e-9
+        self.early = self._ends() < reaction + 1e-9
         self.delay, self.theta = 0.0, np.zeros(10)
         for k, name in enumerate(("stiffness", "damping", "mass")):
             self.theta[[3 * k, 3 * k + 2]] = getattr(start, name)
@@ -276,12 +294,17 @@ class _HandFit:
             return []
         return ["The mass depends on the direction: the file has its mean."]
 
-    def findings(self, more: Array, *, sure: bool) -> list[Finding]:
-        """Return the numbers; ``more`` is added to half of the intervals of the first three."""
+    def estimates(self, more: Array) -> dict[str, tuple[float, float]]:
+        """Return means over directions with half of their intervals, wider by ``more``."""
         means, errors = MEANS @ self.theta, np.sqrt(np.diag(MEANS @ self.covariance @ MEANS.T))
+        pairs = zip(means.tolist(), (SURE * errors + more).tolist(), strict=True)
+        return {name: pair for (name, _), pair in zip(NAMES, pairs, strict=True)}
+
+    def findings(self, estimates: dict[str, tuple[float, float]], *, sure: bool) -> list[Finding]:
+        """Return the numbers with their states."""
         found = list[Finding]()
-        for (name, unit), value, half in zip(NAMES, means, SURE * errors + more, strict=True):
-            before = getattr(self.start, name)
+        for name, unit in NAMES:
+            (value, half), before = estimates[name], getattr(self.start, name)
             reason = "" if half < UNSEEN * value else "the log does not tell it: pulse for longer"
             told = float(before if reason else value)
             quantity = Quantity(name, unit, told, told, (name,))

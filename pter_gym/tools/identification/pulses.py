@@ -18,6 +18,9 @@ SHORTEST, LONGEST = 0.06, 0.2
 LEAST = 0.4
 """Smallest force of a pulse over the largest."""
 
+MIDDLE, AROUND = (0.72, 2.17), 0.35
+"""Angles of the links in the middle of the motion [rad], and how far they go from there."""
+
 SMOOTH_SLIP = 0.15
 """Slip velocity over which friction changes its sign in predictions [rad/s]."""
 
@@ -66,6 +69,17 @@ def pulses(
             volts[begin:end, k] = min(curve.voltage(torque), machine.clutch.voltage_max)
         begin = end
     return volts
+
+
+def forces_around(machine: Machine) -> float:
+    """Return the largest force of a pulse anywhere in the motion over that in its middle."""
+    turns = AROUND * np.linspace(-1.0, 1.0, 5)
+    poses = np.array([(MIDDLE[0] + a, MIDDLE[1] + b) for a in turns for b in turns])
+    levers = np.linalg.norm(tip_forces(machine, poses), axis=2)
+    middle = np.linalg.norm(tip_forces(machine, np.array([MIDDLE]))[0], axis=1)
+    curves = machine.clutch.breakaway, machine.clutch.dynamic
+    held, slips = (curve.torque(machine.clutch.voltage_max) for curve in curves)
+    return float((levers / middle).max()) * max(held / slips, 1.0)
 
 
 def joint_speeds(machine: Machine, theta: Array) -> Array:
@@ -135,6 +149,8 @@ def predict(
     own = at.omega @ np.array(machine.slot_rows).T
     held = at.before * np.tanh(own / SMOOTH_SLIP)
     after = at.after.transpose(1, 0, 2)
+    contrast = np.full(len(at.after), -1.0 / (len(at.after) - 1))
+    contrast[0] = 1.0
     ahead = at.before[:, None] - after
     position = np.zeros((*after.shape[:2], 2))
     velocity, acceleration = np.zeros_like(position), np.zeros_like(position)
@@ -143,7 +159,7 @@ def predict(
     step, lag = (times[1] - times[0]) / parts, machine.clutch.time_constant
     for n, time in enumerate(times):
         for k, each in enumerate((position, velocity, acceleration)):
-            motion[k, :, n] = each[:, 0] - each[:, 1:].mean(axis=1)
+            motion[k, :, n] = contrast @ each
         for part in range(parts if -1e-9 < time < until else 0):
             passed = max(time + (part + 0.5) * step - machine.delay, 0.0)
             slip = own[:, None] + velocity @ slips
