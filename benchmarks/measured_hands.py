@@ -177,7 +177,7 @@ def main(hands: int, seconds: float, names: Sequence[str]) -> None:
         inside, identified = np.zeros((2, hands, 3), bool)
         warned = 0
         for seed in range(hands):
-            rng = np.random.default_rng([seed, 107])
+            rng = np.random.default_rng([seed, [*CONDITIONS].index(name)])
             hand = draw_hand(rng, isotropic=condition.isotropic)
             found = identify_hand(record(hand, condition, rng, seconds), BASELINE)
             warned += bool(found.warnings)

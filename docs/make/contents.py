@@ -29,6 +29,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
         "cluster",
         "devices",
         "identify",
+        "measure-a-hand",
         "deploy",
         "fmu",
         "troubleshooting",

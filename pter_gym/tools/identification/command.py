@@ -36,16 +36,17 @@ def identify(
     hand: bool = False,
     reaction: float = 0.2,
     pulses: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv")] = None,
-    force: float = 40.0,
-    seconds: float = 300.0,
+    force: float = 60.0,
+    seconds: float = 600.0,
     out: Path = Path("pter-identified"),
 ) -> None:
-    """Identify a real machine from logs.
+    """Identify a real machine, or the hand that moved it, from logs.
 
     Grades how well the simulator's model describes them, estimates inertias, friction, torque
     curves, lag and delay with 95 % intervals, and lists what they don't determine. Writes
     machine.toml, which other commands take as --machine, and identified.png. docs/identify.md says
-    what to record.
+    what to record. With --hand, estimates mass, damping and stiffness of a person's arm instead;
+    see docs/measure-a-hand.md.
 
     Example: pter identify log.csv --lengths 0.5645,0.4454 --out mine
 

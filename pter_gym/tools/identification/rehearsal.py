@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 INTERVAL, SUBSTEPS = 5e-3, 10
 """Time between rows [s], and substeps between them."""
 
-SECONDS = 60.0
+SECONDS = 120.0
 """Duration of a rehearsal [s]."""
 
 REACH, LOOPS = 0.08, (0.17, 0.5)
