@@ -31,6 +31,10 @@ SUBSTEP, PERIOD = 0.5e-3, 5e-3
 """Substep of the simulated arm, and time between rows of the log [s]."""
 
 
+CHUNK = 0.05
+"""Time for which a hand that reacts, gives way or changes stays as it is [s]."""
+
+
 @dataclass(frozen=True)
 class Condition:
     """A hand's behaviour and the sensors that record it."""
@@ -142,9 +146,9 @@ def simulated(
     """Return positions, velocities, angles at substeps, and the force of the spring, (T, 2)."""
     state = initial_state(machine, MIDDLE)
     reacts = condition.reaction > 0.0 or np.isfinite(condition.lead)
-    chunk = round(0.02 / SUBSTEP) if reacts or condition.change else len(times)
+    chunk = round(CHUNK / SUBSTEP) if reacts or condition.change else len(times)
     parts, springs, shift = [], [], np.zeros(2)
-    late = round(condition.reaction / 0.02)
+    late = round(condition.reaction / CHUNK)
     for begin in range(0, len(times), chunk):
         rows = slice(begin, begin + chunk)
         to, grown = target[rows] + shift, 1.0

@@ -80,20 +80,6 @@ def test_a_wrong_machine_does_not_bias(log: Log):
     assert np.abs(errors(other)).max() <= 1.5
 
 
-def test_a_hand_that_answers_pulses_is_noticed():
-    """The person pushes on, 0.25 s after the clutches engage, with 1 N for a volt."""
-    middle, late = np.array(MIDDLE), 50
-    log = rehearsal.rehearse(BASELINE, TRUE, middle, 30.0, 60.0, 4)
-    tip = tip_positions(BASELINE, log.theta)
-    ahead = np.roll(tip, -10, axis=0) - np.roll(tip, 10, axis=0)
-    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True) + 1e-3
-    braked = np.roll(log.volts.sum(axis=1), late)
-    answers = replace(log, force=log.force + ahead * braked[:, None])
-    found = identify_hand(answers, BASELINE)
-    assert any("reacts" in each for each in found.warnings)
-    assert all(each.status != "identified" for each in found.findings[:3])
-
-
 def test_too_few_pulses_are_refused(log: Log):
     with pytest.raises(ParameterError, match="log must have at least 150 switches"):
         identify_hand(replace(log, volts=np.zeros_like(log.volts)), BASELINE)
