@@ -324,7 +324,7 @@ class _HandFit:
         slopes[1, [first, first + 1, first + 2]] = np.array([-value[1], 2.0, -value[1]]) / (xx + yy)
         covariance = slopes @ self.covariance @ slopes.T
         reason = "" if _differ(value, covariance) and not kept else f"{name} shows no direction"
-        value = value / max(1.0, float(np.linalg.norm(value))) * (not reason)
+        value = np.zeros(2) if reason else value / max(1.0, float(np.linalg.norm(value)))
         halves = SURE * np.sqrt(np.diag(covariance))
         return [
             make_finding(
