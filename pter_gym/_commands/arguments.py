@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path, PurePath
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import tyro
@@ -24,6 +24,7 @@ ALL = "all"
 """All scenarios, or all paces."""
 
 if TYPE_CHECKING:
+    from pter_gym.hands import Operator
     from pter_gym.scenarios import Scenario
 
     ScenarioName = AnyScenario = str
@@ -85,9 +86,7 @@ def look_at(
         kind_of(policy)
     arm = find_machine(machine).arm
     if hand is not None:
-        from pter_gym.hands import find_hand
-
-        find_hand(hand)
+        drawn_hand(hand)
     if path is not None and has_ending(path, *TABLE_ENDINGS):
         columns = read_table(path, ("x", "y"), unit="m").columns
         if not smooth:
@@ -106,9 +105,11 @@ def scenario_on(
     """
     if smooth < 0.0 or (smooth and not has_ending(path, *TABLE_ENDINGS)):
         raise ParameterError(f"smooth must be ≥ 0 mm, for a path from a file, got {smooth:g}")
-    chosen = find_scenario(scenario, machine, path, 1e-3 * smooth, hand)
-    if hand:
-        chosen = replace(chosen, name=chosen.name.replace(hand, PurePath(hand).stem))
+    own = None if hand is None else drawn_hand(hand)
+    chosen = find_scenario(scenario, machine, path, 1e-3 * smooth, own)
+    if hand is not None:
+        usual = type(own).__name__.lower()
+        chosen = replace(chosen, name=chosen.name.removesuffix(usual) + PurePath(hand).stem)
     if machine:
         title = f"{chosen.name}-with-{PurePath(machine).stem}"
         chosen = replace(chosen, name=title, gains=chosen.whose_gains)
@@ -119,6 +120,14 @@ def scenario_on(
             f"for a recorded path, --smooth {NOISE:g} removes {NOISE:g} mm of noise"
         )
     return chosen
+
+
+def drawn_hand(hand: str) -> "Operator":
+    """Return a hand by its name or file, whose disturbance differs between episodes."""
+    from pter_gym.hands import find_hand
+
+    found: Any = find_hand(hand)
+    return replace(found, random_phases=True) if found.phases else found
 
 
 def smoothing_for(scenario: "Scenario") -> float:

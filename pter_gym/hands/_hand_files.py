@@ -20,7 +20,7 @@ def is_hand_file(hand: object) -> bool:
 
 
 def load_hand(path: FilePath) -> HumanArm:
-    """Read a human arm's mass, damper and spring from a file.
+    """Return a human arm with the mass, damper and spring of a file.
 
     Raises
     ------

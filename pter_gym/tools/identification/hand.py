@@ -98,10 +98,13 @@ class MeasuredHand:
     def hand(self) -> Hand:
         """The hand."""
         by_name = {each.quantity.name: each.quantity.value for each in self.findings}
-        numbers = {name: by_name[name] for name, _ in NAMES}
-        for name in ("damping", "stiffness"):
-            numbers[f"{name}_anisotropy"] = by_name[f"{name}_e"], by_name[f"{name}_f"]
-        return Hand(**numbers)
+        return Hand(
+            mass=by_name["mass"],
+            damping=by_name["damping"],
+            stiffness=by_name["stiffness"],
+            damping_anisotropy=(by_name["damping_e"], by_name["damping_f"]),
+            stiffness_anisotropy=(by_name["stiffness_e"], by_name["stiffness_f"]),
+        )
 
     def _found(self, name: str) -> Finding:
         return next(each for each in self.findings if each.quantity.name == name)
@@ -214,10 +217,9 @@ class _HandFit:
     def improve(self, until: float) -> None:
         """Estimate the numbers, with instruments (until a time [s]) and weights by the present."""
         self.outcome = self._through(self.force, 0, self.delay)
-        columns = self._columns(
-            *(sign * self._through(self.tip, k) for k, sign in ((0, 1.0), (1, -1.0), (2, 1.0))),
-            -self._through(self.force, 1, self.delay),
-        )
+        stiff, damped, heavy = (self._through(self.tip, order) for order in range(3))
+        late = self._through(self.force, 1, self.delay)
+        columns = self._columns(stiff, -damped, heavy, -late)
         self.outcome -= self.outcome.mean(axis=0)
         self.columns = columns - columns.mean(axis=0)
         self.instruments = self._instruments(until)
@@ -252,8 +254,9 @@ class _HandFit:
         """Return the columns as pulses change them by prediction."""
         hand = self._matrices()
         motion = predict(self.machine, self.at, hand, self.times, until)
-        force = -sum(each @ part for each, part in zip(motion, hand, strict=True))
-        return self._columns(*(self._through(each) for each in motion), -self._through(force, 1))
+        moved: list[Array] = [each @ part for each, part in zip(motion, hand, strict=True)]
+        stiff, damped, heavy = (self._through(each) for each in motion)
+        return self._columns(stiff, damped, heavy, self._through(moved[0] + moved[1] + moved[2], 1))
 
     def halves(self) -> tuple[Array, bool]:
         """Return half of the difference between halves of the log, and whether there is one."""
@@ -266,7 +269,7 @@ class _HandFit:
             errors += MEANS @ inverse @ (scores.T @ scores) @ inverse.T @ MEANS.T
         apart = found[1] - found[0]
         size = float(apart @ np.linalg.pinv(errors) @ apart)
-        return 0.5 * np.abs(apart), size > stats.chi2.ppf(1.0 - RARE, 3)
+        return 0.5 * np.abs(apart), bool(size > stats.chi2.ppf(1.0 - RARE, 3))
 
     def reaction(self) -> float | None:
         """Return from when on what the hand does by itself depends on pulses [s], None if never."""
@@ -344,7 +347,7 @@ MEANS = np.kron(np.eye(3), [0.5, 0.0, 0.5]) @ np.eye(9, 10)
 def _differ(values: Array, covariance: Array) -> bool:
     """Return whether two values differ from zero."""
     size = float(values @ np.linalg.pinv(covariance) @ values)
-    return size > stats.chi2.ppf(0.99, len(values))
+    return bool(size > stats.chi2.ppf(0.99, len(values)))
 
 
 def _switches(log: Log, before: int, after: int) -> NDArray[np.int64]:

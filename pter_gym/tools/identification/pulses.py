@@ -84,7 +84,7 @@ def forces_around(machine: Machine) -> float:
 
 def joint_speeds(machine: Machine, theta: Array) -> Array:
     """Return J⁻¹ at angles (N, 2) [rad], shape (N, 2, 2)."""
-    lengths = machine.arm.length_a, machine.arm.length_b
+    lengths = np.array([machine.arm.length_a, machine.arm.length_b])
     (sine_a, sine_b), (cosine_a, cosine_b) = ((lengths * of(theta)).T for of in (np.sin, np.cos))
     size = sine_b * cosine_a - sine_a * cosine_b
     rows = np.array([[cosine_b, sine_b], [-cosine_a, -sine_a]]) / size

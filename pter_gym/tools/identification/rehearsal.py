@@ -56,7 +56,7 @@ def rehearse(
     rng = np.random.default_rng(seed)
     volts = pulses(machine, middle, seconds, INTERVAL, force, seed)
     held = replace(machine, hand=hand, substep=INTERVAL / SUBSTEPS)
-    times = held.substep * np.arange(len(volts) * SUBSTEPS)
+    times: Array = held.substep * np.arange(len(volts) * SUBSTEPS, dtype=np.float64)
     target = tip_positions(machine, np.asarray(middle)[None]) + loops(times, rng)
     own = disturbances(times, rng)
     run = simulate(

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pter_gym._commands.arguments import scenario_on
 from pter_gym._commands.main import main
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.hands import find_hand
 from pter_gym.params import BASELINE, Hand
-from pter_gym.scenarios import find_scenario
 from pter_gym.tools.identification import Log, rehearsal, write_log
 from pter_gym.tools.identification.hand import MeasuredHand, identify_hand
 from pter_gym.tools.identification.pulses import (
@@ -121,8 +121,11 @@ def test_commands_write_pulses_and_a_hand_that_others_take(
     file = str(tmp_path / "hand.toml")
     hand = find_hand(file)
     assert hand.impedance.damping == pytest.approx(TRUE.damping, rel=0.3)
-    scenario = find_scenario("standard", hand=file)
-    assert scenario.draws.varied_task.template.hand == hand
+    scenario = scenario_on("standard", None, None, 0.0, file)
+    assert scenario.name == "standard-by-hand"
+    tasks = [task for _, task in scenario.draws.pairs(2, 0, "medium")]
+    assert {each.hand.impedance for each in tasks} == {hand.impedance}
+    assert all(each.hand.random_phases for each in tasks)
 
 
 def test_a_malformed_file_is_refused(tmp_path: Path):
