@@ -42,6 +42,8 @@ def releasing(name: str, release: float = 0.001) -> Any:
 
 def _with_release(of: Any, release: float) -> Any:
     if hasattr(of, "interface"):
+        if of.interface.base is None:
+            return of
         base = _with_release(of.interface.base, release)
         return replace(of, interface=replace(of.interface, base=base))
     if hasattr(of, "schedule"):

@@ -37,6 +37,7 @@ FLUID = replace(
     fall_ratio=2.0,
     fade=1e-3,
     cooling=30.0,
+    hysteresis=0.7,
 )
 EVERYTHING = Machine(
     arm=replace(BASELINE.arm, length_a=0.5, viscous_b=0.1),

@@ -122,6 +122,8 @@ class Settings(RewardWeights):
         require_flag(self, "devices")
         alone = not (self.devices and self.adversary)
         require(alone, self, "adversary", "0 with drawn devices")
+        taught = bool(self.teacher) == (self.imitation > 0.0)
+        require(taught, self, "imitation", "above 0 with a teacher, and 0 without")
         samples = self.worlds * self.steps
         even = samples % self.minibatch == 0 and self.minibatch % PARTS == 0
         require(even, self, "minibatch", f"an even divisor of worlds × steps = {samples}")
@@ -139,7 +141,7 @@ class Settings(RewardWeights):
 
     def imitation_at(self, done: float) -> float:
         """Return the weight of imitation after a share of the training."""
-        return max(0.0, 1.0 - done / self.imitation) if self.teacher and self.imitation else 0.0
+        return max(0.0, 1.0 - done / self.imitation) if self.teacher else 0.0
 
     def learning_rate_at(self, done: float) -> float:
         """Return the learning rate after a share of the training."""

@@ -74,6 +74,7 @@ BELOW = {
             "any-device",
             "rewards",
             "calibration",
+            "hysteresis",
             "stock-algorithms",
             "control-laws",
             "gradients",

@@ -76,13 +76,18 @@ def score(results: Path) -> None:
         *tuned_policies(),
         *shipped_policies(),
     )
-    others = ",".join(name for name in everyone if name not in boards.SEARCHED)
+    usual = ["benchmark", "--seed", str(SEED), "--no-film", "--out", str(results)]
+    commands = [["--faults", "--policies", *boards.FAILING]]
     for scenario in SCENARIOS:
-        options = ["--scenario", scenario, "--seed", str(SEED), "--no-film", "--out", str(results)]
-        searched = ["--faults"] * (scenario == "standard") + ["--policies", *boards.SEARCHED]
-        for policies in (["--policies", others], ["--worst", *searched]):
-            if status := pter(["benchmark", *options, *policies]):
-                raise SystemExit(status)
+        readme = boards.README if scenario == "standard" else ()
+        searched = {*boards.SEARCHED, *readme} if scenario in boards.SEARCHED_ON else set[str]()
+        others = [name for name in everyone if name not in searched]
+        commands += [["--scenario", scenario, "--policies", *others]]
+        if searched:
+            commands += [["--scenario", scenario, "--worst", "--policies", *sorted(searched)]]
+    for options in commands:
+        if status := pter([*usual, *options]):
+            raise SystemExit(status)
 
 
 def check_commands() -> None:

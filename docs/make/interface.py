@@ -19,6 +19,7 @@ from typing import Any, Literal, get_args, get_origin
 from markup import DOCS, ROOT
 
 from pter_gym import __version__
+from pter_gym.scenarios._suite import YOUNGER
 
 LISTING = ROOT / "tests" / "meta" / "interface.txt"
 
@@ -26,9 +27,6 @@ PLAIN = (bool, int, float, str, type(None))
 
 PROSE = {"asks", "grade", "posture", "provenance", "source", "title"}
 """Fields whose text may be written better."""
-
-LATER: dict[str, Any] = {"failures": ()}
-"""Fields that are younger than digests, which leave them out where they have these defaults."""
 
 
 def modules(*, behind: bool) -> list[str]:
@@ -141,7 +139,7 @@ def digest(value: Any) -> str:
                 f.name: getattr(each, f.name)
                 for f in dataclasses.fields(each)
                 if f.name not in PROSE
-                and getattr(each, f.name) != LATER.get(f.name, dataclasses.MISSING)
+                and getattr(each, f.name) != YOUNGER.get(f.name, dataclasses.MISSING)
             }
             return [type(each).__name__, plain(parts)]
         if isinstance(each, Mapping):

@@ -53,7 +53,7 @@ def _compiler_text() -> str:
         compile((Path(__file__).with_name(name)).read_text("utf-8"), name, "exec", optimize=2)
         for name in _COMPILER
     ]
-    return "\n".join(_text(code, _Reached()) for code in codes)
+    return "\n".join(_text(code, {}) for code in codes)
 
 
 class _UnknownError(Exception):
@@ -66,30 +66,18 @@ def texts_of(function: Any) -> list[str]:
     Functions are known by their numbers in the order in which they are reached, since they may
     call each other.
     """
-    reached = _Reached()
+    reached: dict[FunctionType, int] = {}
     texts = [_text(function, reached)]
-    for each in reached.functions:  # grows on the way
+    done = 0
+    while done < len(reached):  # which grows on the way
+        each = [*reached][done]
+        done += 1
         texts.append(_text(each.__code__, reached))
         texts.extend(f"{name}={_text(value, reached)}" for name, value in _reads(each))
     return texts
 
 
-class _Reached:
-    """Functions in the order in which they are reached."""
-
-    def __init__(self) -> None:
-        self.functions: list[FunctionType] = []
-        self._numbers: dict[FunctionType, int] = {}
-
-    def number_of(self, function: FunctionType) -> int:
-        """Return the number of a function, which is the next one if it is new."""
-        if function not in self._numbers:
-            self._numbers[function] = len(self.functions)
-            self.functions.append(function)
-        return self._numbers[function]
-
-
-def _text(value: Any, reached: _Reached) -> str:  # noqa: C901  (one case for each kind of value)
+def _text(value: Any, reached: dict[FunctionType, int]) -> str:  # noqa: C901  (one case for each kind of value)
     def of(*values: Any) -> str:
         return f"({','.join(_text(each, reached) for each in values)},)"
 
@@ -110,7 +98,7 @@ def _text(value: Any, reached: _Reached) -> str:  # noqa: C901  (one case for ea
         case Dispatcher():
             return of(value.py_func, *sorted(value.targetoptions.items()))
         case FunctionType():
-            return f"#{reached.number_of(value)}"
+            return f"#{reached.setdefault(value, len(reached))}"
         case CodeType():
             return _code_text(value)
         case frozenset():  # in code
@@ -151,7 +139,7 @@ def _code_text(code: CodeType) -> str:
     lines = [repr((names, counts))]
     for each in _instructions(code):
         constant = each.arg if each.opcode in dis.hasconst else None
-        value = each.argval if constant is None else _text(code.co_consts[constant], _Reached())
+        value = each.argval if constant is None else _text(code.co_consts[constant], {})
         lines.append(f"{each.opname} {value}")
     return "\n".join(lines)
 

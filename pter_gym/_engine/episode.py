@@ -37,7 +37,7 @@ from pter_gym._physics.arm import (
     tip_position,
     tip_velocity,
 )
-from pter_gym._physics.clutch import PerClutch, product, scaled, steady_torques
+from pter_gym._physics.clutch import PerClutch, product, scaled, sought, steady_torques
 from pter_gym._physics.friction import mode_of, slip_velocities
 from pter_gym.hands._model import SINES, unit_vector
 from pter_gym.paths._projection import Foot, point_at, project, segment_at, segment_of
@@ -223,10 +223,10 @@ def grip(w: Records, i: int, shares: PerClutch) -> None:
 
 @inlined
 def settle(w: Records, i: int, volts: PerClutch) -> None:
-    """Set the clutches as if settled at a command [V]."""
+    """Set the clutches as if settled at a command [V] that has risen."""
     machine = load(w, ROW.machine, i)
     store(w, ROW.command, i, volts)
-    settled = applied_volts(w, i)
+    settled = sought(NO_VOLTS, applied_volts(w, i), machine.hysteresis)
     store(w, ROW.lagged_volts, i, settled)
     steady = steady_torques(machine.breakaway, machine.dynamic, settled)
     store(w, ROW.torques, i, scaled(steady, machine.scale, shares_left(w, i)))

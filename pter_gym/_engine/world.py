@@ -67,7 +67,7 @@ class Kept(NamedTuple):
 
     motion: Motion
     torques: Torques
-    lagged_volts: Annotated[PerClutch, Entry("V", "voltage behind the lag")]
+    lagged_volts: Annotated[PerClutch, Entry("V", "voltage behind lag and hysteresis")]
     command: Annotated[PerClutch, Entry("V", "last command")]
     torque: Annotated[PerClutch, Entry("N·m", "last generated torque")]
     sines: Annotated[Sines, Entry("1", "the present phase")]

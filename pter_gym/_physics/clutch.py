@@ -108,6 +108,20 @@ def relax(value: float, target: float, decay: Decay) -> float:
 
 @entrywise
 @inlined
+def sought(volts: float, command: float, hysteresis: float) -> float:
+    """Return the voltage [V] to which that behind lag and hysteresis tends.
+
+    It is the nearest within ``hysteresis`` of the command: a play operator, or with a lag the
+    magnetisation of a core with pinning and eddy currents. In this order of comparisons it depends,
+    without hysteresis, on the command alone.
+    """
+    low, high = command - hysteresis, command + hysteresis
+    below = volts if volts < high else high
+    return below if below > low else low
+
+
+@entrywise
+@inlined
 def heated(heat: float, power: float, time: float, cooling: float) -> float:
     """Return a clutch's heat [J] after it has dissipated a power [W] for a time [s] and cooled."""
     return (heat + abs(power) * time) * math.exp(-time / cooling)

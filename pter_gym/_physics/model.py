@@ -21,6 +21,7 @@ class Model(NamedTuple):
     sliding: Sliding
     voltage_decay: Annotated[Decay, Entry("1", "{} voltage", name="voltage_decay")]
     torque_decay: Annotated[Decay, Entry("1", "{} torque", name="torque_decay")]
+    hysteresis: Annotated[float, Entry("V", "half the width of the loop of torque over voltage")]
     fade: Annotated[float, Entry("1/J", "torque lost with the heat of a clutch")]
     cooling: Annotated[float, Entry("s", "time constant with which a clutch cools")]
     voltage_max: Annotated[float, Entry("V", "largest voltage")]
@@ -65,6 +66,7 @@ def model_of(machine: Machine) -> Model:
         ),
         voltage_decay=decay if lags_voltage else NO_LAG,
         torque_decay=NO_LAG if lags_voltage else decay,
+        hysteresis=clutch.hysteresis,
         fade=clutch.fade,
         cooling=clutch.cooling,
         voltage_max=clutch.voltage_max,

@@ -18,7 +18,7 @@ from pter_gym._physics.arm import (
     tip_position,
     tip_velocity,
 )
-from pter_gym._physics.clutch import PerClutch, Torques, faded, heated, product
+from pter_gym._physics.clutch import PerClutch, Torques, faded, heated, product, sought
 from pter_gym._physics.friction import mode_of, slip_velocities, without_dry
 from pter_gym._physics.model import arrangement_of, model_of
 from pter_gym._physics.step import (
@@ -67,8 +67,8 @@ class State:
     torque_breakaway, torque_dynamic
         Present torque limits of the four clutches [N·m], shape (4,).
     lagged_volts
-        Lagged clutch voltages [V], shape (4,); they differ from the command only with
-        ``lag="voltage"``.
+        Clutch voltages behind lag and hysteresis [V], shape (4,); they differ from the command only
+        with ``lag="voltage"`` or ``hysteresis``.
     heat
         Heat of the clutches [J], shape (4,); it changes only with a ``fade``.
     """
@@ -146,7 +146,7 @@ def initial_state(
     theta, omega
         Absolute link angles [rad] and angular velocities [rad/s], shape (2,).
     volts
-        Voltages [V] at which the clutches have settled, shape (4,), within [0, voltage_max].
+        Voltages [V] to which they rose, shape (4,), within [0, voltage_max].
 
     Raises
     ------
@@ -156,14 +156,15 @@ def initial_state(
     """
     machine = find_machine(machine)
     settled = _volts(machine, volts, 1)[0]
-    clutch = machine.clutch
+    lagged = [sought(0.0, v, machine.clutch.hysteresis) for v in settled.tolist()]
+    breakaway, dynamic = np.transpose([machine.clutch.torques(v) for v in lagged])
     scale = np.array(machine.slot_scale)
     return State(
         theta=_vector("theta", theta, 2),
         omega=_vector("omega", omega, 2),
-        torque_breakaway=scale * [clutch.breakaway.torque(float(v)) for v in settled],
-        torque_dynamic=scale * [clutch.dynamic.torque(float(v)) for v in settled],
-        lagged_volts=settled,
+        torque_breakaway=scale * breakaway,
+        torque_dynamic=scale * dynamic,
+        lagged_volts=np.array(lagged),
     )
 
 

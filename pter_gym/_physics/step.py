@@ -35,6 +35,7 @@ from pter_gym._physics.clutch import (
     relax,
     scaled,
     share_before,
+    sought,
     steady_torques,
     switches,
     whole_decay,
@@ -415,7 +416,9 @@ def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> t
     def aim(w: Records, i: int, whole: bool) -> None:
         machine = load(w, at.machine, i)
         decay = whole_decay(machine.voltage_decay) if whole else machine.voltage_decay
-        lagged = relax(load(w, at.lagged_volts, i), load(w, at.command, i), decay)
+        lagged = load(w, at.lagged_volts, i)
+        target = sought(lagged, load(w, at.command, i), machine.hysteresis)
+        lagged = relax(lagged, target, decay)
         store(w, at.lagged_volts, i, lagged)
         steady = steady_torques(machine.breakaway, machine.dynamic, lagged)
         store(w, at.steady, i, scaled(steady, machine.scale, load(w, at.strength, i)))

@@ -1,4 +1,4 @@
-"""What remains of policies where a clutch fails: in the same episodes, and nobody tells them."""
+"""How policies do in the same episodes if a clutch fails and they are not told."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -72,5 +72,5 @@ def faults_text(boards: Sequence[Leaderboard]) -> str:
         title = f"{first.title}, {title_of_pace(first.pace)}: path error [mm] if a clutch fails"
         lines = ("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
         parts += [title, "", *lines, ""]
-    note = "In brackets how many arrive, if not all do. Nobody tells the policies what fails."
+    note = "In brackets how many arrive, if not all do. The policies are not told what fails."
     return "\n".join([*parts, note, ""])

@@ -43,18 +43,17 @@ def traits_of(machine: Machine) -> Traits:
     ParameterError
         If it has no clutch.
     """
-    arm, clutch, top = machine.arm, machine.clutch, machine.clutch.voltage_max
+    arm, largest = machine.arm, machine.clutch.largest
     scales = [scale for scale in machine.slot_scale if scale > 0.0]
     require(len(scales) > 0, machine, "clutch_scale", "above 0 for at least one clutch")
-    torque = clutch.dynamic.torque(top)
     there = zip(machine.clutches, machine.slot_scale, strict=False)
     axes = {each.row for each, scale in there if scale > 0.0 and 0.0 in each.row}
     return Traits(
-        torque * math.fsum(scales) / len(scales),
-        clutch.time_constant,
+        largest.dynamic * math.fsum(scales) / len(scales),
+        machine.clutch.time_constant,
         math.sqrt(arm.inertia_a * arm.inertia_b) / (arm.length_a * arm.length_b),
         arm.length_a + arm.length_b,
-        clutch.breakaway.torque(top) / torque,
+        largest.breakaway / largest.dynamic,
         len(axes),
     )
 

@@ -27,8 +27,7 @@ MAX_SUBSTEPS = 10_000
 def divided(machine: Machine | str | None, period: float) -> tuple[Machine, int]:
     """Return a machine whose substeps fill a control step of a period [s], and their number."""
     machine = find_machine(machine)
-    require(machine.clutch.fade == 0.0, machine.clutch, "fade", "0: heat has no derivatives")
-    refuse_creep(machine)
+    require_derivatives(machine)
     if not 0.0 < period <= MAX_SUBSTEPS * machine.substep:
         raise ParameterError(
             f"period must be > 0 s and at most {MAX_SUBSTEPS * machine.substep:g} s, got {period!r}"
@@ -38,11 +37,19 @@ def divided(machine: Machine | str | None, period: float) -> tuple[Machine, int]
     return machine if substep == machine.substep else replace(machine, substep=substep), count
 
 
-def refuse_creep(*machines: Machine) -> None:
-    """Raise a ParameterError if a machine's clutches may creep."""
+def require_derivatives(*machines: Machine) -> None:
+    """Raise a ParameterError if a machine's clutches fade, have hysteresis, or may creep."""
     for machine in machines:
-        clutch = machine.clutch
-        require(clutch.band == "vanishing", clutch, "band", '"vanishing": creep has no derivatives')
+        clutch, constant = machine.clutch, "0: at a constant voltage hysteresis has no derivatives"
+        require(clutch.fade == 0.0, clutch, "fade", "0: heat has no derivatives")
+        require(clutch.hysteresis == 0.0, clutch, "hysteresis", constant)
+        refuse_creep(machine)
+
+
+def refuse_creep(machine: Machine) -> None:
+    """Raise a ParameterError if a machine's clutches may creep."""
+    clutch = machine.clutch
+    require(clutch.band == "vanishing", clutch, "band", '"vanishing": creep has no derivatives')
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # in the branch of a hand that has no damping
@@ -56,6 +63,7 @@ def by_machine(machine: Machine, bar: Any) -> dict[str, float]:
     _adjoint(machine.clutch.lag, len(machine.clutches))(w, 0, adjoints)
     by = dict(zip(places, adjoints[BODY_WIDTH:, 0].tolist(), strict=True))
     del by["substep"]  # what a longer substep does is no change of the machine
+    del by["clutch.hysteresis"]  # of which no state is left where it is 0
     if not machine.has_paper_clutches:  # dry friction is with the slot that slips as its axis does
         for name, brake in (("arm.dry_a", BRAKE_A), ("arm.dry_b", BRAKE_B)):
             if brake.row in machine.slot_rows:

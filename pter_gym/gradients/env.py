@@ -26,7 +26,7 @@ from pter_gym._physics.order import is_kick, is_whole, stage_count
 from pter_gym.envs import jax as jax_env
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.gradients._branchless import Column, Stage, branchless
-from pter_gym.gradients._machine import refuse_creep
+from pter_gym.gradients._machine import require_derivatives
 from pter_gym.gradients.jax import MEANING, first_order, floats_of, jax, jnp, lax, rolling
 from pter_gym.paths._projection import foot_on, neighbour, project, segment_at
 
@@ -79,7 +79,7 @@ class DifferentiableEnv(jax_env.JaxEnv):
             raise ParameterError(
                 "machine must have the paper's clutches for a step to be differentiated"
             )
-        refuse_creep(*(machine for machine, _ in env.batch.pairs))
+        require_derivatives(*(machine for machine, _ in env.batch.pairs))
         if env.batch.kernel_arrays()["worlds"].shape[1] != BASIC_ROWS:
             raise ParameterError(
                 "hand must be a push and sines, and sensing ideal, for a step to be "

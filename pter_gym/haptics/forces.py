@@ -56,9 +56,9 @@ def force_per_torque(machine: Machine, theta: ArrayLike) -> Array:
 def torque_limits(machine: Machine, slip: ArrayLike) -> tuple[Array, Array]:
     """Return the least and largest steady torques [N·m] over all voltages, (…, SLOTS) each.
 
-    A slipping clutch exerts at least its torque at 0 V and at most that at the largest voltage, at
-    the present speed, against the slip. A sticking one exerts any torque up to the largest that it
-    can hold, in either direction.
+    A slipping clutch exerts at least what a fall to 0 V leaves and at most its torque at the
+    largest voltage, at the present speed, against the slip. A sticking one exerts any torque up to
+    the largest that it can hold, in either direction.
 
     Parameters
     ----------
@@ -67,14 +67,10 @@ def torque_limits(machine: Machine, slip: ArrayLike) -> tuple[Array, Array]:
     """
     clutch, scale = machine.clutch, np.array(machine.slot_scale)
     speed: Any = np.abs(slip)
-    weakest, strongest = (
-        (clutch.breakaway.torque(volts), clutch.dynamic.torque(volts))
-        for volts in (0.0, clutch.voltage_max)
-    )
     part = _falling(machine, speed)
-    least = sliding(speed, *weakest, part, clutch.viscous)
-    most = sliding(speed, *strongest, part, clutch.viscous)
-    hold = strongest[0] if clutch.band == "printed" else holding(*strongest)
+    least = sliding(speed, *clutch.least, part, clutch.viscous)
+    most = sliding(speed, *clutch.largest, part, clutch.viscous)
+    hold = clutch.largest.breakaway if clutch.band == "printed" else holding(*clutch.largest)
     sticks = speed < machine.slip_threshold
     return np.where(sticks, -hold, least) * scale, np.where(sticks, hold, most) * scale
 

@@ -8,7 +8,7 @@ fact about PTER.
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, cast
+from typing import Literal, NamedTuple, cast
 
 from pter_gym._internal.fields import Checked, parameter, require, require_kind, require_number
 from pter_gym.params._connection import BRAKE_A, BRAKE_B, PAPER_CLUTCHES, SLOTS, Connection
@@ -92,6 +92,13 @@ class TorqueCurve(Checked):
         )
 
 
+class ClutchTorques(NamedTuple):
+    """Torques of a clutch [N·m], before it slips and while it does."""
+
+    breakaway: float
+    dynamic: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class Clutch(Checked):
     """One electromagnetic friction clutch; PTER has four identical ones.
@@ -101,6 +108,11 @@ class Clutch(Checked):
     that is T_k at any speed. A falling torque has ``fall_ratio`` times the time constant of a
     rising one. A clutch that has absorbed the heat H keeps 1/(1 + fade·H) of its torque, and H
     decays with the time constant ``cooling``.
+
+    With ``hysteresis`` h, the torque at a voltage v is that of the curves at v − h while v rises
+    and at v + h while it falls; where v turns around, the torque stays for 2·h. At 0 V a clutch
+    that was engaged keeps the torque of h. A data sheet's ±5 % of the largest torque is an h of 5 %
+    of ``voltage_max`` if torque is linear.
 
     Within the stick band it holds up to T_s. If T_k exceeds T_s, Eq. 2 as printed lets it creep
     at the edge of the band, δω, under a load between the two (``band`` "printed", without
@@ -132,10 +144,12 @@ class Clutch(Checked):
     band: Band = parameter(
         "1", "chosen: of no effect unless T_k exceeds T_s", default="vanishing", later=True
     )
+    hysteresis: float = parameter("V", "chosen: none", at_least=0.0, default=0.0, later=True)
 
     def __post_init__(self) -> None:
         """Check that both curves are finite, monotone and invertible up to the largest voltage."""
         super().__post_init__()
+        require_number(self, "hysteresis", at_least=0.0, below=0.5 * self.voltage_max)
         for name in ("breakaway", "dynamic"):
             curve: TorqueCurve = getattr(self, name)
             end = curve.slope + 2.0 * curve.curvature * max(self.voltage_max - curve.knee, 0.0)
@@ -150,6 +164,20 @@ class Clutch(Checked):
         require(
             not falls, self, "stribeck", "0 with band='printed', whose torque is T_k from δω on"
         )
+
+    def torques(self, volts: float) -> ClutchTorques:
+        """Return the steady torques [N·m] at a voltage [V] without hysteresis."""
+        return ClutchTorques(self.breakaway.torque(volts), self.dynamic.torque(volts))
+
+    @property
+    def least(self) -> ClutchTorques:
+        """The least steady torques [N·m]: what is left at 0 V of a clutch that was engaged."""
+        return self.torques(self.hysteresis)
+
+    @property
+    def largest(self) -> ClutchTorques:
+        """The largest steady torques [N·m]."""
+        return self.torques(self.voltage_max - self.hysteresis)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ id, its stored episodes and their strata follow from these. This module imports 
 import hashlib
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 from types import MappingProxyType
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from pter_gym.tasks.path_following import PathFollowing
 
 
-NO_FAILURE = "failures=(), "
-"""What the repr of a task says where nothing fails: digests are older than failures."""
+YOUNGER: Mapping[str, object] = {"failures": (), "hysteresis": 0.0}
+"""Fields that are younger than digests, which leave them out where they have these defaults."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,9 @@ class Scenario:
             If they hold an object without a repr of its own, by which other processes could
             identify it.
         """
-        draws = repr(self.own).replace(NO_FAILURE, "")
+        draws = repr(self.own)
+        for name, default in YOUNGER.items():
+            draws = re.sub(rf", {name}={re.escape(repr(default))}(?=[,)])", "", draws)
         if unknown := re.search(r"<?(\S+)(?: object)? at 0x", draws):
             raise ParameterError(
                 f"scenario must be identified by its repr: make {unknown[1]} a frozen dataclass"

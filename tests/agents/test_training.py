@@ -214,6 +214,8 @@ def test_settings_are_checked() -> None:
         load_settings("ppo", wolds=3)
     with pytest.raises(ParameterError, match=r"hidden.*got \(8.5,\)"):
         load_settings("ppo", hidden=[8.5])
+    with pytest.raises(ParameterError, match="imitation must be above 0 with a teacher"):
+        load_settings("residual", None, "residual", imitation=0.0)
     with pytest.raises(ParameterError, match="seed"):
         replace(arguments(1), seed=-1)
 

@@ -155,5 +155,5 @@ def test_a_function_with_a_state_of_its_own_is_refused() -> None:
 
         def __call__(self, observations: Any) -> Any: ...
 
-    with pytest.raises(ParameterError, match="remember nothing"):
+    with pytest.raises(ParameterError, match="must not keep a memory"):
         record_episodes(Counting(), episodes("standard", "brisk"))

@@ -9,7 +9,6 @@ import pytest
 from safetensors.numpy import load, save
 
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark import find_policy
 from pter_gym.controllers._network import tanh
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
@@ -29,7 +28,7 @@ def test_tanh() -> None:
 @pytest.mark.smoke
 @pytest.mark.parametrize("name", shipped_policies())
 def test_a_compiled_network_is_that_of_numpy(name: str) -> None:
-    trained, batch = read_policy(name), Batch(BASELINE, PathFollowing(), 3)
+    trained, batch = releasing(name, 0.0), Batch(BASELINE, PathFollowing(), 3)
     interface, layout = trained.interface, batch.layout
     policy = Acting(trained.bind(BASELINE, layout))
     base = interface.base and Acting(interface.base.bind(BASELINE, layout))
@@ -67,7 +66,7 @@ def test_a_compiled_network_is_that_of_numpy(name: str) -> None:
 def test_no_correction_engages_a_clutch_that_the_base_releases() -> None:
     policy, batch = releasing("residual", 1e-6), Batch(BASELINE, PathFollowing(pace=0.5), 3)
     acting = Acting(policy.bind(BASELINE, batch.layout))
-    plain = Acting(find_policy("residual").bind(BASELINE, batch.layout))
+    plain = Acting(releasing("residual", 0.0).bind(BASELINE, batch.layout))
     base = BaseLaw(policy.interface.base, BASELINE, batch.layout, 32.0)
     memory, most = base.start(3), np.ones((3, 4), np.float32)
     obs, _ = batch.reset([1, 2, 3])

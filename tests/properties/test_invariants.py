@@ -116,8 +116,8 @@ def worlds(draw) -> DrivenArm:
 
 @st.composite
 def actuated(draw) -> DrivenArm:
-    """A world whose clutches depend on speed, lag otherwise as they fall, drag without voltage and
-    fade."""
+    """A world whose clutches depend on speed, lag otherwise as they fall, have hysteresis, drag
+    without voltage and fade."""
     world = draw(worlds())
     clutch, off_state = world.machine.clutch, draw(between(0.0, 2.0))
     stribeck = draw(st.one_of(st.just(0.0), between(1e-3, 2.0)))
@@ -130,6 +130,7 @@ def actuated(draw) -> DrivenArm:
         fall_ratio=draw(between(0.1, 10.0)),
         fade=draw(st.one_of(st.just(0.0), between(1e-3, 1.0))),
         cooling=draw(between(0.01, 100.0)),
+        hysteresis=draw(st.one_of(st.just(0.0), between(0.1, 11.0))),
         band="vanishing" if stribeck else draw(st.sampled_from(("vanishing", "printed"))),
     )
     hand = Hand(
@@ -162,6 +163,9 @@ def test_no_actuator_adds_energy_and_its_ledger_closes(world):
     assert np.all(np.abs(run.kinetic_energy - before - change)[1:] <= 1e-12 * (1.0 + size[1:]))
     torques = np.concatenate([run.torque_breakaway, run.torque_dynamic])
     assert torques.min() >= 0.0
+    lagged = run.final.lagged_volts
+    assert lagged.min() >= 0.0
+    assert np.all(lagged <= np.maximum(world.start.lagged_volts, world.volts.max(axis=0)))
     assert run.final.heat.min() >= 0.0
     assert np.all(run.final.heat == 0.0) or world.machine.clutch.fade > 0.0
 

@@ -164,6 +164,9 @@ def test_digests_are_older_than_failures_and_tell_them() -> None:
     assert find_scenario(task).digest == "fae40ed9bc664ade"
     failing = replace(task, failures=(Failure(clutch=2, torque=0.0),))
     assert find_scenario(failing).digest != find_scenario(task).digest
+    clutch = replace(BASELINE.clutch, hysteresis=0.05)
+    others = BASELINE, replace(BASELINE, clutch=clutch)
+    assert len({find_scenario(task, machine).digest for machine in others}) == 2
 
 
 def test_an_environment_is_made_again_from_its_spec() -> None:

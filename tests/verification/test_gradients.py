@@ -511,8 +511,8 @@ def test_bad_input_is_refused(field: str, value: Any):
         gradients.rollout(**{**drawn(BASELINE, 3, seed=0), "hand_force": np.zeros(2), field: value})
 
 
-@pytest.mark.parametrize("changes", [{"fade": 0.1}, {"band": "printed"}])
-def test_clutches_that_fade_or_creep_are_refused(changes: dict[str, Any]):
+@pytest.mark.parametrize("changes", [{"fade": 0.1}, {"hysteresis": 1.0}, {"band": "printed"}])
+def test_clutches_without_derivatives_are_refused(changes: dict[str, Any]):
     machine = replace(BASELINE, clutch=replace(BASELINE.clutch, **changes))
     with pytest.raises(ParameterError, match="derivatives"):
         gradients.rollout(**{**drawn(BASELINE, 3, seed=0), "machine": machine})

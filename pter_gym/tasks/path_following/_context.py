@@ -90,18 +90,16 @@ def context_of(
     model, in_hand, substep = held.model, held.machine.hand, held.machine.substep
     hand = task.hand.model(task.pace, substep, recording)
     fastest = largest_energy(model.arm, substep, task.control_period, strongest(task, machine))
-    clutch, top = machine.clutch, machine.clutch.voltage_max
+    usual, largest = BASELINE.clutch.torques(machine.clutch.voltage_max), machine.clutch.largest
     scale = math.fsum(machine.slot_scale) / len(machine.clutches)
     return Context(
         machine=model,
         hand=hand,
         task=task_model(task, sensing_of(task, machine), arcs, fastest),
         told=ObservedContext(
-            time_constant=clutch.time_constant,
-            breakaway_factor=scale
-            * clutch.breakaway.torque(top)
-            / BASELINE.clutch.breakaway.torque(top),
-            dynamic_factor=scale * clutch.dynamic.torque(top) / BASELINE.clutch.dynamic.torque(top),
+            time_constant=machine.clutch.time_constant,
+            breakaway_factor=scale * largest.breakaway / usual.breakaway,
+            dynamic_factor=scale * largest.dynamic / usual.dynamic,
             friction_drift=task.friction_drift,
             hand_mass=in_hand.mass,
             hand_damping=in_hand.damping,

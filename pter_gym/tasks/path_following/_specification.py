@@ -113,7 +113,7 @@ class Starts(Checked):
 
 @dataclass(frozen=True, kw_only=True)
 class Failure(Checked):
-    """What becomes of one clutch, and when; nobody tells the policy.
+    """How and when one clutch fails; policies are not told.
 
     From then on it gives a share of its torque, 0 if it is dead, or it holds a voltage whatever the
     command is, or both. Its torque changes with the lag of the clutch, and observations, telemetry

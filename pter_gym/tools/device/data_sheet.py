@@ -66,7 +66,7 @@ def machine_of_sheet(**sheet: Any) -> Machine:
         dynamic, top = _nearest_curve(volts, torques), volts[-1]
     elif "off" in given:
         dynamic = replace(dynamic, off_state=_number("off", given["off"]))
-        if dynamic.off_state >= own.dynamic.torque(top):
+        if dynamic.off_state >= own.largest.dynamic:
             raise ParameterError(f"off must be below PTER's torque, got {given['off']!r}")
     clutch = replace(
         own,

@@ -289,7 +289,7 @@ def page(report: DeviceReport, pictures: dict[str, str]) -> str:
         f"<h2>What it can render</h2>{rendering}"
         f"<h2>Policies, pace {escape(report.pace)}</h2>{boards}"
         "<h2>If a clutch fails</h2><p>Path error on standard [mm], and how many episodes arrive, "
-        f"if not all do. Nobody tells the policies what fails.</p>{_table(head, rows)}"
+        f"if not all do. The policies are not told what fails.</p>{_table(head, rows)}"
         f"<h2>Pictures</h2>{figures}<p>pter_gym {__version__}; the numbers are in "
         "<a href='device.json'>device.json</a>.</p></html>\n"
     )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import optimize, stats
 
 from pter_gym._internal.files import FilePath
+from pter_gym._physics.clutch import sought
 from pter_gym.errors import ParameterError
 from pter_gym.params import Clutch, Machine, TorqueCurve
 from pter_gym.tools.identification.columns import Recording, read_columns
@@ -39,13 +40,23 @@ ASTRAY = 0.2
 """Largest share of torque that may drive the motion."""
 
 LAGS, DELAYS, KNEES = (0.005, 0.015, 0.05, 0.15, 0.4), (0.0, 0.01, 0.03, 0.1), (0.0, 0.3, 0.6)
-"""Time constants and dead times [s] with which the search may begin, and knees over the largest
-voltage."""
+LOOPS = (0.01, 0.05, 0.15)
+"""Time constants and dead times [s] with which the search may begin, and knees and hysteresis over
+the largest voltage."""
 
 UNSEEN = 1.0
 """Half of the 95 % interval over the scale from which the log does not determine a number."""
 
 STRAIGHT = "torque is straight where the clutch slipped"
+
+BRANCH = 50
+"""Fewest rows of a branch of a loop."""
+
+LONE = ("the log has rising levels alone", "the log has falling levels alone")
+"""Why the log does not tell hysteresis, if it lacks a branch."""
+
+SETTLED = 0.02
+"""What may be left of a change of torque that has settled, over the torque."""
 
 
 class Search(NamedTuple):
@@ -67,9 +78,10 @@ SEARCHES = {
     "fall_ratio": Search(0.05, 20.0),
     "dead_time": Search(-0.1, 0.5),
     "fall_dead_time": Search(-0.1, 0.5),
+    "hysteresis": Search(0.0, 0.45),
 }
 """What is searched, in the units of ``_reported``; but the change of the slope from the knee to the
-largest voltage is over the slope, and the knee is over that voltage."""
+largest voltage is over the slope, and knee and hysteresis are over that voltage."""
 
 DERIVED = {
     "breakaway_slope": ("slope", "breakaway_ratio"),
@@ -100,7 +112,8 @@ class BenchResult:
 
     ``findings`` are its numbers, ``derived`` those of the file that follow from them; ``left`` is
     the share of the torque that they leave, ``clutch`` the clutch, and ``delay`` the dead time
-    before its torque changes [s].
+    before its torque changes [s]. ``settled`` are rows of the log where the torque had settled,
+    (voltage [V], torque [N·m] without what speed adds, whether the voltage had fallen).
     """
 
     findings: list[Finding]
@@ -108,10 +121,18 @@ class BenchResult:
     left: float
     clutch: Clutch
     delay: float
+    settled: tuple[Array, Array, NDArray[np.bool_]]
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """The result in words."""
+        lone = self._found("hysteresis").reason
+        unknown = (f"Hysteresis is unknown: {lone}.",) if lone in LONE else ()
+        return *self._torque_told, *unknown
+
+    @property
+    def _torque_told(self) -> tuple[str, ...]:
+        """What is left of the torque, and how its rise and fall differ."""
         left = f"The model leaves {100 * self.left:.2g} % of the clutch's torque unexplained."
         rise, fall = (self._found(name) for name in ("dead_time", "fall_dead_time"))
         apart = fall.quantity.value - rise.quantity.value
@@ -203,7 +224,7 @@ def identify_clutch(bench: Bench, start: Clutch) -> BenchResult:
         if q.name in DERIVED
     ]
     delay = max(fit.values["dead_time"], fit.values["fall_dead_time"], 0.0)
-    return BenchResult(findings, derived, fit.size_left, fit.clutch(), delay)
+    return BenchResult(findings, derived, fit.size_left, fit.clutch(), delay, fit.settled())
 
 
 @dataclass
@@ -233,6 +254,12 @@ class _BenchFit:
         volts = step * np.round(self.bench.volts / step)
         rows = np.flatnonzero(np.diff(volts, prepend=np.nan) != 0.0)
         self._steps = self.bench.times[rows], volts[rows]
+        self._falls = np.repeat(_falling(volts[rows]), np.diff(rows, append=len(volts)))
+        branches = self._falls, ~self._falls & (volts > 0.0)
+        for lone, branch in zip(LONE, branches, strict=True):
+            if np.count_nonzero(self.turning & branch) < BRANCH:
+                self.kept["hysteresis"] = lone
+                self.unsure.add("off_state")
         self.values = self._first_values()
 
     @property
@@ -257,6 +284,7 @@ class _BenchFit:
             "breakaway_ratio": self.start.breakaway.slope / self.start.dynamic.slope,
             "dead_time": 0.0,
             "fall_dead_time": 0.0 if "dead_time" in self.kept else self.values["dead_time"],
+            "hysteresis": self.start.hysteresis / self.start.voltage_max,
         }
 
     @property
@@ -270,6 +298,7 @@ class _BenchFit:
             "stribeck": 0.1,
             "dead_time": self.values["time_constant"],
             "fall_dead_time": self.values["time_constant"],
+            "hysteresis": 0.1,
         }
         return {
             name: max(abs(value), natural.get(name, 0.0)) for name, value in self.values.items()
@@ -336,6 +365,7 @@ class _BenchFit:
             breakaway=curve.scaled(self.values["breakaway_ratio"]),
             voltage_max=self.top,
             fall_ratio=self.values["fall_ratio"],
+            hysteresis=self.values["hysteresis"] * self.top,
             **{name: self.values[name] for name in same},
         )
 
@@ -365,6 +395,10 @@ class _BenchFit:
             *(
                 Quantity(name, "s", values[name], scales[name], ("delay",) * is_longer)
                 for name, is_longer in (("dead_time", not late), ("fall_dead_time", late))
+            ),
+            Quantity(
+                *("hysteresis", drive, values["hysteresis"] * self.top),
+                *(scales["hysteresis"] * self.top, ("clutch.hysteresis",)),
             ),
             *(
                 Quantity(f"breakaway_{name}", unit, value * ratio, size, (f"{places[1]}.{name}",))
@@ -421,11 +455,23 @@ class _BenchFit:
                 )
                 found |= {"time_constant": lag, "dead_time": delay, "fall_dead_time": delay}
         lag, delay = found["time_constant"], found["dead_time"]
+        if "hysteresis" in self.kept:
+            found["hysteresis"] = self.start.hysteresis / self.start.voltage_max
+        for loop in () if "hysteresis" in self.kept else LOOPS:
+            held = held_volts(self._steps[1], loop * self.top)
+            lagged = self._lagged(held, (lag, lag), (delay, delay))[self.turning]
+            columns = np.column_stack([lagged, np.ones_like(speed), speed])
+            solution, left = optimize.nnls(columns, torque)
+            if left < best:
+                best = left
+                found |= {"slope": float(solution[0]), "off_state": float(solution[1])}
+                found |= {"viscous": float(solution[2]), "hysteresis": loop}
         for knee in KNEES:
-            beyond = np.maximum(self._steps[1] - knee * self.top, 0.0) ** 2
+            held = held_volts(self._steps[1], found["hysteresis"] * self.top)
+            beyond = np.maximum(held - knee * self.top, 0.0) ** 2
             linear, bent = (
                 self._lagged(each, (lag, lag), (delay, delay))[self.turning]
-                for each in (self._steps[1], beyond)
+                for each in (held, beyond)
             )
             columns = np.column_stack([linear, np.ones_like(speed), speed, bent])
             solution, *_ = np.linalg.lstsq(columns, torque)
@@ -439,7 +485,7 @@ class _BenchFit:
 
     def _torque(self, values: Mapping[str, float]) -> Array:
         """Return the torque of a slipping clutch [N·m]."""
-        curve, stribeck = self.curve(values), values["stribeck"]
+        curve = self.curve(values)
 
         def rising(volts: Array) -> Array:
             beyond = np.maximum(volts - curve.knee, 0.0)
@@ -447,32 +493,71 @@ class _BenchFit:
 
         lag = values["time_constant"], values["time_constant"] * values["fall_ratio"]
         late, volts = (values["dead_time"], values["fall_dead_time"]), self._steps[1]
+        loop = values["hysteresis"] * self.top
         if self.start.lag == "voltage":
-            engaged = rising(self._lagged(volts, lag, late))
+            engaged = rising(self._lagged(volts, lag, late, loop))
         else:
-            engaged = self._lagged(rising(volts), lag, late)
-        part = stribeck**2 / (stribeck**2 + np.maximum(self.speed, SLOW) ** 2)
-        sliding = 1.0 + (values["breakaway_ratio"] - 1.0) * part
-        return (engaged + curve.off_state) * sliding + values["viscous"] * self.speed
+            engaged = self._lagged(rising(held_volts(volts, loop)), lag, late)
+        return (engaged + curve.off_state) * self._sliding(values) + values["viscous"] * self.speed
 
-    def _lagged(self, targets: Array, lag: tuple[float, float], late: tuple[float, float]) -> Array:
+    def _sliding(self, values: Mapping[str, float]) -> Array:
+        """Return the torque at the rows' speeds over the dynamic torque."""
+        square = values["stribeck"] ** 2
+        part = square / (square + np.maximum(self.speed, SLOW) ** 2)
+        return 1.0 + (values["breakaway_ratio"] - 1.0) * part
+
+    def settled(self) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Return ``settled`` of the result."""
+        values, clutch = self.values, self.clutch()
+        sliding, viscous = self._sliding(values), values["viscous"] * self.speed
+        held = held_volts(self._steps[1], clutch.hysteresis)
+        last = np.searchsorted(self._steps[0], self.bench.times, side="right") - 1
+        steady = np.array([clutch.dynamic.torque(v) for v in held.tolist()])[last]
+        lagged = (self._torque(values) - viscous) / sliding
+        rows = self.turning & (np.abs(lagged - steady) < SETTLED * self.size)
+        torque = (self.bench.torque - viscous) / sliding
+        return self._steps[1][last][rows], torque[rows], self._falls[rows]
+
+    def _lagged(
+        self, targets: Array, lag: tuple[float, float], late: tuple[float, float], loop: float = 0.0
+    ) -> Array:
         """Return what follows targets, one for each step of the voltage, at the rows' times.
 
-        It does so behind dead times and lags, each of a rise and of a fall [s].
+        It does so behind dead times and lags, each of a rise and of a fall [s], and with
+        hysteresis, of half a loop's width.
         """
         times = self.bench.times
         rises = np.diff(targets, prepend=targets[0]) >= 0.0
         begin = np.maximum.accumulate(self._steps[0] + np.where(rises, *late))
-        before, value = list[float](), float(targets[0])
-        for target, passed in zip(targets.tolist(), np.diff(begin, append=np.inf), strict=True):
+        before, ends, value = list[float](), list[float](), float(targets[0]) - loop
+        for command, passed in zip(targets.tolist(), np.diff(begin, append=np.inf), strict=True):
             before.append(value)
+            target = sought(value, command, loop)
+            ends.append(target)
             value = target + (value - target) * np.exp(
                 -passed / (lag[0] if target > value else lag[1])
             )
         last = (np.searchsorted(begin, times, side="right") - 1).clip(0)
         passed = np.maximum(times - begin[last], 0.0)
-        target, ahead = targets[last], np.array(before)[last] - targets[last]
+        target = np.array(ends)[last]
+        ahead = np.array(before)[last] - target
         return target + ahead * np.exp(-passed / np.where(ahead < 0.0, *lag))
+
+
+def held_volts(volts: Array, loop: float) -> Array:
+    """Return voltages behind a hysteresis [V], after each of those that a clutch gets in turn."""
+    if loop == 0.0:
+        return volts
+    held, value = list[float](), 0.0
+    for command in volts.tolist():
+        value = sought(value, command, loop)
+        held.append(value)
+    return np.array(held)
+
+
+def _falling(volts: Array) -> NDArray[np.bool_]:
+    """Return whether each of a clutch's voltages in turn is lower than the one before."""
+    return np.diff(volts, prepend=0.0) < 0.0
 
 
 def _covariance(

@@ -106,30 +106,33 @@ def identify(
 
 def show_bench(bench: "Bench", log: str, start: "Machine", out: Path) -> None:
     """Identify one clutch on a bench, print its numbers and write a machine with four of these."""
-    from pter_gym.params import save_machine
+    from pter_gym._internal.files import write_files_atomic
+    from pter_gym.params._files import format_machine
+    from pter_gym.tools.figures import png
     from pter_gym.tools.identification.bench import identify_clutch
     from pter_gym.tools.identification.findings import origins_of
     from pter_gym.tools.identification.identifying import ASSUMED
+    from pter_gym.tools.identification.picture import bench_picture
 
     make_folder(out)
     found = identify_clutch(bench, start.clutch)
     for sentence in (*bench.remarks, *found.sentences):
         say(sentence)
     show_findings(found.findings)
-    file, drive = out / "clutch.toml", "\nVolts are amperes here." if bench.drive == "A" else ""
+    drive = "\nVolts are amperes here." if bench.drive == "A" else ""
     title = f"Written by pter identify --clutch: four clutches like the one on the bench.{drive}"
     machine = found.machine(start)
     late = too_late(machine)
     for sentence in late:
         say(sentence)
-    save_machine(
-        machine,
-        file,
-        origin=ASSUMED,
-        origins=origins_of((*found.findings, *found.derived), log),
-        title="\n".join((title, *found.sentences, *late)),
+    origins = origins_of((*found.findings, *found.derived), log)
+    text = format_machine(machine, ASSUMED, origins, "\n".join((title, *found.sentences, *late)))
+    image = png(bench_picture(found, bench.drive))
+    write_files_atomic(out, {"clutch.toml": text.encode(), "identified.png": image})
+    file = out / "clutch.toml"
+    conclude(
+        [file, out / "identified.png"], *(() if late else (f"pter device {quote(str(file))}",))
     )
-    conclude([file], *(() if late else (f"pter device {quote(str(file))}",)))
 
 
 def show_machine(log: "Log", start: "Machine", out: Path) -> None:

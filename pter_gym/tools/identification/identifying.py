@@ -108,6 +108,7 @@ class Identification:
             f"Constant torques on the axes, {a:.3g} and {b:.3g} N·m, are not in the file.",
             f"The delay of the recorded forces, {late:.2g} ms, is not in the file either.",
             f"Clutches lose {100.0 * clutch.fade:g} % of their torque per joule of heat.",
+            f"Clutches have ±{clutch.hysteresis:g} V of hysteresis, which only a bench shows.",
         )
 
     @property

@@ -1,5 +1,5 @@
 # pyright: standard
-"""The picture of an identification: torque curves with intervals, and residuals."""
+"""Pictures of identifications: torque curves with intervals and residuals; one clutch's loop."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,7 +13,11 @@ from pter_gym.tools.figures import (
     label,
     styled,
 )
+from pter_gym.tools.identification.bench import BenchResult
 from pter_gym.tools.identification.identifying import Identification
+
+POINTS = 4000
+"""Most points of a picture that stand for a branch."""
 
 
 @styled
@@ -52,4 +56,28 @@ def picture(found: Identification) -> Figure:
     residuals.set_ylim(-largest, largest)
     residuals.legend(ncols=2, markerscale=6.0)
     label(residuals, "time [s]", "measured − predicted [mrad]")
+    return figure
+
+
+@styled
+def bench_picture(found: BenchResult, drive: str) -> Figure:
+    """Draw settled torque over voltage, as measured and by the clutch, as it rises and falls."""
+    figure = Figure(figsize=(WIDTH, 3.6))
+    axes, clutch = figure.subplots(), found.clutch
+    volts = np.linspace(0.0, clutch.voltage_max, 200)
+    half = clutch.hysteresis
+    risen = np.maximum(volts - half, half)
+    fallen = np.minimum(volts + half, clutch.voltage_max - half)
+    at, torque, falls = found.settled
+    for k, (name, rows, held) in enumerate((("rises", ~falls, risen), ("falls", falls, fallen))):
+        shown = np.flatnonzero(rows)[:: max(int(rows.sum()) // POINTS, 1)]
+        look = {"color": CLUTCH_COLOURS[k], "markersize": 1.5, "alpha": 0.4, "rasterized": True}
+        axes.plot(at[shown], torque[shown], ".", **look)
+        curve = [clutch.dynamic.torque(v) for v in held.tolist()]
+        axes.plot(volts, curve, color=CLUTCH_COLOURS[k], label=f"voltage {name}")
+    axes.legend()
+    axes.set_xlim(0.0, clutch.voltage_max)
+    axes.set_ylim(0.0)
+    inch_pounds_right(axes)
+    label(axes, "voltage [V]" if drive == "V" else "current [A]", "dynamic torque [N·m]")
     return figure

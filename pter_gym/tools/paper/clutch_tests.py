@@ -56,8 +56,7 @@ def tip_force(machine: Machine, theta: ArrayLike, joint_torque: ArrayLike) -> Ar
 
 def holding_torque(machine: Machine, volts: float | None = None) -> float:
     """Return a clutch's largest torque [N·m], stuck or not, by default at the top voltage [V]."""
-    volts = machine.clutch.voltage_max if volts is None else volts
-    return max(machine.clutch.breakaway.torque(volts), machine.clutch.dynamic.torque(volts))
+    return max(machine.clutch.largest if volts is None else machine.clutch.torques(volts))
 
 
 # --- Figs. 3 and 4: single degree of freedom ---

@@ -349,10 +349,7 @@ class Picture:
             self._draw_captions(name, scene)
         if has_legend:
             self._draw_legend(scene, has_band(task))
-        clutch = self._machine.clutch
-        self._torque_max = max(
-            curve.torque(clutch.voltage_max) for curve in (clutch.breakaway, clutch.dynamic)
-        )
+        self._torque_max = max(self._machine.clutch.largest)
 
     def draw(self, row: Any, trail: Array) -> NDArray[np.uint8]:
         """Return a telemetry row as pixels; ``trail`` holds past tips [m], shape (K, 2)."""

@@ -22,6 +22,7 @@ from pter_gym._engine.sensors import observe, write_observation
 from pter_gym._engine.step import conclude_step, move_worlds
 from pter_gym._engine.world import CONFIG, REFUSE, ROW, ROWS
 from pter_gym.controllers import CONTROLLERS, Guided, SingleDof
+from pter_gym.controllers._gains import RELEASED
 from pter_gym.controllers._guided import law_of
 from pter_gym.controllers._network import network_on
 from pter_gym.controllers._simple import constant, drawn
@@ -119,6 +120,12 @@ def _by_number(laws: tuple[Any, ...]) -> Any:
 act_by_number = _by_number(LAWS)
 
 
+@inlined
+def unreleased(volts: float) -> float:
+    """Return a voltage [V], 0 for a clutch that the law releases."""
+    return volts if volts > RELEASED else 0.0
+
+
 def act(
     observation: Address,
     entries: int,
@@ -137,7 +144,8 @@ def act(
     obs, past = carray(observation, entries), carray(memory, kept)
     numbers = carray(gains, count)
     chosen = act_by_number(int(numbers[0]), obs, carray(scales, entries), numbers[1:], past)
-    out[0], out[1], out[2], out[3] = chosen.x1, chosen.x2, chosen.x3, chosen.x4
+    out[0], out[1] = unreleased(chosen.x1), unreleased(chosen.x2)
+    out[2], out[3] = unreleased(chosen.x3), unreleased(chosen.x4)
     return 0
 
 

@@ -425,7 +425,10 @@ def test_shipped_gains_have_their_published_scores_bit_for_bit(
     words = entry["command"].split()
     seed = int(words[words.index("--seed") + 1])
     draws = training_episodes(scenario, pace, entry["episodes"], 2 * seed + 1)
-    found = assess([controller_of(name, entry, TABLE)], draws)
+    law: Any = controller_of(name, entry, TABLE)
+    if "release" in entry["defaults"]:  # chosen after the search
+        law = replace(law, release=0.0)
+    found = assess([law], draws)
     assert found._asdict() == {score: entry[score] for score in Assessment._fields}
 
 
