@@ -3,15 +3,18 @@
 
 A hand pushes with f = K·(x₀ − x) + B·(v₀ − v) − M·a + d, of which its intent x₀ and its disturbance
 d are unknown. Only the machine chose the pulses, so whatever the hand does by itself is
-uncorrelated with how the motion changes by them: the pulses are instruments.
+uncorrelated with how the motion changes by them: the pulses are instruments. What it does by itself
+is largely predictable from its past, and only what is new in it disturbs the estimate.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 from scipy.interpolate import BSpline
+from scipy.signal import fftconvolve, lfilter
 
 from pter_gym.errors import ParameterError
 from pter_gym.hands import NORMAL
@@ -24,18 +27,24 @@ from pter_gym.tools.identification.windows import SAME
 
 Array = NDArray[np.float64]
 
-BEFORE, REACTION, WATCHED = 0.3, 0.2, 0.25
-"""Time before a switch that the fit uses [s]; time after it in which no person reacts; and how much
-longer reactions are looked for."""
+REACTION, WATCHED = 0.2, 0.25
+"""Time after a switch in which no person reacts, which the fit uses, and how much longer reactions
+are looked for [s]."""
 
 REACTIONS = (0.15, 0.5)
 """Accepted times in which no person reacts [s]: a shorter one leaves too little to see."""
 
 KNOT = 0.02
-"""Time between knots of the test functions [s]."""
+"""Time between knots of the test function, and between test functions [s]."""
 
 SPAN = 6
 """Knots that the support of a test function spans: quintic, so its second derivative is smooth."""
+
+MEMORY = 50
+"""Test functions from which the next one's share of the hand's own push is predicted."""
+
+LATEST = 0.04
+"""Forces may be recorded earlier or later than angles by so much [s]."""
 
 PAST = 0.05
 """Time before a switch from which velocities are taken [s]."""
@@ -56,8 +65,11 @@ which the log does not tell it."""
 SURE = 1.96
 """Half of a 95 % interval over the standard error."""
 
-RARE = 0.005
-"""Chance of a warning where there is nothing to warn of."""
+RARE, UNLIKELY = 0.005, 0.01
+"""Chances of a warning of each kind where there is nothing to warn of, and of a direction."""
+
+PLAIN, EVERY = np.ones(1), slice(None)
+"""The test function as it is; all switches."""
 
 DIRECTIONS = ((0, 0), (0, 1), (1, 1))
 """Entries xx, xy, yy of a symmetric matrix."""
@@ -137,109 +149,131 @@ def identify_hand(
         accepted = " to ".join(f"{each:g}" for each in REACTIONS)
         raise ParameterError(f"reaction must be from {accepted} s, got {reaction:g}")
     fit = _HandFit(log, machine, start, reaction)
-    for k in range(ITERATIONS):
-        fit.improve(reaction + WATCHED * (k == ITERATIONS - 1))
-    halves, apart = fit.halves()
-    late = fit.reaction()
-    warnings = [*_warnings(apart, late), *fit.uneven_mass()]
-    estimates = fit.estimates(halves if apart else np.zeros(3))
-    findings = fit.findings(estimates, sure=not (apart or late))
+    for _ in range(ITERATIONS - 1):
+        fit.improve(fit.early)
+    fit.improve(fit.count)
+    apart, warnings = fit.differences()
+    estimates = fit.estimates(apart)
+    findings = fit.findings(estimates, sure=not warnings)
+    warnings += fit.uneven_mass()
     return MeasuredHand(findings, estimates, len(fit.at.rows), tuple(warnings))
 
 
-def _warnings(apart: bool, late: float | None) -> list[str]:
-    """Return what may be wrong, in sentences."""
-    said = list[str]()
-    if apart:
-        said.append(
-            "The hand differs between the halves of the log: it changed, or a sensor drifts. "
-            "Intervals hold both halves."
-        )
-    if late is not None:
-        said.append(
-            f"From {late:.2g} s after a switch the hand's own push depends on it: the person "
-            "reacts, or gives way. Numbers may be off."
-        )
-    return said
+class _Estimate(NamedTuple):
+    """``theta``, the numbers of a fit, and by how much each switch moves them, (N, 10)."""
+
+    theta: Array
+    moves: Array
+
+    @property
+    def covariance(self) -> Array:
+        """The covariance of the numbers: what switches do to them is uncorrelated."""
+        return self.moves.T @ self.moves
 
 
 class _HandFit:
-    """Numbers of a hand, the windows they come from, and the means to improve them.
+    """Numbers of a hand, what its log shows after switches, and the means to improve them.
 
-    ``theta`` are xx, xy, yy of stiffness, damping and mass, and by how much the forces are late
-    [s]; ``covariance`` is theirs.
+    ``theta`` are xx, xy, yy of stiffness, damping and mass, and by how much forces are later than
+    ``delay`` [s].
     """
 
     def __init__(self, log: Log, machine: Machine, start: Hand, reaction: float) -> None:
-        self.machine, self.start, self.interval = machine, start, log.interval
-        first = round(BEFORE / log.interval)
-        last = round((reaction + WATCHED) / log.interval)
-        self.times = log.interval * np.arange(-first, last + 1, dtype=np.float64)
-        rows = _switches(log, first, last)
+        self.log, self.machine, self.start = log, machine, start
+        self.stride = max(1, round(KNOT / log.interval))
+        self.knot = self.stride * log.interval
+        self.early, self.count = (
+            int(until / self.knot + 1e-9) for until in (reaction, reaction + WATCHED)
+        )
+        self.ahead = round(LATEST / log.interval)
+        self.past = self.stride * (SPAN + MEMORY)
+        rows = _switches(log, self.past, self.stride * self.count + self.ahead)
         if len(rows) < MIN_SWITCHES:
             raise ParameterError(
                 f"log must have at least {MIN_SWITCHES} switches of voltages away from its ends "
                 f"and gaps, got {len(rows)}"
             )
         self.at = _possible(log, machine, rows)
-        window = rows[:, None] + np.arange(-first, last + 1)
-        tip = tip_positions(machine, log.theta)[window]
-        self.force, self.tip = log.force[window], tip - tip[:, :1]
-        self.early = self._ends() < reaction + 1e-9
+        self.clear = np.arange(self.past, len(log.volts) - self.ahead)
+        self.clear = self.clear[_is_clear(log, self.clear, self.past, self.ahead)]
+        tip = tip_positions(machine, log.theta)
+        self.tip = tip - tip.mean(axis=0)
         self.delay, self.theta = 0.0, np.zeros(10)
-        for k, name in enumerate(("stiffness", "damping", "mass")):
+        for k, (name, _) in enumerate(NAMES):
             self.theta[[3 * k, 3 * k + 2]] = getattr(start, name)
 
-    def _ends(self) -> Array:
-        """Return when test functions end [s]."""
-        count = int((self.times[-1] - self.times[0]) / KNOT + 1e-9) - SPAN + 1
-        return self.times[0] + KNOT * (np.arange(count) + SPAN)
+    def improve(self, count: int) -> None:
+        """Estimate the numbers, with instruments and weights by the present ones.
 
-    def _through(self, values: Array, order: int = 0, late: float = 0.0) -> Array:
-        """Return ∫ φ⁽ᵒʳᵈᵉʳ⁾·values dt for each test function φ: (N, T, 2) to (N, 2, functions)."""
-        basis = BSpline.basis_element(KNOT * np.arange(SPAN + 1), extrapolate=False)
-        basis = basis.derivative(order) if order else basis
-        begin = self._ends() - KNOT * SPAN + late
-        weights = np.nan_to_num(basis(self.times[:, None] - begin)) * self.interval
-        return values.transpose(0, 2, 1) @ weights
-
-    def _columns(self, stiff: Array, damped: Array, heavy: Array, late: Array) -> Array:
-        """Return what each number multiplies, (N, 2, functions, 10)."""
-        columns = list[Array]()
-        for part in (stiff, damped, heavy):
-            for d, e in DIRECTIONS:
-                column = np.zeros_like(part)
-                column[:, d] = part[:, e]
-                column[:, e] = part[:, d]
-                columns.append(column)
-        return np.stack([*columns, late], axis=-1)
-
-    def improve(self, until: float) -> None:
-        """Estimate the numbers, with instruments (until a time [s]) and weights by the present."""
-        self.outcome = self._through(self.force, 0, self.delay)
-        stiff, damped, heavy = (self._through(self.tip, order) for order in range(3))
-        late = self._through(self.force, 1, self.delay)
-        columns = self._columns(stiff, -damped, heavy, -late)
-        self.outcome -= self.outcome.mean(axis=0)
-        self.columns = columns - columns.mean(axis=0)
-        self.instruments = self._instruments(until)
-        left = self._left()[:, :, self.early].reshape(-1, self.early.sum())
-        covariance = left.T @ left / len(left)
-        covariance[np.diag_indices(len(covariance))] *= 1.0 + 1e-9
-        self.weights = np.linalg.inv(covariance)
-        weighted = np.einsum("jdkq,kl->jdlq", self.instruments[:, :, self.early], self.weights)
-        self.information = np.einsum("jdkq,jdkr->jqr", weighted, self.columns[:, :, self.early])
-        self.pull = np.einsum("jdkq,jdk->jq", weighted, self.outcome[:, :, self.early])
-        inverse = np.linalg.pinv(self.information.sum(axis=0))
-        self.theta = -inverse @ self.pull.sum(axis=0)
-        self.scores = self.pull + self.information @ self.theta
-        self.covariance = inverse @ (self.scores.T @ self.scores) @ inverse.T
-        self.delay += float(self.theta[-1].clip(-0.02, 0.02))
+        Uses so many test functions after each switch, of which ``early`` are before any reaction.
+        """
+        columns, outcome = self._seen(PLAIN)
+        whitener, weights = _whitener((outcome + columns @ self.theta)[self.clear], self.stride)
+        columns, outcome = self._seen(whitener)
+        at = self.at.rows[:, None] + self.stride * np.arange(1, count + 1)
+        columns = columns[at] - columns[self.clear].mean(axis=0)
+        outcome = outcome[at] - outcome[self.clear].mean(axis=0)
+        weighted = np.einsum("jkdq,de->jkeq", self._instruments(whitener, count), weights)
+        self.parts = [
+            (
+                np.einsum("jkdq,jkdr->jqr", weighted[:, part], columns[:, part], optimize=True),
+                np.einsum("jkdq,jkd->jq", weighted[:, part], outcome[:, part], optimize=True),
+            )
+            for part in (slice(self.early), slice(self.early, None))
+        ]
+        self.found = self.estimate()
+        self.theta = self.found.theta.copy()
+        self.delay = float(np.clip(self.delay + self.theta[-1], -LATEST, LATEST))
         self.theta[-1] = 0.0
 
-    def _left(self) -> Array:
-        """Return what the hand does by itself, through the test functions."""
-        return self.outcome + self.columns @ self.theta
+    def estimate(self, switches: Array | slice = EVERY, part: int = 0) -> _Estimate:
+        """Return the numbers by some switches, and what is before (0) or after (1) reactions."""
+        information, pull = self.parts[part]
+        inverse = np.linalg.pinv(information[switches].sum(axis=0))
+        theta, moves = -inverse @ pull[switches].sum(axis=0), np.zeros_like(pull)
+        moves[switches] = (pull[switches] + information[switches] @ theta) @ inverse.T
+        return _Estimate(theta, moves)
+
+    def _kernel(self, whitener: Array, order: int, late: float = 0.0) -> Array:
+        """Return the weights of rows, from ``ahead`` to ``past`` ones ago, in a test function.
+
+        It is φ less what its predecessors tell of it, differentiated; for values that are late.
+        """
+        basis = BSpline.basis_element(self.knot * np.arange(SPAN + 1), extrapolate=False)
+        basis = basis.derivative(order) if order else basis
+        ages = self.log.interval * np.arange(-self.ahead, self.past + 1) + late
+        shifts = self.knot * np.arange(len(whitener))
+        return np.nan_to_num(basis(ages[:, None] - shifts)) @ whitener / self.stride
+
+    def _seen(self, whitener: Array) -> tuple[Array, Array]:
+        """Return the log through the test function that ends at each row.
+
+        Columns that numbers multiply, (T, 2, 10), and forces, (T, 2).
+        """
+
+        def through(values: Array, order: int, late: float = 0.0) -> Array:
+            kernel = self._kernel(whitener, order, late)
+            return fftconvolve(values, kernel[:, None], axes=0)[self.ahead :][: len(values)]
+
+        moved = [through(self.tip, order) for order in range(3)]
+        force = [through(self.log.force, order, self.delay) for order in range(2)]
+        return _columns(moved, force[1]), force[0]
+
+    def _instruments(self, whitener: Array, count: int) -> Array:
+        """Return the columns at so many test functions as pulses change them, by prediction."""
+        times = self.log.interval * np.arange(self.stride * count + 1)
+        hand = self._matrices()
+        motion = predict(self.machine, self.at, hand, times)
+        pushed = sum(each @ part for each, part in zip(motion, hand, strict=True))
+        ends = self.stride * np.arange(1, count + 1)
+        ages = ends - np.arange(len(times))[:, None]
+
+        def through(values: Array, order: int) -> Array:
+            kernel = self._kernel(whitener, order)[self.ahead :]
+            weights = np.where(ages >= 0, kernel[ages.clip(0)], 0.0)
+            return np.einsum("jtd,tk->jkd", values, weights, optimize=True)
+
+        return _columns([through(motion[k], 0) for k in range(3)], -through(pushed, 1))
 
     def _matrices(self) -> tuple[Array, Array, Array]:
         """Return stiffness, damping and mass in all directions, within limits."""
@@ -250,56 +284,48 @@ class _HandFit:
             found.append((axes * sizes.clip(*limits)) @ axes.T)
         return found[0], found[1], found[2]
 
-    def _instruments(self, until: float) -> Array:
-        """Return the columns as pulses change them by prediction."""
-        hand = self._matrices()
-        motion = predict(self.machine, self.at, hand, self.times, until)
-        moved: list[Array] = [each @ part for each, part in zip(motion, hand, strict=True)]
-        stiff, damped, heavy = (self._through(each) for each in motion)
-        return self._columns(stiff, damped, heavy, self._through(moved[0] + moved[1] + moved[2], 1))
+    def differences(self) -> tuple[Array, list[str]]:
+        """Return by how much parts of the log differ, and which do, in sentences.
 
-    def halves(self) -> tuple[Array, bool]:
-        """Return half of the difference between halves of the log, and whether there is one."""
-        whole, found, errors = len(self.scores), list[Array](), np.zeros((3, 3))
-        for part in (slice(whole // 2), slice(whole // 2, whole)):
-            inverse = np.linalg.pinv(self.information[part].sum(axis=0))
-            theta = -inverse @ self.pull[part].sum(axis=0)
-            scores = self.pull[part] + self.information[part] @ theta
-            found.append(MEANS @ theta)
-            errors += MEANS @ inverse @ (scores.T @ scores) @ inverse.T @ MEANS.T
-        apart = found[1] - found[0]
-        size = float(apart @ np.linalg.pinv(errors) @ apart)
-        return 0.5 * np.abs(apart), bool(size > stats.chi2.ppf(1.0 - RARE, 3))
-
-    def reaction(self) -> float | None:
-        """Return from when on what the hand does by itself depends on pulses [s], None if never."""
-        left, ends = self._left(), self._ends()
-        past = left[:, :, ends <= 0.0]
-        inverse = np.linalg.pinv(self.information.sum(axis=0))
-        moved = self.instruments[..., 0] + self.instruments[..., 2]  # along x, along y
-        late = np.flatnonzero(~self.early)
-        level = stats.norm.ppf(1.0 - 0.5 * RARE / len(late))
-        for k in late:
-            known = past.reshape(-1, past.shape[-1])
-            now = left[:, :, k].reshape(-1)
-            fresh = (now - known @ np.linalg.lstsq(known, now, rcond=None)[0]).reshape(-1, 2)
-            slope = np.einsum("jd,jdq->q", moved[:, :, k], self.columns[:, :, k])
-            score = np.einsum("jd,jd->j", moved[:, :, k], fresh) - self.scores @ inverse.T @ slope
-            if abs(score.sum()) > level * np.linalg.norm(score):
-                return float(ends[k] - 0.5 * SPAN * KNOT)
-        return None
+        Half of the largest difference of stiffness, damping and mass.
+        """
+        rows = self.at.rows
+        pushes = np.linalg.norm(self.log.force[rows - 1], axis=1)
+        first, gentle = rows < np.median(rows), pushes < np.median(pushes)
+        pairs = {
+            "The hand differs between the halves of the log: it changed, or a sensor drifts.": (
+                *(self.estimate(first), self.estimate(~first)),
+            ),
+            "The hand is stiffer or softer when it pushes harder: it gives way, or tenses.": (
+                *(self.estimate(gentle), self.estimate(~gentle)),
+            ),
+            f"The hand differs from {self.early * self.knot:.2g} s after switches on: the person "
+            "reacts. Numbers may be off.": (self.estimate(), self.estimate(part=1)),
+        }
+        size, said = np.zeros(3), list[str]()
+        for sentence, (one, other) in pairs.items():
+            apart, moves = MEANS @ (one.theta - other.theta), (one.moves - other.moves) @ MEANS.T
+            if _differ(apart, moves.T @ moves, RARE):
+                said.append(sentence)
+                size = np.maximum(size, 0.5 * np.abs(apart))
+        return size, said
 
     def uneven_mass(self) -> list[str]:
         """Return a sentence if the mass depends on the direction."""
         contrast = np.zeros((2, 10))
         contrast[0, [6, 8]], contrast[1, 7] = (0.5, -0.5), 1.0
-        if not _differ(contrast @ self.theta, contrast @ self.covariance @ contrast.T):
+        if not _differ(
+            contrast @ self.theta, contrast @ self.found.covariance @ contrast.T, UNLIKELY
+        ):
             return []
         return ["The mass depends on the direction: the file has its mean."]
 
     def estimates(self, more: Array) -> dict[str, tuple[float, float]]:
         """Return means over directions with half of their intervals, wider by ``more``."""
-        means, errors = MEANS @ self.theta, np.sqrt(np.diag(MEANS @ self.covariance @ MEANS.T))
+        means, errors = (
+            MEANS @ self.theta,
+            np.sqrt(np.diag(MEANS @ self.found.covariance @ MEANS.T)),
+        )
         pairs = zip(means.tolist(), (SURE * errors + more).tolist(), strict=True)
         return {name: pair for (name, _), pair in zip(NAMES, pairs, strict=True)}
 
@@ -314,8 +340,8 @@ class _HandFit:
             found.append(make_finding(quantity, half, before, reason=reason, sure=sure, most=FINE))
         for k, (name, _) in enumerate(NAMES[:2]):
             found += self._anisotropy(3 * k, name, kept=found[k].status == "kept")
-        late = SURE * float(np.sqrt(self.covariance[-1, -1]))
-        quantity = Quantity("force_delay", "s", self.delay, self.interval)
+        late = SURE * float(np.sqrt(self.found.covariance[-1, -1]))
+        quantity = Quantity("force_delay", "s", self.delay, self.log.interval)
         return [*found, make_finding(quantity, late, 0.0, sure=sure)]
 
     def _anisotropy(self, first: int, name: str, *, kept: bool) -> list[Finding]:
@@ -325,8 +351,12 @@ class _HandFit:
         slopes = np.zeros((2, 10))
         slopes[0, [first, first + 2]] = np.array([1.0 - value[0], -1.0 - value[0]]) / (xx + yy)
         slopes[1, [first, first + 1, first + 2]] = np.array([-value[1], 2.0, -value[1]]) / (xx + yy)
-        covariance = slopes @ self.covariance @ slopes.T
-        reason = "" if _differ(value, covariance) and not kept else f"{name} shows no direction"
+        covariance = slopes @ self.found.covariance @ slopes.T
+        reason = (
+            ""
+            if _differ(value, covariance, UNLIKELY) and not kept
+            else f"{name} shows no direction"
+        )
         value = np.zeros(2) if reason else value / max(1.0, float(np.linalg.norm(value)))
         halves = SURE * np.sqrt(np.diag(covariance))
         return [
@@ -344,19 +374,56 @@ MEANS = np.kron(np.eye(3), [0.5, 0.0, 0.5]) @ np.eye(9, 10)
 """Means over all directions of stiffness, damping and mass, by the numbers of a fit."""
 
 
-def _differ(values: Array, covariance: Array) -> bool:
-    """Return whether two values differ from zero."""
+def _columns(moved: list[Array], faster: Array) -> Array:
+    """Return what each number multiplies, (…, 2, 10), from positions, velocities, accelerations."""
+    columns = list[Array]()
+    for part in moved:
+        for d, e in DIRECTIONS:
+            column = np.zeros_like(part)
+            column[..., d] = part[..., e]
+            column[..., e] = part[..., d]
+            columns.append(column)
+    return np.stack([*columns, faster], axis=-1)
+
+
+def _whitener(left: Array, stride: int) -> tuple[Array, Array]:
+    """Return the weights of the last values in what is new of each, and its inverse covariance.
+
+    ``left`` has rows of a hand's own push in x and y, (T, 2), of which each ``stride``-th counts.
+    """
+    left = left - left.mean(axis=0)
+    rows = np.arange(stride * MEMORY, len(left), 3)
+    past = left[rows[:, None] - stride * np.arange(1, MEMORY + 1)]  # (rows, MEMORY, 2)
+    normal = np.einsum("rkd,rld->kl", past, past, optimize=True)
+    normal[np.diag_indices(MEMORY)] *= 1.0 + 1e-9
+    shares = np.linalg.solve(normal, np.einsum("rkd,rd->k", past, left[rows], optimize=True))
+    fresh = left[rows] - np.einsum("rkd,k->rd", past, shares)
+    return np.concatenate([[1.0], -shares]), np.linalg.inv(np.cov(fresh.T))
+
+
+def _differ(values: Array, covariance: Array, chance: float) -> bool:
+    """Return whether values differ from zero, as they would with a chance if they were zero."""
     size = float(values @ np.linalg.pinv(covariance) @ values)
-    return bool(size > stats.chi2.ppf(0.99, len(values)))
+    return bool(size > stats.chi2.ppf(1.0 - chance, len(values)))
 
 
 def _switches(log: Log, before: int, after: int) -> NDArray[np.int64]:
     """Return the rows with which a voltage changes, clear of gaps and ends by so many rows."""
-    rows = np.flatnonzero(np.abs(np.diff(log.volts, axis=0)).max(axis=1) > SAME) + 1
+    rows = np.flatnonzero(_changes(log))
     rows = rows[np.diff(rows, prepend=-before) > 1]
     rows = rows[(rows >= before) & (rows + after < len(log.volts))]
+    return rows[_is_clear(log, rows, before, after)]
+
+
+def _is_clear(log: Log, rows: NDArray[np.int64], before: int, after: int) -> NDArray[np.bool_]:
+    """Return whether rows are clear of gaps by so many rows before and after."""
     known = np.concatenate([[0], np.cumsum(log.is_clear(1))])
-    return rows[known[rows + after + 1] - known[rows - before] == before + after + 1]
+    return known[rows + after + 1] - known[rows - before] == before + after + 1
+
+
+def _changes(log: Log) -> NDArray[np.bool_]:
+    """Return whether a voltage changes with a row."""
+    return np.abs(np.diff(log.volts, axis=0, prepend=log.volts[:1])).max(axis=1) > SAME
 
 
 def _possible(log: Log, machine: Machine, rows: NDArray[np.int64]) -> Switches:
@@ -368,7 +435,7 @@ def _possible(log: Log, machine: Machine, rows: NDArray[np.int64]) -> Switches:
     ramp = np.arange(past) - 0.5 * (past - 1)
     ramp /= (ramp @ ramp) * log.interval
     omega = np.einsum("p,jpi->ji", ramp, log.theta[rows[:, None] + np.arange(-past, 0)])
-    before, after = (_torques(machine, log.volts[each]) for each in (rows - 1, rows))
+    after = _torques(machine, log.volts[rows])
     bits = 1 << np.arange(4)
     was, now = ((log.volts[each] > SAME) @ bits for each in (rows - 1, rows))
     rng, drawn = np.random.default_rng(0), np.empty((DRAWS, len(rows)), np.int64)
@@ -380,9 +447,25 @@ def _possible(log: Log, machine: Machine, rows: NDArray[np.int64]) -> Switches:
         rows=rows,
         theta=log.theta[rows - 1],
         omega=omega,
-        before=before,
+        held=_held(log, machine)[rows],
         after=np.concatenate([after[None], after[drawn]]),
+        lasting=log.interval * (_next(log)[rows] - rows),
     )
+
+
+def _held(log: Log, machine: Machine) -> Array:
+    """Return the clutches' torques that have built up by each row, (T, 4)."""
+    kept = np.exp(-log.interval / machine.clutch.time_constant)
+    torque = _torques(machine, log.volts)
+    late = 1 + round(machine.delay / log.interval)
+    torque = np.concatenate([np.repeat(torque[:1], late, axis=0), torque[:-late]])
+    return lfilter([1.0 - kept], [1.0, -kept], torque, axis=0)
+
+
+def _next(log: Log) -> NDArray[np.int64]:
+    """Return the first row after each with which a voltage changes."""
+    changes = np.append(np.flatnonzero(_changes(log)), len(log.volts))
+    return changes[np.searchsorted(changes, np.arange(len(log.volts)), "right")]
 
 
 def _torques(machine: Machine, volts: Array) -> Array:

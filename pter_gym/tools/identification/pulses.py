@@ -2,7 +2,6 @@
 """Clutch pulses that make a hand's mass, damper and spring visible, and what a pulse does to it."""
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +11,8 @@ from pter_gym.params import Machine
 
 Array = NDArray[np.float64]
 
-SHORTEST, LONGEST = 0.06, 0.2
+SHORTEST, LONGEST = 0.04, 0.15
 """Duration of a pulse, or of a pause between two [s]."""
-
-LEAST = 0.4
-"""Smallest force of a pulse over the largest."""
 
 MIDDLE, AROUND = (0.72, 2.17), 0.35
 """Angles of the links in the middle of the motion [rad], and how far they go from there."""
@@ -31,10 +27,10 @@ STEP = 5e-3
 def pulses(
     machine: Machine, middle: Array, seconds: float, interval: float, force: float, seed: int
 ) -> Array:
-    """Return random voltages [V], (rows, 4), of one or two clutches or none at a time.
+    """Return random voltages [V], (rows, 4), of one clutch or none at a time.
 
-    Each set differs from the one before, and is otherwise independent of all that went before, as
-    the estimate requires.
+    Each differs from the one before, and is otherwise independent of all that went before, as the
+    estimate requires.
 
     Parameters
     ----------
@@ -45,7 +41,7 @@ def pulses(
     seconds, interval
         Duration, and time between rows [s].
     force
-        Largest force of all clutches together on the tip, in that pose [N].
+        Force of each clutch on the tip, in that pose [N].
     seed
         Of the pulses.
 
@@ -56,19 +52,17 @@ def pulses(
     """
     if not force > 0.0:
         raise ParameterError(f"force must be > 0 N, got {force!r}")
-    rng, clutches = np.random.default_rng(seed), range(len(machine.clutches))
+    rng, levels = np.random.default_rng(seed), np.zeros((len(machine.clutches) + 1, 4))
     levers = np.linalg.norm(tip_forces(machine, np.asarray(middle)[None])[0], axis=1)
-    scale, curve = machine.slot_scale, machine.clutch.dynamic
-    sets = [(), *((k,) for k in clutches), *combinations(clutches, 2)]
-    volts, begin, before = np.zeros((round(seconds / interval), 4)), 0, ()
-    while begin < len(volts):
+    for k in range(len(machine.clutches)):
+        volts = machine.clutch.dynamic.voltage(force / levers[k] / machine.slot_scale[k])
+        levels[k + 1, k] = min(volts, machine.clutch.voltage_max)
+    rows, chosen, begin = np.empty(round(seconds / interval), np.int64), 0, 0
+    while begin < len(rows):
         end = begin + max(1, round(rng.uniform(SHORTEST, LONGEST) / interval))
-        before = [each for each in sets if each != before][rng.integers(len(sets) - 1)]
-        for k in before:
-            torque = rng.uniform(LEAST, 1.0) * force / levers[k] / len(before) / scale[k]
-            volts[begin:end, k] = min(curve.voltage(torque), machine.clutch.voltage_max)
+        chosen = rows[begin:end] = (chosen + rng.integers(1, len(levels))) % len(levels)
         begin = end
-    return volts
+    return levels[rows]
 
 
 def forces_around(machine: Machine) -> float:
@@ -106,19 +100,21 @@ def tip_positions(machine: Machine, theta: Array) -> Array:
 class Switches:
     """Switches of voltages: ``rows`` of the log, angles and velocities before them, (N, 2).
 
-    Torques are those before, (N, 4), and possible ones after, (1 + D, N, 4): first that which was
-    drawn, then others that could have been.
+    ``held`` are the clutches' torques at these rows, (N, 4); ``after`` those that they tend to from
+    then on, (1 + D, N, 4): first what was drawn, then others that could have been; ``lasting`` are
+    the times until the next switches [s], (N,).
     """
 
     rows: NDArray[np.int64]
     theta: Array
     omega: Array
-    before: Array
+    held: Array
     after: Array
+    lasting: Array
 
 
 def predict(
-    machine: Machine, at: Switches, hand: tuple[Array, Array, Array], times: Array, until: float
+    machine: Machine, at: Switches, hand: tuple[Array, Array, Array], times: Array
 ) -> Array:
     """Return how the tip's motion changes by a switch, compared with what could have been drawn.
 
@@ -129,9 +125,7 @@ def predict(
     hand
         Stiffness, damping and mass of the hand in all directions, (2, 2) each.
     times
-        Even times from the switches [s], shape (T,).
-    until
-        Time until which the motion is predicted [s]; then it is zero.
+        Even times from the switches [s], from 0, shape (T,).
 
     Returns
     -------
@@ -147,11 +141,12 @@ def predict(
     inertia[:, 0, 1] = inertia[:, 1, 0] = arm.coupling * np.cos(at.theta[:, 0] - at.theta[:, 1])
     compliance = np.linalg.inv(joints.transpose(0, 2, 1) @ inertia @ joints + mass)
     own = at.omega @ np.array(machine.slot_rows).T
-    held = at.before * np.tanh(own / SMOOTH_SLIP)
+    held = at.held * np.tanh(own / SMOOTH_SLIP)
     after = at.after.transpose(1, 0, 2)
     contrast = np.full(len(at.after), -1.0 / (len(at.after) - 1))
     contrast[0] = 1.0
-    ahead = at.before[:, None] - after
+    next_ = after.mean(axis=1, keepdims=True)
+    ahead = at.held[:, None] - after
     position = np.zeros((*after.shape[:2], 2))
     velocity, acceleration = np.zeros_like(position), np.zeros_like(position)
     motion = np.zeros((3, len(at.rows), len(times), 2))
@@ -160,12 +155,19 @@ def predict(
     for n, time in enumerate(times):
         for k, each in enumerate((position, velocity, acceleration)):
             motion[k, :, n] = contrast @ each
-        for part in range(parts if -1e-9 < time < until else 0):
+        for part in range(parts):
             passed = max(time + (part + 0.5) * step - machine.delay, 0.0)
+            torque = next_ + _fade(passed - at.lasting, lag) * (after - next_)
+            torque = torque + np.exp(-passed / lag) * ahead
             slip = own[:, None] + velocity @ slips
-            brake = (after + np.exp(-passed / lag) * ahead) * np.tanh(slip / SMOOTH_SLIP)
+            brake = torque * np.tanh(slip / SMOOTH_SLIP)
             load = (held[:, None] - brake) @ forces - position @ stiffness - velocity @ damping
             acceleration = load @ compliance
             velocity = velocity + step * acceleration
             position = position + step * velocity
     return motion
+
+
+def _fade(since: Array, lag: float) -> Array:
+    """Return the share of a torque that is left after its end by so many seconds, (N, 1, 1)."""
+    return np.exp(-np.maximum(since, 0.0) / lag)[:, None, None]
