@@ -43,8 +43,11 @@ SPAN = 6
 MEMORY = 50
 """Test functions from which the next one's share of the hand's own push is predicted."""
 
-LATEST = 0.04
-"""Forces may be recorded earlier or later than angles by so much [s]."""
+LATEST, DELAYS = 0.04, (0.0, 0.01, -0.01, 0.02, -0.02, 0.03, -0.03)
+"""Forces may be recorded earlier or later than angles by so much [s], and what is tried first."""
+
+LAGS = (0.1, 0.15, 0.2)
+"""After these times, people react to where a pulse has moved the arm [s]."""
 
 PAST = 0.05
 """Time before a switch from which velocities are taken [s]."""
@@ -149,10 +152,12 @@ def identify_hand(
         accepted = " to ".join(f"{each:g}" for each in REACTIONS)
         raise ParameterError(f"reaction must be from {accepted} s, got {reaction:g}")
     fit = _HandFit(log, machine, start, reaction)
+    fit.begin()
     for _ in range(ITERATIONS - 1):
         fit.improve(fit.early)
     fit.improve(fit.count)
     apart, warnings = fit.differences()
+    warnings += fit.reactions()
     estimates = fit.estimates(apart)
     findings = fit.findings(estimates, sure=not warnings)
     warnings += fit.uneven_mass()
@@ -202,36 +207,48 @@ class _HandFit:
         for k, (name, _) in enumerate(NAMES):
             self.theta[[3 * k, 3 * k + 2]] = getattr(start, name)
 
+    def begin(self) -> None:
+        """Begin with the delay of forces with which least of the hand's own push is new.
+
+        From afar, the estimate may find one at which the mass is negative.
+        """
+        usual, tried = self.theta, list[tuple[float, float, Array]]()
+        for self.delay in DELAYS:
+            self.theta = usual
+            self.improve(self.early)
+            _, weights = self._fresh()
+            tried.append((-float(np.linalg.det(weights)), self.delay, self.theta))
+        _, self.delay, self.theta = min(tried, key=lambda each: each[0])
+
+    def _fresh(self) -> tuple[Array, Array]:
+        """Return how to find what is new in the hand's own push, and its inverse covariance."""
+        columns, outcome = self._seen(PLAIN)
+        return _whitener((outcome + columns @ self.theta)[self.clear], self.stride)
+
     def improve(self, count: int) -> None:
         """Estimate the numbers, with instruments and weights by the present ones.
 
         Uses so many test functions after each switch, of which ``early`` are before any reaction.
         """
-        columns, outcome = self._seen(PLAIN)
-        whitener, weights = _whitener((outcome + columns @ self.theta)[self.clear], self.stride)
+        whitener, weights = self._fresh()
         columns, outcome = self._seen(whitener)
         at = self.at.rows[:, None] + self.stride * np.arange(1, count + 1)
-        columns = columns[at] - columns[self.clear].mean(axis=0)
-        outcome = outcome[at] - outcome[self.clear].mean(axis=0)
-        weighted = np.einsum("jkdq,de->jkeq", self._instruments(whitener, count), weights)
-        self.parts = [
-            (
-                np.einsum("jkdq,jkdr->jqr", weighted[:, part], columns[:, part], optimize=True),
-                np.einsum("jkdq,jkd->jq", weighted[:, part], outcome[:, part], optimize=True),
-            )
-            for part in (slice(self.early), slice(self.early, None))
-        ]
+        self.columns = columns[at] - columns[self.clear].mean(axis=0)
+        self.outcome = outcome[at] - outcome[self.clear].mean(axis=0)
+        self.instruments = np.einsum("jkdq,de->jkeq", self._instruments(whitener, count), weights)
+        early = (each[:, : self.early] for each in (self.instruments, self.columns, self.outcome))
+        self.information, self.pull = _moments(*early)
         self.found = self.estimate()
         self.theta = self.found.theta.copy()
         self.delay = float(np.clip(self.delay + self.theta[-1], -LATEST, LATEST))
         self.theta[-1] = 0.0
 
-    def estimate(self, switches: Array | slice = EVERY, part: int = 0) -> _Estimate:
-        """Return the numbers by some switches, and what is before (0) or after (1) reactions."""
-        information, pull = self.parts[part]
-        inverse = np.linalg.pinv(information[switches].sum(axis=0))
-        theta, moves = -inverse @ pull[switches].sum(axis=0), np.zeros_like(pull)
-        moves[switches] = (pull[switches] + information[switches] @ theta) @ inverse.T
+    def estimate(self, switches: Array | slice = EVERY) -> _Estimate:
+        """Return the numbers by some switches."""
+        information, pull = self.information[switches], self.pull[switches]
+        inverse = np.linalg.pinv(information.sum(axis=0))
+        theta, moves = -inverse @ pull.sum(axis=0), np.zeros_like(self.pull)
+        moves[switches] = -(pull + information @ theta) @ inverse.T
         return _Estimate(theta, moves)
 
     def _kernel(self, whitener: Array, order: int, late: float = 0.0) -> Array:
@@ -291,24 +308,37 @@ class _HandFit:
         """
         rows = self.at.rows
         pushes = np.linalg.norm(self.log.force[rows - 1], axis=1)
-        first, gentle = rows < np.median(rows), pushes < np.median(pushes)
         pairs = {
             "The hand differs between the halves of the log: it changed, or a sensor drifts.": (
-                *(self.estimate(first), self.estimate(~first)),
+                rows < np.median(rows)
             ),
-            "The hand is stiffer or softer when it pushes harder: it gives way, or tenses.": (
-                *(self.estimate(gentle), self.estimate(~gentle)),
+            "The hand differs when it pushes harder: it gives way, or tenses.": (
+                pushes < np.median(pushes)
             ),
-            f"The hand differs from {self.early * self.knot:.2g} s after switches on: the person "
-            "reacts. Numbers may be off.": (self.estimate(), self.estimate(part=1)),
         }
         size, said = np.zeros(3), list[str]()
-        for sentence, (one, other) in pairs.items():
+        for sentence, part in pairs.items():
+            one, other = self.estimate(part), self.estimate(~part)
             apart, moves = MEANS @ (one.theta - other.theta), (one.moves - other.moves) @ MEANS.T
             if _differ(apart, moves.T @ moves, RARE):
                 said.append(sentence)
                 size = np.maximum(size, 0.5 * np.abs(apart))
         return size, said
+
+    def reactions(self) -> list[str]:
+        """Return a sentence if the hand's own push depends on where pulses had moved the arm."""
+        moved = self.instruments[..., 0] + self.instruments[..., 2]  # along x, along y
+        past = np.zeros((*moved.shape, len(LAGS)))
+        for n, lag in enumerate(LAGS):
+            shift = round(lag / self.knot)
+            past[:, shift:, :, n] = moved[:, :-shift]
+        slopes, scores = _moments(past, self.columns, self.outcome)
+        scores += slopes @ self.found.theta + self.found.moves @ slopes.sum(axis=0).T
+        if not _differ(scores.sum(axis=0), scores.T @ scores, RARE):
+            return []
+        return [
+            "The hand's own push depends on where a pulse moved it 0.1 to 0.2 s ago: it reacts."
+        ]
 
     def uneven_mass(self) -> list[str]:
         """Return a sentence if the mass depends on the direction."""
@@ -399,6 +429,14 @@ def _whitener(left: Array, stride: int) -> tuple[Array, Array]:
     shares = np.linalg.solve(normal, np.einsum("rkd,rd->k", past, left[rows], optimize=True))
     fresh = left[rows] - np.einsum("rkd,k->rd", past, shares)
     return np.concatenate([[1.0], -shares]), np.linalg.inv(np.cov(fresh.T))
+
+
+def _moments(instruments: Array, columns: Array, outcome: Array) -> tuple[Array, Array]:
+    """Return sums over test functions of instruments with columns, and with the outcome."""
+    return (
+        np.einsum("jkdq,jkdr->jqr", instruments, columns, optimize=True),
+        np.einsum("jkdq,jkd->jq", instruments, outcome, optimize=True),
+    )
 
 
 def _differ(values: Array, covariance: Array, chance: float) -> bool:
