@@ -20,7 +20,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.hands import NORMAL
 from pter_gym.params import Hand, Machine
 from pter_gym.tools.identification.findings import Finding, make_finding
-from pter_gym.tools.identification.log import Log
+from pter_gym.tools.identification.log import ROUNDING, Log
 from pter_gym.tools.identification.parameters import Quantity
 from pter_gym.tools.identification.pulses import Switches, predict, tip_positions
 from pter_gym.tools.identification.windows import SAME
@@ -45,6 +45,9 @@ MEMORY = 50
 
 LATEST, DELAYS = 0.04, (0.0, 0.01, -0.01, 0.02, -0.02, 0.03, -0.03)
 """Forces may be recorded earlier or later than angles by so much [s], and what is tried first."""
+
+COARSE = 2e-3
+"""Resolution of angles beyond which numbers may be biased [rad]."""
 
 LAGS = (0.1, 0.15, 0.2)
 """After these times, people react to where a pulse has moved the arm [s]."""
@@ -154,10 +157,10 @@ def identify_hand(
     fit = _HandFit(log, machine, start, reaction)
     fit.begin()
     for _ in range(ITERATIONS - 1):
-        fit.improve(fit.early)
-    fit.improve(fit.count)
+        fit.improve(fit.motion(fit.early))
+    fit.improve(fit.motion(fit.count))
     apart, warnings = fit.differences()
-    warnings += fit.reactions()
+    warnings += [*fit.reactions(), *fit.limits()]
     estimates = fit.estimates(apart)
     findings = fit.findings(estimates, sure=not warnings)
     warnings += fit.uneven_mass()
@@ -210,32 +213,31 @@ class _HandFit:
     def begin(self) -> None:
         """Begin with the delay of forces with which least of the hand's own push is new.
 
-        From afar, the estimate may find one at which the mass is negative.
+        From afar, the estimate may find one at which masses are negative, so these come last.
         """
-        usual, tried = self.theta, list[tuple[float, float, Array]]()
+        usual, tried = self.theta, list[tuple[bool, float, float, Array]]()
+        motion = self.motion(self.early)
         for self.delay in DELAYS:
             self.theta = usual
-            self.improve(self.early)
-            _, weights = self._fresh()
-            tried.append((-float(np.linalg.det(weights)), self.delay, self.theta))
-        _, self.delay, self.theta = min(tried, key=lambda each: each[0])
+            self.improve(motion)
+            new = -float(np.linalg.det(self._fresh()[1]))
+            tried.append((bool(np.any(MEANS @ self.theta <= 0.0)), new, self.delay, self.theta))
+        *_, self.delay, self.theta = min(tried, key=lambda each: each[:2])
 
     def _fresh(self) -> tuple[Array, Array]:
         """Return how to find what is new in the hand's own push, and its inverse covariance."""
         columns, outcome = self._seen(PLAIN)
         return _whitener((outcome + columns @ self.theta)[self.clear], self.stride)
 
-    def improve(self, count: int) -> None:
-        """Estimate the numbers, with instruments and weights by the present ones.
-
-        Uses so many test functions after each switch, of which ``early`` are before any reaction.
-        """
+    def improve(self, motion: list[Array]) -> None:
+        """Estimate the numbers, with weights by the present ones, from a predicted motion."""
         whitener, weights = self._fresh()
         columns, outcome = self._seen(whitener)
+        count = (motion[0].shape[1] - 1) // self.stride
         at = self.at.rows[:, None] + self.stride * np.arange(1, count + 1)
         self.columns = columns[at] - columns[self.clear].mean(axis=0)
         self.outcome = outcome[at] - outcome[self.clear].mean(axis=0)
-        self.instruments = np.einsum("jkdq,de->jkeq", self._instruments(whitener, count), weights)
+        self.instruments = np.einsum("jkdq,de->jkeq", self._instruments(whitener, motion), weights)
         early = (each[:, : self.early] for each in (self.instruments, self.columns, self.outcome))
         self.information, self.pull = _moments(*early)
         self.found = self.estimate()
@@ -276,21 +278,28 @@ class _HandFit:
         force = [through(self.log.force, order, self.delay) for order in range(2)]
         return _columns(moved, force[1]), force[0]
 
-    def _instruments(self, whitener: Array, count: int) -> Array:
-        """Return the columns at so many test functions as pulses change them, by prediction."""
+    def motion(self, count: int) -> list[Array]:
+        """Return how pulses change the motion and the hand's push, by prediction.
+
+        Positions, velocities, accelerations and forces, until so many test functions after a
+        switch, of which ``early`` are before any reaction.
+        """
         times = self.log.interval * np.arange(self.stride * count + 1)
         hand = self._matrices()
-        motion = predict(self.machine, self.at, hand, times)
-        pushed = sum(each @ part for each, part in zip(motion, hand, strict=True))
-        ends = self.stride * np.arange(1, count + 1)
-        ages = ends - np.arange(len(times))[:, None]
+        moved = predict(self.machine, self.at, hand, times)
+        return [*moved, -sum(each @ part for each, part in zip(moved, hand, strict=True))]
+
+    def _instruments(self, whitener: Array, motion: list[Array]) -> Array:
+        """Return the columns as a predicted motion changes them."""
+        rows = np.arange(motion[0].shape[1])
+        ages = rows[self.stride :: self.stride] - rows[:, None]
 
         def through(values: Array, order: int) -> Array:
             kernel = self._kernel(whitener, order)[self.ahead :]
             weights = np.where(ages >= 0, kernel[ages.clip(0)], 0.0)
             return np.einsum("jtd,tk->jkd", values, weights, optimize=True)
 
-        return _columns([through(motion[k], 0) for k in range(3)], -through(pushed, 1))
+        return _columns([through(each, 0) for each in motion[:3]], through(motion[3], 1))
 
     def _matrices(self) -> tuple[Array, Array, Array]:
         """Return stiffness, damping and mass in all directions, within limits."""
@@ -339,6 +348,16 @@ class _HandFit:
         return [
             "The hand's own push depends on where a pulse moved it 0.1 to 0.2 s ago: it reacts."
         ]
+
+    def limits(self) -> list[str]:
+        """Return what is too coarse or too late, in sentences."""
+        turns, said = np.abs(np.diff(self.log.theta, axis=0)), list[str]()
+        step = max(self.log.angle_step, float(turns[turns > ROUNDING].min()))
+        if step > COARSE:
+            said.append(f"Angles come in steps of {1e3 * step:.1f} mrad, which may bias numbers.")
+        if abs(self.delay) > 0.99 * LATEST:
+            said.append(f"Forces seem to be {1e3 * self.delay:.0f} ms or more later than angles.")
+        return said
 
     def uneven_mass(self) -> list[str]:
         """Return a sentence if the mass depends on the direction."""
