@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path, PurePath
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 import tyro
@@ -17,14 +17,14 @@ from pter_gym.params import find_machine
 from pter_gym.paths._names import PATH_NAMES
 from pter_gym.paths._reach import SINGULARITY_MARGIN, check_reach
 from pter_gym.policies.find import kind_of
-from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
+from pter_gym.scenarios import PACES, SCENARIOS
+from pter_gym.scenarios._suite import by_hand
 from pter_gym.scenarios.paces import find_pace
 
 ALL = "all"
 """All scenarios, or all paces."""
 
 if TYPE_CHECKING:
-    from pter_gym.hands import Operator
     from pter_gym.scenarios import Scenario
 
     ScenarioName = AnyScenario = str
@@ -86,7 +86,9 @@ def look_at(
         kind_of(policy)
     arm = find_machine(machine).arm
     if hand is not None:
-        drawn_hand(hand)
+        from pter_gym.hands import find_hand
+
+        find_hand(hand)
     if path is not None and has_ending(path, *TABLE_ENDINGS):
         columns = read_table(path, ("x", "y"), unit="m").columns
         if not smooth:
@@ -105,11 +107,7 @@ def scenario_on(
     """
     if smooth < 0.0 or (smooth and not has_ending(path, *TABLE_ENDINGS)):
         raise ParameterError(f"smooth must be ≥ 0 mm, for a path from a file, got {smooth:g}")
-    own = None if hand is None else drawn_hand(hand)
-    chosen = find_scenario(scenario, machine, path, 1e-3 * smooth, own)
-    if hand is not None:
-        usual = type(own).__name__.lower()
-        chosen = replace(chosen, name=chosen.name.removesuffix(usual) + PurePath(hand).stem)
+    chosen = by_hand(scenario, machine, hand, path, 1e-3 * smooth)
     if machine:
         title = f"{chosen.name}-with-{PurePath(machine).stem}"
         chosen = replace(chosen, name=title, gains=chosen.whose_gains)
@@ -120,14 +118,6 @@ def scenario_on(
             f"for a recorded path, --smooth {NOISE:g} removes {NOISE:g} mm of noise"
         )
     return chosen
-
-
-def drawn_hand(hand: str) -> "Operator":
-    """Return a hand by its name or file, whose disturbance differs between episodes."""
-    from pter_gym.hands import find_hand
-
-    found: Any = find_hand(hand)
-    return replace(found, random_phases=True) if found.phases else found
 
 
 def smoothing_for(scenario: "Scenario") -> float:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -191,3 +191,9 @@ def find_hand(hand: Operator | str) -> Operator:
     if name not in LIBRARY_ARMS:
         raise unknown_name("hand", name, (*LIBRARY_ARMS, *LIBRARY_TREMORS))
     return HumanArm(impedance=LIBRARY_ARMS[name].hand)
+
+
+def varied_hand(hand: Operator | str) -> Operator:
+    """Return a hand as ``find_hand`` does, whose disturbance differs between episodes."""
+    found: Any = find_hand(hand)
+    return replace(found, random_phases=True) if found.phases else found
