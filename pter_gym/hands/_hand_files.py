@@ -5,39 +5,38 @@ from dataclasses import fields
 from typing import Any
 
 from pter_gym._internal.codec import Codec
-from pter_gym._internal.files import FilePath, expand_path, has_ending
+from pter_gym._internal.files import expand_path, has_ending
 from pter_gym._internal.reading import read_toml, reading
-from pter_gym.errors import ParameterError
-from pter_gym.hands._operators import HumanArm
+from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.hands._library import LIBRARY_ARMS, LIBRARY_TREMORS
 from pter_gym.params import Hand
 
 _CODEC = Codec((Hand,))
 
 
-def is_hand_file(hand: object) -> bool:
-    """Return whether a hand is given by the path of a file."""
-    return isinstance(hand, str) and has_ending(hand, ".toml")
-
-
-def load_hand(path: FilePath) -> HumanArm:
-    """Return a human arm with the mass, damper and spring of a file.
+def find_impedance(hand: str) -> Hand:
+    """Return the mass, damper and spring of a hand by its file, or name in ``LIBRARY_ARMS``.
 
     Raises
     ------
     ParameterError
-        If there is no such file, or the hand has no spring.
+        If there is no such file or arm; the message suggests the nearest names.
     DataError
-        If it is not TOML, or a field is unknown or out of range.
+        If a file is not TOML, or a field is unknown or out of range.
     """
-    file = expand_path("hand", path)
+    if not has_ending(hand, ".toml"):
+        if hand not in LIBRARY_ARMS:
+            raise unknown_name("hand", hand, (*LIBRARY_ARMS, *LIBRARY_TREMORS))
+        return LIBRARY_ARMS[hand].hand
+    file = expand_path("hand", hand)
     if not file.is_file():
-        raise ParameterError(f"hand must name a file that exists, there is no {str(path)!r}")
+        raise ParameterError(f"hand must name a file that exists, there is no {hand!r}")
     content = read_toml(file, "hand")
-    with reading(f"hand {path}"):
-        impedance = _CODEC.from_plain(content)
-        if not isinstance(impedance, Hand):
+    with reading(f"hand {hand}"):
+        found = _CODEC.from_plain(content)
+        if not isinstance(found, Hand):
             raise ParameterError(f"type must be 'Hand', got {content.get('type')!r:.60}")
-        return HumanArm(impedance=impedance)
+        return found
 
 
 def format_hand(hand: Hand, origins: Mapping[str, str], title: str) -> str:

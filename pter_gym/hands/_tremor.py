@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._internal.fields import parameter, require, require_number
-from pter_gym.errors import unknown_name
-from pter_gym.hands._hand_files import is_hand_file, load_hand
-from pter_gym.hands._library import LIBRARY_ARMS, LIBRARY_TREMORS
+from pter_gym.hands._hand_files import find_impedance
+from pter_gym.hands._library import LIBRARY_TREMORS
 from pter_gym.hands._model import SINES, HandModel
 from pter_gym.hands._operators import EQ5_FREQUENCIES, MAX_INSTANTS, HumanArm, Operator
 
@@ -184,13 +183,7 @@ def find_hand(hand: Operator | str) -> Operator:
     if isinstance(hand, Operator):
         return hand
     name = str(hand)
-    if is_hand_file(name):
-        return load_hand(name)
-    if name in KINDS:
-        return KINDS[name]()
-    if name not in LIBRARY_ARMS:
-        raise unknown_name("hand", name, (*LIBRARY_ARMS, *LIBRARY_TREMORS))
-    return HumanArm(impedance=LIBRARY_ARMS[name].hand)
+    return KINDS[name]() if name in KINDS else HumanArm(impedance=find_impedance(name))
 
 
 def varied_hand(hand: Operator | str) -> Operator:
