@@ -191,9 +191,10 @@ class Devices:
 
     Torques are 0.3 to 3 times PTER's, each within 10 % of a common one, and linear in the voltage
     or as PTER's; up to a tenth of it acts without voltage, in every other device. Breakaway torques
-    are 1 to 1.5 times as large, time constants 5 ms to 0.3 s. Links are 0.6 to 1.5 times as long,
-    each within 10 %, and 0.6 to 2 times as heavy as these would be. Half have the paper's four
-    clutches; of the others, each lacks one of these, or both couplings.
+    are 1 to 1.5 times as large, time constants 5 ms to 0.3 s. Every other device has hysteresis, of
+    up to ±8 % of the largest voltage. Links are 0.6 to 1.5 times as long, each within 10 %, and 0.6
+    to 2 times as heavy as these would be. Half have the paper's four clutches; of the others, each
+    lacks one of these, or both couplings.
     """
 
     middle = BASELINE
@@ -203,11 +204,12 @@ class Devices:
         LogUniform(*ends) for ends in ((0.3, 3.0), (0.005, 0.3), (0.6, 1.5), (0.6, 2.0))
     )
     breakaway, off_state = Uniform(1.0, 1.5), Uniform(-0.1, 0.1)
+    hysteresis = Uniform(-0.08, 0.08)
     each = LogUniform(0.9, 1.11)
     there = OneOf(
         (
-            *[(1.0, 1.0, 1.0, 1.0)] * 5,
-            (0.0, 1.0, 1.0, 1.0),
+            *[(1.0, 1.0, 1.0, 1.0)] * 4,
+            *[(0.0, 1.0, 1.0, 1.0)] * 2,
             (1.0, 0.0, 1.0, 1.0),
             (1.0, 1.0, 0.0, 1.0),
             (1.0, 1.0, 1.0, 0.0),
@@ -222,8 +224,10 @@ class Devices:
         usual = curve.torque(top)
         torque = usual * self.torque.draw(rng)
         off = torque * max(0.0, self.off_state.draw(rng))
-        linear = TorqueCurve(slope=(torque - off) / top, knee=top, curvature=0.0, off_state=off)
-        bent = replace(curve.scaled((torque - off) / usual), off_state=off)
+        hysteresis = top * max(0.0, self.hysteresis.draw(rng))
+        full = top - hysteresis
+        linear = TorqueCurve(slope=(torque - off) / full, knee=top, curvature=0.0, off_state=off)
+        bent = replace(curve.scaled((torque - off) / curve.torque(full)), off_state=off)
         dynamic = (linear, bent)[int(rng.integers(2))]
         there = cast("tuple[float, ...]", self.there.draw(rng))
         size, weight = self.length.draw(rng), self.weight.draw(rng)
@@ -243,6 +247,7 @@ class Devices:
                 dynamic=dynamic,
                 breakaway=dynamic.scaled(self.breakaway.draw(rng)),
                 time_constant=self.lag.draw(rng),
+                hysteresis=hysteresis,
             ),
             clutch_scale=tuple(scale * self.each.draw(rng) for scale in there),
         )
@@ -265,6 +270,7 @@ class Devices:
             "lag": (self.lag.low, self.lag.high),
             "breakaway": (self.breakaway.low, self.breakaway.high),
             "brakes": (1.0, 2.0),
+            "hysteresis": (0.0, self.hysteresis.high),
         }
         return tuple(Interval(name, low, high) for name, (low, high) in ends.items())
 

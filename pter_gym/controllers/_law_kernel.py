@@ -14,15 +14,28 @@ from numba.core.errors import NumbaError
 from pter_gym._compiled.compiler import compile_kernel, compiled, inlined
 from pter_gym._compiled.digests import digest_of
 from pter_gym._compiled.pipeline import KernelFunction
-from pter_gym._compiled.records import entrywise, write
+from pter_gym._compiled.records import entrywise, read, write
 from pter_gym._physics.clutch import CLUTCHES, PerClutch
 from pter_gym._physics.scalars import clamp
 from pter_gym.controllers._gains import RELEASED
 from pter_gym.controllers._laws import Law, is_ours
+from pter_gym.controllers._network import (
+    CORRECTED,
+    FEWEST,
+    HEADER,
+    LANES,
+    run_layers,
+    take_inputs,
+    voltage,
+)
 from pter_gym.errors import LawIndexError, ParameterError, PterError
+from pter_gym.params import SLOTS
 
 law: Any = None
-"""The law that the kernel below inlines; ``compile_kernel`` binds this name."""
+"""The law that the kernels below inline; ``compile_kernel`` binds this name."""
+
+corrected: Any = None
+"""The law that a network corrects."""
 
 LARGEST = float(np.finfo(np.float32).max)
 
@@ -55,6 +68,35 @@ def _build_act(digest: str) -> Any:
         for world in range(obs.shape[0]):
             decided = law(obs[world], scales, gains, memory[world])
             write(volts[world], CLUTCHES, applied(decided, released, top))
+
+    return act
+
+
+def _build_act_in_lanes(digest: str) -> Any:
+    def act(
+        obs: Any, scales: Any, gains: Any, memory: Any, released: float, top: float, volts: Any
+    ) -> None:
+        _ = digest
+        net, worlds = read(gains, HEADER, 0), obs.shape[0]
+        # equal blocks; their number of lanes is no constant, so LLVM vectorises loops over lanes
+        # rather than writing them out
+        lanes = worlds // max(1, -(-worlds // LANES))
+        alone = worlds if lanes < FEWEST else worlds % lanes
+        for world in range(alone):
+            decided = law(obs[world], scales, gains, memory[world])
+            write(volts[world], CLUTCHES, applied(decided, released, top))
+        room = np.empty((2 * int(net.width), lanes))
+        for first in range(alone, worlds, lanes):
+            for lane in range(lanes):
+                seen, past = obs[first + lane], memory[first + lane]
+                base = corrected(seen, scales, gains, past)
+                write(volts[first + lane], CLUTCHES, base)
+                take_inputs(net, seen, scales, gains, past, base, room[:, lane])
+            outputs = run_layers(net, gains, room)
+            for lane in range(lanes):
+                output = read(room[outputs : outputs + SLOTS, lane], CLUTCHES, 0)
+                decided = voltage(net, output, read(volts[first + lane], CLUTCHES, 0))
+                write(volts[first + lane], CLUTCHES, applied(decided, released, top))
 
     return act
 
@@ -123,6 +165,8 @@ def law_error(law: Law, error: Exception, observed: int, gains: int, remembered:
 
 @cache
 def _kernel(law: Law) -> Any:
+    if law in CORRECTED:
+        return compile_kernel(_build_act_in_lanes, law=law, corrected=CORRECTED[law])
     return compile_kernel(_build_act, law=law)
 
 

@@ -10,7 +10,7 @@ inputs, the averages and two vectors of ``width`` entries for the layers.
 """
 
 from functools import cache
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.compiler import inlined, outlined
 from pter_gym._compiled.records import Entry, entrywise, read, rows, width
@@ -30,6 +30,9 @@ DERIVED = ("heading_a_cos", "heading_a_sin", "heading_b_cos", "heading_b_sin")
 
 BASE_INPUTS = ("base_1", "base_2", "base_3", "base_4")
 """Inputs that are the voltages of the base controller [V]."""
+
+LANES, FEWEST = 64, 8
+"""Most worlds in which a network runs at once, and the fewest for which this is faster."""
 
 TANH_MAX = 20.0
 """Beyond this, tanh is ±1 in float64."""
@@ -113,7 +116,11 @@ def input_value(obs: Entries, scales: Entries, base: PerClutch, source: int) -> 
 
 @inlined
 def add_product(out: Entries, weights: Entries, values: Entries, count: int) -> None:
-    """Add a matrix times a vector, in the order of the inputs; four at once save stores."""
+    """Add a matrix times a vector, in the order of the inputs; four at once save stores.
+
+    ``out`` is all outputs of a world, or one output of several worlds; then ``weights`` are their
+    values, and ``values`` the output's weights.
+    """
     n = out.shape[0]
     for k in range(0, count - 3, 4):
         v0, v1, v2, v3 = values[k], values[k + 1], values[k + 2], values[k + 3]
@@ -154,21 +161,19 @@ def look_back(
             values[(1 + delays + k) * inputs + i] = mean
 
 
-@outlined
-def decide(
-    obs: Entries, scales: Entries, gains: Entries, memory: Entries, base: PerClutch
-) -> PerClutch:
-    """Return a network's voltages [V]; ``base`` are those that it corrects."""
-    net = read(gains, HEADER, 0)
-    inputs, averages, ring = int(net.inputs), int(net.averages), int(net.ring)
-    table = HEADER_WIDTH + int(net.base)
-    sizes = table + 3 * inputs + int(net.delays) + averages
-    recent = memory[VECTORS : VECTORS + inputs * ring]
-    means = memory[VECTORS + inputs * ring : VECTORS + inputs * (ring + averages)]
-    first = VECTORS + inputs * (ring + averages)
-    wide = int(net.width)
-
-    values = memory[first : first + wide]
+@inlined
+def take_inputs(
+    net: Network,
+    obs: Entries,
+    scales: Entries,
+    gains: Entries,
+    memory: Entries,
+    base: PerClutch,
+    values: Entries,
+) -> None:
+    """Write what a network sees in a world: its present inputs, earlier ones and averages."""
+    inputs, ring = int(net.inputs), int(net.ring)
+    table, oldest = HEADER_WIDTH + int(net.base), VECTORS + inputs * ring
     for i in range(inputs):
         value = input_value(obs, scales, base, int(gains[table + i]))
         value = (value - gains[table + inputs + i]) / gains[table + 2 * inputs + i]
@@ -176,9 +181,28 @@ def decide(
     begins = memory[PAST.begun] == 0.0
     newest = 0 if begins else (int(memory[PAST.newest]) + 1) % ring
     memory[PAST.begun], memory[PAST.newest] = 1.0, newest
+    recent = memory[VECTORS:oldest]
+    means = memory[oldest : oldest + inputs * int(net.averages)]
     look_back(net, gains, recent, means, values, -1 if begins else newest)
 
-    layers = int(net.layers)
+
+@inlined
+def sizes_at(net: Network) -> int:
+    """Return where the sizes of a network's layers are."""
+    return HEADER_WIDTH + int(net.base) + 3 * int(net.inputs) + int(net.delays + net.averages)
+
+
+@outlined
+def decide(
+    obs: Entries, scales: Entries, gains: Entries, memory: Entries, base: PerClutch
+) -> PerClutch:
+    """Return a network's voltages [V]; ``base`` are those that it corrects."""
+    net = read(gains, HEADER, 0)
+    first = VECTORS + int(net.inputs) * int(net.ring + net.averages)
+    wide = int(net.width)
+    take_inputs(net, obs, scales, gains, memory, base, memory[first : first + wide])
+
+    sizes, layers = sizes_at(net), int(net.layers)
     at = sizes + layers + 1
     here = 0
     for layer in range(layers):
@@ -195,6 +219,32 @@ def decide(
                 out[j] = tanh(out[j])
     out = memory[first + here * wide : first + here * wide + 4]
     return voltage(net, PerClutch(out[0], out[1], out[2], out[3]), base)
+
+
+@inlined
+def run_layers(net: Network, gains: Entries, room: Any) -> int:
+    """Run a network in several worlds at once, and return the first row of its outputs.
+
+    ``room``, (2·width, worlds), begins with what the network sees in each. Sums have the order of
+    those of ``decide``, and so the same bits.
+    """
+    sizes, layers, wide = sizes_at(net), int(net.layers), int(net.width)
+    at = sizes + layers + 1
+    here = 0
+    for layer in range(layers):
+        count, n = int(gains[sizes + layer]), int(gains[sizes + layer + 1])
+        values = room[here * wide : here * wide + count].reshape(-1)
+        here = 1 - here
+        weights = gains[at + n : at + n + n * count]
+        for j in range(n):
+            out = room[here * wide + j]
+            out[:] = gains[at + j]
+            add_product(out, values, weights[j::n], count)
+            if layer < layers - 1:
+                for i in range(out.shape[0]):
+                    out[i] = tanh(out[i])
+        at += n + n * count
+    return here * wide
 
 
 @entrywise
@@ -214,6 +264,10 @@ def middle(obs: Entries, scales: Entries, gains: Entries, memory: Entries) -> Pe
     return PerClutch(half, half, half, half)
 
 
+CORRECTED: dict[Law, Law] = {}
+"""For each law that is a network, the law whose voltages it corrects."""
+
+
 @cache
 def network_on(law: Law | None) -> Law:
     """Return the law of a trained network, which may correct another law."""
@@ -224,6 +278,7 @@ def network_on(law: Law | None) -> Law:
         """Return the voltages of a trained network."""
         return decide(obs, scales, gains, memory, base(obs, scales, gains, memory))
 
+    CORRECTED[network] = base
     return network
 
 

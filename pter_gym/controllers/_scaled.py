@@ -24,6 +24,7 @@ class Traits(NamedTuple):
     size: Annotated[float, Entry("m", "length of both links")]
     breakaway: Annotated[float, Entry("1", "breakaway torque over the dynamic torque")]
     brakes: Annotated[float, Entry("1", "axes with a brake")]
+    hysteresis: Annotated[float, Entry("1", "hysteresis over the largest voltage")]
 
 
 class Ratios(NamedTuple):
@@ -55,6 +56,7 @@ def traits_of(machine: Machine) -> Traits:
         arm.length_a + arm.length_b,
         largest.breakaway / largest.dynamic,
         len(axes),
+        machine.clutch.hysteresis / machine.clutch.voltage_max,
     )
 
 

@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ import pytest
 from documents import DOCS, blocks_of, run_program
 from pter_gym.controllers import PerClutch, Policy, compiled
 from pter_gym.errors import ActionError, ParameterError
+from pter_gym.params import BASELINE
 from pter_gym.paths import Sine
 from pter_gym.scenarios.distributions import OneOf, Vary
 from pter_gym.tasks.path_following import Failure, PathFollowing
@@ -37,6 +38,7 @@ KINDS: dict[str, dict[str, Any]] = {
         "observe_context": True,
     },
     "one task with a corridor": {
+        "machine": replace(BASELINE, clutch=replace(BASELINE.clutch, hysteresis=1.2)),
         "task": PathFollowing(
             path=Sine(),
             truncation_error=0.05,

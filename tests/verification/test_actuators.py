@@ -371,10 +371,7 @@ def test_a_breakaway_ratio_is_breakaway_over_dynamic_torque() -> None:
 def test_the_library_of_actuators_says_what_it_does_not_know(name: str):
     found = ACTUATORS[name]
     assert isinstance(found.clutch, Clutch)
-    for each in set(found.unknown) & set(NEUTRAL):
-        assert getattr(found.clutch, each) == NEUTRAL[each]
-    assert {
-        each for each, value in NEUTRAL.items() if getattr(found.clutch, each) != value
-    }.isdisjoint(found.unknown)
+    neutral = {each for each, value in NEUTRAL.items() if getattr(found.clutch, each) == value}
+    assert neutral == set(found.unknown) & set(NEUTRAL)
     assert found.grade != "order of magnitude" or name.startswith("rough-")
     assert find_machine(name).clutch == found.clutch

@@ -22,6 +22,7 @@ def device(
     at: float | None = None,
     off: float | None = None,
     lag: float | None = None,
+    hysteresis: float | None = None,
     pace: PaceName = "medium",
     trials: int = 200,
     episodes: int = 100,
@@ -42,11 +43,12 @@ def device(
 
     Args:
         machine: Name of a machine or of a clutch, or a file, which may hold just a table [clutch]
-            with the four numbers below, torque and at also as lists.
+            with the numbers of a data sheet below, torque and at also as lists.
         torque: Torque of a clutch [N·m] at the voltage --at, instead of PTER's.
         at: Its largest voltage [V], or current [A].
         off: Its torque without voltage [N·m].
         lag: Time constant of its torque [s].
+        hysteresis: Its hysteresis, over the largest voltage: 0.05 for ±5 %.
         pace: Commanded pace.
         trials: Gains to try for each law.
         episodes: Test episodes of each scenario, at most as many as are stored.
@@ -56,11 +58,12 @@ def device(
         out: Folder for the results, created if necessary.
     """
     look_at(hand=hand)
-    sheet = {"torque": torque, "at": at, "off": off, "lag": lag}
+    sheet = {"torque": torque, "at": at, "off": off, "lag": lag, "hysteresis": hysteresis}
     is_sheet = any(number is not None for number in sheet.values())
     if is_sheet == bool(machine):
         raise ParameterError(
-            "machine must be a name or a file, or left out with --torque, --at, --off or --lag; "
+            "machine must be a name or a file, or left out with "
+            f"{', '.join(f'--{each}' for each in sheet)}; "
             f"names are {', '.join((*MACHINES, *ACTUATORS))}"
         )
     from pter_gym.tools.device.data_sheet import find_device, machine_of_sheet

@@ -29,8 +29,9 @@ SHEET = {
     "at": Limits(0.0, 1000.0, "V (or A, for a current)"),
     "off": Limits(0.0, 500.0, "N·m"),
     "lag": Limits(5e-4, 2.0, "s"),
+    "hysteresis": Limits(0.0, 0.4, "of the largest voltage"),
 }
-"""Torque at a voltage or current, torque without one, time constant."""
+"""Torque at a voltage or current, torque without one, time constant, half the loop's width."""
 
 KNEES = np.linspace(0.0, 0.95, 96)
 """Where a curve through a table may bend, over its last voltage."""
@@ -74,6 +75,7 @@ def machine_of_sheet(**sheet: Any) -> Machine:
         breakaway=dynamic.scaled(own.breakaway.slope / own.dynamic.slope),
         voltage_max=top,
         time_constant=_number("lag", given.get("lag", own.time_constant)),
+        hysteresis=top * _number("hysteresis", given.get("hysteresis", 0.0)),
     )
     return replace(BASELINE, clutch=clutch)
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,9 @@ needs_zig = pytest.mark.skipif(
 )
 
 COMPILE_UNITS = tool.compile_units
+
+HYSTERESIS = 1.2
+LOOPED = replace(BASELINE, clutch=replace(BASELINE.clutch, hysteresis=HYSTERESIS))
 
 PERIOD = 0.01
 VOLTS = [f"volts_{k}" for k in range(1, 5)]
@@ -129,13 +133,13 @@ class Arm:
 
 @pytest.fixture(scope="module")
 def plant(quick: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    unit = arm_unit(find_episodes("standard", "medium"))
+    unit = arm_unit(find_episodes("standard", "medium", machine=LOOPED))
     return unit.write(tmp_path_factory.mktemp("plant") / "arm.fmu")
 
 
 @pytest.fixture(scope="module")
 def closed(quick: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    unit = find_unit(find_policy("residual"), name="residual")
+    unit = find_unit(find_policy("residual"), name="residual", machine=LOOPED)
     return unit.write(tmp_path_factory.mktemp("closed") / "closed.fmu")
 
 
@@ -154,10 +158,17 @@ def arm(plant: Path) -> Iterator[Arm]:
     arm.free()
 
 
-def recorded(functions: Path, folder: Path, count: int, steps: int, hand: str = "own") -> Any:
+def recorded(
+    functions: Path,
+    folder: Path,
+    count: int,
+    steps: int,
+    hand: str = "own",
+    hysteresis: float = 0.0,
+) -> Any:
     """Telemetry and observations of the policy ``residual`` in the package's episodes."""
     file = folder / "episodes.npz"
-    told = ("episodes", file, "residual", count, steps, hand)
+    told = ("episodes", file, "residual", count, steps, hand, hysteresis)
     subprocess.run([sys.executable, NATIVE, functions, *map(str, told)], check=True)
     return np.load(file)
 
@@ -187,7 +198,7 @@ def check_bits(plant: Path, closed: Path, run: Any) -> None:
 def test_an_episode_has_the_bits_of_the_package(
     plant: Path, closed: Path, functions: Path, tmp_path: Path
 ) -> None:
-    check_bits(plant, closed, recorded(functions, tmp_path, 1, 60))
+    check_bits(plant, closed, recorded(functions, tmp_path, 1, 60, hysteresis=HYSTERESIS))
 
 
 @pytest.mark.long
@@ -466,7 +477,7 @@ def test_another_unit_s_token_is_refused(plant: Path) -> None:
 @pytest.mark.slow
 def test_the_older_version_has_the_same_bits(plant: Path, quick: None, tmp_path: Path) -> None:
     arm = Arm(plant).begin()
-    file = find_unit(version="2.0").write(tmp_path / "older.fmu")
+    file = find_unit(machine=LOOPED, version="2.0").write(tmp_path / "older.fmu")
     found = fmpy.read_model_description(str(file))
     references = {each.name: each.valueReference for each in found.modelVariables}
     older: Any = FMU2Slave(
@@ -504,7 +515,8 @@ def test_a_policy_alone_gives_the_voltages_of_the_closed_loop(
 
     Other instances get angles that are off by that rounding, at random.
     """
-    unit = policy_unit(find_policy("residual"), name="residual").write(tmp_path / "policy.fmu")
+    unit = policy_unit(find_policy("residual"), name="residual", machine=LOOPED)
+    unit = unit.write(tmp_path / "policy.fmu")
     policies, whole = [Arm(unit).begin() for _ in range(9)], Arm(closed).begin()
     wires = {f"torque_{k}": f"observation.torque_{k}" for k in range(1, 5)}
     wires |= {f"angle_{link}": f"telemetry.theta_{link}" for link in "ab"}

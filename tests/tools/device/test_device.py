@@ -155,6 +155,9 @@ def test_a_data_sheet_is_a_straight_torque_curve_and_the_rest_is_pters(tmp_path:
     assert (clutch.voltage_max, clutch.time_constant) == (12.0, 0.015)
     assert machine.arm == BASELINE.arm
     assert machine_of_sheet(lag=BASELINE.clutch.time_constant) == BASELINE
+    looped = machine_of_sheet(torque=5.0, at=12.0, hysteresis=0.05).clutch
+    assert looped.dynamic == machine_of_sheet(torque=5.0, at=12.0).clutch.dynamic
+    assert looped.least.dynamic == pytest.approx(0.05 * 5.0)
 
 
 def test_a_table_of_a_sheet_becomes_the_curve_that_made_it(tmp_path: Path):
@@ -189,6 +192,7 @@ def test_a_table_of_a_sheet_becomes_the_curve_that_made_it(tmp_path: Path):
         ({"torque": "5.4", "at": 12}, "torque"),
         ({"lag": float("nan")}, "lag"),
         ({"off": 60.0}, "off"),
+        ({"hysteresis": 5.0}, r"hysteresis .* 0 to 0\.4 of the largest voltage, got 5"),
         ({"mass": 1.0}, "clutch"),
         ({"torque": [0.5, 5, 9, 12], "at": 12}, "as many numbers"),
         ({"torque": [0.5, 5, 4], "at": [0, 4, 8]}, "rise"),

@@ -10,10 +10,10 @@ and hashes of all that came of it.
 repeats a trial of a page and prints, as JSON, at which steps something came of it that was not the
 same bits.
 
-    python native.py FUNCTIONS.so episodes FILE.npz POLICY COUNT STEPS own|recorded
+    python native.py FUNCTIONS.so episodes FILE.npz POLICY COUNT STEPS own|recorded HYSTERESIS
 
-lets a policy act in the first test episodes and writes what came of it; with ``recorded``, forces
-of a recording push the tip.
+lets a policy act in the first test episodes, with clutches of a hysteresis [V], and writes what
+came of it; with ``recorded``, forces of a recording push the tip.
 
 Where numba does not compile, Python calls the functions of the library."""
 
@@ -23,6 +23,7 @@ import json
 import math
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +63,11 @@ def held_volts(rng: np.random.Generator, now: Any, top: float) -> Any:
     return np.where(fresh, np.where(rng.random(now.shape) < 0.05, top, drawn), now)
 
 
+def with_hysteresis(machine: Any, hysteresis: float) -> Any:
+    """Return a machine whose clutches have a hysteresis [V]."""
+    return replace(machine, clutch=replace(machine.clutch, hysteresis=hysteresis))
+
+
 class Hashes:
     """A hash for each world and ``CHUNK`` steps."""
 
@@ -89,7 +95,8 @@ def run_scenario(name: str, steps: int, folder: Path) -> dict[str, Any]:
     from pter_gym.tools.web.tables import numbered_gains
 
     draws = find_scenario(name).draws.with_task(starts=STARTS["path"])
-    machines, tasks = zip(*draws.pairs(32, steps), strict=True)
+    drawn, tasks = zip(*draws.pairs(32, steps), strict=True)
+    machines = [with_hysteresis(each, 1.2 * (k % 2)) for k, each in enumerate(drawn)]
     batch = Batch(
         machines, tasks, WORLDS, draws=True, sensors="force", observe_context=True, max_steps=LIMIT
     )
@@ -145,17 +152,17 @@ def run_scenarios(folder: Path, steps: int) -> None:
     (folder / "runs.json").write_text(json.dumps(runs))
 
 
-def record(file: Path, name: str, count: int, steps: int, hand: str) -> None:
+def record(file: Path, name: str, count: int, steps: int, hand: str, hysteresis: float) -> None:
     """Write telemetry, observations in their units, and the forces (x, y) of a recording."""
-    from dataclasses import replace
-
     from pter_gym.benchmark import find_policy
     from pter_gym.benchmark.episodes import find_episodes
     from pter_gym.benchmark.rollout import record_episodes
     from pter_gym.hands import RecordedForces
+    from pter_gym.params import BASELINE
     from pter_gym.tasks.path_following import observation_layout
 
-    episodes = find_episodes("standard", "medium").first(count)
+    machine = with_hysteresis(BASELINE, hysteresis)
+    episodes = find_episodes("standard", "medium", machine=machine).first(count)
     episodes = replace(episodes, time_limits=(steps,) * count)
     forces = np.random.default_rng(1).uniform((10.0, -8.0), (40.0, 8.0), (steps, 2))
     if hand == "recorded":
@@ -207,7 +214,7 @@ if __name__ == "__main__":
     if what == "worlds":
         run_scenarios(Path(file), int(rest[0]))
     elif what == "episodes":
-        record(Path(file), rest[0], int(rest[1]), int(rest[2]), rest[3])
+        record(Path(file), rest[0], int(rest[1]), int(rest[2]), rest[3], float(rest[4]))
     else:
         told = json.loads(Path(file).read_text())
         csv = Path(file).with_suffix(".csv")

@@ -135,10 +135,12 @@ void pter_observe(pter_state *state, const pter_reading *reading, const pter_pat
     if (known && path->count > 0 && IS_WITHIN(r.theta.a, MOST_TURNED) && IS_WITHIN(r.theta.b, MOST_TURNED)) {
         state->arc = observe(r, volts, path->arcs, path->count, state->arc, path->pace, seen);
     } else {
+        /*@ loop unroll $most; */
         for (int k = 0; k < $most; k++) {
             seen[k] = NOT_A_NUMBER;
         }
     }
+    /*@ loop unroll PTER_ENTRIES; */
     for (int k = 0; k < PTER_ENTRIES; k++) {
         observation[k] = (float)seen[k];
     }
@@ -147,6 +149,7 @@ void pter_observe(pter_state *state, const pter_reading *reading, const pter_pat
 void pter_act(pter_state *state, const float observation[PTER_ENTRIES], float volts[4])
 {
     int known = 1;
+    /*@ loop unroll PTER_ENTRIES; */
     for (int k = 0; k < PTER_ENTRIES; k++) {
         known = known && IS_NUMBER(observation[k]);
     }
