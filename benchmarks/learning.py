@@ -1,4 +1,4 @@
-"""How soon `pter train ppo` ranks, and what it reaches: `python benchmarks/learning.py SEED …`.
+"""How soon `pter train ppo` ranks, and how well: `python benchmarks/learning.py SEED …`.
 
 Trains with the default settings, or those of `--config FILE`, and validates every 16 rollouts.
 Prints for each seed the seconds of the training alone, by the clock, until the first policy that is

@@ -1,3 +1,4 @@
+# pyright: standard
 """How well ``pter identify --hand`` measures hands that were not used to make it.
 
     python benchmarks/measured_hands.py HANDS SECONDS [CONDITION …]
@@ -108,7 +109,7 @@ def record(
     machine = replace(machine, hand=hand, substep=SUBSTEP)
     per_row = round(PERIOD / SUBSTEP)
     rows = round(seconds / PERIOD)
-    times = SUBSTEP * np.arange(rows * per_row)
+    times: Array = SUBSTEP * np.arange(rows * per_row, dtype=np.float64)
     volts = pulses(machine, MIDDLE, seconds, PERIOD, force, int(rng.integers(1 << 30)))
     held = np.repeat(volts, per_row, axis=0)
     target = tip_positions(machine, MIDDLE[None]) + loops(times, rng)
@@ -117,7 +118,7 @@ def record(
     )
     stiffness = matrix(hand.stiffness, hand.stiffness_anisotropy)
     damping = matrix(hand.damping, hand.damping_anisotropy)
-    x, v, theta, passive = simulated(machine, held, own, target, condition, stiffness, times)
+    _, v, theta, passive = simulated(machine, held, own, target, condition, stiffness, times)
     a = np.gradient(v, SUBSTEP, axis=0)
     total = passive + own - v @ damping - (hand.mass + condition.handle) * a
     pick = slice(0, None, per_row)

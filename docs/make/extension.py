@@ -22,6 +22,9 @@ PAGES = {"pter_gym.envs._single.PathFollowingEnv": "/environment"}
 COMMAND = re.compile(r"(pter|pip|python3?|docker|\w+=\w+ \S+|\.venv/bin/\w+) ")
 """How a block of commands begins."""
 
+COMMANDS = r'<div class="highlight-(?:sh|text|powershell).*?</pre>'
+"""A block of commands in a page."""
+
 
 def inline_formula(translator: Any, node: nodes.math) -> None:
     """Write a formula within a line as MathML, which browsers draw by themselves."""
@@ -154,12 +157,27 @@ def shorten_side_bar(
         context["toctree"] = lambda **options: whole(**options | {"maxdepth": 1})
 
 
+def keep_words_whole(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], tree: Any
+) -> None:
+    """Mark names and options, which browsers would break after a hyphen."""
+    if body := context.get("body"):
+        body = re.sub(r'<span class="pre(?=">[^<]{1,34}<)', r"\g<0> word", body)
+        context["body"] = re.sub(COMMANDS, mark_options, body, flags=re.DOTALL)
+
+
+def mark_options(block: re.Match[str]) -> str:
+    """Return a block of commands with its options marked."""
+    return re.sub(r"(?<=[\s>])--[\w-]+", r'<span class="word">\g<0></span>', block[0])
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect to Sphinx."""
     app.add_html_math_renderer("mathml", (inline_formula, None), (formula, None))
     app.connect("builder-inited", bring_notebooks)
     app.connect("source-read", add_contents)
     app.connect("html-page-context", shorten_side_bar, priority=400)  # before the theme reads it
+    app.connect("html-page-context", keep_words_whole)
     app.connect("autodoc-process-docstring", process)
     app.connect("autodoc-skip-member", choose)
     app.connect("viewcode-follow-imported", follow)

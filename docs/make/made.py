@@ -413,12 +413,16 @@ def command(name: str) -> str:
     ).groups()  # type: ignore[union-attr]
     meanings = {each.arg_name: each.description or "" for each in doc.params}
     hints = get_type_hints(function, include_extras=True)
-    rows = (
-        argument(hints[each.name], each, meanings.get(each.name, ""))
-        for each in inspect.signature(function).parameters.values()
-    )
+    rows: list[list[str]] = []
+    for each in inspect.signature(function).parameters.values():
+        option, usual, meaning = argument(hints[each.name], each, meanings.get(each.name, ""))
+        rows.append([option, meaning, usual])
     return "\n\n".join(
-        [text, f"```sh\n{example}\n```", table(["Argument", "Default", "What it is"], rows)]
+        [
+            with_options_as_code(text),
+            f"```sh\n{example}\n```",
+            table(["Argument", "What it is", "Default"], rows),
+        ]
     )
 
 
@@ -435,7 +439,13 @@ def argument(hint: Any, parameter: inspect.Parameter, meaning: str) -> list[str]
         option += f", --no-{option[2:]}"
     if names := choices(hint):
         meaning += f" One of {', '.join(map(code, names))}."
-    return [code(option), default_text(parameter.default), " ".join(meaning.split())]
+    text = with_options_as_code(" ".join(meaning.split()))
+    return [code(option), default_text(parameter.default), text]
+
+
+def with_options_as_code(text: str) -> str:
+    """Return a text whose options are code: Sphinx would make a dash of two hyphens."""
+    return re.sub(r"`[^`]*`|--[a-z-]+", lambda found: code(found[0].strip("`")), text)
 
 
 def aliases(hint: Any) -> list[str]:
@@ -453,11 +463,13 @@ def choices(hint: Any) -> list[str]:
 def default_text(value: Any) -> str:
     """Return how a table shows the default of an argument."""
     match value:
-        case None | "" | inspect.Parameter.empty:
+        case None | "" | () | inspect.Parameter.empty:
             return ""
         case bool():
             return "yes" if value else "no"
         case int():
             return f"{value:,}"
+        case tuple():
+            return code(" ".join(value))
         case _:
             return code(str(value))

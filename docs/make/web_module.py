@@ -58,7 +58,7 @@ LINKED = ("sin", "cos", "exp", "log", "atan2")
 STACK = 1 << 16
 
 COUNTING = re.compile(r"^.*call void @NRT_(incref|decref)\(.*$", re.MULTILINE)
-"""Counts of references: the kernels' arrays are a page's memory, which nobody counts."""
+"""Counts of references: the kernels' arrays are a page's memory and are not counted."""
 
 KINDS: dict[Any, str] = {numba.types.int32: "i32", numba.types.float64: "double"}
 

@@ -63,8 +63,8 @@ def compile_kernel(build: Callable[[str], Function], **names: object) -> Functio
 
     Numba's cache looks at the file of the kernel alone (numba issue 1833). So ``build`` gets a
     digest of all that the kernel reaches and returns the kernel with that digest in its closure,
-    which is part of the key in numba's cache. A kernel without a digest is compiled anew by each
-    process.
+    which is part of the key in numba's cache. Each process compiles a kernel without a digest
+    again.
 
     Parameters
     ----------

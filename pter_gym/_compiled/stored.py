@@ -3,8 +3,8 @@
 
 Numba keeps an index of numbered files, which are replaced one after the other: where two processes
 store at the same time, or one ends in between, the index of one names the code of the other, and
-whoever loads it crashes. Here a file is named by what is in it, holds its own key and checksum, and
-appears at once. What cannot be read is compiled again.
+a process that loads it crashes. Here a file is named by its content, holds its own key and
+checksum, and appears at once. What cannot be read is compiled again.
 """
 
 import hashlib

@@ -1,4 +1,4 @@
-"""Ways to ride that may look better than they are, each made from an honest policy."""
+"""Ways to move that may look better than they are, each made from an honest policy."""
 
 from collections.abc import Callable
 from typing import Any
@@ -72,7 +72,7 @@ def tells(pace: When = lambda *_: 1.0, error: When = lambda *_: 0.0) -> Attack:
 
 
 def rides(factor: Factor) -> Attack:
-    """Ride at the pace times a function of progress."""
+    """Move at the pace times a function of progress."""
     return tells(pace=lambda self, obs: factor(self.observe(obs, "progress")))
 
 
@@ -103,17 +103,17 @@ def beyond(progress: float) -> When:
 
 
 def beside(error: float, until: float = 2.0) -> Attack:
-    """Ride so many metres beside the path, to a part of it."""
+    """Move so many metres beside the path, to a part of it."""
     return tells(error=lambda self, obs: np.where(beyond(until)(self, obs), 0.0, error))
 
 
 def lingers(factor: float) -> Attack:
-    """Ride the first segment at another pace."""
+    """Move along the first segment at another pace."""
     return rides(lambda progress: np.where(progress * SEGMENTS < 1.0, factor, 1.0))
 
 
 def alternates(slow: float, fast: float, parts: int) -> Attack:
-    """Ride slowly and fast in turn behind the start, in equal parts of the path."""
+    """Move slowly and fast in turn behind the start, in equal parts of the path."""
 
     def factor(progress: Array) -> Array:
         in_turn = np.where(np.floor(parts * progress) % 2 == 0, slow, fast)

@@ -43,18 +43,18 @@ CLEARLY = 2.0
 
 AGREEING = 0.96
 """Smallest share of the pairs in which the reward agrees. Laws that stick and slip earn less than
-they score: on ``paths``, ``single-dof-tuned`` less than ``torque-feedback-tuned``, which rides
+they score: on ``paths``, ``single-dof-tuned`` less than ``torque-feedback-tuned``, which moves
 smoothly 11 mm beside the path."""
 
 LATE = ("lingers", "velocity-ratio-tuned")
-"""Who waits at the start of the path, or leaves it at first, and then rides well."""
+"""Policies that wait at the start of the path, or leave it at first, and then follow it well."""
 
 LARGE = 0.01
-"""Path error [m] of a game; a ranked policy that weaves within a corridor plays none."""
+"""Path error [m] of an exploit; a ranked policy that weaves within a corridor is none."""
 
 
 def is_short_sighted(pace: str, discount: float, better: str, worse: str) -> bool:
-    """Return whether an agent does not see a game whole, or not what makes up for having waited.
+    """Return whether an agent misses part of an exploit, or what makes up for having waited.
 
     Within a second, a tenth of a slow path, who is going to ride beside it is not beside yet, and a
     free arm is still where its hand holds it. Within two, who began late has not caught up, and who
@@ -87,16 +87,16 @@ STOPS: dict[str, Attack] = {
         for part in (0.5, 0.8, 0.9)
     },
 }
-"""Ways to end a good ride before the end of the path."""
+"""Ways to end a good rollout before the end of the path."""
 
 
 KNOWN = {("tremor", "slow", "universal", "residual weaves")}
-"""Where a game pays more than a better policy: 5 mm at an even pace, against 2 mm with the tremor
-in the pace."""
+"""Where an exploit pays more than a better policy: 5 mm at an even pace, against 2 mm with the
+tremor in the pace."""
 
 
 def is_made_of(honest: str, name: str) -> bool:
-    """Return whether it is a game that is made of the best policy: it pays less at any error."""
+    """Return whether it is an exploit made of the best policy: it pays less at any error."""
     return honest == "residual" and name in {f"{honest} {game}" for game in GAMES}
 
 

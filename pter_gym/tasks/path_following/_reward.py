@@ -99,7 +99,7 @@ def pace_cost(ratio: float) -> float:
     """Return the cost of a pace, from its ratio to the commanded one: ``REST`` at rest, 1 at 2.
 
     Below the commanded pace it is quadratic: were its slope as large there as it is at rest, noise
-    of the actions would make it cheaper to ride too fast.
+    of the actions would make it cheaper to be too fast.
     """
     missing = 1.0 - (ratio if ratio > 0.0 else 0.0)
     faster = ratio if ratio < MAX_PACE_RATIO else MAX_PACE_RATIO

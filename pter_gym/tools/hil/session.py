@@ -73,7 +73,7 @@ def reading_of(batch: Batch, row: Any) -> Array:
 
 
 class Partner:
-    """Whoever is at the other end.
+    """The program at the other end.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ is largely predictable from its past, and only what is new in it disturbs the es
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -245,7 +245,7 @@ class _HandFit:
         self.delay = float(np.clip(self.delay + self.theta[-1], -LATEST, LATEST))
         self.theta[-1] = 0.0
 
-    def estimate(self, switches: Array | slice = EVERY) -> _Estimate:
+    def estimate(self, switches: Any = EVERY) -> _Estimate:
         """Return the numbers by some switches."""
         information, pull = self.information[switches], self.pull[switches]
         inverse = np.linalg.pinv(information.sum(axis=0))
@@ -284,10 +284,11 @@ class _HandFit:
         Positions, velocities, accelerations and forces, until so many test functions after a
         switch, of which ``early`` are before any reaction.
         """
-        times = self.log.interval * np.arange(self.stride * count + 1)
+        times: Array = self.log.interval * np.arange(self.stride * count + 1, dtype=np.float64)
         hand = self._matrices()
         moved = predict(self.machine, self.at, hand, times)
-        return [*moved, -sum(each @ part for each, part in zip(moved, hand, strict=True))]
+        pushed = [each @ part for each, part in zip(moved, hand, strict=True)]
+        return [*moved, -(pushed[0] + pushed[1] + pushed[2])]
 
     def _instruments(self, whitener: Array, motion: list[Array]) -> Array:
         """Return the columns as a predicted motion changes them."""
@@ -506,7 +507,7 @@ def _possible(log: Log, machine: Machine, rows: NDArray[np.int64]) -> Switches:
         omega=omega,
         held=_held(log, machine)[rows],
         after=np.concatenate([after[None], after[drawn]]),
-        lasting=log.interval * (_next(log)[rows] - rows),
+        lasting=log.interval * (_next(log)[rows] - rows).astype(np.float64),
     )
 
 
@@ -516,7 +517,7 @@ def _held(log: Log, machine: Machine) -> Array:
     torque = _torques(machine, log.volts)
     late = 1 + round(machine.delay / log.interval)
     torque = np.concatenate([np.repeat(torque[:1], late, axis=0), torque[:-late]])
-    return lfilter([1.0 - kept], [1.0, -kept], torque, axis=0)
+    return np.asarray(lfilter([1.0 - kept], [1.0, -kept], torque, axis=0))
 
 
 def _next(log: Log) -> NDArray[np.int64]:

@@ -1,6 +1,7 @@
 """``pter reproduce``: the paper's figures, its table and its claims."""
 
 from collections import Counter
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -54,17 +55,21 @@ def reproduce(
 
 
 def verdicts(claims: "Sequence[Claim]") -> "Table":
-    """Return what became of each claim, with the paper's sentence below, and how many of each."""
+    """Return what became of the claims of each sentence of the paper, and how many of each kind."""
     from rich.table import Table
 
     counts = ", ".join(
         f"{count} {kind}" for kind, count in Counter(claim.kind for claim in claims).items()
     )
     table = Table.grid(padding=(0, 2))
-    for claim in claims:
-        s = claim.statement
-        measured = f"Measured {s.with_unit(f'{claim.value:.4g}')}, needed {s.condition}."
-        table.add_row(claim.kind, f"{s.claim} {measured}\n“{s.paper}” ({s.section})")
+    for (paper, section), group in groupby(
+        claims, key=lambda claim: (claim.statement.paper, claim.statement.section)
+    ):
+        for claim in group:
+            s = claim.statement
+            measured = f"Measured {s.with_unit(f'{claim.value:.4g}')}, needed {s.condition}."
+            table.add_row(claim.kind, f"{s.claim} {measured}")
+        table.add_row("", f"“{paper}” ({section})")
     table.add_row("in all", counts)
     return table
 

@@ -16,7 +16,7 @@ $observation */
 #define PTER_DIGEST 0x$digest /* of this policy: pter.c checks that it is its own */
 #define PTER_PERIOD ((pter_real)$period) /* of a control step [s] */
 #define PTER_ENTRIES $entries /* numbers in an observation */
-#define PTER_HOLD $hold /* control steps for which a decision is held */
+#define PTER_HOLD $hold /* control steps for which an action is held */
 #define PTER_VOLTAGE_MAX ((pter_real)$top) /* largest voltage [V] */
 #define PTER_MEMORY $memory /* numbers that the law keeps */
 #define PTER_ARCS $arcs /* arcs of pter_path_arcs */
