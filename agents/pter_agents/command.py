@@ -11,6 +11,7 @@ from pter_gym._commands.arguments import (
     AnyPace,
     AnyScenario,
     EachPace,
+    HandName,
     MachineName,
     ScenarioName,
     look_at,
@@ -42,6 +43,7 @@ def train(
     machine: MachineName = None,
     adversary: bool = False,
     teacher: str = "",
+    hand: HandName = None,
 ) -> None:
     """Train a policy on a scenario's training episodes by PPO.
 
@@ -68,8 +70,9 @@ def train(
         adversary: Also train on hands that push the policy furthest off the path, which are
             searched again as it learns.
         teacher: Policy with the same inputs, by name or file, which a small network first imitates.
+        hand: Name or file of a hand, instead of those that the scenario draws; see docs/hands.md.
     """
-    look_at(machine=machine)
+    look_at(machine=machine, hand=hand)
     with waiting("loading"):
         from pter_agents.runs import RunFolder
         from pter_agents.settings import (
@@ -79,6 +82,7 @@ def train(
             TrainingArguments,
             load_settings,
         )
+        from pter_gym.hands._tremor import varied_hand
         from pter_gym.params import find_machines
         from pter_gym.policies.tuned import FALLBACK
         from pter_gym.tools.figures import save
@@ -95,6 +99,7 @@ def train(
             settings=settings,
             validation_episodes=episodes,
             machine=None if machine is None else find_machines(machine),
+            hand=None if hand is None else varied_hand(hand),
         )
         try:
             from pter_agents import exporting, ppo, report
@@ -117,7 +122,8 @@ def train(
         if not smoke:
             files.append(report.film(exporting.read_newest(out), arguments, out / "film.webp"))
     say(report.table({str(out): history[max(history)], **laws}))
-    on = options(scenario=FALLBACK if scenario == MIXED_NAME else scenario, machine=machine)
+    scenario = FALLBACK if scenario == MIXED_NAME else scenario
+    on = options(scenario=scenario, machine=machine, hand=hand)
     conclude(
         files,
         f"tensorboard --logdir {quote(str(out))}",

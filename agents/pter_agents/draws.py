@@ -16,6 +16,7 @@ from pter_agents.settings import MIXED_NAME, TrainingArguments
 from pter_gym.benchmark import Episodes, evaluate
 from pter_gym.controllers import AnyPolicy
 from pter_gym.controllers._scaled import traits_of
+from pter_gym.hands import Operator
 from pter_gym.params import BASELINE, Machine, MachineSpread, TorqueCurve
 from pter_gym.paths import Arc, Circle, Line, Sine
 from pter_gym.policies._interface import Interval
@@ -282,7 +283,11 @@ DEVICES = Devices()
 
 
 def draws_for(
-    scenario: str, pace: str, machine: Machine | MachineSpread | None = None, **fields: object
+    scenario: str,
+    pace: str,
+    machine: Machine | MachineSpread | None = None,
+    hand: Operator | None = None,
+    **fields: object,
 ) -> Draws:
     """Return the draws of a scenario at a pace.
 
@@ -294,6 +299,8 @@ def draws_for(
         Name of a commanded pace, or ``"all"``.
     machine
         A machine, or machines about one, in place of those that the scenarios draw.
+    hand
+        A hand, in place of those that the scenarios draw.
     **fields
         Fields of the task that all episodes share, such as ``reward``, ``starts`` and
         ``truncation_error``.
@@ -304,13 +311,14 @@ def draws_for(
         If there is no such scenario or pace; the message suggests the nearest.
     """
     if scenario == MIXED_NAME:
-        suite = {name: find_scenario(name, machine).draws for name in MIXED}
+        suite = {name: find_scenario(name, machine, hand=hand).draws for name in MIXED}
         suite[MAX_VARIED] = replace(suite[MAX_VARIED], weight=len(MIXED) - 1)
-        first, *others = suite.values()
-        wider = (replace(draws, instead=machine) for draws in WIDER)
-        draws = replace(first, also=(*others, *wider))
+        first, *more = suite.values()
+        others = WIDER if hand is None else [find_scenario(x, hand=hand).draws for x in WIDER]
+        wider = (replace(draws, instead=machine) for draws in others)
+        draws = replace(first, also=(*more, *wider))
     else:
-        draws = find_scenario(scenario, machine).draws
+        draws = find_scenario(scenario, machine, hand=hand).draws
     return draws.at_pace(ANY_PACE if pace == MIXED_NAME else pace).with_task(**fields)
 
 
@@ -321,6 +329,7 @@ def training_draws(arguments: TrainingArguments) -> Draws:
         arguments.scenario,
         arguments.pace,
         arguments.machine,
+        arguments.hand,
         reward=s.reward(),
         starts=STARTS[s.starts],
         truncation_error=s.truncation,
@@ -347,7 +356,7 @@ def validation_episodes(arguments: TrainingArguments) -> dict[str, Episodes]:
     """Return held-out training episodes by pace: test episodes stay unseen."""
     found: dict[str, Episodes] = {}
     for pace in arguments.paces:
-        draws = draws_for(arguments.scenario, pace, arguments.machine)
+        draws = draws_for(arguments.scenario, pace, arguments.machine, arguments.hand)
         pairs = draws.pairs(arguments.validation_episodes, VALIDATION_SEED)
         seeds = range(FIRST_RESET, FIRST_RESET + len(pairs))
         found[pace] = Episodes.from_pairs(arguments.scenario, draws, pairs, seeds)

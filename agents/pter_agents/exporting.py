@@ -96,6 +96,7 @@ def about_run(
         "teacher": settings["teacher"],
         "config": "FILE" if changed else "",
         "machine": "FILE" if arguments.machine else "",
+        "hand": "FILE" if arguments.hand else "",
     }
     options |= {name: file for name, file in files.items() if file}
     words = ("pter train", arguments.algorithm, *(f"--{name} {x}" for name, x in options.items()))

@@ -5,12 +5,13 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from pter_gym import params
+from pter_gym import hands, params
 from pter_gym._internal.codec import Codec, dataclasses_in, tuple_of
 from pter_gym._internal.fields import Checked, parameter, require, require_flag, require_kind
 from pter_gym._internal.files import FilePath, expand_path
 from pter_gym._internal.reading import read_toml
 from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.hands import Operator
 from pter_gym.params import Machine, MachineSpread
 from pter_gym.policies._trained import MAX_LAYERS, MAX_UNITS, are_hidden
 from pter_gym.policies.tuned import tuned_policies
@@ -41,8 +42,11 @@ PARTS = 2
 SMOKE = {"worlds": 64, "steps": 32, "contexts": 16, "minibatch": 512, "epochs": 2}
 """Hyper-parameters of a short run that shows that training works, not that it learns."""
 
-CODEC = Codec(dataclasses_in(params))
-"""Stores the machine of a training."""
+CODEC = Codec(dataclasses_in(params, hands))
+"""Stores the machine and the hand of a training."""
+
+OWN = ("machine", "hand")
+"""Arguments of a training in place of what its scenario draws."""
 
 ADVERSARY = 0.4
 """``Settings.adversary`` of ``pter train --adversary``."""
@@ -202,6 +206,7 @@ class TrainingArguments(Checked):
     validate_every: int = parameter("rollouts", "between two validations", default=40)
     validation_episodes: int = parameter("1", "of a validation at each pace", default=64)
     machine: Machine | MachineSpread | None = parameter("", "in place of drawn ones", default=None)
+    hand: Operator | None = parameter("", "in place of drawn ones", default=None)
 
     def __post_init__(self) -> None:
         """Check names and numbers."""
@@ -213,6 +218,7 @@ class TrainingArguments(Checked):
         }
         _check_names(self, names)
         require_kind(self, "machine", Machine, MachineSpread, type(None))
+        require_kind(self, "hand", Operator, type(None))
         free = self.machine is None or not self.settings.devices
         accepted = "left out where every pair has a device of its own"
         require(free, self, "machine", accepted, got="a machine")
@@ -229,7 +235,8 @@ class TrainingArguments(Checked):
 
     def as_json(self) -> dict[str, Any]:
         """Return plain data."""
-        return {**asdict(self), "machine": CODEC.to_plain(self.machine)}
+        own = {name: CODEC.to_plain(getattr(self, name)) for name in OWN}
+        return {**asdict(self), **own}
 
     def check_same(self, others: "TrainingArguments") -> None:
         """Raise a ParameterError if those of a run to resume differ in more than the steps."""
@@ -246,5 +253,5 @@ class TrainingArguments(Checked):
 def arguments_from(content: dict[str, Any]) -> TrainingArguments:
     """Return arguments from plain data, as made by ``TrainingArguments.as_json``."""
     content["settings"] = settings_from(content["settings"])
-    content["machine"] = CODEC.from_plain(content.get("machine"))
+    content |= {name: CODEC.from_plain(content.get(name)) for name in OWN}
     return TrainingArguments(**content)

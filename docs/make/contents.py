@@ -16,6 +16,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
         "notebooks/04_train_an_agent",
         "notebooks/05_read_the_benchmark",
         "notebooks/06_which_machine_to_build",
+        "notebooks/07_measure_a_hand",
         "in-class",
     ),
     "How to": (
@@ -29,6 +30,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
         "cluster",
         "devices",
         "identify",
+        "measure-a-hand",
         "deploy",
         "fmu",
         "troubleshooting",

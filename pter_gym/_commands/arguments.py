@@ -13,11 +13,14 @@ from pter_gym._commands.terminal import say
 from pter_gym._internal.files import TABLE_ENDINGS, check_target, has_ending
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.hands._hand_files import find_impedance
+from pter_gym.hands._library import LIBRARY_TREMORS
 from pter_gym.params import find_machine
 from pter_gym.paths._names import PATH_NAMES
 from pter_gym.paths._reach import SINGULARITY_MARGIN, check_reach
 from pter_gym.policies.find import kind_of
-from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
+from pter_gym.scenarios import PACES, SCENARIOS
+from pter_gym.scenarios._suite import by_hand
 from pter_gym.scenarios.paces import find_pace
 
 ALL = "all"
@@ -61,6 +64,9 @@ PathName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.csv")]
 MachineName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.toml")]
 """A machine by its name or its file; None for what is usual."""
 
+HandName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.toml")]
+"""A hand by its name or its file; None for what is usual."""
+
 
 def look_at(
     *,
@@ -69,6 +75,7 @@ def look_at(
     path: str | None = None,
     smooth: float = 0.0,
     machine: str | None = None,
+    hand: str | None = None,
 ) -> None:
     """Look at what a user has named before anything that takes seconds is imported.
 
@@ -80,6 +87,8 @@ def look_at(
     for policy in policies:
         kind_of(policy)
     arm = find_machine(machine).arm
+    if hand is not None and hand not in LIBRARY_TREMORS:
+        find_impedance(hand)
     if path is not None and has_ending(path, *TABLE_ENDINGS):
         columns = read_table(path, ("x", "y"), unit="m").columns
         if not smooth:
@@ -89,14 +98,16 @@ def look_at(
         raise unknown_name("path", path, (*PATH_NAMES, "FILE.csv"))
 
 
-def scenario_on(scenario: str, machine: str | None, path: str | None, smooth: float) -> "Scenario":
-    """Return a scenario on a user's path and with a user's machine, each also in its name.
+def scenario_on(
+    scenario: str, machine: str | None, path: str | None, smooth: float, hand: str | None = None
+) -> "Scenario":
+    """Return a scenario on a user's path, with a user's machine and hand, each also in its name.
 
     Says so if the path's bends leave little workspace.
     """
     if smooth < 0.0 or (smooth and not has_ending(path, *TABLE_ENDINGS)):
         raise ParameterError(f"smooth must be ≥ 0 mm, for a path from a file, got {smooth:g}")
-    chosen = find_scenario(scenario, machine, path, 1e-3 * smooth)
+    chosen = by_hand(scenario, machine, hand, path, 1e-3 * smooth)
     if machine:
         title = f"{chosen.name}-with-{PurePath(machine).stem}"
         chosen = replace(chosen, name=title, gains=chosen.whose_gains)
@@ -120,10 +131,11 @@ def options(
     pace: str = "medium",
     path: str | None = None,
     machine: str | None = None,
+    hand: str | None = None,
     smooth: float = 0.0,
 ) -> str:
     """Return those of these options that are not usual, as a command line has them."""
-    given = {"scenario": scenario, "pace": pace, "path": path, "machine": machine}
+    given = {"scenario": scenario, "pace": pace, "path": path, "machine": machine, "hand": hand}
     usual = ("standard", "medium", None)
     shown = {name: value for name, value in given.items() if value not in usual}
     shown |= {"smooth": f"{smooth:g}"} if path and smooth else {}
@@ -138,8 +150,8 @@ def split_numbers(field: str, text: str) -> list[float]:
         raise ParameterError(f"{field} must be numbers separated by commas, got {text!r}") from None
 
 
-def check_file(out: Path, suffix: str) -> None:
+def check_file(out: Path, suffix: str, field: str = "out") -> None:
     """Raise a ParameterError unless a file with this suffix can be written."""
     if not has_ending(out, suffix):
-        raise ParameterError(f"out must end in {suffix}, got {str(out)!r}")
-    check_target("out", out)
+        raise ParameterError(f"{field} must end in {suffix}, got {str(out)!r}")
+    check_target(field, out)

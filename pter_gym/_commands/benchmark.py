@@ -14,6 +14,7 @@ from pter_gym._commands.arguments import (
     ALL,
     AnyPaces,
     AnyScenario,
+    HandName,
     MachineName,
     PathName,
     Smoothness,
@@ -88,6 +89,7 @@ class Benchmark:
         film: Whether to film the policies on a training episode of the scenario.
         out: Folder for the results, created if necessary.
         machine: Name or file of a machine, instead of the scenario's.
+        hand: Name or file of a hand, instead of the scenario's; see docs/hands.md.
         table: File for one table of all scenarios and paces, its best numbers bold: Markdown, LaTeX
             or CSV.
         baseline: Policy to which the table gives differences, with 95 % intervals over the same
@@ -107,6 +109,7 @@ class Benchmark:
     film: bool = True
     out: Path = Path("pter-benchmark")
     machine: MachineName = None
+    hand: HandName = None
     table: Annotated[Path | None, tyro.conf.arg(metavar="FILE.md|.tex|.csv")] = None
     baseline: str | None = None
 
@@ -119,7 +122,8 @@ class Benchmark:
         if self.table is not None:
             check_table(self.table)
         scenarios = [
-            scenario_on(name, self.machine, self.path, self.smooth) for name in self.scenario_names
+            scenario_on(name, self.machine, self.path, self.smooth, self.hand)
+            for name in self.scenario_names
         ]
         results = ResultsFolder(self.out)
         results.make()
@@ -164,6 +168,7 @@ class Benchmark:
             path=self.path,
             smooth=self.smooth,
             machine=self.machine,
+            hand=self.hand,
         )
 
     def rank(
@@ -233,7 +238,11 @@ class Benchmark:
         best, *others = in_order(boards)
         smooth = self.smooth or smoothing_for(scenario)
         same = options(
-            scenario=self.scenario_names[0], path=self.path, machine=self.machine, smooth=smooth
+            scenario=self.scenario_names[0],
+            path=self.path,
+            machine=self.machine,
+            hand=self.hand,
+            smooth=smooth,
         )
         same += f" --worst {quote(str(self.out))}" if self.worst else ""
         return f"pter watch {quote(','.join([best, *others[-1:]]))}{same} --out two.webp"

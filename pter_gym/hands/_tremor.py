@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._internal.fields import parameter, require, require_number
-from pter_gym.errors import unknown_name
-from pter_gym.hands._library import LIBRARY_ARMS, LIBRARY_TREMORS
+from pter_gym.hands._hand_files import find_impedance
+from pter_gym.hands._library import LIBRARY_TREMORS
 from pter_gym.hands._model import SINES, HandModel
 from pter_gym.hands._operators import EQ5_FREQUENCIES, MAX_INSTANTS, HumanArm, Operator
 
@@ -168,21 +168,25 @@ KINDS: Mapping[str, type[TremorArm]] = MappingProxyType(
 
 
 def find_hand(hand: Operator | str) -> Operator:
-    """Return a hand as it is, or by its name in ``LIBRARY_ARMS`` or ``LIBRARY_TREMORS``.
+    """Return a hand as it is, or by its file or name in ``LIBRARY_ARMS`` or ``LIBRARY_TREMORS``.
 
     A library arm becomes a human arm with its mass, damper and spring; a tremor becomes a human arm
-    that trembles with the middle of the tremor's ranges.
+    that trembles with the middle of the tremor's ranges. ``pter identify --hand`` writes files.
 
     Raises
     ------
     ParameterError
         If there is no such hand; the message suggests the nearest names.
+    DataError
+        If a file is malformed.
     """
     if isinstance(hand, Operator):
         return hand
     name = str(hand)
-    if name in KINDS:
-        return KINDS[name]()
-    if name not in LIBRARY_ARMS:
-        raise unknown_name("hand", name, (*LIBRARY_ARMS, *LIBRARY_TREMORS))
-    return HumanArm(impedance=LIBRARY_ARMS[name].hand)
+    return KINDS[name]() if name in KINDS else HumanArm(impedance=find_impedance(name))
+
+
+def varied_hand(hand: Operator | str) -> Operator:
+    """Return a hand as ``find_hand`` does, whose disturbance differs between episodes."""
+    found: Any = find_hand(hand)
+    return replace(found, random_phases=True) if found.phases else found

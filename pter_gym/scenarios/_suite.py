@@ -159,6 +159,24 @@ def find_scenario(
     return scenario if hand is None else _with_hand(scenario, hand)
 
 
+def by_hand(
+    scenario: "str | Scenario",
+    machine: "Machine | MachineSpread | FilePath | None" = None,
+    hand: "Operator | str | None" = None,
+    path: "Path | FilePath | None" = None,
+    smooth: float = 0.0,
+) -> Scenario:
+    """Return a scenario as ``find_scenario``; a hand's disturbance differs between episodes."""
+    from pter_gym.hands._tremor import varied_hand
+
+    found = find_scenario(scenario, machine, path, smooth)
+    if hand is None:
+        return found
+    found = _with_hand(found, varied_hand(hand))
+    own = PurePath(hand).stem if isinstance(hand, str) else type(hand).__name__.lower()
+    return replace(found, name=f"{found.name.rpartition('-by-')[0]}-by-{own}")
+
+
 def gains_for(tasks: "Iterable[PathFollowing]") -> str:
     """Return the name of the scenario whose gains suit a user's tasks."""
     from pter_gym.tasks.path_following import PathFollowing

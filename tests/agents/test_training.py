@@ -1,6 +1,7 @@
 """PPO: a resumed training is the uninterrupted one, and what is exported acts."""
 
 import csv
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,14 +13,15 @@ from PIL import Image
 from pter_agents.draws import DEVICES, training_draws, validation_episodes
 from pter_agents.exporting import export
 from pter_agents.runs import RunFolder
-from pter_agents.settings import PARTS, SMOKE, TrainingArguments, load_settings
+from pter_agents.settings import PARTS, SMOKE, TrainingArguments, arguments_from, load_settings
 from pter_gym import load_policy
 from pter_gym._commands.main import main
 from pter_gym._engine.storage import CONTEXT_WIDTH
 from pter_gym.benchmark import Episodes, find_policy
 from pter_gym.envs import PathFollowingVectorEnv
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.params import BASELINE
+from pter_gym.hands import HumanArm
+from pter_gym.params import BASELINE, Hand
 from pter_gym.paths import Circle
 from pter_gym.policies import _files, read_policy
 from pter_gym.policies._files import encode_policy
@@ -384,6 +386,15 @@ def test_circles_are_frequent_in_training_and_as_the_scenario_has_them_elsewhere
         if scenario == "all":  # its part that is `paths`; tight bends are circles anyway
             as_drawn, trained = as_drawn.also[0], trained.also[0]
         assert 2.0 * share(as_drawn) < share(trained)
+
+
+def test_a_hand_replaces_all_that_a_training_would_draw() -> None:
+    hand = HumanArm(impedance=Hand(mass=1.5, damping=12.0, stiffness=222.0), random_phases=True)
+    given = replace(arguments(1), scenario="all", hand=hand)
+    assert arguments_from(json.loads(json.dumps(given.as_json()))) == given
+    assert {task.hand.impedance for _, task in training_draws(given).pairs(60)} == {hand.impedance}
+    for episodes in validation_episodes(given).values():
+        assert {task.hand.impedance for task in episodes.tasks} == {hand.impedance}
 
 
 def test_training_on_all_scenarios_knows_each_heading_and_wider_machines() -> None:

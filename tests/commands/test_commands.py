@@ -76,6 +76,8 @@ MISTYPED = [
     *("hil impedence ./loop", "export impedence --c folder", "benchmark --path nopath"),
     *("tune impedance --path nopath", "watch free --path nopath --out a.webp"),
     *("benchmark --path millimetres.csv", "tune impedance --path millimetres.csv"),
+    *("benchmark --hand my.toml", "tune impedance --hand tremor", "device baseline --hand my.toml"),
+    *("watch free --hand my.toml --out a.webp", "train ppo --hand my.toml"),
     *("identify nofile", "identify columns.csv", "identify nofile --machine basline"),
 ]
 

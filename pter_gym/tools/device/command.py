@@ -1,12 +1,11 @@
 """``pter device``: what a device can render, and how well laws tuned for it do."""
 
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from pter_gym._commands.arguments import PaceName
+from pter_gym._commands.arguments import HandName, PaceName, look_at, options
 from pter_gym._commands.terminal import conclude, say, waiting
 from pter_gym._internal.files import make_folder
 from pter_gym.errors import ParameterError
@@ -28,6 +27,7 @@ def device(
     trials: int = 200,
     episodes: int = 100,
     train: bool = False,
+    hand: HandName = None,
     out: Path = Path("pter-device"),
 ) -> None:
     """Examine a device: its forces, its walls, and how well laws tuned for it guide a hand.
@@ -54,8 +54,10 @@ def device(
         episodes: Test episodes of each scenario, at most as many as are stored.
         train: Also train a policy by PPO for the machine, and compare it with the laws. Needs the
             extra agents.
+        hand: Name or file of the hand to guide, instead of the scenarios'; see docs/hands.md.
         out: Folder for the results, created if necessary.
     """
+    look_at(hand=hand)
     sheet = {"torque": torque, "at": at, "off": off, "lag": lag, "hysteresis": hysteresis}
     is_sheet = any(number is not None for number in sheet.values())
     if is_sheet == bool(machine):
@@ -77,7 +79,7 @@ def device(
     make_folder(out)
     file = out / "machine.toml"
     save_machine(own, file, origin="chosen: given to pter device")
-    policies = {"ppo": _trained(file, pace, out)} if train else {}
+    policies = {"ppo": _trained(file, pace, hand, out)} if train else {}
     with waiting("starting") as progress:
         (task,) = progress.task_ids
         report = examine_device(
@@ -88,6 +90,7 @@ def device(
             trials=trials,
             episodes=episodes,
             policies=policies,
+            hand=hand,
             on_progress=lambda text: progress.update(task, description=text),
         )
     say(f"{report.device}: {report.verdict}")
@@ -103,7 +106,8 @@ def device(
     say(faults_text(report.whole_and_failing))
     names = {each.policy for board in report.boards for each in board.standings}
     filmed = ",".join(["single-dof-tuned", *sorted(names & {UNIVERSAL})])
-    watched = f"pter watch {filmed} --machine {quote(str(file))} --out film.webp"
+    on = options(machine=str(file), hand=hand)
+    watched = f"pter watch {filmed}{on} --out film.webp"
     conclude([out / "index.html", file], watched)
 
 
@@ -132,12 +136,12 @@ def errors(board: "Leaderboard") -> str:
     )
 
 
-def _trained(file: Path, pace: str, out: Path) -> Any:
-    """Train a policy for the machine of a file in a folder, and return it."""
+def _trained(file: Path, pace: str, hand: str | None, out: Path) -> Any:
+    """Train a policy for the machine of a file, and a hand, in a folder, and return it."""
     from pter_gym.benchmark import find_policy
 
     commands = registered(COMMANDS)
     run, policy = out / "training", out / "ppo"
-    commands["train"].load()("ppo", pace=pace, machine=str(file), out=run)
+    commands["train"].load()("ppo", pace=pace, machine=str(file), hand=hand, out=run)
     commands["export"].load()(str(run), out=policy, name="ppo")
     return find_policy(policy)

@@ -13,8 +13,9 @@ from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.rollout import evaluate
 from pter_gym.controllers import AnyPolicy
 from pter_gym.errors import ParameterError
+from pter_gym.hands import Operator
 from pter_gym.params import MachineSpread
-from pter_gym.scenarios import find_scenario
+from pter_gym.scenarios._suite import by_hand
 from pter_gym.scenarios.paces import find_pace
 
 _STATS: Any = stats
@@ -69,6 +70,7 @@ def make_promise(
     *,
     draws: int = 200,
     episodes: int = 4,
+    hand: Operator | str | None = None,
 ) -> Promise:
     """Score a policy, which knows the estimate, on drawn machines, all on the same episodes.
 
@@ -79,11 +81,11 @@ def make_promise(
     """
     if whole_number("draws", draws) < MIN_DRAWS:
         raise ParameterError(f"draws must be at least {MIN_DRAWS}, got {draws}")
-    some = find_episodes(scenario, pace, SEED, machines.machine).first(episodes)
+    some = find_episodes(scenario, pace, SEED, machines.machine, hand).first(episodes)
     rng = np.random.default_rng(SEED)
     drawn = [machines.draw(rng) for _ in range(draws)]
     pairs = [(machine, task) for machine in drawn for task in some.tasks]
-    of_log = find_scenario(scenario, machines).draws
+    of_log = by_hand(scenario, machines, hand).draws
     scores = evaluate(policy, Episodes.from_pairs(scenario, of_log, pairs, some.seeds * draws))
     each = {name: values.reshape(draws, episodes) for name, values in scores.items()}
     errors = np.sort(each["path_error_m"].mean(axis=1))

@@ -21,10 +21,12 @@ from pter_gym.benchmark.scores import ScenarioRun
 from pter_gym.benchmark.worst_hand import find_worst
 from pter_gym.controllers import AnyPolicy, bind
 from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.hands import Operator
 from pter_gym.params import BASELINE, Machine, MachineSpread
 from pter_gym.plugins import PICTURES, registered
 from pter_gym.policies.tuned import with_gains
-from pter_gym.scenarios import PACES, find_scenario
+from pter_gym.scenarios import PACES
+from pter_gym.scenarios._suite import by_hand
 from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.device.data_sheet import find_device
 from pter_gym.tools.device.measures import FREQUENCY, Rendering, measure_rendering
@@ -131,6 +133,7 @@ def examine_device(
     trials: int = 200,
     episodes: int = 100,
     policies: dict[str, AnyPolicy] | None = None,
+    hand: Operator | str | None = None,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> DeviceReport:
     """Examine a device, and write ``index.html``, ``device.json`` and pictures into a folder.
@@ -151,13 +154,15 @@ def examine_device(
         Test episodes of each scenario.
     policies
         Further policies to score, by name.
+    hand
+        A hand for all episodes, instead of those of the scenarios.
     on_progress
         Called with what is being done.
 
     Raises
     ------
     ParameterError
-        If there is no such machine or pace, or a number is out of range.
+        If there is no such machine, hand or pace, or a number is out of range.
     DependencyError
         If Optuna, which searches for gains, is not installed.
     """
@@ -176,17 +181,17 @@ def examine_device(
     for scenario, law in SCENARIOS.items():
         on_progress(f"tuning {law} for {scenario}")
         storage = folder / "gains.journal"
-        found = tune(law, scenario, pace, trials=trials, storage=storage, machine=own)
+        found = tune(law, scenario, pace, trials=trials, storage=storage, machine=own, hand=hand)
         gains[scenario] = found.gains
         tuned[scenario] = with_gains(law, found.gains)
         named = {f"{law}-tuned": tuned[scenario], FREE: find_policy(FREE)}
         named |= guiding if scenario == GUIDED else (policies or {})
-        some = find_episodes(scenario, pace, SEED, own).first(count)
+        some = find_episodes(scenario, pace, SEED, own, hand).first(count)
         for title, policy in named.items():
             run = ScenarioRun(scenario, pace, title, 0, SEED, some.strata, evaluate(policy, some))
             if scenario == GUIDED and title != FREE:
                 on_progress(f"searching for the worst hand for {title}")
-                worst = find_worst(policy, find_scenario(scenario, device), pace)
+                worst = find_worst(policy, by_hand(scenario, device, hand), pace)
                 run = replace(run, worst=worst)
                 on_progress(f"letting clutches fail under {title}")
                 for fault, failure in faults(own).items():
@@ -202,14 +207,15 @@ def examine_device(
         on_progress("drawing machines that fit the log")
         guiding = {f"{SCENARIOS[GUIDED]}-tuned": tuned[GUIDED], **guiding}
         promises = [
-            make_promise(policy, title, device, GUIDED, pace) for title, policy in guiding.items()
+            make_promise(policy, title, device, GUIDED, pace, hand=hand)
+            for title, policy in guiding.items()
         ]
     boards = leaderboards(runs), tuple(promises), leaderboards(failing)
     report = DeviceReport(name, pace, rendering, usual, gains, *boards)
     on_progress("drawing")
     content = json.dumps(report.as_json(), indent=2, allow_nan=False) + "\n"
     with locked(folder / LOCK):
-        pictures = _draw(report, own, tuned, folder)
+        pictures = _draw(report, own, tuned, hand, folder)
         write_text_atomic(folder / "device.json", content)
         write_text_atomic(folder / "index.html", page(report, pictures))
     return report
@@ -226,7 +232,11 @@ def _for_any(machine: Machine) -> dict[str, AnyPolicy]:
 
 
 def _draw(
-    report: DeviceReport, own: Machine, tuned: dict[str, AnyPolicy], folder: Path
+    report: DeviceReport,
+    own: Machine,
+    tuned: dict[str, AnyPolicy],
+    hand: Operator | str | None,
+    folder: Path,
 ) -> dict[str, str]:
     """Draw what the installed tools can draw into a folder; return captions by file name."""
     pictures, captions = registered(PICTURES), dict[str, str]()
@@ -235,7 +245,7 @@ def _draw(
         captions["forces.png"] = "Forces that the device can display; its smallest steering force."
     if "film" in pictures:
         for scenario, law in tuned.items():
-            ((machine, task),) = find_scenario(scenario, own).draws.pairs(1, 0, report.pace)
+            ((machine, task),) = by_hand(scenario, own, hand).draws.pairs(1, 0, report.pace)
             rows = record_episode(law, machine, task, 0, nominal=own).telemetry
             label = f"{SCENARIOS[scenario]}-tuned"
             pictures["film"].load().write_film(

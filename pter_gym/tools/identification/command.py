@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from rich.table import Table
 
-from pter_gym._commands.arguments import split_numbers
-from pter_gym._commands.terminal import conclude, progress_bar, say, terminal
+from pter_gym._commands.arguments import check_file, split_numbers
+from pter_gym._commands.terminal import conclude, progress_bar, say, terminal, waiting
 from pter_gym._internal.files import make_folder
 from pter_gym.errors import ParameterError
 
@@ -33,14 +33,20 @@ def identify(
     degrees: bool = False,
     relative_b: bool = False,
     clutch: bool = False,
+    hand: bool = False,
+    reaction: float = 0.2,
+    pulses: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv")] = None,
+    force: float = 60.0,
+    seconds: float = 600.0,
     out: Path = Path("pter-identified"),
 ) -> None:
-    """Identify a real machine from logs.
+    """Identify a real machine, or the hand that moved it, from logs.
 
     Grades how well the simulator's model describes them, estimates inertias, friction, torque
     curves, lag and delay with 95 % intervals, and lists what they don't determine. Writes
     machine.toml, which other commands take as --machine, and identified.png. docs/identify.md says
-    what to record.
+    what to record. With --hand, estimates mass, damping and stiffness of a person's arm instead;
+    see docs/measure-a-hand.md.
 
     Example: pter identify log.csv --lengths 0.5645,0.4454 --out mine
 
@@ -56,10 +62,24 @@ def identify(
         relative_b: Whether theta_B is measured from link A instead of the x axis.
         clutch: Whether the log is of one clutch or brake on a bench, with t_s, V, omega and torque;
             writes clutch.toml, a machine with four of these, instead.
+        hand: Whether to identify the hand that moved the machine, by random pulses of its clutches;
+            writes hand.toml, which other commands take as --hand, instead.
+        reaction: With --hand, time after a switch [s] in which the person does not react to it.
+        pulses: File for the pulses to give while a hand is recorded, with which no log is read:
+            t_s and V1 to V4 for each change. Also prints how long to record.
+        force: With --pulses, largest force of the clutches on the hand [N].
+        seconds: With --pulses, their duration [s], 20 to 600.
         out: Folder for the results, created if necessary.
     """
     from pter_gym.tools.identification import join_logs, read_log
 
+    if clutch and hand:
+        raise ParameterError("hand must be left out with --clutch: a bench has none")
+    if pulses is not None:
+        if logs or clutch:
+            raise ParameterError("pulses must be given without logs: it is for a new log")
+        show_pulses(read_start(machine, lengths, voltage_max), pulses, force, seconds, reaction)
+        return
     if not logs:
         raise ParameterError("logs must be given: LOG.csv … (`pter identify --help` explains)")
     start, names = read_start(machine, lengths, voltage_max), read_names(columns)
@@ -78,7 +98,10 @@ def identify(
     )
     for remark in log.remarks:
         say(remark)
-    show_machine(log, start, out)
+    if hand:
+        show_hand(log, start, reaction, out)
+    else:
+        show_machine(log, start, out)
 
 
 def show_bench(bench: "Bench", log: str, start: "Machine", out: Path) -> None:
@@ -143,6 +166,57 @@ def show_machine(log: "Log", start: "Machine", out: Path) -> None:
     conclude([machine, out / "identified.png"], *commands)
 
 
+def show_pulses(
+    machine: "Machine", file: Path, force: float, seconds: float, reaction: float
+) -> None:
+    """Write random pulses, and print how long a hand has to be recorded with them."""
+    import io
+
+    import numpy as np
+
+    from pter_gym._internal.files import write_text_atomic
+    from pter_gym.tools.identification.pulses import MIDDLE, forces_around, pulses
+    from pter_gym.tools.identification.rehearsal import INTERVAL, minutes_needed
+
+    check_file(file, ".csv", "pulses")
+    if not 20.0 <= seconds <= 600.0:
+        raise ParameterError(f"seconds must be from 20 to 600, got {seconds:g}")
+    if not force > 0.0:
+        raise ParameterError(f"force must be > 0 N, got {force:g}")
+    in_middle, middle = force / forces_around(machine), np.array(MIDDLE)
+    volts = pulses(machine, middle, seconds, INTERVAL, in_middle, 0)
+    rows = np.flatnonzero(np.abs(np.diff(volts, axis=0, prepend=-1.0)).max(axis=1) > 0.0)
+    table, text = np.column_stack([INTERVAL * rows, volts[rows]]), io.StringIO()
+    np.savetxt(text, table, "%.6g", ",", header="t_s,V1,V2,V3,V4", comments="")
+    write_text_atomic(file, text.getvalue())
+    with waiting("rehearsing"):
+        needed = minutes_needed(machine, middle, in_middle, reaction)
+    shown = ", ".join(f"{name} {max(minutes, 1.0):.0f}" for name, minutes in needed.items())
+    say(f"{len(rows)} switches of at most {force:g} N on the hand, in {seconds:g} s.")
+    say(f"Minutes until numbers of a usual hand are identified: {shown}.")
+    conclude([file], f"pter identify log.csv --hand --reaction {reaction:g}")
+
+
+def show_hand(log: "Log", machine: "Machine", reaction: float, out: Path) -> None:
+    """Identify the hand that moved a machine, print its numbers and write its file."""
+    from pter_gym._internal.files import write_text_atomic
+    from pter_gym.hands._hand_files import format_hand
+    from pter_gym.tools.identification.findings import origins_of
+    from pter_gym.tools.identification.hand import identify_hand
+
+    make_folder(out)
+    with waiting("identify"):
+        found = identify_hand(log, machine, reaction=reaction)
+    said = (found.sentence, *found.warnings)
+    for sentence in said:
+        say(sentence)
+    show_findings(found.findings, "docs/measure-a-hand.md")
+    title = "\n".join(["Written by pter identify --hand.", *said])
+    file = out / "hand.toml"
+    write_text_atomic(file, format_hand(found.hand, origins_of(found.findings, log.name), title))
+    conclude([file], f"pter benchmark --hand {quote(str(file))}")
+
+
 def too_late(machine: "Machine") -> tuple[str, ...]:
     """Return what to do with a machine whose delay scenarios do not take, in a sentence."""
     from pter_gym.tasks.path_following import PathFollowing
@@ -191,13 +265,10 @@ def read_names(columns: tuple[str, ...]) -> dict[str, str]:
     return {name: column for name, _, column in pairs}
 
 
-def show_findings(findings: "Sequence[Finding]") -> None:
+def show_findings(findings: "Sequence[Finding]", page: str = "docs/identify.md") -> None:
     """Print a table of the numbers, which fits a terminal of 80 columns, and why some are kept."""
     table = Table(
-        box=None,
-        padding=(0, 1),
-        pad_edge=False,
-        caption="±: half of the 95 % interval; docs/identify.md",
+        box=None, padding=(0, 1), pad_edge=False, caption=f"±: half of the 95 % interval; {page}"
     )
     table.add_column("number", no_wrap=True)
     for header in ("value", "±", "unit"):

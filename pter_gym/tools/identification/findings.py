@@ -51,11 +51,17 @@ class Finding:
 
 
 def make_finding(
-    quantity: Quantity, half: float, before: float, *, reason: str = "", sure: bool = True
+    quantity: Quantity,
+    half: float,
+    before: float,
+    *,
+    reason: str = "",
+    sure: bool = True,
+    most: float = MAX_REL_HALF_WIDTH,
 ) -> Finding:
     """Return a finding by half of the interval, or one that is kept for a reason."""
     width = 0.0 if reason else half
-    sure = sure and half <= MAX_REL_HALF_WIDTH * quantity.scale
+    sure = sure and half <= most * quantity.scale
     return Finding(
         quantity=quantity,
         low=quantity.value - width,

@@ -9,6 +9,7 @@ import tyro
 
 from pter_gym._commands.arguments import (
     AnyPace,
+    HandName,
     MachineName,
     PathName,
     ScenarioName,
@@ -40,6 +41,7 @@ def watch(
     size: Annotated[tuple[int, int] | None, tyro.conf.arg(metavar="WIDTH HEIGHT")] = None,
     speed: float = 1.0,
     machine: MachineName = None,
+    hand: HandName = None,
     worst: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None,
 ) -> None:
     """Watch policies side by side on the same episode.
@@ -63,10 +65,13 @@ def watch(
         size: Width and height of the picture in pixels.
         speed: Playback speed relative to real time; 0.2 is slow motion.
         machine: Name or file of a machine, instead of the scenario's.
+        hand: Name or file of a hand, instead of the scenario's; see docs/hands.md.
         worst: Results of `pter benchmark --worst` with the worst hand for the first policy.
     """
     names = split(policies)
-    look_at(policies=names or [""], paces=[pace], path=path, smooth=smooth, machine=machine)
+    look_at(
+        policies=names or [""], paces=[pace], path=path, smooth=smooth, machine=machine, hand=hand
+    )
 
     from pter_gym.benchmark import ResultsFolder, find_policy
     from pter_gym.benchmark.results import write_trajectories
@@ -75,7 +80,7 @@ def watch(
 
     check_arguments(names, out, csv, size, speed)
     seed = whole_number("seed", seed, at_least=0)
-    definition = scenario_on(scenario, machine, path, smooth)
+    definition = scenario_on(scenario, machine, path, smooth, hand)
     if worst:
         found = ResultsFolder(worst).worst_hand(names[0], definition, pace)
         machine_of_episode, task, seed = found.machine, found.task, 0
@@ -90,7 +95,9 @@ def watch(
             ).telemetry
             say(f"{name}: {summary_of(telemetry[name])}")
     smooth = smooth or smoothing_for(definition)
-    same = options(scenario=scenario, pace=pace, path=path, machine=machine, smooth=smooth)
+    same = options(
+        scenario=scenario, pace=pace, path=path, machine=machine, hand=hand, smooth=smooth
+    )
     following = f"pter benchmark --policies {quote(','.join(names))}{same}"
     if csv:
         write_trajectories(telemetry, csv)

@@ -8,6 +8,7 @@ import tyro
 
 from pter_gym._commands.arguments import (
     AnyPace,
+    HandName,
     MachineName,
     PathName,
     ScenarioName,
@@ -37,6 +38,7 @@ def tune(
     replace: bool = False,
     machine: MachineName = None,
     worst: bool = False,
+    hand: HandName = None,
 ) -> None:
     """Search for a law's gains.
 
@@ -64,9 +66,10 @@ def tune(
         replace: Replace the gains that --out already holds for the law, scenario and pace.
         machine: Name or file of a machine, instead of the scenario's.
         worst: Minimise the largest path error of the episodes instead of the mean.
+        hand: Name or file of a hand, instead of the scenario's; see docs/hands.md.
     """
     kind = kind_of(law, "law", ("law", "code"))
-    look_at(paces=[pace], path=path, smooth=smooth, machine=machine)
+    look_at(paces=[pace], path=path, smooth=smooth, machine=machine, hand=hand)
     if out is not None:
         from pter_gym.policies.tuned import guided
 
@@ -81,7 +84,7 @@ def tune(
     from pter_gym.tools.tuning.gains_file import add_gains, check_place
     from pter_gym.tools.tuning.search import command_of, tune as search
 
-    definition = scenario_on(scenario, machine, path, smooth)
+    definition = scenario_on(scenario, machine, path, smooth, hand)
     arguments: dict[str, Any] = {
         "trials": trials,
         "episodes": episodes,
@@ -90,6 +93,7 @@ def tune(
         "path": path,
         "smooth": 1e-3 * smooth,
         "worst": worst,
+        "hand": hand,
     }
     if out is not None:
         at = name_of_pace(pace)
@@ -111,7 +115,9 @@ def tune(
     say(f"{called}({gains})\n")
     say(f"on other episodes: {tuned.assessment}")
     smooth = smooth or smoothing_for(definition)
-    same = options(scenario=scenario, pace=pace, path=path, machine=machine, smooth=smooth)
+    same = options(
+        scenario=scenario, pace=pace, path=path, machine=machine, hand=hand, smooth=smooth
+    )
     if out is not None:
         add_gains(tuned, out, replace=replace)
     conclude(

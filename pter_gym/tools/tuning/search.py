@@ -13,9 +13,10 @@ from pter_gym._internal.files import FilePath, check_target, expand_path
 from pter_gym._internal.locks import lock_beside, locked
 from pter_gym.benchmark import Assessment, Episodes, assess, training_episodes
 from pter_gym.errors import ParameterError, StorageError, needs_extra
+from pter_gym.hands import Operator
 from pter_gym.params import Machine
 from pter_gym.paths import Path as AnyPath
-from pter_gym.scenarios import find_scenario
+from pter_gym.scenarios._suite import by_hand
 from pter_gym.scenarios.paces import find_pace, name_of_pace
 from pter_gym.tools.tuning.laws import Range, TunableLaw, find_law
 
@@ -53,11 +54,12 @@ class TunedGains:
     path: AnyPath | str | None = None
     smooth: float = 0.0
     worst: bool = False
+    hand: Operator | str | None = None
 
     @property
     def command(self) -> str:
         """The command that repeats the search."""
-        names = ("trials", "episodes", "seed", "machine", "path", "smooth", "worst")
+        names = ("trials", "episodes", "seed", "machine", "path", "smooth", "worst", "hand")
         given: dict[str, Any] = {name: getattr(self, name) for name in names}
         return command_of(self.controller, self.scenario, self.pace, **given)
 
@@ -74,13 +76,18 @@ def command_of(
     path: AnyPath | str | None,
     smooth: float,
     worst: bool,
+    hand: Operator | str | None,
 ) -> str:
     """Return the command of a search, whose arguments are those of ``tune``."""
     command = (
         f"pter tune {quote(controller)} --scenario {scenario} --pace {pace} "
         f"--trials {trials} --episodes {episodes} --seed {seed}"
     )
-    for name, value, kind in (("machine", machine, "MACHINE.toml"), ("path", path, "FILE.csv")):
+    for name, value, kind in (
+        ("machine", machine, "MACHINE.toml"),
+        ("path", path, "FILE.csv"),
+        ("hand", hand, "HAND.toml"),
+    ):
         if value is not None:
             command += f" --{name} {quote(value) if isinstance(value, str) else kind}"
     command += f" --smooth {1e3 * smooth:g}" if smooth else ""
@@ -100,6 +107,7 @@ def tune(
     path: AnyPath | str | None = None,
     smooth: float = 0.0,
     worst: bool = False,
+    hand: Operator | str | None = None,
     on_trial: Callable[[int, float], None] = lambda _count, _best: None,
 ) -> TunedGains:
     """Search for a law's gains on training episodes of a scenario, with CMA-ES.
@@ -132,6 +140,9 @@ def tune(
         Noise of a path from a file that is smoothed away [m], as in ``find_scenario``.
     worst
         Whether the largest path error of the episodes is minimised instead of the mean.
+    hand
+        A hand for all episodes, instead of those of the scenario, as in ``find_scenario``; its
+        disturbance differs between episodes.
     on_trial
         Called after each trial with the number of finished trials and the smallest value so far
         [m].
@@ -139,8 +150,8 @@ def tune(
     Raises
     ------
     ParameterError
-        If there is no such controller, scenario, pace or machine, a number is out of range, or the
-        storage is not a journal or cannot be written.
+        If there is no such controller, scenario, pace, machine or hand, a number is out of range,
+        or the storage is not a journal or cannot be written.
     DependencyError
         If Optuna is not installed.
     StorageError
@@ -148,7 +159,8 @@ def tune(
         holds.
     """
     journal = expand_path("storage", storage)
-    definition, pace = find_scenario(scenario, machine, path, smooth), name_of_pace(pace)
+    definition = by_hand(scenario, machine, hand, path, smooth)
+    pace = name_of_pace(pace)
     law = find_law(controller, find_pace(pace), definition.whose_gains)
     trials, episodes = whole_number("trials", trials), whole_number("episodes", episodes)
     seed = whole_number("seed", seed, at_least=0)
@@ -191,6 +203,7 @@ def tune(
         path,
         smooth,
         worst,
+        hand,
     )
 
 
