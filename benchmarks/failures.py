@@ -22,7 +22,7 @@ import numpy as np
 import tyro
 from devices import best_law, tune_for
 
-from pter_gym.benchmark import ResultsFolder, ScenarioRun, evaluate, find_policy
+from pter_gym.benchmark import ResultsFolder, ScenarioRun, assess, evaluate, find_policy
 from pter_gym.benchmark.episodes import Episodes, find_episodes, training_episodes
 from pter_gym.benchmark.faults import faults
 from pter_gym.benchmark.results import origin_of
@@ -31,6 +31,7 @@ from pter_gym.controllers import AnyPolicy, FailureDetector
 from pter_gym.controllers._detector import without
 from pter_gym.params import BASELINE
 from pter_gym.policies.find import DETECTOR
+from pter_gym.policies.tuned import SCALED
 from pter_gym.scenarios import PACES
 from pter_gym.tasks.path_following import Failure
 
@@ -40,10 +41,20 @@ POLICIES = ("universal", "residual", "single-dof-tuned")
 TRIALS, SEED = 100, 2026
 """Gains to try in a search, and the seed of the test episodes."""
 
+DRAWN = 200
+"""Training episodes that say which of two laws is better without a clutch."""
+
 
 def tune(only: Annotated[tuple[int, ...], tyro.conf.Positional] = (*CLUTCHES,)) -> None:
     """Tune laws for PTER without a clutch, by default for each."""
     tune_for({f"without-{clutch}": without(BASELINE, clutch) for clutch in only}, TRIALS)
+
+
+def best_without(clutch: int, pace: str) -> AnyPolicy:
+    """Return the law tuned for PTER without a clutch, or the scaled one if it is better there."""
+    drawn = training_episodes("standard", pace, DRAWN, SEED, without(BASELINE, clutch))
+    laws = best_law(f"without-{clutch}", pace), find_policy(SCALED)
+    return min(laws, key=lambda law: assess([law], drawn).value)
 
 
 def score(results: Annotated[Path, tyro.conf.Positional], episodes: int | None = None) -> None:
@@ -58,7 +69,7 @@ def score(results: Annotated[Path, tyro.conf.Positional], episodes: int | None =
             failing = usual.with_task(failures=(dead,))
             told = replace(failing, nominal=left)
             runs: list[tuple[str, AnyPolicy, Episodes]] = [
-                ("best law", best_law(f"without-{clutch}", pace), told)
+                ("best law", best_without(clutch, pace), told)
             ]
             for name in POLICIES:
                 policy, watching = find_policy(name), find_policy(name + DETECTOR)

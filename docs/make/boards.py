@@ -148,7 +148,8 @@ def _rows_left(results: Path, scenario: str) -> list[list[str]]:
     for clutch, (pace, healthy) in product(CLUTCHES, boards_of(results, scenario).items()):
         title = f"{scenario}, clutch {clutch} dead"
         (found,) = (each for each in variants(results, healthy) if each.scenario == title)
-        standings = {each.policy: each for each in found.standings}
+        # laws differ from pace to pace, which their name then says in brackets
+        standings = {each.policy.partition(" (")[0]: each for each in found.standings}
         best, told = standings["best law"], standings[f"{SEARCHED[1]}, told"]
         triples = (
             " / ".join(
