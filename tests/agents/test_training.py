@@ -299,7 +299,8 @@ def test_an_exported_policy_acts_as_in_training(algorithm: str) -> None:
 
     seeds = np.arange(4, dtype=np.uint64)
     begun = worlds.reset(shared, seeds.view(np.uint32).reshape(-1, 2))
-    _, steps = jax.lax.scan(act, begun, length=50)
+    # 32-bit rounding grows where a clutch sticks or is released; in 25 steps it stays below 1e-5
+    _, steps = jax.lax.scan(act, begun, length=25)
     env = PathFollowingVectorEnv(
         4,
         scenario=training_draws(given),
@@ -312,10 +313,10 @@ def test_an_exported_policy_acts_as_in_training(algorithm: str) -> None:
     obs, _ = env.reset(seed=0)
     policy.reset()
     ended = np.zeros(4, np.bool_)
-    for t in range(50):
+    for t in range(25):
         obs, rewards, terminated, truncated, _ = env.step(policy(obs))
         ended |= terminated | truncated
-        np.testing.assert_allclose(steps.rewards[t][~ended], rewards[~ended], atol=1e-3)
+        np.testing.assert_allclose(steps.rewards[t][~ended], rewards[~ended], atol=1e-4)
     assert not ended.all()
 
 
