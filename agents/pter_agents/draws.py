@@ -193,8 +193,8 @@ class Devices:
     or as PTER's; up to a tenth of it acts without voltage, in every other device. Breakaway torques
     are 1 to 1.5 times as large, time constants 5 ms to 0.3 s. Every other device has hysteresis, of
     up to ±8 % of the largest voltage. Links are 0.6 to 1.5 times as long, each within 10 %, and 0.6
-    to 2 times as heavy as these would be. Half have the paper's four clutches; of the others, each
-    lacks one of these, or both couplings.
+    to 2 times as heavy as these would be. Two in five have the paper's four clutches, one in five
+    lacks the first; of the others, each lacks another one, or both couplings.
     """
 
     middle = BASELINE
