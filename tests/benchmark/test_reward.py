@@ -187,8 +187,12 @@ STOPPING = [
 
 
 @pytest.mark.parametrize(("scenario", "pace"), STOPPING)
-def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: str) -> None:
-    """Less than the policy that rides on, and undiscounted less than any other that is ranked."""
+def test_ending_early_returns_less(scenario: str, pace: str) -> None:
+    """Less than continuing, and less than any ranked policy whose error is smaller.
+
+    With the discount of an episode's horizon, less than one whose error is clearly smaller, as the
+    end of the path then counts for less.
+    """
     course = Course(scenario, pace, DRAWS, SEED)
     found = policies(course)
     judged = {
@@ -206,8 +210,17 @@ def test_ending_early_returns_less_than_any_ranked_policy(scenario: str, pace: s
             if early.arrives > 0.5:
                 continue
             stopped += 1
-            compared = [(discount, name) for discount in DISCOUNTS]
-            compared += [(discount, other) for discount in (1.0, sight(course)) for other in ranked]
+            compared = [
+                (discount, name)
+                for discount in DISCOUNTS
+                if not is_short_sighted(pace, discount, name, stop)
+            ]
+            compared += [
+                (discount, other)
+                for discount, margin in ((1.0, 1.0), (sight(course), CLEARLY))
+                for other, each in ranked.items()
+                if each.error * margin < early.error
+            ]
             more += [
                 (discount, other, f"{name} {stop}")
                 for discount, other in compared
