@@ -3,8 +3,9 @@
     python benchmarks/planning.py [EPISODES]
 
 compares the best tuned law, a trained policy, and the planner of examples/predictive.py, which
-knows the mean push alone, with the same planner that knows the hand's sines and the state. 40
-episodes of `standard` at each pace take about 8 minutes of a core; docs/scoring.md has the table.
+corrects that law knowing the mean push alone, with the same planner that knows the hand's sines and
+the state. 40 episodes of `standard` at each pace take about 8 minutes of a core;
+docs/development/bounds.md has the table.
 """
 
 import sys
@@ -16,7 +17,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
 
-from predictive import HELD, HORIZON, Predictive, model, search
+from predictive import HELD, HORIZON, Predictive, corrected, model, search
 
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
@@ -24,7 +25,7 @@ from pter_gym.benchmark import Episodes, evaluate, find_policy
 from pter_gym.benchmark.boards import mean_scores, reason_unranked
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.intervals import mean_interval
-from pter_gym.controllers import Policy
+from pter_gym.controllers import Policy, bind
 from pter_gym.scenarios import PACES
 
 SEED = 2027
@@ -39,20 +40,19 @@ class Foreseeing:
         self.twin = Batch(machine, task, 1)
         self.model, _ = model(machine, task)
         self.twin.reset([seed])
-        self.top = machine.clutch.voltage_max
-        self.plan, self.step = np.full((HORIZON, 4), 0.6), 0
+        self.plan, self.step = np.zeros((HORIZON, 4)), 0
 
     def bind(self, machine: Any, layout: Any) -> Policy:
-        del machine
-        return Policy.from_function(self.act, layout)
+        self.law = bind(find_policy("single-dof-tuned"), machine, layout)
+        return Policy.from_function(self.act, layout, start=self.law.start)
 
-    def act(self, observations: Any) -> Any:
-        del observations
+    def act(self, observations: Any, memory: Any) -> Any:
         if self.step % HELD == 0:
             random = np.random.default_rng(self.step)
-            following = np.concatenate([self.plan[1:], self.plan[-1:]]) if self.step else self.plan
-            self.plan = search(self.model, self.twin.get_worlds(), following, random, self.top)
-        volts = (self.top * self.plan[:1] ** 2).astype(np.float32)
+            following = np.concatenate([self.plan[1:], self.plan[-1:]])
+            now = self.twin.get_worlds(), observations[0], memory[0]
+            self.plan = search(self.model, self.law, *now, following, random)
+        volts = corrected(self.law, observations, memory, self.plan[:1])
         self.twin.step(volts, SKIP)
         self.step += 1
         return volts
