@@ -92,6 +92,8 @@ def needs_extra(feature: str, extra: str) -> DependencyError:
 def unknown_name(field: str, name: object, known: Iterable[str]) -> ParameterError:
     """Return the error for an unknown name, with the known ones and the nearest."""
     known = list(known)
+    if name == "":
+        return ParameterError(f"{field} must be given, one of {', '.join(known)}")
     return ParameterError(
         f"{field} must be among {', '.join(known)}, got {name!r:.200}{nearest(name, known)}"
     )

@@ -68,7 +68,7 @@ def write_table(
 ) -> Path:
     """Write leaderboards as a table to a file, whose ending selects the format; return its path.
 
-    In LaTeX, differences to a baseline are a table of their own, so that both fit on a page.
+    Differences to a baseline are a table of their own, so that both fit on a page; in CSV, columns.
 
     Parameters
     ----------
@@ -186,37 +186,42 @@ def _caption(boards: Sequence[Leaderboard], command: str) -> list[str]:
     return [*sentences, f"{made}{f' by `{command}`' if command else ''}."]
 
 
-def _markdown(boards: Sequence[Leaderboard], baseline: str | None, command: str) -> str:
-    """Return a table whose first column has a scenario once, and the differences beside errors."""
-    paces, rows = _texts(boards, baseline, "**{}**")
-    number = 2 if baseline else 1
-    titles = [title for pace in paces for title in (pace, f"less {baseline}")[:number]]
-    lines = [["Scenario", "Policy", *titles], ["---", "---", *["---:"] * len(titles)]]
-    before = ""
-    for row in rows:
-        pairs = zip(row.errors, row.differences, strict=True)
-        cells = [text for pair in pairs for text in pair[:number]]
-        lines.append(["" if row.scenario == before else row.scenario, row.policy, *cells])
-        before = row.scenario
-    plain = (" | ".join(cell.replace("|", r"\|") for cell in line) for line in lines)
-    table = "".join(f"| {line} |\n" for line in plain)
-    sentences = _caption(boards, command)
+def _tables(
+    boards: Sequence[Leaderboard], baseline: str | None, command: str, bold: str
+) -> Iterator[tuple[list[str], list[tuple[str, ...]], str]]:
+    """Yield the paces, the rows and the caption of the errors, then those of the differences.
+
+    A row holds a scenario, a policy and a text for each pace.
+    """
+    paces, rows = _texts(boards, baseline, bold)
+    errors = [(row.scenario, row.policy, *row.errors) for row in rows]
+    yield paces, errors, " ".join(_caption(boards, command))
     if baseline:
-        sentences.insert(-1, f"Differences to {baseline} are over the same episodes.")
-    return f"{table}\n{' '.join(sentences)}\n"
+        others = [row for row in rows if row.policy != baseline]
+        differences = [(row.scenario, row.policy, *row.differences) for row in others]
+        yield paces, differences, f"Path error less that of {baseline} [mm], on the same episodes."
+
+
+def _markdown(boards: Sequence[Leaderboard], baseline: str | None, command: str) -> str:
+    """Return tables whose first column has a scenario once."""
+    tables = _tables(boards, baseline, command, "**{}**")
+    return "\n".join(_markdown_table(*each) for each in tables)
+
+
+def _markdown_table(paces: list[str], rows: Sequence[tuple[str, ...]], caption: str) -> str:
+    """Return a table with its caption below."""
+    lines = [("Scenario", "Policy", *paces), ("---", "---", *["---:"] * len(paces))]
+    for scenario, same in itertools.groupby(rows, lambda row: row[0]):
+        first, *others = (cells for _, *cells in same)
+        lines += [(scenario, *first), *(("", *cells) for cells in others)]
+    plain = (" | ".join(cell.replace("|", r"\|") for cell in line) for line in lines)
+    return "".join(f"| {line} |\n" for line in plain) + f"\n{caption}\n"
 
 
 def _latex(boards: Sequence[Leaderboard], baseline: str | None, command: str) -> str:
-    """Return a table of errors and one of differences, each narrower than a page."""
-    paces, rows = _texts(boards, baseline, "\0{}\1")  # braces are escaped
-    errors = [(row.scenario, row.policy, *row.errors) for row in rows]
-    text = _latex_table(paces, errors, " ".join(_caption(boards, command)))
-    if baseline:
-        differences = [
-            (row.scenario, row.policy, *row.differences) for row in rows if row.policy != baseline
-        ]
-        caption = f"Path error less that of {baseline} [mm], on the same episodes."
-        text += "\n" + _latex_table(paces, differences, caption)
+    """Return tables that are narrower than a page."""
+    tables = _tables(boards, baseline, command, "\0{}\1")  # braces are escaped
+    text = "\n".join(_latex_table(*each) for each in tables)
     return f"% needs \\usepackage{{booktabs}}\n{text}"
 
 

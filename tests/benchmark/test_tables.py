@@ -42,8 +42,7 @@ def test_markdown_has_the_best_bold_and_paired_differences(
 ) -> None:
     path = write_table(tmp_path / "t.md", boards, baseline="law", command="pter benchmark")
     lines = [line.split(" | ") for line in path.read_text("utf-8").splitlines() if "|" in line]
-    header, _, fast, agent, law = lines[:5]
-    assert header[3].startswith("less law")
+    fast, agent, law = lines[2:5]
     assert agent[0] == "| "
     assert fast[0] == "| paths"
     assert fast[2].startswith("1.0†")
@@ -53,8 +52,9 @@ def test_markdown_has_the_best_bold_and_paired_differences(
     assert ends.low is not None
     assert ends.high is not None
     low, high = (f"{1e3 * end:.1f}".replace("-", "−") for end in (ends.low, ends.high))
-    assert agent[3] == f"−9.8 ({low} – {high}) |"
-    assert law[3] == " |"
+    assert law[1:] == ["law", "20.0 (19.6 – 20.4) |"]
+    assert f"| my_agent | −9.8 ({low} – {high}) |" in path.read_text("utf-8")
+    assert [line[1] for line in lines[8:]] == ["Policy", "---", *["fast", "my_agent"] * 2]
     assert "`pter benchmark`" in path.read_text("utf-8")
 
 
