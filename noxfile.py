@@ -162,8 +162,13 @@ def docs(session: nox.Session) -> None:
 
 @nox.session(tags=["gate"])
 def wheel(session: nox.Session) -> None:
-    """The built wheel alone; README's command for the benchmark; how long a first step takes."""
+    """The built wheel alone, with the sdist's tests; README's benchmark; a first step's time."""
     package_works(session, ".whl")
+    session.install("-q", *PINNED, "pter-gym[test]")
+    (archive,) = Path.cwd().glob("pter_gym*.tar.gz")
+    shutil.unpack_archive(archive, "unpacked")
+    session.chdir(Path("unpacked") / archive.name.removesuffix(".tar.gz"))
+    session.run("pytest", "-m", "smoke", env=reported(session))
     place = readme_command(session, "benchmark")
     python = str(place / ".venv" / "bin" / "python")
     session.run(python, str(ROOT / ".ci" / "first_use.py"), external=True)
@@ -216,13 +221,8 @@ def libraries(session: nox.Session) -> None:
 
 @nox.session(tags=["long"])
 def packages(session: nox.Session) -> None:
-    """The built sdist alone, and its tests; what PyPI and conda-forge read of them; Ray."""
+    """The built sdist alone; what PyPI and conda-forge read of it; Ray."""
     package_works(session, ".tar.gz")
-    session.install("-q", *PINNED, "pter-gym[test]")
-    (archive,) = Path.cwd().glob("pter_gym*.tar.gz")
-    shutil.unpack_archive(archive, "unpacked")
-    session.chdir(Path("unpacked") / archive.name.removesuffix(".tar.gz"))
-    session.run("pytest", "-m", "smoke", env=reported(session))
     session.install("-q", "py-rattler-build==0.73.0")
     install_hashed(session, "twine")
     session.run("twine", "check", "--strict", *map(str, build(session).glob("pter_gym*")))
