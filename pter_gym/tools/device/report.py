@@ -267,9 +267,11 @@ ROWS = {
 """What the page says of each number of ``Rendering``."""
 
 STYLE = (
-    "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;"
-    "color-scheme:light dark}table{border-collapse:collapse;display:block;overflow-x:auto}"
-    "td,th{padding:.2rem .8rem;text-align:right}.text{text-align:left}"
+    ":root{color-scheme:light dark}"
+    "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem}"
+    "table{border-collapse:collapse;display:block;overflow-x:auto}"
+    "td,th{padding:.2rem .8rem;text-align:right;white-space:nowrap}"
+    ".text{text-align:left;white-space:normal;min-width:9rem}"
     "img{max-width:100%;background:#fff}figure{margin:1.5rem 0}"
 )
 
