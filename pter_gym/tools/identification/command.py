@@ -186,7 +186,8 @@ def show_pulses(
     in_middle, middle = force / forces_around(machine), np.array(MIDDLE)
     volts = pulses(machine, middle, seconds, INTERVAL, in_middle, 0)
     rows = np.flatnonzero(np.abs(np.diff(volts, axis=0, prepend=-1.0)).max(axis=1) > 0.0)
-    table, text = np.column_stack([INTERVAL * rows, volts[rows]]), io.StringIO()
+    table = np.column_stack([INTERVAL * rows, volts[rows]])
+    table, text = np.vstack([table, [seconds, 0.0, 0.0, 0.0, 0.0]]), io.StringIO()
     np.savetxt(text, table, "%.6g", ",", header="t_s,V1,V2,V3,V4", comments="")
     write_text_atomic(file, text.getvalue())
     with waiting("rehearsing"):
@@ -213,7 +214,7 @@ def show_hand(log: "Log", machine: "Machine", reaction: float, out: Path) -> Non
     show_findings(found.findings, "docs/measure-a-hand.md")
     title = "\n".join(["Written by pter identify --hand.", *said])
     file = out / "hand.toml"
-    write_text_atomic(file, format_hand(found.hand, origins_of(found.findings, log.name), title))
+    write_text_atomic(file, format_hand(found.hands, origins_of(found.findings, log.name), title))
     conclude([file], f"pter benchmark --hand {quote(str(file))}")
 
 

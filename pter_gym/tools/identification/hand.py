@@ -17,7 +17,7 @@ from scipy.interpolate import BSpline
 from scipy.signal import fftconvolve, lfilter
 
 from pter_gym.errors import ParameterError
-from pter_gym.hands import NORMAL
+from pter_gym.hands import NORMAL, HandSpread, HumanArm
 from pter_gym.params import Hand, Machine
 from pter_gym.tools.identification.findings import Finding, make_finding
 from pter_gym.tools.identification.log import ROUNDING, Log
@@ -85,17 +85,26 @@ LIMITS = ((20.0, 3000.0), (1.0, 200.0), (0.1, 10.0))
 
 NAMES = (("stiffness", "N/m"), ("damping", "N·s/m"), ("mass", "kg"))
 
+PLACES = (
+    *(name for name, _ in NAMES),
+    *(f"{name}_anisotropy.{k}" for name, _ in NAMES[:2] for k in (1, 2)),
+)
+"""Places in a file of the numbers that come first among the findings."""
+
 
 @dataclass(frozen=True)
 class MeasuredHand:
     """What a log tells of a hand, from how many switches, and warnings in words.
 
     ``estimates`` are stiffness, damping and mass with half of their 95 % intervals, of which the
-    findings leave out what is too uncertain.
+    findings leave out what is too uncertain. ``covariance`` is that of the numbers of the file that
+    the log tells, ``places``.
     """
 
     findings: list[Finding]
     estimates: dict[str, tuple[float, float]]
+    places: tuple[str, ...]
+    covariance: Array
     switches: int
     warnings: tuple[str, ...]
 
@@ -122,6 +131,15 @@ class MeasuredHand:
             stiffness=by_name["stiffness"],
             damping_anisotropy=(by_name["damping_e"], by_name["damping_f"]),
             stiffness_anisotropy=(by_name["stiffness_e"], by_name["stiffness_f"]),
+        )
+
+    @property
+    def hands(self) -> HandSpread:
+        """The hands that fit the log: their numbers vary together, within their intervals."""
+        return HandSpread(
+            hand=HumanArm(impedance=self.hand),
+            places=tuple(f"impedance.{place}" for place in self.places),
+            covariance=tuple(map(tuple, self.covariance.tolist())),
         )
 
     def _found(self, name: str) -> Finding:
@@ -164,7 +182,8 @@ def identify_hand(
     estimates = fit.estimates(apart)
     findings = fit.findings(estimates, sure=not warnings)
     warnings += fit.uneven_mass()
-    return MeasuredHand(findings, estimates, len(fit.at.rows), tuple(warnings))
+    spread = fit.spread(findings)
+    return MeasuredHand(findings, estimates, *spread, len(fit.at.rows), tuple(warnings))
 
 
 class _Estimate(NamedTuple):
@@ -396,11 +415,7 @@ class _HandFit:
 
     def _anisotropy(self, first: int, name: str, *, kept: bool) -> list[Finding]:
         """Return (e, f) of the stiffness or the damping; see ``pter_gym.params.Hand``."""
-        xx, xy, yy = self.theta[first : first + 3]
-        value = np.array([xx - yy, 2.0 * xy]) / (xx + yy)
-        slopes = np.zeros((2, 10))
-        slopes[0, [first, first + 2]] = np.array([1.0 - value[0], -1.0 - value[0]]) / (xx + yy)
-        slopes[1, [first, first + 1, first + 2]] = np.array([-value[1], 2.0, -value[1]]) / (xx + yy)
+        value, slopes = self._direction(first)
         covariance = slopes @ self.found.covariance @ slopes.T
         reason = (
             ""
@@ -418,6 +433,27 @@ class _HandFit:
             )
             for letter, each, half in zip("ef", value, halves.tolist(), strict=True)
         ]
+
+    def _direction(self, first: int) -> tuple[Array, Array]:
+        """Return (e, f) of the stiffness or the damping, and its derivative by all numbers."""
+        xx, xy, yy = self.theta[first : first + 3]
+        value = np.array([xx - yy, 2.0 * xy]) / (xx + yy)
+        slopes = np.zeros((2, 10))
+        slopes[0, [first, first + 2]] = np.array([1.0 - value[0], -1.0 - value[0]]) / (xx + yy)
+        slopes[1, [first, first + 1, first + 2]] = np.array([-value[1], 2.0, -value[1]]) / (xx + yy)
+        return value, slopes
+
+    def spread(self, findings: list[Finding]) -> tuple[tuple[str, ...], Array]:
+        """Return the places of numbers that the log tells in a file, and their covariance.
+
+        Its diagonal is that of the intervals, which may be wider than the fit's.
+        """
+        told = [k for k, each in enumerate(findings[: len(PLACES)]) if each.status != "kept"]
+        slopes = np.vstack([MEANS, self._direction(0)[1], self._direction(3)[1]])[told]
+        covariance = slopes @ self.found.covariance @ slopes.T
+        errors = np.array([findings[k].half_width for k in told]) / SURE
+        wider = errors / np.sqrt(np.diag(covariance))
+        return tuple(PLACES[k] for k in told), wider[:, None] * covariance * wider
 
 
 MEANS = np.kron(np.eye(3), [0.5, 0.0, 0.5]) @ np.eye(9, 10)

@@ -13,12 +13,14 @@ import pytest
 from pter_gym._commands.main import main
 from pter_gym.benchmark import evaluate, find_policy
 from pter_gym.benchmark.boards import Leaderboard, Standing
-from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.intervals import Interval
 from pter_gym.controllers import Free
 from pter_gym.errors import DataError, ParameterError
+from pter_gym.hands import HandSpread, HumanArm
 from pter_gym.params import ACTUATORS, BASELINE, Arm, MachineSpread, TorqueCurve, find_machine
 from pter_gym.paths import Line
+from pter_gym.scenarios.distributions import Draws
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
 from pter_gym.tools.device import examine_device, measures
 from pter_gym.tools.device.command import errors, gains_in_words, title_of
@@ -227,6 +229,25 @@ def test_a_promise_is_kept_by_new_machines_and_its_order_is_that_of_the_binomial
         for _ in range(20)
     ]
     assert sum(error <= promise.error_m for error in errors) >= 17
+
+
+def test_a_promise_holds_for_hands_too():
+    """The same as that of machines, if nothing but the hand is drawn."""
+    variance = 30.0**2
+    hands = HandSpread(hand=HumanArm(), places=("impedance.stiffness",), covariance=((variance,),))
+    law, given = find_policy("single-dof-tuned", "hands"), ("standard", "medium")
+    promise = make_promise(law, "law", BASELINE, *given, draws=59, episodes=1, hand=hands)
+    assert promise.sentence.startswith("On 95 % of the hands that fit your log, law has")
+    rng = np.random.default_rng(PROMISE_SEED)
+    (task,) = find_episodes("standard", "medium", PROMISE_SEED, hand=hands).first(1).tasks
+    errors = [
+        evaluate(law, Episodes.from_pairs("one", Draws(task=own), [(BASELINE, own)], [0]))
+        for own in (
+            replace(task, hand=replace(task.hand, impedance=hands.draw(rng).impedance))
+            for _ in range(59)
+        )
+    ]
+    assert promise.error_m == max(each["path_error_m"][0] for each in errors)
 
 
 @pytest.mark.parametrize(
