@@ -66,7 +66,8 @@ def identify(
             writes hand.toml, which other commands take as --hand, instead.
         reaction: With --hand, time after a switch [s] in which the person does not react to it.
         pulses: File for the pulses to give while a hand is recorded, with which no log is read:
-            t_s and V1 to V4 for each change. Also prints how long to record.
+            t_s and V1 to V4 for each change. It is a policy for other commands. Also prints how
+            long to record.
         force: With --pulses, largest force of the clutches on the hand [N].
         seconds: With --pulses, their duration [s], 20 to 600.
         out: Folder for the results, created if necessary.
@@ -195,7 +196,11 @@ def show_pulses(
     shown = ", ".join(f"{name} {max(minutes, 1.0):.0f}" for name, minutes in needed.items())
     say(f"{len(rows)} switches of at most {force:g} N on the hand, in {seconds:g} s.")
     say(f"Minutes until numbers of a usual hand are identified: {shown}.")
-    conclude([file], f"pter identify log.csv --hand --reaction {reaction:g}")
+    conclude(
+        [file],
+        f"pter export {quote(str(file))} --c pulses",
+        f"pter identify log.csv --hand --reaction {reaction:g}",
+    )
 
 
 def show_hand(log: "Log", machine: "Machine", reaction: float, out: Path) -> None:

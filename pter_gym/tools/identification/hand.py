@@ -74,6 +74,9 @@ SURE = 1.96
 RARE, UNLIKELY = 0.005, 0.01
 """Chances of a warning of each kind where there is nothing to warn of, and of a direction."""
 
+TINY = 1e-9
+"""In place of a push of 0 [N]."""
+
 PLAIN, EVERY = np.ones(1), slice(None)
 """The test function as it is; all switches."""
 
@@ -178,7 +181,7 @@ def identify_hand(
         fit.improve(fit.motion(fit.early))
     fit.improve(fit.motion(fit.count))
     apart, warnings = fit.differences()
-    warnings += [*fit.reactions(), *fit.limits()]
+    warnings += [*fit.reactions(), *fit.giving_way(), *fit.limits()]
     estimates = fit.estimates(apart)
     findings = fit.findings(estimates, sure=not warnings)
     warnings += fit.uneven_mass()
@@ -356,18 +359,39 @@ class _HandFit:
 
     def reactions(self) -> list[str]:
         """Return a sentence if the hand's own push depends on where pulses had moved the arm."""
-        moved = self.instruments[..., 0] + self.instruments[..., 2]  # along x, along y
+        moved = self._moved()
         past = np.zeros((*moved.shape, len(LAGS)))
         for n, lag in enumerate(LAGS):
             shift = round(lag / self.knot)
             past[:, shift:, :, n] = moved[:, :-shift]
-        slopes, scores = _moments(past, self.columns, self.outcome)
-        scores += slopes @ self.found.theta + self.found.moves @ slopes.sum(axis=0).T
-        if not _differ(scores.sum(axis=0), scores.T @ scores, RARE):
-            return []
-        return [
+        sentence = (
             "The hand's own push depends on where a pulse moved it 0.1 to 0.2 s ago: it reacts."
-        ]
+        )
+        return [sentence] if self._leaves(past) else []
+
+    def giving_way(self) -> list[str]:
+        """Return a sentence if the stiffness depends on how hard and where to the hand pushes.
+
+        A hand whose push is limited has none along its push, however hard this is.
+        """
+        moved, push = self._moved(), self.log.force[self.at.rows - 1]
+        size = np.linalg.norm(push, axis=1)
+        towards = push / np.maximum(size, TINY)[:, None]
+        along = towards[:, None] * np.einsum("jd,jkd->jk", towards, moved)[..., None]
+        hard = (stats.rankdata(size) / len(size) - 0.5)[:, None, None]
+        more = np.stack([along - 0.5 * moved, hard * moved], axis=-1)
+        sentence = "The stiffness depends on how the hand pushes: it gives way, or tenses."
+        return [sentence] if self._leaves(more) else []
+
+    def _moved(self) -> Array:
+        """Return how far pulses move the hand, as instruments have it: (J, K, 2)."""
+        return self.instruments[..., 0] + self.instruments[..., 2]  # along x, along y
+
+    def _leaves(self, more: Array) -> bool:
+        """Return whether what the numbers do not explain depends on more instruments."""
+        slopes, scores = _moments(more, self.columns, self.outcome)
+        scores += slopes @ self.found.theta + self.found.moves @ slopes.sum(axis=0).T
+        return _differ(scores.sum(axis=0), scores.T @ scores, RARE)
 
     def limits(self) -> list[str]:
         """Return what is too coarse or too late, in sentences."""

@@ -90,7 +90,7 @@ def test_pulses_for_a_hand_are_played(
     assert SAME in capsys.readouterr().out
     pulses = np.loadtxt(table, delimiter=",", skiprows=1)
     rows = list(csv.DictReader(ride.read_text().splitlines()))[1:]
-    given = np.array([[float(row[f"V{k} [V]"]) for k in range(1, 5)] for row in rows])
+    given = np.array([[float(row[f"volts_{k} [V]"]) for k in range(1, 5)] for row in rows])
     at = 0.01 * np.arange(len(rows)) + 1e-9
     expected = pulses[np.searchsorted(pulses[:, 0], at) - 1, 1:]
     np.testing.assert_array_equal(given, np.float32(expected))

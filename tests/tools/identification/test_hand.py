@@ -53,6 +53,14 @@ def errors(found: MeasuredHand) -> np.ndarray:
     )
 
 
+def without_a_second(values: np.ndarray, interval: float) -> np.ndarray:
+    """Return values (T, 2) less their mean over a second."""
+    second = round(1.0 / interval)
+    return values - np.stack(
+        [np.convolve(x, np.ones(second) / second, "same") for x in values.T], 1
+    )
+
+
 def test_a_hand_is_inside_its_intervals(found: MeasuredHand):
     assert np.abs(errors(found)).max() <= 1.0
     assert not found.warnings
@@ -74,14 +82,22 @@ def test_a_tremor_is_predicted_from_its_past(log: Log, found: MeasuredHand):
 
 def test_a_person_who_reacts_is_noticed(log: Log):
     """A push of half the stiffness against where the arm was 0.15 s ago, within its last second."""
-    tip = tip_positions(BASELINE, log.theta)
-    late, second = round(0.15 / log.interval), round(1.0 / log.interval)
-    ago = np.roll(tip, late, axis=0)
-    since = ago - np.stack([np.convolve(x, np.ones(second) / second, "same") for x in ago.T], 1)
+    ago = np.roll(tip_positions(BASELINE, log.theta), round(0.15 / log.interval), axis=0)
+    since = without_a_second(ago, log.interval)
     other = identify_hand(replace(log, force=log.force - 0.5 * TRUE.stiffness * since), BASELINE)
     assert any("0.1 to 0.2 s ago" in each for each in other.warnings)
     assert all(each.status != "identified" for each in other.findings)
     assert other.grade != "measured"
+
+
+def test_a_hand_that_gives_way_is_noticed(log: Log):
+    """Half as stiff along its push as across it."""
+    moved = without_a_second(tip_positions(BASELINE, log.theta), log.interval)
+    towards = log.force / np.linalg.norm(log.force, axis=1, keepdims=True)
+    softer = 0.5 * TRUE.stiffness * towards * (towards * moved).sum(axis=1, keepdims=True)
+    other = identify_hand(replace(log, force=log.force + softer), BASELINE)
+    assert any("gives way" in each for each in other.warnings)
+    assert all(each.status != "identified" for each in other.findings)
 
 
 def test_coarse_angles_are_noticed(log: Log):
