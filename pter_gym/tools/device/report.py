@@ -69,6 +69,8 @@ class DeviceReport:
     failing
         On ``standard``, a leaderboard of those but the policy without voltage for each way in which
         a clutch may fail.
+    hand
+        Name or file of the hand in all episodes, empty for those of the scenarios.
     """
 
     device: str
@@ -79,6 +81,7 @@ class DeviceReport:
     boards: tuple[Leaderboard, ...]
     promises: tuple[Promise, ...] = ()
     failing: tuple[Leaderboard, ...] = ()
+    hand: str = ""
 
     @property
     def whole_and_failing(self) -> list[Leaderboard]:
@@ -112,6 +115,7 @@ class DeviceReport:
             "version": __version__,
             "device": self.device,
             "pace": self.pace,
+            "hand": self.hand,
             "verdict": self.verdict,
             "rendering": asdict(self.rendering),
             "pter": asdict(self.usual),
@@ -212,7 +216,8 @@ def examine_device(
             for title, policy in guiding.items()
         ]
     boards = leaderboards(runs), tuple(promises), leaderboards(failing)
-    report = DeviceReport(name, pace, rendering, usual, gains, *boards)
+    guided = "" if hand is None else hand if isinstance(hand, str) else type(hand).__name__
+    report = DeviceReport(name, pace, rendering, usual, gains, *boards, hand=guided)
     on_progress("drawing")
     content = json.dumps(report.as_json(), indent=2, allow_nan=False) + "\n"
     with locked(folder / LOCK):
@@ -286,6 +291,7 @@ def page(report: DeviceReport, pictures: dict[str, str]) -> str:
             for key, (text, unit) in ROWS.items()
         ],
     )
+    hand = f"<p>All episodes have the hand {escape(report.hand)}.</p>" if report.hand else ""
     promises = "".join(f"<p>{escape(promise.sentence)}</p>" for promise in report.promises)
     boards = "".join(map(_board, report.boards))
     head, *rows = map(tuple, fault_table(report.whole_and_failing))
@@ -298,7 +304,7 @@ def page(report: DeviceReport, pictures: dict[str, str]) -> str:
         '<!doctype html><html lang="en"><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width">'
         f"<title>{escape(report.device)}</title><style>{STYLE}</style>"
-        f"<h1>{escape(report.device)}</h1><p>{escape(report.verdict)}</p>{promises}"
+        f"<h1>{escape(report.device)}</h1><p>{escape(report.verdict)}</p>{hand}{promises}"
         f"<h2>What it can render</h2>{rendering}"
         f"<h2>Policies, pace {escape(report.pace)}</h2>{boards}"
         "<h2>If a clutch fails</h2><p>Path error on standard [mm], and how many episodes arrive, "

@@ -17,8 +17,9 @@ from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.intervals import Interval
 from pter_gym.controllers import Free
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.hands import HandSpread, HumanArm
-from pter_gym.params import ACTUATORS, BASELINE, Arm, MachineSpread, TorqueCurve, find_machine
+from pter_gym.hands import HandSpread, HumanArm, find_hands
+from pter_gym.hands._hand_files import format_hand
+from pter_gym.params import ACTUATORS, BASELINE, Arm, Hand, MachineSpread, TorqueCurve, find_machine
 from pter_gym.paths import Line
 from pter_gym.scenarios.distributions import Draws
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
@@ -274,3 +275,32 @@ def test_nothing_is_written_without_the_search(
     assert main(["device", "particle-brake", "--out", str(tmp_path / "out")]) != 0
     assert "extra tune" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few_hands")
+def test_a_device_is_examined_with_a_measured_hand(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    pytest.importorskip("optuna")
+    hands = HandSpread(
+        hand=HumanArm(impedance=Hand(mass=1.4, damping=12.0, stiffness=250.0)),
+        places=("impedance.stiffness", "impedance.damping"),
+        covariance=((110.0, -4.5), (-4.5, 0.36)),
+    )
+    file, out = tmp_path / "mine.toml", tmp_path / "out"
+    file.write_text(format_hand(hands, {}, "A measured hand."), "utf-8")
+    assert find_hands(str(file)) == hands
+    budget = ["--trials", "1", "--episodes", "2"]
+    assert main(["device", "baseline", "--hand", str(file), *budget, "--out", str(out)]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    stored = json.loads((out / "device.json").read_text("utf-8"))
+    promised = {each["policy"]: each for each in stored["promises"]}
+    assert promised.keys() == {"single-dof-tuned", "universal"}
+    assert {each["of"] for each in promised.values()} == {"hands"}
+    page = (out / "index.html").read_text("utf-8")
+    for said in (printed, page):
+        assert said.count("On 95 % of the hands that fit your log, ") == 2
+    assert f"All episodes have the hand {file}." in page
+    assert stored["hand"] == str(file)
+    assert f"--hand {file}" in printed.replace("\n", "")
