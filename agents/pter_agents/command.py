@@ -70,7 +70,8 @@ def train(
         adversary: Also train on hands that push the policy furthest off the path, which are
             searched again as it learns.
         teacher: Policy with the same inputs, by name or file, which a small network first imitates.
-        hand: Name or file of a hand, instead of those that the scenario draws; see docs/hands.md.
+        hand: Name or file of a hand, instead of those that the scenario draws; of a file of `pter
+            identify --hand`, all hands that fit the log. See docs/hands.md.
     """
     look_at(machine=machine, hand=hand)
     with waiting("loading"):
@@ -82,7 +83,7 @@ def train(
             TrainingArguments,
             load_settings,
         )
-        from pter_gym.hands._tremor import varied_hand
+        from pter_gym.hands import find_hands
         from pter_gym.params import find_machines
         from pter_gym.policies.tuned import FALLBACK
         from pter_gym.tools.figures import save
@@ -99,7 +100,7 @@ def train(
             settings=settings,
             validation_episodes=episodes,
             machine=None if machine is None else find_machines(machine),
-            hand=None if hand is None else varied_hand(hand),
+            hand=None if hand is None else find_hands(hand),
         )
         try:
             from pter_agents import exporting, ppo, report

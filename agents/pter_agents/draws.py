@@ -16,7 +16,7 @@ from pter_agents.settings import MIXED_NAME, TrainingArguments
 from pter_gym.benchmark import Episodes, evaluate
 from pter_gym.controllers import AnyPolicy
 from pter_gym.controllers._scaled import traits_of
-from pter_gym.hands import Operator
+from pter_gym.hands import HandSpread, Operator
 from pter_gym.params import BASELINE, Machine, MachineSpread, TorqueCurve
 from pter_gym.paths import Arc, Circle, Line, Sine
 from pter_gym.policies._interface import Interval
@@ -286,7 +286,7 @@ def draws_for(
     scenario: str,
     pace: str,
     machine: Machine | MachineSpread | None = None,
-    hand: Operator | None = None,
+    hand: Operator | HandSpread | None = None,
     **fields: object,
 ) -> Draws:
     """Return the draws of a scenario at a pace.
@@ -300,7 +300,7 @@ def draws_for(
     machine
         A machine, or machines about one, in place of those that the scenarios draw.
     hand
-        A hand, in place of those that the scenarios draw.
+        A hand, or hands about one, in place of those that the scenarios draw.
     **fields
         Fields of the task that all episodes share, such as ``reward``, ``starts`` and
         ``truncation_error``.

@@ -11,7 +11,7 @@ from pter_gym._internal.fields import Checked, parameter, require, require_flag,
 from pter_gym._internal.files import FilePath, expand_path
 from pter_gym._internal.reading import read_toml
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.hands import Operator
+from pter_gym.hands import HandSpread, Operator
 from pter_gym.params import Machine, MachineSpread
 from pter_gym.policies._trained import MAX_LAYERS, MAX_UNITS, are_hidden
 from pter_gym.policies.tuned import tuned_policies
@@ -206,7 +206,7 @@ class TrainingArguments(Checked):
     validate_every: int = parameter("rollouts", "between two validations", default=40)
     validation_episodes: int = parameter("1", "of a validation at each pace", default=64)
     machine: Machine | MachineSpread | None = parameter("", "in place of drawn ones", default=None)
-    hand: Operator | None = parameter("", "in place of drawn ones", default=None)
+    hand: Operator | HandSpread | None = parameter("", "in place of drawn ones", default=None)
 
     def __post_init__(self) -> None:
         """Check names and numbers."""
@@ -218,7 +218,7 @@ class TrainingArguments(Checked):
         }
         _check_names(self, names)
         require_kind(self, "machine", Machine, MachineSpread, type(None))
-        require_kind(self, "hand", Operator, type(None))
+        require_kind(self, "hand", Operator, HandSpread, type(None))
         free = self.machine is None or not self.settings.devices
         accepted = "left out where every pair has a device of its own"
         require(free, self, "machine", accepted, got="a machine")

@@ -13,14 +13,13 @@ from pter_gym._commands.terminal import say
 from pter_gym._internal.files import TABLE_ENDINGS, check_target, has_ending
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.hands._hand_files import find_impedance
+from pter_gym.hands._hand_files import find_arms
 from pter_gym.hands._library import LIBRARY_TREMORS
 from pter_gym.params import find_machine
 from pter_gym.paths._names import PATH_NAMES
 from pter_gym.paths._reach import SINGULARITY_MARGIN, check_reach
 from pter_gym.policies.find import kind_of
-from pter_gym.scenarios import PACES, SCENARIOS
-from pter_gym.scenarios._suite import by_hand
+from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.scenarios.paces import find_pace
 
 ALL = "all"
@@ -88,7 +87,7 @@ def look_at(
         kind_of(policy)
     arm = find_machine(machine).arm
     if hand is not None and hand not in LIBRARY_TREMORS:
-        find_impedance(hand)
+        find_arms(hand)
     if path is not None and has_ending(path, *TABLE_ENDINGS):
         columns = read_table(path, ("x", "y"), unit="m").columns
         if not smooth:
@@ -107,7 +106,7 @@ def scenario_on(
     """
     if smooth < 0.0 or (smooth and not has_ending(path, *TABLE_ENDINGS)):
         raise ParameterError(f"smooth must be ≥ 0 mm, for a path from a file, got {smooth:g}")
-    chosen = by_hand(scenario, machine, hand, path, 1e-3 * smooth)
+    chosen = find_scenario(scenario, machine, path, 1e-3 * smooth, hand)
     if machine:
         title = f"{chosen.name}-with-{PurePath(machine).stem}"
         chosen = replace(chosen, name=title, gains=chosen.whose_gains)

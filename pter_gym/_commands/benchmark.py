@@ -66,10 +66,10 @@ class Benchmark:
     Example: pter benchmark --policies residual impedance-tuned --episodes 20
 
     Args:
-        policies: Names of laws and trained policies, paths of exported ones or of gains from
-            `pter tune`, or FILE.py:attribute or package.module:attribute for your own; any of these
-            with +detector goes on without a clutch that fails. Commas may separate them too. With
-            --machine, the default is universal instead of residual.
+        policies: Names of laws and trained policies, paths of exported ones, of gains from `pter
+            tune` or of a table of voltages (.csv), or FILE.py:attribute or package.module:attribute
+            for your own; any of these with +detector goes on without a clutch that fails. Commas
+            may separate them too. With --machine, the default is universal instead of residual.
         scenario: Scenario whose test episodes are run, or all.
         paces: Commanded paces: slow, medium, brisk, or speeds in m/s.
         path: Path of all episodes instead of the scenario's: a CSV file of waypoints x, y in
@@ -89,7 +89,8 @@ class Benchmark:
         film: Whether to film the policies on a training episode of the scenario.
         out: Folder for the results, created if necessary.
         machine: Name or file of a machine, instead of the scenario's.
-        hand: Name or file of a hand, instead of the scenario's; see docs/hands.md.
+        hand: Name or file of a hand, instead of the scenario's; of a file of `pter identify
+            --hand`, all hands that fit the log. See docs/hands.md.
         table: File for one table of all scenarios and paces, its best numbers bold: Markdown, LaTeX
             or CSV.
         baseline: Policy to which the table gives differences, with 95 % intervals over the same

@@ -19,11 +19,10 @@ from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, expand_path, write_bytes_atomic
 from pter_gym._internal.reading import MAX_JSON_SIZE, inflate, parse_json, read_bytes, reading
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.hands import Operator
+from pter_gym.hands import HandSpread, Operator
 from pter_gym.params import BASELINE, Machine
 from pter_gym.scenarios import Scenario, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds
-from pter_gym.scenarios._suite import by_hand
 from pter_gym.scenarios.distributions import Draws, Pair
 from pter_gym.scenarios.paces import find_pace
 from pter_gym.tasks._codec import codec
@@ -185,7 +184,7 @@ def find_episodes(
     pace: str,
     seed: int | None = None,
     machine: Machine | str | None = None,
-    hand: Operator | str | None = None,
+    hand: Operator | HandSpread | str | None = None,
 ) -> Episodes:
     """Return a scenario's test episodes at a pace, stored or drawn from a seed.
 
@@ -194,7 +193,7 @@ def find_episodes(
     are not stored: without a seed, the episodes are then drawn as the stored ones were. Raises as
     ``load_episodes``, and a ParameterError if the seed is out of range.
     """
-    scenario = by_hand(scenario, machine, hand)
+    scenario = find_scenario(scenario, machine, hand=hand)
     if seed is not None and whole_number("seed", seed, at_least=0) > MAX_SEED:
         raise ParameterError(f"seed must be a whole number within [0, 2⁶⁴), got {seed!r}")
     if seed is None and scenario.own is None:

@@ -13,7 +13,13 @@ from ._policy import (
     bind as bind,
 )
 from ._scaled import Powers as Powers, Scaled as Scaled
-from ._simple import Free as Free, Locked as Locked, Random as Random
+from ._simple import (
+    Free as Free,
+    Locked as Locked,
+    Playback as Playback,
+    Random as Random,
+    read_playback as read_playback,
+)
 from ._steering import SingleDof as SingleDof, VelocityRatio as VelocityRatio
 from ._writing import (
     MEMORY as MEMORY,

@@ -9,6 +9,7 @@ from ._operators import (
     NORMAL as NORMAL,
     RELAXED as RELAXED,
     TENSE as TENSE,
+    HandSpread as HandSpread,
     HumanArm as HumanArm,
     MultiSineHand as MultiSineHand,
     Operator as Operator,
@@ -22,4 +23,5 @@ from ._tremor import (
     PhysiologicalTremor as PhysiologicalTremor,
     TremorArm as TremorArm,
     find_hand as find_hand,
+    find_hands as find_hands,
 )

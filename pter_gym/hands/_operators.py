@@ -20,6 +20,7 @@ from pter_gym._physics.arm import UnitVector
 from pter_gym.errors import ParameterError
 from pter_gym.hands._model import NO_FORCE, SINES, HandModel, PerSine, Sines
 from pter_gym.params import Hand
+from pter_gym.params._spread import Spread
 
 EQ5_FREQUENCIES = tuple(2.0**n / 2.0 for n in range(SINES))
 """Frequencies of Eq. 5 [Hz]: sin(2ⁿπt) for n = 0 … 4."""
@@ -179,6 +180,38 @@ class HumanArm(Operator):
         return with_sines(self, substep)._replace(
             intent_speed=self.eagerness * pace, intent_rise=self.rise, intent_lead=self.lead
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandSpread(Spread[HumanArm]):
+    """Human arms whose numbers are normally distributed about those of one.
+
+    ``pter identify --hand`` writes one into its file: the hands that fit the log. A number below
+    the minimum of its field becomes the minimum, and an invalid hand is drawn again.
+
+    Attributes
+    ----------
+    hand
+        The hand in the middle.
+    places
+        What varies: the places of numbers, such as ``impedance.stiffness``.
+    covariance
+        Covariance of these numbers, a row for each, in products of their units.
+
+    Raises
+    ------
+    ParameterError
+        If a place is not that of a number, or the covariance is not one of as many numbers.
+    """
+
+    hand: HumanArm
+    places: tuple[str, ...]
+    covariance: tuple[tuple[float, ...], ...]
+
+    @property
+    def middle(self) -> HumanArm:
+        """The hand in the middle."""
+        return self.hand
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._internal.fields import parameter, require, require_number
-from pter_gym.hands._hand_files import find_impedance
+from pter_gym.hands._hand_files import find_arms
 from pter_gym.hands._library import LIBRARY_TREMORS
 from pter_gym.hands._model import SINES, HandModel
-from pter_gym.hands._operators import EQ5_FREQUENCIES, MAX_INSTANTS, HumanArm, Operator
+from pter_gym.hands._operators import EQ5_FREQUENCIES, MAX_INSTANTS, HandSpread, HumanArm, Operator
 
 ERROR = tuple(3.0 if frequency < 3.0 else 0.0 for frequency in EQ5_FREQUENCIES)
 """Amplitudes of a person's own error [N]: only below all tremor."""
@@ -171,7 +171,8 @@ def find_hand(hand: Operator | str) -> Operator:
     """Return a hand as it is, or by its file or name in ``LIBRARY_ARMS`` or ``LIBRARY_TREMORS``.
 
     A library arm becomes a human arm with its mass, damper and spring; a tremor becomes a human arm
-    that trembles with the middle of the tremor's ranges. ``pter identify --hand`` writes files.
+    that trembles with the middle of the tremor's ranges. ``pter identify --hand`` writes files, of
+    which it is the estimate.
 
     Raises
     ------
@@ -180,13 +181,16 @@ def find_hand(hand: Operator | str) -> Operator:
     DataError
         If a file is malformed.
     """
-    if isinstance(hand, Operator):
+    found = find_hands(hand)
+    return found.hand if isinstance(found, HandSpread) else found
+
+
+def find_hands(hand: Operator | HandSpread | str) -> Operator | HandSpread:
+    """Return the distribution of hands that a file describes, or its only hand.
+
+    Arguments and errors are those of ``find_hand``.
+    """
+    if isinstance(hand, Operator | HandSpread):
         return hand
     name = str(hand)
-    return KINDS[name]() if name in KINDS else HumanArm(impedance=find_impedance(name))
-
-
-def varied_hand(hand: Operator | str) -> Operator:
-    """Return a hand as ``find_hand`` does, whose disturbance differs between episodes."""
-    found: Any = find_hand(hand)
-    return replace(found, random_phases=True) if found.phases else found
+    return KINDS[name]() if name in KINDS else find_arms(name)

@@ -5,7 +5,7 @@ file may also state the uncertainty of its numbers, which ``find_machines`` read
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, cast
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pter_gym._internal.codec import Codec
 
 UNCERTAINTY = "uncertainty"
-"""Table of the places and the covariance of a ``MachineSpread``."""
+"""Table of the places and the covariance of a ``Spread``."""
 
 ORIGINS = ("published", "derived", "fitted", "identified", "chosen")
 """First words of a provenance."""
@@ -77,15 +77,32 @@ def find_machines(machine: Machine | FilePath) -> Machine | MachineSpread:
     middle = find_machine(machine)
     if not is_machine_file(source := builtin(machine)):
         return middle
-    table = read_toml(expand_path("machine", source), "machine").get(UNCERTAINTY)
-    if table is None:
-        return middle
+    content = read_toml(expand_path("machine", source), "machine")
     with reading(f"machine {source}"):
-        if not isinstance(table, dict) or not isinstance(table.get("covariance"), list):
-            raise TypeError(f"{UNCERTAINTY} must be a table with places and rows of a covariance")
-        table = cast("dict[str, Any]", table)
-        rows = tuple(tuple(map(float, row)) for row in table["covariance"])
-        return MachineSpread(machine=middle, places=tuple(table["places"]), covariance=rows)
+        uncertain = uncertainty_from(content)
+        return MachineSpread(machine=middle, **uncertain) if uncertain else middle
+
+
+def uncertainty_from(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the places and the covariance that a file's plain data has; empty without them."""
+    table = content.get(UNCERTAINTY)
+    if table is None:
+        return {}
+    if not isinstance(table, dict) or not isinstance(table.get("covariance"), list):
+        raise TypeError(f"{UNCERTAINTY} must be a table with places and rows of a covariance")
+    table = cast("dict[str, Any]", table)
+    rows = tuple(tuple(map(float, row)) for row in table["covariance"])
+    return {"places": tuple(table["places"]), "covariance": rows}
+
+
+def format_uncertainty(
+    places: Sequence[str], covariance: Sequence[Sequence[float]], note: str = ""
+) -> str:
+    """Return the table that ``uncertainty_from`` reads as text."""
+    return (
+        f"\n[{UNCERTAINTY}]  # of normally distributed numbers, in products of their units\n"
+        f"places = {json.dumps(places)}{note}\ncovariance = {json.dumps(covariance)}\n"
+    )
 
 
 def is_machine_file(machine: object) -> bool:
@@ -161,12 +178,9 @@ def format_machine(
 ) -> str:
     """Return a machine's file as text; see ``save_machine``."""
     if isinstance(machine, MachineSpread):
-        table = [
-            f"\n[{UNCERTAINTY}]  # of normally distributed numbers, in products of their units",
-            f"places = {json.dumps(machine.places)}  # clutch_scale.1 is the strength of clutch 1",
-            f"covariance = {json.dumps(machine.covariance)}\n",
-        ]
-        return format_machine(machine.machine, origin, origins, title) + "\n".join(table)
+        note = "  # clutch_scale.1 is the strength of clutch 1"
+        table = format_uncertainty(machine.places, machine.covariance, note)
+        return format_machine(machine.machine, origin, origins, title) + table
     if not isinstance(cast("object", machine), Machine):
         raise ParameterError(f"machine must be a Machine, got {machine!r:.200}")
     for text in (origin, *origins.values()):

@@ -26,7 +26,7 @@ from pter_gym.policies.tuned import find_paced, find_tuned, read_tuned, tuned_po
 if TYPE_CHECKING:
     from pter_gym.controllers import AnyPolicy, Controller
 
-Kind = Literal["law", "tuned law", "gains", "network", "code", "fault-tolerant"]
+Kind = Literal["law", "tuned law", "gains", "table", "network", "code", "fault-tolerant"]
 
 DETECTOR = "+detector"
 """What follows the name of a policy that goes on without a clutch that a detector names."""
@@ -36,6 +36,7 @@ NAMES: dict[Kind, Callable[[], Collection[str]]] = {
     "tuned law": tuned_policies,
     "network": shipped_policies,
     "gains": lambda: ["FILE.toml"],
+    "table": lambda: ["FILE.csv"],
     "code": lambda: ["FILE.py:attribute"],
     "fault-tolerant": lambda: [f"NAME{DETECTOR}"],
 }
@@ -68,7 +69,7 @@ def kind_of(name: str, field: str = "policies", among: Collection[Kind] = tuple(
     file = name.rpartition(":")[0] if kind == "code" else name
     if kind == "network":
         find_file(name)
-    elif has_ending(file, ".py", ".toml") and not Path(file).expanduser().is_file():
+    elif has_ending(file, ".py", ".toml", ".csv") and not Path(file).expanduser().is_file():
         raise ParameterError(f"{field} must name a file that exists, there is no {file!r}")
     return kind
 
@@ -89,6 +90,8 @@ def _meant_by(name: str) -> Kind | None:
         return "code"
     if has_ending(name, ".toml"):
         return "gains"
+    if has_ending(name, ".csv"):
+        return "table"
     if name in shipped_policies() or is_path(name) or (name and is_here(name)):
         return "network"
     return None
@@ -111,6 +114,7 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> "AnyPolicy
           observations to volts. A class is called without arguments. The file is run, or the module
           imported, in this process, if need be from the current folder, which is then appended to
           ``sys.path``;
+        - a table of voltages over time, such as the file of ``pter identify --pulses``;
         - any of these with ``+detector`` at the end: it goes on without a clutch once a detector
           says that this has failed; see ``FaultTolerant``.
     scenario
@@ -132,6 +136,10 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> "AnyPolicy
             return find_tuned(name, scenario)
         case "gains":
             return read_tuned(name, scenario)
+        case "table":
+            from pter_gym.controllers import read_playback
+
+            return read_playback(name)
         case "network":
             return read_policy(name)
         case "code":

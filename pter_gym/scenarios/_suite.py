@@ -21,7 +21,7 @@ from pter_gym.errors import ParameterError, unknown_name
 
 if TYPE_CHECKING:
     from pter_gym._internal.files import FilePath
-    from pter_gym.hands import Operator
+    from pter_gym.hands import HandSpread, Operator
     from pter_gym.params import Machine, MachineSpread
     from pter_gym.paths import Path
     from pter_gym.scenarios.distributions import Draws
@@ -124,7 +124,7 @@ def find_scenario(
     machine: "Machine | MachineSpread | FilePath | None" = None,
     path: "Path | FilePath | None" = None,
     smooth: float = 0.0,
-    hand: "Operator | str | None" = None,
+    hand: "Operator | HandSpread | str | None" = None,
 ) -> Scenario:
     """Return a scenario by its name.
 
@@ -144,7 +144,9 @@ def find_scenario(
         How far a path from a file may deviate from its waypoints [m], see
         ``pter_gym.paths.Spline``.
     hand
-        A hand for all its episodes, or its name as ``pter_gym.hands.find_hand`` takes it.
+        A hand for all its episodes, or its name or file as ``pter_gym.hands.find_hands`` takes it:
+        of a measured hand, each episode draws one that fits the log. The phases of its sines differ
+        between episodes.
 
     Raises
     ------
@@ -157,24 +159,6 @@ def find_scenario(
     scenario = _find(scenario, machine)
     scenario = scenario if path is None else _on_path(scenario, path, smooth)
     return scenario if hand is None else _with_hand(scenario, hand)
-
-
-def by_hand(
-    scenario: "str | Scenario",
-    machine: "Machine | MachineSpread | FilePath | None" = None,
-    hand: "Operator | str | None" = None,
-    path: "Path | FilePath | None" = None,
-    smooth: float = 0.0,
-) -> Scenario:
-    """Return a scenario as ``find_scenario``; a hand's disturbance differs between episodes."""
-    from pter_gym.hands._tremor import varied_hand
-
-    found = find_scenario(scenario, machine, path, smooth)
-    if hand is None:
-        return found
-    found = _with_hand(found, varied_hand(hand))
-    own = PurePath(hand).stem if isinstance(hand, str) else type(hand).__name__.lower()
-    return replace(found, name=f"{found.name.rpartition('-by-')[0]}-by-{own}")
 
 
 def gains_for(tasks: "Iterable[PathFollowing]") -> str:
@@ -206,10 +190,7 @@ def _find(
         if not isinstance(scenario, PathFollowing):
             raise unknown_name("scenario", scenario, SCENARIOS)
         name, gains = type(scenario.path).__name__.lower(), gains_for([scenario])
-        hand: Any = scenario.hand
-        if hand.phases:
-            hand = replace(hand, random_phases=True)
-        own = Draws(task=replace(scenario, hand=hand))
+        own = Draws(task=replace(scenario, hand=_disturbing(scenario.hand)))
         scenario = Scenario(name, 0, "A task of your own.", episodes=200, own=own, gains=gains)
     if machine is None:
         return scenario
@@ -262,18 +243,27 @@ def _on_path(scenario: Scenario, source: "Path | FilePath", smooth: float) -> Sc
     )
 
 
-def _with_hand(scenario: Scenario, source: "Operator | str") -> Scenario:
-    """Return a scenario with one hand for all episodes."""
-    from pter_gym.hands import find_hand
+def _disturbing(hand: "Operator") -> Any:
+    """Return a hand whose sines have other phases in each episode."""
+    known: Any = hand
+    return replace(known, random_phases=True) if known.phases else known
+
+
+def _with_hand(scenario: Scenario, source: "Operator | HandSpread | str") -> Scenario:
+    """Return a scenario with one hand for all episodes, or with draws of a measured one."""
+    from pter_gym.hands import HandSpread, find_hands
     from pter_gym.scenarios.distributions import Vary
 
-    hand = find_hand(source)
-    title = source if isinstance(source, str) else type(hand).__name__.lower()
+    found, drawn = find_hands(source), {}
+    hand = _disturbing(found.hand if isinstance(found, HandSpread) else found)
+    if isinstance(found, HandSpread):
+        drawn = {"hand": replace(found, hand=hand)}
+    title = PurePath(source).stem if isinstance(source, str) else type(hand).__name__.lower()
 
     def changed(draws: "Draws") -> "Draws":
         varied = draws.varied_task
-        others = {name: field for name, field in varied.fields.items() if name != "hand"}
-        return replace(draws, task=Vary(replace(varied.template, hand=hand), **others))
+        fields = {name: each for name, each in varied.fields.items() if name != "hand"} | drawn
+        return replace(draws, task=Vary(replace(varied.template, hand=hand), **fields))
 
     gains = scenario.whose_gains
     return replace(

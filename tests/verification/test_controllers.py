@@ -4,6 +4,7 @@ Fig. 6)."""
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -22,6 +23,7 @@ from pter_gym.controllers import (
     PaceSchedule,
     PerClutch,
     PerLink,
+    Playback,
     Policy,
     Random,
     SingleDof,
@@ -29,6 +31,7 @@ from pter_gym.controllers import (
     VelocityRatio,
     compiled,
     passive_torques,
+    read_playback,
     table_voltage,
 )
 from pter_gym.errors import LawIndexError, ParameterError
@@ -621,3 +624,33 @@ def test_a_weaker_clutch_is_one_with_a_lower_curve() -> None:
             )
         )
         np.testing.assert_allclose(scaled, weaker, rtol=1e-6)
+
+
+def test_a_table_of_voltages_is_played(tmp_path: Path):
+    """Each row from the first step at or after its time on; of two in a step, the later one."""
+    file = tmp_path / "table.csv"
+    file.write_text("t_s,V1,V2,V3,V4\n0.015,1,0,0,0\n0.03,0,2,0,0\n0.042,9,9,9,9\n0.05,0,0,0,30\n")
+    policy = read_playback(file).bind(BASELINE, LAYOUT)
+    memory, seen = policy.start(2), np.zeros((2, len(LAYOUT)), np.float32)
+    given = np.array([policy.act(seen, memory) for _ in range(8)])
+    zero, one, two, top = (0.0,) * 4, (1.0, 0, 0, 0), (0, 2.0, 0, 0), (0, 0, 0, 24.0)
+    expected = [zero, zero, one, two, two, top, top, top]
+    np.testing.assert_array_equal(given, np.repeat(np.array(expected)[:, None], 2, axis=1))
+    with pytest.raises(ParameterError, match="control_period"):
+        policy.check_period(0.005)
+
+
+@pytest.mark.parametrize(
+    ("times", "volts", "field"),
+    [
+        ((), (), "times"),
+        ((-0.1,), ((0.0,) * 4,), "times"),
+        ((0.0, 0.0), ((0.0,) * 4,) * 2, "times"),
+        ((0.0,), ((0.0,) * 3,), "volts"),
+        ((0.0,), ((0.0, 0.0, 0.0, -1.0),), "volts"),
+        ((0.0,), ((0.0,) * 4,) * 2, "volts"),
+    ],
+)
+def test_a_table_that_cannot_be_played_is_refused(times: Any, volts: Any, field: str):
+    with pytest.raises(ParameterError, match=rf"Playback\.{field}"):
+        Playback(times=times, volts=volts)

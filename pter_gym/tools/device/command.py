@@ -32,8 +32,8 @@ def device(
 ) -> None:
     """Examine a device: its forces, its walls, and how well laws tuned for it guide a hand.
 
-    The device is a machine, or PTER with four clutches from a data sheet. For a machine from `pter
-    identify`, it also says what holds for all machines that fit the log.
+    The device is a machine, or PTER with four clutches from a data sheet. For a machine or a hand
+    from `pter identify`, it also says what holds for all that fit the log.
 
     Tunes a law on each of the scenarios standard, corridor and wall, and scores it on test
     episodes, on standard beside the policy for any device, also where a clutch fails. Writes
@@ -54,7 +54,8 @@ def device(
         episodes: Test episodes of each scenario, at most as many as are stored.
         train: Also train a policy by PPO for the machine, and compare it with the laws. Needs the
             extra agents.
-        hand: Name or file of the hand to guide, instead of the scenarios'; see docs/hands.md.
+        hand: Name or file of the hand to guide, instead of the scenarios'; of a file of `pter
+            identify --hand`, all hands that fit the log. See docs/hands.md.
         out: Folder for the results, created if necessary.
     """
     look_at(hand=hand)

@@ -21,12 +21,11 @@ from pter_gym.benchmark.scores import ScenarioRun
 from pter_gym.benchmark.worst_hand import find_worst
 from pter_gym.controllers import AnyPolicy, bind
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.hands import Operator
+from pter_gym.hands import HandSpread, Operator, find_hands
 from pter_gym.params import BASELINE, Machine, MachineSpread
 from pter_gym.plugins import PICTURES, registered
 from pter_gym.policies.tuned import with_gains
-from pter_gym.scenarios import PACES
-from pter_gym.scenarios._suite import by_hand
+from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.device.data_sheet import find_device
 from pter_gym.tools.device.measures import FREQUENCY, Rendering, measure_rendering
@@ -65,11 +64,13 @@ class DeviceReport:
         A leaderboard for each scenario: the tuned law, the policy without voltage, a policy trained
         for the device if there is one, and on ``standard`` the one for any device.
     promises
-        If the device is known from a log: for each policy, the error on ``standard`` promised for
-        the machines that fit the log.
+        If the device or the hand is known from a log: for each policy, the error on ``standard``
+        promised for the machines and hands that fit the log.
     failing
         On ``standard``, a leaderboard of those but the policy without voltage for each way in which
         a clutch may fail.
+    hand
+        Name or file of the hand in all episodes, empty for those of the scenarios.
     """
 
     device: str
@@ -80,6 +81,7 @@ class DeviceReport:
     boards: tuple[Leaderboard, ...]
     promises: tuple[Promise, ...] = ()
     failing: tuple[Leaderboard, ...] = ()
+    hand: str = ""
 
     @property
     def whole_and_failing(self) -> list[Leaderboard]:
@@ -113,6 +115,7 @@ class DeviceReport:
             "version": __version__,
             "device": self.device,
             "pace": self.pace,
+            "hand": self.hand,
             "verdict": self.verdict,
             "rendering": asdict(self.rendering),
             "pter": asdict(self.usual),
@@ -133,7 +136,7 @@ def examine_device(
     trials: int = 200,
     episodes: int = 100,
     policies: dict[str, AnyPolicy] | None = None,
-    hand: Operator | str | None = None,
+    hand: Operator | HandSpread | str | None = None,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> DeviceReport:
     """Examine a device, and write ``index.html``, ``device.json`` and pictures into a folder.
@@ -155,7 +158,8 @@ def examine_device(
     policies
         Further policies to score, by name.
     hand
-        A hand for all episodes, instead of those of the scenarios.
+        A hand for all episodes, instead of those of the scenarios; or a ``HandSpread`` or a file
+        that describes one, for which errors are promised.
     on_progress
         Called with what is being done.
 
@@ -191,7 +195,7 @@ def examine_device(
             run = ScenarioRun(scenario, pace, title, 0, SEED, some.strata, evaluate(policy, some))
             if scenario == GUIDED and title != FREE:
                 on_progress(f"searching for the worst hand for {title}")
-                worst = find_worst(policy, by_hand(scenario, device, hand), pace)
+                worst = find_worst(policy, find_scenario(scenario, device, hand=hand), pace)
                 run = replace(run, worst=worst)
                 on_progress(f"letting clutches fail under {title}")
                 for fault, failure in faults(own).items():
@@ -203,15 +207,17 @@ def examine_device(
     rendering = measure_rendering(own, tuned["wall"], pace)
     usual = measure_rendering(BASELINE, find_policy("impedance-tuned", "wall"), pace)
     promises: list[Promise] = []
-    if isinstance(device, MachineSpread):
-        on_progress("drawing machines that fit the log")
+    measured = hand is not None and isinstance(find_hands(hand), HandSpread)
+    if measured or isinstance(device, MachineSpread):
+        on_progress("drawing what fits the log")
         guiding = {f"{SCENARIOS[GUIDED]}-tuned": tuned[GUIDED], **guiding}
         promises = [
             make_promise(policy, title, device, GUIDED, pace, hand=hand)
             for title, policy in guiding.items()
         ]
     boards = leaderboards(runs), tuple(promises), leaderboards(failing)
-    report = DeviceReport(name, pace, rendering, usual, gains, *boards)
+    guided = "" if hand is None else hand if isinstance(hand, str) else type(hand).__name__
+    report = DeviceReport(name, pace, rendering, usual, gains, *boards, hand=guided)
     on_progress("drawing")
     content = json.dumps(report.as_json(), indent=2, allow_nan=False) + "\n"
     with locked(folder / LOCK):
@@ -235,7 +241,7 @@ def _draw(
     report: DeviceReport,
     own: Machine,
     tuned: dict[str, AnyPolicy],
-    hand: Operator | str | None,
+    hand: Operator | HandSpread | str | None,
     folder: Path,
 ) -> dict[str, str]:
     """Draw what the installed tools can draw into a folder; return captions by file name."""
@@ -245,7 +251,8 @@ def _draw(
         captions["forces.png"] = "Forces that the device can display; its smallest steering force."
     if "film" in pictures:
         for scenario, law in tuned.items():
-            ((machine, task),) = by_hand(scenario, own, hand).draws.pairs(1, 0, report.pace)
+            draws = find_scenario(scenario, own, hand=hand).draws
+            ((machine, task),) = draws.pairs(1, 0, report.pace)
             rows = record_episode(law, machine, task, 0, nominal=own).telemetry
             label = f"{SCENARIOS[scenario]}-tuned"
             pictures["film"].load().write_film(
@@ -286,6 +293,7 @@ def page(report: DeviceReport, pictures: dict[str, str]) -> str:
             for key, (text, unit) in ROWS.items()
         ],
     )
+    hand = f"<p>All episodes have the hand {escape(report.hand)}.</p>" if report.hand else ""
     promises = "".join(f"<p>{escape(promise.sentence)}</p>" for promise in report.promises)
     boards = "".join(map(_board, report.boards))
     head, *rows = map(tuple, fault_table(report.whole_and_failing))
@@ -298,7 +306,7 @@ def page(report: DeviceReport, pictures: dict[str, str]) -> str:
         '<!doctype html><html lang="en"><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width">'
         f"<title>{escape(report.device)}</title><style>{STYLE}</style>"
-        f"<h1>{escape(report.device)}</h1><p>{escape(report.verdict)}</p>{promises}"
+        f"<h1>{escape(report.device)}</h1><p>{escape(report.verdict)}</p>{hand}{promises}"
         f"<h2>What it can render</h2>{rendering}"
         f"<h2>Policies, pace {escape(report.pace)}</h2>{boards}"
         "<h2>If a clutch fails</h2><p>Path error on standard [mm], and how many episodes arrive, "

@@ -66,7 +66,8 @@ def identify(
             writes hand.toml, which other commands take as --hand, instead.
         reaction: With --hand, time after a switch [s] in which the person does not react to it.
         pulses: File for the pulses to give while a hand is recorded, with which no log is read:
-            t_s and V1 to V4 for each change. Also prints how long to record.
+            t_s and V1 to V4 for each change. It is a policy for other commands. Also prints how
+            long to record.
         force: With --pulses, largest force of the clutches on the hand [N].
         seconds: With --pulses, their duration [s], 20 to 600.
         out: Folder for the results, created if necessary.
@@ -186,7 +187,8 @@ def show_pulses(
     in_middle, middle = force / forces_around(machine), np.array(MIDDLE)
     volts = pulses(machine, middle, seconds, INTERVAL, in_middle, 0)
     rows = np.flatnonzero(np.abs(np.diff(volts, axis=0, prepend=-1.0)).max(axis=1) > 0.0)
-    table, text = np.column_stack([INTERVAL * rows, volts[rows]]), io.StringIO()
+    table = np.column_stack([INTERVAL * rows, volts[rows]])
+    table, text = np.vstack([table, [seconds, 0.0, 0.0, 0.0, 0.0]]), io.StringIO()
     np.savetxt(text, table, "%.6g", ",", header="t_s,V1,V2,V3,V4", comments="")
     write_text_atomic(file, text.getvalue())
     with waiting("rehearsing"):
@@ -194,7 +196,11 @@ def show_pulses(
     shown = ", ".join(f"{name} {max(minutes, 1.0):.0f}" for name, minutes in needed.items())
     say(f"{len(rows)} switches of at most {force:g} N on the hand, in {seconds:g} s.")
     say(f"Minutes until numbers of a usual hand are identified: {shown}.")
-    conclude([file], f"pter identify log.csv --hand --reaction {reaction:g}")
+    conclude(
+        [file],
+        f"pter export {quote(str(file))} --c pulses",
+        f"pter identify log.csv --hand --reaction {reaction:g}",
+    )
 
 
 def show_hand(log: "Log", machine: "Machine", reaction: float, out: Path) -> None:
@@ -213,7 +219,7 @@ def show_hand(log: "Log", machine: "Machine", reaction: float, out: Path) -> Non
     show_findings(found.findings, "docs/measure-a-hand.md")
     title = "\n".join(["Written by pter identify --hand.", *said])
     file = out / "hand.toml"
-    write_text_atomic(file, format_hand(found.hand, origins_of(found.findings, log.name), title))
+    write_text_atomic(file, format_hand(found.hands, origins_of(found.findings, log.name), title))
     conclude([file], f"pter benchmark --hand {quote(str(file))}")
 
 

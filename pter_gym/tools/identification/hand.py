@@ -17,7 +17,7 @@ from scipy.interpolate import BSpline
 from scipy.signal import fftconvolve, lfilter
 
 from pter_gym.errors import ParameterError
-from pter_gym.hands import NORMAL
+from pter_gym.hands import NORMAL, HandSpread, HumanArm
 from pter_gym.params import Hand, Machine
 from pter_gym.tools.identification.findings import Finding, make_finding
 from pter_gym.tools.identification.log import ROUNDING, Log
@@ -74,6 +74,9 @@ SURE = 1.96
 RARE, UNLIKELY = 0.005, 0.01
 """Chances of a warning of each kind where there is nothing to warn of, and of a direction."""
 
+TINY = 1e-9
+"""In place of a push of 0 [N]."""
+
 PLAIN, EVERY = np.ones(1), slice(None)
 """The test function as it is; all switches."""
 
@@ -85,17 +88,26 @@ LIMITS = ((20.0, 3000.0), (1.0, 200.0), (0.1, 10.0))
 
 NAMES = (("stiffness", "N/m"), ("damping", "N·s/m"), ("mass", "kg"))
 
+PLACES = (
+    *(name for name, _ in NAMES),
+    *(f"{name}_anisotropy.{k}" for name, _ in NAMES[:2] for k in (1, 2)),
+)
+"""Places in a file of the numbers that come first among the findings."""
+
 
 @dataclass(frozen=True)
 class MeasuredHand:
     """What a log tells of a hand, from how many switches, and warnings in words.
 
     ``estimates`` are stiffness, damping and mass with half of their 95 % intervals, of which the
-    findings leave out what is too uncertain.
+    findings leave out what is too uncertain. ``covariance`` is that of the numbers of the file that
+    the log tells, ``places``.
     """
 
     findings: list[Finding]
     estimates: dict[str, tuple[float, float]]
+    places: tuple[str, ...]
+    covariance: Array
     switches: int
     warnings: tuple[str, ...]
 
@@ -122,6 +134,15 @@ class MeasuredHand:
             stiffness=by_name["stiffness"],
             damping_anisotropy=(by_name["damping_e"], by_name["damping_f"]),
             stiffness_anisotropy=(by_name["stiffness_e"], by_name["stiffness_f"]),
+        )
+
+    @property
+    def hands(self) -> HandSpread:
+        """The hands that fit the log: their numbers vary together, within their intervals."""
+        return HandSpread(
+            hand=HumanArm(impedance=self.hand),
+            places=tuple(f"impedance.{place}" for place in self.places),
+            covariance=tuple(map(tuple, self.covariance.tolist())),
         )
 
     def _found(self, name: str) -> Finding:
@@ -160,11 +181,12 @@ def identify_hand(
         fit.improve(fit.motion(fit.early))
     fit.improve(fit.motion(fit.count))
     apart, warnings = fit.differences()
-    warnings += [*fit.reactions(), *fit.limits()]
+    warnings += [*fit.reactions(), *fit.giving_way(), *fit.limits()]
     estimates = fit.estimates(apart)
     findings = fit.findings(estimates, sure=not warnings)
     warnings += fit.uneven_mass()
-    return MeasuredHand(findings, estimates, len(fit.at.rows), tuple(warnings))
+    spread = fit.spread(findings)
+    return MeasuredHand(findings, estimates, *spread, len(fit.at.rows), tuple(warnings))
 
 
 class _Estimate(NamedTuple):
@@ -337,18 +359,39 @@ class _HandFit:
 
     def reactions(self) -> list[str]:
         """Return a sentence if the hand's own push depends on where pulses had moved the arm."""
-        moved = self.instruments[..., 0] + self.instruments[..., 2]  # along x, along y
+        moved = self._moved()
         past = np.zeros((*moved.shape, len(LAGS)))
         for n, lag in enumerate(LAGS):
             shift = round(lag / self.knot)
             past[:, shift:, :, n] = moved[:, :-shift]
-        slopes, scores = _moments(past, self.columns, self.outcome)
-        scores += slopes @ self.found.theta + self.found.moves @ slopes.sum(axis=0).T
-        if not _differ(scores.sum(axis=0), scores.T @ scores, RARE):
-            return []
-        return [
+        sentence = (
             "The hand's own push depends on where a pulse moved it 0.1 to 0.2 s ago: it reacts."
-        ]
+        )
+        return [sentence] if self._leaves(past) else []
+
+    def giving_way(self) -> list[str]:
+        """Return a sentence if the stiffness depends on how hard and where to the hand pushes.
+
+        A hand whose push is limited has none along its push, however hard this is.
+        """
+        moved, push = self._moved(), self.log.force[self.at.rows - 1]
+        size = np.linalg.norm(push, axis=1)
+        towards = push / np.maximum(size, TINY)[:, None]
+        along = towards[:, None] * np.einsum("jd,jkd->jk", towards, moved)[..., None]
+        hard = (stats.rankdata(size) / len(size) - 0.5)[:, None, None]
+        more = np.stack([along - 0.5 * moved, hard * moved], axis=-1)
+        sentence = "The stiffness depends on how the hand pushes: it gives way, or tenses."
+        return [sentence] if self._leaves(more) else []
+
+    def _moved(self) -> Array:
+        """Return how far pulses move the hand, as instruments have it: (J, K, 2)."""
+        return self.instruments[..., 0] + self.instruments[..., 2]  # along x, along y
+
+    def _leaves(self, more: Array) -> bool:
+        """Return whether what the numbers do not explain depends on more instruments."""
+        slopes, scores = _moments(more, self.columns, self.outcome)
+        scores += slopes @ self.found.theta + self.found.moves @ slopes.sum(axis=0).T
+        return _differ(scores.sum(axis=0), scores.T @ scores, RARE)
 
     def limits(self) -> list[str]:
         """Return what is too coarse or too late, in sentences."""
@@ -396,11 +439,7 @@ class _HandFit:
 
     def _anisotropy(self, first: int, name: str, *, kept: bool) -> list[Finding]:
         """Return (e, f) of the stiffness or the damping; see ``pter_gym.params.Hand``."""
-        xx, xy, yy = self.theta[first : first + 3]
-        value = np.array([xx - yy, 2.0 * xy]) / (xx + yy)
-        slopes = np.zeros((2, 10))
-        slopes[0, [first, first + 2]] = np.array([1.0 - value[0], -1.0 - value[0]]) / (xx + yy)
-        slopes[1, [first, first + 1, first + 2]] = np.array([-value[1], 2.0, -value[1]]) / (xx + yy)
+        value, slopes = self._direction(first)
         covariance = slopes @ self.found.covariance @ slopes.T
         reason = (
             ""
@@ -418,6 +457,27 @@ class _HandFit:
             )
             for letter, each, half in zip("ef", value, halves.tolist(), strict=True)
         ]
+
+    def _direction(self, first: int) -> tuple[Array, Array]:
+        """Return (e, f) of the stiffness or the damping, and its derivative by all numbers."""
+        xx, xy, yy = self.theta[first : first + 3]
+        value = np.array([xx - yy, 2.0 * xy]) / (xx + yy)
+        slopes = np.zeros((2, 10))
+        slopes[0, [first, first + 2]] = np.array([1.0 - value[0], -1.0 - value[0]]) / (xx + yy)
+        slopes[1, [first, first + 1, first + 2]] = np.array([-value[1], 2.0, -value[1]]) / (xx + yy)
+        return value, slopes
+
+    def spread(self, findings: list[Finding]) -> tuple[tuple[str, ...], Array]:
+        """Return the places of numbers that the log tells in a file, and their covariance.
+
+        Its diagonal is that of the intervals, which may be wider than the fit's.
+        """
+        told = [k for k, each in enumerate(findings[: len(PLACES)]) if each.status != "kept"]
+        slopes = np.vstack([MEANS, self._direction(0)[1], self._direction(3)[1]])[told]
+        covariance = slopes @ self.found.covariance @ slopes.T
+        errors = np.array([findings[k].half_width for k in told]) / SURE
+        wider = errors / np.sqrt(np.diag(covariance))
+        return tuple(PLACES[k] for k in told), wider[:, None] * covariance * wider
 
 
 MEANS = np.kron(np.eye(3), [0.5, 0.0, 0.5]) @ np.eye(9, 10)

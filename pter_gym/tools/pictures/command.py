@@ -65,7 +65,8 @@ def watch(
         size: Width and height of the picture in pixels.
         speed: Playback speed relative to real time; 0.2 is slow motion.
         machine: Name or file of a machine, instead of the scenario's.
-        hand: Name or file of a hand, instead of the scenario's; see docs/hands.md.
+        hand: Name or file of a hand, instead of the scenario's; of a file of `pter identify
+            --hand`, all hands that fit the log. See docs/hands.md.
         worst: Results of `pter benchmark --worst` with the worst hand for the first policy.
     """
     names = split(policies)

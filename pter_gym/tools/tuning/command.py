@@ -66,7 +66,8 @@ def tune(
         replace: Replace the gains that --out already holds for the law, scenario and pace.
         machine: Name or file of a machine, instead of the scenario's.
         worst: Minimise the largest path error of the episodes instead of the mean.
-        hand: Name or file of a hand, instead of the scenario's; see docs/hands.md.
+        hand: Name or file of a hand, instead of the scenario's; of a file of `pter identify
+            --hand`, all hands that fit the log. See docs/hands.md.
     """
     kind = kind_of(law, "law", ("law", "code"))
     look_at(paces=[pace], path=path, smooth=smooth, machine=machine, hand=hand)

@@ -10,8 +10,7 @@ from pter_gym._internal.locks import lock_beside, locked
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.errors import ParameterError
 from pter_gym.policies.tuned import GainsTable, read_gains
-from pter_gym.scenarios import SCENARIOS, Scenario
-from pter_gym.scenarios._suite import by_hand
+from pter_gym.scenarios import SCENARIOS, Scenario, find_scenario
 from pter_gym.scenarios.paces import find_pace
 from pter_gym.tools.tuning.search import TunedGains
 
@@ -36,7 +35,7 @@ def add_gains(found: TunedGains, path: FilePath, *, replace: bool = False) -> No
         If it cannot be written.
     """
     path = expand_path("path", path)
-    scenario = by_hand(found.scenario, found.machine, found.hand, found.path, found.smooth)
+    scenario = find_scenario(found.scenario, found.machine, found.path, found.smooth, found.hand)
     defaults = vars(CONTROLLERS[found.controller]())
     entry = {
         "command": found.command,

@@ -13,10 +13,10 @@ from pter_gym._internal.files import FilePath, check_target, expand_path
 from pter_gym._internal.locks import lock_beside, locked
 from pter_gym.benchmark import Assessment, Episodes, assess, training_episodes
 from pter_gym.errors import ParameterError, StorageError, needs_extra
-from pter_gym.hands import Operator
+from pter_gym.hands import HandSpread, Operator
 from pter_gym.params import Machine
 from pter_gym.paths import Path as AnyPath
-from pter_gym.scenarios._suite import by_hand
+from pter_gym.scenarios import find_scenario
 from pter_gym.scenarios.paces import find_pace, name_of_pace
 from pter_gym.tools.tuning.laws import Range, TunableLaw, find_law
 
@@ -54,7 +54,7 @@ class TunedGains:
     path: AnyPath | str | None = None
     smooth: float = 0.0
     worst: bool = False
-    hand: Operator | str | None = None
+    hand: Operator | HandSpread | str | None = None
 
     @property
     def command(self) -> str:
@@ -76,7 +76,7 @@ def command_of(
     path: AnyPath | str | None,
     smooth: float,
     worst: bool,
-    hand: Operator | str | None,
+    hand: Operator | HandSpread | str | None,
 ) -> str:
     """Return the command of a search, whose arguments are those of ``tune``."""
     command = (
@@ -107,7 +107,7 @@ def tune(
     path: AnyPath | str | None = None,
     smooth: float = 0.0,
     worst: bool = False,
-    hand: Operator | str | None = None,
+    hand: Operator | HandSpread | str | None = None,
     on_trial: Callable[[int, float], None] = lambda _count, _best: None,
 ) -> TunedGains:
     """Search for a law's gains on training episodes of a scenario, with CMA-ES.
@@ -141,8 +141,7 @@ def tune(
     worst
         Whether the largest path error of the episodes is minimised instead of the mean.
     hand
-        A hand for all episodes, instead of those of the scenario, as in ``find_scenario``; its
-        disturbance differs between episodes.
+        A hand for all episodes, instead of those of the scenario, as in ``find_scenario``.
     on_trial
         Called after each trial with the number of finished trials and the smallest value so far
         [m].
@@ -159,7 +158,7 @@ def tune(
         holds.
     """
     journal = expand_path("storage", storage)
-    definition = by_hand(scenario, machine, hand, path, smooth)
+    definition = find_scenario(scenario, machine, path, smooth, hand)
     pace = name_of_pace(pace)
     law = find_law(controller, find_pace(pace), definition.whose_gains)
     trials, episodes = whole_number("trials", trials), whole_number("episodes", episodes)

@@ -13,12 +13,15 @@ import pytest
 from pter_gym._commands.main import main
 from pter_gym.benchmark import evaluate, find_policy
 from pter_gym.benchmark.boards import Leaderboard, Standing
-from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.intervals import Interval
 from pter_gym.controllers import Free
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.params import ACTUATORS, BASELINE, Arm, MachineSpread, TorqueCurve, find_machine
+from pter_gym.hands import HandSpread, HumanArm, find_hands
+from pter_gym.hands._hand_files import format_hand
+from pter_gym.params import ACTUATORS, BASELINE, Arm, Hand, MachineSpread, TorqueCurve, find_machine
 from pter_gym.paths import Line
+from pter_gym.scenarios.distributions import Draws
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
 from pter_gym.tools.device import examine_device, measures
 from pter_gym.tools.device.command import errors, gains_in_words, title_of
@@ -229,6 +232,25 @@ def test_a_promise_is_kept_by_new_machines_and_its_order_is_that_of_the_binomial
     assert sum(error <= promise.error_m for error in errors) >= 17
 
 
+def test_a_promise_holds_for_hands_too():
+    """The same as that of machines, if nothing but the hand is drawn."""
+    variance = 30.0**2
+    hands = HandSpread(hand=HumanArm(), places=("impedance.stiffness",), covariance=((variance,),))
+    law, given = find_policy("single-dof-tuned", "hands"), ("standard", "medium")
+    promise = make_promise(law, "law", BASELINE, *given, draws=59, episodes=1, hand=hands)
+    assert promise.sentence.startswith("On 95 % of the hands that fit your log, law has")
+    rng = np.random.default_rng(PROMISE_SEED)
+    (task,) = find_episodes("standard", "medium", PROMISE_SEED, hand=hands).first(1).tasks
+    errors = [
+        evaluate(law, Episodes.from_pairs("one", Draws(task=own), [(BASELINE, own)], [0]))
+        for own in (
+            replace(task, hand=replace(task.hand, impedance=hands.draw(rng).impedance))
+            for _ in range(59)
+        )
+    ]
+    assert promise.error_m == max(each["path_error_m"][0] for each in errors)
+
+
 @pytest.mark.parametrize(
     ("options", "field"),
     [({"pace": "fast"}, "pace"), ({"trials": 0}, "trials"), ({"episodes": -1}, "episodes")],
@@ -253,3 +275,32 @@ def test_nothing_is_written_without_the_search(
     assert main(["device", "particle-brake", "--out", str(tmp_path / "out")]) != 0
     assert "extra tune" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few_hands")
+def test_a_device_is_examined_with_a_measured_hand(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    pytest.importorskip("optuna")
+    hands = HandSpread(
+        hand=HumanArm(impedance=Hand(mass=1.4, damping=12.0, stiffness=250.0)),
+        places=("impedance.stiffness", "impedance.damping"),
+        covariance=((110.0, -4.5), (-4.5, 0.36)),
+    )
+    file, out = tmp_path / "mine.toml", tmp_path / "out"
+    file.write_text(format_hand(hands, {}, "A measured hand."), "utf-8")
+    assert find_hands(str(file)) == hands
+    budget = ["--trials", "1", "--episodes", "2"]
+    assert main(["device", "baseline", "--hand", str(file), *budget, "--out", str(out)]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    stored = json.loads((out / "device.json").read_text("utf-8"))
+    promised = {each["policy"]: each for each in stored["promises"]}
+    assert promised.keys() == {"single-dof-tuned", "universal"}
+    assert {each["of"] for each in promised.values()} == {"hands"}
+    page = (out / "index.html").read_text("utf-8")
+    for said in (printed, page):
+        assert said.count("On 95 % of the hands that fit your log, ") == 2
+    assert f"All episodes have the hand {file}." in page
+    assert stored["hand"] == str(file)
+    assert f"--hand {file}" in printed.replace("\n", "")

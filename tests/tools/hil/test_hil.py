@@ -18,6 +18,7 @@ import deploy as bench  # in benchmarks
 import numpy as np
 import pytest
 
+from pter_gym._commands.main import main
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import find_policy
 from pter_gym.errors import ParameterError, PartnerError
@@ -29,6 +30,7 @@ from pter_gym.tools.hil import session
 from pter_gym.tools.hil.command import BANDS, hil
 from pter_gym.tools.hil.line import SerialLine, framed, payload_of
 from pter_gym.tools.hil.session import ANSWER, GREETING, VERSION, Partner
+from pter_gym.tools.identification import rehearsal
 
 LOOP = Path(__file__).parents[3] / "examples" / "serial_loop.c"
 NAME = "single-dof-tuned"
@@ -73,6 +75,26 @@ def test_the_partner_in_c_scores_as_python_does(
     assert printed.count(SAME) == episodes
     assert "; 0 of" in printed
     assert ", 0 frames broken" in printed
+
+
+@needs_compiler
+def test_pulses_for_a_hand_are_played(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In C as in Python, and as the table has them: each from its time on."""
+    monkeypatch.setattr(rehearsal, "SECONDS", 30.0)
+    table, ride = tmp_path / "pulses.csv", tmp_path / "ride.csv"
+    assert main(["identify", "--pulses", str(table), "--seconds", "20"]) == 0
+    folder = source_of(find_policy(table)).write(tmp_path / "c")
+    hil(str(table), str(bench.program(folder, LOOP)), deadline=PATIENT, csv=ride)
+    assert SAME in capsys.readouterr().out
+    pulses = np.loadtxt(table, delimiter=",", skiprows=1)
+    rows = list(csv.DictReader(ride.read_text().splitlines()))[1:]
+    given = np.array([[float(row[f"volts_{k} [V]"]) for k in range(1, 5)] for row in rows])
+    at = 0.01 * np.arange(len(rows)) + 1e-9
+    expected = pulses[np.searchsorted(pulses[:, 0], at) - 1, 1:]
+    np.testing.assert_array_equal(given, np.float32(expected))
+    assert len({*map(tuple, given)}) == 5
 
 
 @needs_compiler

@@ -10,9 +10,12 @@ from pter_gym._commands.arguments import scenario_on
 from pter_gym._commands.main import main
 from pter_gym.benchmark import Assessment
 from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.benchmark.worst_hand import find_worst
+from pter_gym.controllers import Impedance
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.hands import find_hand
+from pter_gym.hands import NORMAL, HandSpread, find_hand, find_hands
 from pter_gym.params import BASELINE, Hand
+from pter_gym.scenarios import find_scenario
 from pter_gym.tools.identification import Log, rehearsal, write_log
 from pter_gym.tools.identification.hand import MeasuredHand, identify_hand
 from pter_gym.tools.identification.pulses import (
@@ -50,6 +53,14 @@ def errors(found: MeasuredHand) -> np.ndarray:
     )
 
 
+def without_a_second(values: np.ndarray, interval: float) -> np.ndarray:
+    """Return values (T, 2) less their mean over a second."""
+    second = round(1.0 / interval)
+    return values - np.stack(
+        [np.convolve(x, np.ones(second) / second, "same") for x in values.T], 1
+    )
+
+
 def test_a_hand_is_inside_its_intervals(found: MeasuredHand):
     assert np.abs(errors(found)).max() <= 1.0
     assert not found.warnings
@@ -71,14 +82,22 @@ def test_a_tremor_is_predicted_from_its_past(log: Log, found: MeasuredHand):
 
 def test_a_person_who_reacts_is_noticed(log: Log):
     """A push of half the stiffness against where the arm was 0.15 s ago, within its last second."""
-    tip = tip_positions(BASELINE, log.theta)
-    late, second = round(0.15 / log.interval), round(1.0 / log.interval)
-    ago = np.roll(tip, late, axis=0)
-    since = ago - np.stack([np.convolve(x, np.ones(second) / second, "same") for x in ago.T], 1)
+    ago = np.roll(tip_positions(BASELINE, log.theta), round(0.15 / log.interval), axis=0)
+    since = without_a_second(ago, log.interval)
     other = identify_hand(replace(log, force=log.force - 0.5 * TRUE.stiffness * since), BASELINE)
     assert any("0.1 to 0.2 s ago" in each for each in other.warnings)
     assert all(each.status != "identified" for each in other.findings)
     assert other.grade != "measured"
+
+
+def test_a_hand_that_gives_way_is_noticed(log: Log):
+    """Half as stiff along its push as across it."""
+    moved = without_a_second(tip_positions(BASELINE, log.theta), log.interval)
+    towards = log.force / np.linalg.norm(log.force, axis=1, keepdims=True)
+    softer = 0.5 * TRUE.stiffness * towards * (towards * moved).sum(axis=1, keepdims=True)
+    other = identify_hand(replace(log, force=log.force + softer), BASELINE)
+    assert any("gives way" in each for each in other.warnings)
+    assert all(each.status != "identified" for each in other.findings)
 
 
 def test_coarse_angles_are_noticed(log: Log):
@@ -149,13 +168,52 @@ def test_commands_write_pulses_and_a_hand_that_others_take(
     main(["identify", str(tmp_path / "log.csv"), "--hand", "--out", str(tmp_path)])
     assert "switches of clutches" in capsys.readouterr().out
     file = str(tmp_path / "hand.toml")
-    hand = find_hand(file)
-    assert hand.impedance.damping == pytest.approx(TRUE.damping, rel=0.3)
+    hands = find_hands(file)
+    assert isinstance(hands, HandSpread)
+    assert hands.hand == find_hand(file)
+    assert hands.hand.impedance.damping == pytest.approx(TRUE.damping, rel=0.3)
     scenario = scenario_on("standard", None, None, 0.0, file)
     assert scenario.name == "standard-by-hand"
-    tasks = [task for _, task in scenario.draws.pairs(2, 0, "medium")]
-    assert {each.hand.impedance for each in tasks} == {hand.impedance}
+    assert scenario.digest == find_scenario("standard", hand=hands).digest
+    tasks = [task for _, task in scenario.draws.pairs(3, 0, "medium")]
+    assert len({each.hand.impedance for each in tasks}) == 3
     assert all(each.hand.random_phases for each in tasks)
+
+
+def test_hands_are_drawn_within_the_intervals(found: MeasuredHand):
+    """Standard errors of 2,000 draws are 1.6 % of a standard deviation, 2.2 % of a mean."""
+    rng, hands = np.random.default_rng(0), found.hands
+    drawn = [hands.draw(rng).impedance for _ in range(2000)]
+    numbers = np.array([[getattr(each, name) for name in NAMES] for each in drawn])
+    for values, name in zip(numbers.T, NAMES, strict=True):
+        value, half = found.estimates[name]
+        assert values.mean() == pytest.approx(value, abs=0.05 * half)
+        assert 1.96 * values.std() == pytest.approx(half, rel=0.08)
+    among = np.corrcoef(numbers.T)[0, 2]
+    size = np.sqrt(np.diag(found.covariance))
+    assert among == pytest.approx(found.covariance[0, 2] / size[0] / size[2], abs=0.07)
+
+
+def test_what_a_log_does_not_tell_does_not_vary():
+    """In half a minute, a stiffness is known to about ±50 N/m."""
+    soft = replace(TRUE, stiffness=40.0)
+    short = rehearsal.rehearse(BASELINE, soft, np.array(MIDDLE), 30.0, 30.0, 3)
+    hands = identify_hand(short, BASELINE).hands
+    assert hands.places[:2] == ("impedance.damping", "impedance.mass")
+    drawn = [hands.draw(np.random.default_rng(seed)).impedance for seed in (0, 1)]
+    assert {each.stiffness for each in drawn} == {NORMAL.stiffness}
+    assert len({each.damping for each in drawn}) == 2
+
+
+@pytest.mark.usefixtures("few_hands")
+def test_the_worst_hand_is_searched_within_the_intervals(found: MeasuredHand):
+    scenario = find_scenario("standard", hand=found.hands)
+    worst = find_worst(Impedance(), scenario, "brisk").task.hand
+    assert worst.impedance != found.hand
+    for name in NAMES:
+        value, half = found.estimates[name]
+        # each of the search's numbers is within 3.3 standard deviations
+        assert abs(getattr(worst.impedance, name) - value) <= 3.3 * half
 
 
 def test_pulses_are_written_with_how_long_to_record(
@@ -169,7 +227,7 @@ def test_pulses_are_written_with_how_long_to_record(
     assert table.dtype.names == ("t_s", "V1", "V2", "V3", "V4")
     assert table["t_s"][0] == 0.0
     assert np.diff(table["t_s"]).min() > 0.0
-    assert table["t_s"][-1] < 30.0
+    assert table[-1].tolist() == (30.0, 0.0, 0.0, 0.0, 0.0)
     expected = pulses(BASELINE, np.array(MIDDLE), 30.0, 5e-3, 25.0 / forces_around(BASELINE), 0)
     played = np.searchsorted(table["t_s"], 5e-3 * np.arange(len(expected)) + 1e-9) - 1
     volts = np.column_stack([table[f"V{k}"] for k in range(1, 5)])
