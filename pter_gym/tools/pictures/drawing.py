@@ -302,18 +302,12 @@ def _has(character: str) -> bool:
     return bytes(font.getmask(character)) != bytes(font.getmask("\uffff"))
 
 
-class Typeface(ImageFont.FreeTypeFont):
-    """A typeface that draws the same text at the same place within a pixel once."""
-
-    getmask2 = lru_cache(maxsize=1024)(ImageFont.FreeTypeFont.getmask2)
-
-
 @lru_cache
-def _font(size: float) -> Typeface:
+def _font(size: float) -> ImageFont.FreeTypeFont:
     """Load the typeface of the figures from Matplotlib's files, without importing Matplotlib."""
     package: Any = find_spec("matplotlib")
     fonts = FilePath(package.origin).parent / "mpl-data" / "fonts" / "ttf"
-    return Typeface(fonts / "DejaVuSans.ttf", round(SUPERSAMPLING * max(size, MIN_TEXT)))
+    return ImageFont.truetype(fonts / "DejaVuSans.ttf", round(SUPERSAMPLING * max(size, MIN_TEXT)))
 
 
 # --- the picture ---
