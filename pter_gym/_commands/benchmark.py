@@ -195,12 +195,12 @@ class Benchmark:
             on_progress=lambda _: progress.advance(task),
         )
         progress.remove_task(task)
-        results.summarise()
         boards = leaderboards(runs)
         healthy = [board for board in boards if not board.failures]
         say(boards_text(healthy, details=self.details))
         if self.faults:
             say(faults_text(boards))
+        results.summarise()
         if others := others_text(results.runs(), runs):
             say(others)
         return boards

@@ -85,7 +85,8 @@ def compile_kernel(build: Callable[[str], Function], **names: object) -> Functio
                 if pipeline.KernelCompiler is Compiler:
                     kernel.enable_caching()
                 else:
-                    kernel._cache = StoredKernel(function, digest_of(plain) or "")
+                    stamp = digest_of(plain) if names else digest
+                    kernel._cache = StoredKernel(function, stamp or "")
         if pipeline.KernelCompiler is not Compiler:
             pipeline.announce(kernel)
     return cast(Function, kernel)

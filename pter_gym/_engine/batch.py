@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, Literal, NamedTuple, NoReturn, get_args
+from typing import Any, Literal, NamedTuple, NoReturn, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -141,13 +141,22 @@ class Batch(Storage):
         self._config = np.array([*flat(shared), *self.layout.scales])
         super().__init__(all_machines, all_tasks, drawing)
         self.num_actions = len(self.machine.clutches)
-        # an empty slot has no voltage
-        self._slots = np.full((self.num_worlds, SLOTS), self.action_low)
+        self._slots = self._no_volts()
         self._declared = not self.machine.has_paper_clutches
         self._records = int(telemetry)
         self._final_obs = np.empty((0, self._entries), np.float32)
         self._alone_returns = self._empty_returns(1, 1)
         self._alone: Any = None
+
+    def only(self, chosen: Mask) -> Self:
+        """Return a batch that goes on with the chosen worlds, (N,), from their present states."""
+        part = super().only(chosen)
+        part._slots = part._no_volts()
+        return part
+
+    def _no_volts(self) -> Array:
+        """Return an action for all slots of all worlds: an empty slot keeps it."""
+        return np.full((self.num_worlds, SLOTS), self.action_low)
 
     def _shared(self, observe_context: bool, max_steps: int | None) -> Config:
         """Return what all worlds share."""

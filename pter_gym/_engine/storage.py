@@ -2,8 +2,9 @@
 
 import os
 from collections.abc import Sequence
+from copy import copy
 from functools import cached_property, lru_cache
-from typing import Any, cast
+from typing import Any, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -184,6 +185,16 @@ class Storage:
         fresh = others & ~self._seeded
         words[fresh, 0] = np.frombuffer(os.urandom(8 * int(fresh.sum())), np.uint64)
         return words
+
+    def only(self, chosen: Mask) -> Self:
+        """Return a batch that goes on with the chosen worlds, (N,), from their present states."""
+        part, rows = copy(self), self._rows[chosen]
+        part.num_worlds = len(rows)
+        part._worlds = empty_blocks(rows[:, int(ROW.context_at)], 1, rows.shape[1])
+        block, lane = np.divmod(np.arange(len(rows)), part._worlds.shape[2])
+        part._worlds[block, :, lane] = rows
+        part._words, part._seeded = self._words[chosen], self._seeded[chosen]
+        return part
 
     @property
     def _changing(self) -> dict[str, NDArray[Any]]:

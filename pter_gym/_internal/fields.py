@@ -65,35 +65,60 @@ class Checked:
 
     def __post_init__(self) -> None:
         """Check each field by itself."""
-        for require_fit, name, accepted, limits in _checks_of(type(self)):
-            require_fit(self, name, *accepted, **limits)
+        values = self.__dict__
+        for name, fits, explain in _checks_of(type(self)):
+            if not fits(values[name]):
+                explain(self)
+
+
+Check = tuple[str, Callable[[Any], bool], Callable[[object], None]]
+"""A field's name, whether a value surely fits, and what looks more closely where it may not."""
 
 
 @cache
-def _checks_of(
-    kind: type,
-) -> tuple[tuple[Callable[..., None], str, tuple[Any, ...], dict[str, Any]], ...]:
-    """Return what is required of each field of a class: by which function, and its arguments."""
+def _checks_of(kind: type) -> tuple[Check, ...]:
+    """Return the checks of a class's fields."""
     types = types_of(kind)
+    checks = (_check_of(item, types[item.name]) for item in fields(cast("Any", kind)))
+    return tuple(check for check in checks if check)
 
-    def check_of(item: Any) -> tuple[Callable[..., None], tuple[Any, ...]] | None:
-        hint: Any = types[item.name]
-        if hint is float:
-            return require_number, ()
-        if hint is int:
-            return require_whole, ()
-        if get_origin(hint) is tuple and get_args(hint)[0] is float:
-            return require_numbers, ()
-        if get_origin(hint) is Literal:
-            return require_option, get_args(hint)
-        return (require_kind, (hint,)) if isinstance(hint, type) else None
 
-    checks = ((item, check_of(item)) for item in fields(cast("Any", kind)))
-    return tuple(
-        (check[0], item.name, check[1], item.metadata.get("limits", {}))
-        for item, check in checks
-        if check
+def _check_of(item: Any, hint: Any) -> Check | None:
+    """Return the check of a field of a type; None for a type that the class itself checks."""
+    name, limits = item.name, item.metadata.get("limits", {})
+
+    def doubtful(_: object) -> bool:
+        return False
+
+    if hint is float:
+        return name, _within(**limits), lambda owner: require_number(owner, name, **limits)
+    if hint is int:
+        return name, doubtful, lambda owner: require_whole(owner, name, **limits)
+    if get_origin(hint) is tuple and get_args(hint)[0] is float:
+        return name, doubtful, lambda owner: require_numbers(owner, name, **limits)
+    if get_origin(hint) is Literal:
+        options = get_args(hint)
+        return name, doubtful, lambda owner: require_option(owner, name, *options)
+    if isinstance(hint, type):
+        return name, _is_a(hint), lambda owner: require_kind(owner, name, hint)
+    return None
+
+
+def _is_a(kind: type) -> Callable[[Any], bool]:
+    """Return whether ``require_kind`` surely accepts a value, which is none of NumPy's."""
+    return lambda value: (
+        type(value) is kind or (isinstance(value, Checked) and isinstance(value, kind))
     )
+
+
+def _within(**bounds: float) -> Callable[[Any], bool]:
+    """Return whether ``check_number`` surely accepts a value: a Python float within the range."""
+    low, high = MIN_POSITIVE if bounds.get("above") == 0.0 else -MAX_NUMBER, MAX_NUMBER
+    low = max(low, bounds.get("at_least", low), math.nextafter(bounds.get("above", low), math.inf))
+    high = min(
+        high, bounds.get("at_most", high), math.nextafter(bounds.get("below", high), -math.inf)
+    )
+    return lambda value: type(value) is float and low <= value <= high
 
 
 def plain_field(owner: object, name: str) -> Any:

@@ -1,8 +1,8 @@
 """The only loop of a policy over episodes, and the scores of what it records."""
 
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Generator, Iterable, Sequence, Sized
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,9 @@ Observations = NDArray[np.float32]
 
 NUMBERS = 2**53
 """A law's memory counts episodes by their seeds, in whole numbers that a float64 holds exactly."""
+
+FULL = 0.7
+"""Share of the worlds that still run at which a compiled law goes on without the others."""
 
 
 RANKED = {
@@ -80,19 +83,31 @@ def run_episodes(
     acting = bind_to(policy, episodes)
     memory = acting.start(len(episodes), [seed % NUMBERS for seed in episodes.seeds])
     limits = np.array(episodes.time_limits)
-    running, steps = limits > 0, 0
-    with episodes.worlds(sensors or sensors_of(policy)) as batch:
-        obs, telemetry = batch.reset(episodes.seeds)
+    running, steps, places = limits > 0, 0, np.arange(len(episodes))
+    with episodes.worlds(sensors or sensors_of(policy)) as every:
+        batch, (obs, telemetry) = every, every.reset(episodes.seeds)
         yield telemetry, obs
-        while running.any():
+        while left := np.count_nonzero(running):
+            if acting.law and left <= FULL * len(running):
+                batch, memory, obs = batch.only(running), memory[running], obs[running]
+                limits, places, running = limits[running], places[running], running[running]
             entries = np.ascontiguousarray(obs[:, : len(acting.layout)])
             volts = acting.volts(entries, memory, episodes.machines[0])
             obs, _, _, (terminated, truncated, _), (telemetry,) = batch.step(volts, SKIP)
             steps += 1
             if (over := steps > limits).any():
                 telemetry[over], obs[over] = np.nan, 0.0
-            yield telemetry, obs
+            yield among(telemetry, places, episodes, np.nan), among(obs, places, episodes, 0.0)
             running &= ~(terminated | truncated) & (steps < limits)
+
+
+def among(rows: NDArray[Any], places: NDArray[np.intp], all_of: Sized, rest: float) -> NDArray[Any]:
+    """Return rows at their places in an array of all; the others are filled with ``rest``."""
+    if len(rows) == len(all_of):
+        return rows
+    whole = np.full((len(all_of), rows.shape[1]), rest, rows.dtype)
+    whole[places] = rows
+    return whole
 
 
 def bind_to(policy: AnyPolicy, episodes: Episodes) -> Policy:

@@ -8,7 +8,7 @@ at their ends (biarcs; Bolton 1975).
 import cmath
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -247,10 +247,7 @@ def fit_arcs(curve: ParametricCurve, knots: Sequence[float], sharpest: float = m
     pieces: list[Piece] = []
     samples = ((knot, *curve(knot)) for knot in knots)
     for begin, end in pairwise(samples):
-        for piece in _fit(curve, begin, end):
-            if abs(piece[2]) >= sharpest:
-                raise ArithmeticError(f"it bends by {piece[2]:g} 1/m")
-            pieces.append(piece)
+        _fit(curve, begin, end, sharpest, pieces)
     return chain(pieces)
 
 
@@ -258,19 +255,35 @@ Sample = tuple[float, complex, complex]
 """A parameter with the point [m] and the derivative of a curve there."""
 
 
-def _fit(curve: ParametricCurve, begin: Sample, end: Sample) -> Iterator[Piece]:
+def _fit(
+    curve: ParametricCurve, begin: Sample, end: Sample, sharpest: float, pieces: list[Piece]
+) -> None:
+    """Append arcs along a part of a curve."""
     (t, p, dp), (u, q, dq) = begin, end
     pair = biarc(p, dp / abs(dp), q, dq / abs(dq))
-    inner = (curve(t + (u - t) * k / (_CHECKS + 1))[0] for k in range(1, _CHECKS + 1))
-    if abs(q - p) < _MIN_SPAN or all(
-        any(_distance_from_arc(piece, point) <= TOLERANCE for piece in pair) for point in inner
-    ):
-        yield from pair
+    if abs(q - p) < _MIN_SPAN or _follows(pair, curve, t, u):
+        for piece in pair:
+            if abs(piece[2]) >= sharpest:
+                raise ArithmeticError(f"it bends by {piece[2]:g} 1/m")
+            pieces.append(piece)
     else:
         middle = 0.5 * (t + u)
         between = (middle, *curve(middle))
-        yield from _fit(curve, begin, between)
-        yield from _fit(curve, between, end)
+        _fit(curve, begin, between, sharpest, pieces)
+        _fit(curve, between, end, sharpest, pieces)
+
+
+def _follows(pair: tuple[Piece, Piece], curve: ParametricCurve, t: float, u: float) -> bool:
+    """Return whether points of a curve between two parameters are all near one of two arcs."""
+    first, second = pair
+    for k in range(1, _CHECKS + 1):
+        point, _ = curve(t + (u - t) * k / (_CHECKS + 1))
+        if (
+            _distance_from_arc(first, point) > TOLERANCE
+            and _distance_from_arc(second, point) > TOLERANCE
+        ):
+            return False
+    return True
 
 
 def _distance_from_arc(piece: Piece, point: complex) -> float:

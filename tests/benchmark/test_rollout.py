@@ -120,6 +120,27 @@ def test_scores_depend_on_neither_threads_nor_chunks(
     np.testing.assert_allclose(whole["path_error_m"], alone["path_error_m"], rtol=1e-14)
 
 
+@pytest.mark.parametrize("name", ["residual", "single-dof-tuned"])
+def test_a_law_in_the_worlds_that_still_run_has_the_bits_of_one_in_all(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = episodes("everything", "brisk", 40)
+    policy = find_policy(name, "everything")
+    widths: list[int] = []
+    act = Batch.step
+
+    def step(batch: Batch, *arguments: Any) -> Any:
+        widths.append(batch.num_worlds)
+        return act(batch, *arguments)
+
+    monkeypatch.setattr(Batch, "step", step)
+    part = record_episodes(policy, drawn)
+    assert min(widths) <= 5 < max(widths) == 40
+    monkeypatch.setattr("pter_gym.benchmark.rollout.FULL", 0.0)
+    whole = record_episodes(policy, drawn)
+    assert [each.tobytes() for each in part] == [each.tobytes() for each in whole]
+
+
 def test_random_voltages_differ_in_all_episodes_and_repeat() -> None:
     drawn = episodes("standard", "brisk", 66)
 

@@ -440,6 +440,7 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
         )
 
 
+@lru_cache(maxsize=4096)
 def strongest(task: PathFollowing, machine: Machine) -> float:
     """Return a bound of the mean force of a task's hand on the tip in a control step [N]."""
     path_width = min(task.error_max, task.truncation_error) + max(task.free_left, task.free_right)
@@ -451,7 +452,8 @@ def _force_within(length: float, task: PathFollowing, machine: Machine) -> float
     """Return that bound with the tip within a length [m] of the hand's target at first."""
     held = held_machine(task, machine)
     hand = task.hand.model(task.pace, held.machine.substep, (0, 0))
-    largest_sample = np.abs(task.hand.sampled(task.control_period)).max(axis=0, initial=0.0)
+    samples = task.hand.sampled(task.control_period)
+    largest_sample = np.abs(samples).max(axis=0) if len(samples) else (0.0, 0.0)
     stretch = length + hand.intent_lead + 0.5 * held.travel
     impedance = task.hand.impedance
     stiffness = impedance.stiffness * (1.0 + math.hypot(*impedance.stiffness_anisotropy))
