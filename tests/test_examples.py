@@ -14,12 +14,7 @@ MARKS = {"make_and_step": pytest.mark.smoke} | dict.fromkeys(
 
 NEEDS = {"fmu_hand": "fmpy", "jax_env": "jax"}
 
-SHORTER = {
-    "predictive": {
-        "TEMPERATURE = 64, 2": "TEMPERATURE = 16, 1",
-        "episodes=5": "episodes=1",
-    }
-}
+SHORTER = {"predictive": {"TEMPERATURE = 64, 2": "TEMPERATURE = 16, 1", "episodes=5": "episodes=1"}}
 
 RUN = [
     pytest.param(path, id=path.stem, marks=MARKS.get(path.stem, ()))
