@@ -273,3 +273,10 @@ def test_a_malformed_file_is_refused(tmp_path: Path):
     file.write_text('type = "Hand"\nweight = 1.0\n', "utf-8")
     with pytest.raises(DataError, match="weight"):
         find_hand(str(file))
+    known = 'type = "Hand"\nmass = 1.0\ndamping = 9.0\nstiffness = 200.0\n[uncertainty]\n'
+    file.write_text(f'{known}places = ["stifness"]\ncovariance = [[1.0]]\n', "utf-8")
+    with pytest.raises(DataError, match=r"impedance\.stifness"):
+        find_hands(str(file))
+    file.write_text(f'{known}places = ["stiffness"]\ncovariance = [[-1.0]]\n', "utf-8")
+    with pytest.raises(DataError, match=r"HandSpread\.covariance"):
+        find_hands(str(file))
