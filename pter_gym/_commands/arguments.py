@@ -13,7 +13,7 @@ from pter_gym._commands.terminal import say
 from pter_gym._internal.files import TABLE_ENDINGS, check_target, has_ending
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.hands._hand_files import find_arms
+from pter_gym.hands._hand_files import find_impedance
 from pter_gym.hands._library import LIBRARY_TREMORS
 from pter_gym.params import find_machine
 from pter_gym.paths._names import PATH_NAMES
@@ -87,7 +87,7 @@ def look_at(
         kind_of(policy)
     arm = find_machine(machine).arm
     if hand is not None and hand not in LIBRARY_TREMORS:
-        find_arms(hand)
+        find_impedance(hand)
     if path is not None and has_ending(path, *TABLE_ENDINGS):
         columns = read_table(path, ("x", "y"), unit="m").columns
         if not smooth:

@@ -109,10 +109,11 @@ class PathFollowingEnv(WorldsMixin, gymnasium.Env[NDArray[np.float32], NDArray[n
     - `scenario`: what each episode draws its machine and task from, as for `PTER/Standard-v0`: a
       name in `pter_gym.scenarios.SCENARIOS`, a `Scenario`, or your own `Draws`
       (`pter_gym.scenarios.distributions`). `machine`, `path`, `hand` and the other fields then
-      replace what is drawn. By default actions are held for 3 control steps, the pace is drawn
-      between the slowest and the fastest named one, and episodes of a named scenario begin anywhere
-      along the path, moving; with `starts="rest"` they begin like test episodes, so an exploring
-      agent sees little of the path.
+      replace what is drawn; the phases of a hand's sines, and hands that fit the log of a measured
+      one, are drawn. By default actions are held for 3 control steps, the pace is drawn between the
+      slowest and the fastest named one, and episodes of a named scenario begin anywhere along the
+      path, moving; with `starts="rest"` they begin like test episodes, so an exploring agent sees
+      little of the path.
     - `contexts`, `context_seed`: number of pairs of machine and task that a scenario's episodes
       draw from, 512 by default, and the seed of their list.
     - `observe_context`: whether the observation ends with the context of machine and task (time

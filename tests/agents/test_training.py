@@ -20,7 +20,7 @@ from pter_gym._engine.storage import CONTEXT_WIDTH
 from pter_gym.benchmark import Episodes, find_policy
 from pter_gym.envs import PathFollowingVectorEnv
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.hands import HumanArm
+from pter_gym.hands import HandSpread, HumanArm
 from pter_gym.params import BASELINE, Hand
 from pter_gym.paths import Circle
 from pter_gym.policies import _files, read_policy
@@ -42,6 +42,16 @@ def arguments(steps: int, algorithm: str = "residual", **changes: object) -> Tra
         checkpoint_every=1,
         validation_episodes=2,
     )
+
+
+def test_hands_that_fit_a_log_are_stored_and_drawn() -> None:
+    variance = 20.0**2
+    hands = HandSpread(hand=HumanArm(), places=("impedance.stiffness",), covariance=((variance,),))
+    given = replace(arguments(1), hand=hands)
+    assert arguments_from(json.loads(json.dumps(given.as_json()))) == given
+    tasks = [task for _, task in training_draws(given).pairs(8)]
+    assert len({task.hand.impedance.stiffness for task in tasks}) == 8
+    assert all(task.hand.random_phases for task in tasks)
 
 
 @pytest.mark.long

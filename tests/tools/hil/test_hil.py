@@ -94,7 +94,7 @@ def test_pulses_for_a_hand_are_played(
     at = 0.01 * np.arange(len(rows)) + 1e-9
     expected = pulses[np.searchsorted(pulses[:, 0], at) - 1, 1:]
     np.testing.assert_array_equal(given, np.float32(expected))
-    assert len({*map(tuple, given)}) == 5
+    assert len({*map(tuple, given)}) > 2
 
 
 @needs_compiler
