@@ -29,7 +29,8 @@ def measure(episodes: int, seed: int) -> dict[str, float]:
     """Return milliseconds of processor time for an episode, by what they are spent on."""
     from pter_gym.benchmark import evaluate, find_policy, training_episodes
     from pter_gym.hands import MultiSineHand
-    from pter_gym.scenarios import Draws, Uniform, Vary, find_scenario
+    from pter_gym.scenarios import find_scenario
+    from pter_gym.scenarios.distributions import Draws, Uniform, Vary
     from pter_gym.tasks.path_following import PathFollowing
 
     took = dict[str, float]()
