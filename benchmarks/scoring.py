@@ -1,4 +1,6 @@
-"""How long episodes take: to draw, to put into worlds, and to score policies on; by processor time.
+"""How long episodes take: to draw, to put into worlds, and to score policies on in new worlds.
+
+Counted is processor time.
 
     python benchmarks/scoring.py
     python benchmarks/scoring.py --beside FOLDER
@@ -26,12 +28,22 @@ WORKER = "--measure"
 def measure(episodes: int, seed: int) -> dict[str, float]:
     """Return milliseconds of processor time for an episode, by what they are spent on."""
     from pter_gym.benchmark import evaluate, find_policy, training_episodes
+    from pter_gym.hands import MultiSineHand
+    from pter_gym.scenarios import find_scenario
+    from pter_gym.scenarios.distributions import Draws, Uniform, Vary
+    from pter_gym.tasks.path_following import PathFollowing
 
     took = dict[str, float]()
 
     def note(name: str, began: float) -> None:
         took[name] = 1e3 * (process_time() - began) / episodes
 
+    hand = Vary(MultiSineHand(random_phases=True), push=Uniform(45.0, 75.0))
+    own = find_scenario(Draws(task=Vary(PathFollowing(), hand=hand)))
+    training_episodes(own, "medium", 8, seed)
+    began = process_time()
+    training_episodes(own, "medium", episodes, seed + 1)
+    note("Draws of one's own: drawing", began)
     for scenario in SCENARIOS:
         policies = {name: find_policy(name, scenario) for name in POLICIES}
         few = training_episodes(scenario, "medium", 8, seed)
@@ -41,13 +53,12 @@ def measure(episodes: int, seed: int) -> dict[str, float]:
         drawn = training_episodes(scenario, "medium", episodes, seed + 1)
         note(f"{scenario}: drawing", began)
         began = process_time()
-        for chunk in drawn.chunks:
-            with chunk.worlds("torque"):
-                pass
+        with drawn.worlds("torque"):
+            pass
         note(f"{scenario}: worlds", began)
         for name, policy in policies.items():
             began = process_time()
-            evaluate(policy, drawn, 1, ranking=True)
+            evaluate(policy, drawn[:], 1, ranking=True)
             note(f"{scenario}: {name}", began)
     return took
 

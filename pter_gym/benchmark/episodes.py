@@ -11,6 +11,7 @@ from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Self
 
@@ -36,8 +37,8 @@ EPISODE_FIELDS = ("machines", "tasks", "seeds", "strata", "time_limits")
 
 EPISODES_ENDING = ".json.gz"
 
-CHUNK = 128
-"""Episodes that are simulated together."""
+CHUNK, LARGE_CHUNK = 128, 256
+"""Most episodes that are simulated together: with all that they record, and with sums alone."""
 
 LONGEST = 20_000
 """Most control steps of an episode: 200 s at 100 Hz."""
@@ -99,10 +100,17 @@ class Episodes:
         """Return some of the episodes."""
         return replace(self, **{name: getattr(self, name)[part] for name in EPISODE_FIELDS})
 
+    def in_chunks(self, *, large: bool = False) -> "tuple[Episodes, ...]":
+        """Return the episodes in chunks of about equal size, each simulated together."""
+        count = -(-len(self) // (LARGE_CHUNK if large else CHUNK))
+        if count not in self._chunks:
+            ends = [len(self) * k // count for k in range(count + 1)]
+            self._chunks[count] = tuple(self[begin:end] for begin, end in pairwise(ends))
+        return self._chunks[count]
+
     @cached_property
-    def chunks(self) -> "tuple[Episodes, ...]":
-        """The episodes in chunks, each simulated together."""
-        return tuple(self[start : start + CHUNK] for start in range(0, len(self), CHUNK))
+    def _chunks(self) -> "dict[int, tuple[Episodes, ...]]":
+        return {}
 
     @contextmanager
     def worlds(self, sensors: Sensors) -> Generator[Batch]:

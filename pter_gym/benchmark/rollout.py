@@ -147,12 +147,13 @@ def evaluate(
             travel.add(telemetry[None])
         return {name: find(travel) for name, find in RANKED.items()}
 
-    threads = min(num_threads, len(episodes.chunks)) if acting.law else 1
+    chunks = episodes.in_chunks(large=ranking)
+    threads = min(num_threads, len(chunks)) if acting.law else 1
     if threads == 1:
-        scores = [evaluate_chunk(chunk) for chunk in episodes.chunks]
+        scores = [evaluate_chunk(chunk) for chunk in chunks]
     else:
         with ThreadPoolExecutor(threads, thread_name_prefix="pter-benchmark") as pool:
-            scores = list(pool.map(evaluate_chunk, episodes.chunks))
+            scores = list(pool.map(evaluate_chunk, chunks))
     names = (name for name in SCORES if all(name in chunk for chunk in scores))
     return {name: np.concatenate([chunk[name] for chunk in scores]) for name in names}
 

@@ -7,7 +7,7 @@ layout)``, which returns a policy for a nominal machine and the observations tha
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 from typing import Any, NamedTuple, Protocol, Self, SupportsIndex, get_args, runtime_checkable
 
@@ -393,6 +393,7 @@ def sensors_of(policy: AnyPolicy) -> Sensors:
     return next((each for each in get_args(Sensors) if names_of(each) == names), "torque")
 
 
+@cache
 def names_of(sensors: Sensors) -> tuple[str, ...]:
     """Return the entries of observations with some sensors."""
     return observation_layout(BASELINE, sensors).names

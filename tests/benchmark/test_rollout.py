@@ -111,7 +111,7 @@ def test_scores_depend_on_neither_threads_nor_chunks(
     if name == "residual":
         policy = replace(policy, interface=replace(policy.interface, frame_skip=2))
     drawn = episodes("standard", "brisk", 10)
-    monkeypatch.setattr("pter_gym.benchmark.episodes.CHUNK", 3)
+    monkeypatch.setattr("pter_gym.benchmark.episodes.LARGE_CHUNK", 3)
     alone, together = (evaluate(policy, drawn, threads, ranking=True) for threads in (1, 2))
     monkeypatch.undo()
     whole = evaluate(policy, replace(drawn), ranking=True)

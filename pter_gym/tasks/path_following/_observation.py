@@ -3,10 +3,11 @@
 Control laws index it with ``OBS``.
 """
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args
 
 from pter_gym._compiled.compiler import inlined
-from pter_gym._compiled.layout import Layout
+from pter_gym._compiled.layout import Field, Layout
 from pter_gym._compiled.records import Entry, joined, layout_of, rows, width
 from pter_gym._physics.arm import Linkage, Motion, PerLink, UnitVector, tip_position, tip_velocity
 from pter_gym._physics.clutch import PerClutch
@@ -117,9 +118,14 @@ def observation_layout(
     kinds = get_args(Sensors)
     if sensors not in kinds:
         raise ParameterError(f"sensors must be one of {', '.join(kinds)}, got {sensors!r}")
-    entries = sum(map(width, _OF_SENSORS[: kinds.index(sensors) + 1]))
-    fields = layout_of(Observation, find_machine(machine)).fields[:entries]
+    fields = _fields(find_machine(machine), kinds.index(sensors) + 1)
     return Layout((*fields, *(told.fields if told else ())))
+
+
+@lru_cache(maxsize=64)
+def _fields(machine: Machine, kinds: int) -> tuple[Field, ...]:
+    """Return the entries of the first kinds of sensors."""
+    return layout_of(Observation, machine).fields[: sum(map(width, _OF_SENSORS[:kinds]))]
 
 
 class Reading(NamedTuple):

@@ -234,14 +234,14 @@ def test_the_largest_error_may_count_in_place_of_the_mean(tmp_path: Path) -> Non
 def test_a_full_disk_is_reported_and_the_search_continues(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(_: int) -> None:
+    def full(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
     storage = tmp_path / "trials.journal"
 
     def fill(count: int, _: float) -> None:
         if count == 3:
-            monkeypatch.setattr("os.fsync", full)
+            monkeypatch.setattr("pathlib.Path.open", full)
 
     with pytest.raises(StorageError):
         tune(*CASE, trials=5, episodes=4, storage=storage, on_trial=fill)
