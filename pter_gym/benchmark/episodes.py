@@ -100,9 +100,14 @@ class Episodes:
         """Return some of the episodes."""
         return replace(self, **{name: getattr(self, name)[part] for name in EPISODE_FIELDS})
 
-    def in_chunks(self, *, large: bool = False) -> "tuple[Episodes, ...]":
-        """Return the episodes in chunks of about equal size, each simulated together."""
-        count = -(-len(self) // (LARGE_CHUNK if large else CHUNK))
+    def in_chunks(self, threads: int = 1, *, large: bool = False) -> "tuple[Episodes, ...]":
+        """Return the episodes in chunks of about equal size, each simulated together.
+
+        Large chunks become more and smaller ones where threads would have none.
+        """
+        count = -(-len(self) // CHUNK)
+        if large:
+            count = max(-(-len(self) // LARGE_CHUNK), min(count, threads))
         if count not in self._chunks:
             ends = [len(self) * k // count for k in range(count + 1)]
             self._chunks[count] = tuple(self[begin:end] for begin, end in pairwise(ends))

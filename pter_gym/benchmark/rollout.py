@@ -147,8 +147,9 @@ def evaluate(
             travel.add(telemetry[None])
         return {name: find(travel) for name, find in RANKED.items()}
 
-    chunks = episodes.in_chunks(large=ranking)
-    threads = min(num_threads, len(chunks)) if acting.law else 1
+    threads = num_threads if acting.law else 1
+    chunks = episodes.in_chunks(threads, large=ranking)
+    threads = min(threads, len(chunks))
     if threads == 1:
         scores = [evaluate_chunk(chunk) for chunk in chunks]
     else:
