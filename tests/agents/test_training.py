@@ -363,7 +363,8 @@ def test_a_locked_arm_costs_the_same_at_each_commanded_pace() -> None:
     drawn = np.zeros((150, s.worlds, 4), np.float32)
     _, rows = jax.jit(model.collect)(model.worlds.shared(), weights, carry, drawn, 0.0)
     task = model.worlds.env.batch.task
-    cost = 5.0 * s.pace * PACES["medium"] * task.control_period / task.path.length
+    each = 5.0 * s.pace + s.effort  # in a path time, at rest with 24 V
+    cost = each * PACES["medium"] * task.control_period / task.path.length
     np.testing.assert_allclose(rows.rewards[-1], -s.reward_scale * cost, rtol=2e-5)
 
 
