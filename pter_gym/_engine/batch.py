@@ -149,7 +149,7 @@ class Batch(Storage):
         self._alone: Any = None
 
     def only(self, chosen: Mask) -> Self:
-        """Return a batch that goes on with the chosen worlds, (N,), from their present states."""
+        """Return a batch that continues with the chosen worlds, (N,), from their present states."""
         part = super().only(chosen)
         part._slots = part._no_volts()
         return part

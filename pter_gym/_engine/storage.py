@@ -187,7 +187,7 @@ class Storage:
         return words
 
     def only(self, chosen: Mask) -> Self:
-        """Return a batch that goes on with the chosen worlds, (N,), from their present states."""
+        """Return a batch that continues with the chosen worlds, (N,), from their present states."""
         part, rows = copy(self), self._rows[chosen]
         part.num_worlds = len(rows)
         part._worlds = empty_blocks(rows[:, int(ROW.context_at)], 1, rows.shape[1])

@@ -103,7 +103,7 @@ class Episodes:
     def in_chunks(self, threads: int = 1, *, large: bool = False) -> "tuple[Episodes, ...]":
         """Return the episodes in chunks of about equal size, each simulated together.
 
-        Large chunks become more and smaller ones where threads would have none.
+        Large chunks are split further where threads would otherwise be idle.
         """
         count = -(-len(self) // CHUNK)
         if large:

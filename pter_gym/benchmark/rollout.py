@@ -28,7 +28,7 @@ NUMBERS = 2**53
 """A law's memory counts episodes by their seeds, in whole numbers that a float64 holds exactly."""
 
 FULL = 0.7
-"""Share of the worlds that still run at which a compiled law goes on without the others."""
+"""Share of the worlds that still run at which a compiled law continues without the others."""
 
 
 RANKED = {

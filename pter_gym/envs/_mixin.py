@@ -369,8 +369,8 @@ def find_worlds(
         if isinstance(scenario, str | Scenario):
             fields.setdefault("starts", STARTS["path"])
         one = cast("Machine | FilePath | None", machine)
-        own_path, _ = fields.pop("path", None), fields.pop("hand", None)
-        source = find_scenario(scenario, one, own_path, hand=hand)
+        fields.pop("hand", None)
+        source = find_scenario(scenario, one, fields.pop("path", None), hand=hand)
         count = whole_number("contexts", CONTEXTS if contexts is None else contexts)
         seed = whole_number("context_seed", context_seed or 0, at_least=0)
         draws = source.draws.at_pace(fields.pop("pace", None)).with_task(**fields)

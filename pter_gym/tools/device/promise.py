@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from scipy import stats
@@ -117,12 +117,10 @@ def fitting(
     machine: Any = drawn(machines, rng)
     if isinstance(hands, HandSpread):
         arm = hands.draw(rng).impedance
-        tasks = [replace(task, hand=replace(_known(task), impedance=arm)) for task in tasks]
+        tasks = [
+            replace(task, hand=replace(cast("Any", task.hand), impedance=arm)) for task in tasks
+        ]
     return [(machine, task) for task in tasks]
-
-
-def _known(task: PathFollowing) -> Any:
-    return task.hand
 
 
 def order_of(draws: int) -> int:
