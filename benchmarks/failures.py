@@ -99,7 +99,7 @@ def named(policy: str, episodes: Episodes) -> Iterator[tuple[int, float]]:
     """Yield the first clutch that is named in each episode, 0 for none, and when [s]."""
     period = episodes.tasks[0].control_period
     detector = FailureDetector(episodes.nominal, period)
-    for chunk in episodes.in_chunks():
+    for chunk in episodes.chunks:
         memory, clutch = detector.start(len(chunk)), np.zeros(len(chunk), int)
         when = np.full(len(chunk), np.nan)
         rows = run_episodes(find_policy(policy, episodes.scenario), chunk, sensors="torque")

@@ -36,13 +36,17 @@ whole, double, single = pointer(types.int64), pointer(types.float64), pointer(ty
 unsigned, flag = pointer(types.uint64), pointer(types.boolean)
 
 
-def export(kernel: Any, signature: Any, symbol: str) -> None:
-    """Compile a kernel for a signature, and let a symbol stand for its machine code."""
+def address_of(kernel: Any, signature: Any) -> int:
+    """Compile a kernel for a signature, and return where its machine code is while it exists."""
     kernel.compile(signature)
     compiled = kernel.overloads[tuple(signature.args)]
-    address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
-    llvm.add_symbol(symbol, address)
-    _EXPORTED.append(compiled)
+    return compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
+
+
+def export(kernel: Any, signature: Any, symbol: str) -> None:
+    """Compile a kernel for a signature, and let a symbol stand for its machine code."""
+    llvm.add_symbol(symbol, address_of(kernel, signature))
+    _EXPORTED.append(kernel)
 
 
 def table_of(arrays: Iterable[NDArray[Any]]) -> NDArray[np.int64]:
@@ -56,21 +60,50 @@ def caller(signature: Any, symbol: str) -> Any:
 
     @intrinsic
     def call(_: Any, arguments: Any) -> Any:
-        if arguments != types.Tuple(signature.args):
-            raise TypingError(f"{symbol} takes {signature.args}, got {arguments}")
+        _check_arguments(arguments, signature)
 
         def generate(context: Any, builder: Any, _: Any, values: Any) -> Any:
-            convention = context.call_conv
-            kind = convention.get_function_type(signature.return_type, signature.args)
+            kind = _kind_of(context, signature)
             function = _cgutils.get_or_insert_function(builder.module, kind, symbol)
-            pointers = _cgutils.unpack_tuple(builder, values[0])
-            status, value = convention.call_function(
-                builder, function, signature.return_type, signature.args, pointers
-            )
-            with _cgutils.if_unlikely(builder, status.is_error):
-                convention.return_status_propagate(builder, status)
-            return value
+            return _call(context, builder, signature, function, values[0])
 
         return signature.return_type(arguments), generate
 
     return call
+
+
+def caller_at(signature: Any) -> Any:
+    """Return what ``caller`` does for an address, which comes before the tuple of arguments."""
+
+    @intrinsic
+    def call(_: Any, address: Any, arguments: Any) -> Any:
+        _check_arguments(arguments, signature)
+
+        def generate(context: Any, builder: Any, _: Any, values: Any) -> Any:
+            kind = _kind_of(context, signature)
+            function = builder.inttoptr(values[0], kind.as_pointer())
+            return _call(context, builder, signature, function, values[1])
+
+        return signature.return_type(address, arguments), generate
+
+    return call
+
+
+def _check_arguments(arguments: Any, signature: Any) -> None:
+    if arguments != types.Tuple(signature.args):
+        raise TypingError(f"takes {signature.args}, got {arguments}")
+
+
+def _kind_of(context: Any, signature: Any) -> Any:
+    return context.call_conv.get_function_type(signature.return_type, signature.args)
+
+
+def _call(context: Any, builder: Any, signature: Any, function: Any, arguments: Any) -> Any:
+    """Write a call with a tuple of arguments, which passes on what is raised there."""
+    convention, parts = context.call_conv, _cgutils.unpack_tuple(builder, arguments)
+    status, value = convention.call_function(
+        builder, function, signature.return_type, signature.args, parts
+    )
+    with _cgutils.if_unlikely(builder, status.is_error):
+        convention.return_status_propagate(builder, status)
+    return value

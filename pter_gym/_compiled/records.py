@@ -147,18 +147,17 @@ def _field(name: str, entries: tuple[Entry, ...], machine: Any) -> Field:
 
 def flat(value: Any) -> tuple[Any, ...]:
     """Return the numbers of a record in their order; of a number, itself alone."""
-    numbers = list[Any]()
-    _flatten(value, numbers)
-    return tuple(numbers)
+    numbers: list[Any] = []
 
-
-def _flatten(value: Any, numbers: list[Any]) -> None:
-    record: Any = value
-    if isinstance(value, tuple):
+    def add(record: Any) -> None:
         for part in record:
-            _flatten(part, numbers)
-    else:
-        numbers.append(value)
+            if isinstance(part, tuple):
+                add(part)
+            else:
+                numbers.append(part)
+
+    add((value,))
+    return tuple(numbers)
 
 
 def load(w: Any, at: R, i: int) -> R:

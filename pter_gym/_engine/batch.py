@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pter_gym._compiled.addresses import table_of
 from pter_gym._compiled.compiler import COMPILES
 from pter_gym._compiled.records import flat, read
+from pter_gym._engine.following import advance_address, follow_kernel
 from pter_gym._engine.kernels import advance_kernel, alone_kernel, reset_kernel
 from pter_gym._engine.storage import Array, Mask, Storage, listed
 from pter_gym._engine.threads import Threads
@@ -55,6 +56,49 @@ class Returns(NamedTuple):
     rewards: Array
     flags: Mask
     telemetry: Array
+
+
+class LawKernel(NamedTuple):
+    """A compiled law as kernels call it.
+
+    Attributes
+    ----------
+    address
+        Where its machine code is; its types are ``LAW_TYPES``.
+    scales, gains
+        Of the observations, and the law's.
+    clutches
+        Number of clutches.
+    voltage_max
+        Largest voltage [V].
+    frame_skip
+        Control steps for which its voltages are held.
+    """
+
+    address: int
+    scales: Array
+    gains: Array
+    clutches: int
+    voltage_max: float
+    frame_skip: int
+
+
+class Followed(NamedTuple):
+    """What T control steps with a law return, except rewards.
+
+    Attributes
+    ----------
+    obs
+        Observations, float32 (T, N, len(layout)); zero after the end of an episode.
+    telemetry
+        float64 (T, N, len(TELEMETRY)); NaN after it.
+    left
+        Control steps left to each episode, (N,); 0 once it has ended.
+    """
+
+    obs: Observations
+    telemetry: Array
+    left: NDArray[np.int64]
 
 
 class Batch(Storage):
@@ -141,7 +185,8 @@ class Batch(Storage):
         self._config = np.array([*flat(shared), *self.layout.scales])
         super().__init__(all_machines, all_tasks, drawing)
         self.num_actions = len(self.machine.clutches)
-        self._slots = self._no_volts()
+        # an empty slot keeps it
+        self._slots = np.full((self.num_worlds, SLOTS), self.action_low)
         self._declared = not self.machine.has_paper_clutches
         self._records = int(telemetry)
         self._final_obs = np.empty((0, self._entries), np.float32)
@@ -151,12 +196,8 @@ class Batch(Storage):
     def only(self, chosen: Mask) -> Self:
         """Return a batch that continues with the chosen worlds, (N,), from their present states."""
         part = super().only(chosen)
-        part._slots = part._no_volts()
+        part._slots = self._slots[chosen]
         return part
-
-    def _no_volts(self) -> Array:
-        """Return an action for all slots of all worlds: an empty slot keeps it."""
-        return np.full((self.num_worlds, SLOTS), self.action_low)
 
     def _shared(self, observe_context: bool, max_steps: int | None) -> Config:
         """Return what all worlds share."""
@@ -270,6 +311,66 @@ class Batch(Storage):
         obs, _, rewards, flags, telemetry = self._alone_returns
         (terminated,), (truncated,), (success,) = flags.tolist()
         return obs[0].copy(), telemetry[0, 0].copy(), rewards.item(), terminated, truncated, success
+
+    def follow(
+        self,
+        law: LawKernel,
+        obs: Observations,
+        memory: Array,
+        age: int,
+        left: NDArray[np.int64],
+        steps: int,
+    ) -> Followed:
+        """Let a law act for some control steps, as ``step`` with ``SKIP`` does for each.
+
+        It returns earlier if no episode has a control step left.
+
+        Parameters
+        ----------
+        law
+            The law, which sees the first entries of the observations.
+        obs
+            Latest observations, float32 (N, len(layout)).
+        memory
+            What it remembers of each world, (N, M), which it changes.
+        age
+            Control steps since the episodes began.
+        left
+            Control steps left to each episode, (N,), up to its time limit; 0 if it has ended.
+        steps
+            Control steps, ≥ 1; with a ``frame_skip`` of 1.
+
+        Raises
+        ------
+        ActionError
+            If it gives a voltage that is not finite.
+        """
+        n, left = self.num_worlds, left.copy()
+        seen = np.empty((steps + 1, n, self._entries), np.float32)
+        telemetry = np.empty((steps, n, COLUMNS))
+        seen[0] = obs
+        made, refused = follow_kernel()(
+            law.address,
+            advance_address(self._declared),
+            law.frame_skip,
+            age,
+            law.scales,
+            law.gains,
+            memory,
+            law.clutches,
+            law.voltage_max,
+            self._worlds,
+            self._words,
+            self._slots,
+            seen,
+            telemetry,
+            self._config,
+            self._constants,
+            left,
+        )
+        if refused >= 0:
+            self._raise_refusal(refused)
+        return Followed(seen[1 : made + 1], telemetry[:made], left)
 
     def kernel_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays by name that kernels get, and which worlds have begun; no copies."""

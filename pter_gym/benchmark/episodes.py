@@ -37,8 +37,8 @@ EPISODE_FIELDS = ("machines", "tasks", "seeds", "strata", "time_limits")
 
 EPISODES_ENDING = ".json.gz"
 
-CHUNK, LARGE_CHUNK = 128, 256
-"""Most episodes that are simulated together: with all that they record, and with sums alone."""
+CHUNK = 128
+"""Most episodes that are simulated together."""
 
 LONGEST = 20_000
 """Most control steps of an episode: 200 s at 100 Hz."""
@@ -100,22 +100,12 @@ class Episodes:
         """Return some of the episodes."""
         return replace(self, **{name: getattr(self, name)[part] for name in EPISODE_FIELDS})
 
-    def in_chunks(self, threads: int = 1, *, large: bool = False) -> "tuple[Episodes, ...]":
-        """Return the episodes in chunks of about equal size, each simulated together.
-
-        Large chunks are split further where threads would otherwise be idle.
-        """
-        count = -(-len(self) // CHUNK)
-        if large:
-            count = max(-(-len(self) // LARGE_CHUNK), min(count, threads))
-        if count not in self._chunks:
-            ends = [len(self) * k // count for k in range(count + 1)]
-            self._chunks[count] = tuple(self[begin:end] for begin, end in pairwise(ends))
-        return self._chunks[count]
-
     @cached_property
-    def _chunks(self) -> "dict[int, tuple[Episodes, ...]]":
-        return {}
+    def chunks(self) -> "tuple[Episodes, ...]":
+        """The episodes in chunks of about equal size, each simulated together."""
+        count = -(-len(self) // CHUNK)
+        ends = [len(self) * k // count for k in range(count + 1)]
+        return tuple(self[begin:end] for begin, end in pairwise(ends))
 
     @contextmanager
     def worlds(self, sensors: Sensors) -> Generator[Batch]:

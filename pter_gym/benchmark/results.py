@@ -317,8 +317,13 @@ def run_scenario(
     if results is not None:
         results = results if isinstance(results, ResultsFolder) else ResultsFolder(results)
         results.make()
+    first = next(iter(sets.values()))
     for policy in (each for versions in by_name.values() for each in versions):
-        check_acting(policy, next(iter(sets.values())))
+        check_acting(policy, first)
+    origins = {
+        name: [origin_of(policy, first) for policy in versions]
+        for name, versions in by_name.items()
+    }
     kinds: dict[str, tuple[Failure, ...]] = {scenario.name: ()}
     for title, failure in faults_of(scenario.nominal).items() if faults else ():
         kinds[scenario.name + title] = (failure,)
@@ -339,7 +344,7 @@ def run_scenario(
                     worst=find_worst(policy, scenario, pace, num_threads=num_threads)
                     if worst and not failures
                     else None,
-                    origin=origin_of(policy, episode_set),
+                    origin=origins[name][number],
                     failures=failures,
                 )
                 for number, policy in enumerate(versions)

@@ -1,12 +1,14 @@
 """The only loop of a policy over episodes, and the scores of what it records."""
 
-from collections.abc import Generator, Iterable, Sequence, Sized
+from collections.abc import Generator, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym._compiled.compiler import COMPILES
+from pter_gym._engine.batch import Batch, Followed
 from pter_gym._engine.world import SKIP
 from pter_gym._internal.files import FilePath
 from pter_gym.benchmark.boards import is_ranked, over_limits
@@ -29,6 +31,9 @@ NUMBERS = 2**53
 
 FULL = 0.7
 """Share of the worlds that still run at which a compiled law continues without the others."""
+
+TOGETHER = 16
+"""Control steps that a compiled law makes in one call."""
 
 
 RANKED = {
@@ -60,7 +65,7 @@ def record_episodes(
 ) -> RecordedEpisodes:
     """Let a policy act in episodes, as ``run_episodes`` does, and return all that it did."""
     telemetry, observations = zip(*run_episodes(policy, episodes, sensors=sensors), strict=True)
-    return RecordedEpisodes(np.stack(telemetry), np.stack(observations))
+    return RecordedEpisodes(np.concatenate(telemetry), np.concatenate(observations))
 
 
 def run_episodes(
@@ -68,8 +73,8 @@ def run_episodes(
 ) -> Generator[tuple[Array, Observations]]:
     """Let a policy act in episodes until each has ended or has come to its time limit.
 
-    Yields telemetry, (N, columns), and observations, (N, entries), at each control instant, the
-    reset first; after the end of an episode they are NaN and zero.
+    Yields telemetry, (T, N, columns), and observations, (T, N, entries), of the reset, then of the
+    next T control steps; after the end of an episode they are NaN and zero.
 
     Parameters
     ----------
@@ -83,43 +88,61 @@ def run_episodes(
     acting = bind_to(policy, episodes)
     memory = acting.start(len(episodes), [seed % NUMBERS for seed in episodes.seeds])
     limits = np.array(episodes.time_limits)
-    running, steps, places = limits > 0, 0, np.arange(len(episodes))
+    running, age, places = limits > 0, 0, np.arange(len(episodes))
     with episodes.worlds(sensors or sensors_of(policy)) as every:
         batch, (obs, telemetry) = every, every.reset(episodes.seeds)
-        yield telemetry, obs
-        while left := np.count_nonzero(running):
-            if acting.law and left <= FULL * len(running):
+        yield telemetry[None], obs[None]
+        while running.any():
+            if acting.law and np.count_nonzero(running) <= FULL * len(running):
                 batch, memory, obs = batch.only(running), memory[running], obs[running]
                 limits, places, running = limits[running], places[running], running[running]
-            entries = np.ascontiguousarray(obs[:, : len(acting.layout)])
-            volts = acting.volts(entries, memory, episodes.machines[0])
-            obs, _, _, (terminated, truncated, _), (telemetry,) = batch.step(volts, SKIP)
-            steps += 1
-            if (over := steps > limits).any():
-                telemetry[over], obs[over] = np.nan, 0.0
-            yield among(telemetry, places, episodes, np.nan), among(obs, places, episodes, 0.0)
-            running &= ~(terminated | truncated) & (steps < limits)
+            left = np.where(running, limits - age, 0)
+            made = move(acting, batch, obs, memory, episodes.machines[0], age, left)
+            over = np.arange(len(made.obs))[:, None] >= left
+            made.telemetry[over], made.obs[over] = np.nan, 0.0
+            age, obs, running = age + len(made.obs), made.obs[-1], made.left > 0
+            whole = len(episodes)
+            yield among(made.telemetry, places, whole, np.nan), among(made.obs, places, whole, 0.0)
 
 
-def among(rows: NDArray[Any], places: NDArray[np.intp], all_of: Sized, rest: float) -> NDArray[Any]:
-    """Return rows at their places in an array of all; the others are filled with ``rest``."""
-    if len(rows) == len(all_of):
+def move(
+    policy: Policy,
+    batch: Batch,
+    obs: Observations,
+    memory: Any,
+    machine: Machine,
+    age: int,
+    left: NDArray[np.int64],
+) -> Followed:
+    """Let a policy act for one or more control steps in episodes of an age; see ``follow``."""
+    if policy.law and COMPILES:
+        return policy.law.drive(batch, policy.frame_skip, obs, memory, age, left, TOGETHER)
+    entries = np.ascontiguousarray(obs[:, : len(policy.layout)])
+    volts = policy.volts(entries, memory, machine)
+    obs, _, _, (terminated, truncated, _), telemetry = batch.step(volts, SKIP)
+    left = np.where(terminated | truncated, 0, np.maximum(left - 1, 0))
+    return Followed(obs[None], telemetry, left)
+
+
+def among(rows: NDArray[Any], places: NDArray[np.intp], count: int, rest: float) -> NDArray[Any]:
+    """Return rows (T, N, …) at their places among ``count``; others are filled with ``rest``."""
+    if rows.shape[1] == count:
         return rows
-    whole = np.full((len(all_of), rows.shape[1]), rest, rows.dtype)
-    whole[places] = rows
+    whole = np.full((len(rows), count, rows.shape[2]), rest, rows.dtype)
+    whole[:, places] = rows
     return whole
 
 
 def bind_to(policy: AnyPolicy, episodes: Episodes) -> Policy:
     """Return a policy bound to the nominal machine of episodes, with the sensors that it needs.
 
-    It is to be called at every control step. Raises a ParameterError also if it cannot act at their
-    control period.
+    Unless it is a compiled law, it is to be called at every control step. Raises a ParameterError
+    also if it cannot act at their control period.
     """
     layout = observation_layout(episodes.machines[0], sensors_of(policy))
     acting = bind(policy, episodes.nominal, layout)
     acting.check_period(episodes.tasks[0].control_period)
-    return at_every_step(acting, episodes.nominal)
+    return acting if acting.law and COMPILES else at_every_step(acting, episodes.nominal)
 
 
 def evaluate(
@@ -144,11 +167,11 @@ def evaluate(
             return score_episodes(telemetry, chunk.tasks, chunk.machines[0])
         travel = Travel(chunk.tasks)
         for telemetry, _ in run_episodes(acting, chunk, sensors=sensors):
-            travel.add(telemetry[None])
+            travel.add(telemetry)
         return {name: find(travel) for name, find in RANKED.items()}
 
     threads = num_threads if acting.law else 1
-    chunks = episodes.in_chunks(threads, large=ranking)
+    chunks = episodes.chunks
     threads = min(threads, len(chunks))
     if threads == 1:
         scores = [evaluate_chunk(chunk) for chunk in chunks]

@@ -78,15 +78,16 @@ def _build_act_in_lanes(digest: str) -> Any:
     ) -> None:
         _ = digest
         net, worlds = read(gains, HEADER, 0), obs.shape[0]
-        # equal blocks; their number of lanes is no constant, so LLVM vectorises loops over lanes
-        # rather than writing them out
-        lanes = worlds // max(1, -(-worlds // LANES))
-        alone = worlds if lanes < FEWEST else worlds % lanes
+        alone = worlds if worlds < FEWEST else 0
         for world in range(alone):
             decided = law(obs[world], scales, gains, memory[world])
             write(volts[world], CLUTCHES, applied(decided, released, top))
-        room = np.empty((2 * int(net.width), lanes))
-        for first in range(alone, worlds, lanes):
+        # equal blocks of whole vectors; their number of lanes is no constant, so LLVM vectorises
+        # loops over lanes rather than writing them out
+        eights = 8 * max(1, -(-worlds // LANES))
+        room = np.zeros((2 * int(net.width), -(-worlds // eights) * 8))
+        for first in range(alone, worlds, room.shape[1]):
+            lanes = min(room.shape[1], worlds - first)
             for lane in range(lanes):
                 seen, past = obs[first + lane], memory[first + lane]
                 base = corrected(seen, scales, gains, past)

@@ -115,23 +115,36 @@ def input_value(obs: Entries, scales: Entries, base: PerClutch, source: int) -> 
 
 
 @inlined
-def add_product(out: Entries, weights: Entries, values: Entries, count: int) -> None:
-    """Add a matrix times a vector, in the order of the inputs; four at once save stores.
+def add_four(
+    out: Entries,
+    rows: tuple[Entries, Entries, Entries, Entries],
+    a: float,
+    b: float,
+    c: float,
+    d: float,
+) -> None:
+    """Add four products of a row and a number, one after the other; four at once save stores."""
+    first, second, third, fourth = rows
+    for j in range(out.shape[0]):
+        out[j] = (((out[j] + first[j] * a) + second[j] * b) + third[j] * c) + fourth[j] * d
 
-    ``out`` is all outputs of a world, or one output of several worlds; then ``weights`` are their
-    values, and ``values`` the output's weights.
-    """
-    n = out.shape[0]
-    for k in range(0, count - 3, 4):
-        v0, v1, v2, v3 = values[k], values[k + 1], values[k + 2], values[k + 3]
-        w0, w1 = weights[k * n : (k + 1) * n], weights[(k + 1) * n : (k + 2) * n]
-        w2, w3 = weights[(k + 2) * n : (k + 3) * n], weights[(k + 3) * n : (k + 4) * n]
-        for j in range(n):
-            out[j] = (((out[j] + w0[j] * v0) + w1[j] * v1) + w2[j] * v2) + w3[j] * v3
-    for k in range(count - count % 4, count):
-        w = weights[k * n : (k + 1) * n]
-        for j in range(n):
-            out[j] += w[j] * values[k]
+
+@inlined
+def add_one(out: Entries, row: Entries, number: float) -> None:
+    """Add a product of a row and a number."""
+    for j in range(out.shape[0]):
+        out[j] += row[j] * number
+
+
+@inlined
+def four_rows(table: Entries, k: int, n: int) -> tuple[Entries, Entries, Entries, Entries]:
+    """Return the rows k to k + 3 of a table with n entries each."""
+    return (
+        table[k * n : (k + 1) * n],
+        table[(k + 1) * n : (k + 2) * n],
+        table[(k + 2) * n : (k + 3) * n],
+        table[(k + 3) * n : (k + 4) * n],
+    )
 
 
 @inlined
@@ -212,7 +225,12 @@ def decide(
         out = memory[first + here * wide : first + here * wide + n]
         for j in range(n):
             out[j] = gains[at + j]
-        add_product(out, gains[at + n : at + n + n * count], values, count)
+        weights = gains[at + n : at + n + n * count]
+        for k in range(0, count - 3, 4):
+            rows = four_rows(weights, k, n)
+            add_four(out, rows, values[k], values[k + 1], values[k + 2], values[k + 3])
+        for k in range(count - count % 4, count):
+            add_one(out, weights[k * n : (k + 1) * n], values[k])
         at += n + n * count
         if layer < layers - 1:
             for j in range(n):
@@ -235,14 +253,23 @@ def run_layers(net: Network, gains: Entries, room: Any) -> int:
         count, n = int(gains[sizes + layer]), int(gains[sizes + layer + 1])
         values = room[here * wide : here * wide + count].reshape(-1)
         here = 1 - here
-        weights = gains[at + n : at + n + n * count]
+        lanes, weights = room.shape[1], gains[at + n : at + n + n * count]
         for j in range(n):
-            out = room[here * wide + j]
-            out[:] = gains[at + j]
-            add_product(out, values, weights[j::n], count)
-            if layer < layers - 1:
-                for i in range(out.shape[0]):
-                    out[i] = tanh(out[i])
+            room[here * wide + j] = gains[at + j]
+        for k in range(0, count - 3, 4):
+            rows = four_rows(values, k, lanes)
+            for j in range(n):
+                a, b = weights[k * n + j], weights[(k + 1) * n + j]
+                c, d = weights[(k + 2) * n + j], weights[(k + 3) * n + j]
+                add_four(room[here * wide + j], rows, a, b, c, d)
+        for k in range(count - count % 4, count):
+            for j in range(n):
+                row = values[k * lanes : (k + 1) * lanes]
+                add_one(room[here * wide + j], row, weights[k * n + j])
+        if layer < layers - 1:
+            for j in range(n):
+                for i in range(lanes):
+                    room[here * wide + j, i] = tanh(room[here * wide + j, i])
         at += n + n * count
     return here * wide
 

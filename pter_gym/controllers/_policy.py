@@ -5,17 +5,21 @@ layout)``, which returns a policy for a nominal machine and the observations tha
 """
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from itertools import pairwise
-from typing import Any, NamedTuple, Protocol, Self, SupportsIndex, get_args, runtime_checkable
+from typing import Any, Protocol, Self, SupportsIndex, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pter_gym._compiled.addresses import address_of
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import rows, width
+from pter_gym._engine.batch import Batch, Followed, LawKernel
+from pter_gym._engine.following import LAW_TYPES
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.fields import require
 from pter_gym._physics.clutch import PerClutch
@@ -26,6 +30,7 @@ from pter_gym.params import BASELINE, SLOTS, Machine, find_machine
 from pter_gym.tasks.path_following._observation import Sensors, observation_layout
 
 Observations = NDArray[np.float32]
+Array = NDArray[np.float64]
 Volts = NDArray[np.floating]
 ScalarLaw = Callable[..., PerClutch]
 Rows = tuple[tuple[float, float], ...]
@@ -40,8 +45,9 @@ class Controller(Protocol):
         ...
 
 
-class CompiledLaw(NamedTuple):
-    """A compiled law.
+@dataclass(frozen=True, eq=False)
+class CompiledLaw:
+    """A compiled law for a machine and a layout of observations.
 
     Attributes
     ----------
@@ -49,14 +55,75 @@ class CompiledLaw(NamedTuple):
         The scalar function, and its gains, float64 (G,).
     parts
         Parts of the gains by name: the first entry, and the one after the last.
-    act
-        ``Policy.act`` with a third argument: what a clutch gets that the law releases [V].
+    scales
+        Scales of the observations, (entries,).
+    clutches
+        Number of clutches.
+    voltage_max
+        Their largest voltage [V].
     """
 
     function: ScalarLaw
-    gains: NDArray[np.float64]
+    gains: Array
     parts: dict[str, tuple[int, int]]
-    act: "Callable[[Observations, Any, float], Volts]"
+    scales: Array
+    clutches: int
+    voltage_max: float
+
+    @cached_property
+    def kernel(self) -> Any:
+        """The law in many worlds; see ``kernel_of``."""
+        return kernel_of(self.function)
+
+    @cached_property
+    def address(self) -> int:
+        """Where its machine code is."""
+        return address_of(self.kernel, LAW_TYPES)
+
+    @contextmanager
+    def faults(self, memory: Array) -> Generator[None]:
+        """Raise what is wrong in the law as an error of one line."""
+        try:
+            with np.errstate(all="ignore"):  # where it is not compiled
+                yield
+        except PterError:
+            raise
+        except FAULTS as error:
+            lengths = len(self.scales), len(self.gains), memory.shape[1]
+            raise law_error(self.function, error, *lengths) from error
+
+    def act(self, observations: Observations, memory: Array, released: float = 0.0) -> Volts:
+        """Return what ``Policy.act`` does; a clutch that the law releases gets ``released`` [V]."""
+        if observations.shape != (len(memory), len(self.scales)):
+            raise ParameterError(
+                f"observations must have the shape {(len(memory), len(self.scales))}, one for each "
+                f"world of the memory, got {observations.shape}"
+            )
+        volts = np.empty((len(observations), SLOTS))
+        with self.faults(memory):
+            gains, top = self.gains, self.voltage_max
+            self.kernel(observations, self.scales, gains, memory, released, top, volts)
+        return volts[:, : self.clutches]
+
+    def drive(
+        self,
+        batch: Batch,
+        skip: int,
+        obs: Observations,
+        memory: Array,
+        age: int,
+        left: NDArray[np.int64],
+        steps: int,
+    ) -> Followed:
+        """Act in a batch for some control steps, each ``skip`` of them with one action.
+
+        The other parameters, and what is returned, are those of ``Batch.follow``.
+        """
+        with self.faults(memory):
+            law = LawKernel(
+                self.address, self.scales, self.gains, self.clutches, self.voltage_max, skip
+            )
+            return batch.follow(law, obs, memory, age, left, steps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,11 +270,15 @@ class Policy:
         arrays = gains if isinstance(gains, Mapping) else {"gains": gains}
         ends = np.cumsum([np.size(part) for part in arrays.values()]).tolist()
         parts = dict(zip(arrays, pairwise([0, *ends]), strict=True))
-        numbers = np.concatenate([*arrays.values()], dtype=np.float64)
-        scales = layout.scales
-        clutches, top = len(machine.clutches), machine.clutch.voltage_max
-        kernel = kernel_of(function)
         entries = width(memory) + more_memory
+        law = CompiledLaw(
+            function,
+            np.concatenate([*arrays.values()], dtype=np.float64),
+            parts,
+            np.array(layout.scales),
+            len(machine.clutches),
+            machine.clutch.voltage_max,
+        )
 
         def start(worlds: int, episodes: Sequence[int] | None = None) -> NDArray[np.float64]:
             rows_of_worlds = np.zeros((worlds, entries))
@@ -216,27 +287,13 @@ class Policy:
                 rows_of_worlds[:, number] = range(worlds) if episodes is None else episodes
             return rows_of_worlds
 
-        def act(observations: Observations, memory: Any, released: float = 0.0) -> Volts:
-            if observations.shape != (len(memory), len(scales)):
-                raise ParameterError(
-                    f"observations must have the shape {(len(memory), len(scales))}, one for each "
-                    f"world of the memory, got {observations.shape}"
-                )
-            volts = np.empty((len(observations), SLOTS))
-            try:
-                with np.errstate(all="ignore"):  # where it is not compiled
-                    kernel(observations, scales, numbers, memory, released, top, volts)
-            except FAULTS as error:
-                raise law_error(function, error, len(scales), len(numbers), entries) from error
-            return volts[:, :clutches]
-
         return cls(
             layout,
-            act,
+            law.act,
             start,
             1 if frame_skip is None else whole_number("frame_skip", frame_skip),
             frame_skip is None,
-            CompiledLaw(function, numbers, parts, act),
+            law,
             control_period=control_period,
             machine=machine,
             made=partial(

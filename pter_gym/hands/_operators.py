@@ -8,6 +8,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -294,10 +295,16 @@ def fault_in(times: Sequence[float], label: Callable[[int], str]) -> str | None:
 
 def with_sines(hand: MultiSineHand | HumanArm, substep: float) -> HandModel:
     """Return the constants of a hand that only disturbs across the path, for a substep [s]."""
-    angles = (math.pi * f * substep for f in hand.frequencies)
     return NO_FORCE._replace(
         random_phases=float(hand.random_phases),
         amplitude=PerSine(*hand.amplitudes),
         phase=PerSine(*hand.phases),
-        half_turn=Sines(*(UnitVector(math.cos(angle), math.sin(angle)) for angle in angles)),
+        half_turn=half_turns(hand.frequencies, substep),
     )
+
+
+@lru_cache(1024)
+def half_turns(frequencies: tuple[float, ...], substep: float) -> Sines:
+    """Return how far sines turn in half a substep [s]."""
+    angles = (math.pi * f * substep for f in frequencies)
+    return Sines(*(UnitVector(math.cos(angle), math.sin(angle)) for angle in angles))

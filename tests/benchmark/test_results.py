@@ -145,7 +145,7 @@ def high(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 def test_laws_with_the_same_gains_have_digests_of_their_own() -> None:
     digests = {
-        code_digest(SimpleNamespace(law=CompiledLaw(law, np.zeros(0), {}, law)))
+        code_digest(SimpleNamespace(law=CompiledLaw(law, np.zeros(0), {}, np.ones(1), 4, 24.0)))
         for law in (low, high)
     }
     assert len(digests) == 2

@@ -1,5 +1,6 @@
 """One loop and one evaluator for policies of all kinds."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -8,11 +9,21 @@ import numpy as np
 import pytest
 
 from pter_gym._engine.batch import Batch
+from pter_gym._physics.clutch import PerClutch
 from pter_gym.benchmark import Assessment, Episodes, evaluate, find_policy, training_episodes
 from pter_gym.benchmark.episodes import EPISODE_FIELDS
 from pter_gym.benchmark.rollout import record_episodes
-from pter_gym.controllers import Free, Impedance, Locked, PaceSchedule, Policy, Random, bind
-from pter_gym.errors import ParameterError
+from pter_gym.controllers import (
+    Free,
+    Impedance,
+    Locked,
+    PaceSchedule,
+    Policy,
+    Random,
+    bind,
+    compiled,
+)
+from pter_gym.errors import ActionError, LawIndexError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES, find_scenario
 from pter_gym.tasks.path_following import COLUMN, PathFollowing, observation_layout
@@ -111,7 +122,7 @@ def test_scores_depend_on_neither_threads_nor_chunks(
     if name == "residual":
         policy = replace(policy, interface=replace(policy.interface, frame_skip=2))
     drawn = episodes("standard", "brisk", 10)
-    monkeypatch.setattr("pter_gym.benchmark.episodes.LARGE_CHUNK", 3)
+    monkeypatch.setattr("pter_gym.benchmark.episodes.CHUNK", 3)
     alone, together = (evaluate(policy, drawn, threads, ranking=True) for threads in (1, 2))
     monkeypatch.undo()
     whole = evaluate(policy, replace(drawn), ranking=True)
@@ -127,18 +138,64 @@ def test_a_law_in_the_worlds_that_still_run_has_the_bits_of_one_in_all(
     drawn = episodes("everything", "brisk", 40)
     policy = find_policy(name, "everything")
     widths: list[int] = []
-    act = Batch.step
+    follow = Batch.follow
 
-    def step(batch: Batch, *arguments: Any) -> Any:
+    def noting(batch: Batch, *arguments: Any) -> Any:
         widths.append(batch.num_worlds)
-        return act(batch, *arguments)
+        return follow(batch, *arguments)
 
-    monkeypatch.setattr(Batch, "step", step)
+    monkeypatch.setattr(Batch, "follow", noting)
     part = record_episodes(policy, drawn)
     assert min(widths) <= 5 < max(widths) == 40
     monkeypatch.setattr("pter_gym.benchmark.rollout.FULL", 0.0)
     whole = record_episodes(policy, drawn)
     assert [each.tobytes() for each in part] == [each.tobytes() for each in whole]
+
+
+@pytest.mark.parametrize(
+    ("name", "machine"),
+    [
+        ("residual", None),
+        ("ppo-standard", None),
+        ("random", "two-brakes"),
+        ("single-dof-scaled", "brakes-and-coupling"),
+    ],
+)
+def test_a_law_that_acts_in_one_call_has_the_bits_of_one_asked_at_each_step(
+    name: str, machine: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    policy: Any = find_policy(name)
+    if name == "residual":  # holds its voltages also where worlds are left out
+        policy = replace(policy, interface=replace(policy.interface, frame_skip=3))
+    drawn = training_episodes("everything", "brisk", 20, 8, machine)
+    together = record_episodes(policy, drawn, sensors="force")
+    monkeypatch.setattr("pter_gym.benchmark.rollout.COMPILES", False)
+    asked = record_episodes(policy, drawn, sensors="force")
+    assert [each.tobytes() for each in together] == [each.tobytes() for each in asked]
+
+
+@compiled
+def beyond_arrays(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    return PerClutch(0.0, 0.0, 0.0, gains[int(scales.shape[0])])
+
+
+@compiled
+def not_finite(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    return PerClutch(0.0, 0.0, 0.0, math.nan)
+
+
+@pytest.mark.parametrize(
+    ("law", "error", "message"),
+    [
+        (beyond_arrays, LawIndexError, "law beyond_arrays: index is out of bounds"),
+        (not_finite, ActionError, "action of world 0 must be finite"),
+    ],
+)
+def test_what_is_wrong_in_a_law_is_told(law: Any, error: type[Exception], message: str) -> None:
+    layout = observation_layout(BASELINE, "torque")
+    policy = Policy.from_law(law, [1.0], BASELINE, layout)
+    with pytest.raises(error, match=message):
+        evaluate(policy, episodes("standard", "brisk", 3))
 
 
 def test_random_voltages_differ_in_all_episodes_and_repeat() -> None:

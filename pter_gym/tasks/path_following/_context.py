@@ -6,10 +6,10 @@ from typing import Annotated, Any, NamedTuple
 from pter_gym._compiled.records import Entry, layout_of, rows, width
 from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.model import Model, arrangement_of
+from pter_gym._physics.model import Model
 from pter_gym._physics.stability import largest_energy
 from pter_gym.hands import HandModel
-from pter_gym.params import BASELINE, SLOTS, Machine
+from pter_gym.params import SLOTS, Machine
 from pter_gym.tasks.path_following._model import (
     FailureModel,
     PathModel,
@@ -90,23 +90,22 @@ def context_of(
     model, in_hand, substep = held.model, held.machine.hand, held.machine.substep
     hand = task.hand.model(task.pace, substep, recording)
     fastest = largest_energy(model.arm, substep, task.control_period, strongest(task, machine))
-    usual, largest = BASELINE.clutch.torques(machine.clutch.voltage_max), machine.clutch.largest
-    scale = math.fsum(machine.slot_scale) / len(machine.clutches)
+    breakaway, dynamic = held.factors
     return Context(
         machine=model,
         hand=hand,
         task=task_model(task, sensing_of(task, machine), arcs, fastest),
         told=ObservedContext(
             time_constant=machine.clutch.time_constant,
-            breakaway_factor=scale * largest.breakaway / usual.breakaway,
-            dynamic_factor=scale * largest.dynamic / usual.dynamic,
+            breakaway_factor=breakaway,
+            dynamic_factor=dynamic,
             friction_drift=task.friction_drift,
             hand_mass=in_hand.mass,
             hand_damping=in_hand.damping,
             hand_stiffness=in_hand.stiffness,
             hand_push=hand.push,
         ),
-        arrangement=arrangement_of(machine),
+        arrangement=held.arrangement,
     )
 
 
@@ -142,8 +141,17 @@ def task_model(
     )
 
 
+NO_FAILURES = FailureModel(
+    torque=PerClutch(1.0, 1.0, 1.0, 1.0),
+    volts=PerClutch(-1.0, -1.0, -1.0, -1.0),
+    after=PerClutch(0.0, 0.0, 0.0, 0.0),
+)
+
+
 def failure_model(task: PathFollowing) -> FailureModel:
     """Return what becomes of each clutch; the moments are in whole control steps."""
+    if not task.failures:
+        return NO_FAILURES
     found = {failure.clutch: failure for failure in task.failures}
     each = [found.get(clutch) for clutch in range(1, 1 + SLOTS)]
     return FailureModel(

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from pter_gym._internal.fields import Checked, parameter, require, require_number
 from pter_gym._physics.arm import elbow_cosine
-from pter_gym._physics.model import Model, max_damping, model_of
+from pter_gym._physics.arrangement import Arrangement
+from pter_gym._physics.model import Model, arrangement_of, max_damping, model_of
 from pter_gym._physics.stability import (
     MAX_CONDITION,
     MAX_SUBSTEPS,
@@ -23,7 +24,8 @@ from pter_gym._physics.stability import (
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.hands import MultiSineHand, Operator
 from pter_gym.hands._operators import NO_HAND
-from pter_gym.params import SLOTS, Arm, Hand, Machine
+from pter_gym.params import BASELINE, SLOTS, Arm, Hand, Machine
+from pter_gym.params._machine import ClutchTorques
 from pter_gym.paths import Line, Path
 from pter_gym.paths._arcs import Arcs, ArcSegment
 from pter_gym.paths._reach import SINGULARITY_MARGIN, check_reach
@@ -309,6 +311,21 @@ class HeldMachine:
     def model(self) -> Model:
         """Its constants."""
         return model_of(self.machine)
+
+    @cached_property
+    def arrangement(self) -> Arrangement:
+        """Its W."""
+        return arrangement_of(self.machine)
+
+    @cached_property
+    def factors(self) -> ClutchTorques:
+        """Its largest torques over those of the present clutches."""
+        clutch, most = self.machine.clutch, self.machine.clutch.largest
+        usual = BASELINE.clutch.torques(clutch.voltage_max)
+        scale = math.fsum(self.machine.slot_scale) / len(self.machine.clutches)
+        return ClutchTorques(
+            scale * most.breakaway / usual.breakaway, scale * most.dynamic / usual.dynamic
+        )
 
     @cached_property
     def condition(self) -> float:
