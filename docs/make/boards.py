@@ -28,11 +28,8 @@ README = (
 )
 """Policies whose scores README shows."""
 
-SEARCHED, SEARCHED_ON = (
-    ("residual", "universal", "single-dof-tuned"),
-    ("standard", "paths", "corridor"),
-)
-"""Policies whose worst hands are searched, on these scenarios; on `standard` README's, too."""
+SEARCHED = ("residual", "universal", "single-dof-tuned")
+"""Policies whose worst hands are searched; on `standard` README's, too."""
 
 FAILING = (*SEARCHED, "ppo-standard", "torque-feedback-tuned")
 """Policies that are scored where a clutch fails."""
@@ -247,7 +244,7 @@ def suite(results: Path) -> str:
 def worst_hands(results: Path) -> str:
     """Return mean and largest errors of the policies in `SEARCHED` at the three paces."""
     rows: list[list[str]] = []
-    for scenario in SEARCHED_ON:
+    for scenario in SCENARIOS:
         boards = boards_of(results, scenario).values()
         by_name = [{each.policy: each for each in board.standings} for board in boards]
         means, worst = list[str](), list[str]()

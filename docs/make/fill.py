@@ -82,11 +82,10 @@ def score(results: Path) -> None:
     commands = [["--faults", "--policies", *boards.FAILING]]
     for scenario in SCENARIOS:
         readme = boards.README if scenario == "standard" else ()
-        searched = {*boards.SEARCHED, *readme} if scenario in boards.SEARCHED_ON else set[str]()
+        searched = {*boards.SEARCHED, *readme}
         others = [name for name in everyone if name not in searched]
         commands += [["--scenario", scenario, "--policies", *others]]
-        if searched:
-            commands += [["--scenario", scenario, "--worst", "--policies", *sorted(searched)]]
+        commands += [["--scenario", scenario, "--worst", "--policies", *sorted(searched)]]
     for options in commands:
         if status := pter([*usual, *options]):
             raise SystemExit(status)

@@ -288,7 +288,7 @@ def assess(policies: Sequence[AnyPolicy], episodes: Episodes, *, worst: bool = F
 
     With ``worst``, the path error is the largest of all.
     """
-    scores = [evaluate(policy, episodes, 1, ranking=True) for policy in policies]
+    scores = [evaluate(policy, episodes, ranking=True) for policy in policies]
     means = {name: float(np.mean([each[name] for each in scores])) for name in Assessment._fields}
     if worst:
         means["path_error_m"] = float(np.max([each["path_error_m"] for each in scores]))
