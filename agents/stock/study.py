@@ -51,6 +51,7 @@ ENTROPY = {"ent_coef": "auto_0.01", **UPDATES}
 NARROW = {**ENTROPY, "policy_kwargs": {"net_arch": {"pi": [256, 256], "qf": [256, 256]}}}
 NOISE = {"action_noise": NormalActionNoise(np.zeros(4), np.full(4, 0.2)), **UPDATES}
 SMOOTH = {"use_sde": True, "sde_sample_freq": 8, "policy_kwargs": {"log_std_init": -2.9}}
+COSTLY = {"reward": RewardWeights(effort=60)}
 BASE = {"base": "single-dof-tuned"}
 CLOSE = RewardWeights(tracking=10, precision=90, effort=0)
 NEAR = {"starts": "rest", "error_max": 0.05, "reward": CLOSE}
@@ -61,7 +62,7 @@ CALLS = {
     "SAC": Call(sb3.SAC, 16, 100_000, ENTROPY),
     "TQC": Call(contrib.TQC, 16, 100_000, ENTROPY),
     "CrossQ": Call(contrib.CrossQ, 16, 100_000, NARROW),
-    "TD3": Call(sb3.TD3, 16, 100_000, NOISE),
+    "TD3": Call(sb3.TD3, 16, 100_000, NOISE, COSTLY),
     "DDPG": Call(sb3.DDPG, 16, 100_000, NOISE),
     "PPO, library defaults": Call(sb3.PPO, 4, 1_500_000, {}),
     "SAC, library defaults": Call(sb3.SAC, 1, 300_000, {}),

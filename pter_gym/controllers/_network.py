@@ -115,36 +115,22 @@ def input_value(obs: Entries, scales: Entries, base: PerClutch, source: int) -> 
 
 
 @inlined
-def add_four(
-    out: Entries,
-    rows: tuple[Entries, Entries, Entries, Entries],
-    a: float,
-    b: float,
-    c: float,
-    d: float,
-) -> None:
-    """Add four products of a row and a number, one after the other; four at once save stores."""
-    first, second, third, fourth = rows
-    for j in range(out.shape[0]):
+def add_four(out: Entries, table: Entries, k: int, a: float, b: float, c: float, d: float) -> None:
+    """Add rows k to k + 3 of a table, times a, b, c and d, in turn; four at once save stores."""
+    n = len(out)
+    first, second = table[k * n : (k + 1) * n], table[(k + 1) * n : (k + 2) * n]
+    third, fourth = table[(k + 2) * n : (k + 3) * n], table[(k + 3) * n : (k + 4) * n]
+    for j in range(n):
         out[j] = (((out[j] + first[j] * a) + second[j] * b) + third[j] * c) + fourth[j] * d
 
 
 @inlined
-def add_one(out: Entries, row: Entries, number: float) -> None:
-    """Add a product of a row and a number."""
-    for j in range(out.shape[0]):
+def add_one(out: Entries, table: Entries, k: int, number: float) -> None:
+    """Add row k of a table, times a number."""
+    n = len(out)
+    row = table[k * n : (k + 1) * n]
+    for j in range(n):
         out[j] += row[j] * number
-
-
-@inlined
-def four_rows(table: Entries, k: int, n: int) -> tuple[Entries, Entries, Entries, Entries]:
-    """Return the rows k to k + 3 of a table with n entries each."""
-    return (
-        table[k * n : (k + 1) * n],
-        table[(k + 1) * n : (k + 2) * n],
-        table[(k + 2) * n : (k + 3) * n],
-        table[(k + 3) * n : (k + 4) * n],
-    )
 
 
 @inlined
@@ -227,10 +213,9 @@ def decide(
             out[j] = gains[at + j]
         weights = gains[at + n : at + n + n * count]
         for k in range(0, count - 3, 4):
-            rows = four_rows(weights, k, n)
-            add_four(out, rows, values[k], values[k + 1], values[k + 2], values[k + 3])
+            add_four(out, weights, k, values[k], values[k + 1], values[k + 2], values[k + 3])
         for k in range(count - count % 4, count):
-            add_one(out, weights[k * n : (k + 1) * n], values[k])
+            add_one(out, weights, k, values[k])
         at += n + n * count
         if layer < layers - 1:
             for j in range(n):
@@ -257,15 +242,13 @@ def run_layers(net: Network, gains: Entries, room: Any) -> int:
         for j in range(n):
             room[here * wide + j] = gains[at + j]
         for k in range(0, count - 3, 4):
-            rows = four_rows(values, k, lanes)
             for j in range(n):
                 a, b = weights[k * n + j], weights[(k + 1) * n + j]
                 c, d = weights[(k + 2) * n + j], weights[(k + 3) * n + j]
-                add_four(room[here * wide + j], rows, a, b, c, d)
+                add_four(room[here * wide + j], values, k, a, b, c, d)
         for k in range(count - count % 4, count):
             for j in range(n):
-                row = values[k * lanes : (k + 1) * lanes]
-                add_one(room[here * wide + j], row, weights[k * n + j])
+                add_one(room[here * wide + j], values, k, weights[k * n + j])
         if layer < layers - 1:
             for j in range(n):
                 for i in range(lanes):
