@@ -171,7 +171,7 @@ def source_of(
     program.call(command, law.function, obs, scales, gains, memory, top, whole=True)
     prepare(program, machine)
     functions_by_name: dict[str, Any] = {
-        "command": " ".join(command_for(f"{prefix}.c")),
+        "command": " ".join(command_for(f"{prefix}.c", len(curve.arcs.table))),
         "title": f"The policy {name} for the passive arm PTER.",
         "real": numbers,
         "period": repr(bound.control_period or PathFollowing.control_period),
