@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from pter_gym._compiled.addresses import table_of
 from pter_gym._compiled.compiler import COMPILES
 from pter_gym._compiled.records import flat, read
-from pter_gym._engine.following import advance_address, follow_kernel
 from pter_gym._engine.kernels import advance_kernel, alone_kernel, reset_kernel
 from pter_gym._engine.storage import Array, Mask, Storage, listed
 from pter_gym._engine.threads import Threads
@@ -56,49 +55,6 @@ class Returns(NamedTuple):
     rewards: Array
     flags: Mask
     telemetry: Array
-
-
-class LawKernel(NamedTuple):
-    """A compiled law as kernels call it.
-
-    Attributes
-    ----------
-    address
-        Where its machine code is; its types are ``LAW_TYPES``.
-    scales, gains
-        Of the observations, and the law's.
-    clutches
-        Number of clutches.
-    voltage_max
-        Largest voltage [V].
-    frame_skip
-        Control steps for which its voltages are held.
-    """
-
-    address: int
-    scales: Array
-    gains: Array
-    clutches: int
-    voltage_max: float
-    frame_skip: int
-
-
-class Followed(NamedTuple):
-    """What T control steps with a law return, except rewards.
-
-    Attributes
-    ----------
-    obs
-        Observations, float32 (T, N, len(layout)); zero after the end of an episode.
-    telemetry
-        float64 (T, N, len(TELEMETRY)); NaN after it.
-    left
-        Control steps left to each episode, (N,); 0 once it has ended.
-    """
-
-    obs: Observations
-    telemetry: Array
-    left: NDArray[np.int64]
 
 
 class Batch(Storage):
@@ -286,7 +242,7 @@ class Batch(Storage):
             returns.telemetry.fill(np.nan)
         refused = self._run(returns, ended)
         if refused >= 0:
-            self._raise_refusal(refused)
+            self.raise_refusal(refused)
         return returns
 
     def step_alone(self, action: ArrayLike) -> tuple[Observations, Array, float, bool, bool, bool]:
@@ -307,74 +263,20 @@ class Batch(Storage):
         self._slots[0, : self.num_actions] = checked_actions(action, (self.num_actions,))
         refused = self._step_alone()
         if refused >= 0:
-            self._raise_refusal(refused)
+            self.raise_refusal(refused)
         obs, _, rewards, flags, telemetry = self._alone_returns
         (terminated,), (truncated,), (success,) = flags.tolist()
         return obs[0].copy(), telemetry[0, 0].copy(), rewards.item(), terminated, truncated, success
 
-    def follow(
-        self,
-        law: LawKernel,
-        obs: Observations,
-        memory: Array,
-        age: int,
-        left: NDArray[np.int64],
-        steps: int,
-    ) -> Followed:
-        """Let a law act for some control steps, as ``step`` with ``SKIP`` does for each.
-
-        It returns earlier if no episode has a control step left.
-
-        Parameters
-        ----------
-        law
-            The law, which sees the first entries of the observations.
-        obs
-            Latest observations, float32 (N, len(layout)).
-        memory
-            What it remembers of each world, (N, M), which it changes.
-        age
-            Control steps since the episodes began.
-        left
-            Control steps left to each episode, (N,), up to its time limit; 0 if it has ended.
-        steps
-            Control steps, ≥ 1; with a ``frame_skip`` of 1.
-
-        Raises
-        ------
-        ActionError
-            If it gives a voltage that is not finite.
-        """
-        n, left = self.num_worlds, left.copy()
-        seen = np.empty((steps + 1, n, self._entries), np.float32)
-        telemetry = np.empty((steps, n, COLUMNS))
-        seen[0] = obs
-        made, refused = follow_kernel()(
-            law.address,
-            advance_address(self._declared),
-            law.frame_skip,
-            age,
-            law.scales,
-            law.gains,
-            memory,
-            law.clutches,
-            law.voltage_max,
-            self._worlds,
-            self._words,
-            self._slots,
-            seen,
-            telemetry,
-            self._config,
-            self._constants,
-            left,
-        )
-        if refused >= 0:
-            self._raise_refusal(refused)
-        return Followed(seen[1 : made + 1], telemetry[:made], left)
+    @property
+    def kernel(self) -> Any:
+        """``advance_kernel`` as these worlds need it."""
+        return advance_kernel(self._declared)
 
     def kernel_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays by name that kernels get, and which worlds have begun; no copies."""
-        return {**self._changing, "config": self._config, "constants": self._constants}
+        rest = {"slots": self._slots, "config": self._config, "constants": self._constants}
+        return {**self._changing, **rest}
 
     def _empty_returns(self, worlds: int, layers: int) -> Returns:
         """Return what a step of so many worlds fills, with so many layers of telemetry."""
@@ -395,7 +297,7 @@ class Batch(Storage):
 
         Return the first world whose step is refused, or −1.
         """
-        kernel, arrays = advance_kernel(self._declared), self._arrays(returns)
+        kernel, arrays = self.kernel, self._arrays(returns)
         shares = self._threads.shares(len(self._worlds))
         if len(shares) == 1:
             return kernel(*arrays, ended, *shares[0])
@@ -422,7 +324,7 @@ class Batch(Storage):
             self._alone = table.ctypes.data, table, arrays
         return alone_kernel(self._declared)(self._alone[0])
 
-    def _raise_refusal(self, world: int) -> NoReturn:
+    def raise_refusal(self, world: int) -> NoReturn:
         """Raise what ``step`` raises for a world whose step is refused."""
         if self._rows[world, int(ROW.alive)] == 0.0:
             ended = f"its episode has ended ({self._why_ended(world)})"

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import COMPILES
-from pter_gym._engine.batch import Batch, Followed
+from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym._internal.files import FilePath
 from pter_gym.benchmark.boards import is_ranked, over_limits
 from pter_gym.benchmark.episodes import Episodes, training_episodes
+from pter_gym.benchmark.following import Followed, follow
 from pter_gym.benchmark.measures import Travel
 from pter_gym.benchmark.policies import Policies, find_policies
 from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
@@ -116,7 +117,7 @@ def move(
 ) -> Followed:
     """Let a policy act for one or more control steps in episodes of an age; see ``follow``."""
     if policy.law and COMPILES:
-        return policy.law.drive(batch, policy.frame_skip, obs, memory, age, left, TOGETHER)
+        return follow(policy.law, batch, obs, memory, age, left, policy.frame_skip, TOGETHER)
     entries = np.ascontiguousarray(obs[:, : len(policy.layout)])
     volts = policy.volts(entries, memory, machine)
     obs, _, _, (terminated, truncated, _), telemetry = batch.step(volts, SKIP)

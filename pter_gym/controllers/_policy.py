@@ -15,11 +15,8 @@ from typing import Any, Protocol, Self, SupportsIndex, get_args, runtime_checkab
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym._compiled.addresses import address_of
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import rows, width
-from pter_gym._engine.batch import Batch, Followed, LawKernel
-from pter_gym._engine.following import LAW_TYPES
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.fields import require
 from pter_gym._physics.clutch import PerClutch
@@ -75,11 +72,6 @@ class CompiledLaw:
         """The law in many worlds; see ``kernel_of``."""
         return kernel_of(self.function)
 
-    @cached_property
-    def address(self) -> int:
-        """Where its machine code is."""
-        return address_of(self.kernel, LAW_TYPES)
-
     @contextmanager
     def faults(self, memory: Array) -> Generator[None]:
         """Raise what is wrong in the law as an error of one line."""
@@ -104,26 +96,6 @@ class CompiledLaw:
             gains, top = self.gains, self.voltage_max
             self.kernel(observations, self.scales, gains, memory, released, top, volts)
         return volts[:, : self.clutches]
-
-    def drive(
-        self,
-        batch: Batch,
-        skip: int,
-        obs: Observations,
-        memory: Array,
-        age: int,
-        left: NDArray[np.int64],
-        steps: int,
-    ) -> Followed:
-        """Act in a batch for some control steps, each ``skip`` of them with one action.
-
-        The other parameters, and what is returned, are those of ``Batch.follow``.
-        """
-        with self.faults(memory):
-            law = LawKernel(
-                self.address, self.scales, self.gains, self.clutches, self.voltage_max, skip
-            )
-            return batch.follow(law, obs, memory, age, left, steps)
 
 
 @dataclass(frozen=True, eq=False)

@@ -110,7 +110,7 @@ class AgentBatch(Batch):
         if ended == NEXT_STEP:
             self._check_seeded()
         if ended in (REFUSE, SAME_STEP) and not alive.all():
-            self._raise_refusal(int(alive.argmin()))
+            self.raise_refusal(int(alive.argmin()))
         given = self._checked(actions, alive)
         with self._all_or_nothing():
             returns = self._advance(given, alive)
@@ -182,7 +182,7 @@ class AgentBatch(Batch):
         wrong = alive & ~within.all(axis=1)
         if wrong.any():
             self._slots[:, : self.num_actions] = given
-            self._raise_refusal(int(wrong.argmax()))
+            self.raise_refusal(int(wrong.argmax()))
         return np.where(alive[:, None], given, given.dtype.type(0))
 
     def _look(self, obs: Observations, chosen: Mask, *, begins: bool) -> Observations:

@@ -12,6 +12,7 @@ from pter_gym._engine.batch import Batch
 from pter_gym._physics.clutch import PerClutch
 from pter_gym.benchmark import Assessment, Episodes, evaluate, find_policy, training_episodes
 from pter_gym.benchmark.episodes import EPISODE_FIELDS
+from pter_gym.benchmark.following import follow
 from pter_gym.benchmark.rollout import record_episodes
 from pter_gym.controllers import (
     Free,
@@ -138,13 +139,12 @@ def test_a_law_in_the_worlds_that_still_run_has_the_bits_of_one_in_all(
     drawn = episodes("everything", "brisk", 40)
     policy = find_policy(name, "everything")
     widths: list[int] = []
-    follow = Batch.follow
 
-    def noting(batch: Batch, *arguments: Any) -> Any:
+    def noting(law: Any, batch: Batch, *arguments: Any) -> Any:
         widths.append(batch.num_worlds)
-        return follow(batch, *arguments)
+        return follow(law, batch, *arguments)
 
-    monkeypatch.setattr(Batch, "follow", noting)
+    monkeypatch.setattr("pter_gym.benchmark.rollout.follow", noting)
     part = record_episodes(policy, drawn)
     assert min(widths) <= 5 < max(widths) == 40
     monkeypatch.setattr("pter_gym.benchmark.rollout.FULL", 0.0)

@@ -4,16 +4,23 @@ The law's kernel and the worlds' are called by their addresses, so this kernel s
 """
 
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
+from numpy.typing import NDArray
 
 from pter_gym._compiled.addresses import address_of, caller_at
 from pter_gym._compiled.compiler import compile_kernel
-from pter_gym._engine.kernels import ADVANCE_TYPES, advance_kernel
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.kernels import ADVANCE_TYPES
 from pter_gym._engine.world import FLAG, FLAGS, SKIP
+from pter_gym.controllers._policy import CompiledLaw
 from pter_gym.params import SLOTS
+from pter_gym.tasks.path_following import TELEMETRY
+
+Array = NDArray[np.float64]
+Observations = NDArray[np.float32]
 
 TERMINATED, TRUNCATED = int(FLAG.terminated), int(FLAG.truncated)
 
@@ -27,10 +34,88 @@ LAW_TYPES: Any = types.none(
 _act, _advance = caller_at(LAW_TYPES), caller_at(ADVANCE_TYPES)
 
 
-@cache
-def advance_address(declared: bool, /) -> int:
-    """Return where ``advance_kernel`` is."""
-    return address_of(advance_kernel(declared), ADVANCE_TYPES)
+class Followed(NamedTuple):
+    """What T control steps of a policy return, except rewards.
+
+    Attributes
+    ----------
+    obs
+        Observations, float32 (T, N, len(layout)); zero after the end of an episode.
+    telemetry
+        float64 (T, N, len(TELEMETRY)); NaN after it.
+    left
+        Control steps left to each episode, (N,); 0 once it has ended.
+    """
+
+    obs: Observations
+    telemetry: Array
+    left: NDArray[np.int64]
+
+
+def follow(
+    law: CompiledLaw,
+    batch: Batch,
+    obs: Observations,
+    memory: Array,
+    age: int,
+    left: NDArray[np.int64],
+    skip: int,
+    steps: int,
+) -> Followed:
+    """Let a law act for some control steps, as ``Batch.step`` with ``SKIP`` does for each.
+
+    It returns earlier if no episode has a control step left.
+
+    Parameters
+    ----------
+    law, batch
+        The law, which sees the first entries of the observations, and the worlds, with a
+        ``frame_skip`` of 1.
+    obs
+        Latest observations, float32 (N, len(layout)).
+    memory
+        What the law remembers of each world, (N, M), which it changes.
+    age
+        Control steps since the episodes began.
+    left
+        Control steps left to each episode, (N,), up to its time limit; 0 if it has ended.
+    skip
+        Control steps for which the law's voltages are held.
+    steps
+        Control steps, ≥ 1.
+
+    Raises
+    ------
+    ActionError
+        If it gives a voltage that is not finite.
+    """
+    arrays, left = batch.kernel_arrays(), left.copy()
+    seen = np.empty((steps + 1, *obs.shape), np.float32)
+    telemetry = np.empty((steps, len(obs), len(TELEMETRY)))
+    seen[0] = obs
+    with law.faults(memory):
+        made, refused = follow_kernel()(
+            address_of(law.kernel, LAW_TYPES),
+            address_of(batch.kernel, ADVANCE_TYPES),
+            skip,
+            age,
+            law.scales,
+            law.gains,
+            memory,
+            law.clutches,
+            law.voltage_max,
+            arrays["worlds"],
+            arrays["words"],
+            arrays["slots"],
+            seen,
+            telemetry,
+            arrays["config"],
+            arrays["constants"],
+            left,
+        )
+    if refused >= 0:
+        batch.raise_refusal(refused)
+    return Followed(seen[1 : made + 1], telemetry[:made], left)
 
 
 def _build_follow(digest: str) -> Any:
