@@ -332,6 +332,7 @@ def test_a_clutch_dies_while_a_person_pushes(play: Any) -> None:
     play.click("again")
     play.until("page.trials.length === 1 && page.waiting")
     assert not play.run("page.trials[0].works(2)")
+    play.until("!document.querySelectorAll('#clutches input')[2].disabled")  # a frame later
     play.run(tick)
     assert play.run("page.trials[0].works(2)")
 
