@@ -2,7 +2,6 @@
 """Addresses in compiled code: of numbers, and of kernels, which are called as they are."""
 
 from collections.abc import Iterable
-from functools import cache
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -37,7 +36,6 @@ whole, double, single = pointer(types.int64), pointer(types.float64), pointer(ty
 unsigned, flag = pointer(types.uint64), pointer(types.boolean)
 
 
-@cache
 def address_of(kernel: Any, signature: Any) -> int:
     """Compile a kernel for a signature, and return where its machine code is while it exists."""
     kernel.compile(signature)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pter_gym._compiled.addresses import table_of
 from pter_gym._compiled.compiler import COMPILES
 from pter_gym._compiled.records import flat, read
-from pter_gym._engine.kernels import advance_kernel, alone_kernel, reset_kernel
+from pter_gym._engine.kernels import advance_address, advance_kernel, alone_kernel, reset_kernel
 from pter_gym._engine.storage import Array, Mask, Storage, listed
 from pter_gym._engine.threads import Threads
 from pter_gym._engine.world import FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
@@ -141,7 +141,7 @@ class Batch(Storage):
         self._config = np.array([*flat(shared), *self.layout.scales])
         super().__init__(all_machines, all_tasks, drawing)
         self.num_actions = len(self.machine.clutches)
-        # an empty slot keeps it
+        # a slot without a clutch keeps this action
         self._slots = np.full((self.num_worlds, SLOTS), self.action_low)
         self._declared = not self.machine.has_paper_clutches
         self._records = int(telemetry)
@@ -269,9 +269,9 @@ class Batch(Storage):
         return obs[0].copy(), telemetry[0, 0].copy(), rewards.item(), terminated, truncated, success
 
     @property
-    def kernel(self) -> Any:
-        """``advance_kernel`` as these worlds need it."""
-        return advance_kernel(self._declared)
+    def address(self) -> int:
+        """Where the kernel is that advances these worlds."""
+        return advance_address(self._declared)
 
     def kernel_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays by name that kernels get, and which worlds have begun; no copies."""
@@ -297,7 +297,7 @@ class Batch(Storage):
 
         Return the first world whose step is refused, or −1.
         """
-        kernel, arrays = self.kernel, self._arrays(returns)
+        kernel, arrays = advance_kernel(self._declared), self._arrays(returns)
         shares = self._threads.shares(len(self._worlds))
         if len(shares) == 1:
             return kernel(*arrays, ended, *shares[0])

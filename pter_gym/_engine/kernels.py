@@ -14,7 +14,16 @@ from numba import types
 from numba.np import numpy_support
 from numpy.typing import NDArray
 
-from pter_gym._compiled.addresses import caller, double, export, flag, single, unsigned, whole
+from pter_gym._compiled.addresses import (
+    address_of,
+    caller,
+    double,
+    export,
+    flag,
+    single,
+    unsigned,
+    whole,
+)
 from pter_gym._compiled.compiler import compile_kernel, compiled, entry_of, inlined
 from pter_gym._compiled.records import Records, entrywise, load, store
 from pter_gym._engine.command import given_volts, is_refused, take_command
@@ -341,6 +350,12 @@ def advance_caller(declared: bool, /) -> Any:
     symbol = f"pter_advance_{'declared' if declared else 'paper'}"
     export(advance_kernel(declared), ADVANCE_TYPES, symbol)
     return caller(ADVANCE_TYPES, symbol)
+
+
+@cache
+def advance_address(declared: bool, /) -> int:
+    """Return where ``advance_kernel`` is."""
+    return address_of(advance_kernel(declared), ADVANCE_TYPES)
 
 
 @cache

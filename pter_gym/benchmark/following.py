@@ -7,14 +7,14 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
-from pter_gym._compiled.addresses import address_of, caller_at
+from pter_gym._compiled.addresses import caller_at
 from pter_gym._compiled.compiler import compile_kernel
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.kernels import ADVANCE_TYPES
 from pter_gym._engine.world import FLAG, FLAGS, SKIP
+from pter_gym.controllers._law_kernel import LAW_TYPES
 from pter_gym.controllers._policy import CompiledLaw
 from pter_gym.params import SLOTS
 from pter_gym.tasks.path_following import TELEMETRY
@@ -23,13 +23,6 @@ Array = NDArray[np.float64]
 Observations = NDArray[np.float32]
 
 TERMINATED, TRUNCATED = int(FLAG.terminated), int(FLAG.truncated)
-
-_NUMBERS, _ROWS = types.float64[::1], types.float64[:, ::1]
-
-LAW_TYPES: Any = types.none(
-    types.float32[:, ::1], _NUMBERS, _NUMBERS, _ROWS, types.float64, types.float64, _ROWS
-)
-"""Types of a law's kernel: observations, scales, gains, memory, released, top and volts."""
 
 _act, _advance = caller_at(LAW_TYPES), caller_at(ADVANCE_TYPES)
 
@@ -95,8 +88,8 @@ def follow(
     seen[0] = obs
     with law.faults(memory):
         made, refused = follow_kernel()(
-            address_of(law.kernel, LAW_TYPES),
-            address_of(batch.kernel, ADVANCE_TYPES),
+            law.address,
+            batch.address,
             skip,
             age,
             law.scales,

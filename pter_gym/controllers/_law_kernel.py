@@ -7,7 +7,7 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.core import config
+from numba.core import config, types
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
 
@@ -100,6 +100,14 @@ def _build_act_in_lanes(digest: str) -> Any:
                 write(volts[first + lane], CLUTCHES, applied(decided, released, top))
 
     return act
+
+
+_NUMBERS, _ROWS = types.float64[::1], types.float64[:, ::1]
+
+LAW_TYPES: Any = types.none(
+    types.float32[:, ::1], _NUMBERS, _NUMBERS, _ROWS, types.float64, types.float64, _ROWS
+)
+"""Types of a law's kernel: observations, scales, gains, memory, released, top and volts."""
 
 
 def kernel_of(law: Law) -> Any:

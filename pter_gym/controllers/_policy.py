@@ -15,13 +15,14 @@ from typing import Any, Protocol, Self, SupportsIndex, get_args, runtime_checkab
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pter_gym._compiled.addresses import address_of
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import rows, width
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.fields import require
 from pter_gym._physics.clutch import PerClutch
 from pter_gym.controllers._gains import Memory
-from pter_gym.controllers._law_kernel import FAULTS, kernel_of, law_error
+from pter_gym.controllers._law_kernel import FAULTS, LAW_TYPES, kernel_of, law_error
 from pter_gym.errors import ParameterError, PterError
 from pter_gym.params import BASELINE, SLOTS, Machine, find_machine
 from pter_gym.tasks.path_following._observation import Sensors, observation_layout
@@ -71,6 +72,11 @@ class CompiledLaw:
     def kernel(self) -> Any:
         """The law in many worlds; see ``kernel_of``."""
         return kernel_of(self.function)
+
+    @cached_property
+    def address(self) -> int:
+        """Where the kernel is."""
+        return address_of(self.kernel, LAW_TYPES)
 
     @contextmanager
     def faults(self, memory: Array) -> Generator[None]:

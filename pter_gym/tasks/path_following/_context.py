@@ -1,6 +1,7 @@
 """The context of a world: constants of machine, hand and task, and what is observable of them."""
 
 import math
+from functools import lru_cache
 from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.records import Entry, layout_of, rows, width
@@ -22,6 +23,7 @@ from pter_gym.tasks.path_following._position import FreeBand
 from pter_gym.tasks.path_following._reward import PACE_WINDOW, Terms
 from pter_gym.tasks.path_following._specification import (
     IDEAL_SENSING,
+    Failure,
     PathFollowing,
     Sensing,
     held_machine,
@@ -129,7 +131,7 @@ def task_model(
         "pace_decay": -math.expm1(-task.control_period / PACE_WINDOW),
         "energy_max": energy_max,
         "starts": StartModel(**vars(task.starts)),
-        "failures": failure_model(task),
+        "failures": failure_model(task.failures, task.control_period),
         "weight": Terms(**vars(task.reward)),
         "sensing": SensingModel(**vars(sensing), is_ideal=float(sensing == IDEAL_SENSING)),
     }
@@ -141,26 +143,18 @@ def task_model(
     )
 
 
-NO_FAILURES = FailureModel(
-    torque=PerClutch(1.0, 1.0, 1.0, 1.0),
-    volts=PerClutch(-1.0, -1.0, -1.0, -1.0),
-    after=PerClutch(0.0, 0.0, 0.0, 0.0),
-)
-
-
-def failure_model(task: PathFollowing) -> FailureModel:
+@lru_cache(1024)
+def failure_model(failures: tuple[Failure, ...], period: float) -> FailureModel:
     """Return what becomes of each clutch; the moments are in whole control steps."""
-    if not task.failures:
-        return NO_FAILURES
-    found = {failure.clutch: failure for failure in task.failures}
+    found = {failure.clutch: failure for failure in failures}
     each = [found.get(clutch) for clutch in range(1, 1 + SLOTS)]
     return FailureModel(
         torque=PerClutch(*(1.0 if one is None else one.torque for one in each)),
         volts=PerClutch(*(-1.0 if one is None or one.volts is None else one.volts for one in each)),
-        after=PerClutch(*(0.0 if one is None else steps_until(one.after, task) for one in each)),
+        after=PerClutch(*(0.0 if one is None else steps_until(one.after, period) for one in each)),
     )
 
 
-def steps_until(time: float, task: PathFollowing) -> float:
+def steps_until(time: float, period: float) -> float:
     """Return the control steps that begin before a time [s]."""
-    return float(math.ceil(time / task.control_period * (1.0 - 1e-9)))
+    return float(math.ceil(time / period * (1.0 - 1e-9)))
